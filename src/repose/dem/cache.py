@@ -1,0 +1,32 @@
+"""Where numba keeps compiled kernels.
+
+numba's own cache looks at a kernel's file only, not at the files of the kernels it calls. The cache folder is
+therefore named after a hash of every source file of this package: an edit anywhere compiles everything anew, and
+two versions of the project never share machine code.
+"""
+
+import hashlib
+import os
+from pathlib import Path
+
+
+def source_hash():
+    """Return a short hash of the sources of `repose.dem`."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.name.encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def use_cache():
+    """Point numba at a cache folder of this source version, below NUMBA_CACHE_DIR or the user's cache folder."""
+    import numba
+
+    base = os.environ.get("NUMBA_CACHE_DIR") or os.path.join(
+        os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache"), "repose"
+    )
+    numba.config.CACHE_DIR = os.path.join(base, f"dem-{source_hash()}")
+
+
+use_cache()

@@ -1,0 +1,249 @@
+"""One time step: which contacts, what forces, where to."""
+
+from . import state as st
+from . import tile as tl
+from .jit import inlined, kernel
+from .neighbours import add_dormant, update_pairs
+from .rigid import integrate
+from .walls import (
+    SAME_AZIMUTH,
+    angle_between,
+    climb_cone,
+    cone_contact,
+    drop_wall_contact,
+    ring_contact,
+    ring_newton,
+    update_walls,
+)
+
+L = tl.LANES
+
+
+@inlined
+def gather_body(t, block, lane, row):
+    """Copy position, quaternion, velocity and angular velocity of a body into a lane."""
+    for c in range(13):
+        t[block + c * L + lane] = row[c]
+
+
+@inlined
+def gather_contact(t, lane, data):
+    """Copy normal and spring of a contact into a lane."""
+    for c in range(6):
+        t[tl.N + c * L + lane] = data[c]
+
+
+@inlined
+def keep_contact(t, lane, data):
+    """Copy normal and spring of a lane back to its contact."""
+    for c in range(6):
+        data[c] = t[tl.N + c * L + lane]
+
+
+@inlined
+def load_first(t, lane, load, rolling):
+    """Add a lane's force and torque to its body A."""
+    for c in range(3):
+        load[c] += t[tl.F + c * L + lane]
+        load[3 + c] += t[tl.TA + c * L + lane]
+    load[st.ROLL] += rolling * t[tl.ROLL_A + lane]
+
+
+@inlined
+def load_second(t, lane, load, rolling):
+    """Subtract a lane's force from its body B and add B's torque."""
+    for c in range(3):
+        load[c] -= t[tl.F + c * L + lane]
+        load[3 + c] += t[tl.TB + c * L + lane]
+    load[st.ROLL] += rolling * t[tl.ROLL_B + lane]
+
+
+@kernel
+def pair_forces(bodies, pairs, counts, physics, t):
+    """Forces of all touching pairs; pairs that parted go dormant."""
+    n = counts[st.N_PAIRS]
+    rows = bodies.rows
+    rolling = physics.mur_pair
+    ended = 0
+    for base in range(0, n, L):
+        lanes = min(L, n - base)
+        for lane in range(L):
+            k = base + min(lane, lanes - 1)
+            gather_contact(t, lane, pairs.data[k])
+            gather_body(t, tl.A, lane, rows[pairs.first[k]])
+            gather_body(t, tl.B, lane, rows[pairs.second[k]])
+        tl.body_a(t, physics.squares)
+        tl.body_b(t, physics.squares)
+        tl.pair_geometry(t)
+        tl.forces(t, physics.law_pair, physics.dt, physics.tension)
+        for lane in range(lanes):
+            k = base + lane
+            keep_contact(t, lane, pairs.data[k])
+            i = pairs.first[k]
+            j = pairs.second[k]
+            gap = t[tl.GAP + lane]
+            absent = bodies.presence[i] != st.PRESENT or bodies.presence[j] != st.PRESENT
+            if gap > 0.0 or absent:
+                pairs.ended[ended] = k
+                ended += 1
+                if not absent:
+                    limit = bodies.odometer[i] + bodies.odometer[j] + gap
+                    data = pairs.data[k]
+                    add_dormant(pairs, counts, i, j, limit, data[0], data[1], data[2])
+            else:
+                load_first(t, lane, bodies.load[i], rolling)
+                load_second(t, lane, bodies.load[j], rolling)
+    for e in range(ended - 1, -1, -1):
+        k = pairs.ended[e]
+        last = counts[st.N_PAIRS] - 1
+        counts[st.N_PAIRS] = last
+        pairs.first[k] = pairs.first[last]
+        pairs.second[k] = pairs.second[last]
+        for c in range(st.CONTACT_COLUMNS):
+            pairs.data[k, c] = pairs.data[last, c]
+
+
+@kernel
+def plane_forces(bodies, flat, walls, counts, physics, t):
+    """Forces of all contacts with planes."""
+    n = counts[st.N_PLANE]
+    rolling = physics.mur_wall
+    ended = 0
+    for base in range(0, n, L):
+        lanes = min(L, n - base)
+        for lane in range(L):
+            k = base + min(lane, lanes - 1)
+            gather_contact(t, lane, flat.data[k])
+            row = bodies.rows[flat.body[k]]
+            gather_body(t, tl.A, lane, row)
+            plane = walls.planes[flat.wall[k]]
+            across = 0.0
+            for c in range(3):
+                across += (plane[c] - row[c]) * plane[3 + c]
+            for c in range(3):
+                t[tl.B + c * L + lane] = row[c] + across * plane[3 + c]
+                t[tl.B + (7 + c) * L + lane] = 0.0
+                t[tl.B + (10 + c) * L + lane] = 0.0
+        tl.body_a(t, physics.squares)
+        tl.plane_geometry(t)
+        tl.forces(t, physics.law_wall, physics.dt, physics.tension)
+        for lane in range(lanes):
+            k = base + lane
+            keep_contact(t, lane, flat.data[k])
+            i = flat.body[k]
+            plane = walls.planes[flat.wall[k]]
+            gap = t[tl.GAP + lane]
+            beyond = 0.0
+            for c in range(3):
+                beyond += (t[tl.B + c * L + lane] - plane[c]) ** 2
+            if gap > 0.0 or beyond > plane[6] ** 2 or bodies.presence[i] != st.PRESENT:
+                flat.ended[ended] = k
+                ended += 1
+                flat.limit[flat.wall[k], i] = bodies.odometer[i] + max(gap, 0.0)
+            else:
+                load_first(t, lane, bodies.load[i], rolling)
+    for e in range(ended - 1, -1, -1):
+        drop_wall_contact(flat, counts, st.N_PLANE, flat.ended[e])
+
+
+@inlined
+def follow_wall(squares, row, walls, wall, data, out):
+    """Track a contact with a cone or ring through one step; returns whether it lies on the wall."""
+    n_cones = walls.cones.shape[0]
+    theta = data[st.AZIMUTH]
+    if wall < n_cones:
+        cone = walls.cones[wall]
+        for _ in range(2):
+            theta = climb_cone(squares, row, cone, theta)
+        data[st.AZIMUTH] = theta
+        return cone_contact(squares, row, cone, theta, out)
+    ring = walls.rings[wall - n_cones]
+    nx, ny, nz = data[0], data[1], data[2]
+    for _ in range(2):
+        theta, nx, ny, nz, _f, _step = ring_newton(squares, row, ring, theta, nx, ny, nz)
+    data[st.AZIMUTH] = theta
+    return ring_contact(squares, row, ring, theta, nx, ny, nz, out)
+
+
+@inlined
+def is_double(contacts, k):
+    """Whether an earlier contact of the same body and wall has come to the same place."""
+    for m in range(k):
+        if (
+            contacts.body[m] == contacts.body[k]
+            and contacts.wall[m] == contacts.wall[k]
+            and angle_between(contacts.data[m, st.AZIMUTH], contacts.data[k, st.AZIMUTH]) < 0.5 * SAME_AZIMUTH
+        ):
+            return True
+    return False
+
+
+@kernel
+def curved_forces(bodies, curved, walls, counts, physics, t, out):
+    """Forces of all contacts with cones, tubes and rings."""
+    n = counts[st.N_CURVED]
+    ended = 0
+    for base in range(0, n, L):
+        lanes = min(L, n - base)
+        for lane in range(lanes):
+            k = base + lane
+            data = curved.data[k]
+            row = bodies.rows[curved.body[k]]
+            on_wall = follow_wall(physics.squares, row, walls, curved.wall[k], data, out)
+            for c in range(3):
+                data[c] = out[c]
+                t[tl.RA + c * L + lane] = out[5 + c]
+                t[tl.RB + c * L + lane] = 0.0
+                t[tl.B + (7 + c) * L + lane] = 0.0
+                t[tl.B + (10 + c) * L + lane] = 0.0
+            gather_contact(t, lane, data)
+            gather_body(t, tl.A, lane, row)
+            t[tl.GAP + lane] = out[3]
+            t[tl.RADIUS + lane] = out[4]
+            if out[3] > 0.0 or not on_wall or is_double(curved, k):
+                curved.ended[ended] = k
+                ended += 1
+                t[tl.GAP + lane] = 1.0
+        tl.forces(t, physics.law_wall, physics.dt, physics.tension)
+        for lane in range(lanes):
+            k = base + lane
+            i = curved.body[k]
+            if t[tl.GAP + lane] < 0.0 and bodies.presence[i] == st.PRESENT:
+                keep_contact(t, lane, curved.data[k])
+                load_first(t, lane, bodies.load[i], physics.mur_wall)
+            else:
+                curved.limit[curved.wall[k], i] = bodies.odometer[i]
+    for e in range(ended - 1, -1, -1):
+        drop_wall_contact(curved, counts, st.N_CURVED, curved.ended[e])
+
+
+@kernel
+def advance(bodies, pairs, flat, curved, grid, walls, counts, physics, t, scratch, steps):
+    """Advance the simulation by a number of steps; stops before a step for which a list may be too short.
+
+    Returns the steps made.
+    """
+    squares = physics.squares
+    radius = 0.5 * grid.lengths[1]
+    normal = scratch[0:3]
+    out = scratch[8:16]
+    profile = scratch[16:]
+    for step in range(steps):
+        if (
+            counts[st.N_PAIRS] * 4 > pairs.first.shape[0] * 3
+            or counts[st.N_DORMANT] * 4 > pairs.dormant_limit.shape[0] * 3
+            or counts[st.N_PLANE] * 4 > flat.body.shape[0] * 3
+            or counts[st.N_CURVED] * 4 > curved.body.shape[0] * 3
+        ):
+            return step
+        update_pairs(bodies, pairs, counts, grid, squares, normal)
+        update_walls(
+            bodies, flat, curved, walls, counts, squares, radius, physics.funnel_floor, profile, out
+        )
+        bodies.load[: counts[st.N_BODIES]] = 0.0
+        pair_forces(bodies, pairs, counts, physics, t)
+        plane_forces(bodies, flat, walls, counts, physics, t)
+        curved_forces(bodies, curved, walls, counts, physics, t, out)
+        counts[st.STEPS] += 1
+        integrate(bodies, grid, counts, physics, radius, counts[st.STEPS] * physics.dt)
+    return steps

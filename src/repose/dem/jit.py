@@ -1,0 +1,21 @@
+"""The compiler settings of every kernel, in one place.
+
+Only `contract` (fused multiply-add) of the fast-math flags is on: it never reorders a sum, so the machine code and
+with it every bit of a result does not depend on what the optimiser happened to inline.
+"""
+
+import numba
+
+from . import cache  # noqa: F401  (sets the cache folder before any kernel is made)
+
+FLAGS = {"contract"}
+
+
+def kernel(function):
+    """Compile a function of floats and arrays, cached on disk."""
+    return numba.njit(cache=True, fastmath=FLAGS, error_model="numpy")(function)
+
+
+def inlined(function):
+    """Compile a small function that is always inlined into its callers."""
+    return numba.njit(cache=True, fastmath=FLAGS, error_model="numpy", forceinline=True)(function)

@@ -1,0 +1,71 @@
+"""Elastic constants and the parameters of a contact between two materials."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Material:
+    """An isotropic elastic material.
+
+    shear_modulus_pa: G > 0 [Pa]; poisson_ratio: -1 < nu <= 0.5.
+    Raises ValueError naming the value that is out of range.
+    """
+
+    shear_modulus_pa: float
+    poisson_ratio: float
+
+    def __post_init__(self):
+        if not (math.isfinite(self.shear_modulus_pa) and self.shear_modulus_pa > 0.0):
+            raise ValueError(f"shear_modulus_pa is {self.shear_modulus_pa!r}; allowed: above 0")
+        if not -1.0 < self.poisson_ratio <= 0.5:
+            raise ValueError(f"poisson_ratio is {self.poisson_ratio!r}; allowed: above -1, at most 0.5")
+
+    @property
+    def elastic_modulus_pa(self):
+        """E = 2 G (1 + nu) [Pa], the paper's Eq. 4."""
+        return 2.0 * self.shear_modulus_pa * (1.0 + self.poisson_ratio)
+
+
+@dataclass(frozen=True)
+class Contact:
+    """What the contact law needs to know of a pair of surfaces.
+
+    restitution: 0 < e <= 1; static_friction, rolling_friction: >= 0 (dimensionless).
+    Raises ValueError naming the value that is out of range.
+    """
+
+    restitution: float
+    static_friction: float
+    rolling_friction: float
+
+    def __post_init__(self):
+        if not 0.0 < self.restitution <= 1.0:
+            raise ValueError(f"restitution is {self.restitution!r}; allowed: above 0, at most 1")
+        for name in ("static_friction", "rolling_friction"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise ValueError(f"{name} is {value!r}; allowed: 0 or more")
+
+
+def effective_moduli(a, b):
+    """E* and G* of two materials: 1/E* = sum (1 - nu^2)/E, 1/G* = sum (2 - nu)/G [Pa]."""
+    young = 1.0 / sum((1.0 - m.poisson_ratio**2) / m.elastic_modulus_pa for m in (a, b))
+    shear = 1.0 / sum((2.0 - m.poisson_ratio) / m.shear_modulus_pa for m in (a, b))
+    return young, shear
+
+
+def damping_ratio(restitution):
+    """-beta = -ln e / sqrt(ln^2 e + pi^2), at least 0 (Tsuji et al. 1992)."""
+    log = math.log(restitution)
+    return -log / math.sqrt(log * log + math.pi * math.pi)
+
+
+def contact_law(a, b, contact, effective_mass_kg):
+    """Constants of the force law as the kernels take them: E*, G*, m*, damping ratio, static friction (5,)."""
+    young, shear = effective_moduli(a, b)
+    return np.array(
+        [young, shear, effective_mass_kg, damping_ratio(contact.restitution), contact.static_friction]
+    )

@@ -1,0 +1,395 @@
+"""Exact walls: planes (also discs), the inside of cones and tubes, and rounded ring edges.
+
+The inside of a cone or tube is convex, an intersection of half-spaces whose normals m(theta) turn about the axis. The
+overlap of a body is therefore the largest of phi(theta) = m.c + h(m) - k, a search in one variable; a long body in a
+narrow tube has two maxima and then two contacts. The edge at the end of a cone is a torus of a small stated radius,
+tangent to the cone. Which of the two a body touches is decided by the point projected onto the wall, so force and
+overlap pass continuously from one to the other and no band is left without a contact.
+
+The axis of cones and rings is the z axis.
+"""
+
+import math
+
+from . import state as st
+from .contact import LONGEST_STEP
+from .geometry import tangents, to_body, world_support
+from .jit import inlined, kernel
+
+STARTS = 24
+# A body whose overlap is already deeper than this share of its bounding radius came from outside: no contact.
+DEEPEST_NEW = 0.3
+# Two contacts of one body with one wall closer than this (radians about the axis) are the same contact.
+SAME_AZIMUTH = 0.12
+# Beside a contact that is known, or beyond the end of a wall, the next look comes after this share of the radius.
+NEXT_LOOK = 0.01
+# Concave walls flatter than the body: the relative curvature keeps at least this share of the body's own.
+LEAST_RELATIVE_CURVATURE = 0.1
+
+
+@inlined
+def extent(squares, row, nx, ny, nz):
+    """Support value h(n) of a body (world direction)."""
+    n1, n2, n3 = to_body(row[3], row[4], row[5], row[6], nx, ny, nz)
+    h = 0.0
+    for k in range(squares.shape[0]):
+        h += math.sqrt(squares[k, 0] * n1 * n1 + squares[k, 1] * n2 * n2 + squares[k, 2] * n3 * n3)
+    return h
+
+
+@inlined
+def effective_radius(q11, q12, q22, k1, k2):
+    """R* of a body (curvature radii Q) on a wall with principal curvatures k1, k2 along Q's axes.
+
+    1 / R*^2 = det(Q^-1 + K); a concave wall has a negative curvature.
+    """
+    det = q11 * q22 - q12 * q12
+    relative = 1.0 + q11 * k1 + q22 * k2 + det * k1 * k2
+    return math.sqrt(det / max(relative, LEAST_RELATIVE_CURVATURE))
+
+
+@inlined
+def cone_overlap(squares, row, cone, theta):
+    """phi(theta), its first and second derivative, and how far up the wall the body's deepest point lies."""
+    cos, sin = math.cos(theta), math.sin(theta)
+    mr, mz = cone[0], cone[1]
+    nx, ny, nz = mr * cos, mr * sin, mz
+    ux, uy, uz = -sin, cos, 0.0
+    wx, wy, wz = -mz * cos, -mz * sin, mr
+    h, x1, x2, q11, _q12, _q22 = world_support(
+        squares, row[3], row[4], row[5], row[6], nx, ny, nz, ux, uy, uz, wx, wy, wz
+    )
+    # the body's point: c + h n + x1 u + x2 w
+    px = row[0] + h * nx + x1 * ux + x2 * wx
+    py = row[1] + h * ny + x1 * uy + x2 * wy
+    pz = row[2] + h * nz + x2 * wz
+    value = nx * row[0] + ny * row[1] + nz * row[2] + h - cone[2]
+    slope = mr * (ux * px + uy * py)
+    bend = mr * mr * q11 - mr * (cos * px + sin * py)
+    along = (cos * px + sin * py) * cone[5] + pz * cone[6]
+    return value, slope, bend, along
+
+
+@inlined
+def climb_cone(squares, row, cone, theta):
+    """One step towards the nearest maximum of phi."""
+    _value, slope, bend, _along = cone_overlap(squares, row, cone, theta)
+    # where phi is not concave, or nearly flat, a short step uphill
+    step = -slope / bend if bend < -1e-7 else math.copysign(0.05, slope)
+    return theta + min(max(step, -0.2), 0.2)
+
+
+@kernel
+def cone_contact(squares, row, cone, theta, out):
+    """Contact of a body with a cone at azimuth theta (already a maximum of phi): fills `out`.
+
+    out: normal (3), gap, R*, contact point relative to the centre (3). Returns whether the contact lies on the wall.
+    """
+    cos, sin = math.cos(theta), math.sin(theta)
+    mr, mz = cone[0], cone[1]
+    nx, ny, nz = mr * cos, mr * sin, mz
+    ux, uy, uz = -sin, cos, 0.0
+    wx, wy, wz = -mz * cos, -mz * sin, mr
+    h, x1, x2, q11, q12, q22 = world_support(
+        squares, row[3], row[4], row[5], row[6], nx, ny, nz, ux, uy, uz, wx, wy, wz
+    )
+    gap = cone[2] - (nx * row[0] + ny * row[1] + nz * row[2] + h)
+    reach = h + 0.5 * gap
+    out[0], out[1], out[2] = nx, ny, nz
+    out[3] = gap
+    out[5] = reach * nx + x1 * ux + x2 * wx
+    out[6] = reach * ny + x1 * uy + x2 * wy
+    out[7] = reach * nz + x1 * uz + x2 * wz
+    px = row[0] + out[5]
+    py = row[1] + out[6]
+    pz = row[2] + out[7]
+    across = max(cos * px + sin * py, 1e-6)
+    # a cone curves towards the body with the radius across / m_r
+    out[4] = effective_radius(q11, q12, q22, -mr / across, 0.0)
+    along = across * cone[5] + pz * cone[6]
+    return along >= cone[3] and along <= cone[4]
+
+
+@inlined
+def ring_newton(squares, row, ring, theta, nx, ny, nz):
+    """One Newton step for the distance of a body to a circle: maximum over n, minimum over theta.
+
+    Returns the stepped theta and n, the distance at the old ones and the length of the step.
+    """
+    cos, sin = math.cos(theta), math.sin(theta)
+    radius = ring[0]
+    dx = radius * cos - row[0]
+    dy = radius * sin - row[1]
+    dz = ring[1] - row[2]
+    ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
+    h, x1, x2, q11, q12, q22 = world_support(
+        squares, row[3], row[4], row[5], row[6], nx, ny, nz, ux, uy, uz, wx, wy, wz
+    )
+    f = nx * dx + ny * dy + nz * dz - h
+    g1 = dx * ux + dy * uy + dz * uz - x1
+    g2 = dx * wx + dy * wy + dz * wz - x2
+    # derivatives along the circle
+    tx, ty = -radius * sin, radius * cos
+    slope = nx * tx + ny * ty
+    bend = -radius * (nx * cos + ny * sin)
+    c1 = ux * tx + uy * ty
+    c2 = wx * tx + wy * ty
+    a = q11 + f
+    c = q22 + f
+    trace = q11 + q22
+    det = a * c - q12 * q12
+    if not (a > 0.0 and c > 0.0 and det > 1e-3 * trace * trace):
+        a = c = trace
+        q12 = 0.0
+        det = a * c
+    # eliminate n: s = A^-1 (g + c dtheta), then the reduced equation for theta
+    k1 = (c * c1 - q12 * c2) / det
+    k2 = (a * c2 - q12 * c1) / det
+    reduced = bend + c1 * k1 + c2 * k2
+    pull = slope + g1 * k1 + g2 * k2
+    turn = -pull / reduced if reduced > 1e-7 else -math.copysign(0.05, pull)
+    turn = min(max(turn, -0.2), 0.2)
+    g1 += c1 * turn
+    g2 += c2 * turn
+    s1 = (c * g1 - q12 * g2) / det
+    s2 = (a * g2 - q12 * g1) / det
+    length = math.sqrt(s1 * s1 + s2 * s2)
+    if length > LONGEST_STEP:
+        s1 *= LONGEST_STEP / length
+        s2 *= LONGEST_STEP / length
+    mx = nx + s1 * ux + s2 * wx
+    my = ny + s1 * uy + s2 * wy
+    mz = nz + s1 * uz + s2 * wz
+    inv = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
+    return theta + turn, mx * inv, my * inv, mz * inv, f, abs(turn) + length
+
+
+@kernel
+def ring_contact(squares, row, ring, theta, nx, ny, nz, out):
+    """Contact of a body with a ring edge at a solved (theta, n): fills `out` as `cone_contact` does.
+
+    Returns whether the normal points at the part of the torus that is not hidden behind the adjoining walls.
+    """
+    cos, sin = math.cos(theta), math.sin(theta)
+    # frame: u along the edge as far as it is tangent to the body, w across it
+    ux, uy, uz = -sin, cos, 0.0
+    un = ux * nx + uy * ny
+    ux -= un * nx
+    uy -= un * ny
+    uz -= un * nz
+    inv = 1.0 / math.sqrt(ux * ux + uy * uy + uz * uz)
+    ux *= inv
+    uy *= inv
+    uz *= inv
+    wx = ny * uz - nz * uy
+    wy = nz * ux - nx * uz
+    wz = nx * uy - ny * ux
+    h, x1, x2, q11, q12, q22 = world_support(
+        squares, row[3], row[4], row[5], row[6], nx, ny, nz, ux, uy, uz, wx, wy, wz
+    )
+    edge = ring[2]
+    gap = (
+        nx * (ring[0] * cos - row[0]) + ny * (ring[0] * sin - row[1]) + nz * (ring[1] - row[2]) - h - edge
+    )
+    reach = h + 0.5 * gap
+    out[0], out[1], out[2] = nx, ny, nz
+    out[3] = gap
+    outward = nx * cos + ny * sin
+    out[4] = effective_radius(q11, q12, q22, -outward / max(ring[0] - edge * outward, edge), 1.0 / edge)
+    out[5] = reach * nx + x1 * ux + x2 * wx
+    out[6] = reach * ny + x1 * uy + x2 * wy
+    out[7] = reach * nz + x1 * uz + x2 * wz
+    return outward * ring[3] + nz * ring[4] >= 0.0 and outward * ring[5] + nz * ring[6] >= 0.0
+
+
+@inlined
+def solve_cone(squares, row, cone, theta):
+    """Climb to a maximum of phi from a start."""
+    for _ in range(40):
+        step = climb_cone(squares, row, cone, theta) - theta
+        theta += step
+        if abs(step) < 1e-9:
+            break
+    return theta
+
+
+@inlined
+def solve_ring(squares, row, ring, theta, nx, ny, nz):
+    """Solve for the nearest point of a circle from a start; returns theta and n."""
+    for _ in range(40):
+        theta, nx, ny, nz, _f, step = ring_newton(squares, row, ring, theta, nx, ny, nz)
+        if step < 1e-9:
+            break
+    return theta, nx, ny, nz
+
+
+@inlined
+def towards_ring(row, ring, theta):
+    """Unit vector and distance from a body's centre to a point of a circle."""
+    dx = ring[0] * math.cos(theta) - row[0]
+    dy = ring[0] * math.sin(theta) - row[1]
+    dz = ring[1] - row[2]
+    distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+    return dx / distance, dy / distance, dz / distance, distance
+
+
+@inlined
+def angle_between(a, b):
+    """Smallest angle between two azimuths."""
+    turn = 2.0 * math.pi
+    d = (a - b) % turn
+    return min(d, turn - d)
+
+
+@inlined
+def known(contacts, last, body, wall, theta):
+    """Whether a body touches a wall near this azimuth already."""
+    for k in range(last):
+        if (
+            contacts.body[k] == body
+            and contacts.wall[k] == wall
+            and angle_between(contacts.data[k, st.AZIMUTH], theta) < SAME_AZIMUTH
+        ):
+            return True
+    return False
+
+
+@inlined
+def add_wall_contact(contacts, counts, slot, body, wall, out, theta):
+    """Append a contact with a relaxed spring."""
+    k = counts[slot]
+    if k >= contacts.body.shape[0]:
+        counts[st.FULL] = 1
+        return
+    counts[slot] = k + 1
+    contacts.body[k] = body
+    contacts.wall[k] = wall
+    for c in range(3):
+        contacts.data[k, c] = out[c]
+        contacts.data[k, 3 + c] = 0.0
+    contacts.data[k, st.AZIMUTH] = theta
+
+
+@inlined
+def drop_wall_contact(contacts, counts, slot, k):
+    """Remove contact k; the last one takes its place."""
+    last = counts[slot] - 1
+    counts[slot] = last
+    contacts.body[k] = contacts.body[last]
+    contacts.wall[k] = contacts.wall[last]
+    for c in range(st.CONTACT_COLUMNS):
+        contacts.data[k, c] = contacts.data[last, c]
+
+
+@kernel
+def search_cone(bodies, contacts, counts, squares, cone, wall, i, radius, profile, out):
+    """Look for contacts of body i with a cone; returns how far it may move before the next look."""
+    row = bodies.rows[i]
+    step = 2.0 * math.pi / STARTS
+    for s in range(STARTS):
+        theta = s * step
+        nx, ny = cone[0] * math.cos(theta), cone[0] * math.sin(theta)
+        profile[s] = (
+            nx * row[0] + ny * row[1] + cone[1] * row[2] + extent(squares, row, nx, ny, cone[1]) - cone[2]
+        )
+    nearest = 1e300
+    for s in range(STARTS):
+        here = profile[s]
+        if here < profile[s - 1] or here < profile[(s + 1) % STARTS]:
+            continue
+        # phi varies by less than (distance from the axis + reach) * step between starts
+        theta = solve_cone(squares, row, cone, s * step)
+        inside = cone_contact(squares, row, cone, theta, out)
+        if out[3] > 0.0:
+            nearest = min(nearest, out[3])
+        else:
+            nearest = min(nearest, NEXT_LOOK * radius)
+            if (
+                inside
+                and out[3] > -DEEPEST_NEW * radius
+                and not known(contacts, counts[st.N_CURVED], i, wall, theta)
+            ):
+                add_wall_contact(contacts, counts, st.N_CURVED, i, wall, out, theta)
+    return nearest if nearest < 1e300 else 0.0
+
+
+@kernel
+def search_ring(bodies, contacts, counts, squares, ring, wall, i, radius, profile, out):
+    """Look for contacts of body i with a ring edge; returns how far it may move before the next look."""
+    row = bodies.rows[i]
+    axial = abs(row[2] - ring[1])
+    radial = abs(math.sqrt(row[0] * row[0] + row[1] * row[1]) - ring[0])
+    clear = math.sqrt(axial * axial + radial * radial) - ring[2] - radius
+    if clear > 0.0:
+        return clear
+    step = 2.0 * math.pi / STARTS
+    for s in range(STARTS):
+        nx, ny, nz, distance = towards_ring(row, ring, s * step)
+        profile[s] = distance - extent(squares, row, nx, ny, nz)
+    nearest = 1e300
+    for s in range(STARTS):
+        here = profile[s]
+        if here > profile[s - 1] or here > profile[(s + 1) % STARTS]:
+            continue
+        nx, ny, nz, _distance = towards_ring(row, ring, s * step)
+        theta, nx, ny, nz = solve_ring(squares, row, ring, s * step, nx, ny, nz)
+        exposed = ring_contact(squares, row, ring, theta, nx, ny, nz, out)
+        if out[3] > 0.0:
+            nearest = min(nearest, out[3])
+        else:
+            nearest = min(nearest, NEXT_LOOK * radius)
+            if (
+                exposed
+                and out[3] > -DEEPEST_NEW * radius
+                and not known(contacts, counts[st.N_CURVED], i, wall, theta)
+            ):
+                add_wall_contact(contacts, counts, st.N_CURVED, i, wall, out, theta)
+    return nearest if nearest < 1e300 else 0.0
+
+
+@kernel
+def search_plane(bodies, contacts, counts, squares, plane, wall, i, out):
+    """Look for the contact of body i with a plane; returns how far it may move before the next look."""
+    row = bodies.rows[i]
+    nx, ny, nz = plane[3], plane[4], plane[5]
+    dx, dy, dz = plane[0] - row[0], plane[1] - row[1], plane[2] - row[2]
+    gap = nx * dx + ny * dy + nz * dz - extent(squares, row, nx, ny, nz)
+    if gap > 0.0:
+        return gap
+    across = nx * dx + ny * dy + nz * dz
+    beyond = math.sqrt(max(dx * dx + dy * dy + dz * dz - across * across, 0.0)) - plane[6]
+    if beyond > 0.0:
+        return beyond
+    out[0], out[1], out[2] = nx, ny, nz
+    add_wall_contact(contacts, counts, st.N_PLANE, i, wall, out, 0.0)
+    return 1e300
+
+
+@kernel
+def update_walls(bodies, flat, curved, walls, counts, squares, radius, lowest, profile, out):
+    """Find new contacts with walls. `lowest`: height below which a body has left the funnel for good."""
+    n_cones = walls.cones.shape[0]
+    for i in range(counts[st.N_BODIES]):
+        if bodies.presence[i] != st.PRESENT:
+            continue
+        odometer = bodies.odometer[i]
+        for w in range(walls.planes.shape[0]):
+            if odometer >= flat.limit[w, i]:
+                flat.limit[w, i] = odometer + search_plane(
+                    bodies, flat, counts, squares, walls.planes[w], w, i, out
+                )
+        if bodies.passed[i]:
+            continue
+        if bodies.rows[i, 2] + radius < lowest:
+            bodies.passed[i] = 1
+            continue
+        for w in range(n_cones):
+            if odometer >= curved.limit[w, i]:
+                curved.limit[w, i] = odometer + search_cone(
+                    bodies, curved, counts, squares, walls.cones[w], w, i, radius, profile, out
+                )
+        for w in range(walls.rings.shape[0]):
+            if odometer >= curved.limit[n_cones + w, i]:
+                curved.limit[n_cones + w, i] = odometer + search_ring(
+                    bodies, curved, counts, squares, walls.rings[w], n_cones + w, i, radius, profile, out
+                )

@@ -1,0 +1,110 @@
+"""One heap job: pour the berries with several seeds, measure each pile, and write what came out.
+
+A pour that gives no pile to measure is a result too: it gets a status and a reason instead of a number.
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from . import pile, scenes
+from .dataset import summarise_runs
+from .parameters import PARAMETERS
+
+# A pile that has lost more than this share of its berries over the edge of the plate is not the pile poured.
+LARGEST_LOSS = 0.1
+
+
+def status_of(poured, heap):
+    """Status and reason of a pour before it is measured: ok, unstable, jammed, left_plate or not_at_rest.
+
+    poured: `scenes.Pour`; heap: the configuration's section of that name.
+    """
+    n = heap["berries"]
+    if not np.all(np.isfinite(poured.centres_m)) or not np.isfinite(poured.kinetic_energy_j):
+        return "unstable", "a position is not finite; the time step is too long for these contacts"
+    if poured.in_funnel or len(poured.centres_m) < n:
+        waiting = n - len(poured.centres_m)
+        return "jammed", f"{poured.in_funnel} berries in the funnel and {waiting} not yet poured at the end"
+    if poured.off_plate > LARGEST_LOSS * n:
+        return "left_plate", f"{poured.off_plate} of {n} berries left the plate"
+    energy = poured.kinetic_energy_j / max(1, int(poured.in_pile.sum()))
+    if energy > heap["rest_energy_j"]:
+        return "not_at_rest", f"kinetic energy {energy:.2e} J a berry, more than {heap['rest_energy_j']:.0e}"
+    if 1e3 * poured.largest_motion_m > heap["rest_motion_mm"]:
+        return "not_at_rest", (
+            f"a berry moved {1e3 * poured.largest_motion_m:.2f} mm in the last {heap['rest_window_s']:g} s, "
+            f"more than {heap['rest_motion_mm']:g}"
+        )
+    return "ok", ""
+
+
+def run_once(config, parameters, seed, particle, berry, trajectory_interval_s=None, progress=None):
+    """Pour and measure once. Returns the record of the run (units in its keys) and the `scenes.Pour`."""
+    poured = scenes.pour(config, parameters, seed, particle, berry, trajectory_interval_s, progress)
+    status, reason = status_of(poured, config["heap"])
+    aor = height = None
+    if status == "ok":
+        try:
+            measured = pile.measure_pile(
+                poured.centres_m,
+                poured.quaternions,
+                particle,
+                pile.MeasureSettings(**config["measure"]),
+                members=poured.in_pile,
+            )
+            aor, height = float(measured.aor_deg), float(measured.height_mm)
+        except pile.NoFlankError as error:
+            status, reason = "no_flank", str(error)
+    record = {
+        "seed": int(seed),
+        "status": status,
+        "reason": reason,
+        "aor_deg": aor,
+        "height_mm": height,
+        "discharge_s": poured.discharge_s if np.isfinite(poured.discharge_s) else None,
+        "berries_on_plate": int(poured.on_plate.sum()),
+        "berries_in_pile": int(poured.in_pile.sum()),
+        "berries_off_plate": poured.off_plate,
+        "kinetic_energy_J": poured.kinetic_energy_j if np.isfinite(poured.kinetic_energy_j) else None,
+        "wall_s": round(poured.wall_s, 3),
+        "us_per_step": round(poured.us_per_step, 2),
+    }
+    return record, poured
+
+
+def run_job(
+    config, name, parameters, seeds, particle, berry, out_dir, trajectory_interval_s=None, progress=None
+):
+    """Run one parameter set with all its seeds and write OUT/NAME.json and OUT/NAME.npz.
+
+    config: whole configuration; name: stem of the files (the sample's number); parameters: the six by name;
+    seeds: integers; particle: `shape.Particle`; berry: mapping with shear_modulus_pa and poisson_ratio;
+    trajectory_interval_s: also write OUT/NAME_trajectory_SEED.npz with positions at this interval.
+    The JSON is written last and in one move, so a file that is there is complete. Returns its content.
+    """
+    out_dir = Path(out_dir)
+    out_dir.mkdir(parents=True, exist_ok=True)
+    runs, finals = [], {}
+    for seed in seeds:
+        record, poured = run_once(config, parameters, seed, particle, berry, trajectory_interval_s, progress)
+        runs.append(record)
+        finals[f"position_{seed}"] = poured.centres_m.astype(np.float32)
+        finals[f"quaternion_{seed}"] = poured.quaternions.astype(np.float32)
+        finals[f"in_pile_{seed}"] = poured.in_pile
+        if poured.frames is not None:
+            np.savez_compressed(out_dir / f"{name}_trajectory_{seed}.npz", **poured.frames)
+    np.savez_compressed(out_dir / f"{name}.npz", **finals)
+    result = {
+        "sample": int(name) if str(name).isdigit() else name,
+        "config": config["label"],
+        "parameters": {p: float(parameters[p]) for p in PARAMETERS},
+        "time_step_s": config["heap"]["time_step_s"],
+        "summary": summarise_runs(runs),
+        "runs": runs,
+    }
+    part = out_dir / f"{name}.json.part"
+    part.write_text(json.dumps(result, indent=1) + "\n")
+    part.replace(out_dir / f"{name}.json")
+    return result

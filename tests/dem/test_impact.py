@@ -1,0 +1,168 @@
+import math
+
+import numpy as np
+import pytest
+
+from dem.common import BERRY, GOJI, PVC, ellipsoid_inertia, random_direction, random_quaternion, simulation
+from repose.dem import Contact, walls_of
+from repose.dem.materials import effective_moduli
+
+SPHERE = np.full((1, 3), 0.006)
+FLOOR = walls_of([(0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 1.0)])
+
+
+def head_on(e, speed=0.5, dt=2e-6, **keywords):
+    """Two equal spheres on a line; returns the simulation just before the impact."""
+    s = simulation(SPHERE, Contact(e, 0.0, 0.0), dt=dt, **keywords)
+    s.add((-0.00601, 0.0, 0.0), (1, 0, 0, 0), (speed, 0.0, 0.0))
+    s.add((0.00601, 0.0, 0.0), (1, 0, 0, 0), (-speed, 0.0, 0.0))
+    return s
+
+
+@pytest.mark.parametrize("e", [0.1, 0.2, 0.4, 0.6, 0.8, 0.95])
+def test_spheres_part_with_the_restitution_asked_for(e):
+    s = head_on(e)
+    s.run_steps(40000)
+    left = s.velocities[1, 0] - s.velocities[0, 0]
+    assert left == pytest.approx(e * 1.0, rel=5e-3)
+
+
+def test_cutting_the_tension_raises_the_effective_restitution():
+    # the damped Hertz contact of nominal 0.2 leaves with 0.33 when it may not pull (design notes, prototype)
+    s = head_on(0.2, tension="cut")
+    s.run_steps(40000)
+    assert s.velocities[1, 0] - s.velocities[0, 0] == pytest.approx(0.33, abs=0.01)
+
+
+def test_restitution_at_the_recommended_time_step():
+    found = []
+    for offset in np.linspace(0.0, 1.0, 12, endpoint=False):
+        s = head_on(0.2, speed=0.7, dt=2e-4)
+        s.positions[0, 0] -= offset * 0.7 * 2e-4
+        s.run_steps(400)
+        found.append((s.velocities[1, 0] - s.velocities[0, 0]) / 1.4)
+    # a first-order loss of a few per cent, the price of the long step (prototype: 0.190)
+    assert np.mean(found) == pytest.approx(0.19, abs=0.012)
+
+
+def test_elastic_impact_has_the_overlap_and_duration_of_hertz():
+    s = head_on(1.0, speed=0.3, dt=1e-6)
+    deepest, steps = 0.0, 0
+    for _ in range(30000):
+        s.run_steps(1)
+        overlap = 0.012 - (s.positions[1, 0] - s.positions[0, 0])
+        if overlap > 0.0:
+            steps += 1
+        elif steps:
+            break
+        deepest = max(deepest, overlap)
+    young, _ = effective_moduli(GOJI, GOJI)
+    mass, radius, speed = 0.5 * s.physics.mass, 0.003, 0.6
+    expected = (15.0 * mass * speed**2 / (16.0 * young * math.sqrt(radius))) ** 0.4
+    duration = 2.9432 * expected / speed
+    assert deepest == pytest.approx(expected, rel=2e-3)
+    assert steps * 1e-6 == pytest.approx(duration, rel=2e-3)
+    assert s.velocities[1, 0] == pytest.approx(0.3, rel=1e-3)
+
+
+def resting_sphere(contact, **keywords):
+    """A sphere on the floor at its Hertz overlap under gravity."""
+    s = simulation(SPHERE, contact, walls=FLOOR, gravity_m_s2=(0, 0, -9.81), dt=2e-5, **keywords)
+    young, _ = effective_moduli(GOJI, PVC)
+    overlap = (s.physics.mass * 9.81 / (4.0 / 3.0 * young * math.sqrt(0.006))) ** (2.0 / 3.0)
+    s.add((0.0, 0.0, 0.006 - overlap), (1, 0, 0, 0))
+    return s, overlap
+
+
+def test_a_sphere_rests_at_the_overlap_that_carries_its_weight():
+    s, overlap = resting_sphere(Contact(0.3, 0.5, 0.1))
+    s.run_steps(20000)
+    assert s.positions[0, 2] == pytest.approx(0.006 - overlap, rel=1e-6)
+    assert s.kinetic_energies()[0] < 1e-20
+
+
+def test_a_sliding_sphere_slows_by_friction_and_then_rolls():
+    s, _ = resting_sphere(Contact(0.3, 0.4, 0.0))
+    s.velocities[0, 0] = 0.5
+    s.run_steps(1000)
+    assert s.velocities[0, 0] == pytest.approx(0.5 - 0.4 * 9.81 * 0.02, rel=3e-3)
+    s.run_steps(8000)
+    # angular momentum about the contact is kept: u = 5/7 u0
+    assert s.velocities[0, 0] == pytest.approx(5.0 / 7.0 * 0.5, rel=5e-3)
+    assert s.angular_velocities[0, 1] * 0.006 == pytest.approx(s.velocities[0, 0], rel=2e-2)
+
+
+def test_a_rolling_sphere_slows_by_the_rolling_torque_and_stops():
+    mur = 0.05
+    s, _ = resting_sphere(Contact(0.3, 0.8, mur))
+    s.velocities[0, 0] = 0.3
+    s.bodies.momentum[0, 1] = s.physics.inertia[1] * 0.3 / 0.006
+    s.run_steps(1000)
+    first = s.velocities[0, 0]
+    s.run_steps(5000)
+    # a torque mu_r m g R on a rolling sphere: a = 5/7 mu_r g
+    assert (first - s.velocities[0, 0]) / 0.1 == pytest.approx(5.0 / 7.0 * mur * 9.81, rel=1e-2)
+    s.run_steps(60000)
+    assert abs(s.velocities[0, 0]) < 1e-9
+    assert np.all(s.angular_velocities[0] == 0.0)
+
+
+@pytest.mark.parametrize("sticks", [True, False])
+def test_a_berry_on_a_slope_sticks_below_the_angle_of_friction(sticks):
+    friction = 0.5
+    slope = math.atan(friction) + math.radians(-1.0 if sticks else 1.0)
+    gravity = (9.81 * math.sin(slope), 0.0, -9.81 * math.cos(slope))
+    s = simulation(BERRY, Contact(0.3, friction, 5.0), walls=FLOOR, gravity_m_s2=gravity, dt=5e-5)
+    s.add((0.0, 0.0, 0.0049), (1, 0, 0, 0))
+    s.run_steps(4000)
+    before = s.velocities[0, 0]
+    s.run_steps(4000)
+    if sticks:
+        assert abs(s.velocities[0, 0]) < 1e-6
+    else:
+        expected = 9.81 * (math.sin(slope) - friction * math.cos(slope))
+        assert (s.velocities[0, 0] - before) / 0.2 == pytest.approx(expected, rel=0.02)
+
+
+def test_random_impacts_keep_momentum_and_create_no_energy():
+    rng = np.random.default_rng(3)
+    for _ in range(300):
+        s = simulation(BERRY, Contact(rng.uniform(0.1, 0.4), rng.uniform(0.35, 0.75), 0.0), dt=5e-5)
+        direction = random_direction(rng)
+        spin = 40.0 * rng.normal(size=3)
+        s.add((0, 0, 0), random_quaternion(rng), angular_velocity_rad_s=spin)
+        s.add(0.0215 * direction, random_quaternion(rng), -direction + 0.3 * rng.normal(size=3))
+        energy, momentum = s.kinetic_energies().sum(), s.velocities.sum(axis=0).copy()
+        s.run_steps(1500)
+        angular = s.bodies.momentum[:2, :3].sum(axis=0)
+        assert np.allclose(s.velocities.sum(axis=0), momentum, atol=1e-12)
+        # the free rotation between the hits keeps its energy to a few 1e-7
+        assert s.kinetic_energies().sum() <= energy * (1.0 + 1e-6)
+        assert np.all(np.isfinite(angular))
+
+
+def test_free_rotation_keeps_angular_momentum_and_energy():
+    s = simulation(BERRY, dt=2e-4)
+    s.add((0, 0, 0), (0.3, 0.5, -0.2, 0.8), angular_velocity_rad_s=(12.0, -25.0, 8.0))
+    momentum, energy = s.bodies.momentum[0, :3].copy(), s.kinetic_energies()[0]
+    s.run_steps(20000)
+    assert np.array_equal(s.bodies.momentum[0, :3], momentum)
+    assert s.kinetic_energies()[0] == pytest.approx(energy, rel=2e-4)
+    assert np.linalg.norm(s.quaternions[0]) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_bodies_and_contacts_refuse_what_makes_no_sense():
+    with pytest.raises(ValueError, match="restitution is 0.0; allowed: above 0, at most 1"):
+        Contact(0.0, 0.5, 0.1)
+    with pytest.raises(ValueError, match="rolling_friction is -1"):
+        Contact(0.5, 0.5, -1)
+    with pytest.raises(ValueError, match=r"time_step_s is 0.01; allowed: above 0, at most 0\.000"):
+        simulation(BERRY, dt=0.01)
+    with pytest.raises(ValueError, match="capacity is 2; body 3 does not fit"):
+        s = simulation(BERRY)
+        for k in range(3):
+            s.add((0.05 * k, 0, 0), (1, 0, 0, 0))
+
+
+def test_inertia_of_the_test_bodies():
+    assert ellipsoid_inertia(5.0, (1.0, 1.0, 1.0)) == pytest.approx([2.0, 2.0, 2.0])

@@ -1,0 +1,72 @@
+import itertools
+
+import numpy as np
+import pytest
+
+from dem.common import BERRY, random_quaternion, simulation
+from repose.dem import Contact, walls_of
+from repose.dem.contact import solve_gap
+
+
+def slow_contacts(s):
+    """Every pair that overlaps, by looking at all of them."""
+    found = []
+    for i, j in itertools.combinations(range(s.n_bodies), 2):
+        d = s.positions[j] - s.positions[i]
+        distance = np.linalg.norm(d)
+        if distance < 2.0 * s.radius:
+            gap = solve_gap(s.physics.squares, s.bodies.rows, i, j, d / distance, 1e-10, np.inf)
+            if gap < 0.0:
+                found.append((i, j, gap))
+    return found
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_the_contact_list_is_that_of_all_pairs_at_every_moment(seed):
+    rng = np.random.default_rng(seed)
+    walls = walls_of([(0, 0, 0, 0, 0, -1, 1.0), (0.04, 0, 0, 1, 0, 0, 1.0), (-0.04, 0, 0, -1, 0, 0, 1.0)])
+    n = 60
+    s = simulation(
+        BERRY, Contact(0.3, 0.5, 0.05), walls=walls, gravity_m_s2=(0, 0, -9.81), dt=2e-4, capacity=n,
+        lower=(-0.05, -0.05, 0.0), upper=(0.05, 0.05, 0.2),
+    )  # fmt: skip
+    places = itertools.product((-0.025, 0.0, 0.025), (-0.025, 0.0, 0.025), np.arange(0.015, 0.18, 0.0225))
+    for place in itertools.islice(places, n):
+        s.add(np.array(place) + 5e-4 * rng.random(3), random_quaternion(rng), 0.3 * rng.normal(size=3))
+    seen = 0
+    for _ in range(60):
+        s.run_steps(23)
+        slow = {(i, j): g for i, j, g in slow_contacts(s)}
+        fast = {tuple(pair) for pair in s.contacts()}
+        # the list is made before a step moves the bodies: only pairs that just met or parted may differ
+        for pair in fast ^ set(slow):
+            i, j = pair
+            d = s.positions[j] - s.positions[i]
+            gap = solve_gap(
+                s.physics.squares, s.bodies.rows, i, j, d / np.linalg.norm(d), 1e-10, np.inf
+            )
+            assert abs(gap) < 6e-4
+        assert len(s.contacts()) == len(fast)
+        seen += len(slow)
+    assert seen > 1000
+
+
+def test_lists_grow_when_they_fill_up():
+    n = 125
+    runs = []
+    for shrink in (False, True):
+        s = simulation(BERRY, Contact(0.3, 0.5, 0.05), capacity=n, dt=1e-4)
+        rng = np.random.default_rng(5)
+        room = n * 12
+        if shrink:
+            s.pairs = s.pairs._replace(
+                **{k: getattr(s.pairs, k)[:room].copy() for k in s.pairs._fields if k.startswith("dormant")}
+            )
+        for k, place in enumerate(itertools.product(np.arange(5) * 0.022 - 0.05, repeat=3)):
+            s.add(np.array(place), random_quaternion(rng), -0.2 * np.array(place) / 0.05)
+            if k % 10 == 9:
+                s.run_steps(1)
+        s.run_steps(400)
+        assert len(s.pairs.dormant_limit) > room
+        runs.append(s.positions.copy())
+    assert np.array_equal(*runs)
