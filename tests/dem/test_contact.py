@@ -74,7 +74,7 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension):
         rows, direction, target = pair_rows(rng, (-5e-4, 2e-4))
         slow, normal = at_gap(rows, axes, direction, target)
         # a normal as a time step leaves it: off by a few milliradians
-        start = normal + 3e-3 * rng.normal(size=3)
+        start = normal + 2e-3 * random_direction(rng)
         start /= np.linalg.norm(start)
         spring = 2e-5 * rng.normal(size=3)
         lanes[0:3, lane], lanes[3:6, lane] = start, spring

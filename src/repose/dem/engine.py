@@ -103,27 +103,37 @@ def pair_forces(bodies, pairs, counts, physics, t):
             pairs.data[k, c] = pairs.data[last, c]
 
 
+@inlined
+def still_wall(t):
+    """Zero the rows of body B's velocities: the wall does not move."""
+    for k in range(tl.B + 7 * L, tl.B + 13 * L):
+        t[k] = 0.0
+
+
+@inlined
+def off_disc(plane, t, lane):
+    """Whether a lane's contact point lies beyond the edge of its plane."""
+    x = t[tl.A + lane] + t[tl.RA + lane] - plane[0]
+    y = t[tl.A + L + lane] + t[tl.RA + L + lane] - plane[1]
+    z = t[tl.A + 2 * L + lane] + t[tl.RA + 2 * L + lane] - plane[2]
+    across = x * plane[3] + y * plane[4] + z * plane[5]
+    return x * x + y * y + z * z - across * across > plane[6] * plane[6]
+
+
 @kernel
 def plane_forces(bodies, flat, walls, counts, physics, t):
     """Forces of all contacts with planes."""
     n = counts[st.N_PLANE]
     rolling = physics.mur_wall
     ended = 0
+    still_wall(t)
     for base in range(0, n, L):
         lanes = min(L, n - base)
         for lane in range(L):
             k = base + min(lane, lanes - 1)
             gather_contact(t, lane, flat.data[k])
-            row = bodies.rows[flat.body[k]]
-            gather_body(t, tl.A, lane, row)
-            plane = walls.planes[flat.wall[k]]
-            across = 0.0
-            for c in range(3):
-                across += (plane[c] - row[c]) * plane[3 + c]
-            for c in range(3):
-                t[tl.B + c * L + lane] = row[c] + across * plane[3 + c]
-                t[tl.B + (7 + c) * L + lane] = 0.0
-                t[tl.B + (10 + c) * L + lane] = 0.0
+            t[tl.OFFSET + lane] = flat.data[k, st.OFFSET]
+            gather_body(t, tl.A, lane, bodies.rows[flat.body[k]])
         tl.body_a(t, physics.squares)
         tl.plane_geometry(t)
         tl.forces(t, physics.law_wall, physics.dt, physics.tension)
@@ -131,12 +141,12 @@ def plane_forces(bodies, flat, walls, counts, physics, t):
             k = base + lane
             keep_contact(t, lane, flat.data[k])
             i = flat.body[k]
-            plane = walls.planes[flat.wall[k]]
             gap = t[tl.GAP + lane]
-            beyond = 0.0
-            for c in range(3):
-                beyond += (t[tl.B + c * L + lane] - plane[c]) ** 2
-            if gap > 0.0 or beyond > plane[6] ** 2 or bodies.presence[i] != st.PRESENT:
+            if (
+                gap > 0.0
+                or off_disc(walls.planes[flat.wall[k]], t, lane)
+                or bodies.presence[i] != st.PRESENT
+            ):
                 flat.ended[ended] = k
                 ended += 1
                 flat.limit[flat.wall[k], i] = bodies.odometer[i] + max(gap, 0.0)
@@ -183,6 +193,7 @@ def curved_forces(bodies, curved, walls, counts, physics, t, out):
     """Forces of all contacts with cones, tubes and rings."""
     n = counts[st.N_CURVED]
     ended = 0
+    still_wall(t)
     for base in range(0, n, L):
         lanes = min(L, n - base)
         for lane in range(lanes):
@@ -194,8 +205,6 @@ def curved_forces(bodies, curved, walls, counts, physics, t, out):
                 data[c] = out[c]
                 t[tl.RA + c * L + lane] = out[5 + c]
                 t[tl.RB + c * L + lane] = 0.0
-                t[tl.B + (7 + c) * L + lane] = 0.0
-                t[tl.B + (10 + c) * L + lane] = 0.0
             gather_contact(t, lane, data)
             gather_body(t, tl.A, lane, row)
             t[tl.GAP + lane] = out[3]

@@ -41,6 +41,7 @@ def integrate(bodies, grid, counts, physics, radius, time):
     dt = physics.dt
     kick = dt / physics.mass
     mobility = physics.mobility
+    sure_stop = min(mobility[0], mobility[1], mobility[2]) / max(mobility[0], mobility[1], mobility[2])
     limit2 = (0.5 * grid.lengths[2]) ** 2
     for i in range(counts[st.N_BODIES]):
         if bodies.presence[i] != st.PRESENT:
@@ -63,17 +64,20 @@ def integrate(bodies, grid, counts, physics, radius, time):
         ly = bodies.momentum[i, 1] + dt * bodies.load[i, 4]
         lz = bodies.momentum[i, 2] + dt * bodies.load[i, 5]
         qw, qx, qy, qz = rows[i, 3], rows[i, 4], rows[i, 5], rows[i, 6]
-        ox, oy, oz = angular_velocity(qw, qx, qy, qz, mobility, lx, ly, lz)
-        speed = math.sqrt(ox * ox + oy * oy + oz * oz)
         budget = dt * bodies.load[i, st.ROLL]
-        if budget > 0.0 and speed > 0.0:
+        ox = oy = oz = speed = 0.0
+        # the budget stops the rotation for sure when it outweighs the largest |omega| that |l| allows
+        if (sure_stop * budget) ** 2 >= lx * lx + ly * ly + lz * lz:
+            lx = ly = lz = 0.0
+        else:
+            ox, oy, oz = angular_velocity(qw, qx, qy, qz, mobility, lx, ly, lz)
+            speed = math.sqrt(ox * ox + oy * oy + oz * oz)
             inv = 1.0 / speed
             ex, ey, ez = ox * inv, oy * inv, oz * inv
             rx, ry, rz = angular_velocity(qw, qx, qy, qz, mobility, budget * ex, budget * ey, budget * ez)
             if ex * rx + ey * ry + ez * rz >= speed:
                 lx = ly = lz = 0.0
-                ox = oy = oz = 0.0
-                speed = 0.0
+                ox = oy = oz = speed = 0.0
             else:
                 lx -= budget * ex
                 ly -= budget * ey

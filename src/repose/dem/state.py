@@ -10,9 +10,9 @@ BODY_COLUMNS = 16
 # Columns of `load` (N, 8): force, torque, budget of the rolling torque.
 ROLL = 6
 LOAD_COLUMNS = 8
-# Columns of a contact: normal, tangential spring, and for curved walls the azimuth.
+# Columns of a contact: normal, tangential spring, and for a wall its azimuth (curved) or offset (plane).
 CONTACT_COLUMNS = 8
-AZIMUTH = 6
+AZIMUTH = OFFSET = 6
 
 # Slots of `counts`.
 N_BODIES, N_PAIRS, N_DORMANT, N_PLANE, N_CURVED, N_MOVED, STEPS, FULL, STAMP = range(9)

@@ -38,7 +38,9 @@ ROLL_A = 79 * LANES
 ROLL_B = 80 * LANES
 # row: length of the Newton step, squared
 STEP = 81 * LANES
-ROWS = 82
+# row: offset of a plane
+OFFSET = 82 * LANES
+ROWS = 83
 
 L = LANES  # short, for the index arithmetic below
 
@@ -191,29 +193,26 @@ def pair_geometry(t):
 def plane_geometry(t):
     """Gap, effective radius and contact point of each lane's body against a plane.
 
-    Row N holds the plane's normal, pointing from the body into the wall; row B the point of the plane nearest the
-    body's centre.
+    Row N holds the plane's normal, pointing from the body into the wall; row OFFSET its distance from the origin
+    along it.
     """
     for k in range(L):
         nx, ny, nz = t[N + k], t[N + L + k], t[N + 2 * L + k]
         ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-        dx = t[B + k] - t[A + k]
-        dy = t[B + L + k] - t[A + L + k]
-        dz = t[B + 2 * L + k] - t[A + 2 * L + k]
         h = t[HA + k]
         x1 = t[HA + L + k]
         x2 = t[HA + 2 * L + k]
         a11 = t[HA + 3 * L + k]
         a12 = t[HA + 4 * L + k]
         a22 = t[HA + 5 * L + k]
-        f = nx * dx + ny * dy + nz * dz - h
+        f = t[OFFSET + k] - nx * t[A + k] - ny * t[A + L + k] - nz * t[A + 2 * L + k] - h
         t[GAP + k] = f
         t[RADIUS + k] = math.sqrt(a11 * a22 - a12 * a12)
         reach = h + 0.5 * f
         t[RA + k] = reach * nx + x1 * ux + x2 * wx
         t[RA + L + k] = reach * ny + x1 * uy + x2 * wy
         t[RA + 2 * L + k] = reach * nz + x1 * uz + x2 * wz
-        # a wall's velocity row is that of the contact point already
+        # a wall's velocity rows are those of the contact point already
         t[RB + k] = 0.0
         t[RB + L + k] = 0.0
         t[RB + 2 * L + k] = 0.0

@@ -11,18 +11,24 @@ The axis of cones and rings is the z axis.
 
 import math
 
+import numpy as np
+
 from . import state as st
 from .contact import LONGEST_STEP
 from .geometry import tangents, to_body, world_support
 from .jit import inlined, kernel
 
 STARTS = 24
+COSINES = np.cos(2.0 * np.pi * np.arange(STARTS) / STARTS)
+SINES = np.sin(2.0 * np.pi * np.arange(STARTS) / STARTS)
 # A body whose overlap is already deeper than this share of its bounding radius came from outside: no contact.
 DEEPEST_NEW = 0.3
 # Two contacts of one body with one wall closer than this (radians about the axis) are the same contact.
 SAME_AZIMUTH = 0.12
-# Beside a contact that is known, or beyond the end of a wall, the next look comes after this share of the radius.
-NEXT_LOOK = 0.01
+# The next look at a body comes after it moved by these shares of its radius at the latest: where it overlaps a
+# wall's continuation, beyond the wall's end, and where its contact is known (a second one grows out of the first).
+NEXT_LOOK_BEYOND = 0.01
+NEXT_LOOK_KNOWN = 0.1
 # Concave walls flatter than the body: the relative curvature keeps at least this share of the body's own.
 LEAST_RELATIVE_CURVATURE = 0.1
 
@@ -224,10 +230,10 @@ def solve_ring(squares, row, ring, theta, nx, ny, nz):
 
 
 @inlined
-def towards_ring(row, ring, theta):
-    """Unit vector and distance from a body's centre to a point of a circle."""
-    dx = ring[0] * math.cos(theta) - row[0]
-    dy = ring[0] * math.sin(theta) - row[1]
+def towards_ring(row, ring, start):
+    """Unit vector and distance from a body's centre to a circle's point at one of the STARTS."""
+    dx = ring[0] * COSINES[start] - row[0]
+    dy = ring[0] * SINES[start] - row[1]
     dz = ring[1] - row[2]
     distance = math.sqrt(dx * dx + dy * dy + dz * dz)
     return dx / distance, dy / distance, dz / distance, distance
@@ -255,8 +261,8 @@ def known(contacts, last, body, wall, theta):
 
 
 @inlined
-def add_wall_contact(contacts, counts, slot, body, wall, out, theta):
-    """Append a contact with a relaxed spring."""
+def add_wall_contact(contacts, counts, slot, body, wall, out, place):
+    """Append a contact with a relaxed spring; place: azimuth, or offset of a plane."""
     k = counts[slot]
     if k >= contacts.body.shape[0]:
         counts[st.FULL] = 1
@@ -267,7 +273,7 @@ def add_wall_contact(contacts, counts, slot, body, wall, out, theta):
     for c in range(3):
         contacts.data[k, c] = out[c]
         contacts.data[k, 3 + c] = 0.0
-    contacts.data[k, st.AZIMUTH] = theta
+    contacts.data[k, st.AZIMUTH] = place
 
 
 @inlined
@@ -281,14 +287,23 @@ def drop_wall_contact(contacts, counts, slot, k):
         contacts.data[k, c] = contacts.data[last, c]
 
 
+@inlined
+def look_again(contacts, counts, body, wall, theta, on_wall, radius, out):
+    """Add a contact that is found and new; returns how far the body may move before the next look."""
+    if not on_wall or out[3] < -DEEPEST_NEW * radius:
+        return NEXT_LOOK_BEYOND * radius
+    if not known(contacts, counts[st.N_CURVED], body, wall, theta):
+        add_wall_contact(contacts, counts, st.N_CURVED, body, wall, out, theta)
+    return NEXT_LOOK_KNOWN * radius
+
+
 @kernel
 def search_cone(bodies, contacts, counts, squares, cone, wall, i, radius, profile, out):
     """Look for contacts of body i with a cone; returns how far it may move before the next look."""
     row = bodies.rows[i]
     step = 2.0 * math.pi / STARTS
     for s in range(STARTS):
-        theta = s * step
-        nx, ny = cone[0] * math.cos(theta), cone[0] * math.sin(theta)
+        nx, ny = cone[0] * COSINES[s], cone[0] * SINES[s]
         profile[s] = (
             nx * row[0] + ny * row[1] + cone[1] * row[2] + extent(squares, row, nx, ny, cone[1]) - cone[2]
         )
@@ -303,13 +318,7 @@ def search_cone(bodies, contacts, counts, squares, cone, wall, i, radius, profil
         if out[3] > 0.0:
             nearest = min(nearest, out[3])
         else:
-            nearest = min(nearest, NEXT_LOOK * radius)
-            if (
-                inside
-                and out[3] > -DEEPEST_NEW * radius
-                and not known(contacts, counts[st.N_CURVED], i, wall, theta)
-            ):
-                add_wall_contact(contacts, counts, st.N_CURVED, i, wall, out, theta)
+            nearest = min(nearest, look_again(contacts, counts, i, wall, theta, inside, radius, out))
     return nearest if nearest < 1e300 else 0.0
 
 
@@ -324,26 +333,20 @@ def search_ring(bodies, contacts, counts, squares, ring, wall, i, radius, profil
         return clear
     step = 2.0 * math.pi / STARTS
     for s in range(STARTS):
-        nx, ny, nz, distance = towards_ring(row, ring, s * step)
+        nx, ny, nz, distance = towards_ring(row, ring, s)
         profile[s] = distance - extent(squares, row, nx, ny, nz)
     nearest = 1e300
     for s in range(STARTS):
         here = profile[s]
         if here > profile[s - 1] or here > profile[(s + 1) % STARTS]:
             continue
-        nx, ny, nz, _distance = towards_ring(row, ring, s * step)
+        nx, ny, nz, _distance = towards_ring(row, ring, s)
         theta, nx, ny, nz = solve_ring(squares, row, ring, s * step, nx, ny, nz)
         exposed = ring_contact(squares, row, ring, theta, nx, ny, nz, out)
         if out[3] > 0.0:
             nearest = min(nearest, out[3])
         else:
-            nearest = min(nearest, NEXT_LOOK * radius)
-            if (
-                exposed
-                and out[3] > -DEEPEST_NEW * radius
-                and not known(contacts, counts[st.N_CURVED], i, wall, theta)
-            ):
-                add_wall_contact(contacts, counts, st.N_CURVED, i, wall, out, theta)
+            nearest = min(nearest, look_again(contacts, counts, i, wall, theta, exposed, radius, out))
     return nearest if nearest < 1e300 else 0.0
 
 
@@ -361,7 +364,8 @@ def search_plane(bodies, contacts, counts, squares, plane, wall, i, out):
     if beyond > 0.0:
         return beyond
     out[0], out[1], out[2] = nx, ny, nz
-    add_wall_contact(contacts, counts, st.N_PLANE, i, wall, out, 0.0)
+    offset = nx * plane[0] + ny * plane[1] + nz * plane[2]
+    add_wall_contact(contacts, counts, st.N_PLANE, i, wall, out, offset)
     return 1e300
 
 

@@ -1,0 +1,52 @@
+"""Figures drawn from the workflow's own tables, under the paper's numbers where the paper has a counterpart."""
+
+from pathlib import Path
+
+from repose.errors import InputError
+
+from . import berries, checks, samples, search, style, surrogate, testbench, workflow
+
+# Name of a figure: the function that draws it and the inputs it needs; inputs in OPTIONAL may be left out.
+FIGURES = {
+    "figure02": (berries.sizes_and_sphericity, ("sizes",)),
+    "figure05": (testbench.simulated_pile, ("heap", "particle")),
+    "figure06": (testbench.measurement, ("heap", "particle")),
+    "figure07": (berries.particle_and_mesh, ("stl", "particle")),
+    "figure08": (testbench.apparatus, ()),
+    "figure09": (workflow.rule_graph, ("dot",)),
+    "figure10": (surrogate.network_structure, ("network",)),
+    "figure13": (surrogate.predicted_against_simulated, ("predictions", "dataset")),
+    "figure14": (search.feasible_solutions, ("feasible", "summary")),
+    "convergence": (search.convergence, ("history",)),
+    "design": (samples.design_matrix, ("samples",)),
+    "dataset": (samples.responses_over_parameters, ("dataset",)),
+    "validation": (checks.validation, ("table4",)),
+    "published": (checks.published_solutions, ("published",)),
+}
+OPTIONAL = {
+    "figure08": ("trajectory", "particle"),
+    "figure14": ("published",),
+    "convergence": ("summary",),
+    "design": ("comparison",),
+    "validation": ("published",),
+}
+
+
+def draw(name, inputs, out_path, config):
+    """Draw one figure to a PNG.
+
+    name: a key of FIGURES; inputs: mapping of the figure's input names to paths; config: the whole configuration.
+    Raises InputError for an unknown name, an input that is missing, unknown or not a file.
+    """
+    if name not in FIGURES:
+        raise InputError("figures", "name", name, ", ".join(FIGURES))
+    function, needed = FIGURES[name]
+    known = needed + OPTIONAL.get(name, ())
+    for key in [*needed, *inputs]:
+        if key not in known or key not in inputs:
+            raise InputError(f"figure {name}", "inputs", key, f"needs {needed}, may have {known}")
+        if not Path(inputs[key]).is_file():
+            raise InputError(f"figure {name}", key, str(inputs[key]), "an existing file")
+    with style.applied():
+        figure = function(inputs, config)
+        style.save(figure, out_path, small_run=bool(config.get("small_run", False)))

@@ -1,0 +1,184 @@
+"""Figures 5, 6 and 8: the simulated pile, its measurement, and the bench it is poured on."""
+
+import re
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.patches import Circle
+
+from repose import shape
+from repose.errors import InputError
+from repose.render import funnel_walls, render_pile, rotation_matrices
+
+from . import style
+
+PILE_PIXELS = 1300
+SNAPSHOT_S = 9.0
+
+
+def read_heap(path):
+    """Centres (N, 3) m, quaternions (N, 4) and pile membership (N,) of the first seed in a heap's .npz file."""
+    with np.load(path) as arrays:
+        seeds = [match.group(1) for key in arrays if (match := re.fullmatch(r"position_(.+)", key))]
+        if not seeds:
+            raise InputError(path, "arrays", sorted(arrays), "position_SEED, quaternion_SEED, in_pile_SEED")
+        names = ("position", "quaternion", "in_pile")
+        return tuple(arrays[f"{name}_{seeds[0]}"] for name in names)
+
+
+def simulated_pile(inputs, config):
+    """Figure 5's counterpart: a shaded picture of a simulated pile with a scale bar."""
+    centres, quaternions, in_pile = read_heap(inputs["heap"])
+    particle = shape.Particle.load(inputs["particle"])
+    reach = particle.bounding_radius_m
+    near = centres[in_pile].astype(float)
+    corners = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
+    frame = (near[:, None] + corners).reshape(-1, 3)
+    picture = render_pile(
+        centres, quaternions, particle, width=PILE_PIXELS, height=PILE_PIXELS // 2, frame_m=frame
+    )
+    figure = style.new_figure(style.PAGE, style.PAGE / 2)
+    panel = figure.add_axes((0, 0, 1, 1))
+    panel.imshow(picture, aspect="auto")
+    panel.axis("off")
+    count = int(in_pile.sum())
+    style.note(panel, f"{len(centres)} berries poured, {count} in the pile", x=0.02, y=0.96, fontsize=8)
+    return figure
+
+
+def measurement(inputs, config):
+    """Figure 6: the steps of the measurement; the left flank's line is red, the right one's green."""
+    from repose import pile  # OpenCV is needed by this figure alone
+
+    centres, quaternions, in_pile = read_heap(inputs["heap"])
+    particle = shape.Particle.load(inputs["particle"])
+    settings = pile.MeasureSettings(**config["measure"])
+    kept = in_pile if settings.largest_pile_only else np.ones(len(centres), bool)
+    image = pile.silhouette(centres[kept], quaternions[kept], particle, 0.0, settings.mm_per_pixel)
+    panels_of = pile.process_panels(image, settings)
+    figure = style.new_figure(style.PAGE, 2.9)
+    panels = figure.subplots(2, 2)
+    for panel, (title, picture), letter in zip(panels.ravel(), panels_of, "abcd", strict=True):
+        panel.imshow(picture, cmap="gray")
+        panel.axis("off")
+        panel.set_title(f"{letter}  {title}")
+    return figure
+
+
+def apparatus(inputs, config):
+    """Figure 8: the virtual test bench from the side, to scale; berries of a simulated pour if one is given."""
+    heap = config["heap"]
+    walls = funnel_walls(heap)
+    top, half_inlet = 1e3 * walls[-1].z_high_m, heap["inlet_diameter_mm"] / 2
+    factory = top + heap["factory_height_mm"]
+    half_view = max(half_inlet + 75, 190)
+    figure = style.new_figure(style.COLUMN * 1.3, 3.9)
+    panel = figure.subplots()
+    if {"trajectory", "particle"} <= inputs.keys():
+        _berries(panel, inputs)
+    for wall in walls:
+        for side in (-1, 1):
+            radii = [side * 1e3 * wall.r_low_m, side * 1e3 * wall.r_high_m]
+            panel.plot(radii, [1e3 * wall.z_low_m, 1e3 * wall.z_high_m], color=style.BLACK, lw=1.6, zorder=3)
+    rim = heap["rim_radius_mm"]
+    for side in (-1, 1):
+        centre = (side * (heap["outlet_diameter_mm"] / 2 + rim), heap["outlet_height_mm"])
+        panel.add_patch(Circle(centre, rim, color=style.BLACK, zorder=3))
+    half_plate = min(heap["plate_diameter_mm"] / 2, half_view)
+    panel.fill_between([-half_plate, half_plate], -7, 0, color="#C9CED3", lw=0, zorder=2)
+    _levels(panel, heap, factory, half_view)
+    _dimensions(panel, heap, top, half_inlet, half_view)
+    panel.set(xlim=(-half_view - 5, half_view + 62), ylim=(-34, factory + 42), aspect="equal")
+    panel.set(xlabel="x (mm)", ylabel="z (mm)")
+    panel.set_xticks(np.arange(-150, 151, 50))
+    return figure
+
+
+def _levels(panel, heap, factory, half_view):
+    """The three red lines: factory, outlet and plate."""
+    levels = ((factory, "particle factory"), (heap["outlet_height_mm"], "funnel outlet"), (0.0, "PVC plate"))
+    for z, name in levels:
+        panel.plot([-half_view, half_view], [z, z], color=style.RED, lw=0.9, zorder=4)
+        panel.text(half_view + 3, z, name, color=style.RED, va="center", fontsize=6.8)
+    half_factory = heap["factory_diameter_mm"] / 2
+    panel.plot([-half_factory, half_factory], [factory, factory], color=style.RED, lw=2.6, zorder=4)
+
+
+def _dimensions(panel, heap, top, half_inlet, half_view):
+    """Measured arrows with their numbers."""
+    style_of = {
+        "arrowstyle": "<->",
+        "color": style.BLUE,
+        "lw": 0.8,
+        "shrinkA": 0,
+        "shrinkB": 0,
+        "mutation_scale": 7,
+    }
+
+    def arrow(start, end, text, place, **options):
+        panel.annotate("", start, xytext=end, arrowprops=style_of, zorder=5)
+        box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
+        panel.text(*place, text, color=style.BLUE, fontsize=6.5, zorder=5, bbox=box, **options)
+
+    outlet, z_outlet = heap["outlet_diameter_mm"] / 2, heap["outlet_height_mm"]
+    over = top + heap["factory_height_mm"] + 14
+    arrow(
+        (-half_inlet, over),
+        (half_inlet, over),
+        f"inlet {2 * half_inlet:g}",
+        (0, over + 4),
+        ha="center",
+        va="bottom",
+    )
+    below = z_outlet - 11
+    arrow((-outlet, below), (outlet, below), f"{2 * outlet:g}", (outlet + 4, below), ha="left", va="center")
+    side = -half_inlet - 32
+    arrow((side, 0), (side, z_outlet), f"{z_outlet:g}", (side - 4, z_outlet / 2), ha="right", va="center")
+    arrow(
+        (side, z_outlet),
+        (side, top),
+        f"{top - z_outlet:.0f}",
+        (side - 4, (top + z_outlet) / 2),
+        ha="right",
+        va="center",
+    )
+    middle = (z_outlet + top) / 2
+    across = (outlet + half_inlet) / 2 + 9
+    panel.text(
+        across, middle - 8, f"{heap['cone_angle_deg']:g}° from horizontal", color=style.BLUE, fontsize=6.5
+    )
+    panel.text(
+        0,
+        -11,
+        f"plate diameter {heap['plate_diameter_mm']:g}",
+        color=style.BLUE,
+        fontsize=6.5,
+        ha="center",
+        va="top",
+    )
+
+
+def _berries(panel, inputs):
+    """Side view of the berries in the middle of a pour, each with its true outline, the nearest drawn last."""
+    particle = shape.Particle.load(inputs["particle"])
+    with np.load(inputs["trajectory"]) as record:
+        frame = int(np.argmin(np.abs(record["time_s"] - SNAPSHOT_S)))
+        time_s = float(record["time_s"][frame])
+        centres, quaternions = record["position"][frame], record["quaternion"][frame]
+    here = np.isfinite(centres).all(axis=1)
+    centres, turn = centres[here].astype(float), rotation_matrices(quaternions[here].astype(float))
+    angle = np.linspace(0, 2 * np.pi, 48, endpoint=False)
+    sight = np.column_stack([np.cos(angle), np.zeros(48), np.sin(angle)])
+    # The outline seen along y is made of the touching points in the directions across y.
+    touching = particle.support_point(np.einsum("nji,mj->nmi", turn, sight))
+    outline = centres[:, None, :] + np.einsum("nij,nmj->nmi", turn, touching)
+    order = np.argsort(-centres[:, 1])
+    collection = PolyCollection(
+        1e3 * outline[order][..., [0, 2]],
+        facecolors=style.BERRY,
+        edgecolors="#6B150B",
+        linewidths=0.25,
+        zorder=2.5,
+    )
+    panel.add_collection(collection)
+    panel.set_title(f"simulated pour at {time_s:.3g} s, {here.sum()} berries", fontsize=7)
