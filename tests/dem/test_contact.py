@@ -7,13 +7,13 @@ from oracles import hertz_mindlin, support_point
 from repose.dem import state as st
 from repose.dem import tile as tl
 from repose.dem.contact import solve_gap
-from repose.dem.engine import gather_body
+from repose.dem.engine import gather_pair
 from repose.dem.jit import kernel
 
 
 @kernel
-def fill_lane(t, block, lane, row):
-    gather_body(t, block, lane, row)
+def fill_lane(t, lane, a, b):
+    gather_pair(t, lane, a, b)
 
 
 def pair_rows(rng, overlap_range):
@@ -67,6 +67,8 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension):
     rng = np.random.default_rng(9)
     t = np.zeros(tl.ROWS * tl.LANES)
     lanes = t.reshape(tl.ROWS, tl.LANES)
+    contacts = st.new_contacts(tl.LANES)[0]
+    kept = contacts.reshape(st.CONTACT_ROWS, tl.LANES)
     law = np.array([63236.0, 12797.6, 5.2e-4, 0.35, 0.55])
     dt = 2e-4
     cases = []
@@ -77,14 +79,13 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension):
         start = normal + 2e-3 * random_direction(rng)
         start /= np.linalg.norm(start)
         spring = 2e-5 * rng.normal(size=3)
-        lanes[0:3, lane], lanes[3:6, lane] = start, spring
-        fill_lane(t, tl.A, lane, rows[0])
-        fill_lane(t, tl.B, lane, rows[1])
+        kept[0:3, lane], kept[3:6, lane] = start, spring
+        fill_lane(t, lane, rows[0], rows[1])
         cases.append((rows, slow, normal, spring))
-    tl.body_a(t, axes**2)
-    tl.body_b(t, axes**2)
-    tl.pair_geometry(t)
-    tl.forces(t, law, dt, tension)
+    tl.body_a(t, contacts, axes**2)
+    tl.body_b(t, contacts, axes**2)
+    tl.pair_geometry(t, contacts)
+    tl.forces(t, contacts, law, dt, tension)
 
     def row(start, lane, count=3):
         first = start // tl.LANES
@@ -92,7 +93,7 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension):
 
     for lane, (rows, slow, normal, spring) in enumerate(cases):
         assert lanes[tl.GAP // tl.LANES, lane] == pytest.approx(slow, abs=5e-8)
-        assert np.linalg.norm(row(tl.N, lane) - normal) < 3e-4
+        assert np.linalg.norm(kept[0:3, lane] - normal) < 3e-4
         arm_a, arm_b = row(tl.RA, lane), row(tl.RB, lane)
         point_a = support_point(axes, rows[0, 3:7], normal)
         point_b = support_point(axes, rows[1, 3:7], -normal) + rows[1, 0:3] - rows[0, 0:3]
@@ -102,15 +103,15 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension):
         velocity = velocity - rows[1, 7:10] - np.cross(rows[1, 10:13], arm_b)
         if slow > 0.0:
             assert np.all(row(tl.F, lane) == 0.0)
-            assert np.all(row(tl.S, lane) == 0.0)
+            assert np.all(kept[3:6, lane] == 0.0)
             continue
         # the slow law on the tile's own geometry: what is tested here is the force
         force, new_spring = hertz_mindlin(
             law, -lanes[tl.GAP // tl.LANES, lane], lanes[tl.RADIUS // tl.LANES, lane],
-            row(tl.N, lane), velocity, spring, dt, tension,
+            kept[0:3, lane], velocity, spring, dt, tension,
         )  # fmt: skip
         assert np.allclose(row(tl.F, lane), force, rtol=1e-9, atol=1e-12)
-        assert np.allclose(row(tl.S, lane), new_spring, rtol=1e-9, atol=1e-15)
+        assert np.allclose(kept[3:6, lane], new_spring, rtol=1e-9, atol=1e-15)
         assert np.allclose(row(tl.TA, lane), np.cross(arm_a, force), rtol=1e-9, atol=1e-14)
         assert np.allclose(row(tl.TB, lane), np.cross(arm_b, -force), rtol=1e-9, atol=1e-14)
 
@@ -119,13 +120,12 @@ def test_effective_radius_of_spheres_is_that_of_hertz():
     radius = 0.005
     t = np.zeros(tl.ROWS * tl.LANES)
     lanes = t.reshape(tl.ROWS, tl.LANES)
-    lanes[:] = 0.0
-    lanes[2] = 1.0
-    lanes[tl.A // tl.LANES + 3] = lanes[tl.B // tl.LANES + 3] = 1.0
-    lanes[tl.B // tl.LANES + 2] = 1.99 * radius
+    contacts = st.new_contacts(tl.LANES)[0]
+    lanes[tl.A // tl.LANES] = lanes[tl.B // tl.LANES] = 1.0
+    lanes[tl.D // tl.LANES + 2] = 1.99 * radius
     squares = np.full((1, 3), radius**2)
-    tl.body_a(t, squares)
-    tl.body_b(t, squares)
-    tl.pair_geometry(t)
+    tl.body_a(t, contacts, squares)
+    tl.body_b(t, contacts, squares)
+    tl.pair_geometry(t, contacts)
     assert np.allclose(lanes[tl.RADIUS // tl.LANES], radius / 2.0, rtol=1e-12)
     assert np.allclose(lanes[tl.GAP // tl.LANES], -0.01 * radius, rtol=1e-9)

@@ -52,11 +52,11 @@ def test_the_funnel_has_the_dimensions_asked_for():
 
 
 def settle_contacts(s, place, q):
-    """Put a berry at a place and let the engine find its contacts, without moving it."""
+    """Put a berry at a place and let the engine find its contacts; (wall, normal, azimuth) of each."""
     s.add(place, q)
     s.run_steps(1)
-    n = s.counts[st.N_CURVED]
-    return [(int(s.curved.wall[k]), s.curved.data[k].copy()) for k in range(n)]
+    _, walls, normals, azimuths = s.curved_contacts()
+    return list(zip(walls, normals, azimuths, strict=True))
 
 
 def test_cone_contacts_are_found_where_a_dense_search_finds_them():
@@ -77,7 +77,7 @@ def test_cone_contacts_are_found_where_a_dense_search_finds_them():
         touched += slow < 0.0
         assert (len(contacts) > 0) == (slow < 0.0)
         if contacts:
-            normal = contacts[0][1][:3]
+            normal = contacts[0][1]
             assert normal[2] == pytest.approx(cone[1])
     assert touched > 20
 
@@ -99,8 +99,7 @@ def test_ring_contacts_are_found_where_a_dense_search_finds_them():
             assert not contacts
             checked += 1
         elif contacts:
-            normal = contacts[0][1][:3]
-            theta = contacts[0][1][st.AZIMUTH]
+            _, normal, theta = contacts[0]
             outward = normal[0] * math.cos(theta) + normal[1] * math.sin(theta)
             assert outward * up[0] + normal[2] * up[1] >= 0.0
             checked += 1
@@ -113,7 +112,7 @@ def test_hits_of_cone_and_edge_create_no_energy(funnel):
     rng = np.random.default_rng(13)
     hits = 0
     worst = 0.0
-    for _ in range(1500):
+    for _ in range(700):
         e = rng.uniform(0.2, 0.5)
         s = funnel_simulation(Contact(e, rng.uniform(0.4, 0.8), 0.0), funnel, dt=5e-5)
         bottom = funnel.outlet_height_m
@@ -127,7 +126,7 @@ def test_hits_of_cone_and_edge_create_no_energy(funnel):
             # a contact that is still loaded holds energy, so only a rise above the start tells
             worst = max(worst, s.kinetic_energies()[0] / energy)
         hits += s.kinetic_energies()[0] < 0.98 * energy
-    assert hits > 300
+    assert hits > 150
     assert worst < 1.0 + 1e-5
 
 

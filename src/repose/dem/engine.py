@@ -3,11 +3,13 @@
 from . import state as st
 from . import tile as tl
 from .jit import inlined, kernel
+from .lists import move_contact
 from .neighbours import add_dormant, update_pairs
 from .rigid import integrate
 from .walls import (
     SAME_AZIMUTH,
     angle_between,
+    azimuth,
     climb_cone,
     cone_contact,
     drop_wall_contact,
@@ -20,24 +22,28 @@ L = tl.LANES
 
 
 @inlined
-def gather_body(t, block, lane, row):
-    """Copy position, quaternion, velocity and angular velocity of a body into a lane."""
-    for c in range(13):
-        t[block + c * L + lane] = row[c]
+def gather_pair(t, lane, a, b):
+    """Copy what the geometry and the force law need of two bodies into a lane."""
+    for c in range(3):
+        t[tl.D + c * L + lane] = b[c] - a[c]
+        t[tl.DV + c * L + lane] = a[7 + c] - b[7 + c]
+    for c in range(4):
+        t[tl.A + c * L + lane] = a[3 + c]
+        t[tl.B + c * L + lane] = b[3 + c]
+    for c in range(3):
+        t[tl.A + (4 + c) * L + lane] = a[10 + c]
+        t[tl.B + (4 + c) * L + lane] = b[10 + c]
 
 
 @inlined
-def gather_contact(t, lane, data):
-    """Copy normal and spring of a contact into a lane."""
-    for c in range(6):
-        t[tl.N + c * L + lane] = data[c]
-
-
-@inlined
-def keep_contact(t, lane, data):
-    """Copy normal and spring of a lane back to its contact."""
-    for c in range(6):
-        data[c] = t[tl.N + c * L + lane]
+def gather_single(t, lane, a):
+    """Copy what is needed of a body at a wall at rest into a lane."""
+    for c in range(3):
+        t[tl.D + c * L + lane] = a[c]
+        t[tl.DV + c * L + lane] = a[7 + c]
+        t[tl.A + (4 + c) * L + lane] = a[10 + c]
+    for c in range(4):
+        t[tl.A + c * L + lane] = a[3 + c]
 
 
 @inlined
@@ -67,18 +73,16 @@ def pair_forces(bodies, pairs, counts, physics, t):
     ended = 0
     for base in range(0, n, L):
         lanes = min(L, n - base)
+        contacts = pairs.data[base // L]
         for lane in range(L):
             k = base + min(lane, lanes - 1)
-            gather_contact(t, lane, pairs.data[k])
-            gather_body(t, tl.A, lane, rows[pairs.first[k]])
-            gather_body(t, tl.B, lane, rows[pairs.second[k]])
-        tl.body_a(t, physics.squares)
-        tl.body_b(t, physics.squares)
-        tl.pair_geometry(t)
-        tl.forces(t, physics.law_pair, physics.dt, physics.tension)
+            gather_pair(t, lane, rows[pairs.first[k]], rows[pairs.second[k]])
+        tl.body_a(t, contacts, physics.squares)
+        tl.body_b(t, contacts, physics.squares)
+        tl.pair_geometry(t, contacts)
+        tl.forces(t, contacts, physics.law_pair, physics.dt, physics.tension)
         for lane in range(lanes):
             k = base + lane
-            keep_contact(t, lane, pairs.data[k])
             i = pairs.first[k]
             j = pairs.second[k]
             gap = t[tl.GAP + lane]
@@ -88,8 +92,10 @@ def pair_forces(bodies, pairs, counts, physics, t):
                 ended += 1
                 if not absent:
                     limit = bodies.odometer[i] + bodies.odometer[j] + gap
-                    data = pairs.data[k]
-                    add_dormant(pairs, counts, i, j, limit, data[0], data[1], data[2])
+                    nx = contacts[tl.N + lane]
+                    ny = contacts[tl.N + L + lane]
+                    nz = contacts[tl.N + 2 * L + lane]
+                    add_dormant(pairs, counts, i, j, limit, nx, ny, nz)
             else:
                 load_first(t, lane, bodies.load[i], rolling)
                 load_second(t, lane, bodies.load[j], rolling)
@@ -99,23 +105,24 @@ def pair_forces(bodies, pairs, counts, physics, t):
         counts[st.N_PAIRS] = last
         pairs.first[k] = pairs.first[last]
         pairs.second[k] = pairs.second[last]
-        for c in range(st.CONTACT_COLUMNS):
-            pairs.data[k, c] = pairs.data[last, c]
+        move_contact(pairs.data, last, k)
 
 
 @inlined
 def still_wall(t):
-    """Zero the rows of body B's velocities: the wall does not move."""
-    for k in range(tl.B + 7 * L, tl.B + 13 * L):
-        t[k] = 0.0
+    """Zero the rows of body B that the force law reads: the wall does not turn."""
+    for k in range(L):
+        for c in range(3):
+            t[tl.B + (4 + c) * L + k] = 0.0
+            t[tl.RB + c * L + k] = 0.0
 
 
 @inlined
 def off_disc(plane, t, lane):
     """Whether a lane's contact point lies beyond the edge of its plane."""
-    x = t[tl.A + lane] + t[tl.RA + lane] - plane[0]
-    y = t[tl.A + L + lane] + t[tl.RA + L + lane] - plane[1]
-    z = t[tl.A + 2 * L + lane] + t[tl.RA + 2 * L + lane] - plane[2]
+    x = t[tl.D + lane] + t[tl.RA + lane] - plane[0]
+    y = t[tl.D + L + lane] + t[tl.RA + L + lane] - plane[1]
+    z = t[tl.D + 2 * L + lane] + t[tl.RA + 2 * L + lane] - plane[2]
     across = x * plane[3] + y * plane[4] + z * plane[5]
     return x * x + y * y + z * z - across * across > plane[6] * plane[6]
 
@@ -129,17 +136,15 @@ def plane_forces(bodies, flat, walls, counts, physics, t):
     still_wall(t)
     for base in range(0, n, L):
         lanes = min(L, n - base)
+        contacts = flat.data[base // L]
         for lane in range(L):
             k = base + min(lane, lanes - 1)
-            gather_contact(t, lane, flat.data[k])
-            t[tl.OFFSET + lane] = flat.data[k, st.OFFSET]
-            gather_body(t, tl.A, lane, bodies.rows[flat.body[k]])
-        tl.body_a(t, physics.squares)
-        tl.plane_geometry(t)
-        tl.forces(t, physics.law_wall, physics.dt, physics.tension)
+            gather_single(t, lane, bodies.rows[flat.body[k]])
+        tl.body_a(t, contacts, physics.squares)
+        tl.plane_geometry(t, contacts)
+        tl.forces(t, contacts, physics.law_wall, physics.dt, physics.tension)
         for lane in range(lanes):
             k = base + lane
-            keep_contact(t, lane, flat.data[k])
             i = flat.body[k]
             gap = t[tl.GAP + lane]
             if (
@@ -157,21 +162,21 @@ def plane_forces(bodies, flat, walls, counts, physics, t):
 
 
 @inlined
-def follow_wall(squares, row, walls, wall, data, out):
+def follow_wall(squares, row, walls, wall, contacts, lane, out):
     """Track a contact with a cone or ring through one step; returns whether it lies on the wall."""
     n_cones = walls.cones.shape[0]
-    theta = data[st.AZIMUTH]
+    theta = contacts[st.AZIMUTH + lane]
     if wall < n_cones:
         cone = walls.cones[wall]
         for _ in range(2):
             theta = climb_cone(squares, row, cone, theta)
-        data[st.AZIMUTH] = theta
+        contacts[st.AZIMUTH + lane] = theta
         return cone_contact(squares, row, cone, theta, out)
     ring = walls.rings[wall - n_cones]
-    nx, ny, nz = data[0], data[1], data[2]
+    nx, ny, nz = contacts[tl.N + lane], contacts[tl.N + L + lane], contacts[tl.N + 2 * L + lane]
     for _ in range(2):
         theta, nx, ny, nz, _f, _step = ring_newton(squares, row, ring, theta, nx, ny, nz)
-    data[st.AZIMUTH] = theta
+    contacts[st.AZIMUTH + lane] = theta
     return ring_contact(squares, row, ring, theta, nx, ny, nz, out)
 
 
@@ -179,12 +184,10 @@ def follow_wall(squares, row, walls, wall, data, out):
 def is_double(contacts, k):
     """Whether an earlier contact of the same body and wall has come to the same place."""
     for m in range(k):
-        if (
-            contacts.body[m] == contacts.body[k]
-            and contacts.wall[m] == contacts.wall[k]
-            and angle_between(contacts.data[m, st.AZIMUTH], contacts.data[k, st.AZIMUTH]) < 0.5 * SAME_AZIMUTH
-        ):
-            return True
+        if contacts.body[m] == contacts.body[k] and contacts.wall[m] == contacts.wall[k]:
+            apart = angle_between(azimuth(contacts.data, m), azimuth(contacts.data, k))
+            if apart < 0.5 * SAME_AZIMUTH:
+                return True
     return False
 
 
@@ -196,29 +199,26 @@ def curved_forces(bodies, curved, walls, counts, physics, t, out):
     still_wall(t)
     for base in range(0, n, L):
         lanes = min(L, n - base)
+        contacts = curved.data[base // L]
         for lane in range(lanes):
             k = base + lane
-            data = curved.data[k]
             row = bodies.rows[curved.body[k]]
-            on_wall = follow_wall(physics.squares, row, walls, curved.wall[k], data, out)
+            on_wall = follow_wall(physics.squares, row, walls, curved.wall[k], contacts, lane, out)
             for c in range(3):
-                data[c] = out[c]
+                contacts[tl.N + c * L + lane] = out[c]
                 t[tl.RA + c * L + lane] = out[5 + c]
-                t[tl.RB + c * L + lane] = 0.0
-            gather_contact(t, lane, data)
-            gather_body(t, tl.A, lane, row)
+            gather_single(t, lane, row)
             t[tl.GAP + lane] = out[3]
             t[tl.RADIUS + lane] = out[4]
             if out[3] > 0.0 or not on_wall or is_double(curved, k):
                 curved.ended[ended] = k
                 ended += 1
                 t[tl.GAP + lane] = 1.0
-        tl.forces(t, physics.law_wall, physics.dt, physics.tension)
+        tl.forces(t, contacts, physics.law_wall, physics.dt, physics.tension)
         for lane in range(lanes):
             k = base + lane
             i = curved.body[k]
             if t[tl.GAP + lane] < 0.0 and bodies.presence[i] == st.PRESENT:
-                keep_contact(t, lane, curved.data[k])
                 load_first(t, lane, bodies.load[i], physics.mur_wall)
             else:
                 curved.limit[curved.wall[k], i] = bodies.odometer[i]

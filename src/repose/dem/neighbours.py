@@ -12,6 +12,7 @@ import math
 from . import state as st
 from .contact import solve_gap
 from .jit import inlined, kernel
+from .lists import put_contact
 
 # A proven gap above this share of the skin is good enough; below it the true gap is found.
 EARLY = 0.25
@@ -110,10 +111,7 @@ def add_contact(pairs, counts, i, j, normal):
     counts[st.N_PAIRS] = k + 1
     pairs.first[k] = i
     pairs.second[k] = j
-    for c in range(3):
-        pairs.data[k, c] = normal[c]
-    for c in range(3, st.CONTACT_COLUMNS):
-        pairs.data[k, c] = 0.0
+    put_contact(pairs.data, k, normal[0], normal[1], normal[2], 0.0)
 
 
 @kernel

@@ -182,7 +182,7 @@ class Simulation:
         contacts = len(old.first) * (2 if n_pairs * 4 > len(old.first) * 3 else 1)
         dormant = len(old.dormant_limit) * (2 if n_dormant * 4 > len(old.dormant_limit) * 3 else 1)
         self.pairs = st.new_pairs(contacts, dormant)
-        for name in ("first", "second", "data"):
+        for name in ("first", "second"):
             getattr(self.pairs, name)[:n_pairs] = getattr(old, name)[:n_pairs]
         for name in ("dormant_first", "dormant_second", "dormant_limit", "dormant_normal"):
             getattr(self.pairs, name)[:n_dormant] = getattr(old, name)[:n_dormant]
@@ -202,6 +202,12 @@ class Simulation:
         pairs = np.column_stack([self.pairs.first[:n], self.pairs.second[:n]])
         return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
+    def curved_contacts(self):
+        """Contacts with cones, tubes and rings: body (M,), wall (M,; cones first), normal (M, 3), azimuth (M,) [rad]."""
+        n = self.counts[st.N_CURVED]
+        rows = st.contact_rows(self.curved.data, n)
+        return self.curved.body[:n].copy(), self.curved.wall[:n].copy(), rows[:, :3].copy(), rows[:, 6].copy()
+
 
 def _grown(contacts, used):
     """Twice the room for wall contacts when three quarters are used."""
@@ -209,8 +215,9 @@ def _grown(contacts, used):
         return contacts
     bigger = st.new_wall_contacts(2 * len(contacts.body), *contacts.limit.shape)
     bigger.limit[:] = contacts.limit
-    for name in ("body", "wall", "data"):
+    for name in ("body", "wall"):
         getattr(bigger, name)[:used] = getattr(contacts, name)[:used]
+    bigger.data[: len(contacts.data)] = contacts.data
     return bigger
 
 

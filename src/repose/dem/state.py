@@ -10,9 +10,11 @@ BODY_COLUMNS = 16
 # Columns of `load` (N, 8): force, torque, budget of the rolling torque.
 ROLL = 6
 LOAD_COLUMNS = 8
-# Columns of a contact: normal, tangential spring, and for a wall its azimuth (curved) or offset (plane).
-CONTACT_COLUMNS = 8
-AZIMUTH = OFFSET = 6
+# Contacts lie in tiles of LANES, a row a quantity: normal, tangential spring, and for a wall its azimuth (curved) or
+# offset (plane). Contact k is lane k % LANES of tile k // LANES.
+LANES = 32
+CONTACT_ROWS = 7
+NORMAL, SPRING, AZIMUTH, OFFSET = 0, 3 * LANES, 6 * LANES, 6 * LANES
 
 # Slots of `counts`.
 N_BODIES, N_PAIRS, N_DORMANT, N_PLANE, N_CURVED, N_MOVED, STEPS, FULL, STAMP = range(9)
@@ -72,12 +74,24 @@ def new_grid(n, lower, upper, cell):
     )
 
 
+def new_contacts(n):
+    """Tiles for n contacts; unused lanes hold a harmless normal."""
+    data = np.zeros((-(-n // LANES), CONTACT_ROWS * LANES))
+    data[:, 2 * LANES : 3 * LANES] = 1.0
+    return data
+
+
+def contact_rows(data, n):
+    """The first n contacts of tiles as an array (n, CONTACT_ROWS)."""
+    return data.reshape(-1, CONTACT_ROWS, LANES).transpose(0, 2, 1).reshape(-1, CONTACT_ROWS)[:n]
+
+
 def new_pairs(n_contacts, n_dormant):
     """Room for touching pairs and for pairs that lie dormant."""
     return Pairs(
         first=np.zeros(n_contacts, np.int64),
         second=np.zeros(n_contacts, np.int64),
-        data=np.zeros((n_contacts, CONTACT_COLUMNS)),
+        data=new_contacts(n_contacts),
         dormant_first=np.zeros(n_dormant, np.int64),
         dormant_second=np.zeros(n_dormant, np.int64),
         dormant_limit=np.zeros(n_dormant),
@@ -91,7 +105,7 @@ def new_wall_contacts(n_contacts, n_walls, n_bodies):
     return WallContacts(
         body=np.zeros(n_contacts, np.int64),
         wall=np.zeros(n_contacts, np.int64),
-        data=np.zeros((n_contacts, CONTACT_COLUMNS)),
+        data=new_contacts(n_contacts),
         limit=np.full((n_walls, n_bodies), -1.0),
         ended=np.zeros(n_contacts, np.int64),
     )

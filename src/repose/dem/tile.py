@@ -1,46 +1,45 @@
 """The hot loops: geometry and force law of 32 contacts at a time.
 
 A tile is one array of ROWS x LANES doubles; a row is one quantity, a lane one contact. Every loop runs over the lanes
-with a constant count and touches nothing but the tile, so the compiler turns it into vector code; and because all
-rows lie in one array at constant distances it needs no check whether arrays overlap. Unused lanes hold copies of a
-real contact and are thrown away.
+with a constant count and touches nothing but the tile and the tile of what persists (normal and spring, `c` below), so
+the compiler turns it into vector code: rows lie at constant distances in two arrays, and whether those overlap is one
+check a loop. Unused lanes hold copies of a real contact and are thrown away.
 """
 
 import math
 
 from .geometry import tangents, to_body
 from .jit import inlined, kernel
+from .state import LANES, NORMAL, OFFSET, SPRING
 
-LANES = 32
+# rows of what persists (see `state`)
+N = NORMAL
+S = SPRING
 
-# rows: what persists (normal from A to B, tangential spring)
-N = 0
-S = 3 * LANES
-# rows: the two bodies (position, quaternion, velocity, angular velocity)
+# rows: position of B from A (for a wall, the position of A), velocity of A less that of B
+D = 0
+DV = 3 * LANES
+# rows: the two bodies (quaternion, angular velocity)
 A = 6 * LANES
-B = 19 * LANES
+B = 13 * LANES
 # rows: normal and tangents in each body's frame
-FA = 32 * LANES
-FB = 41 * LANES
+FA = 20 * LANES
+FB = 29 * LANES
 # rows: support sums h, x.u, x.w, Q_uu, Q_uw, Q_ww
-HA = 50 * LANES
-HB = 56 * LANES
+HA = 38 * LANES
+HB = 44 * LANES
 # rows: gap, effective radius, contact point relative to each centre
-GAP = 62 * LANES
-RADIUS = 63 * LANES
-RA = 64 * LANES
-RB = 67 * LANES
+GAP = 50 * LANES
+RADIUS = 51 * LANES
+RA = 52 * LANES
+RB = 55 * LANES
 # rows: force on A, torques, normal force times arm (what rolling friction scales with)
-F = 70 * LANES
-TA = 73 * LANES
-TB = 76 * LANES
-ROLL_A = 79 * LANES
-ROLL_B = 80 * LANES
-# row: length of the Newton step, squared
-STEP = 81 * LANES
-# row: offset of a plane
-OFFSET = 82 * LANES
-ROWS = 83
+F = 58 * LANES
+TA = 61 * LANES
+TB = 64 * LANES
+ROLL_A = 67 * LANES
+ROLL_B = 68 * LANES
+ROWS = 69
 
 L = LANES  # short, for the index arithmetic below
 
@@ -49,15 +48,15 @@ LARGEST_TURN2 = 0.04
 
 
 @inlined
-def frames(t, body, frame):
+def frames(t, c, body, frame):
     """Normal and tangents of each lane in the frame of one of its bodies."""
     for k in range(L):
-        nx, ny, nz = t[N + k], t[N + L + k], t[N + 2 * L + k]
+        nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
         ux, uy, uz, _wx, _wy, _wz = tangents(nx, ny, nz)
-        qw = t[body + 3 * L + k]
-        qx = t[body + 4 * L + k]
-        qy = t[body + 5 * L + k]
-        qz = t[body + 6 * L + k]
+        qw = t[body + k]
+        qx = t[body + L + k]
+        qy = t[body + 2 * L + k]
+        qz = t[body + 3 * L + k]
         n1, n2, n3 = to_body(qw, qx, qy, qz, nx, ny, nz)
         u1, u2, u3 = to_body(qw, qx, qy, qz, ux, uy, uz)
         t[frame + k] = n1
@@ -105,32 +104,32 @@ def supports(t, squares, frame, sums):
 
 
 @kernel
-def body_a(t, squares):
+def body_a(t, c, squares):
     """Support sums of body A (the offsets must be constants for the loops to become vector code)."""
-    frames(t, A, FA)
+    frames(t, c, A, FA)
     supports(t, squares, FA, HA)
 
 
 @kernel
-def body_b(t, squares):
+def body_b(t, c, squares):
     """Support sums of body B."""
-    frames(t, B, FB)
+    frames(t, c, B, FB)
     supports(t, squares, FB, HB)
 
 
 @kernel
-def pair_geometry(t):
+def pair_geometry(t, c):
     """One Newton step on the gap of each lane's pair; gap, effective radius and contact point at the new normal.
 
     The values at the new normal come from the expansion at the old one (gap to third order in the step, points to
     second), so each contact costs one evaluation a time step.
     """
     for k in range(L):
-        nx, ny, nz = t[N + k], t[N + L + k], t[N + 2 * L + k]
+        nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
         ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-        dx = t[B + k] - t[A + k]
-        dy = t[B + L + k] - t[A + L + k]
-        dz = t[B + 2 * L + k] - t[A + 2 * L + k]
+        dx = t[D + k]
+        dy = t[D + L + k]
+        dz = t[D + 2 * L + k]
         ha = t[HA + k]
         a1 = t[HA + L + k]
         a2 = t[HA + 2 * L + k]
@@ -156,7 +155,6 @@ def pair_geometry(t):
         cut = math.sqrt(LARGEST_TURN2 / step2) if step2 > LARGEST_TURN2 else 1.0
         s1 *= cut
         s2 *= cut
-        t[STEP + k] = step2
         x1 = a1 + a11 * s1 + a12 * s2
         x2 = a2 + a12 * s1 + a22 * s2
         f += 0.5 * (g1 * s1 + g2 * s2)
@@ -167,9 +165,9 @@ def pair_geometry(t):
         mx *= inv
         my *= inv
         mz *= inv
-        t[N + k] = mx
-        t[N + L + k] = my
-        t[N + 2 * L + k] = mz
+        c[N + k] = mx
+        c[N + L + k] = my
+        c[N + 2 * L + k] = mz
         t[GAP + k] = f
         # the contact lies midway between the two support points
         rx = ha * nx + x1 * ux + x2 * wx + 0.5 * f * mx
@@ -190,14 +188,14 @@ def pair_geometry(t):
 
 
 @kernel
-def plane_geometry(t):
+def plane_geometry(t, c):
     """Gap, effective radius and contact point of each lane's body against a plane.
 
-    Row N holds the plane's normal, pointing from the body into the wall; row OFFSET its distance from the origin
-    along it.
+    Row N holds the plane's normal, pointing from the body into the wall; row OFFSET its distance from the origin along
+    it; row D the body's position.
     """
     for k in range(L):
-        nx, ny, nz = t[N + k], t[N + L + k], t[N + 2 * L + k]
+        nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
         ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
         h = t[HA + k]
         x1 = t[HA + L + k]
@@ -205,7 +203,7 @@ def plane_geometry(t):
         a11 = t[HA + 3 * L + k]
         a12 = t[HA + 4 * L + k]
         a22 = t[HA + 5 * L + k]
-        f = t[OFFSET + k] - nx * t[A + k] - ny * t[A + L + k] - nz * t[A + 2 * L + k] - h
+        f = c[OFFSET + k] - nx * t[D + k] - ny * t[D + L + k] - nz * t[D + 2 * L + k] - h
         t[GAP + k] = f
         t[RADIUS + k] = math.sqrt(a11 * a22 - a12 * a12)
         reach = h + 0.5 * f
@@ -219,7 +217,7 @@ def plane_geometry(t):
 
 
 @kernel
-def forces(t, law, dt, tension):
+def forces(t, c, law, dt, tension):
     """Hertz-Mindlin (no slip) with viscous damping and Coulomb's limit, for each lane.
 
     law: E* [Pa], G* [Pa], m* [kg], damping ratio beta (negative of ln e / sqrt(ln2 e + pi2)), static friction;
@@ -235,14 +233,14 @@ def forces(t, law, dt, tension):
     friction = law[4]
     floor = -1e300 if tension > 0.5 else 0.0
     for k in range(L):
-        nx, ny, nz = t[N + k], t[N + L + k], t[N + 2 * L + k]
+        nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
         rx, ry, rz = t[RA + k], t[RA + L + k], t[RA + 2 * L + k]
         sx, sy, sz = t[RB + k], t[RB + L + k], t[RB + 2 * L + k]
-        ox, oy, oz = t[A + 10 * L + k], t[A + 11 * L + k], t[A + 12 * L + k]
-        px, py, pz = t[B + 10 * L + k], t[B + 11 * L + k], t[B + 12 * L + k]
-        vx = t[A + 7 * L + k] - t[B + 7 * L + k] + oy * rz - oz * ry - (py * sz - pz * sy)
-        vy = t[A + 8 * L + k] - t[B + 8 * L + k] + oz * rx - ox * rz - (pz * sx - px * sz)
-        vz = t[A + 9 * L + k] - t[B + 9 * L + k] + ox * ry - oy * rx - (px * sy - py * sx)
+        ox, oy, oz = t[A + 4 * L + k], t[A + 5 * L + k], t[A + 6 * L + k]
+        px, py, pz = t[B + 4 * L + k], t[B + 5 * L + k], t[B + 6 * L + k]
+        vx = t[DV + k] + oy * rz - oz * ry - (py * sz - pz * sy)
+        vy = t[DV + L + k] + oz * rx - ox * rz - (pz * sx - px * sz)
+        vz = t[DV + 2 * L + k] + ox * ry - oy * rx - (px * sy - py * sx)
         vn = vx * nx + vy * ny + vz * nz
         vx -= vn * nx
         vy -= vn * ny
@@ -255,7 +253,7 @@ def forces(t, law, dt, tension):
         fn = (4.0 / 3.0) * young * root * overlap + damp_n * root4 * vn
         fn = fn if fn > floor else floor
         # the spring lives in the tangent plane of today's normal
-        ex, ey, ez = t[S + k], t[S + L + k], t[S + 2 * L + k]
+        ex, ey, ez = c[S + k], c[S + L + k], c[S + 2 * L + k]
         en = ex * nx + ey * ny + ez * nz
         ex = touching * (ex - en * nx + vx * dt)
         ey = touching * (ey - en * ny + vy * dt)
@@ -267,9 +265,9 @@ def forces(t, law, dt, tension):
         ex *= cut
         ey *= cut
         ez *= cut
-        t[S + k] = ex
-        t[S + L + k] = ey
-        t[S + 2 * L + k] = ez
+        c[S + k] = ex
+        c[S + L + k] = ey
+        c[S + 2 * L + k] = ez
         dashpot = damp_t * root4
         fx = stiffness * ex + dashpot * vx
         fy = stiffness * ey + dashpot * vy

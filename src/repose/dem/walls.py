@@ -17,6 +17,7 @@ from . import state as st
 from .contact import LONGEST_STEP
 from .geometry import tangents, to_body, world_support
 from .jit import inlined, kernel
+from .lists import move_contact, put_contact
 
 STARTS = 24
 COSINES = np.cos(2.0 * np.pi * np.arange(STARTS) / STARTS)
@@ -248,13 +249,19 @@ def angle_between(a, b):
 
 
 @inlined
+def azimuth(data, k):
+    """Azimuth of contact k."""
+    return data[k // st.LANES, st.AZIMUTH + k % st.LANES]
+
+
+@inlined
 def known(contacts, last, body, wall, theta):
     """Whether a body touches a wall near this azimuth already."""
     for k in range(last):
         if (
             contacts.body[k] == body
             and contacts.wall[k] == wall
-            and angle_between(contacts.data[k, st.AZIMUTH], theta) < SAME_AZIMUTH
+            and angle_between(azimuth(contacts.data, k), theta) < SAME_AZIMUTH
         ):
             return True
     return False
@@ -270,10 +277,7 @@ def add_wall_contact(contacts, counts, slot, body, wall, out, place):
     counts[slot] = k + 1
     contacts.body[k] = body
     contacts.wall[k] = wall
-    for c in range(3):
-        contacts.data[k, c] = out[c]
-        contacts.data[k, 3 + c] = 0.0
-    contacts.data[k, st.AZIMUTH] = place
+    put_contact(contacts.data, k, out[0], out[1], out[2], place)
 
 
 @inlined
@@ -283,8 +287,7 @@ def drop_wall_contact(contacts, counts, slot, k):
     counts[slot] = last
     contacts.body[k] = contacts.body[last]
     contacts.wall[k] = contacts.wall[last]
-    for c in range(st.CONTACT_COLUMNS):
-        contacts.data[k, c] = contacts.data[last, c]
+    move_contact(contacts.data, last, k)
 
 
 @inlined

@@ -1,0 +1,26 @@
+"""Contacts in tiles: write one, move one."""
+
+from . import state as st
+from .jit import inlined
+
+L = st.LANES
+
+
+@inlined
+def put_contact(data, k, nx, ny, nz, place):
+    """Write contact k with a relaxed spring; place: azimuth or offset, unused for pairs."""
+    tile = data[k // L]
+    lane = k % L
+    tile[st.NORMAL + lane] = nx
+    tile[st.NORMAL + L + lane] = ny
+    tile[st.NORMAL + 2 * L + lane] = nz
+    for c in range(3):
+        tile[st.SPRING + c * L + lane] = 0.0
+    tile[st.AZIMUTH + lane] = place
+
+
+@inlined
+def move_contact(data, source, target):
+    """Copy a contact over another."""
+    for c in range(st.CONTACT_ROWS):
+        data[target // L, c * L + target % L] = data[source // L, c * L + source % L]
