@@ -145,8 +145,8 @@ def main():
         pd.DataFrame(sizes_mm, columns=list(SIZE_COLUMNS)).to_csv(file, index=False, float_format="%.2f")
     with (HERE / "compression.csv").open("w") as file:
         file.write(
-            "# reconstruction: these six tests were not measured. reconstruct_berries.py made them so that the\n"
-            "# mean elastic modulus and Poisson's ratio by Eq. 2 and 3 equal the published values.\n"
+            "# reconstruction: these six tests were not measured. reconstruct_berries.py made them so that\n"
+            "# the mean elastic modulus and Poisson's ratio by Eq. 2 and 3 equal the published values.\n"
             "# The load acts along the width, the minor diameter; 1 is before the load, 2 at the critical\n"
             "# deformation; breadth is the major diameter.\n"
         )

@@ -178,9 +178,6 @@ def run(
     out_dir = Path(out_dir)
     out_dir.mkdir(parents=True, exist_ok=True)
     summary.to_csv(out_dir / "summary.csv", index=False, float_format="%.4f")
-    rounded = {
-        key: float(f"{value:.10g}") if isinstance(value, float) else value for key, value in berry.items()
-    }
     (out_dir / "berry.json").write_text(json.dumps(berry, indent=2) + "\n")
     return summary, berry
 

@@ -8,18 +8,15 @@ stage around them.
 
 Where the publication is silent, this is what is done here:
   crossover     always; a child is r a + (1 - r) b with one r, uniform in [0, 1], for all its genes; each
-  child has
-                two parents of its own, each the winner of a tournament drawn with replacement inside the
+                child has two parents of its own, winners of tournaments drawn with replacement inside the
                 island
   mutation      each gene by itself, by 0.1 times a standard normal number, then cut to the box
-  best kept     the best of an island is copied unchanged into its next generation, in the place of one child
-  migration     the best of island i replaces the worst of island i + 1, all islands at once, before breeding;
-  it stays
-                at home as well
+  best kept     the best of an island is copied unchanged into its next generation, in place of one child
+  migration     the best of island i replaces the worst of island i + 1, all islands at once, before breeding,
+                and stays at home as well
   constraints   fitness is F (Eq. 11) inside the target box and F + 2 + 10 V outside, V being how far the
-  responses
-                lie outside in the units of F; F is at most 2 inside, so any feasible point beats any other
-                one, and with none the search goes to the nearest
+                responses lie outside in the units of F; F is at most 2 inside, so any feasible point beats
+                any other one, and with none the search goes to the nearest
 """
 
 import json
@@ -184,8 +181,8 @@ class Archive:
         kept = distinct(points, fitness, self.distance, self.capacity)
         self.points, self.fitness = points[kept], fitness[kept]
         self._waiting, self._n_waiting = [], 0
-        if len(kept) == self.capacity:
-            self._worst = self.fitness[-1]
+        # fewer than before are left where a new point came between old ones: then any point may fill the gap
+        self._worst = self.fitness[-1] if len(kept) == self.capacity else math.inf
 
 
 def distinct(points, fitness, distance, most):
@@ -209,8 +206,14 @@ def search(responses, objective, settings):
     configuration. The archive keeps five times `solutions`, since a point that is thinned away may lose its
     better neighbour later.
     """
-    keys = ("islands", "population", "generations", "tournament", "mutation_probability",
-    "mutation_amplitude")
+    keys = (
+        "islands",
+        "population",
+        "generations",
+        "tournament",
+        "mutation_probability",
+        "mutation_amplitude",
+    )
     miga = MIGA(len(PARAMETERS), **{key: settings[key] for key in keys}, seed=settings["seed"])
     archive = Archive(len(PARAMETERS), settings["distance"], 5 * settings["solutions"])
     history, feasible_met = [], 0
@@ -301,11 +304,12 @@ def message(responses, target, n_feasible, settings):
     box = f"{aor_low:g}-{aor_high:g} deg and {height_low:g}-{height_high:g} mm"
     best = f"predicted {aor:.2f} deg and {height:.2f} mm"
     wanted = f"the target {target['aor_deg']:g} deg and {target['height_mm']:g} mm"
-    off = f"{abs(aor - target['aor_deg']):.2f} deg and {abs(height - target['height_mm']):.2f} mm from
-    {wanted}" if n_feasible:
+    aor_off, height_off = abs(aor - target["aor_deg"]), abs(height - target["height_mm"])
+    off = f"{aor_off:.2f} deg and {height_off:.2f} mm from {wanted}"
+    if n_feasible:
         return (
-            f"{n_feasible} distinct feasible solutions inside {box}, at least {settings['distance']:g} apart
-            in " f"normalised parameters; the best is {best}, {off}."
+            f"{n_feasible} distinct feasible solutions inside {box}, at least {settings['distance']:g} apart "
+            f"in normalised parameters; the best is {best}, {off}."
         )
     beyond = _outside(np.array(responses), np.array([(aor_low, aor_high), (height_low, height_high)]))
     return (
@@ -362,7 +366,8 @@ def _intervals(pd, solutions, ranges, published):
     for name in PARAMETERS:
         low, high = float(solutions[name].min()), float(solutions[name].max())
         dispersion = 100 * (high - low) / (ranges[name][1] - ranges[name][0])
-        rows.append((name, low, high, dispersion, *published.loc[name, ["low", "high",
-        "dispersion_percent"]]))
+        rows.append(
+            (name, low, high, dispersion, *published.loc[name, ["low", "high", "dispersion_percent"]])
+        )
     columns = ["variable", "low", "high", "dispersion_percent"]
     return pd.DataFrame(rows, columns=columns + [f"published_{column}" for column in columns[1:]])

@@ -260,15 +260,15 @@ def jacobian(w, x, outputs):
 def log_evidence(alpha, beta, Ed, Ew, JJ, n):
     """log p(D | alpha, beta) by Laplace's approximation at the most probable weights (M92).
 
-    Likelihood (beta/pi)^(n/2) exp(-beta E_d), prior (alpha/pi)^(N/2) exp(-alpha E_w), H = 2 beta J'J + 2
-    alpha I:
+    Likelihood (beta/pi)^(n/2) exp(-beta E_d), prior (alpha/pi)^(N/2) exp(-alpha E_w),
+    H = 2 beta J'J + 2 alpha I:
     log p = n/2 log(beta/pi) + N/2 log(2 alpha) - 1/2 log det H - beta E_d - alpha E_w.
     -inf where that is no number, so such a start is never the best.
     """
-    N = len(JJ)
-    sign, log_det = np.linalg.slogdet(2 * beta * JJ + 2 * alpha * np.eye(N))
-    if not (alpha > 0 and beta > 0 and sign > 0):
+    if not (alpha > 0 and beta > 0):
         return -math.inf
+    N = len(JJ)
+    _, log_det = np.linalg.slogdet(2 * beta * JJ + 2 * alpha * np.eye(N))
     value = (
         n / 2 * math.log(beta / math.pi) + N / 2 * math.log(2 * alpha) - log_det / 2 - beta * Ed - alpha * Ew
     )
@@ -320,12 +320,11 @@ def _checked(X, y, sample_weight):
 
 
 def run(dataset_csv, runs_csv, settings, out_dir):
-    """Train on dataset_csv and write network.json, metrics.json, predictions.csv, starts.csv; return the
-    metrics.
+    """Train; write network.json, metrics.json, predictions.csv and starts.csv; return the metrics.
 
     dataset_csv, runs_csv: as `repose.dataset` writes them. settings: hidden, epochs, goal, starts, seed,
     split (three shares), and weights_from_errors (False unless given): weigh samples by their standard
-    errors. Raises InputError for a missing column or fewer than 12 usable samples.
+    errors, where there are any. Raises InputError for a missing column or fewer than 12 usable samples.
     """
     import pandas as pd  # not needed by whoever wants the network alone
 
@@ -343,12 +342,8 @@ def run(dataset_csv, runs_csv, settings, out_dir):
     rows = split(len(X), settings["split"], settings["seed"])
 
     weight = None
-    if settings.get("weights_from_errors", False):
-        if not np.isfinite(errors[rows["train"]]).all():
-            raise InputError(
-                dataset_csv, "aor_se_deg, height_se_mm", None, "a number in each sample, as weights need"
-            )
-        weight = weights_from_errors(errors[rows["train"]])
+    if settings.get("weights_from_errors", False) and np.isfinite(errors).any(axis=0).all():
+        weight = weights_from_errors(errors)[rows["train"]]
     network = BayesianBP(**{key: settings[key] for key in ("hidden", "epochs", "goal", "starts", "seed")})
     network.fit(X[rows["train"]], Y[rows["train"]], sample_weight=weight)
     P = network.predict(X)
@@ -410,9 +405,10 @@ def weights_from_errors(errors):
 
     A sample's variance about the network is its own se^2 plus what the network cannot follow, taken as large
     as the median se^2; the sum also keeps a standard error that is small by luck, out of few seeds, from
-    ruling.
+    ruling. A sample without one (a single seed) counts as the noisiest.
     """
-    variance = errors**2 + np.median(errors**2, axis=0)
+    known = np.where(np.isfinite(errors), errors, np.nanmax(errors, axis=0))
+    variance = known**2 + np.median(known**2, axis=0)
     return (1 / variance) / np.mean(1 / variance, axis=0)
 
 
@@ -438,8 +434,7 @@ def r2_noise_corrected(y, predicted, errors):
 
 
 def _three_ways(usable, runs, Y, P, errors, test):
-    """R2 of the test samples on their means, on their single runs, and corrected for the noise of the
-    means."""
+    """R2 of the test samples: on means, on single runs, and corrected for the noise of the means."""
     position = {sample: i for i, sample in zip(test, usable["sample"].iloc[test], strict=True)}
     single = runs[(runs["status"] == "ok") & runs["sample"].isin(list(position))]
     row = [position[sample] for sample in single["sample"]]

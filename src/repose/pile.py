@@ -1,20 +1,28 @@
 """Angle of repose and Height of a pile, from a photograph or from a simulation seen from the side.
 
-The steps are the paper's (section 2.3, Figure 6): grey, threshold, edge, boundary, a straight line through the left
-and one through the right flank; the angle of repose is the mean of the two arctangents, the Height that of the highest
-point over the base. A simulation is projected to a silhouette first and then goes the same way.
+The steps are the paper's (section 2.3, Figure 6): grey, threshold, edge, boundary, a straight line through
+the left and one through the right flank; the angle of repose is the mean of the two arctangents, the Height
+that of the highest point over the base. A simulation is projected to a silhouette first and then goes the
+same way.
 
-What the paper leaves open is which points of a lumpy boundary the line goes through. Three rules are here, all with
-the regression of height on distance; `FLANK_RULES` names them and a further one can be added there:
+What the paper leaves open is which points of a lumpy boundary the line goes through. There are three rules,
+each followed by the regression of height on distance; `FLANK_RULES` names them and can take another:
 
-levels (the default)  at every height between `fit_from` and `fit_to` of the pile's, the mean of the outermost and the
-    innermost place where the boundary crosses it. Points are chosen by a height that is not itself scattered, so the
-    ends of the band bend nothing.
-rows      the outermost crossing alone: the boundary as its silhouette shows it from the side.
-columns   the top of every pixel column, if it lies in the band. Berries cut off at the band's ends and the regression
-    on a scattered distance both flatten the line.
+levels   at every height in the band, the middle of the outermost and the innermost place where the boundary
+         crosses it (the default). The heights are not scattered, so the ends of the band bend nothing.
+rows     the outermost crossing alone.
+columns  the top of every pixel column that lies in the band: the plain reading. Lumps cut off at the ends of
+the band, and the regression on a scattered distance, both flatten the line.
 
-FLANK_RULE_BIAS
+Bias (and root mean square error of one pile), degrees, over piles of 15, 20 ... 45 degrees, band 10 to 80 %:
+
+                                                          levels        rows          columns
+    discs of 10-20 mm strewn along a triangle, one view   -0.56 (1.55)  -0.78 (1.67)  -1.37 (2.18)
+    500 ellipsoids filling a cone, 18 views               +0.56 (0.86)  +0.86 (1.09)  -1.55 (1.65)
+
+Total least squares, distance on height, and bands cut at a mean crossing did worse in one or the other.
+Poured piles have bent flanks and no true angle: there the rules differ by 0.8 to 1.0 degrees, levels highest,
+columns lowest, with the same scatter from seed to seed. Numbers from different rules must not be compared.
 """
 
 import math
@@ -25,7 +33,16 @@ import cv2
 import numpy as np
 
 from repose.errors import InputError
-from repose.silhouette import NoFlankError, frame, outlines, paint, rotation_matrices, segment, silhouette, upper_edge
+from repose.silhouette import (
+    NoFlankError,
+    frame,
+    outlines,
+    paint,
+    rotation_matrices,
+    segment,
+    silhouette,
+    upper_edge,
+)
 
 __all__ = [
     "FLANK_RULES",
@@ -49,8 +66,9 @@ RED, GREEN, YELLOW, BLUE = (40, 40, 230), (60, 170, 40), (0, 200, 255), (220, 12
 
 @dataclass(frozen=True)
 class MeasureSettings:
-    """How a pile is measured. `views` side views evenly over half a turn (the other half mirrors them); `fit_from` and
-    `fit_to` bound the flank as fractions of the pile's height; `flank` names the rule. Raises InputError."""
+    """How a pile is measured. `views` side views evenly over half a turn (the other half mirrors them);
+    `fit_from` and `fit_to` bound the flank as fractions of the pile's height; `flank` names the rule. Raises
+    InputError."""
 
     views: int = 18
     mm_per_pixel: float = 0.25
@@ -69,9 +87,9 @@ class MeasureSettings:
 
 @dataclass(frozen=True)
 class Measurement:
-    """One picture's result. `lines` is (left, right), each ((column, row) below, (column, row) above) in pixels;
-    `contour` (M, 2) the boundary's pixels (column, row); `base_row` the plate's row and `top` the highest point's
-    (column, row); `pile_is` "darker" or "brighter" than the background."""
+    """One picture's result. `lines` is (left, right), each ((column, row) below, (column, row) above) in
+    pixels; `contour` (M, 2) the boundary's pixels (column, row); `base_row` the plate's row and `top` the
+    highest point's (column, row); `pile_is` "darker" or "brighter" than the background."""
 
     left_deg: float
     right_deg: float
@@ -86,8 +104,8 @@ class Measurement:
 
 @dataclass(frozen=True)
 class PileResult:
-    """A simulated pile: means over the views, and each view's left and right angle and silhouette height. A view
-    without a flank is NaN; `height_mm` is exact, from the bodies themselves."""
+    """A simulated pile: means over the views, and each view's left and right angle and silhouette height. A
+    view without a flank is NaN; `height_mm` is exact, from the bodies themselves."""
 
     aor_deg: float
     height_mm: float
@@ -108,7 +126,7 @@ def check_fit(mm_per_pixel, fit_from, fit_to, flank):
         raise InputError("measure", "flank", flank, "one of " + ", ".join(FLANK_RULES))
 
 
-# --- the flank: profile -> line ---------------------------------------------------------------------------------
+# --- the flank: profile -> line -------------------------------------------------------------------
 
 
 def levels_between(low, high):
@@ -117,7 +135,8 @@ def levels_between(low, high):
 
 
 def crossing(profile, index, heights):
-    """Where the profile rises through `heights` just before `index`, between columns by linear interpolation."""
+    """Where the profile rises through `heights` just before `index`, between columns by linear
+    interpolation."""
     before, after = profile[index - 1], profile[index]
     return index - (after - heights) / (after - before)
 
@@ -157,9 +176,9 @@ FLANK_RULES = {"levels": points_by_levels, "rows": points_by_rows, "columns": po
 def flank_angle(profile, low, high, flank="levels"):
     """Angle (degrees) and line of one flank.
 
-    profile : (M,) heights over the base from outside the foot to the crest, one a pixel column, in pixels, beginning
-    below `low`. low, high : the band, in pixels. Returns angle, slope, intercept of height = slope * index + intercept.
-    Raises NoFlankError.
+    profile : (M,) heights over the base from outside the foot to the crest, one a pixel column, in pixels,
+    beginning below `low`. low, high : the band, in pixels. Returns angle, slope, intercept of height = slope
+    * index + intercept. Raises NoFlankError.
     """
     if levels_between(low, high).size < MIN_LEVELS:
         raise NoFlankError(f"the flank is only {high - low:.0f} pixels high, {MIN_LEVELS} are needed")
@@ -175,7 +194,7 @@ def flank_angle(profile, low, high, flank="levels"):
     return math.degrees(math.atan(slope)), slope, float(height.mean() - slope * distance.mean())
 
 
-# --- one picture ----------------------------------------------------------------------------------------------------
+# --- one picture ----------------------------------------------------------------------------------
 
 
 def measure_image(
@@ -183,12 +202,15 @@ def measure_image(
 ):
     """Measure the pile in a picture (section 2.3).
 
-    image : (H, W) or (H, W, 3; BGR) uint8, a photograph from the side or a silhouette; the pile may be darker or
-    brighter than the background (see `repose.silhouette.segment`). base_row : the plate's row where the pile's lowest
-    row is not it. Returns a Measurement. Raises InputError (arguments) and NoFlankError (nothing to fit).
+    image : (H, W) or (H, W, 3; BGR) uint8, a photograph from the side or a silhouette; the pile may be darker
+    or brighter than the background (see `repose.silhouette.segment`). base_row : the plate's row where the
+    pile's lowest row is not it. Returns a Measurement. Raises InputError (arguments) and NoFlankError
+    (nothing to fit).
     """
     check_fit(mm_per_pixel, fit_from, fit_to, flank)
-    return measure_segmented(segment(image, largest_pile_only, base_row), mm_per_pixel, fit_from, fit_to, flank)
+    return measure_segmented(
+        segment(image, largest_pile_only, base_row), mm_per_pixel, fit_from, fit_to, flank
+    )
 
 
 def measure_segmented(pile, mm_per_pixel, fit_from, fit_to, flank):
@@ -196,8 +218,8 @@ def measure_segmented(pile, mm_per_pixel, fit_from, fit_to, flank):
     edge = upper_edge(pile.mask, pile.contrast, pile.level)
     profile = np.where(np.isnan(edge), 0.0, np.maximum(pile.base_row - edge, 0.0))
     height = float(profile.max())
-    crest = round(float(np.flatnonzero(profile >= height - 1e-6).mean()))
-    crest = int(profile[crest - 1 : crest + 2].argmax()) + crest - 1 if profile[crest] < height * fit_to else crest
+    highest = np.flatnonzero(profile >= height - 1e-6)
+    crest = int(highest[highest.size // 2])
     low, high = fit_from * height, fit_to * height
     angles, lines = [], []
     for side, flank_profile in ((1, profile[: crest + 1]), (-1, profile[crest:][::-1])):
@@ -233,7 +255,7 @@ def read_image(path):
     return image
 
 
-# --- pictures of the measurement (Figure 6) ---------------------------------------------------------------------------
+# --- pictures of the measurement (Figure 6) -------------------------------------------------------
 
 
 def overlay(image, measurement):
@@ -262,8 +284,8 @@ def draw_line(picture, start, end, colour, thickness):
 def process_panels(
     image, mm_per_pixel, fit_from=0.1, fit_to=0.8, largest_pile_only=True, *, base_row=None, flank="levels"
 ):
-    """The workflow's pictures in order, {"grey", "binary", "edge", "boundary"}: Figure 6. Arguments and errors are
-    those of `measure_image`; "boundary" is the overlay, BGR, the others are (H, W) uint8."""
+    """The workflow's pictures in order, {"grey", "binary", "edge", "boundary"}: Figure 6. Arguments and
+    errors are those of `measure_image`; "boundary" is the overlay, BGR, the others are (H, W) uint8."""
     check_fit(mm_per_pixel, fit_from, fit_to, flank)
     pile = segment(image, largest_pile_only, base_row)
     measurement = measure_segmented(pile, mm_per_pixel, fit_from, fit_to, flank)
@@ -276,16 +298,16 @@ def process_panels(
     }
 
 
-# --- a simulated pile -------------------------------------------------------------------------------------------------
+# --- a simulated pile -----------------------------------------------------------------------------
 
 
 def measure_pile(centres_m, quaternions, particle, settings=None, members=None):
     """Measure simulated bodies on the plate z = 0 from `settings.views` sides.
 
-    centres_m : (N, 3). quaternions : (N, 4) w, x, y, z, body -> world. members : (N,) bool, the bodies of the largest
-    cluster in contact; used when `settings.largest_pile_only`. Without it the largest connected part of each
-    silhouette is taken, which cannot tell a loose berry in front of the pile from the pile. Returns a PileResult.
-    Raises NoFlankError if there is no pile or if more than half of the views have no flank.
+    centres_m : (N, 3). quaternions : (N, 4) w, x, y, z, body -> world. members : (N,) bool, the bodies of the
+    largest cluster in contact; used when `settings.largest_pile_only`. Without it the largest connected part
+    of each silhouette is taken, which cannot tell a loose berry in front of the pile from the pile. Returns a
+    PileResult. Raises NoFlankError if there is no pile or if more than half of the views have no flank.
     """
     settings = settings or MeasureSettings()
     centres, quaternions = np.asarray(centres_m, dtype=float), np.asarray(quaternions, dtype=float)

@@ -56,10 +56,22 @@ def _noise(row, column):
 
 
 @numba.njit(cache=True)
+def _spiral(taps):
+    """Offsets (taps,), (taps,) that fill the unit disc evenly."""
+    across, down = np.empty(taps), np.empty(taps)
+    for tap in range(taps):
+        radius = math.sqrt((tap + 0.5) / taps)
+        across[tap] = radius * math.cos(2.399963 * tap)
+        down[tap] = radius * math.sin(2.399963 * tap)
+    return across, down
+
+
+@numba.njit(cache=True)
 def lit_fraction(points, offset, valid, light_map, axes, origin, pixel_m, softness_m, bias_m, taps):
     """Share of the light that reaches each point (H, W, 3), 0 to 1, from a depth map seen from the light."""
     rows, columns = valid.shape
     lit = np.ones((rows, columns))
+    across, down = _spiral(taps)
     for row in range(rows):
         for column in range(columns):
             if not valid[row, column]:
@@ -69,12 +81,11 @@ def lit_fraction(points, offset, valid, light_map, axes, origin, pixel_m, softne
                 for k in range(3):
                     place[axis] += (points[row, column, k] + offset[row, column, k] * bias_m) * axes[axis, k]
             spin = _noise(row, column)
+            turn_x, turn_y = softness_m * math.cos(spin), softness_m * math.sin(spin)
             open_taps = 0
             for tap in range(taps):
-                radius = softness_m * math.sqrt((tap + 0.5) / taps)
-                angle = spin + 2.399963 * tap
-                u = int((place[0] + radius * math.cos(angle) - origin[0]) / pixel_m)
-                v = int((place[1] + radius * math.sin(angle) - origin[1]) / pixel_m)
+                u = int((place[0] + turn_x * across[tap] - turn_y * down[tap] - origin[0]) / pixel_m)
+                v = int((place[1] + turn_y * across[tap] + turn_x * down[tap] - origin[1]) / pixel_m)
                 inside = 0 <= u < light_map.shape[1] and 0 <= v < light_map.shape[0]
                 if not inside or light_map[v, u] <= place[2] + bias_m:
                     open_taps += 1
@@ -83,21 +94,21 @@ def lit_fraction(points, offset, valid, light_map, axes, origin, pixel_m, softne
 
 
 @numba.njit(cache=True)
-def openness(points, normals, valid, reach_px, radius_m, taps):
-    """Share of the sky that each visible point sees, judged from the picture within `radius_m` (reach_px (H, W))."""
+def openness(points, normals, valid, wanted, reach_px, radius_m, taps):
+    """Share of the sky that each wanted point sees past its neighbours within `radius_m`."""
     rows, columns = valid.shape
     open_sky = np.ones((rows, columns))
+    across, down = _spiral(taps)
     for row in range(rows):
         for column in range(columns):
-            if not valid[row, column]:
+            if not wanted[row, column]:
                 continue
             spin = _noise(row, column)
-            reach = reach_px[row, column]
+            turn_x, turn_y = reach_px[row, column] * math.cos(spin), reach_px[row, column] * math.sin(spin)
             hidden = 0.0
             for tap in range(taps):
-                distance = reach * math.sqrt((tap + 0.5) / taps)
-                angle = spin + 2.399963 * tap
-                r, c = int(row + distance * math.sin(angle)), int(column + distance * math.cos(angle))
+                r = int(row + turn_y * across[tap] + turn_x * down[tap])
+                c = int(column + turn_x * across[tap] - turn_y * down[tap])
                 if not (0 <= r < rows and 0 <= c < columns) or not valid[r, c]:
                     continue
                 height, length = 0.0, 1e-18

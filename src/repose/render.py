@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
+from scipy.ndimage import maximum_filter
 
 from . import raster
 from .errors import InputError
@@ -239,7 +240,7 @@ class _View:
 
 
 def _look(camera, vertices, body, turn):
-    """The `_View` of bodies with vertices (N, V, 3) m, tessellation `body` and rotation matrices turn (N, 3, 3)."""
+    """The `_View` of bodies: vertices (N, V, 3) m, tessellation `body`, rotations turn (N, 3, 3)."""
     points, normals, triangles = body
     nearest, which, corner, weights = raster.draw(
         *camera.project(vertices), triangles, (camera.height, camera.width)
@@ -277,9 +278,10 @@ def render_pile(
 ):
     """A shaded picture of berries on a plate at z = 0.
 
-    centres_m: (N, 3) m; quaternions: (N, 4) w, x, y, z, body to world; particle: `repose.shape.Particle`; bodies
-    with a NaN centre are not drawn. walls: sequence of `Frustum`, drawn translucent. frame_m: points (M, 3) that
-    the picture has to hold, by default what is there. width, height: pixels (height by default 0.6 of the width).
+    centres_m: (N, 3) m; quaternions: (N, 4) w, x, y, z, body to world; particle: `repose.shape.Particle`;
+    bodies with a NaN centre are not drawn. walls: sequence of `Frustum`, drawn translucent. frame_m: points
+    (M, 3) that the picture has to hold, by default what is there. width, height: pixels (height by default
+    0.6 of the width).
     Returns RGB uint8 of shape (height, width, 3). The same input gives the same picture.
     """
     walls = list(walls or [])
@@ -304,7 +306,9 @@ def render_pile(
             view.place, view.normal, seen, light_map, light, origin, pixel_m, 0.35 * size, 0.03 * size, 24
         )
         reach = np.where(seen, 1.3 * size * camera.focal_px / np.where(seen, view.depth, 1.0), 0.0)
-        sky = raster.openness(view.place, view.normal, seen, reach, 1.3 * size, 20)
+        # Far from all berries the plate sees the whole sky.
+        near = maximum_filter(view.hit, size=2 * math.ceil(reach[view.hit].max(initial=0.0)) + 1)
+        sky = raster.openness(view.place, view.normal, seen, seen & near, reach, 1.3 * size, 20)
 
     image = np.broadcast_to(BACKGROUND, view.place.shape).copy()
     if view.plate.any():
@@ -338,9 +342,9 @@ def animate_pour(
     """A short endless animation (GIF or WebP by the file's ending) of a pour.
 
     trajectory: path of a .npz with time_s (T,), position (T, N, 3) m, NaN for berries not yet there, and
-    quaternion (T, N, 4). frames: pictures, evenly spread over the time, shown frame_s seconds each, the last one
-    longer. Colours are reduced until the file has at most max_bytes; raises InputError for another ending or
-    where that is not enough.
+    quaternion (T, N, 4). frames: pictures, evenly spread over the time, shown frame_s seconds each, the last
+    one longer. Colours are reduced until the file has at most max_bytes; raises InputError for another ending
+    or where that is not enough.
     """
     out_path = Path(out_path)
     if out_path.suffix.lower() not in (".gif", ".webp"):

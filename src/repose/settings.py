@@ -1,10 +1,12 @@
 """The configuration: read strictly, checked against one schema and against itself before any work starts.
 
-`workflow/schemas/config.schema.yaml` says which keys there are and their ranges; what one key asks of another, and
-of the files it names, is checked here. Every fault ends in one InputError: file, key, value, what is allowed.
+`workflow/schemas/config.schema.yaml` says which keys there are and their ranges; what one key asks of
+another, and of the files it names, is checked here. Every fault ends in one InputError that tells file, key,
+value and what is allowed.
 """
 
 import copy
+import csv
 import difflib
 import json
 import math
@@ -25,8 +27,19 @@ OUR_OWN_FOLDERS = ("src", "config", "resources", "workflow", "profiles", "tests"
 # AoR and Height hold to 13 % of the berry's Rayleigh time and break at 32 %.
 LARGEST_RAYLEIGH_SHARE = 0.2
 # What the random numbers of a pour are for: one stream each, so that no check reuses the pours it checks.
-PURPOSES = {"design": 0, "validation": 1, "published": 2}
-TABLE4_COLUMNS = ("solution", *PARAMETERS, "aor_simulated_deg", "height_simulated_mm")
+PURPOSES = {"design": 0, "validation": 1}
+# Measured on one core of a common server: for the estimate that is shown before a run.
+SECONDS_A_BERRY_STEP = 4.5e-8
+SECONDS_A_VIEW = 0.01
+JOB_START_S = 1.5
+TABLE4_COLUMNS = (
+    "solution",
+    *PARAMETERS,
+    "aor_predicted_deg",
+    "height_predicted_mm",
+    "aor_simulated_deg",
+    "height_simulated_mm",
+)
 
 
 class _StrictLoader(yaml.SafeLoader):
@@ -50,7 +63,7 @@ _StrictLoader.add_implicit_resolver(
 
 
 def read(path):
-    """The mapping in a YAML or JSON file, not yet checked. InputError for no file, bad syntax or a key given twice."""
+    """The mapping in a YAML or JSON file, unchecked; InputError for no file, bad syntax, a key twice."""
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
@@ -70,10 +83,10 @@ def load(path):
 
 
 def resolve(files, overrides=None):
-    """The configuration of a workflow: later files over earlier ones, then the command line's overrides; checked.
+    """A workflow's configuration: later files over earlier ones, over them the command line; checked.
 
-    files: paths, the first complete, the others as partial as one likes; overrides: nested mapping, whose text is
-    read as YAML values. An error names the file that the bad value came from. Raises InputError.
+    files: paths, the first complete, the others as partial as one likes; overrides: nested mapping whose
+    text is read as YAML values. An error names the file that the bad value came from. Raises InputError.
     """
     config, origin = {}, {}
     for path in files:
@@ -103,7 +116,7 @@ def check(config, source="configuration"):
 
 
 def check_inputs(config, source="configuration"):
-    """Raise InputError unless the files that a checked config names can be used, and the time step fits the berry."""
+    """InputError unless the files that a checked config names can be used; and berry, bench, step fit."""
     from repose import berry
 
     for key in ("berry.sizes", "berry.compression", "berry.stl", "validation.published"):
@@ -118,7 +131,7 @@ def check_inputs(config, source="configuration"):
         poisson = measured if poisson is None else poisson
         shear = berry.shear_modulus(elastic, poisson) if shear is None else shear
     axes_mm = [float(sizes[column].mean()) for column in berry.SIZE_COLUMNS]
-    _check_published(config["validation"]["published"])
+    published_count(config["validation"]["published"])
     _check_fits_berry(config["heap"], axes_mm, source)
     limit = LARGEST_RAYLEIGH_SHARE * rayleigh_time_s(axes_mm, section["density_kg_m3"], poisson, shear)
     if config["heap"]["time_step_s"] > limit:
@@ -139,15 +152,40 @@ def rayleigh_time_s(axes_mm, density_kg_m3, poisson, shear_modulus_pa):
 def pour_seeds(study_seed, purpose, number, count):
     """Seeds of the `count` pours of one parameter set.
 
-    study_seed: `design.seed`; purpose: design, validation or published; number: of the sample or solution. The
-    first k seeds are the same for any count of at least k.
+    study_seed: `design.seed`; purpose: design or validation; number: of the sample. The first k seeds
+    are the same for any count of at least k.
     """
     state = np.random.SeedSequence([study_seed, PURPOSES[purpose], number]).generate_state(count)
     return [int(seed) for seed in state]
 
 
+def work(config):
+    """What a run takes: pours as (purpose, parameter sets, seeds), pour_s and total_s on one core."""
+    heap, validation = config["heap"], config["validation"]
+    pours = (
+        ("design", config["design"]["samples"], heap["seeds"]),
+        ("validation", validation["solutions"] + 1, validation["seeds"]),
+        ("published", published_count(validation["published"]), validation["seeds"]),
+    )
+    pour_s = SECONDS_A_BERRY_STEP * heap["berries"] * heap["duration_s"] / heap["time_step_s"]
+    pour_s += SECONDS_A_VIEW * config["measure"]["views"]
+    total_s = sum(sets * (JOB_START_S + seeds * pour_s) for _, sets, seeds in pours)
+    return {"pours": pours, "pour_s": pour_s, "total_s": total_s}
+
+
+def published_count(path):
+    """Number of solutions in a published table; InputError unless the table has its columns."""
+    with Path(path).open(encoding="utf-8", newline="") as lines:
+        rows = csv.DictReader(lines)
+        columns = rows.fieldnames or []
+        for column in TABLE4_COLUMNS:
+            if column not in columns:
+                raise InputError(path, "header", ",".join(columns), f"columns {', '.join(TABLE4_COLUMNS)}")
+        return len(list(rows))
+
+
 def write_resolved(config, path):
-    """Write config as JSON to path, only when that changes the file, so that its time tells when it changed."""
+    """Write config as JSON to path, but only where that changes the file."""
     path = Path(path)
     text = json.dumps(config, indent=1) + "\n"
     if not path.is_file() or path.read_text() != text:
@@ -217,10 +255,8 @@ def _validator():
     base = jsonschema.Draft202012Validator
     types = base.TYPE_CHECKER.redefine_many(
         {
-            "number": lambda _, v: (
-                isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v)
-            ),
-            "integer": lambda _, v: isinstance(v, int) and not isinstance(v, bool),
+            "number": lambda _, value: type(value) in (int, float) and math.isfinite(value),
+            "integer": lambda _, value: type(value) is int,
         }
     )
     schema = yaml.safe_load(SCHEMA_PATH.read_text())
@@ -311,8 +347,6 @@ def _contradictions(config):
         )
     if config["miga"]["tournament"] > config["miga"]["population"]:
         yield "miga.tournament", f"at most miga.population, {config['miga']['population']}"
-    if config["validation"]["solutions"] >= config["miga"]["solutions"]:
-        yield "validation.solutions", f"less than miga.solutions, {config['miga']['solutions']}"
 
 
 def _range_contradictions(config):
@@ -327,8 +361,8 @@ def _range_contradictions(config):
             yield f"target.{interval}", _allowed(_subschema(["target", interval]))
         elif not low <= target[value] <= high:
             yield f"target.{value}", f"inside target.{interval}, {low:g} to {high:g}"
-    if not config["measure"]["fit_from"] < config["measure"]["fit_to"]:
-        yield "measure.fit_from", f"below measure.fit_to, {config['measure']['fit_to']:g}"
+    if config["measure"]["fit_to"] < config["measure"]["fit_from"] + 0.1:
+        yield "measure.fit_to", f"at least 0.1 above measure.fit_from, {config['measure']['fit_from']:g}"
 
 
 def _heap_contradictions(heap):
@@ -362,13 +396,3 @@ def _check_fits_berry(heap, axes_mm, source):
             raise InputError(
                 _of(source, name), name, heap[key], f"above {smallest:.4g}, the size of a mean berry"
             )
-
-
-def _check_published(path):
-    """Raise InputError unless the published table has its columns."""
-    with Path(path).open(encoding="utf-8") as lines:
-        header = next((line for line in lines if line.strip() and not line.startswith("#")), "")
-    columns = [name.strip() for name in header.split(",")]
-    for column in TABLE4_COLUMNS:
-        if column not in columns:
-            raise InputError(path, "header", header.strip(), f"columns {', '.join(TABLE4_COLUMNS)}")

@@ -33,7 +33,7 @@ VOLUME_TOLERANCE = 0.1
 # Half axes of a fitted component, of the mean radius: a needle or a disc would have no radius of curvature,
 # and the contact force would vanish with it.
 AXIS_BOUNDS = (0.05, 3.0)
-DIRECTIONS = 4000
+DIRECTIONS = 2000
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,7 +241,7 @@ def _check_fit(relative_deviation, volume_ratio, source):
     if abs(volume_ratio - 1) > VOLUME_TOLERANCE:
         low, high = 1 - VOLUME_TOLERANCE, 1 + VOLUME_TOLERANCE
         allowed = f"from {low:g} to {high:g}: the particle is smooth, without edges"
-        raise InputError(source, "volume of the particle over the mesh's", round(volume_ratio, 3), allowed)
+        raise InputError(source, "volume of the particle over the mesh's", round(float(volume_ratio), 3), allowed)
 
 
 def sphere_directions(count):
@@ -313,11 +313,12 @@ def _fit_components(n, measured, radius):
     best, best_rms = None, math.inf
     extents = measured[np.argmax(n, axis=0)]
     for count in COMPONENTS:
-        for start in _starts(count, extents, radius):
-            semi_axes, rms = _least_squares_fit(n, measured, radius, start)
-            # A further component has to earn its place.
-            if rms < 0.98 * best_rms:
-                best, best_rms = semi_axes, rms
+        starts = _starts(count, extents, radius)
+        fits = [_least_squares_fit(n, measured, radius, start) for start in starts]
+        semi_axes, rms = min(fits, key=lambda fit: fit[1])
+        # A further component has to earn its place.
+        if rms < 0.9 * best_rms:
+            best, best_rms = semi_axes, rms
         if best_rms <= GOOD_RMS * radius:
             break
     return best[np.argsort(-best[:, 0], kind="stable")]
@@ -328,7 +329,7 @@ def _starts(count, extents, radius):
     if count == 1:
         return [extents[None]]
     rng = np.random.default_rng(count)
-    shares = [rng.dirichlet(np.full(count, 2.0), size=3).T for _ in range(6)]
+    shares = [rng.dirichlet(np.full(count, 2.0), size=3).T for _ in range(3)]
     # Needles along one axis each beside a body: what fuller or more pointed shapes than an ellipsoid want.
     for axis in range(3):
         share = np.full((count, 3), 0.1)
@@ -354,17 +355,21 @@ def _least_squares_fit(n, measured, radius, start):
 
     bounds = np.log(AXIS_BOUNDS)
     logs = np.clip(np.log(start / radius).ravel(), *bounds)
-    fit = least_squares(residuals, logs, jac=jacobian, bounds=tuple(bounds), xtol=1e-10, ftol=1e-10)
+    fit = least_squares(residuals, logs, jac=jacobian, bounds=tuple(bounds), max_nfev=200)
     return radius * np.exp(fit.x).reshape(start.shape), radius * math.sqrt(np.mean(fit.fun**2))
 
 
-def _surface_quadrature(semi_axes, latitudes=300, longitudes=400):
-    """(directions (N, 3), weights of dOmega (N,)): Gauss-Legendre along x, equal steps around it."""
+def _surface_quadrature(latitudes=200, longitudes=250):
+    """(directions (N, 3), weights of dOmega (N,)) for functions that are even in x, y and z.
+
+    Gauss-Legendre along x, equal steps around it. One octant stands for all eight.
+    """
     u, du = np.polynomial.legendre.leggauss(latitudes)
-    azimuth = 2 * math.pi * (np.arange(longitudes) + 0.5) / longitudes
+    u, du = (u + 1) / 2, du / 2
+    azimuth = 0.5 * math.pi * (np.arange(longitudes) + 0.5) / longitudes
     ring = np.sqrt(1 - u**2)[:, None]
     n = np.stack(np.broadcast_arrays(u[:, None], ring * np.cos(azimuth), ring * np.sin(azimuth)), axis=-1)
-    weights = np.repeat(du * 2 * math.pi / longitudes, longitudes)
+    weights = np.repeat(du * 4 * math.pi / longitudes, longitudes)
     return n.reshape(-1, 3), weights
 
 
@@ -378,7 +383,7 @@ def _volume_integrals(semi_axes):
     if len(semi_axes) == 1:
         volume = 4 / 3 * math.pi * float(semi_axes[0].prod())
         return volume, volume / 5 * np.square(semi_axes[0])
-    n, weights = _surface_quadrature(semi_axes)
+    n, weights = _surface_quadrature()
     values = _component_supports(semi_axes, n)
     points = n[:, None, :] * np.square(semi_axes) / values[:, :, None]
     # Q = sum over components of (S - x x') / h; as Q n = 0, its determinant is (tr^2 - tr Q^2) / 2.

@@ -1,7 +1,7 @@
 """Where a pile ends and the background begins: projected from simulated bodies, or segmented from a picture.
 
-Both give the same thing to `repose.pile`: which pixels are pile, to a fraction of a pixel. Rows count downwards from
-the picture's top; a pixel's centre has whole coordinates, as in OpenCV.
+Both give the same thing to `repose.pile`: which pixels are pile, to a fraction of a pixel. Rows count
+downwards from the picture's top; a pixel's centre has whole coordinates, as in OpenCV.
 """
 
 import math
@@ -33,9 +33,10 @@ class NoFlankError(ValueError):
 class Segmentation:
     """A picture split into pile and background.
 
-    grey : (H, W) uint8. contrast : (H, W) float32, each pixel's distance in tone or colour from the background.
-    level : the contrast at which pile begins (Otsu). mask : (H, W) uint8, 1 where pile, holes filled, plate left out.
-    base_row : row of the pile's lower edge. pile_is : "darker" or "brighter" than the background.
+    grey : (H, W) uint8. contrast : (H, W) float32, each pixel's distance in tone or colour from the
+    background. level : the contrast at which pile begins (Otsu). mask : (H, W) uint8, 1 where pile, holes
+    filled, plate left out. base_row : row of the pile's lower edge. pile_is : "darker" or "brighter" than the
+    background.
     """
 
     grey: np.ndarray
@@ -61,9 +62,9 @@ def rotation_matrices(quaternions):
 def outlines(centres_m, quaternions, particle, azimuths_deg, inset_m=0.0):
     """Outline polygons of convex bodies in orthographic side views.
 
-    The view from azimuth a shows u = x cos a + y sin a to the right and z up. A convex body's outline is the curve of
-    its support points in the directions of the picture plane, so each vertex is exact. `inset_m` moves the outline
-    inwards along its normals. Returns (views, N, OUTLINE_DIRECTIONS, 2) in metres (u, z).
+    The view from azimuth a shows u = x cos a + y sin a to the right and z up. A convex body's outline is the
+    curve of its support points in the directions of the picture plane, so each vertex is exact. `inset_m`
+    moves the outline inwards along its normals. Returns (views, N, OUTLINE_DIRECTIONS, 2) in metres (u, z).
     """
     azimuth = np.radians(np.asarray(azimuths_deg, dtype=float))
     right = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=-1)
@@ -84,8 +85,9 @@ def outlines(centres_m, quaternions, particle, azimuths_deg, inset_m=0.0):
 def paint(polygons_m, mm_per_pixel, extent):
     """Fill one view's outlines (N, M, 2) into a picture, pile dark on light; see `silhouette` for `extent`.
 
-    OpenCV fills every pixel that an outline touches, half a pixel too many all around: the outlines are expected
-    half a pixel inside the body, and then a filled disc has its true area and extents to 0.03 pixel (tested).
+    OpenCV fills every pixel that an outline touches, half a pixel too many all around: the outlines are
+    expected half a pixel inside the body, and then a filled disc has its true area and extents to 0.03 pixel
+    (tested).
     """
     left_m, right_m, top_m = extent
     pixel_m = mm_per_pixel * 1e-3
@@ -114,8 +116,9 @@ def silhouette(centres_m, quaternions, particle, azimuth_deg=0.0, mm_per_pixel=0
     """Exact orthographic side view of bodies on the plate z = 0, the pile dark on a light background.
 
     centres_m : (N, 3), z up. quaternions : (N, 4) w, x, y, z, body -> world. particle : anything with
-    `support_point(directions (..., 3)) -> (..., 3)` in the body frame, metres. extent : (left_m, right_m, top_m) of
-    the view; by default all bodies and a margin. Returns (H, W) uint8 whose lower border is the plate.
+    `support_point(directions (..., 3)) -> (..., 3)` in the body frame, metres. extent : (left_m, right_m,
+    top_m) of the view; by default all bodies and a margin. Returns (H, W) uint8 whose lower border is the
+    plate.
     """
     polygons = outlines(centres_m, quaternions, particle, [azimuth_deg], inset_m=mm_per_pixel * 0.5e-3)[0]
     return paint(polygons, mm_per_pixel, extent or frame(polygons, mm_per_pixel))
@@ -124,14 +127,15 @@ def silhouette(centres_m, quaternions, particle, azimuth_deg=0.0, mm_per_pixel=0
 def segment(image, largest_pile_only=True, base_row=None):
     """Split a picture (H, W) or (H, W, 3; BGR) of uint8 into pile and background.
 
-    Polarity is never assumed. The border strip - the upper edge and both sides - shows background, so the pile is
-    what differs from it: in tone, or in colour (red fruit on a grey board of the same brightness), darker or
-    brighter. The background is a quadratic surface a channel fitted to that strip, outliers trimmed, which takes
-    tilted light and vignetting out; then median and Gaussian filters, Otsu's threshold on the distance from the
-    background, holes (highlights) filled. A picture of two tones is binary already and skips fitting and filters,
-    which could only round its corners. Rows that are "pile" from border to border are a plate or table as
-    distinct from the background as the fruit: the pile stands on the first of them. Otherwise its base is its lowest
-    row, or `base_row` where the caller knows better. Raises InputError and NoFlankError.
+    Polarity is never assumed. The border strip - the upper edge and both sides - shows background, so the
+    pile is what differs from it: in tone, or in colour (red fruit on a grey board of the same brightness),
+    darker or brighter. The background is a quadratic surface a channel fitted to that strip, outliers
+    trimmed, which takes tilted light and vignetting out; then median and Gaussian filters, Otsu's threshold
+    on the distance from the background, holes (highlights) filled. A picture of two tones is binary already
+    and skips fitting and filters, which could only round its corners. Rows that are "pile" from border to
+    border are a plate or table as distinct from the background as the fruit: the pile stands on the first of
+    them. Otherwise its base is its lowest row, or `base_row` where the caller knows better. Raises InputError
+    and NoFlankError.
     """
     image = checked(image)
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
@@ -143,9 +147,8 @@ def segment(image, largest_pile_only=True, base_row=None):
     level, mask = threshold(contrast)
     if noisy:
         mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-    full_rows = np.flatnonzero(cv2.reduce(mask, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32S)[:, 0] >= 0.97 * mask.shape[1])
-    if base_row is None and full_rows.size:
-        base_row = full_rows[0] - 0.5
+    if base_row is None:
+        base_row = plate_row(mask)
     if base_row is not None:
         if not 0 < base_row <= mask.shape[0]:
             raise InputError("picture", "base_row", base_row, f"above 0, at most {mask.shape[0]}")
@@ -159,13 +162,18 @@ def segment(image, largest_pile_only=True, base_row=None):
 
 
 def checked(image):
-    """The picture as contiguous uint8, one channel if its three are the same; InputError if it is no picture."""
+    """The picture as contiguous uint8, one channel if its three are the same; InputError if it is no
+    picture."""
     image = np.asarray(image)
     if image.dtype != np.uint8:
         raise InputError("picture", "pixel type", str(image.dtype), "uint8")
     if not (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)) or min(image.shape[:2]) < 20:
         raise InputError("picture", "shape", image.shape, "(H, W) or (H, W, 3), at least 20 by 20 pixels")
-    if image.ndim == 3 and np.array_equal(image[..., 0], image[..., 1]) and np.array_equal(image[..., 0], image[..., 2]):
+    if (
+        image.ndim == 3
+        and np.array_equal(image[..., 0], image[..., 1])
+        and np.array_equal(image[..., 0], image[..., 2])
+    ):
         image = image[..., 0]
     return np.ascontiguousarray(image)
 
@@ -180,7 +188,7 @@ def border(shape):
 
 def two_tone_contrast(grey):
     """Distance from the background's tone where a picture has two tones at most; None where it has more."""
-    tones = np.flatnonzero(cv2.calcHist([grey], [0], None, [256], [0, 256])[:, 0])
+    tones = np.flatnonzero(cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel())
     if tones.size > 2:
         return None
     background = np.bincount(grey[border(grey.shape)], minlength=256).argmax()
@@ -190,22 +198,26 @@ def two_tone_contrast(grey):
 def background_contrast(image):
     """Distance (H, W) float32 of each pixel from the background surface fitted to the border strip."""
     rows, columns = image.shape[:2]
-    y, x = np.mgrid[-1 : 1 : rows * 1j, -1 : 1 : columns * 1j].astype(np.float32)
-    terms = [np.ones_like(x), x, y, x * x, x * y, y * y]
+    y, x = np.linspace(-1, 1, rows, dtype=np.float32)[:, None], np.linspace(-1, 1, columns, dtype=np.float32)
     where = border(image.shape)
-    strip_terms = np.stack([term[where] for term in terms], axis=1).astype(float)
+    strip_y, strip_x = y[where.nonzero()[0], 0], x[where.nonzero()[1]]
+    strip_terms = np.stack(
+        [np.ones_like(strip_x), strip_x, strip_x**2, strip_y, strip_y**2, strip_x * strip_y], axis=1
+    ).astype(float)
     squares = np.zeros((rows, columns), np.float32)
     for channel in image.reshape(rows, columns, -1).transpose(2, 0, 1):
         seen = channel[where].astype(float)
         kept = np.ones(seen.size, dtype=bool)
-        # A plate or a stray berry in the strip is a minority: start from the median tone, then trim what stands out.
+        # A plate or a stray berry in the strip is a minority: start from the median tone, then trim what
+        # stands out.
         centre = np.full(seen.size, np.median(seen))
         for _ in range(4):
             miss = np.abs(seen - centre)
             kept = miss <= max(3 * 1.4826 * np.median(miss), 2.0)
             weights = np.linalg.lstsq(strip_terms[kept], seen[kept], rcond=None)[0]
             centre = strip_terms @ weights
-        surface = sum(np.float32(weight) * term for weight, term in zip(weights, terms, strict=True))
+        w = weights.astype(np.float32)
+        surface = (w[0] + w[1] * x + w[2] * x * x) + (w[3] * y + w[4] * y * y) + w[5] * y * x
         squares += (channel - surface) ** 2
     return np.sqrt(squares)
 
@@ -216,11 +228,25 @@ def threshold(contrast):
     if peak < 8:
         raise NoFlankError("nothing in the picture differs from its background")
     scaled = cv2.convertScaleAbs(contrast, alpha=255.0 / peak)
-    below, binary = cv2.threshold(scaled, 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
-    # A two-toned histogram puts Otsu's level on the background's own bin: the half-way tone is meant there.
-    low, high = scaled[binary == 0].mean(), scaled[binary == 1].mean()
-    level = below + 0.5 if below > low + 1 else (low + high) / 2
-    return level * peak / 255.0, binary
+    binary = cv2.threshold(scaled, 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[1]
+    # Otsu's optimum lies half-way between the means of its two classes. Where the histogram has a gap every
+    # level in it is as good and OpenCV returns the lowest, which would put the sub-pixel edge half a pixel
+    # too far out.
+    level = (cv2.mean(scaled, mask=1 - binary)[0] + cv2.mean(scaled, mask=binary)[0]) / 2
+    return level * peak / 255.0, cv2.threshold(scaled, math.floor(level), 1, cv2.THRESH_BINARY)[1]
+
+
+def plate_row(mask):
+    """Upper edge of a plate that counts as "pile" from border to border; None where the mask has none.
+
+    Above a plate the mask narrows abruptly; above the foot of a pile that the picture cuts off it does not.
+    """
+    share = mask.mean(axis=1)
+    from_border_to_border = mask[:, :3].any(axis=1) & mask[:, -3:].any(axis=1) & (share > 0.97)
+    if not from_border_to_border.any():
+        return None
+    first = int(from_border_to_border.argmax())
+    return first - 0.5 if first >= 4 and share[first - 4] < 0.9 else None
 
 
 def pile_component(mask, largest_only):
@@ -236,7 +262,8 @@ def pile_component(mask, largest_only):
 
 
 def upper_edge(mask, contrast, level):
-    """Row (W,) at which each column's pile begins, between pixels by linear interpolation; NaN without pile."""
+    """Row (W,) at which each column's pile begins, between pixels by linear interpolation; NaN without
+    pile."""
     top = mask.argmax(axis=0)
     column = np.arange(mask.shape[1])
     inner = contrast[top, column]

@@ -1,4 +1,4 @@
-"""Figures drawn from the workflow's own tables, under the paper's numbers where the paper has a counterpart."""
+"""Figures drawn from the workflow's own tables, under the paper's numbers where it has a counterpart."""
 
 from pathlib import Path
 
@@ -35,7 +35,8 @@ OPTIONAL = {
 def draw(name, inputs, out_path, config):
     """Draw one figure to a PNG.
 
-    name: a key of FIGURES; inputs: mapping of the figure's input names to paths; config: the whole configuration.
+    name: a key of FIGURES; inputs: mapping of the figure's input names to paths; config: the whole
+    configuration.
     Raises InputError for an unknown name, an input that is missing, unknown or not a file.
     """
     if name not in FIGURES:

@@ -15,10 +15,12 @@ def _band(panel, target, quantity, unit):
     panel.axhline(mean, color=style.GREEN, lw=0.9, label="physical pile, mean ± SD")
 
 
-def _names(panel, names):
-    panel.set_xticks(range(len(names)), names, rotation=30 if max(map(len, names)) > 3 else 0, ha="right")
-    if max(map(len, names)) <= 3:
-        panel.set_xticklabels(names, ha="center")
+def _name_solutions(panel, table):
+    names = table["solution"].astype(str).str.replace("representative", "repr.").tolist()
+    if "role" in table:
+        marked = table["role"] == "representative"
+        names = [f"{name}\n(repr.)" if mark else name for name, mark in zip(names, marked, strict=True)]
+    panel.set_xticks(range(len(names)), names)
     panel.set_xlim(-0.6, len(names) - 0.4)
 
 
@@ -84,19 +86,19 @@ def _compare(panel, table, quantity, unit, target):
                 fontsize=6.3,
                 color=style.GREY,
             )
-    _names(panel, table["solution"].astype(str).tolist())
-    panel.margins(y=0.18)
+    _name_solutions(panel, table)
+    panel.margins(y=0.25)
 
 
 def published_solutions(inputs, config):
-    """The published solutions: their simulated responses beside those of the same parameters in our simulator."""
+    """The published solutions: their simulated responses beside those of our simulator."""
     table = pd.read_csv(inputs["published"])
     figure = style.new_figure(style.PAGE, 2.9)
     panels = figure.subplots(1, 2)
     x = np.arange(len(table))
     for panel, (quantity, unit, label), letter in zip(panels, QUANTITIES, "ab", strict=True):
         _band(panel, config["target"], quantity, unit)
-        theirs = table[f"{quantity}_published_{unit}"].to_numpy(float)
+        theirs = table[f"{quantity}_published_simulated_{unit}"].to_numpy(float)
         panel.plot(
             x - 0.12, theirs, "D", ms=4.5, mfc="white", color=style.ORANGE, label="published simulation"
         )
@@ -111,7 +113,7 @@ def published_solutions(inputs, config):
             capsize=2,
             label="same parameters, this simulator (± SE)",
         )
-        _names(panel, table["solution"].astype(str).tolist())
+        _name_solutions(panel, table)
         panel.set(ylabel=f"{label} ({unit})", xlabel="published solution")
         panel.set_title(letter, fontweight="bold")
         panel.margins(y=0.15)

@@ -27,11 +27,13 @@ def feasible_solutions(inputs, config):
         _response_strip(panel, solutions, column, label, unit, config["target"])
         panel.set_title(letter, fontweight="bold")
     if summary["feasible"]:
-        text, colour = f"{len(solutions)} feasible solutions shown", style.BLACK
+        shown = int(_true(solutions["feasible"]).sum())
+        text, colour = f"{shown} feasible solutions", style.BLACK
+        if shown < len(solutions):
+            text += f" and the {len(solutions) - shown} nearest others"
     else:
         text, colour = f"NO FEASIBLE SOLUTION: the {len(solutions)} nearest are shown", style.RED
-    left.set_title("a", fontweight="bold")
-    figure.suptitle(text, fontsize=8.5, color=colour, fontweight="bold")
+    left.set_title(f"a   {text}", fontweight="bold", color=colour)
     if not summary["feasible"] and summary.get("message"):
         figure.supxlabel(summary["message"], fontsize=6.8, color=style.RED, wrap=True)
     return figure
@@ -42,10 +44,13 @@ def _jitter(count):
     return (np.arange(count) * 0.6180339887 % 1.0) - 0.5
 
 
+def _true(column):
+    """A column of true and false, however the table spells them, as a boolean array."""
+    return column.astype(str).str.lower().eq("true").to_numpy()
+
+
 def _representative(solutions):
-    if "representative" not in solutions:
-        return np.zeros(len(solutions), bool)
-    return solutions["representative"].astype(str).str.lower().eq("true").to_numpy()
+    return _true(solutions["representative"])
 
 
 def _parameter_strips(panel, solutions, ranges, published):
@@ -107,7 +112,7 @@ def _parameter_strips(panel, solutions, ranges, published):
     panel.set_xticks([0, 0.25, 0.5, 0.75, 1.0])
     panel.set_xlabel("place in the parameter's range (dimensionless)")
     panel.legend(
-        loc="lower center", ncols=3, handletextpad=0.3, columnspacing=1.0, bbox_to_anchor=(0.45, -0.02)
+        loc="lower center", ncols=3, handletextpad=0.3, columnspacing=1.4, bbox_to_anchor=(0.45, -0.02)
     )
     panel.spines["left"].set_visible(False)
     panel.tick_params(axis="y", length=0)
@@ -136,7 +141,7 @@ def _response_strip(panel, solutions, column, label, unit, target):
     )
     panel.set(xlim=(-0.35, 0.65), ylabel=f"predicted {label} ({unit})")
     bottom, top = min(low, values.min()), max(high, values.max())
-    panel.set_ylim(bottom - 0.06 * (top - bottom), top + 0.16 * (top - bottom))
+    panel.set_ylim(bottom - 0.06 * (top - bottom), top + 0.22 * (top - bottom))
     panel.set_xticks([])
     style.note(panel, f"constraint {low:g}–{high:g} {unit}\ntarget {target[column]:g} {unit}", fontsize=6.2)
 

@@ -1,4 +1,4 @@
-"""One look for all figures: column widths, fonts, colours that colour-blind readers can tell apart, saving."""
+"""One look for all figures: column widths, fonts, colours safe for colour-blind readers, saving."""
 
 from pathlib import Path
 
@@ -37,6 +37,8 @@ SETTINGS = {
     "legend.frameon": False,
     "lines.linewidth": 1.1,
     "mathtext.fontset": "dejavusans",
+    "grid.color": "#D5D8DB",
+    "grid.linewidth": 0.4,
     "savefig.dpi": DPI,
 }
 

@@ -55,7 +55,7 @@ def _column(x, count):
 
 
 def predicted_against_simulated(inputs, config):
-    """Figure 13: predicted over simulated responses by split, with y = x, R2 (Eq. 13) and RMSE in the panel."""
+    """Figure 13: predicted over simulated responses by split, with y = x, R2 (Eq. 13) and RMSE."""
     table = pd.read_csv(inputs["predictions"])
     errors = pd.read_csv(inputs["dataset"])[["sample", "aor_se_deg", "height_se_mm"]]
     table = table.merge(errors, on="sample", how="left")

@@ -6,18 +6,19 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.patches import Circle
 
-from repose import shape
+from repose import pile, shape
 from repose.errors import InputError
 from repose.render import funnel_walls, render_pile, rotation_matrices
 
 from . import style
 
+LINE = "#D7191C"
 PILE_PIXELS = 1300
 SNAPSHOT_S = 9.0
 
 
 def read_heap(path):
-    """Centres (N, 3) m, quaternions (N, 4) and pile membership (N,) of the first seed in a heap's .npz file."""
+    """Centres (N, 3) m, quaternions (N, 4), pile membership (N,) of the first seed in a heap's .npz."""
     with np.load(path) as arrays:
         seeds = [match.group(1) for key in arrays if (match := re.fullmatch(r"position_(.+)", key))]
         if not seeds:
@@ -27,7 +28,7 @@ def read_heap(path):
 
 
 def simulated_pile(inputs, config):
-    """Figure 5's counterpart: a shaded picture of a simulated pile with a scale bar."""
+    """Figure 5's counterpart: a shaded picture of a simulated pile."""
     centres, quaternions, in_pile = read_heap(inputs["heap"])
     particle = shape.Particle.load(inputs["particle"])
     reach = particle.bounding_radius_m
@@ -38,7 +39,8 @@ def simulated_pile(inputs, config):
         centres, quaternions, particle, width=PILE_PIXELS, height=PILE_PIXELS // 2, frame_m=frame
     )
     figure = style.new_figure(style.PAGE, style.PAGE / 2)
-    panel = figure.add_axes((0, 0, 1, 1))
+    figure.get_layout_engine().set(w_pad=0, h_pad=0)
+    panel = figure.subplots()
     panel.imshow(picture, aspect="auto")
     panel.axis("off")
     count = int(in_pile.sum())
@@ -48,31 +50,40 @@ def simulated_pile(inputs, config):
 
 def measurement(inputs, config):
     """Figure 6: the steps of the measurement; the left flank's line is red, the right one's green."""
-    from repose import pile  # OpenCV is needed by this figure alone
-
     centres, quaternions, in_pile = read_heap(inputs["heap"])
     particle = shape.Particle.load(inputs["particle"])
     settings = pile.MeasureSettings(**config["measure"])
     kept = in_pile if settings.largest_pile_only else np.ones(len(centres), bool)
     image = pile.silhouette(centres[kept], quaternions[kept], particle, 0.0, settings.mm_per_pixel)
-    panels_of = pile.process_panels(image, settings)
+    steps = pile.process_panels(
+        image,
+        settings.mm_per_pixel,
+        settings.fit_from,
+        settings.fit_to,
+        settings.largest_pile_only,
+        base_row=image.shape[0] - 0.5,
+        flank=settings.flank,
+    )
     figure = style.new_figure(style.PAGE, 2.9)
     panels = figure.subplots(2, 2)
-    for panel, (title, picture), letter in zip(panels.ravel(), panels_of, "abcd", strict=True):
-        panel.imshow(picture, cmap="gray")
+    for panel, (title, picture), letter in zip(panels.ravel(), steps.items(), "abcd", strict=True):
+        # OpenCV keeps blue first.
+        panel.imshow(picture[..., ::-1] if picture.ndim == 3 else picture, cmap="gray", vmin=0, vmax=255)
         panel.axis("off")
         panel.set_title(f"{letter}  {title}")
     return figure
 
 
 def apparatus(inputs, config):
-    """Figure 8: the virtual test bench from the side, to scale; berries of a simulated pour if one is given."""
+    """Figure 8: the virtual test bench from the side, to scale, with the berries of a pour if given."""
     heap = config["heap"]
     walls = funnel_walls(heap)
     top, half_inlet = 1e3 * walls[-1].z_high_m, heap["inlet_diameter_mm"] / 2
     factory = top + heap["factory_height_mm"]
     half_view = max(half_inlet + 75, 190)
-    figure = style.new_figure(style.COLUMN * 1.3, 3.9)
+    left, right, low, high = -half_view - 5, half_view + 62, -34, factory + 34
+    width = 1.3 * style.COLUMN
+    figure = style.new_figure(width, (width - 0.5) * (high - low) / (right - left) + 0.55)
     panel = figure.subplots()
     if {"trajectory", "particle"} <= inputs.keys():
         _berries(panel, inputs)
@@ -88,7 +99,7 @@ def apparatus(inputs, config):
     panel.fill_between([-half_plate, half_plate], -7, 0, color="#C9CED3", lw=0, zorder=2)
     _levels(panel, heap, factory, half_view)
     _dimensions(panel, heap, top, half_inlet, half_view)
-    panel.set(xlim=(-half_view - 5, half_view + 62), ylim=(-34, factory + 42), aspect="equal")
+    panel.set(xlim=(left, right), ylim=(low, high), aspect="equal")
     panel.set(xlabel="x (mm)", ylabel="z (mm)")
     panel.set_xticks(np.arange(-150, 151, 50))
     return figure
@@ -98,10 +109,10 @@ def _levels(panel, heap, factory, half_view):
     """The three red lines: factory, outlet and plate."""
     levels = ((factory, "particle factory"), (heap["outlet_height_mm"], "funnel outlet"), (0.0, "PVC plate"))
     for z, name in levels:
-        panel.plot([-half_view, half_view], [z, z], color=style.RED, lw=0.9, zorder=4)
-        panel.text(half_view + 3, z, name, color=style.RED, va="center", fontsize=6.8)
+        panel.plot([-half_view, half_view], [z, z], color=LINE, lw=0.9, zorder=4)
+        panel.text(half_view + 3, z, name, color=LINE, va="center", fontsize=6.8)
     half_factory = heap["factory_diameter_mm"] / 2
-    panel.plot([-half_factory, half_factory], [factory, factory], color=style.RED, lw=2.6, zorder=4)
+    panel.plot([-half_factory, half_factory], [factory, factory], color=LINE, lw=2.6, zorder=4)
 
 
 def _dimensions(panel, heap, top, half_inlet, half_view):
@@ -159,7 +170,7 @@ def _dimensions(panel, heap, top, half_inlet, half_view):
 
 
 def _berries(panel, inputs):
-    """Side view of the berries in the middle of a pour, each with its true outline, the nearest drawn last."""
+    """Side view of the berries amid a pour, each with its true outline, the nearest drawn last."""
     particle = shape.Particle.load(inputs["particle"])
     with np.load(inputs["trajectory"]) as record:
         frame = int(np.argmin(np.abs(record["time_s"] - SNAPSHOT_S)))

@@ -2,6 +2,7 @@
 
 import colorsys
 import re
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +54,7 @@ def reduced(edges):
 
 
 def layers_of(nodes, edges):
-    """Layer of each node: the number of edges on the longest way that leads to it. Raises InputError on a cycle."""
+    """Layer of each node: the longest way to it, in edges. Raises InputError on a cycle."""
     layer = dict.fromkeys(nodes, 0)
     for _ in range(len(layer) + 1):
         moved = False
@@ -68,7 +69,7 @@ def layers_of(nodes, edges):
 def layout(nodes, edges):
     """Places {node: (x, layer)} and for each edge its way as a list of such places.
 
-    Edges over several layers pass through stand-ins; each layer is ordered by the mean place of its neighbours.
+    Edges over several layers pass through stand-ins; a layer is ordered by the mean place of its neighbours.
     """
     layer = layers_of(nodes, edges)
     rows = [[n for n in nodes if layer[n] == k] for k in range(max(layer.values()) + 1)]
@@ -78,7 +79,7 @@ def layout(nodes, edges):
         for stand_in in way[1:-1]:
             rows[stand_in[2]].append(stand_in)
         ways[a, b] = way
-        links += list(zip(way, way[1:], strict=False))
+        links += list(pairwise(way))
     place = {n: i - (len(row) - 1) / 2 for row in rows for i, n in enumerate(row)}
     for sweep in range(SWEEPS):
         for row in rows if sweep % 2 == 0 else rows[::-1]:
@@ -96,7 +97,7 @@ def _mean_neighbour(node, links, place):
 
 
 def _spread(wishes):
-    """Places at least 1 apart, in order, as near to the sorted wishes as a shift of the whole row brings them."""
+    """Places at least 1 apart, in order, as near to the sorted wishes as a shift of the row brings them."""
     places = []
     for wish in wishes:
         places.append(wish if not places else max(wish, places[-1] + 1.0))
@@ -142,7 +143,7 @@ def _arrow(panel, way):
     ends[0, 1] += 0.22
     ends[-1, 1] -= 0.24
     curve = []
-    for (x0, y0), (x1, y1) in zip(ends[:-1], ends[1:], strict=True):
+    for (x0, y0), (x1, y1) in pairwise(ends):
         t = np.linspace(0, 1, 24)
         curve.append(np.column_stack([x0 + (x1 - x0) * (3 * t**2 - 2 * t**3), y0 + (y1 - y0) * t]))
     curve = np.concatenate(curve)

@@ -1,0 +1,288 @@
+"""The verbs of the command line. The work is done in the modules; here they get their files and settings."""
+
+import json
+import sys
+import tempfile
+from pathlib import Path
+
+from repose import arguments, settings
+from repose.errors import InputError
+
+
+def main(words=None):
+    """Run one verb. Returns the exit status: 0, or 2 where the input is at fault, with one line on stderr."""
+    args = arguments.parser().parse_args(words)
+    try:
+        VERBS[args.verb](args)
+    except (InputError, PermissionError, FileExistsError, NotADirectoryError) as error:
+        print(f"repose: error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def berry(args):
+    """Eq. 1-4."""
+    from repose import berry
+
+    section = settings.load(args.config)["berry"]
+    material = (section["density_kg_m3"], section["poisson_ratio"], section["shear_modulus_pa"])
+    berry.run(section["sizes"], section["compression"], args.table1, args.out, *material)
+
+
+def shape(args):
+    """Mesh and particle."""
+    from repose import shape
+
+    shape.run(args.berry, settings.load(args.config)["berry"]["stl"], args.out)
+
+
+def design(args):
+    """Latin hypercube."""
+    from repose import design
+
+    config = settings.load(args.config)
+    section = config["design"]
+    design.run(config["parameters"], section["samples"], section["method"], section["seed"], args.out)
+
+
+def heap(args):
+    """One heap job."""
+    config = settings.load(args.config)
+    parameters = arguments.parameters(args, config["parameters"])
+    seeds = arguments.seeds(args, config["design"]["seed"])
+    step, end = config["heap"]["time_step_s"], config["heap"]["duration_s"]
+    if args.trajectory is not None and not step <= args.trajectory <= end:
+        raise InputError("command line", "--trajectory", args.trajectory, f"from {step:g} to {end:g} s")
+    berry_of, particle = _berry_and_particle(args, config)
+
+    from repose.heap import run_job
+
+    name = f"{args.sample:03d}" if args.sample is not None else "heap"
+    result = run_job(config, name, parameters, seeds, particle, berry_of, args.out, args.trajectory)
+    if args.json:
+        print(json.dumps(_flat(result) if len(seeds) == 1 else result, indent=1))
+    else:
+        for run in result["runs"]:
+            print(_run_line(run))
+
+
+def measure(args):
+    """Image measurement."""
+    import cv2
+
+    from repose import pile
+
+    section = settings.load(args.config)["measure"]
+    band = {key: section[key] for key in ("fit_from", "fit_to", "largest_pile_only", "flank")}
+    image = pile.read_image(args.picture)
+    try:
+        measured = pile.measure_image(image, args.mm_per_pixel, **band)
+    except pile.NoFlankError as error:
+        allowed = "a pile with two flanks, seen from the side"
+        raise InputError(args.picture, "pile", str(error), allowed) from None
+    source = Path(args.picture)
+    overlay = Path(args.overlay or source.with_name(f"{source.stem}_overlay.png"))
+    overlay.parent.mkdir(parents=True, exist_ok=True)
+    cv2.imwrite(str(overlay), pile.overlay(image, measured))
+    values = {
+        key: round(getattr(measured, key), 3) for key in ("left_deg", "right_deg", "aor_deg", "height_mm")
+    }
+    if args.json:
+        print(json.dumps(values, indent=1))
+    else:
+        print("left {left_deg:.2f} deg, right {right_deg:.2f} deg".format(**values))
+        print("angle of repose {aor_deg:.2f} deg, Height {height_mm:.2f} mm".format(**values))
+        print(f"fitted lines: {overlay}")
+
+
+def silhouette(args):
+    """Side view of a simulated pile."""
+    import cv2
+
+    from repose.figures.testbench import read_heap
+    from repose.shape import Particle
+    from repose.silhouette import silhouette
+
+    scale = settings.load(args.config)["measure"]["mm_per_pixel"]
+    centres, quaternions, in_pile = read_heap(args.heap)
+    picture = silhouette(
+        centres[in_pile], quaternions[in_pile], Particle.load(args.particle), args.azimuth, scale
+    )
+    Path(args.out).parent.mkdir(parents=True, exist_ok=True)
+    cv2.imwrite(args.out, picture)
+
+
+def dataset(args):
+    """Heaps to tables."""
+    from repose import dataset
+
+    dataset.run(args.samples, args.heaps, args.out)
+
+
+def network(args):
+    """Surrogate."""
+    from repose import network
+
+    network.run(args.dataset, args.runs, settings.load(args.config)["network"], args.out)
+
+
+def miga(args):
+    """Inverse search."""
+    from repose import miga
+
+    config = settings.load(args.config)
+    summary = miga.run(
+        args.network, config["parameters"], config["target"], config["miga"], args.table3, args.out
+    )
+    print(summary["message"])
+
+
+def solutions(args):
+    """What is to be simulated again."""
+    from repose import validation
+
+    config = settings.load(args.config)
+    section = config["validation"]
+    out = Path(args.out) / "solutions.csv"
+    validation.write_solutions(
+        args.feasible, section["published"], config["parameters"], section["solutions"], out
+    )
+
+
+def validate(args):
+    """Table 4."""
+    from repose import validation
+
+    config = settings.load(args.config)
+    published = config["validation"]["published"]
+    validation.run(args.solutions, args.heaps, published, config["target"], args.out)
+
+
+def figure(args):
+    """One figure."""
+    from repose import figures
+
+    Path(args.out).parent.mkdir(parents=True, exist_ok=True)
+    figures.draw(args.name, arguments.pairs(args.input, "--input"), args.out, settings.load(args.config))
+
+
+def film(args):
+    """Animation."""
+    from repose import render
+    from repose.shape import Particle
+
+    walls = render.funnel_walls(settings.load(args.config)["heap"])
+    Path(args.out).parent.mkdir(parents=True, exist_ok=True)
+    render.animate_pour(args.trajectory, Particle.load(args.particle), args.out, walls)
+
+
+def table(args):
+    """CSV to HTML."""
+    from repose import tables
+
+    tables.write_page(args.csv, args.title, args.out, settings.load(args.config)["small_run"])
+
+
+def bench(args):
+    """Speed."""
+    args.berry = args.particle = None
+    config = settings.load(args.config)
+    berry_of, particle = _berry_and_particle(args, config)
+
+    from repose import bench
+
+    result = bench.run(config, particle, berry_of)
+    if args.json:
+        print(json.dumps(result, indent=1))
+    else:
+        print(f"{result['us_per_step']:.1f} us a step, {result['berries']} berries in the settled pile")
+        print(f"{result['job_s']:.2f} s for a whole pour at a time step of {result['time_step_s']:g} s")
+        print(
+            f"{result['reference_us']:.1f} us for the reference kernel; a step is {result['ratio']:.3f} of it"
+        )
+
+
+def check(args):
+    """Configuration check."""
+    if args.cores < 1:
+        raise InputError("command line", "--cores", args.cores, "at least 1")
+    config = settings.load(args.config)
+    settings.check_inputs(config, args.config)
+    work = settings.work(config)
+    print(f"{args.config}: {config['label']}, good; results go to {config['results_dir']}")
+    for purpose, sets, seeds in work["pours"]:
+        print(f"{purpose:>12}: {sets} parameter sets x {seeds} seeds = {sets * seeds} pours")
+    minutes = work["total_s"] / args.cores / 60
+    print(f"about {work['pour_s']:.1f} s a pour, {minutes:.0f} min on {args.cores} cores")
+
+
+def _berry_and_particle(args, config):
+    """Moduli and particle from the files given, or made from the configuration."""
+    from repose.shape import Particle
+
+    with tempfile.TemporaryDirectory() as folder:
+        section = config["berry"]
+        berry_json = args.berry or Path(folder) / "berry.json"
+        if args.berry is None:
+            from repose import berry
+
+            settings.check_inputs(config, args.config)
+            material = (section["density_kg_m3"], section["poisson_ratio"], section["shear_modulus_pa"])
+            berry.run(
+                section["sizes"],
+                section["compression"],
+                arguments.PUBLISHED / "table1.csv",
+                folder,
+                *material,
+            )
+        if not Path(berry_json).is_file():
+            raise InputError(berry_json, "file", None, "an existing file, written by `repose berry`")
+        if args.particle is None:
+            from repose import shape
+
+            particle = shape.run(berry_json, section["stl"], folder)
+        else:
+            particle = Particle.load(args.particle)
+        return json.loads(Path(berry_json).read_text()), particle
+
+
+def _flat(result):
+    """Result of a job with one seed as one record."""
+    shared = {key: result[key] for key in ("parameters", "time_step_s")}
+    return shared | result["runs"][0]
+
+
+def _run_line(run):
+    """One pour in words."""
+    if run["status"] != "ok":
+        return f"seed {run['seed']}: {run['status']}: {run['reason']}"
+    return (
+        f"seed {run['seed']}: angle of repose {run['aor_deg']:.2f} deg, Height {run['height_mm']:.1f} mm, "
+        f"{run['berries_on_plate']} berries on the plate, {run['wall_s']:.1f} s"
+    )
+
+
+VERBS = {
+    verb.__name__: verb
+    for verb in (
+        berry,
+        shape,
+        design,
+        heap,
+        measure,
+        silhouette,
+        dataset,
+        network,
+        miga,
+        solutions,
+        validate,
+        figure,
+        film,
+        table,
+        bench,
+        check,
+    )
+}
+
+if __name__ == "__main__":
+    sys.exit(main())

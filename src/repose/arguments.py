@@ -1,0 +1,298 @@
+"""Arguments of the command line: the verbs with their options, and what the options of `heap` mean."""
+
+import argparse
+import csv
+from pathlib import Path
+
+from repose import settings
+from repose.errors import InputError
+from repose.parameters import LABELS, PARAMETERS, PHYSICAL_LIMITS
+
+CONFIG = "config/config.yaml"
+PUBLISHED = Path("resources/published")
+
+
+def parser():
+    """The parser of all verbs."""
+    top = argparse.ArgumentParser(
+        prog="python -m repose",
+        description="Calibrates the contact parameters of a discrete element model from a pile of berries. "
+        "Each verb is one step of the method; `snakemake --cores 2` runs them all in order.",
+        epilog="example: python -m repose heap --set mus_gg=0.6 --seed 1 --out results/try",
+    )
+    verbs = top.add_subparsers(title="verbs", metavar="VERB", required=True)
+    _add_inputs(verbs)
+    _add_heap(verbs)
+    _add_measuring(verbs)
+    _add_calibration(verbs)
+    _add_pictures(verbs)
+    _add_services(verbs)
+    return top
+
+
+def _verb(verbs, name, summary, example, out=None, config=True):
+    """A sub-parser with the options that most verbs share."""
+    sub = verbs.add_parser(
+        name, help=summary, description=summary[0].upper() + summary[1:] + ".", epilog=f"example: {example}"
+    )
+    sub.set_defaults(verb=name)
+    if config:
+        sub.add_argument("--config", default=CONFIG, help=f"YAML or JSON configuration ({CONFIG})")
+    if out:
+        sub.add_argument(
+            "--out", default=out, help=f"{'file' if Path(out).suffix else 'folder'} to write ({out})"
+        )
+    return sub
+
+
+def _add_inputs(verbs):
+    sub = _verb(
+        verbs,
+        "berry",
+        "sizes to sphericity and equivalent diameter, compression tests to moduli (Eq. 1-4)",
+        "python -m repose berry --out results/berry",
+        out="results/berry",
+    )
+    sub.add_argument(
+        "--table1", default=str(PUBLISHED / "table1.csv"), help="published statistics to compare with"
+    )
+    sub = _verb(
+        verbs,
+        "shape",
+        "mesh and particle of the berry: volume, mass, inertia, deviation from the mesh",
+        "python -m repose shape --berry results/berry/berry.json",
+        out="results/berry",
+    )
+    sub.add_argument("--berry", default="results/berry/berry.json", help="what the verb berry wrote")
+    _verb(
+        verbs,
+        "design",
+        "Latin hypercube design of the six contact parameters",
+        "python -m repose design --out results/design",
+        out="results/design",
+    )
+
+
+def _add_heap(verbs):
+    sub = _verb(
+        verbs,
+        "heap",
+        "pour berries through the funnel, measure the pile; one parameter set, one seed or several",
+        "python -m repose heap --set e_gg=0.203 --set mus_gg=0.642 --seed 1 --out results/try --json",
+        out="results/try",
+    )
+    sub.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help=f"a contact parameter: {', '.join(PARAMETERS)}; one that is not set has the centre of its range",
+    )
+    sub.add_argument("--samples", help="CSV with the columns sample and the six, instead of --set")
+    sub.add_argument("--sample", type=int, help="number in the column sample; also the name of the files")
+    sub.add_argument(
+        "--seed", type=int, action="append", help="seed of a pour (1); may be given several times"
+    )
+    sub.add_argument("--seeds", type=int, metavar="N", help="N seeds of the study's own, instead of --seed")
+    sub.add_argument(
+        "--purpose",
+        choices=tuple(settings.PURPOSES),
+        default="design",
+        help="which of the study's streams --seeds draws from (design)",
+    )
+    sub.add_argument("--berry", help="berry.json; made from the configuration if not given")
+    sub.add_argument("--particle", help="particle.json; made from the configuration if not given")
+    sub.add_argument("--trajectory", type=float, metavar="S", help="also write positions every S seconds")
+    sub.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def _add_measuring(verbs):
+    sub = _verb(
+        verbs,
+        "measure",
+        "angle of repose and Height of the pile in a picture, a photograph or a silhouette",
+        "python -m repose measure pile.jpg --mm-per-pixel 0.1",
+    )
+    sub.add_argument("picture", help="side view of a pile: PNG, JPEG, TIFF or BMP")
+    sub.add_argument("--mm-per-pixel", type=float, required=True, help="scale of the picture")
+    sub.add_argument("--overlay", help="picture with the fitted lines (beside the picture, NAME_overlay.png)")
+    sub.add_argument(
+        "--json", action="store_true", help="print left_deg, right_deg, aor_deg, height_mm as JSON"
+    )
+    sub = _verb(
+        verbs,
+        "silhouette",
+        "side view of a simulated pile as a picture, dark on light",
+        "python -m repose silhouette results/try/heap.npz --particle results/berry/particle.json",
+        out="silhouette.png",
+    )
+    sub.add_argument("heap", help=".npz file that the verb heap wrote; its first seed is shown")
+    sub.add_argument("--particle", required=True, help="particle.json of that heap")
+    sub.add_argument("--azimuth", type=float, default=0.0, help="direction of view in degrees (0)")
+
+
+def _add_calibration(verbs):
+    sub = _verb(
+        verbs,
+        "dataset",
+        "heaps to one table: responses with standard errors, failures with their reasons",
+        "python -m repose dataset results/heaps/*.json --out results",
+        out="results",
+        config=False,
+    )
+    sub.add_argument("heaps", nargs="+", help="JSON files that the verb heap wrote")
+    sub.add_argument("--samples", default="results/design/samples.csv", help="the design")
+    sub = _verb(
+        verbs,
+        "network",
+        "train the BP network with Bayesian regularisation",
+        "python -m repose network --dataset results/dataset.csv --runs results/runs.csv",
+        out="results/network",
+    )
+    sub.add_argument("--dataset", default="results/dataset.csv", help="what the verb dataset wrote")
+    sub.add_argument("--runs", default="results/runs.csv", help="what the verb dataset wrote: single runs")
+    sub = _verb(
+        verbs,
+        "miga",
+        "invert the network with the multi-island genetic algorithm (Eq. 11-12)",
+        "python -m repose miga --network results/network/network.json",
+        out="results/miga",
+    )
+    sub.add_argument("--network", default="results/network/network.json", help="what the verb network wrote")
+    sub.add_argument("--table3", default=str(PUBLISHED / "table3.csv"), help="published intervals")
+    sub = _verb(
+        verbs,
+        "solutions",
+        "list what to simulate again: representative solution, others spread over the cloud, published ones",
+        "python -m repose solutions --feasible results/miga/feasible.csv",
+        out="results/validation",
+    )
+    sub.add_argument("--feasible", default="results/miga/feasible.csv", help="what the verb miga wrote")
+    sub = _verb(
+        verbs,
+        "validate",
+        "predicted beside simulated: our solutions (Table 4), and the published ones in our simulator",
+        "python -m repose validate results/validation/heaps/*.json",
+        out="results/validation",
+    )
+    sub.add_argument("heaps", nargs="+", help="JSON files that the verb heap wrote, one for each solution")
+    sub.add_argument("--solutions", default="results/validation/solutions.csv", help="what `solutions` wrote")
+
+
+def _add_pictures(verbs):
+    sub = _verb(
+        verbs,
+        "figure",
+        "draw one figure from the files that it shows",
+        "python -m repose figure convergence --input history=results/miga/history.csv --out convergence.png",
+        out="figure.png",
+    )
+    sub.add_argument("name", help="name of the figure, such as figure13")
+    sub.add_argument("--input", action="append", default=[], metavar="NAME=PATH", help="a file that it shows")
+    sub = _verb(
+        verbs,
+        "film",
+        "animation of a pour",
+        "python -m repose film results/try/heap_trajectory_1.npz --particle results/berry/particle.json",
+        out="pour.gif",
+    )
+    sub.add_argument("trajectory", help=".npz file that `heap --trajectory` wrote")
+    sub.add_argument("--particle", required=True, help="particle.json of that pour")
+    sub = _verb(
+        verbs,
+        "table",
+        "a CSV table as a page to read",
+        "python -m repose table results/validation/table4.csv --title 'Table 4' --out table4.html",
+        out="table.html",
+    )
+    sub.add_argument("csv", help="the table")
+    sub.add_argument("--title", required=True, help="headline of the page")
+
+
+def _add_services(verbs):
+    sub = _verb(
+        verbs,
+        "bench",
+        "microseconds a step of the settled pile, seconds of a whole pour, and how fast this machine is",
+        "python -m repose bench --json",
+    )
+    sub.add_argument("--json", action="store_true", help="print as JSON")
+    sub = _verb(
+        verbs,
+        "check",
+        "check a configuration and tell what a run of it would take",
+        "python -m repose check --config config/paper.yaml",
+    )
+    sub.add_argument("--cores", type=int, default=2, help="cores of the run (2)")
+
+
+def parameters(args, ranges):
+    """The six parameters from --set, the centre of its range for the others; or from a row of --samples."""
+    given = {name: _number(text, name) for name, text in pairs(args.set, "--set").items()}
+    if args.samples:
+        if given or args.sample is None:
+            raise InputError(
+                "command line", "--samples", args.samples, "together with --sample, without --set"
+            )
+        given = _row(args.samples, args.sample)
+    elif args.sample is not None:
+        raise InputError("command line", "--sample", args.sample, "together with --samples")
+    for name, value in given.items():
+        if name not in PARAMETERS:
+            known = ", ".join(f"{key} ({LABELS[key]})" for key in PARAMETERS)
+            raise InputError("command line", f"--set {name}", value, f"a parameter of {known}")
+        low, high = PHYSICAL_LIMITS[name]
+        if not low <= value <= high or value == float("inf"):
+            limit = f"{low:g} to {high:g}" if high < float("inf") else f"a finite number of at least {low:g}"
+            raise InputError(args.samples or "command line", name, value, limit)
+    return {name: given.get(name, round(sum(ranges[name]) / 2, 12)) for name in PARAMETERS}
+
+
+def _row(path, number):
+    """The parameters of a sample in a CSV that has the column sample."""
+    if not Path(path).is_file():
+        raise InputError(path, "file", None, "an existing CSV file")
+    with Path(path).open(encoding="utf-8", newline="") as lines:
+        reader = csv.DictReader(lines)
+        columns = reader.fieldnames or []
+        for name in ("sample", *PARAMETERS):
+            if name not in columns:
+                raise InputError(
+                    path, "header", ",".join(columns), f"columns sample, {', '.join(PARAMETERS)}"
+                )
+        rows = {row["sample"]: row for row in reader}
+    if str(number) not in rows:
+        raise InputError(path, "sample", number, f"one of {len(rows)}: {', '.join(list(rows)[:3])}, ...")
+    source = f"{path}, sample {number}"
+    return {name: _number(rows[str(number)][name], name, source) for name in PARAMETERS}
+
+
+def pairs(entries, option):
+    """NAME=VALUE entries as a dict."""
+    found = {}
+    for entry in entries:
+        name, equals, value = entry.partition("=")
+        if not equals or not name or not value or name in found:
+            raise InputError("command line", option, entry, "NAME=VALUE, each name once")
+        found[name] = value
+    return found
+
+
+def _number(text, name, source="command line"):
+    """A number, or InputError."""
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(source, name, text, "a number") from None
+
+
+def seeds(args, study_seed):
+    """Seeds from --seed, or --seeds of the study's streams."""
+    if args.seeds is None:
+        given = args.seed or [1]
+        if min(given) < 0 or len(set(given)) < len(given):
+            raise InputError("command line", "--seed", given, "distinct whole numbers from 0")
+        return given
+    if args.seed or args.seeds < 1:
+        raise InputError("command line", "--seeds", args.seeds, "at least 1, without --seed")
+    return settings.pour_seeds(study_seed, args.purpose, args.sample or 0, args.seeds)

@@ -1,0 +1,292 @@
+"""Figures: each can be drawn, the same way twice, and says what it has to say."""
+
+import hashlib
+import json
+import struct
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from repose import figures, shape
+from repose.errors import InputError
+from repose.figures import checks, samples, search, style, surrogate, testbench, workflow
+from repose.parameters import PARAMETERS
+
+RANGES = dict(
+    zip(PARAMETERS, ([0.1, 0.4], [0.35, 0.75], [0.02, 0.07], [0.2, 0.5], [0.4, 0.8], [0.1, 0.3]), strict=True)
+)
+CONFIG = {
+    "small_run": False,
+    "parameters": RANGES,
+    "design": {"method": "optimal"},
+    "heap": {
+        "inlet_diameter_mm": 150.0,
+        "outlet_diameter_mm": 32.0,
+        "cone_angle_deg": 60.0,
+        "tube_length_mm": 0.0,
+        "rim_radius_mm": 1.0,
+        "outlet_height_mm": 100.0,
+        "plate_diameter_mm": 600.0,
+        "factory_height_mm": 12.0,
+        "factory_diameter_mm": 150.0,
+    },
+    "measure": {
+        "views": 2,
+        "mm_per_pixel": 0.5,
+        "fit_from": 0.1,
+        "fit_to": 0.8,
+        "largest_pile_only": True,
+        "flank": "levels",
+    },
+    "target": {
+        "aor_deg": 32.87,
+        "height_mm": 65.57,
+        "aor_range_deg": [31.0, 34.0],
+        "height_range_mm": [64.0, 69.0],
+        "physical_aor_deg": 32.87,
+        "physical_aor_sd_deg": 2.20,
+        "physical_height_mm": 65.57,
+        "physical_height_sd_mm": 4.10,
+    },
+}
+DOT = """digraph snakemake_dag {
+    graph[bgcolor=white, margin=0];
+    0[label = "all", color = "0.0 0.6 0.85", style="rounded"];
+    1[label = "report", color = "0.1 0.6 0.85", style="rounded"];
+    2[label = "heap", color = "0.3 0.6 0.85", style="rounded,dashed"];
+    3[label = "design", color = "0.5 0.6 0.85", style="rounded"];
+    4[label = "berry", color = "0.6 0.6 0.85", style="rounded"];
+    1 -> 0
+    2 -> 1
+    3 -> 2
+    4 -> 2
+    4 -> 0
+}
+"""
+
+
+def cone_of_berries(count=260, height_m=0.06, radius_m=0.11):
+    """Centres and quaternions of berries scattered in a cone: looks like a pile, holds no physics."""
+    rng = np.random.default_rng(3)
+    share = rng.random((count, 3))
+    z = height_m * (1 - share[:, 0] ** (1 / 3)) + 0.004
+    r = radius_m * (1 - z / (height_m + 0.005)) * np.sqrt(share[:, 1])
+    centres = np.column_stack([r * np.cos(6.283 * share[:, 2]), r * np.sin(6.283 * share[:, 2]), z])
+    quaternions = rng.normal(size=(count, 4))
+    return centres, quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)
+
+
+def made_up_tables(folder):
+    """Tables of the workflow's columns with smooth made-up responses; returns the frames."""
+    rng = np.random.default_rng(1)
+    table = pd.DataFrame({name: rng.uniform(*RANGES[name], 150) for name in PARAMETERS})
+    unit = {name: (table[name] - low) / (high - low) for name, (low, high) in RANGES.items()}
+    aor = 20 + 4 * unit["mus_gp"] + 4 * unit["mur_gg"] - 2 * unit["e_gg"]
+    height = 50 + 9 * unit["mus_gp"] + 9 * unit["mur_gg"] - 6 * unit["e_gg"]
+    table.insert(0, "sample", np.arange(1, 151))
+    samples_ = table.copy()
+    table["status"], table["reason"], table["n_seeds"] = "ok", "", 8
+    table["aor_deg"], table["aor_se_deg"] = aor + rng.normal(0, 0.5, 150), rng.uniform(0.3, 0.7, 150)
+    table["height_mm"], table["height_se_mm"] = height + rng.normal(0, 1, 150), rng.uniform(0.6, 1.4, 150)
+    table["discharge_s"] = 16.5
+    table.loc[[4, 50, 70], ["status", "reason"]] = ["jammed", "3 berries in the funnel at the end"]
+    table.loc[[4, 50, 70], ["aor_deg", "aor_se_deg", "height_mm", "height_se_mm"]] = np.nan
+    good = table[table["status"] == "ok"]
+    split = np.repeat(["train", "validation", "test"], [103, 22, 22])
+    predictions = pd.DataFrame({"sample": good["sample"], "split": split, "aor_deg": good["aor_deg"]})
+    predictions["aor_predicted_deg"] = aor[good.index]
+    predictions["height_mm"], predictions["height_predicted_mm"] = good["height_mm"], height[good.index]
+    narrow = {n: low + (high - low) * rng.uniform(0.3, 0.55, 90) for n, (low, high) in RANGES.items()}
+    feasible = pd.DataFrame({"solution": np.arange(1, 91), **narrow})
+    feasible["aor_predicted_deg"] = rng.normal(32.8, 0.2, 90)
+    feasible["height_predicted_mm"] = rng.normal(65.6, 0.4, 90)
+    feasible["objective"] = rng.random(90)
+    feasible["feasible"], feasible["representative"] = True, feasible.index == 0
+    generation = np.arange(0, 8701, 10)
+    history = pd.DataFrame({"round": generation // 10, "generation": generation})
+    history["evaluations"] = 200 * (generation + 1)
+    history["best_objective"] = 0.002 + np.exp(-generation / 300)
+    history["mean_objective"] = 0.05 + 1.2 * np.exp(-generation / 400)
+    history["feasible_found"] = np.maximum(0, generation - 400) * 3
+    table4 = feasible.iloc[[0, 3, 20, 40, 60, 80]][["solution", *PARAMETERS]].copy()
+    table4["aor_predicted_deg"], table4["height_predicted_mm"] = 32.8, 65.6
+    for column, centre, sd in (("aor_simulated_deg", 32, 0.7), ("height_simulated_mm", 65, 1.2)):
+        table4[column] = centre + sd * rng.normal(size=6)
+    table4["role"] = ["representative"] + 5 * ["spread"]
+    table4["aor_se_deg"], table4["height_se_mm"] = 0.5, 1.1
+    published = table4.drop(columns=["role", "aor_predicted_deg", "height_predicted_mm"])
+    published["aor_published_simulated_deg"], published["height_published_simulated_mm"] = 32.0, 65.0
+    published["solution"] = ["22", "15", "56", "84", "2", "representative"]
+    comparison = pd.DataFrame(
+        {"method": ["random", "lhsdesign", "optimal"], "samples": 150, "min_distance": [0.13, 0.2, 0.4]}
+    )
+    frames = {
+        "samples": samples_,
+        "dataset": table,
+        "predictions": predictions,
+        "feasible": feasible,
+        "history": history,
+        "table4": table4,
+        "published": published,
+        "comparison": comparison,
+    }
+    for name, frame in frames.items():
+        frame.to_csv(folder / f"{name}.csv", index=False)
+    return frames
+
+
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory):
+    """Made-up inputs of every figure: name of the file without its ending to its path."""
+    folder = tmp_path_factory.mktemp("inputs")
+    made_up_tables(folder)
+    rng = np.random.default_rng(2)
+    long = rng.normal(21, 2, 50)
+    sizes = pd.DataFrame({"long_mm": long, "major_mm": 0.54 * long, "minor_mm": 0.46 * long})
+    (folder / "sizes.csv").write_text("# reconstruction\n" + sizes.to_csv(index=False))
+    mesh = shape.ellipsoid_mesh([21.14, 11.37, 9.88], subdivisions=3)
+    mesh.export(folder / "berry.stl")
+    shape.fit_particle(mesh, 840.47).save(folder / "particle.json")
+    centres, quaternions = cone_of_berries()
+    in_pile = np.ones(len(centres), bool)
+    np.savez(folder / "heap.npz", position_7=centres, quaternion_7=quaternions, in_pile_7=in_pile)
+    frames = np.stack([np.full_like(centres, np.nan), centres, centres]).astype(np.float32)
+    turns = np.stack([quaternions] * 3).astype(np.float32)
+    np.savez(folder / "trajectory.npz", time_s=[0.0, 9.0, 18.0], position=frames, quaternion=turns)
+    network = {"inputs": list(PARAMETERS), "outputs": ["aor_deg", "height_mm"]}
+    network |= {"W1": rng.normal(size=(12, 6)).tolist(), "W2": rng.normal(size=(2, 12)).tolist()}
+    (folder / "network.json").write_text(json.dumps(network | {"activation": ["tansig", "purelin"]}))
+    (folder / "summary.json").write_text(json.dumps({"feasible": True, "message": ""}))
+    (folder / "rules.dot").write_text(DOT)
+    intervals = pd.DataFrame({"parameter": PARAMETERS})
+    intervals["low"] = [0.199, 0.600, 0.036, 0.202, 0.455, 0.181]
+    intervals["high"] = [0.256, 0.659, 0.038, 0.248, 0.529, 0.188]
+    intervals.to_csv(folder / "table3.csv", index=False)
+    return {path.stem: path for path in folder.iterdir()} | {"folder": folder}
+
+
+def inputs_of(name, inputs):
+    """The figure's inputs, optional ones included, out of the made-up files."""
+    files = {"stl": "berry", "dot": "rules"}
+    if name == "figure14":
+        files["published"] = "table3"
+    if name == "validation":
+        files["published"] = "table4"
+    keys = figures.FIGURES[name][1] + figures.OPTIONAL.get(name, ())
+    return {key: inputs[files.get(key, key)] for key in keys}
+
+
+def size_of(path):
+    """Width and height of a PNG from its header."""
+    return struct.unpack(">II", path.read_bytes()[16:24])
+
+
+def words(figure):
+    """All texts of a figure."""
+    import matplotlib.text
+
+    return " | ".join(text.get_text() for text in figure.findobj(matplotlib.text.Text))
+
+
+@pytest.mark.parametrize("name", list(figures.FIGURES))
+def test_every_figure_is_drawn_the_same_twice_and_marked_when_small(name, inputs, tmp_path, monkeypatch):
+    monkeypatch.setattr(testbench, "PILE_PIXELS", 300)
+    paths = [tmp_path / f"{k}.png" for k in range(3)]
+    for path, small in zip(paths, (False, False, True), strict=True):
+        figures.draw(name, inputs_of(name, inputs), path, CONFIG | {"small_run": small})
+    digests = [hashlib.sha256(path.read_bytes()).hexdigest() for path in paths]
+    assert digests[0] == digests[1] != digests[2]
+    width, height = size_of(paths[0])
+    assert 400 < width < 1400
+    assert 250 < height < 1400
+    assert size_of(paths[2]) == (width, pytest.approx(height + 0.24 * style.DPI, abs=1))
+
+
+def test_bad_names_and_inputs_are_named(inputs, tmp_path):
+    with pytest.raises(InputError, match="figure99"):
+        figures.draw("figure99", {}, tmp_path / "x.png", CONFIG)
+    with pytest.raises(InputError, match="sizes"):
+        figures.draw("figure02", {}, tmp_path / "x.png", CONFIG)
+    with pytest.raises(InputError, match="sises"):
+        figures.draw("figure02", {"sizes": inputs["sizes"], "sises": ""}, tmp_path / "x.png", CONFIG)
+    with pytest.raises(InputError, match="nowhere"):
+        figures.draw("figure02", {"sizes": tmp_path / "nowhere.csv"}, tmp_path / "x.png", CONFIG)
+
+
+def test_reconstructed_sizes_are_called_so(inputs, tmp_path):
+    from repose.figures import berries
+
+    with style.applied():
+        assert berries.RECONSTRUCTED in words(
+            berries.sizes_and_sphericity({"sizes": inputs["sizes"]}, CONFIG)
+        )
+        measured = tmp_path / "measured.csv"
+        measured.write_text(inputs["sizes"].read_text().replace("# reconstruction\n", ""))
+        assert berries.RECONSTRUCTED not in words(berries.sizes_and_sphericity({"sizes": measured}, CONFIG))
+
+
+def test_no_feasible_solution_is_said_in_words(inputs, tmp_path):
+    summary = tmp_path / "summary.json"
+    summary.write_text(json.dumps({"feasible": False, "message": "nearest: 3.1 deg short"}))
+    files = {"feasible": inputs["feasible"], "summary": summary}
+    with style.applied():
+        text = words(search.feasible_solutions(files, CONFIG))
+    assert "NO FEASIBLE SOLUTION" in text
+    assert "nearest: 3.1 deg short" in text
+
+
+def test_r2_and_rmse_of_known_predictions(tmp_path):
+    """Residuals of 1 about values -3, -1, 1, 3: R2 = 1 - 4 / 20 and RMSE 1."""
+    value = np.array([-3.0, -1.0, 1.0, 3.0])
+    table = pd.DataFrame({"sample": range(4), "split": "test", "aor_deg": value, "height_mm": value})
+    table["aor_predicted_deg"] = table["height_predicted_mm"] = value + np.array([1, -1, 1, -1])
+    table.to_csv(tmp_path / "predictions.csv", index=False)
+    pd.DataFrame({"sample": range(4), "aor_se_deg": 0.1, "height_se_mm": 0.1}).to_csv(tmp_path / "d.csv")
+    files = {"predictions": tmp_path / "predictions.csv", "dataset": tmp_path / "d.csv"}
+    with style.applied():
+        text = words(surrogate.predicted_against_simulated(files, CONFIG))
+    assert "test: R² 0.800, RMSE 1.00 deg, n 4" in text
+
+
+def test_failed_samples_are_counted_with_their_reason(inputs):
+    with style.applied():
+        text = words(samples.responses_over_parameters({"dataset": inputs["dataset"]}, CONFIG))
+    assert "3 of 150 samples gave no pile" in text
+    assert "3 jammed" in text
+
+
+def test_prediction_errors_are_percent_of_the_simulated_value(tmp_path):
+    table = pd.DataFrame({"solution": [5], "aor_predicted_deg": [33.0], "height_predicted_mm": [63.0]})
+    table["aor_simulated_deg"], table["height_simulated_mm"] = 30.0, 70.0
+    table.to_csv(tmp_path / "t.csv", index=False)
+    with style.applied():
+        text = words(checks.validation({"table4": tmp_path / "t.csv"}, CONFIG))
+    assert "10.0" in text.split(" | ")
+    assert "published" not in text
+
+
+def test_rule_graph_is_layered_by_the_longest_way_and_implied_arrows_go(inputs):
+    labels, hues, edges = workflow.read_dot(inputs["rules"])
+    assert labels == {"0": "all", "1": "report", "2": "heap", "3": "design", "4": "berry"}
+    assert hues["2"] == 0.3
+    kept = workflow.reduced(edges)
+    assert ("4", "0") in edges
+    assert sorted(kept) == [("1", "0"), ("2", "1"), ("3", "2"), ("4", "2")]
+    places, ways = workflow.layout(list(labels), edges)
+    assert [places[n][1] for n in "34210"] == [0, 0, 1, 2, 3]
+    assert [y for _, y in ways["4", "0"]] == [0, 1, 2, 3]
+    for layer in range(4):
+        row = sorted(x for x, y in places.values() if y == layer)
+        assert all(np.diff(row) >= 1 - 1e-9)
+
+
+def test_a_cycle_in_the_rule_graph_is_refused():
+    with pytest.raises(InputError, match="cycle"):
+        workflow.layers_of("ab", [("a", "b"), ("b", "a")])
+
+
+def test_heap_file_without_positions_is_refused(tmp_path):
+    np.savez(tmp_path / "x.npz", other=np.zeros(3))
+    with pytest.raises(InputError, match="position_SEED"):
+        testbench.read_heap(tmp_path / "x.npz")

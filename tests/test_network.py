@@ -1,0 +1,318 @@
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from repose import network
+from repose.errors import InputError
+from repose.network import BayesianBP
+from repose.parameters import PARAMETERS
+
+SETTINGS = {"hidden": 6, "epochs": 200, "goal": 1e-4, "starts": 3, "seed": 2026, "split": [0.7, 0.15, 0.15]}
+
+
+def known_function(U):
+    """Two smooth responses of six inputs in [-1, 1], as strong and as curved as a pile's."""
+    aor = 23 + 2.2 * U[:, 4] + 2.2 * U[:, 2] - 1.2 * U[:, 0] + 0.6 * U[:, 2] * U[:, 4] - 0.8 * U[:, 4] ** 2
+    height = (
+        61 + 4.7 * U[:, 4] + 4.7 * U[:, 2] - 3.5 * U[:, 0] + 1.5 * U[:, 2] * U[:, 4] + np.sin(2 * U[:, 0])
+    )
+    return np.column_stack([aor, height])
+
+
+def noisy_data(samples, seed, noise=(0.5, 1.0)):
+    random = np.random.RandomState(seed)
+    U = random.uniform(-1, 1, (samples, 6))
+    return U, known_function(U) + random.normal(size=(samples, 2)) * noise
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    X, Y = noisy_data(95, 0)
+    return BayesianBP(starts=6).fit(X, Y), X, Y
+
+
+def test_jacobian_is_the_derivative_by_finite_differences():
+    random = np.random.RandomState(1)
+    x, w = random.uniform(0.1, 0.9, (7, 3)), random.normal(size=4 * 3 + 4 + 2 * 4 + 2)
+    _, J = network.jacobian(w, x, 2)
+    step = 1e-6
+    for k in range(w.size):
+        shift = np.zeros(w.size)
+        shift[k] = step
+        difference = (network.jacobian(w + shift, x, 2)[0] - network.jacobian(w - shift, x, 2)[0]) / (
+            2 * step
+        )
+        np.testing.assert_allclose(J[:, :, k], difference, atol=1e-8)
+
+
+def test_forward_pass_is_eq_6_to_8_written_as_loops(fitted):
+    model, X, _ = fitted
+    slow = np.zeros(2)
+    x = 0.1 + 0.8 * (X[5] - model.input_min_) / (model.input_max_ - model.input_min_)
+    for k in range(2):
+        total = model.b2_[k]
+        for j in range(12):
+            z = sum(model.W1_[j, i] * x[i] for i in range(6)) + model.b1_[j]
+            total += model.W2_[k, j] * (2 / (1 + np.exp(-2 * z)) - 1)  # tansig
+        slow[k] = model.output_min_[k] + (total - 0.1) / 0.8 * (model.output_max_[k] - model.output_min_[k])
+    np.testing.assert_allclose(model.predict(X[5:6])[0], slow, rtol=1e-12)
+
+
+def test_start_has_slopes_of_nguyen_and_widrow_and_kinks_inside_the_interval():
+    W1, b1, W2, b2 = network.unpack(network.nguyen_widrow(6, 12, 2, (0.1, 0.9), 3), 6, 12, 2)
+    length = 0.7 * 12 ** (1 / 6)
+    np.testing.assert_allclose(np.linalg.norm(W1, axis=1) * 0.4, length)
+    assert (np.abs(W1 @ np.full(6, 0.5) + b1) <= length).all()  # at the inputs' middle
+    assert (np.abs(W2) <= 0.5).all()
+    assert b2.shape == (2,)
+
+
+def test_learns_a_known_function_through_noise(fitted):
+    model, X, Y = fitted
+    fresh = np.random.RandomState(9).uniform(-1, 1, (300, 6))
+    assert model.score(fresh, known_function(fresh)) > 0.97
+    assert model.score(X, Y) < 0.99  # it has not learnt the noise
+    assert 15 < model.gamma_ < 60
+    assert model.stop_reason_ in ("mu", "gradient")
+
+
+def test_hyperparameters_are_at_their_fixed_point(fitted):
+    """MacKay: alpha = gamma / 2 E_w, beta = (n - gamma) / 2 E_d, gamma = sum lambda / (lambda + 2 alpha)."""
+    model, X, Y = fitted
+    w = np.concatenate([model.W1_.ravel(), model.b1_, model.W2_.ravel(), model.b2_])
+    x = 0.1 + 0.8 * (X - model.input_min_) / (model.input_max_ - model.input_min_)
+    t = 0.1 + 0.8 * (Y - model.output_min_) / (model.output_max_ - model.output_min_)
+    y, J = network.jacobian(w, x, 2)
+    J = J.reshape(-1, w.size)
+    Ed, Ew = np.sum((y - t) ** 2), w @ w
+    eigenvalues = np.linalg.eigvalsh(2 * model.beta_ * J.T @ J)
+    assert model.alpha_ == pytest.approx(model.gamma_ / (2 * Ew), rel=1e-9)
+    assert model.beta_ == pytest.approx((190 - model.gamma_) / (2 * Ed), rel=1e-9)
+    assert model.gamma_ == pytest.approx(np.sum(eigenvalues / (eigenvalues + 2 * model.alpha_)), rel=1e-3)
+    gradient = 2 * model.beta_ * J.T @ (y - t).ravel() + 2 * model.alpha_ * w
+    assert np.linalg.norm(gradient) < 1e-3
+
+
+def test_evidence_is_exact_for_a_linear_model():
+    """Laplace's approximation is no approximation there: the data's Gaussian marginal likelihood is known."""
+    random = np.random.RandomState(4)
+    J, t, alpha, beta = random.normal(size=(8, 3)), random.normal(size=8), 0.7, 2.0
+    w = np.linalg.solve(beta * J.T @ J + alpha * np.eye(3), beta * J.T @ t)
+    e = J @ w - t
+    C = np.eye(8) / (2 * beta) + J @ J.T / (2 * alpha)
+    exact = -0.5 * t @ np.linalg.solve(C, t) - 0.5 * np.linalg.slogdet(2 * np.pi * C)[1]
+    assert network.log_evidence(alpha, beta, e @ e, w @ w, J.T @ J, 8) == pytest.approx(exact, rel=1e-12)
+
+
+def test_the_best_start_by_evidence_is_chosen_and_bad_starts_are_not(monkeypatch):
+    """From weights of zero no gradient reaches the hidden layer: such a start must lose."""
+    honest = network.nguyen_widrow
+
+    def dead(inputs, hidden, outputs, interval, seed):
+        w = honest(inputs, hidden, outputs, interval, seed)
+        if seed[1] != 1:
+            w[:-outputs] = 0.0
+        return w
+
+    monkeypatch.setattr(network, "nguyen_widrow", dead)
+    X, Y = noisy_data(95, 2, noise=(0.2, 0.4))
+    model = BayesianBP(starts=3).fit(X, Y)
+    assert model.best_start_ == 1
+    assert model.starts_[1]["mse"] < 0.1 * min(model.starts_[0]["mse"], model.starts_[2]["mse"])
+
+
+def test_evidence_of_no_number_is_minus_infinity():
+    assert network.log_evidence(0.0, 1.0, 1.0, 1.0, np.eye(2), 3) == -np.inf
+    assert network.log_evidence(1.0, np.nan, 1.0, 1.0, np.eye(2), 3) == -np.inf
+
+
+def test_stops_for_the_reason_it_says():
+    X, Y = noisy_data(60, 3)
+    assert BayesianBP(starts=1, epochs=2).fit(X, Y).stop_reason_ == "epochs"
+    assert BayesianBP(starts=1, goal=0.05).fit(X, Y).stop_reason_ == "goal"
+    assert BayesianBP(starts=1, min_gradient=1e9).fit(X, Y).epochs_ == 0
+    assert BayesianBP(starts=1, mu_max=1e-9).fit(X, Y).stop_reason_ == "mu"
+
+
+def test_fewer_residuals_than_weights_still_train():
+    X, Y = noisy_data(20, 5)
+    model = BayesianBP(starts=3).fit(X, Y)
+    assert 0 < model.gamma_ < 40
+    fresh = np.random.RandomState(9).uniform(-1, 1, (300, 6))
+    assert model.score(fresh, known_function(fresh)) > 0.6
+
+
+def test_same_seed_same_network_and_starts_do_not_depend_on_their_number(fitted):
+    model, X, Y = fitted
+    again = BayesianBP(starts=2).fit(X, Y)
+    assert again.starts_ == model.starts_[:2]
+
+
+def test_one_output_is_returned_as_one_dimension():
+    X, Y = noisy_data(40, 6)
+    model = BayesianBP(starts=1, hidden=4, epochs=50).fit(X, Y[:, 0])
+    assert model.predict(X).shape == (40,)
+    assert model.score(X, Y[:, 0]) == pytest.approx(network.r2(Y[:, 0], model.predict(X)))
+
+
+def test_weights_draw_the_fit_to_the_exact_samples():
+    X, Y = noisy_data(95, 7, noise=(0.05, 0.1))
+    Y[::2] += np.random.RandomState(8).normal(size=Y[::2].shape) * (2.0, 4.0)
+    errors = np.full(Y.shape, 0.05)
+    errors[::2] = 2.0
+    weight = np.where(errors > 1, 0.01, 1.0)
+    fresh = np.random.RandomState(9).uniform(-1, 1, (300, 6))
+    plain = BayesianBP(starts=3).fit(X, Y).score(fresh, known_function(fresh))
+    weighted = BayesianBP(starts=3).fit(X, Y, sample_weight=weight).score(fresh, known_function(fresh))
+    assert 1 - weighted < 0.5 * (1 - plain)
+
+
+def test_equal_weights_change_nothing(fitted):
+    model, X, Y = fitted
+    same = BayesianBP(starts=1).fit(X, Y, sample_weight=np.ones(95))
+    assert same.starts_[0] == model.starts_[0]
+
+
+def test_weights_from_errors_by_hand():
+    weight = network.weights_from_errors(np.array([[1.0], [1.0], [3.0], [np.nan]]))
+    # median of 1, 1, 9, 9 is 5: variances 6, 6, 14, 14
+    expected = np.array([1 / 6, 1 / 6, 1 / 14, 1 / 14])
+    np.testing.assert_allclose(weight[:, 0], expected / expected.mean())
+
+
+@pytest.mark.parametrize(
+    ("X", "y", "weight"),
+    [
+        (np.ones((3, 2)), np.ones(4), None),
+        (np.full((3, 2), np.nan), np.ones(3), None),
+        (np.ones((3, 2)), np.ones(3), np.zeros(3)),
+        (np.ones((3, 2)), np.ones(3), np.ones(2)),
+    ],
+)
+def test_bad_data_is_refused(X, y, weight):
+    with pytest.raises(ValueError, match=r"allowed|must be finite"):
+        BayesianBP().fit(X, y, weight)
+
+
+def test_json_and_folded_function_are_the_same_network(fitted, tmp_path):
+    model, X, _ = fitted
+    model.save(tmp_path / "network.json")
+    loaded = network.load(tmp_path / "network.json")
+    np.testing.assert_allclose(network.evaluate(loaded, X), model.predict(X), rtol=1e-12)
+    low, high = np.linspace(-2, 0, 6), np.linspace(1, 3, 6)
+    points = np.random.RandomState(1).uniform(-1, 1, (50, 6))
+    real = low + (points + 1) / 2 * (high - low)
+    folded = network.response_function(loaded, low, high)
+    np.testing.assert_allclose(folded(points), model.predict(real), rtol=1e-10)
+
+
+def test_load_names_what_is_wrong(tmp_path):
+    with pytest.raises(InputError, match="missing"):
+        network.load(tmp_path / "missing.json")
+    (tmp_path / "short.json").write_text('{"W1": []}')
+    with pytest.raises(InputError, match="input_min"):
+        network.load(tmp_path / "short.json")
+
+
+@pytest.mark.parametrize(
+    ("samples", "sizes"), [(137, (95, 20, 22)), (150, (105, 22, 23)), (90, (63, 13, 14))]
+)
+def test_split_is_the_published_one_and_a_partition(samples, sizes):
+    rows = network.split(samples, [0.70, 0.15, 0.15], 2026)
+    assert tuple(len(rows[name]) for name in network.SPLITS) == sizes
+    assert sorted(np.concatenate(list(rows.values()))) == list(range(samples))
+
+
+def test_noise_correction_recovers_r2_on_the_noise_free_means():
+    random = np.random.RandomState(3)
+    m = 20_000
+    truth = random.normal(size=m) * 2
+    predicted = truth + random.normal(size=m) * 0.5
+    errors = random.uniform(0.5, 1.5, m)
+    y = truth + random.normal(size=m) * errors
+    assert network.r2_noise_corrected(y, predicted, errors) == pytest.approx(
+        network.r2(truth, predicted), abs=0.01
+    )
+    assert network.r2(y, predicted) < 0.8
+    assert network.r2_noise_corrected(y, predicted, np.full(m, np.nan)) is None
+    assert network.r2_noise_corrected(y, predicted, np.full(m, 10.0)) is None
+
+
+def write_tables(folder, samples=40, seeds=4):
+    random = np.random.RandomState(11)
+    U = random.uniform(-1, 1, (samples, 6))
+    truth = known_function(U)
+    rows, runs = [], []
+    for i in range(samples):
+        y = truth[i] + random.normal(size=(seeds, 2)) * (0.5, 1.0)
+        se = y.std(axis=0, ddof=1) / np.sqrt(seeds) if seeds > 1 else (np.nan, np.nan)
+        status = "jammed" if i == 3 else "ok"
+        mean = y.mean(axis=0) if status == "ok" else (np.nan, np.nan)
+        rows.append((i + 1, *U[i], status, seeds, mean[0], se[0], mean[1], se[1]))
+        runs.extend((i + 1, k, status, *y[k]) for k in range(seeds))
+    columns = [
+        "sample",
+        *PARAMETERS,
+        "status",
+        "n_seeds",
+        "aor_deg",
+        "aor_se_deg",
+        "height_mm",
+        "height_se_mm",
+    ]
+    pd.DataFrame(rows, columns=columns).to_csv(folder / "dataset.csv", index=False)
+    columns = ["sample", "seed", "status", "aor_deg", "height_mm"]
+    pd.DataFrame(runs, columns=columns).to_csv(folder / "runs.csv", index=False)
+    return folder / "dataset.csv", folder / "runs.csv"
+
+
+def test_run_writes_what_it_returns(tmp_path):
+    paths = write_tables(tmp_path)
+    metrics = network.run(*paths, SETTINGS, tmp_path / "out")
+    assert json.loads((tmp_path / "out/metrics.json").read_text()) == metrics
+    assert (metrics["n_samples"], metrics["left_out"]) == (39, 1)
+    predictions = pd.read_csv(tmp_path / "out/predictions.csv")
+    assert 4 not in set(predictions["sample"])
+    test = predictions[predictions["split"] == "test"]
+    by_hand = (
+        1
+        - ((test.aor_deg - test.aor_predicted_deg) ** 2).sum()
+        / ((test.aor_deg - test.aor_deg.mean()) ** 2).sum()
+    )
+    assert metrics["test"]["aor_deg"]["r2"] == pytest.approx(by_hand)
+    runs = pd.read_csv(paths[1]).merge(test[["sample", "height_predicted_mm"]], on="sample")
+    assert len(runs) == 4 * metrics["n_test"]
+    single = network.r2(runs["height_mm"].to_numpy(), runs["height_predicted_mm"].to_numpy())
+    assert metrics["r2_three_ways"]["height_mm"]["single_runs"] == pytest.approx(single)
+    starts = pd.read_csv(tmp_path / "out/starts.csv")
+    assert starts.loc[starts["chosen"], "log_evidence"].item() == starts["log_evidence"].max()
+    saved = network.load(tmp_path / "out/network.json")
+    assert saved["inputs"] == list(PARAMETERS)
+
+
+def test_run_with_one_seed_has_no_noise_correction_and_no_weights(tmp_path):
+    paths = write_tables(tmp_path, seeds=1)
+    metrics = network.run(*paths, SETTINGS | {"weights_from_errors": True}, tmp_path / "out")
+    ways = metrics["r2_three_ways"]["aor_deg"]
+    assert ways["noise_corrected"] is None
+    assert ways["single_runs"] == pytest.approx(ways["sample_means"])
+    assert metrics["weighted"] is False
+
+
+def test_run_weighted_differs_from_unweighted(tmp_path):
+    paths = write_tables(tmp_path)
+    plain = network.run(*paths, SETTINGS, tmp_path / "a")
+    weighted = network.run(*paths, SETTINGS | {"weights_from_errors": True}, tmp_path / "b")
+    assert weighted["weighted"] is True
+    assert weighted["log_evidence"] != plain["log_evidence"]
+
+
+def test_too_few_samples_and_missing_columns_are_named(tmp_path):
+    paths = write_tables(tmp_path, samples=12)
+    with pytest.raises(InputError, match=r"usable samples is 11; allowed: at least 12"):
+        network.run(*paths, SETTINGS, tmp_path)
+    pd.read_csv(paths[0]).drop(columns="mus_gp").to_csv(paths[0], index=False)
+    with pytest.raises(InputError, match=r"dataset.csv: mus_gp"):
+        network.run(*paths, SETTINGS, tmp_path)

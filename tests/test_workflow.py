@@ -1,0 +1,124 @@
+"""The workflow's graph: what would run, and what a changed or bad key does. Nothing is simulated here."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PARTS = ("Snakefile", "config", "profiles", "resources", "workflow")
+STAGES = (
+    *(
+        "berry",
+        "shape",
+        "design",
+        "heap",
+        "dataset",
+        "network",
+        "miga",
+        "solutions",
+        "validation_heap",
+        "validate",
+    ),
+    *("measure", "film", "draw_convergence", "page_table1", "page_table3", "page_table4", "page_published"),
+    *(f"draw_figure{number:02d}" for number in (2, 5, 6, 7, 8, 9, 10, 13, 14)),
+)
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """A copy of the workflow without any results."""
+    folder = tmp_path_factory.mktemp("project")
+    for part in PARTS:
+        source = ROOT / part
+        shutil.copytree(source, folder / part) if source.is_dir() else shutil.copy(source, folder / part)
+    return folder
+
+
+def snakemake(project, *words):
+    """Run snakemake in project."""
+    paths = [str(ROOT / "src"), os.environ.get("PYTHONPATH", "")]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in paths if path)}
+    command = [sys.executable, "-m", "snakemake", "--nocolor", *words]
+    return subprocess.run(command, cwd=project, env=environment, capture_output=True, text=True)
+
+
+def planned(project, *words):
+    """Rules of a dry run and how many jobs of each."""
+    done = snakemake(project, "-n", *words, "--quiet", "rules")
+    assert done.returncode == 0, done.stderr
+    counts = re.findall(r"^(\w+)\s+(\d+)$", done.stdout + done.stderr, re.MULTILINE)
+    return {rule: int(count) for rule, count in counts}
+
+
+def test_the_recommended_study_has_every_stage_and_one_job_a_sample(project):
+    jobs = planned(project)
+    assert set(STAGES) <= set(jobs)
+    assert (jobs["heap"], jobs["validation_heap"]) == (150, 12)
+    assert not (project / "results").exists(), "a dry run writes nothing"
+
+
+def test_the_small_run_has_the_same_rules(project):
+    small = planned(project, "--configfile", "config/quick.yaml")
+    assert set(small) == set(planned(project))
+    assert small["heap"] == 24
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (
+            ["--config", "heap={seeds: 0}"],
+            "repose: error: command line (--config): heap.seeds is 0; allowed: an integer from 1 to 100",
+        ),
+        (
+            ["--config", "heap={time_step_s: 2e-3}"],
+            "repose: error: command line (--config): heap.time_step_s is 0.002; allowed: at most 0.00063, "
+            "20% of the Rayleigh time of the mean berry",
+        ),
+        (
+            ["--configfile", "mine.yaml"],
+            "repose: error: mine.yaml: heap.seads is 3; allowed: no such key; did you mean seeds?",
+        ),
+    ],
+)
+def test_a_bad_value_ends_in_one_message_before_any_work(project, words, message):
+    (project / "mine.yaml").write_text("heap: {seads: 3}\n")
+    done = snakemake(project, "--cores", "1", *words)
+    assert done.returncode != 0
+    assert done.stdout == ""
+    assert [line for line in done.stderr.splitlines() if "profile" not in line] == [message]
+    assert not (project / "results").exists()
+
+
+def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
+    made = ("results/quick/design/samples.csv", "results/quick/berry/particle.json")
+    done = snakemake(project, "--cores", "1", *made, "--configfile", "config/quick.yaml")
+    assert done.returncode == 0, done.stderr
+    resolved = json.loads((project / "results/quick/config.json").read_text())
+    assert resolved["design"]["samples"] == 24
+
+    target = ("results/quick/heaps/001.json", "--configfile", "config/quick.yaml")
+    assert set(planned(project, *target)) == {"heap", "total"}
+    fewer = planned(project, *target, "--config", "design={samples: 25}")
+    assert set(fewer) == {"design", "heap", "total"}
+    heavier = planned(project, *target, "--config", "berry={density_kg_m3: 900}")
+    assert set(heavier) == {"berry", "shape", "heap", "total"}
+
+
+def test_every_figure_and_table_has_a_caption():
+    text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").glob("*.smk"))
+    captions = {path.stem for path in (ROOT / "workflow" / "report").glob("*.rst")}
+    figures = re.findall(r'^    "(\w+)": \($', text, re.MULTILINE) + re.findall(
+        r'^    "(\w+)": \("', text, re.MULTILINE
+    )
+    assert len(figures) > 15
+    for name in figures:
+        assert name in captions or f"table_{name}" in captions
+    for name in re.findall(r'caption="../report/(\w+)\.rst"', text):
+        assert name in captions

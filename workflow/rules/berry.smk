@@ -1,0 +1,24 @@
+rule berry:
+    input:
+        sizes=config["berry"]["sizes"],
+        compression=config["berry"]["compression"] or [],
+        table1="resources/published/table1.csv",
+    output:
+        summary=f"{RESULTS}/berry/summary.csv",
+        berry=f"{RESULTS}/berry/berry.json",
+    log:
+        f"{RESULTS}/logs/berry.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/berry.tsv"
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("berry"),
+    message:
+        "Sizes and moduli of the measured berries"
+    shell:
+        "python -m repose berry --config {params.config} --table1 {input.table1} --out {params.folder}"
+        " > {log} 2>&1"

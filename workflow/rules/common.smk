@@ -1,0 +1,48 @@
+# What the rules share: the checked configuration, and the Python that runs the verbs.
+import os
+import shlex
+import sys
+
+from repose import settings
+from repose.errors import InputError
+
+# The verbs run under the Python that runs snakemake, whether its environment is activated or not.
+shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; ")
+
+
+def checked_config(workflow, default):
+    """The configuration after every check, or one message and no work."""
+    given = [as_typed(path) for path in workflow.overwrite_configfiles]
+    try:
+        return settings.resolve([default, *given], workflow.config_settings.config)
+    except InputError as error:
+        sys.exit(f"repose: error: {error}")
+
+
+def as_typed(path):
+    """A path as one would type it: relative where it lies below the working directory."""
+    here = os.getcwd()
+    return (
+        os.path.relpath(path, here)
+        if os.path.commonpath([path, here]) == here
+        else str(path)
+    )
+
+
+def sections(*names):
+    """Sections of the configuration whose change reruns a rule; as params."""
+    return {name: config[name] for name in names}
+
+
+def pouring_settings():
+    """What a pour and its measurement depend on; the number of seeds is the caller's."""
+    heap = {key: value for key, value in config["heap"].items() if key != "seeds"}
+    return sections("wall", "measure") | {
+        "heap": heap,
+        "seed": config["design"]["seed"],
+    }
+
+
+def folder(wildcards, output):
+    """Where a rule's first output lies."""
+    return os.path.dirname(output[0])

@@ -1,0 +1,21 @@
+rule dataset:
+    input:
+        samples=rules.design.output.samples,
+        heaps=expand(rules.heap.output.result, sample=SAMPLES),
+    output:
+        dataset=f"{RESULTS}/dataset.csv",
+        runs=f"{RESULTS}/runs.csv",
+        summary=f"{RESULTS}/dataset_summary.json",
+    log:
+        f"{RESULTS}/logs/dataset.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/dataset.tsv"
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        folder=folder,
+    message:
+        "Table of all samples and their responses"
+    shell:
+        "python -m repose dataset {input.heaps} --samples {input.samples} --out {params.folder} > {log} 2>&1"

@@ -1,0 +1,19 @@
+rule design:
+    output:
+        samples=f"{RESULTS}/design/samples.csv",
+        comparison=f"{RESULTS}/design/comparison.csv",
+    log:
+        f"{RESULTS}/logs/design.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/design.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("parameters", "design"),
+    message:
+        "Design of the virtual experiments"
+    shell:
+        "python -m repose design --config {params.config} --out {params.folder} > {log} 2>&1"

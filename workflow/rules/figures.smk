@@ -1,0 +1,131 @@
+# Each figure: its name in the report, what it shows, and the sections of the configuration that it reads.
+FIGURES = {
+    "figure02": ("Figure 2", {"sizes": config["berry"]["sizes"]}, ()),
+    "figure05": (
+        "Figure 5",
+        {"heap": rules.measure.input.heap, "particle": rules.shape.output.particle},
+        ("heap",),
+    ),
+    "figure06": (
+        "Figure 6",
+        {"heap": rules.measure.input.heap, "particle": rules.shape.output.particle},
+        ("measure",),
+    ),
+    "figure07": (
+        "Figure 7",
+        {"stl": rules.shape.output.stl, "particle": rules.shape.output.particle},
+        (),
+    ),
+    "figure08": (
+        "Figure 8",
+        {
+            "trajectory": rules.trajectory.output.trajectory,
+            "particle": rules.shape.output.particle,
+        },
+        ("heap",),
+    ),
+    "figure09": ("Figure 9", {"dot": f"{RESULTS}/figures/figure09.dot"}, ()),
+    "figure10": ("Figure 10", {"network": rules.network.output.network}, ()),
+    "figure13": (
+        "Figure 13",
+        {
+            "predictions": rules.network.output.predictions,
+            "dataset": rules.dataset.output.dataset,
+        },
+        (),
+    ),
+    "figure14": (
+        "Figure 14",
+        {
+            "feasible": rules.miga.output.feasible,
+            "summary": rules.miga.output.summary,
+            "published": "resources/published/table3.csv",
+        },
+        ("parameters", "target"),
+    ),
+    "convergence": (
+        "Convergence of the search",
+        {"history": rules.miga.output.history, "summary": rules.miga.output.summary},
+        ("miga",),
+    ),
+    "design": (
+        "Design",
+        {
+            "samples": rules.design.output.samples,
+            "comparison": rules.design.output.comparison,
+        },
+        ("parameters",),
+    ),
+    "dataset": (
+        "Responses",
+        {"dataset": rules.dataset.output.dataset},
+        ("parameters",),
+    ),
+    "validation": (
+        "Table 4, drawn",
+        {
+            "table4": rules.validate.output.table4,
+            "published": config["validation"]["published"],
+        },
+        ("target",),
+    ),
+    "published": (
+        "Published solutions here",
+        {"published": rules.validate.output.published},
+        ("target",),
+    ),
+}
+
+
+rule rule_graph:
+    output:
+        dot=f"{RESULTS}/figures/figure09.dot",
+    log:
+        f"{RESULTS}/logs/rule_graph.log",
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+    message:
+        "The workflow's own graph"
+    shell:
+        "python -m snakemake calibration --configfile {params.config} --rulegraph > {output.dot} 2> {log}"
+
+
+for figure, (label, shown, depends) in FIGURES.items():
+
+    rule:
+        name:
+            f"draw_{figure}"
+        input:
+            **shown,
+        output:
+            report(
+                f"{RESULTS}/figures/{figure}.png",
+                caption=f"../report/{figure}.rst",
+                category="Figures",
+                labels={"figure": label},
+            ),
+        log:
+            f"{RESULTS}/logs/figures/{figure}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/figures/{figure}.tsv"
+        threads: 1
+        resources:
+            mem_mb=700,
+        params:
+            config=CONFIG,
+            figure=figure,
+            inputs=[f"--input {key}={path}" for key, path in shown.items()],
+            depends=sections("small_run", *depends),
+        message:
+            "Drawing {params.figure}"
+        shell:
+            "python -m repose figure {params.figure} --config {params.config} {params.inputs} --out {output}"
+            " > {log} 2>&1"
+
+
+rule figures:
+    input:
+        expand(f"{RESULTS}/figures/{{figure}}.png", figure=FIGURES),

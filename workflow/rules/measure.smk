@@ -1,0 +1,88 @@
+# The representative solution's pile, measured from a picture as a photograph is, and a film of its pour.
+REPRESENTATIVE = OURS[0]
+FILM_SEED = settings.pour_seeds(
+    config["design"]["seed"], "validation", int(REPRESENTATIVE), 1
+)[0]
+
+
+rule measure:
+    input:
+        heap=f"{RESULTS}/validation/heaps/{REPRESENTATIVE}.npz",
+        particle=rules.shape.output.particle,
+    output:
+        silhouette=f"{RESULTS}/measure/silhouette.png",
+        overlay=f"{RESULTS}/measure/overlay.png",
+        result=f"{RESULTS}/measure/measured.json",
+    log:
+        f"{RESULTS}/logs/measure.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/measure.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        config=CONFIG,
+        scale=config["measure"]["mm_per_pixel"],
+        depends=sections("measure"),
+    message:
+        "Measuring the pile in one side view"
+    shell:
+        "(python -m repose silhouette {input.heap} --config {params.config} --particle {input.particle}"
+        " --out {output.silhouette};"
+        " python -m repose measure {output.silhouette} --config {params.config} --mm-per-pixel {params.scale}"
+        " --overlay {output.overlay} --json > {output.result}) 2> {log}"
+
+
+rule trajectory:
+    input:
+        samples=rules.solutions.output.solutions,
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+    output:
+        trajectory=f"{RESULTS}/film/{REPRESENTATIVE}_trajectory_{FILM_SEED}.npz",
+    log:
+        f"{RESULTS}/logs/trajectory.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/trajectory.tsv"
+    retries: 1
+    threads: 1
+    resources:
+        mem_mb=900,
+    params:
+        config=CONFIG,
+        folder=folder,
+        sample=int(REPRESENTATIVE),
+        depends=pouring_settings(),
+    message:
+        "Pouring the representative solution before the camera"
+    shell:
+        "python -m repose heap --config {params.config} --samples {input.samples} --sample {params.sample}"
+        " --seeds 1 --purpose validation --berry {input.berry} --particle {input.particle}"
+        " --trajectory 0.1 --out {params.folder} > {log} 2>&1"
+
+
+rule film:
+    input:
+        trajectory=rules.trajectory.output.trajectory,
+        particle=rules.shape.output.particle,
+    output:
+        report(
+            f"{RESULTS}/film/pour.gif",
+            caption="../report/film.rst",
+            category="Figures",
+            labels={"figure": "Film of the pour"},
+        ),
+    log:
+        f"{RESULTS}/logs/film.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/film.tsv"
+    threads: 1
+    resources:
+        mem_mb=900,
+    params:
+        config=CONFIG,
+    message:
+        "Film of the pour"
+    shell:
+        "python -m repose film {input.trajectory} --config {params.config} --particle {input.particle}"
+        " --out {output} > {log} 2>&1"

@@ -1,0 +1,25 @@
+rule miga:
+    input:
+        network=rules.network.output.network,
+        table3="resources/published/table3.csv",
+    output:
+        feasible=f"{RESULTS}/miga/feasible.csv",
+        intervals=f"{RESULTS}/miga/intervals.csv",
+        history=f"{RESULTS}/miga/history.csv",
+        summary=f"{RESULTS}/miga/summary.json",
+    log:
+        f"{RESULTS}/logs/miga.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/miga.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("parameters", "target", "miga"),
+    message:
+        "Searching the parameters that give the target pile"
+    shell:
+        "python -m repose miga --config {params.config} --network {input.network} --table3 {input.table3}"
+        " --out {params.folder} > {log} 2>&1"

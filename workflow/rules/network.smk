@@ -1,0 +1,30 @@
+rule network:
+    input:
+        dataset=rules.dataset.output.dataset,
+        runs=rules.dataset.output.runs,
+    output:
+        network=f"{RESULTS}/network/network.json",
+        metrics=report(
+            f"{RESULTS}/network/metrics.json",
+            caption="../report/metrics.rst",
+            category="Tables",
+            labels={"table": "Accuracy of the network"},
+        ),
+        predictions=f"{RESULTS}/network/predictions.csv",
+        starts=f"{RESULTS}/network/starts.csv",
+    log:
+        f"{RESULTS}/logs/network.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/network.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("network"),
+    message:
+        "Training the network"
+    shell:
+        "python -m repose network --config {params.config} --dataset {input.dataset} --runs {input.runs}"
+        " --out {params.folder} > {log} 2>&1"

@@ -1,0 +1,22 @@
+rule shape:
+    input:
+        berry=rules.berry.output.berry,
+        stl=config["berry"]["stl"] or [],
+    output:
+        stl=f"{RESULTS}/berry/berry.stl",
+        particle=f"{RESULTS}/berry/particle.json",
+    log:
+        f"{RESULTS}/logs/shape.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/shape.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        config=CONFIG,
+        folder=folder,
+    message:
+        "Mesh and particle of the berry"
+    shell:
+        "python -m repose shape --config {params.config} --berry {input.berry} --out {params.folder}"
+        " > {log} 2>&1"

@@ -1,0 +1,85 @@
+# Numbers in solutions.csv: ours from 1, the representative first; the published ones from 101.
+OURS = [f"{number:03d}" for number in range(1, config["validation"]["solutions"] + 2)]
+THEIRS = [
+    f"{101 + k}"
+    for k in range(settings.published_count(config["validation"]["published"]))
+]
+
+
+rule solutions:
+    input:
+        feasible=rules.miga.output.feasible,
+        published=config["validation"]["published"],
+    output:
+        solutions=f"{RESULTS}/validation/solutions.csv",
+    log:
+        f"{RESULTS}/logs/solutions.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/solutions.tsv"
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=config["validation"]["solutions"],
+    message:
+        "Choosing the solutions to simulate again"
+    shell:
+        "python -m repose solutions --config {params.config} --feasible {input.feasible} --out {params.folder}"
+        " > {log} 2>&1"
+
+
+rule validation_heap:
+    input:
+        samples=rules.solutions.output.solutions,
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+    output:
+        result=f"{RESULTS}/validation/heaps/{{sample}}.json",
+        berries=f"{RESULTS}/validation/heaps/{{sample}}.npz",
+    log:
+        f"{RESULTS}/logs/validation/{{sample}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/validation/{{sample}}.tsv"
+    retries: 1
+    threads: 1
+    resources:
+        mem_mb=600,
+    params:
+        config=CONFIG,
+        folder=folder,
+        seeds=config["validation"]["seeds"],
+        depends=pouring_settings(),
+    message:
+        "Pouring solution {wildcards.sample} with fresh seeds"
+    shell:
+        "python -m repose heap --config {params.config} --samples {input.samples} --sample {wildcards.sample}"
+        " --seeds {params.seeds} --purpose validation --berry {input.berry} --particle {input.particle}"
+        " --out {params.folder} > {log} 2>&1"
+
+
+rule validate:
+    input:
+        solutions=rules.solutions.output.solutions,
+        heaps=expand(rules.validation_heap.output.result, sample=OURS + THEIRS),
+    output:
+        table4=f"{RESULTS}/validation/table4.csv",
+        representative=f"{RESULTS}/validation/representative.csv",
+        published=f"{RESULTS}/validation/published.csv",
+    log:
+        f"{RESULTS}/logs/validate.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/validate.tsv"
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("target"),
+    message:
+        "Predicted beside simulated and published"
+    shell:
+        "python -m repose validate {input.heaps} --config {params.config} --solutions {input.solutions}"
+        " --out {params.folder} > {log} 2>&1"
