@@ -37,7 +37,7 @@ CONFIG = {
         "fit_from": 0.1,
         "fit_to": 0.8,
         "largest_pile_only": True,
-        "flank": "levels",
+        "flank": "columns",
     },
     "target": {
         "aor_deg": 32.87,

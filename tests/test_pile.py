@@ -136,8 +136,8 @@ def lumpy_piles(angle, count):
 # 45 degree pile, cut by the smoothing), with light, noise and loose berries 0.03 degrees and 0.3 mm.
 CLEAN_DEG, CLEAN_MM = 0.05, 0.3
 DISTURBED_DEG, DISTURBED_MM = 0.1, 0.5
-# Lumpy piles, mean over all angles: -0.4 degrees, root mean square 1.3 from pile to pile, which is the lumps' own
-# scatter: light and noise on top of them move a pile by 0.07 degrees at most.
+# Lumpy piles, mean over all angles: -0.4 degrees, root mean square 1.3 from pile to pile, which is the
+# lumps' own scatter: light and noise on top of them move a pile by 0.07 degrees at most.
 LUMPY_DEG, LUMPY_MOVED_DEG = 1.0, 0.2
 
 
@@ -218,7 +218,7 @@ def test_highlights_inside_the_fruit_are_filled():
     assert measure_image(picture, MM).aor_deg == pytest.approx(30, abs=DISTURBED_DEG)
 
 
-def test_lumpy_piles_stay_near_their_angle_and_the_default_rule_is_the_least_biased():
+def test_lumpy_piles_stay_near_their_angle_and_levels_is_the_least_biased_rule():
     errors = {rule: [] for rule in FLANK_RULES}
     for angle in ANGLES:
         for cover in lumpy_piles(angle, 12):

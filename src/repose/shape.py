@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from scipy.optimize import least_squares
+from threadpoolctl import threadpool_limits
 
 from repose.errors import InputError
 
@@ -32,7 +33,7 @@ LARGEST_DEVIATION = 0.15
 VOLUME_TOLERANCE = 0.1
 # Half axes of a fitted component, of the mean radius: a needle or a disc would have no radius of curvature,
 # and the contact force would vanish with it.
-AXIS_BOUNDS = (0.05, 3.0)
+AXIS_BOUNDS = (0.05, 10.0)
 DIRECTIONS = 2000
 
 
@@ -186,7 +187,9 @@ def fit_particle(mesh, density_kg_m3, stl="", source="mesh"):
     radius = np.cbrt(mesh.volume * 3 / (4 * math.pi)) * MM
     semi_axes = _recognise_ellipsoid(mesh.vertices * MM, radius, n, measured)
     if semi_axes is None:
-        semi_axes = _fit_components(n, measured, radius)
+        # Matrices this small gain nothing from threads; on a busy machine they spin and cost CPU time.
+        with threadpool_limits(1):
+            semi_axes = _fit_components(n, measured, radius)
     # Below a nanometre lies only the rounding of the file.
     semi_axes = np.round(semi_axes, 9)
     deviation = np.abs(_support(semi_axes, n) - measured)
@@ -241,7 +244,9 @@ def _check_fit(relative_deviation, volume_ratio, source):
     if abs(volume_ratio - 1) > VOLUME_TOLERANCE:
         low, high = 1 - VOLUME_TOLERANCE, 1 + VOLUME_TOLERANCE
         allowed = f"from {low:g} to {high:g}: the particle is smooth, without edges"
-        raise InputError(source, "volume of the particle over the mesh's", round(float(volume_ratio), 3), allowed)
+        raise InputError(
+            source, "volume of the particle over the mesh's", round(float(volume_ratio), 3), allowed
+        )
 
 
 def sphere_directions(count):
