@@ -229,9 +229,8 @@ def _best_of_candidates(points, squared, repulsion, doublings, column, candidate
     n = points.shape[0]
     chosen_i, chosen_j, chosen_gain = 0, 1, np.inf
     for _ in range(candidates):
-        # rng.integers would do, but numba compiles it for seconds.
-        i = int(rng.random() * n)
-        j = (i + 1 + int(rng.random() * (n - 1))) % n
+        i = rng.integers(0, n)
+        j = (i + 1 + rng.integers(0, n - 1)) % n
         gain = _exchange_gain(points, squared, repulsion, doublings, column, i, j)
         if gain < chosen_gain:
             chosen_i, chosen_j, chosen_gain = i, j, gain

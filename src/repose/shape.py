@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import trimesh
 from scipy.optimize import least_squares
-from threadpoolctl import threadpool_limits
 
 from repose.errors import InputError
 
@@ -187,9 +186,7 @@ def fit_particle(mesh, density_kg_m3, stl="", source="mesh"):
     radius = np.cbrt(mesh.volume * 3 / (4 * math.pi)) * MM
     semi_axes = _recognise_ellipsoid(mesh.vertices * MM, radius, n, measured)
     if semi_axes is None:
-        # Matrices this small gain nothing from threads; on a busy machine they spin and cost CPU time.
-        with threadpool_limits(1):
-            semi_axes = _fit_components(n, measured, radius)
+        semi_axes = _fit_components(n, measured, radius)
     # Below a nanometre lies only the rounding of the file.
     semi_axes = np.round(semi_axes, 9)
     deviation = np.abs(_support(semi_axes, n) - measured)
