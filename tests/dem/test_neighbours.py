@@ -57,7 +57,7 @@ def test_lists_grow_when_they_fill_up():
     for shrink in (False, True):
         s = simulation(BERRY, Contact(0.3, 0.5, 0.05), capacity=n, dt=1e-4)
         rng = np.random.default_rng(5)
-        room = n * 4
+        room = n * 3
         if shrink:
             s.pairs = s.pairs._replace(
                 **{k: getattr(s.pairs, k)[:room].copy() for k in s.pairs._fields if k.startswith("dormant")}
