@@ -27,6 +27,7 @@ include: "workflow/rules/validate.smk"
 include: "workflow/rules/measure.smk"
 include: "workflow/rules/figures.smk"
 include: "workflow/rules/report.smk"
+include: "workflow/rules/snapshot.smk"
 
 
 rule all:

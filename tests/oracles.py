@@ -105,10 +105,11 @@ def circle_distance(semi_axes, centre, q, radius, height, count=720):
 
 def _point_to_ellipsoid(p, axes):
     """Signed distance of a point to an ellipsoid by bisection of the Lagrange multiplier (outside or just inside)."""
+
     def residual(t):
         return np.sum((axes * p / (axes**2 + t)) ** 2) - 1.0
 
-    low, high = -axes.min() ** 2 * (1.0 - 1e-12), np.linalg.norm(p) * axes.max() + 1e-12
+    low, high = -(axes.min() ** 2) * (1.0 - 1e-12), np.linalg.norm(p) * axes.max() + 1e-12
     for _ in range(200):
         middle = 0.5 * (low + high)
         if residual(middle) > 0.0:

@@ -262,6 +262,14 @@ def _run_line(run):
     )
 
 
+def snapshot(args):
+    """Tables and pictures of a study."""
+    from repose import snapshot
+
+    for path in snapshot.take(args.results, args.out):
+        print(path)
+
+
 VERBS = {
     verb.__name__: verb
     for verb in (
@@ -281,6 +289,7 @@ VERBS = {
         table,
         bench,
         check,
+        snapshot,
     )
 }
 

@@ -224,6 +224,15 @@ def _add_services(verbs):
         "python -m repose check --config config/paper.yaml",
     )
     sub.add_argument("--cores", type=int, default=2, help="cores of the run (2)")
+    sub = _verb(
+        verbs,
+        "snapshot",
+        "copy the tables and pictures of a finished study, without its pours",
+        "python -m repose snapshot results --out results/published/mine",
+        out="results/published/mine",
+        config=False,
+    )
+    sub.add_argument("results", help="folder of the finished study")
 
 
 def parameters(args, ranges):

@@ -56,7 +56,16 @@ class Funnel:
         foot_r, foot_z = self._foot()
         top = (0.5 * self.inlet_diameter_m - foot_r) / math.cos(slope)
         top += math.cos(slope) * foot_r + math.sin(slope) * foot_z
-        return math.sin(slope), -math.cos(slope), self._offset(), along, top, math.cos(slope), math.sin(slope), 0.0
+        return (
+            math.sin(slope),
+            -math.cos(slope),
+            self._offset(),
+            along,
+            top,
+            math.cos(slope),
+            math.sin(slope),
+            0.0,
+        )
 
     def walls(self):
         """Rows of cones and rings for `repose.dem.walls_of`."""

@@ -217,10 +217,8 @@ def run(berry_json, stl=None, out_dir="results/berry"):
     if not Path(berry_json).is_file():
         raise InputError(berry_json, "file", None, "an existing file, written by `repose berry`")
     berry = json.loads(Path(berry_json).read_text())
-    if stl is None:
-        mesh = ellipsoid_mesh([berry["long_mm"], berry["major_mm"], berry["minor_mm"]])
-    else:
-        mesh = load_mesh(stl)
+    axes_mm = [berry[name] for name in ("long_mm", "major_mm", "minor_mm")]
+    mesh = ellipsoid_mesh(axes_mm) if stl is None else load_mesh(stl)
     out_dir = Path(out_dir)
     out_dir.mkdir(parents=True, exist_ok=True)
     target = out_dir / "berry.stl"

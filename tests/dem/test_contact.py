@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-
 from dem.common import BARREL, BERRY, random_direction, random_quaternion
 from oracles import gap as slow_gap
 from oracles import hertz_mindlin, support_point
+
 from repose.dem import state as st
 from repose.dem import tile as tl
 from repose.dem.contact import solve_gap

@@ -2,8 +2,8 @@ import itertools
 
 import numpy as np
 import pytest
-
 from dem.common import BERRY, random_quaternion, simulation
+
 from repose.dem import Contact, walls_of
 from repose.dem.contact import solve_gap
 
@@ -42,9 +42,7 @@ def test_the_contact_list_is_that_of_all_pairs_at_every_moment(seed):
         for pair in fast ^ set(slow):
             i, j = pair
             d = s.positions[j] - s.positions[i]
-            gap = solve_gap(
-                s.physics.squares, s.bodies.rows, i, j, d / np.linalg.norm(d), 1e-10, np.inf
-            )
+            gap = solve_gap(s.physics.squares, s.bodies.rows, i, j, d / np.linalg.norm(d), 1e-10, np.inf)
             assert abs(gap) < 6e-4
         assert len(s.contacts()) == len(fast)
         seen += len(slow)

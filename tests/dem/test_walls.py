@@ -2,9 +2,9 @@ import math
 
 import numpy as np
 import pytest
-
 from dem.common import BERRY, random_quaternion, simulation
 from oracles import circle_distance, cone_gap
+
 from repose.dem import Contact, walls_of
 from repose.dem import state as st
 from repose.scenes import Funnel
@@ -116,7 +116,9 @@ def test_hits_of_cone_and_edge_create_no_energy(funnel):
         e = rng.uniform(0.2, 0.5)
         s = funnel_simulation(Contact(e, rng.uniform(0.4, 0.8), 0.0), funnel, dt=5e-5)
         bottom = funnel.outlet_height_m
-        place = np.array([rng.uniform(-0.006, 0.006), rng.uniform(-0.006, 0.006), bottom + funnel.tube_length_m])
+        place = np.array(
+            [rng.uniform(-0.006, 0.006), rng.uniform(-0.006, 0.006), bottom + funnel.tube_length_m]
+        )
         place[2] += 0.032
         velocity = np.array([*rng.uniform(-0.5, 0.5, 2), -rng.uniform(0.5, 1.5)])
         s.add(place, random_quaternion(rng), velocity, 30.0 * rng.normal(size=3))

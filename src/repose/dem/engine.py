@@ -147,11 +147,7 @@ def plane_forces(bodies, flat, walls, counts, physics, t):
             k = base + lane
             i = flat.body[k]
             gap = t[tl.GAP + lane]
-            if (
-                gap > 0.0
-                or off_disc(walls.planes[flat.wall[k]], t, lane)
-                or bodies.presence[i] != st.PRESENT
-            ):
+            if gap > 0.0 or off_disc(walls.planes[flat.wall[k]], t, lane) or bodies.presence[i] != st.PRESENT:
                 flat.ended[ended] = k
                 ended += 1
                 flat.limit[flat.wall[k], i] = bodies.odometer[i] + max(gap, 0.0)
@@ -246,9 +242,7 @@ def advance(bodies, pairs, flat, curved, grid, walls, counts, physics, t, scratc
         ):
             return step
         update_pairs(bodies, pairs, counts, grid, squares, normal)
-        update_walls(
-            bodies, flat, curved, walls, counts, squares, radius, physics.funnel_floor, profile, out
-        )
+        update_walls(bodies, flat, curved, walls, counts, squares, radius, physics.funnel_floor, profile, out)
         bodies.load[: counts[st.N_BODIES]] = 0.0
         pair_forces(bodies, pairs, counts, physics, t)
         plane_forces(bodies, flat, walls, counts, physics, t)

@@ -23,9 +23,9 @@ TOLERANCE = 1e-4
 def cell_of(grid, x, y, z):
     """Index of the cell of a point; points outside the box belong to its nearest cell."""
     edge = grid.lengths[0]
-    i = int(math.floor((x - grid.origin[0]) / edge))
-    j = int(math.floor((y - grid.origin[1]) / edge))
-    k = int(math.floor((z - grid.origin[2]) / edge))
+    i = math.floor((x - grid.origin[0]) / edge)
+    j = math.floor((y - grid.origin[1]) / edge)
+    k = math.floor((z - grid.origin[2]) / edge)
     i = min(max(i, 0), grid.shape[0] - 1)
     j = min(max(j, 0), grid.shape[1] - 1)
     k = min(max(k, 0), grid.shape[2] - 1)
@@ -180,9 +180,7 @@ def find_partners(bodies, pairs, counts, grid, squares, i, normal):
                                 add_contact(pairs, counts, a, b, normal)
                             else:
                                 total = bodies.odometer[a] + bodies.odometer[b]
-                                add_dormant(
-                                    pairs, counts, a, b, total + gap, normal[0], normal[1], normal[2]
-                                )
+                                add_dormant(pairs, counts, a, b, total + gap, normal[0], normal[1], normal[2])
                     j = grid.following[j]
 
 

@@ -142,7 +142,9 @@ class Simulation:
         """Which bodies are still there (N,)."""
         return self.bodies.presence[: self.n_bodies] == st.PRESENT
 
-    def add(self, position_m, quaternion, velocity_m_s=(0.0, 0.0, 0.0), angular_velocity_rad_s=(0.0, 0.0, 0.0)):
+    def add(
+        self, position_m, quaternion, velocity_m_s=(0.0, 0.0, 0.0), angular_velocity_rad_s=(0.0, 0.0, 0.0)
+    ):
         """Add one body; returns its index. Raises ValueError when the capacity is used up."""
         i = self.n_bodies
         if i >= len(self.bodies.rows):
@@ -203,7 +205,10 @@ class Simulation:
         return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
     def curved_contacts(self):
-        """Contacts with cones, tubes and rings: body (M,), wall (M,; cones first), normal (M, 3), azimuth (M,) [rad]."""
+        """Contacts with cones, tubes and rings: body (M,), wall (M,), normal (M, 3), azimuth (M,) [rad].
+
+        Walls are numbered with the cones and tubes first, then the rings.
+        """
         n = self.counts[st.N_CURVED]
         rows = st.contact_rows(self.curved.data, n)
         return self.curved.body[:n].copy(), self.curved.wall[:n].copy(), rows[:, :3].copy(), rows[:, 6].copy()

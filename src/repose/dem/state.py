@@ -25,13 +25,18 @@ Bodies = namedtuple(
     "Bodies",
     "rows momentum load odometer presence passed exit_time",
 )
-Grid = namedtuple("Grid", "reference cell following preceding head moved moved_list mark shape origin lengths")
-Pairs = namedtuple("Pairs", "first second data dormant_first dormant_second dormant_limit dormant_normal ended")
+Grid = namedtuple(
+    "Grid", "reference cell following preceding head moved moved_list mark shape origin lengths"
+)
+Pairs = namedtuple(
+    "Pairs", "first second data dormant_first dormant_second dormant_limit dormant_normal ended"
+)
 WallContacts = namedtuple("WallContacts", "body wall data limit ended")
 Walls = namedtuple("Walls", "planes cones rings")
 Physics = namedtuple(
     "Physics",
-    "squares inertia mobility gravity law_pair law_wall mass dt mur_pair mur_wall tension exit_height funnel_floor floor_height",
+    "squares inertia mobility gravity law_pair law_wall mass dt mur_pair mur_wall tension "
+    "exit_height funnel_floor floor_height",
 )
 
 # Columns of Walls.planes: point (3), normal from the inside into the wall (3), radius of the disc.

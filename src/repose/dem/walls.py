@@ -195,9 +195,7 @@ def ring_contact(squares, row, ring, theta, nx, ny, nz, out):
         squares, row[3], row[4], row[5], row[6], nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     edge = ring[2]
-    gap = (
-        nx * (ring[0] * cos - row[0]) + ny * (ring[0] * sin - row[1]) + nz * (ring[1] - row[2]) - h - edge
-    )
+    gap = nx * (ring[0] * cos - row[0]) + ny * (ring[0] * sin - row[1]) + nz * (ring[1] - row[2]) - h - edge
     reach = h + 0.5 * gap
     out[0], out[1], out[2] = nx, ny, nz
     out[3] = gap
