@@ -3,6 +3,7 @@ rule snapshot:
     input:
         rules.calibration.input,
         rules.figures.input,
+        table4=rules.validate.output.table4,
     output:
         directory(f"results/published/{config['label']}"),
     log:
@@ -13,7 +14,7 @@ rule snapshot:
     resources:
         mem_mb=300,
     params:
-        results=RESULTS,
+        results=lambda wildcards, input: os.path.dirname(os.path.dirname(input.table4)),
     message:
         "Snapshot of tables and figures: {output}"
     shell:
