@@ -116,7 +116,7 @@ def test_search_tells_in_words_what_it_found(config):
     for name in PARAMETERS:
         low, high = config["parameters"][name]
         assert feasible[name].between(low - 1e-9, high + 1e-9).all()
-    assert set(pd.read_csv(RESULTS / "miga" / "intervals.csv")["parameter"]) == set(PARAMETERS)
+    assert set(pd.read_csv(RESULTS / "miga" / "intervals.csv")["variable"]) == set(PARAMETERS)
 
 
 def test_validation_has_predicted_and_simulated_side_by_side(config):

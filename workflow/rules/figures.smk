@@ -113,7 +113,7 @@ for figure, (label, shown, depends) in FIGURES.items():
             f"{RESULTS}/benchmarks/figures/{figure}.tsv"
         threads: 1
         resources:
-            mem_mb=700,
+            mem_mb=1000,
         params:
             config=CONFIG,
             figure=figure,
