@@ -66,7 +66,7 @@ def test_the_recommended_study_has_every_stage_and_one_job_a_sample(project):
 def test_the_small_run_has_the_same_rules(project):
     small = planned(project, "--configfile", "config/quick.yaml")
     assert set(small) == set(planned(project))
-    assert small["heap"] == 24
+    assert small["heap"] == 20
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,7 @@ def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
     done = snakemake(project, "--cores", "1", *made, "--configfile", "config/quick.yaml")
     assert done.returncode == 0, done.stderr
     resolved = json.loads((project / "results/quick/config.json").read_text())
-    assert resolved["design"]["samples"] == 24
+    assert resolved["design"]["samples"] == 20
 
     target = ("results/quick/heaps/001.json", "--configfile", "config/quick.yaml")
     assert set(planned(project, *target)) == {"heap", "total"}

@@ -8,6 +8,9 @@ from pathlib import Path
 from repose import arguments, settings
 from repose.errors import InputError
 
+# Frames of the film of a pour; each takes most of a second to draw.
+FILM, SMALL_FILM = 72, 20
+
 
 def main(words=None):
     """Run one verb. Returns the exit status: 0, or 2 where the input is at fault, with one line on stderr."""
@@ -171,9 +174,11 @@ def film(args):
     from repose import render
     from repose.shape import Particle
 
-    walls = render.funnel_walls(settings.load(args.config)["heap"])
+    config = settings.load(args.config)
+    walls = render.funnel_walls(config["heap"])
+    frames = SMALL_FILM if config["small_run"] else FILM
     Path(args.out).parent.mkdir(parents=True, exist_ok=True)
-    render.animate_pour(args.trajectory, Particle.load(args.particle), args.out, walls)
+    render.animate_pour(args.trajectory, Particle.load(args.particle), args.out, walls, frames=frames)
 
 
 def table(args):
