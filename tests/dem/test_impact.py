@@ -28,7 +28,7 @@ def test_spheres_part_with_the_restitution_asked_for(e):
 
 
 def test_cutting_the_tension_raises_the_effective_restitution():
-    # the damped Hertz contact of nominal 0.2 leaves with 0.33 when it may not pull (design notes, prototype)
+    # the damped Hertz contact of nominal 0.2 leaves with 0.33 when it may not pull (an independent implementation)
     s = head_on(0.2, tension="cut")
     s.run_steps(40000)
     assert s.velocities[1, 0] - s.velocities[0, 0] == pytest.approx(0.33, abs=0.01)
@@ -41,7 +41,7 @@ def test_restitution_at_the_recommended_time_step():
         s.positions[0, 0] -= offset * 0.7 * 2e-4
         s.run_steps(400)
         found.append((s.velocities[1, 0] - s.velocities[0, 0]) / 1.4)
-    # a first-order loss of a few per cent, the price of the long step (prototype: 0.190)
+    # a first-order loss of a few per cent, the price of the long step (an independent implementation: 0.190)
     assert np.mean(found) == pytest.approx(0.19, abs=0.012)
 
 
