@@ -34,7 +34,8 @@ def reference_kernel(n):
     return x
 
 
-def _best(function, repeats=REPEATS):
+def _median_s(function, repeats=REPEATS):
+    """Median wall time of a call [s]."""
     times = []
     for _ in range(repeats):
         began = time.perf_counter()
@@ -55,7 +56,7 @@ def run(config, particle, berry, seed=1):
     reference_kernel(10)
     references, jobs, steps = [], [], []
     for _ in range(3):
-        references.append(1e6 * _best(lambda: reference_kernel(REFERENCE_LOOPS)))
+        references.append(1e6 * _median_s(lambda: reference_kernel(REFERENCE_LOOPS)))
         poured = scenes.pour(config, REPRESENTATIVE, seed, particle, berry)
         jobs.append(poured.wall_s)
         steps.append(poured.us_per_step)

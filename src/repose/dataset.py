@@ -13,6 +13,7 @@ import numpy as np
 
 from repose.errors import InputError
 from repose.parameters import PARAMETERS
+from repose.readers import read_table
 
 STATUSES = ("ok", "jammed", "not_at_rest", "no_flank", "left_plate", "unstable")
 SUMMARY_COLUMNS = (
@@ -94,15 +95,7 @@ def run(samples_csv, heap_json_paths, out_dir):
 
 def read_samples(path):
     """Table with the columns sample (int, each once) and the six parameters, or InputError."""
-    import pandas as pd
-
-    try:
-        samples = pd.read_csv(path)
-    except (OSError, ValueError) as error:
-        raise InputError(path, "table", str(error), "a CSV file") from error
-    for column in ("sample", *PARAMETERS):
-        if column not in samples:
-            raise InputError(path, column, None, f"columns sample, {', '.join(PARAMETERS)}")
+    samples = read_table(path, ("sample", *PARAMETERS))
     twice = samples["sample"][samples["sample"].duplicated()]
     if len(twice):
         raise InputError(path, "sample", int(twice.iloc[0]), "each sample once")

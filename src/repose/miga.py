@@ -28,6 +28,7 @@ import numpy as np
 from repose.errors import InputError
 from repose.network import load, response_function
 from repose.parameters import PARAMETERS
+from repose.readers import read_table
 
 FEWEST_ROWS = 10  # of feasible.csv, so that validation always has points to choose from
 INFEASIBLE = 2.0  # F inside the box, with the target in it, is at most this
@@ -252,7 +253,7 @@ def run(network_json, ranges, target, settings, published_table3_csv, out_dir):
     for key, box in (("aor_deg", "aor_range_deg"), ("height_mm", "height_range_mm")):
         if not target[box][0] <= target[key] <= target[box][1]:
             raise InputError("target", key, target[key], f"inside {box} {list(target[box])}")
-    published = _published(pd, published_table3_csv)
+    published = _published(published_table3_csv)
     low, high = np.array([ranges[name] for name in PARAMETERS], dtype=float).T
     respond = response_function(load(network_json), low, high)
     box = np.array([target["aor_range_deg"], target["height_range_mm"]], dtype=float)
@@ -346,16 +347,9 @@ def _outside(responses, limits):
     return [float(value) for value in np.maximum(np.maximum(low - responses, responses - high), 0.0)]
 
 
-def _published(pd, path):
+def _published(path):
     """Table 3 as published, indexed by parameter, or InputError."""
-    try:
-        table = pd.read_csv(path)
-    except (OSError, ValueError) as error:
-        raise InputError(path, "table", str(error), "a CSV file") from error
-    needed = ("parameter", "low", "high", "dispersion_percent")
-    for column in needed:
-        if column not in table:
-            raise InputError(path, column, None, f"columns {', '.join(needed)}")
+    table = read_table(path, ("parameter", "low", "high", "dispersion_percent"))
     return table.set_index("parameter").reindex(PARAMETERS)
 
 

@@ -23,6 +23,7 @@ import numpy as np
 
 from repose.errors import InputError
 from repose.parameters import PARAMETERS
+from repose.readers import read_table
 
 RESPONSES = ("aor_deg", "height_mm")
 SPLITS = ("train", "validation", "test")
@@ -328,10 +329,10 @@ def run(dataset_csv, runs_csv, settings, out_dir):
     """
     import pandas as pd  # not needed by whoever wants the network alone
 
-    table = _read(
-        pd, dataset_csv, ("sample", *PARAMETERS, "status", *RESPONSES, "aor_se_deg", "height_se_mm")
+    table = read_table(
+        dataset_csv, ("sample", *PARAMETERS, "status", *RESPONSES, "aor_se_deg", "height_se_mm")
     )
-    runs = _read(pd, runs_csv, ("sample", "status", *RESPONSES))
+    runs = read_table(runs_csv, ("sample", "status", *RESPONSES))
     usable = table[table["status"] == "ok"].reset_index(drop=True)
     if len(usable) < FEWEST_SAMPLES:
         raise InputError(
@@ -446,15 +447,3 @@ def _three_ways(usable, runs, Y, P, errors, test):
         }
         for k, response in enumerate(RESPONSES)
     }
-
-
-def _read(pd, path, columns):
-    """The CSV at path with at least these columns, or InputError."""
-    try:
-        table = pd.read_csv(path)
-    except (OSError, ValueError) as error:
-        raise InputError(path, "table", str(error), "a CSV file") from error
-    for column in columns:
-        if column not in table:
-            raise InputError(path, column, None, f"columns {', '.join(columns)}")
-    return table

@@ -13,6 +13,7 @@ from repose.dataset import read_jobs, read_samples, summarise_runs
 from repose.errors import InputError
 from repose.miga import select_for_validation
 from repose.parameters import PARAMETERS
+from repose.readers import read_table
 
 PREDICTED = ("aor_predicted_deg", "height_predicted_mm")
 SIMULATED = ("aor_simulated_deg", "height_simulated_mm")
@@ -29,12 +30,12 @@ def write_solutions(feasible_csv, published_table4_csv, ranges, count, out_csv):
     the solution, so the published network's for the published. Raises InputError for a bad file or too few
     solutions.
     """
-    feasible = _read(feasible_csv, ("solution", *PARAMETERS, *PREDICTED, "feasible", "representative"))
+    feasible = read_table(feasible_csv, ("solution", *PARAMETERS, *PREDICTED, "feasible", "representative"))
     if len(feasible) < count + 1:
         raise InputError(feasible_csv, "solutions", len(feasible), f"at least {count + 1}")
     ours = select_for_validation(feasible, count, ranges)
     ours["origin"], ours["sample"] = "miga", range(1, len(ours) + 1)
-    theirs = _read(published_table4_csv, ("solution", *PARAMETERS, *PREDICTED))
+    theirs = read_table(published_table4_csv, ("solution", *PARAMETERS, *PREDICTED))
     theirs["origin"] = "published"
     theirs["sample"] = range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(theirs))
     named = theirs["solution"].astype(str) == "representative"
@@ -119,7 +120,7 @@ def against_physical(row, target):
 def beside_published(rows, published_table4_csv):
     """The published solutions: their simulation beside ours with its standard error, and ours minus
     theirs."""
-    published = _read(published_table4_csv, ("solution", *SIMULATED))
+    published = read_table(published_table4_csv, ("solution", *SIMULATED))
     published["solution"] = published["solution"].astype(str)
     theirs = published.set_index("solution").reindex(rows["solution"])
     table = rows[["sample", "solution", *PARAMETERS]].copy()
@@ -132,16 +133,4 @@ def beside_published(rows, published_table4_csv):
         table[f"{response}_difference_{unit}"] = rows[simulated] - theirs[simulated].to_numpy(float)
     for column in ("n_seeds", "status", "reason"):
         table[column] = rows[column]
-    return table
-
-
-def _read(path, columns):
-    """The CSV at path with at least these columns, or InputError."""
-    try:
-        table = pd.read_csv(path)
-    except (OSError, ValueError) as error:
-        raise InputError(path, "table", str(error), "a CSV file") from error
-    for column in columns:
-        if column not in table:
-            raise InputError(path, column, None, f"columns {', '.join(columns)}")
     return table

@@ -4,8 +4,8 @@ from collections import namedtuple
 
 import numpy as np
 
-# Columns of `bodies` (N, 16): two cache lines a body.
-X, Q, V, W = 0, 3, 7, 10
+# Columns of `rows` (N, 16), two cache lines a body: position, quaternion, velocity, angular velocity.
+Q = 3
 BODY_COLUMNS = 16
 # Columns of `load` (N, 8): force, torque, budget of the rolling torque.
 ROLL = 6
