@@ -1,9 +1,13 @@
 """The verbs of the command line. The work is done in the modules; here they get their files and settings."""
 
 import json
+import os
 import sys
 import tempfile
 from pathlib import Path
+
+# Before numpy is loaded: the matrices are small, and sums split over threads end in other bits.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from repose import arguments, settings
 from repose.errors import InputError
