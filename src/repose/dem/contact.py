@@ -7,7 +7,7 @@ tangential gradient is P (d - x_A(n) - x_B(n)), the Hessian -(Q_A + Q_B + f I).
 
 import math
 
-from .geometry import tangents, world_support
+from .geometry import support_terms, tangents
 from .jit import inlined, kernel
 
 # An ascent step is at most this long (radians); beyond it the quadratic model means little.
@@ -36,16 +36,16 @@ def ascent_step(g1, g2, q11, q12, q22, f):
 
 
 @kernel
-def solve_gap(squares, bodies, i, j, normal, tolerance, early):
+def solve_gap(rows, parts, i, j, normal, tolerance, early):
     """Maximise f for bodies i and j from a starting normal.
 
-    squares (K, 3) [m2]; bodies (N, 16) rows x y z | w x y z | ...; normal (3,) start, overwritten by the solution;
+    rows: the bodies' rows (see `state`), parts: of a shape; normal (3,) start, overwritten by the solution;
     tolerance: the step (radians) at which it stops; early: return as soon as some n proves a gap above this [m]
     (a separating axis needs no iteration). Returns the gap f [m].
     """
-    dx = bodies[j, 0] - bodies[i, 0]
-    dy = bodies[j, 1] - bodies[i, 1]
-    dz = bodies[j, 2] - bodies[i, 2]
+    dx = rows[j, 0] - rows[i, 0]
+    dy = rows[j, 1] - rows[i, 1]
+    dz = rows[j, 2] - rows[i, 2]
     nx, ny, nz = normal[0], normal[1], normal[2]
     best = -1e300
     s1 = 0.0
@@ -54,14 +54,8 @@ def solve_gap(squares, bodies, i, j, normal, tolerance, early):
     b1x, b1y, b1z, b2x, b2y, b2z = tangents(nx, ny, nz)
     for _ in range(60):
         ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-        ha, a1, a2, a11, a12, a22 = world_support(
-            squares, bodies[i, 3], bodies[i, 4], bodies[i, 5], bodies[i, 6],
-            nx, ny, nz, ux, uy, uz, wx, wy, wz,
-        )  # fmt: skip
-        hb, b1, b2, b11, b12, b22 = world_support(
-            squares, bodies[j, 3], bodies[j, 4], bodies[j, 5], bodies[j, 6],
-            nx, ny, nz, ux, uy, uz, wx, wy, wz,
-        )  # fmt: skip
+        ha, a1, a2, a11, a12, a22 = support_terms(rows[i], parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
+        hb, b1, b2, b11, b12, b22 = support_terms(rows[j], parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
         f = nx * dx + ny * dy + nz * dz - ha - hb
         if f < best - 1e-15:
             # the step went downhill: halve it from the best direction so far

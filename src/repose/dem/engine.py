@@ -3,9 +3,9 @@
 from . import state as st
 from . import tile as tl
 from .jit import inlined, kernel
-from .lists import move_contact
-from .neighbours import add_dormant, update_pairs
-from .rigid import integrate
+from .neighbours import add_dormant, drop_contact, update_pairs
+from .rigid import integrate, take_away
+from .simd import WIDTH, add_lanes_to_rows, rows_to_lanes
 from .walls import (
     SAME_AZIMUTH,
     angle_between,
@@ -22,158 +22,139 @@ L = tl.LANES
 
 
 @inlined
-def gather_pair(t, lane, a, b):
-    """Copy what the geometry and the force law need of two bodies into a lane."""
-    for c in range(3):
-        t[tl.D + c * L + lane] = b[c] - a[c]
-        t[tl.DV + c * L + lane] = a[7 + c] - b[7 + c]
-    for c in range(4):
-        t[tl.A + c * L + lane] = a[3 + c]
-        t[tl.B + c * L + lane] = b[3 + c]
-    for c in range(3):
-        t[tl.A + (4 + c) * L + lane] = a[10 + c]
-        t[tl.B + (4 + c) * L + lane] = b[10 + c]
+def gather(rows, index, base, t, at):
+    """Copy the rows of a tile's bodies into lanes."""
+    for k in range(0, L, WIDTH):
+        for column in range(0, rows.shape[1], WIDTH):
+            rows_to_lanes(rows, column, index, base + k, t, at + column * L + k, L)
 
 
 @inlined
-def gather_single(t, lane, a):
-    """Copy what is needed of a body at a wall at rest into a lane."""
-    for c in range(3):
-        t[tl.D + c * L + lane] = a[c]
-        t[tl.DV + c * L + lane] = a[7 + c]
-        t[tl.A + (4 + c) * L + lane] = a[10 + c]
-    for c in range(4):
-        t[tl.A + c * L + lane] = a[3 + c]
+def scatter(load, index, base, t, at):
+    """Add the forces and torques of a tile to the loads of its bodies."""
+    for k in range(0, L, WIDTH):
+        add_lanes_to_rows(load, 0, index, base + k, t, at + k, L)
 
 
 @inlined
-def load_first(t, lane, load, rolling):
-    """Add a lane's force and torque to its body A."""
-    for c in range(3):
-        load[c] += t[tl.F + c * L + lane]
-        load[3 + c] += t[tl.TA + c * L + lane]
-    load[st.ROLL] += rolling * t[tl.ROLL_A + lane]
+def fall_asleep(bodies, pairs, counts, contacts, t, k):
+    """List a pair that parted as dormant."""
+    lane = k % L
+    i = pairs.first[k]
+    j = pairs.second[k]
+    limit = bodies.odometer[i] + bodies.odometer[j] + t[tl.GAP + lane]
+    nx = contacts[tl.N + lane]
+    ny = contacts[tl.N + L + lane]
+    nz = contacts[tl.N + 2 * L + lane]
+    add_dormant(pairs, counts, i, j, limit, nx, ny, nz)
 
 
 @inlined
-def load_second(t, lane, load, rolling):
-    """Subtract a lane's force from its body B and add B's torque."""
-    for c in range(3):
-        load[c] -= t[tl.F + c * L + lane]
-        load[3 + c] += t[tl.TB + c * L + lane]
-    load[st.ROLL] += rolling * t[tl.ROLL_B + lane]
+def mute_lane(t, lane):
+    """Take back the forces of a lane."""
+    for c in range(st.LOAD_COLUMNS):
+        t[tl.TO_A + c * L + lane] = 0.0
+        t[tl.TO_B + c * L + lane] = 0.0
 
 
 @kernel
-def pair_forces(bodies, pairs, counts, physics, t):
+def pair_forces(bodies, pairs, counts, physics, t, ghost):
     """Forces of all touching pairs; pairs that parted go dormant."""
     n = counts[st.N_PAIRS]
-    rows = bodies.rows
-    rolling = physics.mur_pair
     ended = 0
+    tl.fill_law(t, physics.law_pair)
     for base in range(0, n, L):
-        lanes = min(L, n - base)
         contacts = pairs.data[base // L]
-        for lane in range(L):
-            k = base + min(lane, lanes - 1)
-            gather_pair(t, lane, rows[pairs.first[k]], rows[pairs.second[k]])
-        tl.body_a(t, contacts, physics.squares)
-        tl.body_b(t, contacts, physics.squares)
+        gather(bodies.rows, pairs.first, base, t, tl.A)
+        gather(bodies.rows, pairs.second, base, t, tl.B)
+        tl.tangent_rows(t, contacts)
+        tl.body_a(t, contacts, physics.parts)
+        tl.body_b(t, contacts, physics.parts)
         tl.pair_geometry(t, contacts)
-        tl.forces(t, contacts, physics.law_pair, physics.dt, physics.tension)
-        for lane in range(lanes):
-            k = base + lane
-            i = pairs.first[k]
-            j = pairs.second[k]
-            gap = t[tl.GAP + lane]
-            absent = bodies.presence[i] != st.PRESENT or bodies.presence[j] != st.PRESENT
-            if gap > 0.0 or absent:
-                pairs.ended[ended] = k
-                ended += 1
-                if not absent:
-                    limit = bodies.odometer[i] + bodies.odometer[j] + gap
-                    nx = contacts[tl.N + lane]
-                    ny = contacts[tl.N + L + lane]
-                    nz = contacts[tl.N + 2 * L + lane]
-                    add_dormant(pairs, counts, i, j, limit, nx, ny, nz)
-            else:
-                load_first(t, lane, bodies.load[i], rolling)
-                load_second(t, lane, bodies.load[j], rolling)
+        tl.forces(t, contacts, physics.dt, physics.tension)
+        if tl.open_lanes(t) > 0:
+            for lane in range(min(L, n - base)):
+                if t[tl.GAP + lane] > 0.0:
+                    mute_lane(t, lane)
+                    fall_asleep(bodies, pairs, counts, contacts, t, base + lane)
+                    pairs.ended[ended] = base + lane
+                    ended += 1
+        scatter(bodies.load, pairs.first, base, t, tl.TO_A)
+        scatter(bodies.load, pairs.second, base, t, tl.TO_B)
     for e in range(ended - 1, -1, -1):
-        k = pairs.ended[e]
-        last = counts[st.N_PAIRS] - 1
-        counts[st.N_PAIRS] = last
-        pairs.first[k] = pairs.first[last]
-        pairs.second[k] = pairs.second[last]
-        move_contact(pairs.data, last, k)
+        drop_contact(pairs, counts, pairs.ended[e], ghost)
 
 
-@inlined
+@kernel
 def still_wall(t):
-    """Zero the rows of body B that the force law reads: the wall does not turn."""
+    """Zero what the force law reads of body B: a wall that neither moves nor turns, of infinite mass."""
     for k in range(L):
+        for c in range(st.SHAPE):
+            t[tl.B + c * L + k] = 0.0
         for c in range(3):
-            t[tl.B + (4 + c) * L + k] = 0.0
             t[tl.RB + c * L + k] = 0.0
 
 
 @inlined
 def off_disc(plane, t, lane):
     """Whether a lane's contact point lies beyond the edge of its plane."""
-    x = t[tl.D + lane] + t[tl.RA + lane] - plane[0]
-    y = t[tl.D + L + lane] + t[tl.RA + L + lane] - plane[1]
-    z = t[tl.D + 2 * L + lane] + t[tl.RA + 2 * L + lane] - plane[2]
+    x = t[tl.A + lane] + t[tl.RA + lane] - plane[0]
+    y = t[tl.A + L + lane] + t[tl.RA + L + lane] - plane[1]
+    z = t[tl.A + 2 * L + lane] + t[tl.RA + 2 * L + lane] - plane[2]
     across = x * plane[3] + y * plane[4] + z * plane[5]
     return x * x + y * y + z * z - across * across > plane[6] * plane[6]
 
 
+@inlined
+def look_soon(bodies, contacts, wall, i, gap):
+    """Ask for a new look at a body and a wall when the body may have closed a gap."""
+    limit = bodies.odometer[i] + max(gap, 0.0)
+    contacts.limit[wall, i] = limit
+    bodies.alarm[i] = min(bodies.alarm[i], limit)
+
+
 @kernel
-def plane_forces(bodies, flat, walls, counts, physics, t):
+def plane_forces(bodies, flat, walls, counts, physics, t, ghost):
     """Forces of all contacts with planes."""
     n = counts[st.N_PLANE]
-    rolling = physics.mur_wall
     ended = 0
-    still_wall(t)
     for base in range(0, n, L):
-        lanes = min(L, n - base)
         contacts = flat.data[base // L]
-        for lane in range(L):
-            k = base + min(lane, lanes - 1)
-            gather_single(t, lane, bodies.rows[flat.body[k]])
-        tl.body_a(t, contacts, physics.squares)
+        gather(bodies.rows, flat.body, base, t, tl.A)
+        tl.tangent_rows(t, contacts)
+        tl.body_a(t, contacts, physics.parts)
         tl.plane_geometry(t, contacts)
-        tl.forces(t, contacts, physics.law_wall, physics.dt, physics.tension)
-        for lane in range(lanes):
+        tl.forces(t, contacts, physics.dt, physics.tension)
+        for lane in range(min(L, n - base)):
             k = base + lane
-            i = flat.body[k]
             gap = t[tl.GAP + lane]
-            if gap > 0.0 or off_disc(walls.planes[flat.wall[k]], t, lane) or bodies.presence[i] != st.PRESENT:
+            if gap > 0.0 or off_disc(walls.planes[flat.wall[k]], t, lane):
+                mute_lane(t, lane)
+                look_soon(bodies, flat, flat.wall[k], flat.body[k], gap)
                 flat.ended[ended] = k
                 ended += 1
-                flat.limit[flat.wall[k], i] = bodies.odometer[i] + max(gap, 0.0)
-            else:
-                load_first(t, lane, bodies.load[i], rolling)
+        scatter(bodies.load, flat.body, base, t, tl.TO_A)
     for e in range(ended - 1, -1, -1):
-        drop_wall_contact(flat, counts, st.N_PLANE, flat.ended[e])
+        drop_wall_contact(flat, counts, st.N_PLANE, flat.ended[e], ghost)
 
 
 @inlined
-def follow_wall(squares, row, walls, wall, contacts, lane, out):
+def follow_wall(parts, row, walls, wall, contacts, lane, out):
     """Track a contact with a cone or ring through one step; returns whether it lies on the wall."""
     n_cones = walls.cones.shape[0]
     theta = contacts[st.AZIMUTH + lane]
     if wall < n_cones:
         cone = walls.cones[wall]
         for _ in range(2):
-            theta = climb_cone(squares, row, cone, theta)
+            theta = climb_cone(row, parts, cone, theta)
         contacts[st.AZIMUTH + lane] = theta
-        return cone_contact(squares, row, cone, theta, out)
+        return cone_contact(row, parts, cone, theta, out)
     ring = walls.rings[wall - n_cones]
     nx, ny, nz = contacts[tl.N + lane], contacts[tl.N + L + lane], contacts[tl.N + 2 * L + lane]
     for _ in range(2):
-        theta, nx, ny, nz, _f, _step = ring_newton(squares, row, ring, theta, nx, ny, nz)
+        theta, nx, ny, nz, _f, _step = ring_newton(row, parts, ring, theta, nx, ny, nz)
     contacts[st.AZIMUTH + lane] = theta
-    return ring_contact(squares, row, ring, theta, nx, ny, nz, out)
+    return ring_contact(row, parts, ring, theta, nx, ny, nz, out)
 
 
 @inlined
@@ -188,48 +169,63 @@ def is_double(contacts, k):
 
 
 @kernel
-def curved_forces(bodies, curved, walls, counts, physics, t, out):
+def curved_forces(bodies, curved, walls, counts, physics, t, out, ghost):
     """Forces of all contacts with cones, tubes and rings."""
     n = counts[st.N_CURVED]
     ended = 0
-    still_wall(t)
     for base in range(0, n, L):
         lanes = min(L, n - base)
         contacts = curved.data[base // L]
+        gather(bodies.rows, curved.body, base, t, tl.A)
         for lane in range(lanes):
             k = base + lane
             row = bodies.rows[curved.body[k]]
-            on_wall = follow_wall(physics.squares, row, walls, curved.wall[k], contacts, lane, out)
+            on_wall = follow_wall(physics.parts, row, walls, curved.wall[k], contacts, lane, out)
             for c in range(3):
                 contacts[tl.N + c * L + lane] = out[c]
                 t[tl.RA + c * L + lane] = out[5 + c]
-            gather_single(t, lane, row)
             t[tl.GAP + lane] = out[3]
             t[tl.RADIUS + lane] = out[4]
             if out[3] > 0.0 or not on_wall or is_double(curved, k):
                 curved.ended[ended] = k
                 ended += 1
                 t[tl.GAP + lane] = 1.0
-        tl.forces(t, contacts, physics.law_wall, physics.dt, physics.tension)
+        tl.forces(t, contacts, physics.dt, physics.tension)
         for lane in range(lanes):
-            k = base + lane
-            i = curved.body[k]
-            if t[tl.GAP + lane] < 0.0 and bodies.presence[i] == st.PRESENT:
-                load_first(t, lane, bodies.load[i], physics.mur_wall)
-            else:
-                curved.limit[curved.wall[k], i] = bodies.odometer[i]
+            if t[tl.GAP + lane] > 0.0:
+                mute_lane(t, lane)
+                look_soon(bodies, curved, curved.wall[base + lane], curved.body[base + lane], 0.0)
+        scatter(bodies.load, curved.body, base, t, tl.TO_A)
     for e in range(ended - 1, -1, -1):
-        drop_wall_contact(curved, counts, st.N_CURVED, curved.ended[e])
+        drop_wall_contact(curved, counts, st.N_CURVED, curved.ended[e], ghost)
 
 
 @kernel
-def advance(bodies, pairs, flat, curved, grid, walls, counts, physics, t, scratch, steps):
+def drop_gone(bodies, pairs, flat, curved, counts, grid, ghost):
+    """Drop all contacts of the bodies that went below the floor in the last step."""
+    presence = bodies.presence
+    for k in range(counts[st.N_PAIRS] - 1, -1, -1):
+        if presence[pairs.first[k]] != st.PRESENT or presence[pairs.second[k]] != st.PRESENT:
+            drop_contact(pairs, counts, k, ghost)
+    for k in range(counts[st.N_PLANE] - 1, -1, -1):
+        if presence[flat.body[k]] != st.PRESENT:
+            drop_wall_contact(flat, counts, st.N_PLANE, k, ghost)
+    for k in range(counts[st.N_CURVED] - 1, -1, -1):
+        if presence[curved.body[k]] != st.PRESENT:
+            drop_wall_contact(curved, counts, st.N_CURVED, k, ghost)
+    for m in range(counts[st.N_MOVED]):
+        if presence[grid.moved_list[m]] != st.PRESENT:
+            take_away(bodies, grid.moved_list[m])
+    counts[st.N_GONE] = 0
+
+
+@kernel
+def advance(bodies, pairs, flat, curved, grid, walls, counts, physics, t, bodies_tile, scratch, steps):
     """Advance the simulation by a number of steps; stops before a step for which a list may be too short.
 
     Returns the steps made.
     """
-    squares = physics.squares
-    radius = 0.5 * grid.lengths[1]
+    ghost = grid.cell.shape[0]
     normal = scratch[0:3]
     out = scratch[8:16]
     profile = scratch[16:]
@@ -241,12 +237,15 @@ def advance(bodies, pairs, flat, curved, grid, walls, counts, physics, t, scratc
             or counts[st.N_CURVED] * 4 > curved.body.shape[0] * 3
         ):
             return step
-        update_pairs(bodies, pairs, counts, grid, squares, normal)
-        update_walls(bodies, flat, curved, walls, counts, squares, radius, physics.funnel_floor, profile, out)
-        bodies.load[: counts[st.N_BODIES]] = 0.0
-        pair_forces(bodies, pairs, counts, physics, t)
-        plane_forces(bodies, flat, walls, counts, physics, t)
-        curved_forces(bodies, curved, walls, counts, physics, t, out)
+        if counts[st.N_GONE] > 0:
+            drop_gone(bodies, pairs, flat, curved, counts, grid, ghost)
+        update_pairs(bodies, pairs, counts, grid, physics.parts, normal)
+        update_walls(bodies, flat, curved, walls, counts, physics.parts, physics.funnel_floor, profile, out)
+        pair_forces(bodies, pairs, counts, physics, t, ghost)
+        still_wall(t)
+        tl.fill_law(t, physics.law_wall)
+        plane_forces(bodies, flat, walls, counts, physics, t, ghost)
+        curved_forces(bodies, curved, walls, counts, physics, t, out, ghost)
         counts[st.STEPS] += 1
-        integrate(bodies, grid, counts, physics, radius, counts[st.STEPS] * physics.dt)
+        integrate(bodies, grid, counts, physics, counts[st.STEPS] * physics.dt, bodies_tile)
     return steps

@@ -1,13 +1,15 @@
 """Rotations and support functions of one body, as scalars.
 
 A body is a sum of K ellipsoids with common axes (a Minkowski sum): its support function is
-h(n) = sum_k |diag(a_k) n| in the body frame, smooth and convex for any K. `squares` holds a_k^2 as (K, 3).
+h(n) = sum_k sqrt(n' S_k n) with S_k = R diag(a_k^2) R', smooth and convex for any K. The S_k of a body stand in its row
+(see `state`), in the world frame, so no kernel turns a vector into the body's frame.
 Quaternions are (w, x, y, z), body to world.
 """
 
 import math
 
 from .jit import inlined
+from .state import PART, SHAPE
 
 
 @inlined
@@ -40,11 +42,32 @@ def tangents(nx, ny, nz):
 
 
 @inlined
-def support_terms(squares, n1, n2, n3, u1, u2, u3, w1, w2, w3):
-    """Support value, tangential support point and curvature radii of a body, all in its own frame.
+def times_shape(row, part, x, y, z):
+    """S_k times a vector."""
+    s = SHAPE + PART * part
+    return (
+        row[s] * x + row[s + 1] * y + row[s + 2] * z,
+        row[s + 1] * x + row[s + 3] * y + row[s + 4] * z,
+        row[s + 2] * x + row[s + 4] * y + row[s + 5] * z,
+    )
 
-    n is the direction, u and w the two tangents (body frame). Returns h, x.u, x.w and the tangential matrix
-    Q = grad grad h as (Q_uu, Q_uw, Q_ww).
+
+@inlined
+def extent(row, parts, nx, ny, nz):
+    """Support value h(n) of a body."""
+    h = 0.0
+    for k in range(parts):
+        x, y, z = times_shape(row, k, nx, ny, nz)
+        h += math.sqrt(nx * x + ny * y + nz * z)
+    return h
+
+
+@inlined
+def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
+    """Support value, tangential support point and curvature radii of a body.
+
+    n is the direction, u and w the two tangents. Returns h, x.u, x.w and the tangential matrix Q = grad grad h as
+    (Q_uu, Q_uw, Q_ww).
     """
     h = 0.0
     g1 = 0.0
@@ -52,30 +75,21 @@ def support_terms(squares, n1, n2, n3, u1, u2, u3, w1, w2, w3):
     q11 = 0.0
     q12 = 0.0
     q22 = 0.0
-    for k in range(squares.shape[0]):
-        a = squares[k, 0]
-        b = squares[k, 1]
-        c = squares[k, 2]
-        x1 = a * n1
-        x2 = b * n2
-        x3 = c * n3
-        hk = math.sqrt(x1 * n1 + x2 * n2 + x3 * n3)
+    for k in range(parts):
+        x, y, z = times_shape(row, k, nx, ny, nz)
+        square = nx * x + ny * y + nz * z
+        if square <= 0.0:
+            continue
+        hk = math.sqrt(square)
         inv = 1.0 / hk
-        xu = (x1 * u1 + x2 * u2 + x3 * u3) * inv
-        xw = (x1 * w1 + x2 * w2 + x3 * w3) * inv
+        xu = (x * ux + y * uy + z * uz) * inv
+        xw = (x * wx + y * wy + z * wz) * inv
         h += hk
         g1 += xu
         g2 += xw
-        q11 += (a * u1 * u1 + b * u2 * u2 + c * u3 * u3 - xu * xu) * inv
-        q12 += (a * u1 * w1 + b * u2 * w2 + c * u3 * w3 - xu * xw) * inv
-        q22 += (a * w1 * w1 + b * w2 * w2 + c * w3 * w3 - xw * xw) * inv
+        x, y, z = times_shape(row, k, ux, uy, uz)
+        q11 += (x * ux + y * uy + z * uz - xu * xu) * inv
+        q12 += (x * wx + y * wy + z * wz - xu * xw) * inv
+        x, y, z = times_shape(row, k, wx, wy, wz)
+        q22 += (x * wx + y * wy + z * wz - xw * xw) * inv
     return h, g1, g2, q11, q12, q22
-
-
-@inlined
-def world_support(squares, qw, qx, qy, qz, nx, ny, nz, ux, uy, uz, wx, wy, wz):
-    """`support_terms` for a direction and tangents given in the world frame."""
-    n1, n2, n3 = to_body(qw, qx, qy, qz, nx, ny, nz)
-    u1, u2, u3 = to_body(qw, qx, qy, qz, ux, uy, uz)
-    w1, w2, w3 = to_body(qw, qx, qy, qz, wx, wy, wz)
-    return support_terms(squares, n1, n2, n3, u1, u2, u3, w1, w2, w3)

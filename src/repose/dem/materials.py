@@ -63,9 +63,21 @@ def damping_ratio(restitution):
     return -log / math.sqrt(log * log + math.pi * math.pi)
 
 
-def contact_law(a, b, contact, effective_mass_kg):
-    """Constants of the force law as the kernels take them: E*, G*, m*, damping ratio, static friction (5,)."""
+def contact_law(a, b, contact):
+    """Constants of the force law as the kernels take them (6,).
+
+    4/3 E*, 8 G*, the dampings 2 sqrt(5/6) beta sqrt(2 E*) and 2 sqrt(5/6) beta sqrt(8 G*), static friction, rolling
+    friction.
+    """
     young, shear = effective_moduli(a, b)
+    damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(contact.restitution)
     return np.array(
-        [young, shear, effective_mass_kg, damping_ratio(contact.restitution), contact.static_friction]
+        [
+            4.0 / 3.0 * young,
+            8.0 * shear,
+            damping * math.sqrt(2.0 * young),
+            damping * math.sqrt(8.0 * shear),
+            contact.static_friction,
+            contact.rolling_friction,
+        ]
     )

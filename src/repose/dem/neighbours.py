@@ -12,11 +12,12 @@ import math
 from . import state as st
 from .contact import solve_gap
 from .jit import inlined, kernel
-from .lists import put_contact
+from .lists import move_contact, put_contact
 
 # A proven gap above this share of the skin is good enough; below it the true gap is found.
 EARLY = 0.25
 TOLERANCE = 1e-4
+L = st.LANES
 
 
 @inlined
@@ -50,12 +51,14 @@ def unlink(grid, i):
 
 
 @kernel
-def link(grid, i, x, y, z):
+def link(grid, bodies, i):
     """Put body i into the cell of its present position, which becomes its reference."""
+    x, y, z = bodies.rows[i, 0], bodies.rows[i, 1], bodies.rows[i, 2]
     cell = cell_of(grid, x, y, z)
-    grid.reference[i, 0] = x
-    grid.reference[i, 1] = y
-    grid.reference[i, 2] = z
+    tile = bodies.motion[i // L]
+    tile[st.REFERENCE + i % L] = x
+    tile[st.REFERENCE + L + i % L] = y
+    tile[st.REFERENCE + 2 * L + i % L] = z
     grid.cell[i] = cell
     grid.preceding[i] = -1
     grid.following[i] = grid.head[cell]
@@ -114,24 +117,32 @@ def add_contact(pairs, counts, i, j, normal):
     put_contact(pairs.data, k, normal[0], normal[1], normal[2], 0.0)
 
 
+@inlined
+def drop_contact(pairs, counts, k, ghost):
+    """Remove touching pair k; the last one takes its place, body `ghost` that of the last."""
+    last = counts[st.N_PAIRS] - 1
+    counts[st.N_PAIRS] = last
+    pairs.first[k] = pairs.first[last]
+    pairs.second[k] = pairs.second[last]
+    move_contact(pairs.data, last, k)
+    pairs.first[last] = ghost
+    pairs.second[last] = ghost
+
+
 @kernel
-def wake(bodies, pairs, counts, grid, squares, normal):
-    """Look at the dormant pairs whose odometers have used up their gap; drop those of bodies that changed cells."""
+def wake(bodies, pairs, counts, grid, parts, normal):
+    """Look at the dormant pairs whose odometers have used up their gap."""
     odometer = bodies.odometer
-    moved = grid.moved
     early = EARLY * grid.lengths[2]
     k = 0
     while k < counts[st.N_DORMANT]:
         i = pairs.dormant_first[k]
         j = pairs.dormant_second[k]
-        if moved[i] | moved[j]:
-            drop_dormant(pairs, counts, k)
-            continue
         total = odometer[i] + odometer[j]
         if total >= pairs.dormant_limit[k]:
             for c in range(3):
                 normal[c] = pairs.dormant_normal[k, c]
-            gap = solve_gap(squares, bodies.rows, i, j, normal, TOLERANCE, early)
+            gap = solve_gap(bodies.rows, parts, i, j, normal, TOLERANCE, early)
             if gap <= 0.0:
                 drop_dormant(pairs, counts, k)
                 add_contact(pairs, counts, i, j, normal)
@@ -143,12 +154,79 @@ def wake(bodies, pairs, counts, grid, squares, normal):
 
 
 @kernel
-def find_partners(bodies, pairs, counts, grid, squares, i, normal):
-    """List body i's pairs anew: dormant with the gap found, or touching. Partners with today's mark touch already."""
+def forget_dormant(pairs, counts, moved):
+    """Drop the dormant pairs of bodies that changed cells."""
+    k = 0
+    while k < counts[st.N_DORMANT]:
+        if moved[pairs.dormant_first[k]] | moved[pairs.dormant_second[k]]:
+            drop_dormant(pairs, counts, k)
+        else:
+            k += 1
+
+
+@kernel
+def chain_contacts(pairs, counts, grid):
+    """Chain the touching partners of each body that changed cells."""
+    moved = grid.moved
+    used = 0
+    for k in range(counts[st.N_PAIRS]):
+        i = pairs.first[k]
+        j = pairs.second[k]
+        if moved[i]:
+            pairs.partner[used] = j
+            pairs.link[used] = grid.chain[i]
+            grid.chain[i] = used
+            used += 1
+        if moved[j]:
+            pairs.partner[used] = i
+            pairs.link[used] = grid.chain[j]
+            grid.chain[j] = used
+            used += 1
+
+
+@inlined
+def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
+    """List a pair anew: dormant with the gap found, or touching."""
     rows = bodies.rows
-    diameter = grid.lengths[1]
-    reach2 = (diameter + grid.lengths[2]) ** 2
-    early = EARLY * grid.lengths[2]
+    dx = rows[b, 0] - rows[a, 0]
+    dy = rows[b, 1] - rows[a, 1]
+    dz = rows[b, 2] - rows[a, 2]
+    distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+    normal[0] = dx / distance
+    normal[1] = dy / distance
+    normal[2] = dz / distance
+    gap = distance - bounding_radius(bodies, a) - bounding_radius(bodies, b)
+    if gap <= 0.0:
+        gap = solve_gap(rows, parts, a, b, normal, TOLERANCE, EARLY * grid.lengths[2])
+    if gap <= 0.0:
+        add_contact(pairs, counts, a, b, normal)
+    else:
+        total = bodies.odometer[a] + bodies.odometer[b]
+        add_dormant(pairs, counts, a, b, total + gap, normal[0], normal[1], normal[2])
+
+
+@inlined
+def bounding_radius(bodies, i):
+    """Largest distance of a point of body i from its centre."""
+    return bodies.motion[i // L, st.RADIUS + i % L]
+
+
+@inlined
+def reference_distance2(bodies, i, j):
+    """Squared distance of the places where two bodies were put into their cells."""
+    a = bodies.motion[i // L]
+    b = bodies.motion[j // L]
+    square = 0.0
+    for c in range(3):
+        d = b[st.REFERENCE + c * L + j % L] - a[st.REFERENCE + c * L + i % L]
+        square += d * d
+    return square
+
+
+@kernel
+def find_partners(bodies, pairs, counts, grid, parts, i, normal):
+    """List body i's pairs anew, but for those marked with i, which touch already."""
+    reach2 = (grid.lengths[1] + grid.lengths[2]) ** 2
     cell = grid.cell[i]
     kz = cell % grid.shape[2]
     ky = (cell // grid.shape[2]) % grid.shape[1]
@@ -159,54 +237,41 @@ def find_partners(bodies, pairs, counts, grid, squares, i, normal):
                 j = grid.head[(cx * grid.shape[1] + cy) * grid.shape[2] + cz]
                 while j >= 0:
                     # two bodies that both moved find each other once
-                    if j != i and grid.mark[j] != counts[st.STAMP] and not (grid.moved[j] == 1 and j < i):
-                        rx = grid.reference[j, 0] - grid.reference[i, 0]
-                        ry = grid.reference[j, 1] - grid.reference[i, 1]
-                        rz = grid.reference[j, 2] - grid.reference[i, 2]
-                        if rx * rx + ry * ry + rz * rz < reach2:
-                            a = min(i, j)
-                            b = max(i, j)
-                            dx = rows[b, 0] - rows[a, 0]
-                            dy = rows[b, 1] - rows[a, 1]
-                            dz = rows[b, 2] - rows[a, 2]
-                            distance = math.sqrt(dx * dx + dy * dy + dz * dz)
-                            normal[0] = dx / distance
-                            normal[1] = dy / distance
-                            normal[2] = dz / distance
-                            gap = distance - diameter
-                            if gap <= 0.0:
-                                gap = solve_gap(squares, rows, a, b, normal, TOLERANCE, early)
-                            if gap <= 0.0:
-                                add_contact(pairs, counts, a, b, normal)
-                            else:
-                                total = bodies.odometer[a] + bodies.odometer[b]
-                                add_dormant(pairs, counts, a, b, total + gap, normal[0], normal[1], normal[2])
+                    wanted = j != i and grid.mark[j] != i and not (grid.moved[j] == 1 and j < i)
+                    if wanted and reference_distance2(bodies, i, j) < reach2:
+                        list_pair(bodies, pairs, counts, grid, parts, min(i, j), max(i, j), normal)
                     j = grid.following[j]
 
 
 @kernel
-def update_pairs(bodies, pairs, counts, grid, squares, normal):
+def update_pairs(bodies, pairs, counts, grid, parts, normal):
     """Bring the lists of touching and dormant pairs up to the present positions."""
-    wake(bodies, pairs, counts, grid, squares, normal)
     n_moved = counts[st.N_MOVED]
     if n_moved == 0:
+        wake(bodies, pairs, counts, grid, parts, normal)
         return
+    forget_dormant(pairs, counts, grid.moved)
+    wake(bodies, pairs, counts, grid, parts, normal)
     for m in range(n_moved):
         i = grid.moved_list[m]
         unlink(grid, i)
         if bodies.presence[i] == st.PRESENT:
-            link(grid, i, bodies.rows[i, 0], bodies.rows[i, 1], bodies.rows[i, 2])
-    n_touching = counts[st.N_PAIRS]
+            link(grid, bodies, i)
+    chain_contacts(pairs, counts, grid)
     for m in range(n_moved):
         i = grid.moved_list[m]
         if bodies.presence[i] == st.PRESENT:
-            counts[st.STAMP] += 1
-            for k in range(n_touching):
-                if pairs.first[k] == i:
-                    grid.mark[pairs.second[k]] = counts[st.STAMP]
-                elif pairs.second[k] == i:
-                    grid.mark[pairs.first[k]] = counts[st.STAMP]
-            find_partners(bodies, pairs, counts, grid, squares, i, normal)
+            k = grid.chain[i]
+            while k >= 0:
+                grid.mark[pairs.partner[k]] = i
+                k = pairs.link[k]
+            find_partners(bodies, pairs, counts, grid, parts, i, normal)
+            k = grid.chain[i]
+            while k >= 0:
+                grid.mark[pairs.partner[k]] = -1
+                k = pairs.link[k]
     for m in range(n_moved):
-        grid.moved[grid.moved_list[m]] = 0
+        i = grid.moved_list[m]
+        grid.moved[i] = 0
+        grid.chain[i] = -1
     counts[st.N_MOVED] = 0

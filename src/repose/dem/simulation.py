@@ -7,7 +7,8 @@ import numpy as np
 from . import state as st
 from . import tile as tl
 from .engine import advance
-from .materials import contact_law
+from .materials import contact_law, effective_moduli
+from .rigid import TILE_ROWS, place_shape
 from .walls import STARTS
 
 # Room for the lists of a simulation, per body; they grow when needed.
@@ -61,32 +62,35 @@ class Simulation:
             raise ValueError(f"capacity is {capacity!r}; allowed: 1 or more")
         self.radius = float(semi_axes.max(axis=1).sum())
         skin = SKIN_SHARE * self.radius
-        self.bodies = st.new_bodies(capacity)
+        self.capacity = int(capacity)
+        self.mass_kg = float(mass_kg)
+        self.inertia_kg_m2 = np.asarray(inertia_kg_m2, float).copy()
+        self.semi_axes_m = semi_axes
+        self._moduli = effective_moduli(body, body)
+        self.bodies = st.new_bodies(capacity, len(semi_axes))
         self.grid = st.new_grid(capacity, lower, upper, 2.0 * self.radius + skin)
         self.grid.lengths[1:] = 2.0 * self.radius, skin
         self.walls = walls
-        self.pairs = st.new_pairs(CONTACTS_PER_BODY * capacity + 64, DORMANT_PER_BODY * capacity + 256)
-        self.flat = st.new_wall_contacts(len(walls.planes) * capacity + 64, len(walls.planes), capacity)
-        n_curved = len(walls.cones) + len(walls.rings)
-        self.curved = st.new_wall_contacts(capacity + 64, n_curved, capacity)
+        self.pairs = st.new_pairs(
+            CONTACTS_PER_BODY * capacity + 64, DORMANT_PER_BODY * capacity + 256, capacity
+        )
+        n_planes, n_curved = len(walls.planes), len(walls.cones) + len(walls.rings)
+        self.flat = st.new_wall_contacts(n_planes * capacity + 64, n_planes, capacity, capacity)
+        self.curved = st.new_wall_contacts(capacity + 64, n_curved, capacity, capacity)
         self.counts = np.zeros(9, np.int64)
         self.physics = st.Physics(
-            squares=semi_axes**2,
-            inertia=np.asarray(inertia_kg_m2, float).copy(),
-            mobility=1.0 / np.asarray(inertia_kg_m2, float),
+            parts=len(semi_axes),
             gravity=np.asarray(gravity_m_s2, float).copy(),
-            law_pair=contact_law(body, body, body_body, 0.5 * mass_kg),
-            law_wall=contact_law(body, wall, body_wall, mass_kg),
-            mass=float(mass_kg),
+            law_pair=contact_law(body, body, body_body),
+            law_wall=contact_law(body, wall, body_wall),
             dt=float(time_step_s),
-            mur_pair=float(body_body.rolling_friction),
-            mur_wall=float(body_wall.rolling_friction),
             tension=1.0 if tension == "keep" else 0.0,
             exit_height=float(exit_height_m),
             funnel_floor=float(funnel_floor_m),
             floor_height=float(floor_height_m),
         )
         self._tile = np.zeros(tl.ROWS * tl.LANES)
+        self._body_tile = np.zeros(TILE_ROWS * st.LANES)
         self._scratch = np.zeros(16 + STARTS)
         limit = self.longest_time_step()
         if not 0.0 < time_step_s <= limit:
@@ -98,8 +102,8 @@ class Simulation:
         t_c = 2.943 (5 sqrt(2) pi rho (1 - nu^2) / (4 E))^0.4 r / v^0.2 for equal spheres, here with m*, E* and R* of
         the body: t_c = 2.868 (m*^2 / (R* E*^2 v))^0.2 (Johnson 1985, Eq. 11.24).
         """
-        young, _shear, mass = self.physics.law_pair[:3]
-        radius = 0.5 * float(np.sqrt(self.physics.squares).sum(axis=0).min())
+        young, mass = self._moduli[0], 0.5 * self.mass_kg
+        radius = 0.5 * float(self.semi_axes_m.sum(axis=0).min())
         return 2.868 * (mass**2 / (radius * young**2 * speed_m_s)) ** 0.2 / 15.0
 
     @property
@@ -124,18 +128,23 @@ class Simulation:
 
     @property
     def quaternions(self):
-        """Orientations (w, x, y, z), body to world, a view (N, 4)."""
-        return self.bodies.rows[: self.n_bodies, 3:7]
+        """Orientations (w, x, y, z), body to world, a copy (N, 4)."""
+        return st.lanes_of(self.bodies.motion, st.QUATERNION, 4, self.n_bodies)
 
     @property
     def velocities(self):
         """Velocities of the centres, a view (N, 3) [m/s]."""
-        return self.bodies.rows[: self.n_bodies, 7:10]
+        return self.bodies.rows[: self.n_bodies, st.VELOCITY : st.VELOCITY + 3]
 
     @property
     def angular_velocities(self):
         """Angular velocities in the world frame, a view (N, 3) [rad/s]."""
-        return self.bodies.rows[: self.n_bodies, 10:13]
+        return self.bodies.rows[: self.n_bodies, st.TURNING : st.TURNING + 3]
+
+    @property
+    def angular_momenta(self):
+        """Angular momenta about the centres in the world frame, a copy (N, 3) [kg m2/s]."""
+        return st.lanes_of(self.bodies.motion, st.SPIN, 3, self.n_bodies)
 
     @property
     def present(self):
@@ -147,17 +156,29 @@ class Simulation:
     ):
         """Add one body; returns its index. Raises ValueError when the capacity is used up."""
         i = self.n_bodies
-        if i >= len(self.bodies.rows):
-            raise ValueError(f"capacity is {len(self.bodies.rows)}; body {i + 1} does not fit")
+        if i >= self.capacity:
+            raise ValueError(f"capacity is {self.capacity}; body {i + 1} does not fit")
         row = self.bodies.rows[i]
-        row[0:3] = position_m
+        row[st.POSITION : st.POSITION + 3] = position_m
+        row[st.VELOCITY : st.VELOCITY + 3] = velocity_m_s
+        row[st.TURNING : st.TURNING + 3] = angular_velocity_rad_s
+        row[st.INVERSE_MASS] = 1.0 / self.mass_kg
         quaternion = np.asarray(quaternion, float)
-        row[3:7] = quaternion / np.linalg.norm(quaternion)
-        row[7:10] = velocity_m_s
-        row[10:13] = angular_velocity_rad_s
-        turn = rotation_matrix(row[3:7])
-        self.bodies.momentum[i, :3] = turn @ (self.physics.inertia * (turn.T @ row[10:13]))
+        quaternion = quaternion / np.linalg.norm(quaternion)
+        turn = rotation_matrix(quaternion)
+        spin = turn @ (self.inertia_kg_m2 * (turn.T @ row[st.TURNING : st.TURNING + 3]))
+        lanes = self.bodies.motion[i // st.LANES, i % st.LANES :: st.LANES]
+        for first, values in (
+            (st.QUATERNION, quaternion),
+            (st.SPIN, spin),
+            (st.MOBILITY, 1.0 / self.inertia_kg_m2),
+            (st.SQUARES, (self.semi_axes_m**2).ravel()),
+            (st.RADIUS, [self.radius]),
+        ):
+            lanes[first // st.LANES : first // st.LANES + len(values)] = values
+        place_shape(self.bodies, i, self.physics.parts, self._body_tile)
         self.bodies.presence[i] = st.PRESENT
+        self.bodies.alarm[i] = -1.0
         self.counts[st.N_BODIES] = i + 1
         self.grid.moved[i] = 1
         self.grid.moved_list[self.counts[st.N_MOVED]] = i
@@ -170,7 +191,7 @@ class Simulation:
         while left > 0:
             left -= advance(
                 self.bodies, self.pairs, self.flat, self.curved, self.grid, self.walls, self.counts,
-                self.physics, self._tile, self._scratch, left,
+                self.physics, self._tile, self._body_tile, self._scratch, left,
             )  # fmt: skip
             if self.counts[st.FULL]:
                 raise RuntimeError("a contact list overflowed within one step; bodies overlap wildly")
@@ -183,19 +204,19 @@ class Simulation:
         old = self.pairs
         contacts = len(old.first) * (2 if n_pairs * 4 > len(old.first) * 3 else 1)
         dormant = len(old.dormant_limit) * (2 if n_dormant * 4 > len(old.dormant_limit) * 3 else 1)
-        self.pairs = st.new_pairs(contacts, dormant)
+        self.pairs = st.new_pairs(contacts, dormant, self.capacity)
+        self.pairs.data[: len(old.data)] = old.data
         for name in ("first", "second"):
             getattr(self.pairs, name)[:n_pairs] = getattr(old, name)[:n_pairs]
         for name in ("dormant_first", "dormant_second", "dormant_limit", "dormant_normal"):
             getattr(self.pairs, name)[:n_dormant] = getattr(old, name)[:n_dormant]
-        self.flat = _grown(self.flat, self.counts[st.N_PLANE])
-        self.curved = _grown(self.curved, self.counts[st.N_CURVED])
+        self.flat = _grown(self.flat, self.counts[st.N_PLANE], self.capacity)
+        self.curved = _grown(self.curved, self.counts[st.N_CURVED], self.capacity)
 
     def kinetic_energies(self):
         """Kinetic energy of each body, translation and rotation (N,) [J]."""
-        n = self.n_bodies
-        translation = 0.5 * self.physics.mass * np.sum(self.velocities**2, axis=1)
-        rotation = 0.5 * np.sum(self.bodies.momentum[:n, :3] * self.angular_velocities, axis=1)
+        translation = 0.5 * self.mass_kg * np.sum(self.velocities**2, axis=1)
+        rotation = 0.5 * np.sum(self.angular_momenta * self.angular_velocities, axis=1)
         return translation + rotation
 
     def contacts(self):
@@ -214,11 +235,11 @@ class Simulation:
         return self.curved.body[:n].copy(), self.curved.wall[:n].copy(), rows[:, :3].copy(), rows[:, 6].copy()
 
 
-def _grown(contacts, used):
+def _grown(contacts, used, ghost):
     """Twice the room for wall contacts when three quarters are used."""
     if used * 4 <= len(contacts.body) * 3:
         return contacts
-    bigger = st.new_wall_contacts(2 * len(contacts.body), *contacts.limit.shape)
+    bigger = st.new_wall_contacts(2 * len(contacts.body), *contacts.limit.shape, ghost)
     bigger.limit[:] = contacts.limit
     for name in ("body", "wall"):
         getattr(bigger, name)[:used] = getattr(contacts, name)[:used]

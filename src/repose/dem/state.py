@@ -4,39 +4,40 @@ from collections import namedtuple
 
 import numpy as np
 
-# Columns of `rows` (N, 16), two cache lines a body: position, quaternion, velocity, angular velocity.
-Q = 3
-BODY_COLUMNS = 16
+# Contacts and bodies lie in tiles of LANES, a row a quantity: number k is lane k % LANES of tile k // LANES.
+LANES = 32
+# Columns of `rows` (N, a multiple of 8): what a contact needs of a body, one body after another.
+POSITION, VELOCITY, TURNING, INVERSE_MASS, SHAPE = 0, 3, 6, 9, 10
+PART = 6  # columns a part of the shape: the symmetric matrix R diag(a2, b2, c2) R' as xx, xy, xz, yy, yz, zz
+MOST_PARTS = 3
 # Columns of `load` (N, 8): force, torque, budget of the rolling torque.
 ROLL = 6
 LOAD_COLUMNS = 8
-# Contacts lie in tiles of LANES, a row a quantity: normal, tangential spring, and for a wall its azimuth (curved) or
-# offset (plane). Contact k is lane k % LANES of tile k // LANES.
-LANES = 32
+# Rows of a tile of `motion`: what only the body itself needs. Quaternion (w x y z, body to world), angular momentum,
+# position at which it was put into its cell, 1 / principal moments, squared semi-axes of each part, bounding radius.
+QUATERNION, SPIN, REFERENCE, MOBILITY, SQUARES, RADIUS = (k * LANES for k in (0, 4, 7, 10, 13, 22))
+MOTION_ROWS = 23
+# Rows of a tile of contacts: normal, tangential spring, and for a wall its azimuth (curved) or offset (plane).
 CONTACT_ROWS = 7
 NORMAL, SPRING, AZIMUTH, OFFSET = 0, 3 * LANES, 6 * LANES, 6 * LANES
 
 # Slots of `counts`.
-N_BODIES, N_PAIRS, N_DORMANT, N_PLANE, N_CURVED, N_MOVED, STEPS, FULL, STAMP = range(9)
+N_BODIES, N_PAIRS, N_DORMANT, N_PLANE, N_CURVED, N_MOVED, STEPS, FULL, N_GONE = range(9)
 
 ABSENT, PRESENT, GONE = 0, 1, 2
 
-Bodies = namedtuple(
-    "Bodies",
-    "rows momentum load odometer presence passed exit_time",
-)
+Bodies = namedtuple("Bodies", "rows load motion odometer alarm presence passed exit_time every")
 Grid = namedtuple(
-    "Grid", "reference cell following preceding head moved moved_list mark shape origin lengths"
+    "Grid", "cell following preceding head moved moved_list chain mark shape origin lengths"
 )
 Pairs = namedtuple(
-    "Pairs", "first second data dormant_first dormant_second dormant_limit dormant_normal ended"
+    "Pairs",
+    "first second data dormant_first dormant_second dormant_limit dormant_normal ended partner link",
 )
 WallContacts = namedtuple("WallContacts", "body wall data limit ended")
 Walls = namedtuple("Walls", "planes cones rings")
 Physics = namedtuple(
-    "Physics",
-    "squares inertia mobility gravity law_pair law_wall mass dt mur_pair mur_wall tension "
-    "exit_height funnel_floor floor_height",
+    "Physics", "parts gravity law_pair law_wall dt tension exit_height funnel_floor floor_height"
 )
 
 # Columns of Walls.planes: point (3), normal from the inside into the wall (3), radius of the disc.
@@ -45,33 +46,53 @@ Physics = namedtuple(
 PLANE_COLUMNS, CONE_COLUMNS, RING_COLUMNS = 7, 8, 7
 
 
-def new_bodies(n):
-    """Arrays for n bodies, none of them present yet."""
-    rows = np.zeros((n, BODY_COLUMNS))
-    rows[:, Q] = 1.0
+def new_bodies(n, parts):
+    """Arrays for n bodies of up to `parts` parts, none of them present yet.
+
+    They end with whole tiles and at least one body that is never there: body n stands in the unused lanes of contact
+    tiles. It has no mass, so nothing moves it, and a shape, so its geometry is finite.
+    """
+    padded = LANES * (n // LANES + 1)
+    rows = np.zeros((padded, 8 * -(-(SHAPE + PART * parts) // 8)))
+    rows[:, [SHAPE, SHAPE + 3, SHAPE + 5]] = 1e-6
+    motion = np.zeros((padded // LANES, MOTION_ROWS * LANES))
+    motion[:, :LANES] = 1.0
+    motion[:, SQUARES : SQUARES + 3 * LANES] = 1e-6
     return Bodies(
         rows=rows,
-        momentum=np.zeros((n, 4)),
-        load=np.zeros((n, LOAD_COLUMNS)),
-        odometer=np.zeros(n),
-        presence=np.zeros(n, np.uint8),
-        passed=np.zeros(n, np.uint8),
-        exit_time=np.full(n, np.nan),
+        load=np.zeros((padded, LOAD_COLUMNS)),
+        motion=motion,
+        odometer=np.zeros(padded),
+        alarm=np.full(padded, np.inf),
+        presence=np.zeros(padded, np.uint8),
+        passed=np.zeros(padded, np.uint8),
+        exit_time=np.full(padded, np.nan),
+        every=np.arange(padded, dtype=np.uint32),
     )
 
 
+def lanes_of(motion, row, columns, n):
+    """The first n bodies' quantity that starts at a row of `motion`, a copy (n, columns)."""
+    first = row // LANES
+    tiles = motion.reshape(len(motion), MOTION_ROWS, LANES)[:, first : first + columns]
+    return tiles.transpose(0, 2, 1).reshape(-1, columns)[:n].copy()
+
+
 def new_grid(n, lower, upper, cell):
-    """Cells of edge `cell` [m] over a box; what lies outside belongs to the nearest cell of the box."""
+    """Cells of edge `cell` [m] over a box; what lies outside belongs to the nearest cell of the box.
+
+    lengths: edge of a cell, largest distance of two centres that may touch, skin.
+    """
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
     shape = np.maximum(1, np.ceil((upper - lower) / cell)).astype(np.int64)
     return Grid(
-        reference=np.zeros((n, 3)),
         cell=np.full(n, -1, np.int64),
         following=np.full(n, -1, np.int64),
         preceding=np.full(n, -1, np.int64),
         head=np.full(int(shape.prod()), -1, np.int64),
         moved=np.zeros(n, np.uint8),
         moved_list=np.zeros(n, np.int64),
+        chain=np.full(n, -1, np.int64),
         mark=np.full(n, -1, np.int64),
         shape=shape,
         origin=lower.copy(),
@@ -91,25 +112,33 @@ def contact_rows(data, n):
     return data.reshape(-1, CONTACT_ROWS, LANES).transpose(0, 2, 1).reshape(-1, CONTACT_ROWS)[:n]
 
 
-def new_pairs(n_contacts, n_dormant):
-    """Room for touching pairs and for pairs that lie dormant."""
+def _whole_tiles(n):
+    return LANES * -(-n // LANES)
+
+
+def new_pairs(n_contacts, n_dormant, ghost):
+    """Room for touching pairs and for pairs that lie dormant; unused contacts are those of body `ghost`."""
+    n_contacts = _whole_tiles(n_contacts)
     return Pairs(
-        first=np.zeros(n_contacts, np.int64),
-        second=np.zeros(n_contacts, np.int64),
+        first=np.full(n_contacts, ghost, np.uint32),
+        second=np.full(n_contacts, ghost, np.uint32),
         data=new_contacts(n_contacts),
-        dormant_first=np.zeros(n_dormant, np.int64),
-        dormant_second=np.zeros(n_dormant, np.int64),
+        dormant_first=np.zeros(n_dormant, np.uint32),
+        dormant_second=np.zeros(n_dormant, np.uint32),
         dormant_limit=np.zeros(n_dormant),
         dormant_normal=np.zeros((n_dormant, 3)),
         ended=np.zeros(n_contacts, np.int64),
+        partner=np.zeros(2 * n_contacts, np.int64),
+        link=np.zeros(2 * n_contacts, np.int64),
     )
 
 
-def new_wall_contacts(n_contacts, n_walls, n_bodies):
+def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost):
     """Room for contacts with walls of one kind; `limit` is the odometer reading that calls for a new look."""
+    n_contacts = _whole_tiles(n_contacts)
     return WallContacts(
-        body=np.zeros(n_contacts, np.int64),
-        wall=np.zeros(n_contacts, np.int64),
+        body=np.full(n_contacts, ghost, np.uint32),
+        wall=np.zeros(n_contacts, np.uint32),
         data=new_contacts(n_contacts),
         limit=np.full((n_walls, n_bodies), -1.0),
         ended=np.zeros(n_contacts, np.int64),

@@ -15,7 +15,7 @@ import numpy as np
 
 from . import state as st
 from .contact import LONGEST_STEP
-from .geometry import tangents, to_body, world_support
+from .geometry import extent, support_terms, tangents
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
 
@@ -35,16 +35,6 @@ LEAST_RELATIVE_CURVATURE = 0.1
 
 
 @inlined
-def extent(squares, row, nx, ny, nz):
-    """Support value h(n) of a body (world direction)."""
-    n1, n2, n3 = to_body(row[3], row[4], row[5], row[6], nx, ny, nz)
-    h = 0.0
-    for k in range(squares.shape[0]):
-        h += math.sqrt(squares[k, 0] * n1 * n1 + squares[k, 1] * n2 * n2 + squares[k, 2] * n3 * n3)
-    return h
-
-
-@inlined
 def effective_radius(q11, q12, q22, k1, k2):
     """R* of a body (curvature radii Q) on a wall with principal curvatures k1, k2 along Q's axes.
 
@@ -56,16 +46,14 @@ def effective_radius(q11, q12, q22, k1, k2):
 
 
 @inlined
-def cone_overlap(squares, row, cone, theta):
+def cone_overlap(row, parts, cone, theta):
     """phi(theta), its first and second derivative, and how far up the wall the body's deepest point lies."""
     cos, sin = math.cos(theta), math.sin(theta)
     mr, mz = cone[0], cone[1]
     nx, ny, nz = mr * cos, mr * sin, mz
     ux, uy, uz = -sin, cos, 0.0
     wx, wy, wz = -mz * cos, -mz * sin, mr
-    h, x1, x2, q11, _q12, _q22 = world_support(
-        squares, row[3], row[4], row[5], row[6], nx, ny, nz, ux, uy, uz, wx, wy, wz
-    )
+    h, x1, x2, q11, _q12, _q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
     # the body's point: c + h n + x1 u + x2 w
     px = row[0] + h * nx + x1 * ux + x2 * wx
     py = row[1] + h * ny + x1 * uy + x2 * wy
@@ -78,16 +66,16 @@ def cone_overlap(squares, row, cone, theta):
 
 
 @inlined
-def climb_cone(squares, row, cone, theta):
+def climb_cone(row, parts, cone, theta):
     """One step towards the nearest maximum of phi."""
-    _value, slope, bend, _along = cone_overlap(squares, row, cone, theta)
+    _value, slope, bend, _along = cone_overlap(row, parts, cone, theta)
     # where phi is not concave, or nearly flat, a short step uphill
     step = -slope / bend if bend < -1e-7 else math.copysign(0.05, slope)
     return theta + min(max(step, -0.2), 0.2)
 
 
 @kernel
-def cone_contact(squares, row, cone, theta, out):
+def cone_contact(row, parts, cone, theta, out):
     """Contact of a body with a cone at azimuth theta (already a maximum of phi): fills `out`.
 
     out: normal (3), gap, R*, contact point relative to the centre (3). Returns whether the contact lies on the wall.
@@ -97,9 +85,7 @@ def cone_contact(squares, row, cone, theta, out):
     nx, ny, nz = mr * cos, mr * sin, mz
     ux, uy, uz = -sin, cos, 0.0
     wx, wy, wz = -mz * cos, -mz * sin, mr
-    h, x1, x2, q11, q12, q22 = world_support(
-        squares, row[3], row[4], row[5], row[6], nx, ny, nz, ux, uy, uz, wx, wy, wz
-    )
+    h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
     gap = cone[2] - (nx * row[0] + ny * row[1] + nz * row[2] + h)
     reach = h + 0.5 * gap
     out[0], out[1], out[2] = nx, ny, nz
@@ -118,7 +104,7 @@ def cone_contact(squares, row, cone, theta, out):
 
 
 @inlined
-def ring_newton(squares, row, ring, theta, nx, ny, nz):
+def ring_newton(row, parts, ring, theta, nx, ny, nz):
     """One Newton step for the distance of a body to a circle: maximum over n, minimum over theta.
 
     Returns the stepped theta and n, the distance at the old ones and the length of the step.
@@ -129,9 +115,7 @@ def ring_newton(squares, row, ring, theta, nx, ny, nz):
     dy = radius * sin - row[1]
     dz = ring[1] - row[2]
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    h, x1, x2, q11, q12, q22 = world_support(
-        squares, row[3], row[4], row[5], row[6], nx, ny, nz, ux, uy, uz, wx, wy, wz
-    )
+    h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
     f = nx * dx + ny * dy + nz * dz - h
     g1 = dx * ux + dy * uy + dz * uz - x1
     g2 = dx * wx + dy * wy + dz * wz - x2
@@ -172,7 +156,7 @@ def ring_newton(squares, row, ring, theta, nx, ny, nz):
 
 
 @kernel
-def ring_contact(squares, row, ring, theta, nx, ny, nz, out):
+def ring_contact(row, parts, ring, theta, nx, ny, nz, out):
     """Contact of a body with a ring edge at a solved (theta, n): fills `out` as `cone_contact` does.
 
     Returns whether the normal points at the part of the torus that is not hidden behind the adjoining walls.
@@ -191,9 +175,7 @@ def ring_contact(squares, row, ring, theta, nx, ny, nz, out):
     wx = ny * uz - nz * uy
     wy = nz * ux - nx * uz
     wz = nx * uy - ny * ux
-    h, x1, x2, q11, q12, q22 = world_support(
-        squares, row[3], row[4], row[5], row[6], nx, ny, nz, ux, uy, uz, wx, wy, wz
-    )
+    h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
     edge = ring[2]
     gap = nx * (ring[0] * cos - row[0]) + ny * (ring[0] * sin - row[1]) + nz * (ring[1] - row[2]) - h - edge
     reach = h + 0.5 * gap
@@ -208,10 +190,10 @@ def ring_contact(squares, row, ring, theta, nx, ny, nz, out):
 
 
 @inlined
-def solve_cone(squares, row, cone, theta):
+def solve_cone(row, parts, cone, theta):
     """Climb to a maximum of phi from a start."""
     for _ in range(40):
-        step = climb_cone(squares, row, cone, theta) - theta
+        step = climb_cone(row, parts, cone, theta) - theta
         theta += step
         if abs(step) < 1e-9:
             break
@@ -219,10 +201,10 @@ def solve_cone(squares, row, cone, theta):
 
 
 @inlined
-def solve_ring(squares, row, ring, theta, nx, ny, nz):
+def solve_ring(row, parts, ring, theta, nx, ny, nz):
     """Solve for the nearest point of a circle from a start; returns theta and n."""
     for _ in range(40):
-        theta, nx, ny, nz, _f, step = ring_newton(squares, row, ring, theta, nx, ny, nz)
+        theta, nx, ny, nz, _f, step = ring_newton(row, parts, ring, theta, nx, ny, nz)
         if step < 1e-9:
             break
     return theta, nx, ny, nz
@@ -279,13 +261,15 @@ def add_wall_contact(contacts, counts, slot, body, wall, out, place):
 
 
 @inlined
-def drop_wall_contact(contacts, counts, slot, k):
-    """Remove contact k; the last one takes its place."""
+def drop_wall_contact(contacts, counts, slot, k, ghost):
+    """Remove contact k; the last one takes its place, body `ghost` that of the last."""
     last = counts[slot] - 1
     counts[slot] = last
     contacts.body[k] = contacts.body[last]
     contacts.wall[k] = contacts.wall[last]
     move_contact(contacts.data, last, k)
+    contacts.body[last] = ghost
+    contacts.data[last // st.LANES, st.OFFSET + last % st.LANES] = 0.0
 
 
 @inlined
@@ -299,14 +283,14 @@ def look_again(contacts, counts, body, wall, theta, on_wall, radius, out):
 
 
 @kernel
-def search_cone(bodies, contacts, counts, squares, cone, wall, i, radius, profile, out):
+def search_cone(bodies, contacts, counts, parts, cone, wall, i, radius, profile, out):
     """Look for contacts of body i with a cone; returns how far it may move before the next look."""
     row = bodies.rows[i]
     step = 2.0 * math.pi / STARTS
     for s in range(STARTS):
         nx, ny = cone[0] * COSINES[s], cone[0] * SINES[s]
         profile[s] = (
-            nx * row[0] + ny * row[1] + cone[1] * row[2] + extent(squares, row, nx, ny, cone[1]) - cone[2]
+            nx * row[0] + ny * row[1] + cone[1] * row[2] + extent(row, parts, nx, ny, cone[1]) - cone[2]
         )
     nearest = 1e300
     for s in range(STARTS):
@@ -314,8 +298,8 @@ def search_cone(bodies, contacts, counts, squares, cone, wall, i, radius, profil
         if here < profile[s - 1] or here < profile[(s + 1) % STARTS]:
             continue
         # phi varies by less than (distance from the axis + reach) * step between starts
-        theta = solve_cone(squares, row, cone, s * step)
-        inside = cone_contact(squares, row, cone, theta, out)
+        theta = solve_cone(row, parts, cone, s * step)
+        inside = cone_contact(row, parts, cone, theta, out)
         if out[3] > 0.0:
             nearest = min(nearest, out[3])
         else:
@@ -324,7 +308,7 @@ def search_cone(bodies, contacts, counts, squares, cone, wall, i, radius, profil
 
 
 @kernel
-def search_ring(bodies, contacts, counts, squares, ring, wall, i, radius, profile, out):
+def search_ring(bodies, contacts, counts, parts, ring, wall, i, radius, profile, out):
     """Look for contacts of body i with a ring edge; returns how far it may move before the next look."""
     row = bodies.rows[i]
     axial = abs(row[2] - ring[1])
@@ -335,15 +319,15 @@ def search_ring(bodies, contacts, counts, squares, ring, wall, i, radius, profil
     step = 2.0 * math.pi / STARTS
     for s in range(STARTS):
         nx, ny, nz, distance = towards_ring(row, ring, s)
-        profile[s] = distance - extent(squares, row, nx, ny, nz)
+        profile[s] = distance - extent(row, parts, nx, ny, nz)
     nearest = 1e300
     for s in range(STARTS):
         here = profile[s]
         if here > profile[s - 1] or here > profile[(s + 1) % STARTS]:
             continue
         nx, ny, nz, _distance = towards_ring(row, ring, s)
-        theta, nx, ny, nz = solve_ring(squares, row, ring, s * step, nx, ny, nz)
-        exposed = ring_contact(squares, row, ring, theta, nx, ny, nz, out)
+        theta, nx, ny, nz = solve_ring(row, parts, ring, s * step, nx, ny, nz)
+        exposed = ring_contact(row, parts, ring, theta, nx, ny, nz, out)
         if out[3] > 0.0:
             nearest = min(nearest, out[3])
         else:
@@ -352,12 +336,12 @@ def search_ring(bodies, contacts, counts, squares, ring, wall, i, radius, profil
 
 
 @kernel
-def search_plane(bodies, contacts, counts, squares, plane, wall, i, out):
+def search_plane(bodies, contacts, counts, parts, plane, wall, i, out):
     """Look for the contact of body i with a plane; returns how far it may move before the next look."""
     row = bodies.rows[i]
     nx, ny, nz = plane[3], plane[4], plane[5]
     dx, dy, dz = plane[0] - row[0], plane[1] - row[1], plane[2] - row[2]
-    gap = nx * dx + ny * dy + nz * dz - extent(squares, row, nx, ny, nz)
+    gap = nx * dx + ny * dy + nz * dz - extent(row, parts, nx, ny, nz)
     if gap > 0.0:
         return gap
     across = nx * dx + ny * dy + nz * dz
@@ -371,30 +355,40 @@ def search_plane(bodies, contacts, counts, squares, plane, wall, i, out):
 
 
 @kernel
-def update_walls(bodies, flat, curved, walls, counts, squares, radius, lowest, profile, out):
-    """Find new contacts with walls. `lowest`: height below which a body has left the funnel for good."""
+def look_at_walls(bodies, flat, curved, walls, counts, parts, i, lowest, profile, out):
+    """Find new contacts of body i with walls; returns the odometer reading that calls for the next look."""
     n_cones = walls.cones.shape[0]
+    odometer = bodies.odometer[i]
+    radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
+    alarm = math.inf
+    for w in range(walls.planes.shape[0]):
+        if odometer >= flat.limit[w, i]:
+            flat.limit[w, i] = odometer + search_plane(bodies, flat, counts, parts, walls.planes[w], w, i, out)
+        alarm = min(alarm, flat.limit[w, i])
+    if bodies.rows[i, 2] + radius < lowest:
+        bodies.passed[i] = 1
+    if bodies.passed[i]:
+        return alarm
+    for w in range(n_cones):
+        if odometer >= curved.limit[w, i]:
+            curved.limit[w, i] = odometer + search_cone(
+                bodies, curved, counts, parts, walls.cones[w], w, i, radius, profile, out
+            )
+        alarm = min(alarm, curved.limit[w, i])
+    for w in range(n_cones, n_cones + walls.rings.shape[0]):
+        if odometer >= curved.limit[w, i]:
+            curved.limit[w, i] = odometer + search_ring(
+                bodies, curved, counts, parts, walls.rings[w - n_cones], w, i, radius, profile, out
+            )
+        alarm = min(alarm, curved.limit[w, i])
+    return alarm
+
+
+@kernel
+def update_walls(bodies, flat, curved, walls, counts, parts, lowest, profile, out):
+    """Find new contacts with walls. `lowest`: height below which a body has left the funnel for good."""
+    odometer = bodies.odometer
+    alarm = bodies.alarm
     for i in range(counts[st.N_BODIES]):
-        if bodies.presence[i] != st.PRESENT:
-            continue
-        odometer = bodies.odometer[i]
-        for w in range(walls.planes.shape[0]):
-            if odometer >= flat.limit[w, i]:
-                flat.limit[w, i] = odometer + search_plane(
-                    bodies, flat, counts, squares, walls.planes[w], w, i, out
-                )
-        if bodies.passed[i]:
-            continue
-        if bodies.rows[i, 2] + radius < lowest:
-            bodies.passed[i] = 1
-            continue
-        for w in range(n_cones):
-            if odometer >= curved.limit[w, i]:
-                curved.limit[w, i] = odometer + search_cone(
-                    bodies, curved, counts, squares, walls.cones[w], w, i, radius, profile, out
-                )
-        for w in range(walls.rings.shape[0]):
-            if odometer >= curved.limit[n_cones + w, i]:
-                curved.limit[n_cones + w, i] = odometer + search_ring(
-                    bodies, curved, counts, squares, walls.rings[w], n_cones + w, i, radius, profile, out
-                )
+        if odometer[i] >= alarm[i]:
+            alarm[i] = look_at_walls(bodies, flat, curved, walls, counts, parts, i, lowest, profile, out)

@@ -1,0 +1,161 @@
+"""Eight bodies at a time: what numba's own loops do not turn into vector code.
+
+Bodies lie in rows (one body after another), the hot loops want lanes (one quantity of many bodies after another).
+Going from one to the other is a transposition of 8 x 8 numbers: eight wide loads, 24 shuffles, eight wide stores,
+instead of 64 of each. `rsqrt` replaces pairs of square roots and divisions, which are what a contact costs otherwise.
+Everything here is plain LLVM, so it compiles for any processor.
+"""
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from .jit import inlined
+
+WIDTH = 8  # numbers moved at once
+DOUBLE, INT64 = ir.DoubleType(), ir.IntType(64)
+VECTOR = ir.VectorType(DOUBLE, WIDTH)
+
+
+def _shuffle(builder, a, b, mask):
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), mask))
+
+
+def _transposed(builder, rows):
+    """The 8 x 8 transpose of eight vectors."""
+    pairs = []
+    for k in range(0, 8, 2):
+        pairs.append(_shuffle(builder, rows[k], rows[k + 1], [0, 8, 2, 10, 4, 12, 6, 14]))
+        pairs.append(_shuffle(builder, rows[k], rows[k + 1], [1, 9, 3, 11, 5, 13, 7, 15]))
+    quads = [None] * 8
+    for half in (0, 4):
+        for k in (0, 1):
+            a, b = pairs[half + k], pairs[half + k + 2]
+            quads[half + k] = _shuffle(builder, a, b, [0, 1, 8, 9, 4, 5, 12, 13])
+            quads[half + k + 2] = _shuffle(builder, a, b, [2, 3, 10, 11, 6, 7, 14, 15])
+    low = [_shuffle(builder, quads[k], quads[k + 4], [0, 1, 2, 3, 8, 9, 10, 11]) for k in range(4)]
+    high = [_shuffle(builder, quads[k], quads[k + 4], [4, 5, 6, 7, 12, 13, 14, 15]) for k in range(4)]
+    return low + high
+
+
+def _load(builder, pointer):
+    return builder.load(builder.bitcast(pointer, VECTOR.as_pointer()), align=8)
+
+
+def _store(builder, value, pointer):
+    builder.store(value, builder.bitcast(pointer, VECTOR.as_pointer()), align=8)
+
+
+class _Call:
+    """What the intrinsics below share: the arrays and integers of (table, column, index, k, tile, at, stride)."""
+
+    def __init__(self, context, builder, signature, values):
+        self.builder = builder
+        arrays = {}
+        for name, kind, value in zip(
+            ("table", "column", "index", "k", "tile", "at", "stride"), signature.args, values, strict=True
+        ):
+            if isinstance(kind, types.Array):
+                arrays[name] = context.make_array(kind)(context, builder, value)
+                setattr(self, name, arrays[name].data)
+            else:
+                setattr(self, name, context.cast(builder, value, kind, types.int64))
+        self.row_bytes = builder.extract_value(arrays["table"].strides, 0)
+
+    def body(self, lane):
+        """Pointer to the first wanted number of the body of a lane."""
+        builder = self.builder
+        place = builder.gep(self.index, [builder.add(self.k, INT64(lane))])
+        number = builder.load(place)
+        if number.type != INT64:
+            number = builder.zext(number, INT64)
+        start = builder.ptrtoint(self.table, INT64)
+        start = builder.add(start, builder.mul(number, self.row_bytes))
+        start = builder.add(start, builder.mul(self.column, INT64(8)))
+        return builder.inttoptr(start, DOUBLE.as_pointer())
+
+    def lanes(self, quantity):
+        """Pointer to the lanes of a quantity in the tile."""
+        builder = self.builder
+        return builder.gep(self.tile, [builder.add(self.at, builder.mul(self.stride, INT64(quantity)))])
+
+
+def _checked(table, column, index, k, tile, at, stride):
+    """The signature of an intrinsic, or None where the arguments do not fit."""
+    fits = (
+        isinstance(table, types.Array)
+        and table.dtype == types.float64
+        and isinstance(tile, types.Array)
+        and tile.dtype == types.float64
+        and isinstance(index, types.Array)
+        and isinstance(index.dtype, types.Integer)
+    )
+    return types.void(table, column, index, k, tile, at, stride) if fits else None
+
+
+@intrinsic
+def rows_to_lanes(typingctx, table, column, index, k, tile, at, stride):
+    """tile[at + c * stride + l] = table[index[k + l], column + c] for c and l of 0..7."""
+    signature = _checked(table, column, index, k, tile, at, stride)
+
+    def generate(context, builder, sig, values):
+        call = _Call(context, builder, sig, values)
+        rows = [_load(builder, call.body(lane)) for lane in range(WIDTH)]
+        for quantity, lanes in enumerate(_transposed(builder, rows)):
+            _store(builder, lanes, call.lanes(quantity))
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+@intrinsic
+def lanes_to_rows(typingctx, table, column, index, k, tile, at, stride):
+    """table[index[k + l], column + c] = tile[at + c * stride + l] for c and l of 0..7."""
+    signature = _checked(table, column, index, k, tile, at, stride)
+
+    def generate(context, builder, sig, values):
+        call = _Call(context, builder, sig, values)
+        lanes = [_load(builder, call.lanes(quantity)) for quantity in range(WIDTH)]
+        for lane, row in enumerate(_transposed(builder, lanes)):
+            _store(builder, row, call.body(lane))
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+@intrinsic
+def add_lanes_to_rows(typingctx, table, column, index, k, tile, at, stride):
+    """table[index[k + l], column + c] += tile[at + c * stride + l], lane after lane (a body may come twice)."""
+    signature = _checked(table, column, index, k, tile, at, stride)
+
+    def generate(context, builder, sig, values):
+        call = _Call(context, builder, sig, values)
+        lanes = [_load(builder, call.lanes(quantity)) for quantity in range(WIDTH)]
+        for lane, row in enumerate(_transposed(builder, lanes)):
+            place = call.body(lane)
+            _store(builder, builder.fadd(_load(builder, place), row), place)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+@intrinsic
+def _rsqrt_seed(typingctx, x):
+    """A first guess of 1 / sqrt(x) from the exponent's bits, 3.5 % off at most."""
+
+    def generate(context, builder, sig, values):
+        bits = builder.bitcast(values[0], INT64)
+        bits = builder.sub(INT64(0x5FE6EB50C7B537A9), builder.lshr(bits, INT64(1)))
+        return builder.bitcast(bits, DOUBLE)
+
+    return types.float64(types.float64), generate
+
+
+@inlined
+def rsqrt(x):
+    """1 / sqrt(x) for x >= 0 to 1e-15; of zero a large finite number, so that x * rsqrt(x) is sqrt(x) there too."""
+    y = _rsqrt_seed(x)
+    e = 1.0 - (x * y) * y
+    y += y * e * (0.5 + e * (0.375 + e * 0.3125))
+    e = 1.0 - (x * y) * y
+    return y + y * e * (0.5 + e * (0.375 + e * 0.3125))
