@@ -96,16 +96,6 @@ def still_wall(t):
 
 
 @inlined
-def off_disc(plane, t, lane):
-    """Whether a lane's contact point lies beyond the edge of its plane."""
-    x = t[tl.A + lane] + t[tl.RA + lane] - plane[0]
-    y = t[tl.A + L + lane] + t[tl.RA + L + lane] - plane[1]
-    z = t[tl.A + 2 * L + lane] + t[tl.RA + 2 * L + lane] - plane[2]
-    across = x * plane[3] + y * plane[4] + z * plane[5]
-    return x * x + y * y + z * z - across * across > plane[6] * plane[6]
-
-
-@inlined
 def look_soon(bodies, contacts, wall, i, gap):
     """Ask for a new look at a body and a wall when the body may have closed a gap."""
     limit = bodies.odometer[i] + max(gap, 0.0)
@@ -114,7 +104,7 @@ def look_soon(bodies, contacts, wall, i, gap):
 
 
 @kernel
-def plane_forces(bodies, flat, walls, counts, physics, t, ghost):
+def plane_forces(bodies, flat, counts, physics, t, ghost):
     """Forces of all contacts with planes."""
     n = counts[st.N_PLANE]
     ended = 0
@@ -125,14 +115,15 @@ def plane_forces(bodies, flat, walls, counts, physics, t, ghost):
         tl.body_a(t, contacts, physics.parts)
         tl.plane_geometry(t, contacts)
         tl.forces(t, contacts, physics.dt, physics.tension)
-        for lane in range(min(L, n - base)):
-            k = base + lane
-            gap = t[tl.GAP + lane]
-            if gap > 0.0 or off_disc(walls.planes[flat.wall[k]], t, lane):
-                mute_lane(t, lane)
-                look_soon(bodies, flat, flat.wall[k], flat.body[k], gap)
-                flat.ended[ended] = k
-                ended += 1
+        if tl.open_lanes(t) > 0:
+            for lane in range(min(L, n - base)):
+                gap = t[tl.GAP + lane]
+                if gap > 0.0:
+                    k = base + lane
+                    mute_lane(t, lane)
+                    look_soon(bodies, flat, flat.wall[k], flat.body[k], gap if gap < tl.BEYOND else 0.0)
+                    flat.ended[ended] = k
+                    ended += 1
         scatter(bodies.load, flat.body, base, t, tl.TO_A)
     for e in range(ended - 1, -1, -1):
         drop_wall_contact(flat, counts, st.N_PLANE, flat.ended[e], ghost)
@@ -244,7 +235,7 @@ def advance(bodies, pairs, flat, curved, grid, walls, counts, physics, t, bodies
         pair_forces(bodies, pairs, counts, physics, t, ghost)
         still_wall(t)
         tl.fill_law(t, physics.law_wall)
-        plane_forces(bodies, flat, walls, counts, physics, t, ghost)
+        plane_forces(bodies, flat, counts, physics, t, ghost)
         curved_forces(bodies, curved, walls, counts, physics, t, out, ghost)
         counts[st.STEPS] += 1
         integrate(bodies, grid, counts, physics, counts[st.STEPS] * physics.dt, bodies_tile)

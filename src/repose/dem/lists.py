@@ -7,8 +7,8 @@ L = st.LANES
 
 
 @inlined
-def put_contact(data, k, nx, ny, nz, place):
-    """Write contact k with a relaxed spring; place: azimuth or offset, unused for pairs."""
+def put_contact(data, k, nx, ny, nz):
+    """Write contact k with a relaxed spring."""
     tile = data[k // L]
     lane = k % L
     tile[st.NORMAL + lane] = nx
@@ -16,11 +16,10 @@ def put_contact(data, k, nx, ny, nz, place):
     tile[st.NORMAL + 2 * L + lane] = nz
     for c in range(3):
         tile[st.SPRING + c * L + lane] = 0.0
-    tile[st.AZIMUTH + lane] = place
 
 
 @inlined
 def move_contact(data, source, target):
     """Copy a contact over another."""
-    for c in range(st.CONTACT_ROWS):
+    for c in range(data.shape[1] // L):
         data[target // L, c * L + target % L] = data[source // L, c * L + source % L]

@@ -9,6 +9,8 @@ anew, alone.
 
 import math
 
+import numpy as np
+
 from . import state as st
 from .contact import solve_gap
 from .jit import inlined, kernel
@@ -114,7 +116,7 @@ def add_contact(pairs, counts, i, j, normal):
     counts[st.N_PAIRS] = k + 1
     pairs.first[k] = i
     pairs.second[k] = j
-    put_contact(pairs.data, k, normal[0], normal[1], normal[2], 0.0)
+    put_contact(pairs.data, k, normal[0], normal[1], normal[2])
 
 
 @inlined
@@ -129,28 +131,46 @@ def drop_contact(pairs, counts, k, ghost):
     pairs.second[last] = ghost
 
 
+@inlined
+def look_at_dormant(bodies, pairs, counts, grid, parts, k, normal):
+    """Solve for the gap of dormant pair k: it touches, or sleeps on with a new limit; returns whether it sleeps."""
+    i = pairs.dormant_first[k]
+    j = pairs.dormant_second[k]
+    for c in range(3):
+        normal[c] = pairs.dormant_normal[k, c]
+    gap = solve_gap(bodies.rows, parts, i, j, normal, TOLERANCE, EARLY * grid.lengths[2])
+    if gap <= 0.0:
+        drop_dormant(pairs, counts, k)
+        add_contact(pairs, counts, i, j, normal)
+        return False
+    pairs.dormant_limit[k] = bodies.odometer[i] + bodies.odometer[j] + gap
+    for c in range(3):
+        pairs.dormant_normal[k, c] = normal[c]
+    return True
+
+
+@kernel
+def next_due(odometer, first, second, limit, begin, end):
+    """First pair of begin to end that has used up its gap, or `end`.
+
+    Unsigned indices: numba looks at signed ones for negative numbers, which would double the time of this loop.
+    """
+    for k in range(begin, end):
+        u = np.uint64(k)
+        if odometer[first[u]] + odometer[second[u]] >= limit[u]:
+            return k
+    return end
+
+
 @kernel
 def wake(bodies, pairs, counts, grid, parts, normal):
     """Look at the dormant pairs whose odometers have used up their gap."""
-    odometer = bodies.odometer
-    early = EARLY * grid.lengths[2]
-    k = 0
+    first, second, limit = pairs.dormant_first, pairs.dormant_second, pairs.dormant_limit
+    k = next_due(bodies.odometer, first, second, limit, 0, counts[st.N_DORMANT])
     while k < counts[st.N_DORMANT]:
-        i = pairs.dormant_first[k]
-        j = pairs.dormant_second[k]
-        total = odometer[i] + odometer[j]
-        if total >= pairs.dormant_limit[k]:
-            for c in range(3):
-                normal[c] = pairs.dormant_normal[k, c]
-            gap = solve_gap(bodies.rows, parts, i, j, normal, TOLERANCE, early)
-            if gap <= 0.0:
-                drop_dormant(pairs, counts, k)
-                add_contact(pairs, counts, i, j, normal)
-                continue
-            pairs.dormant_limit[k] = total + gap
-            for c in range(3):
-                pairs.dormant_normal[k, c] = normal[c]
-        k += 1
+        if look_at_dormant(bodies, pairs, counts, grid, parts, k, normal):
+            k += 1
+        k = next_due(bodies.odometer, first, second, limit, k, counts[st.N_DORMANT])
 
 
 @kernel

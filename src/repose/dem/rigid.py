@@ -7,10 +7,9 @@ the momentum to the bit and the energy to second order.
 import math
 
 from . import state as st
-from .geometry import to_body, to_world
 from .jit import inlined, kernel
 from .neighbours import mark_moved
-from .simd import WIDTH, lanes_to_rows, rows_to_lanes, rsqrt
+from .simd import WIDTH, lanes_to_rows, rows_to_lanes
 from .state import LANES, MOBILITY, PART, QUATERNION, REFERENCE, SHAPE, SPIN, SQUARES
 
 L = LANES  # short, for the index arithmetic below
@@ -21,14 +20,10 @@ LOAD = 32 * L
 PATH = 40 * L  # how far the farthest point of the body may have moved
 AWAY2 = 41 * L  # squared distance from the place where the body was put into its cell
 BEFORE = 42 * L  # height before the step
-TILE_ROWS = 43
+RESPONSE = 43 * L  # inverse inertia (world) as xx, xy, xz, yy, yz, zz
+TILE_ROWS = 49
 
-
-@inlined
-def angular_velocity(qw, qx, qy, qz, i1, i2, i3, lx, ly, lz):
-    """Angular velocity (world) of a body with angular momentum l (world); i1, i2, i3: 1 / principal moments."""
-    b1, b2, b3 = to_body(qw, qx, qy, qz, lx, ly, lz)
-    return to_world(qw, qx, qy, qz, b1 * i1, b2 * i2, b3 * i3)
+SLOWEST = 1e-150  # angular speed below which the direction of a rotation means nothing [rad/s]
 
 
 @inlined
@@ -38,8 +33,39 @@ def turned(qw, qx, qy, qz, ox, oy, oz, half):
     b = qx + half * (ox * qw + oy * qz - oz * qy)
     c = qy + half * (oy * qw + oz * qx - ox * qz)
     d = qz + half * (oz * qw + ox * qy - oy * qx)
-    inv = rsqrt(a * a + b * b + c * c + d * d)
+    inv = 1.0 / math.sqrt(a * a + b * b + c * c + d * d)
     return a * inv, b * inv, c * inv, d * inv
+
+
+@inlined
+def rotated_diagonal(m, at, c, diagonal):
+    """R diag(a, b, d) R' of each lane's body as rows xx, xy, xz, yy, yz, zz; R of its quaternion."""
+    for k in range(L):
+        qw, qx, qy, qz = c[QUATERNION + k], c[QUATERNION + L + k], c[QUATERNION + 2 * L + k], c[QUATERNION + 3 * L + k]
+        a, b, d = c[diagonal + k], c[diagonal + L + k], c[diagonal + 2 * L + k]
+        xx = 1.0 - 2.0 * (qy * qy + qz * qz)
+        xy = 2.0 * (qx * qy - qw * qz)
+        xz = 2.0 * (qx * qz + qw * qy)
+        yx = 2.0 * (qx * qy + qw * qz)
+        yy = 1.0 - 2.0 * (qx * qx + qz * qz)
+        yz = 2.0 * (qy * qz - qw * qx)
+        zx = 2.0 * (qx * qz - qw * qy)
+        zy = 2.0 * (qy * qz + qw * qx)
+        zz = 1.0 - 2.0 * (qx * qx + qy * qy)
+        m[at + k] = a * xx * xx + b * xy * xy + d * xz * xz
+        m[at + L + k] = a * xx * yx + b * xy * yy + d * xz * yz
+        m[at + 2 * L + k] = a * xx * zx + b * xy * zy + d * xz * zz
+        m[at + 3 * L + k] = a * yx * yx + b * yy * yy + d * yz * yz
+        m[at + 4 * L + k] = a * yx * zx + b * yy * zy + d * yz * zz
+        m[at + 5 * L + k] = a * zx * zx + b * zy * zy + d * zz * zz
+
+
+@inlined
+def respond(m, k, x, y, z):
+    """Inverse inertia of lane k's body (world) times a vector."""
+    xx, xy, xz = m[RESPONSE + k], m[RESPONSE + L + k], m[RESPONSE + 2 * L + k]
+    yy, yz, zz = m[RESPONSE + 3 * L + k], m[RESPONSE + 4 * L + k], m[RESPONSE + 5 * L + k]
+    return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
 
 
 @kernel
@@ -68,86 +94,120 @@ def move_lanes(m, c, gx, gy, gz, dt):
         z -= c[REFERENCE + 2 * L + k]
         m[AWAY2 + k] = x * x + y * y + z * z
         square = vx * vx + vy * vy + vz * vz
-        m[PATH + k] = dt * square * rsqrt(square)
+        m[PATH + k] = dt * math.sqrt(square)
 
 
 @kernel
-def turn_lanes(m, c, dt):
-    """Turn the bodies of a tile by one time step under their torques.
+def twist_lanes(m, c, dt):
+    """Give each lane's body the angular momentum of its torque; returns how many might turn all the same.
 
-    Rolling resistance acts as a budget: the sum of mu_r F_n R over a body's contacts opposes the rotation that all
-    other torques leave; it can stop it but never reverse it, so a settled pile is at rest.
+    A body stands still for sure when its rolling budget outweighs the largest |omega| that |l| allows.
     """
+    n = 0
     for k in range(L):
         lx = c[SPIN + k] + dt * m[LOAD + 3 * L + k]
         ly = c[SPIN + L + k] + dt * m[LOAD + 4 * L + k]
         lz = c[SPIN + 2 * L + k] + dt * m[LOAD + 5 * L + k]
-        i1, i2, i3 = c[MOBILITY + k], c[MOBILITY + L + k], c[MOBILITY + 2 * L + k]
-        qw, qx, qy, qz = c[QUATERNION + k], c[QUATERNION + L + k], c[QUATERNION + 2 * L + k], c[QUATERNION + 3 * L + k]
-        ox, oy, oz = angular_velocity(qw, qx, qy, qz, i1, i2, i3, lx, ly, lz)
-        square = ox * ox + oy * oy + oz * oz
-        inv = rsqrt(square)
-        speed = square * inv
-        ex, ey, ez = ox * inv, oy * inv, oz * inv
-        budget = dt * m[LOAD + st.ROLL * L + k]
-        bx, by, bz = budget * ex, budget * ey, budget * ez
-        rx, ry, rz = angular_velocity(qw, qx, qy, qz, i1, i2, i3, bx, by, bz)
-        turns = ex * rx + ey * ry + ez * rz < speed
-        lx = lx - bx if turns else 0.0
-        ly = ly - by if turns else 0.0
-        lz = lz - bz if turns else 0.0
         c[SPIN + k] = lx
         c[SPIN + L + k] = ly
         c[SPIN + 2 * L + k] = lz
-        hw, hx, hy, hz = turned(qw, qx, qy, qz, ox - rx, oy - ry, oz - rz, 0.25 * dt)
-        ox, oy, oz = angular_velocity(hw, hx, hy, hz, i1, i2, i3, lx, ly, lz)
+        i1, i2, i3 = c[MOBILITY + k], c[MOBILITY + L + k], c[MOBILITY + 2 * L + k]
+        least = min(min(i1, i2), i3) * dt * m[LOAD + st.ROLL * L + k]
+        most = max(max(i1, i2), i3)
+        n += 1 if least * least < most * most * (lx * lx + ly * ly + lz * lz) else 0
+    return n
+
+
+@kernel
+def stop_lanes(m, c):
+    """End the rotation of all lanes."""
+    for k in range(3 * L):
+        c[SPIN + k] = 0.0
+        m[ROWS + st.TURNING * L + k] = 0.0
+
+
+@kernel
+def resist_lanes(m, c, dt):
+    """Rolling resistance; returns how many lanes turn.
+
+    It acts as a budget: the sum of mu_r F_n R over a body's contacts opposes the rotation that all other torques
+    leave; it can stop it but never reverse it, so a settled pile is at rest.
+    """
+    n = 0
+    for k in range(L):
+        lx, ly, lz = c[SPIN + k], c[SPIN + L + k], c[SPIN + 2 * L + k]
+        ox, oy, oz = respond(m, k, lx, ly, lz)
+        speed = math.sqrt(ox * ox + oy * oy + oz * oz)
+        budget = dt * m[LOAD + st.ROLL * L + k] / max(speed, SLOWEST)
+        bx, by, bz = budget * ox, budget * oy, budget * oz
+        rx, ry, rz = respond(m, k, bx, by, bz)
+        turns = ox * rx + oy * ry + oz * rz < speed * speed
+        n += 1 if turns else 0
+        c[SPIN + k] = lx - bx if turns else 0.0
+        c[SPIN + L + k] = ly - by if turns else 0.0
+        c[SPIN + 2 * L + k] = lz - bz if turns else 0.0
+        m[ROWS + st.TURNING * L + k] = ox - rx if turns else 0.0
+        m[ROWS + (st.TURNING + 1) * L + k] = oy - ry if turns else 0.0
+        m[ROWS + (st.TURNING + 2) * L + k] = oz - rz if turns else 0.0
+    return n
+
+
+@kernel
+def turn_lanes(m, c, dt):
+    """Turn each lane's body with the angular velocity at the middle of the step.
+
+    omega = J l with J the inverse inertia; as l stays, omega changes by -J (omega x l) a second.
+    """
+    for k in range(L):
+        lx, ly, lz = c[SPIN + k], c[SPIN + L + k], c[SPIN + 2 * L + k]
+        ox, oy, oz = m[ROWS + st.TURNING * L + k], m[ROWS + (st.TURNING + 1) * L + k], m[ROWS + (st.TURNING + 2) * L + k]
+        rx, ry, rz = respond(m, k, oy * lz - oz * ly, oz * lx - ox * lz, ox * ly - oy * lx)
+        ox -= 0.5 * dt * rx
+        oy -= 0.5 * dt * ry
+        oz -= 0.5 * dt * rz
+        m[ROWS + st.TURNING * L + k] = ox
+        m[ROWS + (st.TURNING + 1) * L + k] = oy
+        m[ROWS + (st.TURNING + 2) * L + k] = oz
+        square = ox * ox + oy * oy + oz * oz
+        m[PATH + k] += dt * c[st.RADIUS + k] * math.sqrt(square)
+        qw, qx, qy, qz = c[QUATERNION + k], c[QUATERNION + L + k], c[QUATERNION + 2 * L + k], c[QUATERNION + 3 * L + k]
         hw, hx, hy, hz = turned(qw, qx, qy, qz, ox, oy, oz, 0.5 * dt)
         # a body that does not turn keeps its quaternion to the bit
+        turns = square > 0.0
         c[QUATERNION + k] = hw if turns else qw
         c[QUATERNION + L + k] = hx if turns else qx
         c[QUATERNION + 2 * L + k] = hy if turns else qy
         c[QUATERNION + 3 * L + k] = hz if turns else qz
-        ox = ox if turns else 0.0
-        oy = oy if turns else 0.0
-        oz = oz if turns else 0.0
-        m[ROWS + 6 * L + k] = ox
-        m[ROWS + 7 * L + k] = oy
-        m[ROWS + 8 * L + k] = oz
-        square = ox * ox + oy * oy + oz * oz
-        m[PATH + k] += dt * c[st.RADIUS + k] * square * rsqrt(square)
 
 
-@inlined
-def shape_part(m, c, squares, shape):
-    """R diag(a2, b2, c2) R' of one part of each lane's body."""
-    for k in range(L):
-        qw, qx, qy, qz = c[QUATERNION + k], c[QUATERNION + L + k], c[QUATERNION + 2 * L + k], c[QUATERNION + 3 * L + k]
-        a, b, d = c[squares + k], c[squares + L + k], c[squares + 2 * L + k]
-        xx = 1.0 - 2.0 * (qy * qy + qz * qz)
-        xy = 2.0 * (qx * qy - qw * qz)
-        xz = 2.0 * (qx * qz + qw * qy)
-        yx = 2.0 * (qx * qy + qw * qz)
-        yy = 1.0 - 2.0 * (qx * qx + qz * qz)
-        yz = 2.0 * (qy * qz - qw * qx)
-        zx = 2.0 * (qx * qz - qw * qy)
-        zy = 2.0 * (qy * qz + qw * qx)
-        zz = 1.0 - 2.0 * (qx * qx + qy * qy)
-        m[shape + k] = a * xx * xx + b * xy * xy + d * xz * xz
-        m[shape + L + k] = a * xx * yx + b * xy * yy + d * xz * yz
-        m[shape + 2 * L + k] = a * xx * zx + b * xy * zy + d * xz * zz
-        m[shape + 3 * L + k] = a * yx * yx + b * yy * yy + d * yz * yz
-        m[shape + 4 * L + k] = a * yx * zx + b * yy * zy + d * yz * zz
-        m[shape + 5 * L + k] = a * zx * zx + b * zy * zy + d * zz * zz
+@kernel
+def inertia_lanes(m, c):
+    """The inverse inertia of the bodies of a tile as they are turned now."""
+    rotated_diagonal(m, RESPONSE, c, MOBILITY)
 
 
 @kernel
 def shape_lanes(m, c, parts):
     """The shapes of the bodies of a tile as they are turned now."""
-    shape_part(m, c, SQUARES, ROWS + SHAPE * L)
+    rotated_diagonal(m, ROWS + SHAPE * L, c, SQUARES)
     if parts > 1:
-        shape_part(m, c, SQUARES + 3 * L, ROWS + (SHAPE + PART) * L)
+        rotated_diagonal(m, ROWS + (SHAPE + PART) * L, c, SQUARES + 3 * L)
     if parts > 2:
-        shape_part(m, c, SQUARES + 6 * L, ROWS + (SHAPE + 2 * PART) * L)
+        rotated_diagonal(m, ROWS + (SHAPE + 2 * PART) * L, c, SQUARES + 6 * L)
+
+
+@inlined
+def rotate_lanes(m, c, dt, parts):
+    """Turn the bodies of a tile by one time step, what stands still at little cost; returns whether any turns."""
+    if twist_lanes(m, c, dt) == 0:
+        stop_lanes(m, c)
+        return False
+    inertia_lanes(m, c)
+    if resist_lanes(m, c, dt) == 0:
+        return False
+    turn_lanes(m, c, dt)
+    shape_lanes(m, c, parts)
+    return True
 
 
 @kernel
@@ -187,17 +247,21 @@ def integrate(bodies, grid, counts, physics, time, m):
     columns = bodies.rows.shape[1]
     n = counts[st.N_BODIES]
     for base in range(0, n, L):
-        c = bodies.motion[base // L]
+        tile = base // L
+        c = bodies.motion[tile]
+        # of a tile in which nothing turned, only the first eight columns are read and written
+        begin = WIDTH if bodies.resting[tile] else columns
         for k in range(0, L, WIDTH):
-            for column in range(0, columns, WIDTH):
+            for column in range(0, begin, WIDTH):
                 rows_to_lanes(bodies.rows, column, bodies.every, base + k, m, ROWS + column * L + k, L)
             rows_to_lanes(bodies.load, 0, bodies.every, base + k, m, LOAD + k, L)
         bodies.load[base : base + L] = 0.0
         move_lanes(m, c, gx, gy, gz, dt)
-        turn_lanes(m, c, dt)
-        shape_lanes(m, c, physics.parts)
+        turns = rotate_lanes(m, c, dt, physics.parts)
+        end = columns if turns else begin
+        bodies.resting[tile] = 0 if turns else 1
         for k in range(0, L, WIDTH):
-            for column in range(0, columns, WIDTH):
+            for column in range(0, end, WIDTH):
                 lanes_to_rows(bodies.rows, column, bodies.every, base + k, m, ROWS + column * L + k, L)
         for k in range(L):
             bodies.odometer[base + k] += m[PATH + k]

@@ -179,6 +179,7 @@ class Simulation:
         place_shape(self.bodies, i, self.physics.parts, self._body_tile)
         self.bodies.presence[i] = st.PRESENT
         self.bodies.alarm[i] = -1.0
+        self.bodies.resting[i // st.LANES] = 0
         self.counts[st.N_BODIES] = i + 1
         self.grid.moved[i] = 1
         self.grid.moved_list[self.counts[st.N_MOVED]] = i

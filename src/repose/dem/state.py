@@ -7,7 +7,8 @@ import numpy as np
 # Contacts and bodies lie in tiles of LANES, a row a quantity: number k is lane k % LANES of tile k // LANES.
 LANES = 32
 # Columns of `rows` (N, a multiple of 8): what a contact needs of a body, one body after another.
-POSITION, VELOCITY, TURNING, INVERSE_MASS, SHAPE = 0, 3, 6, 9, 10
+# The first eight are all that changes of a body that does not turn.
+POSITION, VELOCITY, INVERSE_MASS, TURNING, SHAPE = 0, 3, 6, 7, 10
 PART = 6  # columns a part of the shape: the symmetric matrix R diag(a2, b2, c2) R' as xx, xy, xz, yy, yz, zz
 MOST_PARTS = 3
 # Columns of `load` (N, 8): force, torque, budget of the rolling torque.
@@ -17,16 +18,17 @@ LOAD_COLUMNS = 8
 # position at which it was put into its cell, 1 / principal moments, squared semi-axes of each part, bounding radius.
 QUATERNION, SPIN, REFERENCE, MOBILITY, SQUARES, RADIUS = (k * LANES for k in (0, 4, 7, 10, 13, 22))
 MOTION_ROWS = 23
-# Rows of a tile of contacts: normal, tangential spring, and for a wall its azimuth (curved) or offset (plane).
-CONTACT_ROWS = 7
-NORMAL, SPRING, AZIMUTH, OFFSET = 0, 3 * LANES, 6 * LANES, 6 * LANES
+# Rows of a tile of contacts: normal, tangential spring, and for a wall its azimuth (curved) or its offset, middle and
+# squared radius (plane).
+PAIR_ROWS, WALL_ROWS = 6, 11
+NORMAL, SPRING, AZIMUTH, OFFSET, MIDDLE, RADIUS2 = (k * LANES for k in (0, 3, 6, 6, 7, 10))
 
 # Slots of `counts`.
 N_BODIES, N_PAIRS, N_DORMANT, N_PLANE, N_CURVED, N_MOVED, STEPS, FULL, N_GONE = range(9)
 
 ABSENT, PRESENT, GONE = 0, 1, 2
 
-Bodies = namedtuple("Bodies", "rows load motion odometer alarm presence passed exit_time every")
+Bodies = namedtuple("Bodies", "rows load motion odometer alarm presence passed exit_time every resting")
 Grid = namedtuple(
     "Grid", "cell following preceding head moved moved_list chain mark shape origin lengths"
 )
@@ -68,6 +70,7 @@ def new_bodies(n, parts):
         passed=np.zeros(padded, np.uint8),
         exit_time=np.full(padded, np.nan),
         every=np.arange(padded, dtype=np.uint32),
+        resting=np.zeros(padded // LANES, np.uint8),
     )
 
 
@@ -100,16 +103,17 @@ def new_grid(n, lower, upper, cell):
     )
 
 
-def new_contacts(n):
-    """Tiles for n contacts; unused lanes hold a harmless normal."""
-    data = np.zeros((-(-n // LANES), CONTACT_ROWS * LANES))
+def new_contacts(n, rows):
+    """Tiles of so many rows for n contacts; unused lanes hold a harmless normal."""
+    data = np.zeros((-(-n // LANES), rows * LANES))
     data[:, 2 * LANES : 3 * LANES] = 1.0
     return data
 
 
 def contact_rows(data, n):
-    """The first n contacts of tiles as an array (n, CONTACT_ROWS)."""
-    return data.reshape(-1, CONTACT_ROWS, LANES).transpose(0, 2, 1).reshape(-1, CONTACT_ROWS)[:n]
+    """The first n contacts of tiles as an array (n, rows of a tile)."""
+    rows = data.shape[1] // LANES
+    return data.reshape(-1, rows, LANES).transpose(0, 2, 1).reshape(-1, rows)[:n]
 
 
 def _whole_tiles(n):
@@ -122,7 +126,7 @@ def new_pairs(n_contacts, n_dormant, ghost):
     return Pairs(
         first=np.full(n_contacts, ghost, np.uint32),
         second=np.full(n_contacts, ghost, np.uint32),
-        data=new_contacts(n_contacts),
+        data=new_contacts(n_contacts, PAIR_ROWS),
         dormant_first=np.zeros(n_dormant, np.uint32),
         dormant_second=np.zeros(n_dormant, np.uint32),
         dormant_limit=np.zeros(n_dormant),
@@ -136,10 +140,12 @@ def new_pairs(n_contacts, n_dormant, ghost):
 def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost):
     """Room for contacts with walls of one kind; `limit` is the odometer reading that calls for a new look."""
     n_contacts = _whole_tiles(n_contacts)
+    data = new_contacts(n_contacts, WALL_ROWS)
+    data[:, RADIUS2:] = np.inf
     return WallContacts(
         body=np.full(n_contacts, ghost, np.uint32),
         wall=np.zeros(n_contacts, np.uint32),
-        data=new_contacts(n_contacts),
+        data=data,
         limit=np.full((n_walls, n_bodies), -1.0),
         ended=np.zeros(n_contacts, np.int64),
     )

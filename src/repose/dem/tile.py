@@ -6,6 +6,7 @@ the compiler turns it into vector code: rows lie at constant distances in two ar
 check a loop. Unused lanes hold a body that is not there and are thrown away.
 """
 
+import math
 
 from . import state as st
 from .geometry import tangents
@@ -40,8 +41,22 @@ TO_B = 98 * L
 # rows: constants of the force law (see `materials.contact_law`)
 LAW = 106 * L
 LAW_ROWS = 6
-ROWS = 112
+# rows: radius of the contact circle, sqrt(that radius times m*), distance of the contact from each centre
+CIRCLE = 112 * L
+VISCOUS = 113 * L
+ARM_A = 114 * L
+ARM_B = 115 * L
+# rows: how far the normal turns along each tangent
+STEP = 116 * L
+# rows: tangential velocity of A against B, normal velocity
+V = 118 * L
+VN = 121 * L
+ROWS = 122
 
+# The gap of a body beyond the edge of a plane [m]: the next look comes when it has moved at all.
+BEYOND = 1e300
+# Squared extent below which a part of a shape is none [m2].
+NO_PART = 1e-300
 # A contact normal turns by at most this much in a step [rad].
 LARGEST_TURN = 0.2
 
@@ -80,7 +95,7 @@ def support_part(t, c, shape, sums, keep):
         py = xy * nx + yy * ny + yz * nz
         pz = xz * nx + yz * ny + zz * nz
         square = nx * px + ny * py + nz * pz
-        inv = rsqrt(square)
+        inv = 1.0 / math.sqrt(max(square, NO_PART))
         xu = (ux * px + uy * py + uz * pz) * inv
         xw = (wx * px + wy * py + wz * pz) * inv
         px = xx * ux + xy * uy + xz * uz
@@ -121,75 +136,93 @@ def body_b(t, c, parts):
 
 
 @kernel
-def pair_geometry(t, c):
-    """One Newton step on the gap of each lane's pair; gap, effective radius and contact point at the new normal.
+def newton_step(t, c):
+    """One Newton step on the gap of each lane's pair: the step along both tangents, and the gap after it.
 
-    The values at the new normal come from the expansion at the old one (gap to third order in the step, points to
-    second), so each contact costs one evaluation a time step.
+    The gap at the new normal comes from the expansion at the old one, to third order in the step.
     """
     for k in range(L):
         nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
-        ux, uy, uz = t[U + k], t[U + L + k], t[U + 2 * L + k]
-        wx, wy, wz = t[W + k], t[W + L + k], t[W + 2 * L + k]
         dx = t[B + k] - t[A + k]
         dy = t[B + L + k] - t[A + L + k]
         dz = t[B + 2 * L + k] - t[A + 2 * L + k]
-        ha = t[HA + k]
-        a1 = t[HA + L + k]
-        a2 = t[HA + 2 * L + k]
-        a11 = t[HA + 3 * L + k]
-        a12 = t[HA + 4 * L + k]
-        a22 = t[HA + 5 * L + k]
-        b11 = t[HB + 3 * L + k]
-        b12 = t[HB + 4 * L + k]
-        b22 = t[HB + 5 * L + k]
-        f = nx * dx + ny * dy + nz * dz - ha - t[HB + k]
-        g1 = ux * dx + uy * dy + uz * dz - a1 - t[HB + L + k]
-        g2 = wx * dx + wy * dy + wz * dz - a2 - t[HB + 2 * L + k]
-        p = a11 + b11 + f
-        q = a12 + b12
-        r = a22 + b22 + f
+        f = nx * dx + ny * dy + nz * dz - t[HA + k] - t[HB + k]
+        g1 = t[U + k] * dx + t[U + L + k] * dy + t[U + 2 * L + k] * dz - t[HA + L + k] - t[HB + L + k]
+        g2 = t[W + k] * dx + t[W + L + k] * dy + t[W + 2 * L + k] * dz - t[HA + 2 * L + k] - t[HB + 2 * L + k]
+        c11 = t[HA + 3 * L + k] + t[HB + 3 * L + k]
+        q = t[HA + 4 * L + k] + t[HB + 4 * L + k]
+        c22 = t[HA + 5 * L + k] + t[HB + 5 * L + k]
+        p = c11 + f
+        r = c22 + f
         det = p * r - q * q
-        trace = a11 + b11 + a22 + b22
+        trace = c11 + c22
         definite = (p + r > 0.0) & (det > 1e-3 * trace * trace)
         inv = 1.0 / (det if definite else trace * trace)
         s1 = ((r * g1 - q * g2) if definite else trace * g1) * inv
         s2 = ((p * g2 - q * g1) if definite else trace * g2) * inv
-        cut = LARGEST_TURN * rsqrt(s1 * s1 + s2 * s2)
+        cut = LARGEST_TURN / math.sqrt(s1 * s1 + s2 * s2)
         cut = cut if cut < 1.0 else 1.0
         s1 *= cut
         s2 *= cut
-        x1 = a1 + a11 * s1 + a12 * s2
-        x2 = a2 + a12 * s1 + a22 * s2
-        f += 0.5 * (g1 * s1 + g2 * s2)
+        t[STEP + k] = s1
+        t[STEP + L + k] = s2
+        t[GAP + k] = f + 0.5 * (g1 * s1 + g2 * s2)
+
+
+@kernel
+def contact_points(t, c):
+    """Turn each lane's normal by its step; the contact point there, from the expansion to second order."""
+    for k in range(L):
+        ux, uy, uz = t[U + k], t[U + L + k], t[U + 2 * L + k]
+        wx, wy, wz = t[W + k], t[W + L + k], t[W + 2 * L + k]
+        nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
+        s1 = t[STEP + k]
+        s2 = t[STEP + L + k]
         mx = nx + s1 * ux + s2 * wx
         my = ny + s1 * uy + s2 * wy
         mz = nz + s1 * uz + s2 * wz
-        inv = rsqrt(mx * mx + my * my + mz * mz)
+        inv = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
         mx *= inv
         my *= inv
         mz *= inv
         c[N + k] = mx
         c[N + L + k] = my
         c[N + 2 * L + k] = mz
-        t[GAP + k] = f
         # the contact lies midway between the two support points
-        rx = ha * nx + x1 * ux + x2 * wx + 0.5 * f * mx
-        ry = ha * ny + x1 * uy + x2 * wy + 0.5 * f * my
-        rz = ha * nz + x1 * uz + x2 * wz + 0.5 * f * mz
+        ha = t[HA + k]
+        x1 = t[HA + L + k] + t[HA + 3 * L + k] * s1 + t[HA + 4 * L + k] * s2
+        x2 = t[HA + 2 * L + k] + t[HA + 4 * L + k] * s1 + t[HA + 5 * L + k] * s2
+        half = 0.5 * t[GAP + k]
+        rx = ha * nx + x1 * ux + x2 * wx + half * mx
+        ry = ha * ny + x1 * uy + x2 * wy + half * my
+        rz = ha * nz + x1 * uz + x2 * wz + half * mz
         t[RA + k] = rx
         t[RA + L + k] = ry
         t[RA + 2 * L + k] = rz
-        t[RB + k] = rx - dx
-        t[RB + L + k] = ry - dy
-        t[RB + 2 * L + k] = rz - dz
-        # R* = sqrt(det Q_A det Q_B / det(Q_A + Q_B))
-        det_a = a11 * a22 - a12 * a12
-        det_b = b11 * b22 - b12 * b12
-        c11 = a11 + b11
-        c22 = a22 + b22
-        square = det_a * det_b / (c11 * c22 - q * q)
-        t[RADIUS + k] = square * rsqrt(square)
+        t[RB + k] = rx + t[A + k] - t[B + k]
+        t[RB + L + k] = ry + t[A + L + k] - t[B + L + k]
+        t[RB + 2 * L + k] = rz + t[A + 2 * L + k] - t[B + 2 * L + k]
+
+
+@kernel
+def pair_radius(t):
+    """R* = sqrt(det Q_A det Q_B / det(Q_A + Q_B)) of each lane's pair."""
+    for k in range(L):
+        a11, a12, a22 = t[HA + 3 * L + k], t[HA + 4 * L + k], t[HA + 5 * L + k]
+        b11, b12, b22 = t[HB + 3 * L + k], t[HB + 4 * L + k], t[HB + 5 * L + k]
+        both = (a11 + b11) * (a22 + b22) - (a12 + b12) * (a12 + b12)
+        t[RADIUS + k] = math.sqrt((a11 * a22 - a12 * a12) * (b11 * b22 - b12 * b12) / both)
+
+
+@inlined
+def pair_geometry(t, c):
+    """Gap, effective radius and contact point of each lane's pair, one Newton step on from the last normal.
+
+    Several short loops, not one: a processor runs as many lanes at once as its window holds.
+    """
+    newton_step(t, c)
+    contact_points(t, c)
+    pair_radius(t)
 
 
 @kernel
@@ -197,7 +230,7 @@ def plane_geometry(t, c):
     """Gap, effective radius and contact point of each lane's body against a plane.
 
     Row N holds the plane's normal, pointing from the body into the wall; row OFFSET its distance from the origin along
-    it.
+    it, MIDDLE and RADIUS2 the disc it ends with: beyond that the gap is endless.
     """
     for k in range(L):
         nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
@@ -208,31 +241,47 @@ def plane_geometry(t, c):
         a12 = t[HA + 4 * L + k]
         a22 = t[HA + 5 * L + k]
         f = c[OFFSET + k] - nx * t[A + k] - ny * t[A + L + k] - nz * t[A + 2 * L + k] - h
-        t[GAP + k] = f
         square = a11 * a22 - a12 * a12
-        t[RADIUS + k] = square * rsqrt(square)
+        t[RADIUS + k] = math.sqrt(square)
         reach = h + 0.5 * f
-        t[RA + k] = reach * nx + x1 * t[U + k] + x2 * t[W + k]
-        t[RA + L + k] = reach * ny + x1 * t[U + L + k] + x2 * t[W + L + k]
-        t[RA + 2 * L + k] = reach * nz + x1 * t[U + 2 * L + k] + x2 * t[W + 2 * L + k]
+        rx = reach * nx + x1 * t[U + k] + x2 * t[W + k]
+        ry = reach * ny + x1 * t[U + L + k] + x2 * t[W + L + k]
+        rz = reach * nz + x1 * t[U + 2 * L + k] + x2 * t[W + 2 * L + k]
+        t[RA + k] = rx
+        t[RA + L + k] = ry
+        t[RA + 2 * L + k] = rz
+        dx = t[A + k] + rx - c[st.MIDDLE + k]
+        dy = t[A + L + k] + ry - c[st.MIDDLE + L + k]
+        dz = t[A + 2 * L + k] + rz - c[st.MIDDLE + 2 * L + k]
+        across = dx * nx + dy * ny + dz * nz
+        t[GAP + k] = f if dx * dx + dy * dy + dz * dz - across * across <= c[st.RADIUS2 + k] else BEYOND
 
 
 @kernel
-def forces(t, c, dt, tension):
-    """Hertz-Mindlin (no slip) with viscous damping and Coulomb's limit, for each lane.
+def contact_sizes(t):
+    """Roots that the force law needs, apart from it: a loop of few long chains runs several of them at once."""
+    for k in range(L):
+        gap = t[GAP + k]
+        overlap = -gap if gap < 0.0 else 0.0
+        circle = math.sqrt(t[RADIUS + k] * overlap)
+        t[CIRCLE + k] = circle
+        # sqrt(a m*), m* = 1 / (1 / m_a + 1 / m_b)
+        t[VISCOUS + k] = math.sqrt(circle) * rsqrt(t[A + st.INVERSE_MASS * L + k] + t[B + st.INVERSE_MASS * L + k])
+        x, y, z = t[RA + k], t[RA + L + k], t[RA + 2 * L + k]
+        t[ARM_A + k] = math.sqrt(x * x + y * y + z * z)
+        x, y, z = t[RB + k], t[RB + L + k], t[RB + 2 * L + k]
+        t[ARM_B + k] = math.sqrt(x * x + y * y + z * z)
 
-    tension: 1.0 lets the damped normal force pull at the end of an impact (e_out = e_in), 0.0 cuts it at zero.
-    F_n = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) beta sqrt(S_n m*) v_n,   S_n = 2 E* sqrt(R* delta)
-    F_t = -S_t delta_t - 2 sqrt(5/6) beta sqrt(S_t m*) v_t, |F_t| <= mu_s |F_n|,   S_t = 8 G* sqrt(R* delta)
-    The budget of the rolling torque is mu_r |F_n| times the distance of the contact from the centre.
-    """
-    floor = -1e300 if tension > 0.5 else 0.0
+
+@kernel
+def slip(t, c, dt):
+    """Velocity of A against B at each lane's contact, and the tangential spring in the tangent plane of today."""
     for k in range(L):
         nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
         rx, ry, rz = t[RA + k], t[RA + L + k], t[RA + 2 * L + k]
         sx, sy, sz = t[RB + k], t[RB + L + k], t[RB + 2 * L + k]
-        ox, oy, oz = t[A + 6 * L + k], t[A + 7 * L + k], t[A + 8 * L + k]
-        px, py, pz = t[B + 6 * L + k], t[B + 7 * L + k], t[B + 8 * L + k]
+        ox, oy, oz = t[A + st.TURNING * L + k], t[A + (st.TURNING + 1) * L + k], t[A + (st.TURNING + 2) * L + k]
+        px, py, pz = t[B + st.TURNING * L + k], t[B + (st.TURNING + 1) * L + k], t[B + (st.TURNING + 2) * L + k]
         vx = t[A + 3 * L + k] - t[B + 3 * L + k] + oy * rz - oz * ry - (py * sz - pz * sy)
         vy = t[A + 4 * L + k] - t[B + 4 * L + k] + oz * rx - ox * rz - (pz * sx - px * sz)
         vz = t[A + 5 * L + k] - t[B + 5 * L + k] + ox * ry - oy * rx - (px * sy - py * sx)
@@ -240,57 +289,85 @@ def forces(t, c, dt, tension):
         vx -= vn * nx
         vy -= vn * ny
         vz -= vn * nz
-        gap = t[GAP + k]
-        overlap = -gap if gap < 0.0 else 0.0
-        touching = 1.0 if gap < 0.0 else 0.0
-        square = t[RADIUS + k] * overlap
-        root = square * rsqrt(square)  # contact radius a
-        root4 = root * rsqrt(root)
-        # sqrt(a m*), m* = 1 / (1 / m_a + 1 / m_b)
-        viscous = root4 * rsqrt(t[A + 9 * L + k] + t[B + 9 * L + k])
-        fn = t[LAW + k] * root * overlap + t[LAW + 2 * L + k] * viscous * vn
-        fn = fn if fn > floor else floor
-        # the spring lives in the tangent plane of today's normal
+        t[V + k] = vx
+        t[V + L + k] = vy
+        t[V + 2 * L + k] = vz
+        t[VN + k] = vn
         ex, ey, ez = c[S + k], c[S + L + k], c[S + 2 * L + k]
         en = ex * nx + ey * ny + ez * nz
-        ex = touching * (ex - en * nx + vx * dt)
-        ey = touching * (ey - en * ny + vy * dt)
-        ez = touching * (ez - en * nz + vz * dt)
-        stiffness = t[LAW + L + k] * root
+        touching = 1.0 if t[GAP + k] < 0.0 else 0.0
+        c[S + k] = touching * (ex - en * nx + vx * dt)
+        c[S + L + k] = touching * (ey - en * ny + vy * dt)
+        c[S + 2 * L + k] = touching * (ez - en * nz + vz * dt)
+
+
+@kernel
+def push(t, c, tension):
+    """Normal force, and the tangential force that Coulomb's limit leaves, of each lane; see `forces`."""
+    floor = -1e300 if tension > 0.5 else 0.0
+    for k in range(L):
+        gap = t[GAP + k]
+        overlap = -gap if gap < 0.0 else 0.0
+        circle = t[CIRCLE + k]
+        viscous = t[VISCOUS + k]
+        fn = t[LAW + k] * circle * overlap + t[LAW + 2 * L + k] * viscous * t[VN + k]
+        fn = fn if fn > floor else floor
         size = abs(fn)
         cap = t[LAW + 4 * L + k] * size
+        stiffness = t[LAW + L + k] * circle
+        ex, ey, ez = c[S + k], c[S + L + k], c[S + 2 * L + k]
         gx, gy, gz = stiffness * ex, stiffness * ey, stiffness * ez
-        cut = cap * rsqrt(gx * gx + gy * gy + gz * gz)
+        cut = cap / math.sqrt(gx * gx + gy * gy + gz * gz)
         cut = cut if cut < 1.0 else 1.0
         c[S + k] = cut * ex
         c[S + L + k] = cut * ey
         c[S + 2 * L + k] = cut * ez
         dashpot = t[LAW + 3 * L + k] * viscous
-        fx = cut * gx + dashpot * vx
-        fy = cut * gy + dashpot * vy
-        fz = cut * gz + dashpot * vz
-        cut = cap * rsqrt(fx * fx + fy * fy + fz * fz)
+        fx = cut * gx + dashpot * t[V + k]
+        fy = cut * gy + dashpot * t[V + L + k]
+        fz = cut * gz + dashpot * t[V + 2 * L + k]
+        cut = cap / math.sqrt(fx * fx + fy * fy + fz * fz)
         cut = cut if cut < 1.0 else 1.0
-        fx = -fn * nx - cut * fx
-        fy = -fn * ny - cut * fy
-        fz = -fn * nz - cut * fz
-        t[TO_A + k] = fx
-        t[TO_A + L + k] = fy
-        t[TO_A + 2 * L + k] = fz
+        t[TO_A + k] = -fn * c[N + k] - cut * fx
+        t[TO_A + L + k] = -fn * c[N + L + k] - cut * fy
+        t[TO_A + 2 * L + k] = -fn * c[N + 2 * L + k] - cut * fz
+        rolling = t[LAW + 5 * L + k] * size
+        t[TO_A + st.ROLL * L + k] = rolling * t[ARM_A + k]
+        t[TO_B + st.ROLL * L + k] = rolling * t[ARM_B + k]
+
+
+@kernel
+def torques(t):
+    """Torques of each lane's force on both bodies, and the force on B."""
+    for k in range(L):
+        fx, fy, fz = t[TO_A + k], t[TO_A + L + k], t[TO_A + 2 * L + k]
+        rx, ry, rz = t[RA + k], t[RA + L + k], t[RA + 2 * L + k]
+        sx, sy, sz = t[RB + k], t[RB + L + k], t[RB + 2 * L + k]
         t[TO_A + 3 * L + k] = ry * fz - rz * fy
         t[TO_A + 4 * L + k] = rz * fx - rx * fz
         t[TO_A + 5 * L + k] = rx * fy - ry * fx
         t[TO_B + k] = -fx
         t[TO_B + L + k] = -fy
         t[TO_B + 2 * L + k] = -fz
-        t[TO_B + 3 * L + k] = -(sy * fz - sz * fy)
-        t[TO_B + 4 * L + k] = -(sz * fx - sx * fz)
-        t[TO_B + 5 * L + k] = -(sx * fy - sy * fx)
-        rolling = t[LAW + 5 * L + k] * size
-        square = rx * rx + ry * ry + rz * rz
-        t[TO_A + st.ROLL * L + k] = rolling * square * rsqrt(square)
-        square = sx * sx + sy * sy + sz * sz
-        t[TO_B + st.ROLL * L + k] = rolling * square * rsqrt(square)
+        t[TO_B + 3 * L + k] = sz * fy - sy * fz
+        t[TO_B + 4 * L + k] = sx * fz - sz * fx
+        t[TO_B + 5 * L + k] = sy * fx - sx * fy
+
+
+@inlined
+def forces(t, c, dt, tension):
+    """Hertz-Mindlin (no slip) with viscous damping and Coulomb's limit, for each lane.
+
+    tension: 1.0 lets the damped normal force pull at the end of an impact (e_out = e_in), 0.0 cuts it at zero.
+    F_n = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) beta sqrt(S_n m*) v_n,   S_n = 2 E* sqrt(R* delta)
+    F_t = -S_t delta_t - 2 sqrt(5/6) beta sqrt(S_t m*) v_t, |F_t| <= mu_s |F_n|,   S_t = 8 G* sqrt(R* delta)
+    The budget of the rolling torque is mu_r |F_n| times the distance of the contact from the centre.
+    Several short loops, not one: a processor runs as many lanes at once as its window holds.
+    """
+    contact_sizes(t)
+    slip(t, c, dt)
+    push(t, c, tension)
+    torques(t)
 
 
 @kernel

@@ -248,16 +248,17 @@ def known(contacts, last, body, wall, theta):
 
 
 @inlined
-def add_wall_contact(contacts, counts, slot, body, wall, out, place):
-    """Append a contact with a relaxed spring; place: azimuth, or offset of a plane."""
+def add_wall_contact(contacts, counts, slot, body, wall, out):
+    """Append a contact with a relaxed spring; returns its number, or -1 where there is no room."""
     k = counts[slot]
     if k >= contacts.body.shape[0]:
         counts[st.FULL] = 1
-        return
+        return -1
     counts[slot] = k + 1
     contacts.body[k] = body
     contacts.wall[k] = wall
-    put_contact(contacts.data, k, out[0], out[1], out[2], place)
+    put_contact(contacts.data, k, out[0], out[1], out[2])
+    return k
 
 
 @inlined
@@ -269,7 +270,10 @@ def drop_wall_contact(contacts, counts, slot, k, ghost):
     contacts.wall[k] = contacts.wall[last]
     move_contact(contacts.data, last, k)
     contacts.body[last] = ghost
-    contacts.data[last // st.LANES, st.OFFSET + last % st.LANES] = 0.0
+    tile = contacts.data[last // st.LANES]
+    for c in range(st.OFFSET, st.RADIUS2, st.LANES):
+        tile[c + last % st.LANES] = 0.0
+    tile[st.RADIUS2 + last % st.LANES] = math.inf
 
 
 @inlined
@@ -278,7 +282,9 @@ def look_again(contacts, counts, body, wall, theta, on_wall, radius, out):
     if not on_wall or out[3] < -DEEPEST_NEW * radius:
         return NEXT_LOOK_BEYOND * radius
     if not known(contacts, counts[st.N_CURVED], body, wall, theta):
-        add_wall_contact(contacts, counts, st.N_CURVED, body, wall, out, theta)
+        k = add_wall_contact(contacts, counts, st.N_CURVED, body, wall, out)
+        if k >= 0:
+            contacts.data[k // st.LANES, st.AZIMUTH + k % st.LANES] = theta
     return NEXT_LOOK_KNOWN * radius
 
 
@@ -349,8 +355,13 @@ def search_plane(bodies, contacts, counts, parts, plane, wall, i, out):
     if beyond > 0.0:
         return beyond
     out[0], out[1], out[2] = nx, ny, nz
-    offset = nx * plane[0] + ny * plane[1] + nz * plane[2]
-    add_wall_contact(contacts, counts, st.N_PLANE, i, wall, out, offset)
+    k = add_wall_contact(contacts, counts, st.N_PLANE, i, wall, out)
+    if k >= 0:
+        tile = contacts.data[k // st.LANES]
+        tile[st.OFFSET + k % st.LANES] = nx * plane[0] + ny * plane[1] + nz * plane[2]
+        for c in range(3):
+            tile[st.MIDDLE + c * st.LANES + k % st.LANES] = plane[c]
+        tile[st.RADIUS2 + k % st.LANES] = plane[6] * plane[6]
     return 1e300
 
 
