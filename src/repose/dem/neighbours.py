@@ -2,9 +2,9 @@
 
 Every body keeps an odometer, a bound of how far any of its points has moved. A pair that does not touch lies dormant
 with a limit: gap at the last look plus both odometers at that time. While the sum of the odometers stays below it the
-pair cannot touch and is not looked at. The list holds every pair whose reference positions (where a body was last put
-into its cell) are closer than two bounding radii and a skin; a body that has moved by half a skin is put in its cell
-anew, alone.
+pair cannot touch and is not looked at. A pair with a gap of a skin or more is not listed at all: when a body's odometer
+has gone on by half a skin, its pairs are listed anew, alone, and so the two bodies of an unlisted pair together never
+move by more than the skin before one of them is looked at.
 """
 
 import math
@@ -54,13 +54,10 @@ def unlink(grid, i):
 
 @kernel
 def link(grid, bodies, i):
-    """Put body i into the cell of its present position, which becomes its reference."""
+    """Put body i into the cell of its present position and note when its neighbours are to be found anew."""
     x, y, z = bodies.rows[i, 0], bodies.rows[i, 1], bodies.rows[i, 2]
     cell = cell_of(grid, x, y, z)
-    tile = bodies.motion[i // L]
-    tile[st.REFERENCE + i % L] = x
-    tile[st.REFERENCE + L + i % L] = y
-    tile[st.REFERENCE + 2 * L + i % L] = z
+    bodies.motion[i // L, st.RENEWAL + i % L] = bodies.odometer[i] + 0.5 * grid.lengths[2]
     grid.cell[i] = cell
     grid.preceding[i] = -1
     grid.following[i] = grid.head[cell]
@@ -205,48 +202,38 @@ def chain_contacts(pairs, counts, grid):
 
 
 @inlined
-def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
-    """List a pair anew: dormant with the gap found, or touching."""
-    rows = bodies.rows
-    dx = rows[b, 0] - rows[a, 0]
-    dy = rows[b, 1] - rows[a, 1]
-    dz = rows[b, 2] - rows[a, 2]
-    distance = math.sqrt(dx * dx + dy * dy + dz * dz)
-    normal[0] = dx / distance
-    normal[1] = dy / distance
-    normal[2] = dz / distance
-    gap = distance - bounding_radius(bodies, a) - bounding_radius(bodies, b)
-    if gap <= 0.0:
-        gap = solve_gap(rows, parts, a, b, normal, TOLERANCE, EARLY * grid.lengths[2])
-    if gap <= 0.0:
-        add_contact(pairs, counts, a, b, normal)
-    else:
-        total = bodies.odometer[a] + bodies.odometer[b]
-        add_dormant(pairs, counts, a, b, total + gap, normal[0], normal[1], normal[2])
-
-
-@inlined
 def bounding_radius(bodies, i):
     """Largest distance of a point of body i from its centre."""
     return bodies.motion[i // L, st.RADIUS + i % L]
 
 
 @inlined
-def reference_distance2(bodies, i, j):
-    """Squared distance of the places where two bodies were put into their cells."""
-    a = bodies.motion[i // L]
-    b = bodies.motion[j // L]
-    square = 0.0
-    for c in range(3):
-        d = b[st.REFERENCE + c * L + j % L] - a[st.REFERENCE + c * L + i % L]
-        square += d * d
-    return square
+def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
+    """List a pair anew: touching, dormant with the gap found, or not at all where the gap is a skin or more."""
+    rows = bodies.rows
+    skin = grid.lengths[2]
+    dx = rows[b, 0] - rows[a, 0]
+    dy = rows[b, 1] - rows[a, 1]
+    dz = rows[b, 2] - rows[a, 2]
+    square = dx * dx + dy * dy + dz * dz
+    reach = bounding_radius(bodies, a) + bounding_radius(bodies, b) + skin
+    if square >= reach * reach:
+        return
+    distance = math.sqrt(square)
+    normal[0] = dx / distance
+    normal[1] = dy / distance
+    normal[2] = dz / distance
+    gap = solve_gap(rows, parts, a, b, normal, TOLERANCE, skin)
+    if gap <= 0.0:
+        add_contact(pairs, counts, a, b, normal)
+    elif gap < skin:
+        total = bodies.odometer[a] + bodies.odometer[b]
+        add_dormant(pairs, counts, a, b, total + gap, normal[0], normal[1], normal[2])
 
 
 @kernel
 def find_partners(bodies, pairs, counts, grid, parts, i, normal):
     """List body i's pairs anew, but for those marked with i, which touch already."""
-    reach2 = (grid.lengths[1] + grid.lengths[2]) ** 2
     cell = grid.cell[i]
     kz = cell % grid.shape[2]
     ky = (cell // grid.shape[2]) % grid.shape[1]
@@ -257,8 +244,7 @@ def find_partners(bodies, pairs, counts, grid, parts, i, normal):
                 j = grid.head[(cx * grid.shape[1] + cy) * grid.shape[2] + cz]
                 while j >= 0:
                     # two bodies that both moved find each other once
-                    wanted = j != i and grid.mark[j] != i and not (grid.moved[j] == 1 and j < i)
-                    if wanted and reference_distance2(bodies, i, j) < reach2:
+                    if j != i and grid.mark[j] != i and not (grid.moved[j] == 1 and j < i):
                         list_pair(bodies, pairs, counts, grid, parts, min(i, j), max(i, j), normal)
                     j = grid.following[j]
 

@@ -10,7 +10,7 @@ from . import state as st
 from .jit import inlined, kernel
 from .neighbours import mark_moved
 from .simd import WIDTH, lanes_to_rows, rows_to_lanes
-from .state import LANES, MOBILITY, PART, QUATERNION, REFERENCE, SHAPE, SPIN, SQUARES
+from .state import LANES, MOBILITY, PART, QUATERNION, SHAPE, SPIN, SQUARES
 
 L = LANES  # short, for the index arithmetic below
 
@@ -18,10 +18,9 @@ L = LANES  # short, for the index arithmetic below
 ROWS = 0
 LOAD = 32 * L
 PATH = 40 * L  # how far the farthest point of the body may have moved
-AWAY2 = 41 * L  # squared distance from the place where the body was put into its cell
-BEFORE = 42 * L  # height before the step
-RESPONSE = 43 * L  # inverse inertia (world) as xx, xy, xz, yy, yz, zz
-TILE_ROWS = 49
+BEFORE = 41 * L  # height before the step
+RESPONSE = 42 * L  # inverse inertia (world) as xx, xy, xz, yy, yz, zz
+TILE_ROWS = 48
 
 SLOWEST = 1e-150  # angular speed below which the direction of a rotation means nothing [rad/s]
 
@@ -69,7 +68,7 @@ def respond(m, k, x, y, z):
 
 
 @kernel
-def move_lanes(m, c, gx, gy, gz, dt):
+def move_lanes(m, gx, gy, gz, dt):
     """Move the centres of the bodies of a tile by one time step under their loads."""
     for k in range(L):
         inverse_mass = m[ROWS + st.INVERSE_MASS * L + k]
@@ -81,18 +80,10 @@ def move_lanes(m, c, gx, gy, gz, dt):
         m[ROWS + 3 * L + k] = vx
         m[ROWS + 4 * L + k] = vy
         m[ROWS + 5 * L + k] = vz
-        x = m[ROWS + k] + dt * vx
-        y = m[ROWS + L + k] + dt * vy
-        z = m[ROWS + 2 * L + k]
-        m[BEFORE + k] = z
-        z += dt * vz
-        m[ROWS + k] = x
-        m[ROWS + L + k] = y
-        m[ROWS + 2 * L + k] = z
-        x -= c[REFERENCE + k]
-        y -= c[REFERENCE + L + k]
-        z -= c[REFERENCE + 2 * L + k]
-        m[AWAY2 + k] = x * x + y * y + z * z
+        m[BEFORE + k] = m[ROWS + 2 * L + k]
+        m[ROWS + k] += dt * vx
+        m[ROWS + L + k] += dt * vy
+        m[ROWS + 2 * L + k] += dt * vz
         square = vx * vx + vy * vy + vz * vz
         m[PATH + k] = dt * math.sqrt(square)
 
@@ -211,26 +202,28 @@ def rotate_lanes(m, c, dt, parts):
 
 
 @kernel
-def noteworthy(m, limit2, exit_height, floor):
-    """How many lanes left their cell, fell through the exit or below the floor."""
+def noteworthy(m, c, odometer, base, exit_height, floor):
+    """Count up the odometers; returns how many lanes need new neighbours, fell through the exit or below the floor."""
     n = 0
     for k in range(L):
+        reading = odometer[base + k] + m[PATH + k]
+        odometer[base + k] = reading
         z = m[ROWS + 2 * L + k]
         fell = (m[BEFORE + k] >= exit_height) & (z < exit_height)
         there = m[ROWS + st.INVERSE_MASS * L + k] > 0.0
-        n += 1 if there & ((m[AWAY2 + k] > limit2) | fell | (z < floor)) else 0
+        n += 1 if there & ((reading >= c[st.RENEWAL + k]) | fell | (z < floor)) else 0
     return n
 
 
 @inlined
-def note(bodies, grid, counts, physics, m, lane, i, limit2, time):
-    """Deal with a body that left its cell, fell through the exit or below the floor."""
+def note(bodies, grid, counts, physics, m, c, lane, i, time):
+    """Deal with a body that needs new neighbours, fell through the exit or below the floor."""
     z = m[ROWS + 2 * L + lane]
     if bodies.presence[i] != st.PRESENT:
         return
     if m[BEFORE + lane] >= physics.exit_height and z < physics.exit_height:
         bodies.exit_time[i] = time
-    if m[AWAY2 + lane] > limit2:
+    if bodies.odometer[i] >= c[st.RENEWAL + lane]:
         mark_moved(grid, counts, i)
     if z < physics.floor_height:
         bodies.presence[i] = st.GONE
@@ -243,7 +236,6 @@ def integrate(bodies, grid, counts, physics, time, m):
     """Advance every body by one time step and clear its load; m: scratch tile of TILE_ROWS x LANES."""
     dt = physics.dt
     gx, gy, gz = physics.gravity[0], physics.gravity[1], physics.gravity[2]
-    limit2 = (0.5 * grid.lengths[2]) ** 2
     columns = bodies.rows.shape[1]
     n = counts[st.N_BODIES]
     for base in range(0, n, L):
@@ -256,18 +248,16 @@ def integrate(bodies, grid, counts, physics, time, m):
                 rows_to_lanes(bodies.rows, column, bodies.every, base + k, m, ROWS + column * L + k, L)
             rows_to_lanes(bodies.load, 0, bodies.every, base + k, m, LOAD + k, L)
         bodies.load[base : base + L] = 0.0
-        move_lanes(m, c, gx, gy, gz, dt)
+        move_lanes(m, gx, gy, gz, dt)
         turns = rotate_lanes(m, c, dt, physics.parts)
         end = columns if turns else begin
         bodies.resting[tile] = 0 if turns else 1
         for k in range(0, L, WIDTH):
             for column in range(0, end, WIDTH):
                 lanes_to_rows(bodies.rows, column, bodies.every, base + k, m, ROWS + column * L + k, L)
-        for k in range(L):
-            bodies.odometer[base + k] += m[PATH + k]
-        if noteworthy(m, limit2, physics.exit_height, physics.floor_height) > 0:
+        if noteworthy(m, c, bodies.odometer, base, physics.exit_height, physics.floor_height) > 0:
             for lane in range(min(L, n - base)):
-                note(bodies, grid, counts, physics, m, lane, base + lane, limit2, time)
+                note(bodies, grid, counts, physics, m, c, lane, base + lane, time)
 
 
 @kernel

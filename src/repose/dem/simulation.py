@@ -89,8 +89,8 @@ class Simulation:
             funnel_floor=float(funnel_floor_m),
             floor_height=float(floor_height_m),
         )
-        self._tile = np.zeros(tl.ROWS * tl.LANES)
-        self._body_tile = np.zeros(TILE_ROWS * st.LANES)
+        self._tile = st.zeros(tl.ROWS * tl.LANES)
+        self._body_tile = st.zeros(TILE_ROWS * st.LANES)
         self._scratch = np.zeros(16 + STARTS)
         limit = self.longest_time_step()
         if not 0.0 < time_step_s <= limit:

@@ -6,6 +6,7 @@ import numpy as np
 
 # Contacts and bodies lie in tiles of LANES, a row a quantity: number k is lane k % LANES of tile k // LANES.
 LANES = 32
+CACHE_LINE = 8  # numbers
 # Columns of `rows` (N, a multiple of 8): what a contact needs of a body, one body after another.
 # The first eight are all that changes of a body that does not turn.
 POSITION, VELOCITY, INVERSE_MASS, TURNING, SHAPE = 0, 3, 6, 7, 10
@@ -15,9 +16,9 @@ MOST_PARTS = 3
 ROLL = 6
 LOAD_COLUMNS = 8
 # Rows of a tile of `motion`: what only the body itself needs. Quaternion (w x y z, body to world), angular momentum,
-# position at which it was put into its cell, 1 / principal moments, squared semi-axes of each part, bounding radius.
-QUATERNION, SPIN, REFERENCE, MOBILITY, SQUARES, RADIUS = (k * LANES for k in (0, 4, 7, 10, 13, 22))
-MOTION_ROWS = 23
+# odometer reading that calls for new neighbours, 1 / principal moments, squared semi-axes of each part, bounding radius.
+QUATERNION, SPIN, RENEWAL, MOBILITY, SQUARES, RADIUS = (k * LANES for k in (0, 4, 7, 8, 11, 20))
+MOTION_ROWS = 21
 # Rows of a tile of contacts: normal, tangential spring, and for a wall its azimuth (curved) or its offset, middle and
 # squared radius (plane).
 PAIR_ROWS, WALL_ROWS = 6, 11
@@ -48,6 +49,14 @@ Physics = namedtuple(
 PLANE_COLUMNS, CONE_COLUMNS, RING_COLUMNS = 7, 8, 7
 
 
+def zeros(*shape):
+    """An array of zeros that begins at a cache line: vectors that straddle two lines cost twice."""
+    size = int(np.prod(shape))
+    store = np.zeros(size + CACHE_LINE)
+    skip = -store.ctypes.data % (8 * CACHE_LINE) // 8
+    return store[skip : skip + size].reshape(shape)
+
+
 def new_bodies(n, parts):
     """Arrays for n bodies of up to `parts` parts, none of them present yet.
 
@@ -55,16 +64,16 @@ def new_bodies(n, parts):
     tiles. It has no mass, so nothing moves it, and a shape, so its geometry is finite.
     """
     padded = LANES * (n // LANES + 1)
-    rows = np.zeros((padded, 8 * -(-(SHAPE + PART * parts) // 8)))
+    rows = zeros(padded, 8 * -(-(SHAPE + PART * parts) // 8))
     rows[:, [SHAPE, SHAPE + 3, SHAPE + 5]] = 1e-6
-    motion = np.zeros((padded // LANES, MOTION_ROWS * LANES))
+    motion = zeros(padded // LANES, MOTION_ROWS * LANES)
     motion[:, :LANES] = 1.0
     motion[:, SQUARES : SQUARES + 3 * LANES] = 1e-6
     return Bodies(
         rows=rows,
-        load=np.zeros((padded, LOAD_COLUMNS)),
+        load=zeros(padded, LOAD_COLUMNS),
         motion=motion,
-        odometer=np.zeros(padded),
+        odometer=zeros(padded),
         alarm=np.full(padded, np.inf),
         presence=np.zeros(padded, np.uint8),
         passed=np.zeros(padded, np.uint8),
@@ -105,7 +114,7 @@ def new_grid(n, lower, upper, cell):
 
 def new_contacts(n, rows):
     """Tiles of so many rows for n contacts; unused lanes hold a harmless normal."""
-    data = np.zeros((-(-n // LANES), rows * LANES))
+    data = zeros(-(-n // LANES), rows * LANES)
     data[:, 2 * LANES : 3 * LANES] = 1.0
     return data
 

@@ -10,7 +10,7 @@ import math
 
 from . import state as st
 from .geometry import tangents
-from .jit import inlined, kernel
+from .jit import inlined
 from .simd import rsqrt
 from .state import LANES, NORMAL, OFFSET, PART, SHAPE, SPRING
 
@@ -61,7 +61,7 @@ NO_PART = 1e-300
 LARGEST_TURN = 0.2
 
 
-@kernel
+@inlined
 def fill_law(t, law):
     """Give every lane the same force law."""
     for c in range(LAW_ROWS):
@@ -69,7 +69,7 @@ def fill_law(t, law):
             t[LAW + c * L + k] = law[c]
 
 
-@kernel
+@inlined
 def tangent_rows(t, c):
     """Two tangents of each lane's normal."""
     for k in range(L):
@@ -115,7 +115,7 @@ def support_part(t, c, shape, sums, keep):
         t[sums + 5 * L + k] = keep * t[sums + 5 * L + k] + qww
 
 
-@kernel
+@inlined
 def body_a(t, c, parts):
     """Support sums of body A (the offsets must be constants for the loops to become vector code)."""
     support_part(t, c, A + SHAPE * L, HA, 0.0)
@@ -125,7 +125,7 @@ def body_a(t, c, parts):
         support_part(t, c, A + (SHAPE + 2 * PART) * L, HA, 1.0)
 
 
-@kernel
+@inlined
 def body_b(t, c, parts):
     """Support sums of body B."""
     support_part(t, c, B + SHAPE * L, HB, 0.0)
@@ -135,7 +135,7 @@ def body_b(t, c, parts):
         support_part(t, c, B + (SHAPE + 2 * PART) * L, HB, 1.0)
 
 
-@kernel
+@inlined
 def newton_step(t, c):
     """One Newton step on the gap of each lane's pair: the step along both tangents, and the gap after it.
 
@@ -169,7 +169,7 @@ def newton_step(t, c):
         t[GAP + k] = f + 0.5 * (g1 * s1 + g2 * s2)
 
 
-@kernel
+@inlined
 def contact_points(t, c):
     """Turn each lane's normal by its step; the contact point there, from the expansion to second order."""
     for k in range(L):
@@ -204,7 +204,7 @@ def contact_points(t, c):
         t[RB + 2 * L + k] = rz + t[A + 2 * L + k] - t[B + 2 * L + k]
 
 
-@kernel
+@inlined
 def pair_radius(t):
     """R* = sqrt(det Q_A det Q_B / det(Q_A + Q_B)) of each lane's pair."""
     for k in range(L):
@@ -225,7 +225,7 @@ def pair_geometry(t, c):
     pair_radius(t)
 
 
-@kernel
+@inlined
 def plane_geometry(t, c):
     """Gap, effective radius and contact point of each lane's body against a plane.
 
@@ -257,7 +257,7 @@ def plane_geometry(t, c):
         t[GAP + k] = f if dx * dx + dy * dy + dz * dz - across * across <= c[st.RADIUS2 + k] else BEYOND
 
 
-@kernel
+@inlined
 def contact_sizes(t):
     """Roots that the force law needs, apart from it: a loop of few long chains runs several of them at once."""
     for k in range(L):
@@ -273,7 +273,7 @@ def contact_sizes(t):
         t[ARM_B + k] = math.sqrt(x * x + y * y + z * z)
 
 
-@kernel
+@inlined
 def slip(t, c, dt):
     """Velocity of A against B at each lane's contact, and the tangential spring in the tangent plane of today."""
     for k in range(L):
@@ -301,7 +301,7 @@ def slip(t, c, dt):
         c[S + 2 * L + k] = touching * (ez - en * nz + vz * dt)
 
 
-@kernel
+@inlined
 def push(t, c, tension):
     """Normal force, and the tangential force that Coulomb's limit leaves, of each lane; see `forces`."""
     floor = -1e300 if tension > 0.5 else 0.0
@@ -336,7 +336,7 @@ def push(t, c, tension):
         t[TO_B + st.ROLL * L + k] = rolling * t[ARM_B + k]
 
 
-@kernel
+@inlined
 def torques(t):
     """Torques of each lane's force on both bodies, and the force on B."""
     for k in range(L):
@@ -370,7 +370,7 @@ def forces(t, c, dt, tension):
     torques(t)
 
 
-@kernel
+@inlined
 def open_lanes(t):
     """How many lanes have a gap."""
     n = 0
