@@ -37,7 +37,7 @@ def scatter(load, index, base, t, at):
 
 
 @inlined
-def fall_asleep(bodies, pairs, counts, contacts, t, k):
+def fall_asleep(bodies, pairs, counts, grid, contacts, t, k):
     """List a pair that parted as dormant."""
     lane = k % L
     i = pairs.first[k]
@@ -46,7 +46,7 @@ def fall_asleep(bodies, pairs, counts, contacts, t, k):
     nx = contacts[tl.N + lane]
     ny = contacts[tl.N + L + lane]
     nz = contacts[tl.N + 2 * L + lane]
-    add_dormant(pairs, counts, i, j, limit, nx, ny, nz)
+    add_dormant(pairs, counts, grid, i, j, limit, nx, ny, nz)
 
 
 @inlined
@@ -58,7 +58,7 @@ def mute_lane(t, lane):
 
 
 @kernel
-def pair_forces(bodies, pairs, counts, physics, t, ghost):
+def pair_forces(bodies, pairs, grid, counts, physics, t, ghost):
     """Forces of all touching pairs; pairs that parted go dormant."""
     n = counts[st.N_PAIRS]
     ended = 0
@@ -76,13 +76,13 @@ def pair_forces(bodies, pairs, counts, physics, t, ghost):
             for lane in range(min(L, n - base)):
                 if t[tl.GAP + lane] > 0.0:
                     mute_lane(t, lane)
-                    fall_asleep(bodies, pairs, counts, contacts, t, base + lane)
+                    fall_asleep(bodies, pairs, counts, grid, contacts, t, base + lane)
                     pairs.ended[ended] = base + lane
                     ended += 1
         scatter(bodies.load, pairs.first, base, t, tl.TO_A)
         scatter(bodies.load, pairs.second, base, t, tl.TO_B)
     for e in range(ended - 1, -1, -1):
-        drop_contact(pairs, counts, pairs.ended[e], ghost)
+        drop_contact(pairs, counts, grid, pairs.ended[e], ghost)
 
 
 @kernel
@@ -197,7 +197,7 @@ def drop_gone(bodies, pairs, flat, curved, counts, grid, ghost):
     presence = bodies.presence
     for k in range(counts[st.N_PAIRS] - 1, -1, -1):
         if presence[pairs.first[k]] != st.PRESENT or presence[pairs.second[k]] != st.PRESENT:
-            drop_contact(pairs, counts, k, ghost)
+            drop_contact(pairs, counts, grid, k, ghost)
     for k in range(counts[st.N_PLANE] - 1, -1, -1):
         if presence[flat.body[k]] != st.PRESENT:
             drop_wall_contact(flat, counts, st.N_PLANE, k, ghost)
@@ -232,7 +232,7 @@ def advance(bodies, pairs, flat, curved, grid, walls, counts, physics, t, bodies
             drop_gone(bodies, pairs, flat, curved, counts, grid, ghost)
         update_pairs(bodies, pairs, counts, grid, physics.parts, normal)
         update_walls(bodies, flat, curved, walls, counts, physics.parts, physics.funnel_floor, profile, out)
-        pair_forces(bodies, pairs, counts, physics, t, ghost)
+        pair_forces(bodies, pairs, grid, counts, physics, t, ghost)
         still_wall(t)
         tl.fill_law(t, physics.law_wall)
         plane_forces(bodies, flat, counts, physics, t, ghost)

@@ -76,10 +76,12 @@ def mark_moved(grid, counts, i):
 
 
 @inlined
-def drop_dormant(pairs, counts, k):
+def drop_dormant(pairs, counts, grid, k):
     """Remove dormant pair k; the last one takes its place."""
     last = counts[st.N_DORMANT] - 1
     counts[st.N_DORMANT] = last
+    grid.dormant[pairs.dormant_first[k]] -= 1
+    grid.dormant[pairs.dormant_second[k]] -= 1
     pairs.dormant_first[k] = pairs.dormant_first[last]
     pairs.dormant_second[k] = pairs.dormant_second[last]
     pairs.dormant_limit[k] = pairs.dormant_limit[last]
@@ -88,13 +90,15 @@ def drop_dormant(pairs, counts, k):
 
 
 @inlined
-def add_dormant(pairs, counts, i, j, limit, nx, ny, nz):
+def add_dormant(pairs, counts, grid, i, j, limit, nx, ny, nz):
     """Append a dormant pair."""
     k = counts[st.N_DORMANT]
     if k >= pairs.dormant_limit.shape[0]:
         counts[st.FULL] = 1
         return
     counts[st.N_DORMANT] = k + 1
+    grid.dormant[i] += 1
+    grid.dormant[j] += 1
     pairs.dormant_first[k] = i
     pairs.dormant_second[k] = j
     pairs.dormant_limit[k] = limit
@@ -104,23 +108,27 @@ def add_dormant(pairs, counts, i, j, limit, nx, ny, nz):
 
 
 @inlined
-def add_contact(pairs, counts, i, j, normal):
+def add_contact(pairs, counts, grid, i, j, normal):
     """Append a touching pair with a relaxed spring."""
     k = counts[st.N_PAIRS]
     if k >= pairs.first.shape[0]:
         counts[st.FULL] = 1
         return
     counts[st.N_PAIRS] = k + 1
+    grid.touching[i] += 1
+    grid.touching[j] += 1
     pairs.first[k] = i
     pairs.second[k] = j
     put_contact(pairs.data, k, normal[0], normal[1], normal[2])
 
 
 @inlined
-def drop_contact(pairs, counts, k, ghost):
+def drop_contact(pairs, counts, grid, k, ghost):
     """Remove touching pair k; the last one takes its place, body `ghost` that of the last."""
     last = counts[st.N_PAIRS] - 1
     counts[st.N_PAIRS] = last
+    grid.touching[pairs.first[k]] -= 1
+    grid.touching[pairs.second[k]] -= 1
     pairs.first[k] = pairs.first[last]
     pairs.second[k] = pairs.second[last]
     move_contact(pairs.data, last, k)
@@ -137,8 +145,8 @@ def look_at_dormant(bodies, pairs, counts, grid, parts, k, normal):
         normal[c] = pairs.dormant_normal[k, c]
     gap = solve_gap(bodies.rows, parts, i, j, normal, TOLERANCE, EARLY * grid.lengths[2])
     if gap <= 0.0:
-        drop_dormant(pairs, counts, k)
-        add_contact(pairs, counts, i, j, normal)
+        drop_dormant(pairs, counts, grid, k)
+        add_contact(pairs, counts, grid, i, j, normal)
         return False
     pairs.dormant_limit[k] = bodies.odometer[i] + bodies.odometer[j] + gap
     for c in range(3):
@@ -170,25 +178,40 @@ def wake(bodies, pairs, counts, grid, parts, normal):
         k = next_due(bodies.odometer, first, second, limit, k, counts[st.N_DORMANT])
 
 
+@inlined
+def listed(counter, grid, counts):
+    """How many entries of a list the bodies that moved on have; a pair of two of them counts twice."""
+    n = 0
+    for m in range(counts[st.N_MOVED]):
+        n += counter[grid.moved_list[m]]
+    return n
+
+
 @kernel
-def forget_dormant(pairs, counts, moved):
-    """Drop the dormant pairs of bodies that changed cells."""
-    k = 0
-    while k < counts[st.N_DORMANT]:
-        if moved[pairs.dormant_first[k]] | moved[pairs.dormant_second[k]]:
-            drop_dormant(pairs, counts, k)
-        else:
-            k += 1
+def forget_dormant(pairs, counts, grid):
+    """Drop the dormant pairs of bodies whose neighbours are found anew; the youngest pairs first."""
+    moved = grid.moved
+    left = listed(grid.dormant, grid, counts)
+    k = counts[st.N_DORMANT] - 1
+    while left > 0:
+        u = np.uint64(k)
+        both = moved[pairs.dormant_first[u]] + moved[pairs.dormant_second[u]]
+        if both > 0:
+            left -= both
+            drop_dormant(pairs, counts, grid, k)
+        k -= 1
 
 
 @kernel
 def chain_contacts(pairs, counts, grid):
-    """Chain the touching partners of each body that changed cells."""
+    """Chain the touching partners of each body whose neighbours are found anew."""
     moved = grid.moved
+    left = listed(grid.touching, grid, counts)
     used = 0
-    for k in range(counts[st.N_PAIRS]):
-        i = pairs.first[k]
-        j = pairs.second[k]
+    k = counts[st.N_PAIRS] - 1
+    while used < left:
+        i = pairs.first[np.uint64(k)]
+        j = pairs.second[np.uint64(k)]
         if moved[i]:
             pairs.partner[used] = j
             pairs.link[used] = grid.chain[i]
@@ -199,6 +222,7 @@ def chain_contacts(pairs, counts, grid):
             pairs.link[used] = grid.chain[j]
             grid.chain[j] = used
             used += 1
+        k -= 1
 
 
 @inlined
@@ -223,12 +247,12 @@ def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
     normal[0] = dx / distance
     normal[1] = dy / distance
     normal[2] = dz / distance
-    gap = solve_gap(rows, parts, a, b, normal, TOLERANCE, skin)
+    gap = solve_gap(rows, parts, a, b, normal, TOLERANCE, EARLY * skin)
     if gap <= 0.0:
-        add_contact(pairs, counts, a, b, normal)
+        add_contact(pairs, counts, grid, a, b, normal)
     elif gap < skin:
         total = bodies.odometer[a] + bodies.odometer[b]
-        add_dormant(pairs, counts, a, b, total + gap, normal[0], normal[1], normal[2])
+        add_dormant(pairs, counts, grid, a, b, total + gap, normal[0], normal[1], normal[2])
 
 
 @kernel
@@ -256,7 +280,7 @@ def update_pairs(bodies, pairs, counts, grid, parts, normal):
     if n_moved == 0:
         wake(bodies, pairs, counts, grid, parts, normal)
         return
-    forget_dormant(pairs, counts, grid.moved)
+    forget_dormant(pairs, counts, grid)
     wake(bodies, pairs, counts, grid, parts, normal)
     for m in range(n_moved):
         i = grid.moved_list[m]

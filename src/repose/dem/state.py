@@ -31,7 +31,7 @@ ABSENT, PRESENT, GONE = 0, 1, 2
 
 Bodies = namedtuple("Bodies", "rows load motion odometer alarm presence passed exit_time every resting")
 Grid = namedtuple(
-    "Grid", "cell following preceding head moved moved_list chain mark shape origin lengths"
+    "Grid", "cell following preceding head moved moved_list chain mark touching dormant shape origin lengths"
 )
 Pairs = namedtuple(
     "Pairs",
@@ -93,7 +93,8 @@ def lanes_of(motion, row, columns, n):
 def new_grid(n, lower, upper, cell):
     """Cells of edge `cell` [m] over a box; what lies outside belongs to the nearest cell of the box.
 
-    lengths: edge of a cell, largest distance of two centres that may touch, skin.
+    touching, dormant: how many pairs of either list a body has; lengths: edge of a cell, largest distance of two
+    centres that may touch, skin.
     """
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
     shape = np.maximum(1, np.ceil((upper - lower) / cell)).astype(np.int64)
@@ -106,6 +107,8 @@ def new_grid(n, lower, upper, cell):
         moved_list=np.zeros(n, np.int64),
         chain=np.full(n, -1, np.int64),
         mark=np.full(n, -1, np.int64),
+        touching=np.zeros(n, np.int64),
+        dormant=np.zeros(n, np.int64),
         shape=shape,
         origin=lower.copy(),
         lengths=np.array([cell, 0.0, 0.0]),
