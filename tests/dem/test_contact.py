@@ -1,53 +1,122 @@
 import numpy as np
 import pytest
-from dem.common import BARREL, BERRY, random_direction, random_quaternion
+from dem.common import BARREL, BERRY, GOJI, random_direction, random_quaternion
 from oracles import gap as slow_gap
 from oracles import hertz_mindlin, support_point
 
+from repose.dem import Contact
 from repose.dem import state as st
 from repose.dem import tile as tl
 from repose.dem.contact import solve_gap
-from repose.dem.engine import gather_pair
+from repose.dem.engine import gather, scatter
 from repose.dem.jit import kernel
+from repose.dem.materials import contact_law, damping_ratio, effective_moduli
+from repose.dem.simd import rsqrt
+from repose.dem.simulation import rotation_matrix
+
+LANES = st.LANES
 
 
 @kernel
-def fill_lane(t, lane, a, b):
-    gather_pair(t, lane, a, b)
+def pair_tile(t, contacts, rows, first, second, parts, dt, tension, load):
+    """What the engine does with one tile of pairs."""
+    gather(rows, first, 0, t, tl.A)
+    gather(rows, second, 0, t, tl.B)
+    tl.tangent_rows(t, contacts)
+    tl.body_a(t, contacts, parts)
+    tl.body_b(t, contacts, parts)
+    tl.pair_geometry(t, contacts)
+    tl.forces(t, contacts, dt, tension)
+    scatter(load, first, 0, t, tl.TO_A)
+    scatter(load, second, 0, t, tl.TO_B)
 
 
-def pair_rows(rng, overlap_range):
+@kernel
+def give_law(t, law):
+    tl.fill_law(t, law)
+
+
+@kernel
+def reciprocal_root(x):
+    return rsqrt(x)
+
+
+def engine_rows(bodies, axes, mass):
+    """The engine's rows of bodies given as (position, quaternion, velocity, angular velocity)."""
+    rows = st.new_bodies(len(bodies), len(axes)).rows
+    for row, (position, quaternion, velocity, turning) in zip(rows, bodies, strict=False):
+        row[st.POSITION : st.POSITION + 3] = position
+        row[st.VELOCITY : st.VELOCITY + 3] = velocity
+        row[st.TURNING : st.TURNING + 3] = turning
+        row[st.INVERSE_MASS] = 1.0 / mass
+        turn = rotation_matrix(quaternion)
+        for k, part in enumerate(axes):
+            matrix = turn @ np.diag(part**2) @ turn.T
+            row[st.SHAPE + 6 * k : st.SHAPE + 6 * k + 6] = matrix[np.triu_indices(3)]
+    return rows
+
+
+def random_pair(rng, overlap_range):
     """Two berries at a random distance around touching."""
-    rows = np.zeros((2, st.BODY_COLUMNS))
-    for i in range(2):
-        rows[i, 3:7] = random_quaternion(rng)
-        rows[i, 7:10] = rng.normal(size=3)
-        rows[i, 10:13] = 30.0 * rng.normal(size=3)
+    bodies = []
+    for _ in range(2):
+        bodies.append([np.zeros(3), random_quaternion(rng), rng.normal(size=3), 30.0 * rng.normal(size=3)])
     direction = random_direction(rng)
-    rows[0, 0:3] = rng.normal(size=3)
-    rows[1, 0:3] = rows[0, 0:3] + direction * 0.02
-    return rows, direction, rng.uniform(*overlap_range)
+    bodies[0][0] = rng.normal(size=3)
+    bodies[1][0] = bodies[0][0] + direction * 0.02
+    return bodies, direction, rng.uniform(*overlap_range)
 
 
-def at_gap(rows, axes, direction, target):
+def at_gap(bodies, axes, direction, target):
     """Move the second berry along a line until the true gap is the target."""
     for _ in range(30):
-        d = rows[1, 0:3] - rows[0, 0:3]
-        gap, normal = slow_gap(axes, d, rows[0, 3:7], rows[1, 3:7], count=1500)
+        d = bodies[1][0] - bodies[0][0]
+        gap, normal = slow_gap(axes, d, bodies[0][1], bodies[1][1], count=1500)
         if abs(gap - target) < 1e-10:
             break
-        rows[1, 0:3] += direction * (target - gap) / max(normal @ direction, 0.2)
+        bodies[1][0] = bodies[1][0] + direction * (target - gap) / max(normal @ direction, 0.2)
     return gap, normal
+
+
+def test_reciprocal_root():
+    for x in 10.0 ** np.random.default_rng(1).uniform(-120.0, 120.0, 2000):
+        assert reciprocal_root(x) * np.sqrt(x) == pytest.approx(1.0, abs=1e-15)
+    assert 0.0 * reciprocal_root(0.0) == 0.0
+
+
+@pytest.mark.parametrize("columns", [16, 24, 32])
+def test_gather_and_scatter_are_plain_copies(columns):
+    rng = np.random.default_rng(columns)
+    rows, load = rng.normal(size=(40, columns)), st.zeros(40, 8)
+    index = rng.integers(0, 40, LANES).astype(np.uint32)  # a body comes more than once
+    t = st.zeros(tl.ROWS * LANES)
+    gather_tile(rows, index, t)
+    lanes = t.reshape(tl.ROWS, LANES)
+    assert np.array_equal(lanes[:columns], rows[index].T)
+    scatter_tile(load, index, t)
+    expected = np.zeros((40, 8))
+    np.add.at(expected, index, rows[index][:, :8])
+    assert np.array_equal(load, expected)
+
+
+@kernel
+def gather_tile(rows, index, t):
+    gather(rows, index, 0, t, tl.A)
+
+
+@kernel
+def scatter_tile(load, index, t):
+    scatter(load, index, 0, t, tl.A)
 
 
 @pytest.mark.parametrize("axes", [BERRY, BARREL], ids=["ellipsoid", "two ellipsoids"])
 def test_gap_and_normal_agree_with_a_dense_search(axes):
     rng = np.random.default_rng(7)
     for _ in range(60):
-        rows, direction, target = pair_rows(rng, (-6e-4, 2e-3))
-        slow, slow_normal = at_gap(rows, axes, direction, target)
+        bodies, direction, target = random_pair(rng, (-6e-4, 2e-3))
+        slow, slow_normal = at_gap(bodies, axes, direction, target)
         normal = direction.copy()
-        fast = solve_gap(axes**2, rows, 0, 1, normal, 1e-9, np.inf)
+        fast = solve_gap(engine_rows(bodies, axes, 1.0), len(axes), 0, 1, normal, 1e-9, np.inf)
         assert fast == pytest.approx(slow, abs=1e-10)
         assert np.linalg.norm(normal - slow_normal) < 2e-5
 
@@ -55,9 +124,9 @@ def test_gap_and_normal_agree_with_a_dense_search(axes):
 def test_a_proven_gap_is_never_larger_than_the_true_one():
     rng = np.random.default_rng(8)
     for _ in range(100):
-        rows, direction, target = pair_rows(rng, (1e-4, 8e-3))
-        true, _ = at_gap(rows, BERRY, direction, target)
-        proven = solve_gap(BERRY**2, rows, 0, 1, direction.copy(), 1e-9, 1e-3)
+        bodies, direction, target = random_pair(rng, (1e-4, 8e-3))
+        true, _ = at_gap(bodies, BERRY, direction, target)
+        proven = solve_gap(engine_rows(bodies, BERRY, 1.0), 1, 0, 1, direction.copy(), 1e-9, 1e-3)
         assert proven <= true + 1e-12
 
 
@@ -65,67 +134,76 @@ def test_a_proven_gap_is_never_larger_than_the_true_one():
 @pytest.mark.parametrize("tension", [0.0, 1.0])
 def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension):
     rng = np.random.default_rng(9)
-    t = np.zeros(tl.ROWS * tl.LANES)
-    lanes = t.reshape(tl.ROWS, tl.LANES)
-    contacts = st.new_contacts(tl.LANES)[0]
-    kept = contacts.reshape(st.CONTACT_ROWS, tl.LANES)
-    law = np.array([63236.0, 12797.6, 5.2e-4, 0.35, 0.55])
+    t = st.zeros(tl.ROWS * LANES)
+    lanes = t.reshape(tl.ROWS, LANES)
+    contacts = st.new_contacts(LANES, st.PAIR_ROWS)[0]
+    kept = contacts.reshape(st.PAIR_ROWS, LANES)
+    contact = Contact(0.3, 0.55, 0.04)
+    young, shear = effective_moduli(GOJI, GOJI)
+    mass = 1.04e-3
+    slow_law = (young, shear, 0.5 * mass, damping_ratio(contact.restitution), contact.static_friction)
+    give_law(t, contact_law(GOJI, GOJI, contact))
     dt = 2e-4
-    cases = []
-    for lane in range(tl.LANES):
-        rows, direction, target = pair_rows(rng, (-5e-4, 2e-4))
-        slow, normal = at_gap(rows, axes, direction, target)
+    everybody, cases = [], []
+    for lane in range(LANES):
+        bodies, direction, target = random_pair(rng, (-5e-4, 2e-4))
+        slow, normal = at_gap(bodies, axes, direction, target)
         # a normal as a time step leaves it: off by a few milliradians
         start = normal + 2e-3 * random_direction(rng)
         start /= np.linalg.norm(start)
         spring = 2e-5 * rng.normal(size=3)
         kept[0:3, lane], kept[3:6, lane] = start, spring
-        fill_lane(t, lane, rows[0], rows[1])
-        cases.append((rows, slow, normal, spring))
-    tl.body_a(t, contacts, axes**2)
-    tl.body_b(t, contacts, axes**2)
-    tl.pair_geometry(t, contacts)
-    tl.forces(t, contacts, law, dt, tension)
+        everybody += bodies
+        cases.append((bodies, slow, normal, spring))
+    rows = engine_rows(everybody, axes, mass)
+    load = st.zeros(len(rows), st.LOAD_COLUMNS)
+    first = np.arange(0, 2 * LANES, 2, dtype=np.uint32)
+    pair_tile(t, contacts, rows, first, first + np.uint32(1), len(axes), dt, tension, load)
 
     def row(start, lane, count=3):
-        first = start // tl.LANES
-        return lanes[first : first + count, lane]
+        begin = start // LANES
+        return lanes[begin : begin + count, lane]
 
-    for lane, (rows, slow, normal, spring) in enumerate(cases):
-        assert lanes[tl.GAP // tl.LANES, lane] == pytest.approx(slow, abs=5e-8)
+    for lane, (bodies, slow, normal, spring) in enumerate(cases):
+        (x_a, q_a, v_a, o_a), (x_b, q_b, v_b, o_b) = bodies
+        assert row(tl.GAP, lane, 1)[0] == pytest.approx(slow, abs=5e-8)
         assert np.linalg.norm(kept[0:3, lane] - normal) < 3e-4
         arm_a, arm_b = row(tl.RA, lane), row(tl.RB, lane)
-        point_a = support_point(axes, rows[0, 3:7], normal)
-        point_b = support_point(axes, rows[1, 3:7], -normal) + rows[1, 0:3] - rows[0, 0:3]
+        point_a = support_point(axes, q_a, normal)
+        point_b = support_point(axes, q_b, -normal) + x_b - x_a
         assert np.linalg.norm(arm_a - 0.5 * (point_a + point_b)) < 1e-5
-        assert np.allclose(arm_a - arm_b, rows[1, 0:3] - rows[0, 0:3], atol=1e-15)
-        velocity = rows[0, 7:10] + np.cross(rows[0, 10:13], arm_a)
-        velocity = velocity - rows[1, 7:10] - np.cross(rows[1, 10:13], arm_b)
+        assert np.allclose(arm_a - arm_b, x_b - x_a, atol=1e-15)
+        velocity = v_a + np.cross(o_a, arm_a) - v_b - np.cross(o_b, arm_b)
+        loads = load[2 * lane], load[2 * lane + 1]
         if slow > 0.0:
-            assert np.all(row(tl.F, lane) == 0.0)
+            assert np.all(loads[0][:3] == 0.0)
             assert np.all(kept[3:6, lane] == 0.0)
             continue
         # the slow law on the tile's own geometry: what is tested here is the force
         force, new_spring = hertz_mindlin(
-            law, -lanes[tl.GAP // tl.LANES, lane], lanes[tl.RADIUS // tl.LANES, lane],
+            slow_law, -row(tl.GAP, lane, 1)[0], row(tl.RADIUS, lane, 1)[0],
             kept[0:3, lane], velocity, spring, dt, tension,
         )  # fmt: skip
-        assert np.allclose(row(tl.F, lane), force, rtol=1e-9, atol=1e-12)
+        push = abs(force @ kept[0:3, lane])
+        for body, sign, arm in zip(loads, (1.0, -1.0), (arm_a, arm_b), strict=True):
+            assert np.allclose(body[0:3], sign * force, rtol=1e-9, atol=1e-12)
+            assert np.allclose(body[3:6], np.cross(arm, sign * force), rtol=1e-9, atol=1e-14)
+            rolling = contact.rolling_friction * push * np.linalg.norm(arm)
+            assert body[st.ROLL] == pytest.approx(rolling, rel=1e-9)
         assert np.allclose(kept[3:6, lane], new_spring, rtol=1e-9, atol=1e-15)
-        assert np.allclose(row(tl.TA, lane), np.cross(arm_a, force), rtol=1e-9, atol=1e-14)
-        assert np.allclose(row(tl.TB, lane), np.cross(arm_b, -force), rtol=1e-9, atol=1e-14)
 
 
 def test_effective_radius_of_spheres_is_that_of_hertz():
     radius = 0.005
-    t = np.zeros(tl.ROWS * tl.LANES)
-    lanes = t.reshape(tl.ROWS, tl.LANES)
-    contacts = st.new_contacts(tl.LANES)[0]
-    lanes[tl.A // tl.LANES] = lanes[tl.B // tl.LANES] = 1.0
-    lanes[tl.D // tl.LANES + 2] = 1.99 * radius
-    squares = np.full((1, 3), radius**2)
-    tl.body_a(t, contacts, squares)
-    tl.body_b(t, contacts, squares)
-    tl.pair_geometry(t, contacts)
-    assert np.allclose(lanes[tl.RADIUS // tl.LANES], radius / 2.0, rtol=1e-12)
-    assert np.allclose(lanes[tl.GAP // tl.LANES], -0.01 * radius, rtol=1e-9)
+    sphere = np.full((1, 3), radius)
+    bodies = [[np.zeros(3), (1, 0, 0, 0), np.zeros(3), np.zeros(3)] for _ in range(2)]
+    bodies[1][0] = np.array([0.0, 0.0, 1.99 * radius])
+    rows = engine_rows(bodies, sphere, 1e-3)
+    t = st.zeros(tl.ROWS * LANES)
+    lanes = t.reshape(tl.ROWS, LANES)
+    contacts = st.new_contacts(LANES, st.PAIR_ROWS)[0]
+    first = np.zeros(LANES, np.uint32)
+    load = st.zeros(len(rows), st.LOAD_COLUMNS)
+    pair_tile(t, contacts, rows, first, first + np.uint32(1), 1, 2e-4, 1.0, load)
+    assert np.allclose(lanes[tl.RADIUS // LANES], radius / 2.0, rtol=1e-12)
+    assert np.allclose(lanes[tl.GAP // LANES], -0.01 * radius, rtol=1e-9)

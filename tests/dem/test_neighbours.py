@@ -5,6 +5,7 @@ import pytest
 from dem.common import BERRY, random_quaternion, simulation
 
 from repose.dem import Contact, walls_of
+from repose.dem import state as st
 from repose.dem.contact import solve_gap
 
 
@@ -15,7 +16,7 @@ def slow_contacts(s):
         d = s.positions[j] - s.positions[i]
         distance = np.linalg.norm(d)
         if distance < 2.0 * s.radius:
-            gap = solve_gap(s.physics.squares, s.bodies.rows, i, j, d / distance, 1e-10, np.inf)
+            gap = solve_gap(s.bodies.rows, s.physics.parts, i, j, d / distance, 1e-10, np.inf)
             if gap < 0.0:
                 found.append((i, j, gap))
     return found
@@ -42,7 +43,7 @@ def test_the_contact_list_is_that_of_all_pairs_at_every_moment(seed):
         for pair in fast ^ set(slow):
             i, j = pair
             d = s.positions[j] - s.positions[i]
-            gap = solve_gap(s.physics.squares, s.bodies.rows, i, j, d / np.linalg.norm(d), 1e-10, np.inf)
+            gap = solve_gap(s.bodies.rows, s.physics.parts, i, j, d / np.linalg.norm(d), 1e-10, np.inf)
             assert abs(gap) < 6e-4
         assert len(s.contacts()) == len(fast)
         seen += len(slow)
@@ -55,16 +56,14 @@ def test_lists_grow_when_they_fill_up():
     for shrink in (False, True):
         s = simulation(BERRY, Contact(0.3, 0.5, 0.05), capacity=n, dt=1e-4)
         rng = np.random.default_rng(5)
-        room = n * 3
         if shrink:
-            s.pairs = s.pairs._replace(
-                **{k: getattr(s.pairs, k)[:room].copy() for k in s.pairs._fields if k.startswith("dormant")}
-            )
+            s.pairs = st.new_pairs(32, 100, n)
         for k, place in enumerate(itertools.product(np.arange(5) * 0.022 - 0.05, repeat=3)):
-            s.add(np.array(place), random_quaternion(rng), -0.2 * np.array(place) / 0.05)
+            s.add(np.array(place), random_quaternion(rng), -0.8 * np.array(place) / 0.05)
             if k % 10 == 9:
                 s.run_steps(1)
         s.run_steps(400)
-        assert len(s.pairs.dormant_limit) > room
+        assert len(s.pairs.first) > 32
+        assert len(s.pairs.dormant_limit) > 100
         runs.append(s.positions.copy())
     assert np.array_equal(*runs)

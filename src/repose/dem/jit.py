@@ -1,8 +1,8 @@
 """The compiler settings of every kernel, in one place.
 
 Only `contract` (fused multiply-add) of the fast-math flags is on: it never reorders a sum, so the machine code and
-with it every bit of a result does not depend on what the optimiser happened to inline. Kernels allocate nothing, so arrays are
-not counted (`_nrt`): each view of a row would otherwise cost two atomic operations.
+with it every bit of a result does not depend on what the optimiser happened to inline. Kernels allocate nothing, so
+arrays are not counted (`_nrt`): each view of a row would otherwise cost two atomic operations.
 """
 
 import numba

@@ -16,6 +16,7 @@ L = LANES  # short, for the index arithmetic below
 
 # Rows of the scratch tile: the columns of `rows` and of `load` (see `state`), then what the step finds.
 ROWS = 0
+OMEGA = ROWS + st.TURNING * L
 LOAD = 32 * L
 PATH = 40 * L  # how far the farthest point of the body may have moved
 BEFORE = 41 * L  # height before the step
@@ -40,7 +41,12 @@ def turned(qw, qx, qy, qz, ox, oy, oz, half):
 def rotated_diagonal(m, at, c, diagonal):
     """R diag(a, b, d) R' of each lane's body as rows xx, xy, xz, yy, yz, zz; R of its quaternion."""
     for k in range(L):
-        qw, qx, qy, qz = c[QUATERNION + k], c[QUATERNION + L + k], c[QUATERNION + 2 * L + k], c[QUATERNION + 3 * L + k]
+        qw, qx, qy, qz = (
+            c[QUATERNION + k],
+            c[QUATERNION + L + k],
+            c[QUATERNION + 2 * L + k],
+            c[QUATERNION + 3 * L + k],
+        )
         a, b, d = c[diagonal + k], c[diagonal + L + k], c[diagonal + 2 * L + k]
         xx = 1.0 - 2.0 * (qy * qy + qz * qz)
         xy = 2.0 * (qx * qy - qw * qz)
@@ -114,7 +120,7 @@ def stop_lanes(m, c):
     """End the rotation of all lanes."""
     for k in range(3 * L):
         c[SPIN + k] = 0.0
-        m[ROWS + st.TURNING * L + k] = 0.0
+        m[OMEGA + k] = 0.0
 
 
 @kernel
@@ -137,9 +143,9 @@ def resist_lanes(m, c, dt):
         c[SPIN + k] = lx - bx if turns else 0.0
         c[SPIN + L + k] = ly - by if turns else 0.0
         c[SPIN + 2 * L + k] = lz - bz if turns else 0.0
-        m[ROWS + st.TURNING * L + k] = ox - rx if turns else 0.0
-        m[ROWS + (st.TURNING + 1) * L + k] = oy - ry if turns else 0.0
-        m[ROWS + (st.TURNING + 2) * L + k] = oz - rz if turns else 0.0
+        m[OMEGA + k] = ox - rx if turns else 0.0
+        m[OMEGA + L + k] = oy - ry if turns else 0.0
+        m[OMEGA + 2 * L + k] = oz - rz if turns else 0.0
     return n
 
 
@@ -151,17 +157,26 @@ def turn_lanes(m, c, dt):
     """
     for k in range(L):
         lx, ly, lz = c[SPIN + k], c[SPIN + L + k], c[SPIN + 2 * L + k]
-        ox, oy, oz = m[ROWS + st.TURNING * L + k], m[ROWS + (st.TURNING + 1) * L + k], m[ROWS + (st.TURNING + 2) * L + k]
+        ox, oy, oz = (
+            m[OMEGA + k],
+            m[OMEGA + L + k],
+            m[OMEGA + 2 * L + k],
+        )
         rx, ry, rz = respond(m, k, oy * lz - oz * ly, oz * lx - ox * lz, ox * ly - oy * lx)
         ox -= 0.5 * dt * rx
         oy -= 0.5 * dt * ry
         oz -= 0.5 * dt * rz
-        m[ROWS + st.TURNING * L + k] = ox
-        m[ROWS + (st.TURNING + 1) * L + k] = oy
-        m[ROWS + (st.TURNING + 2) * L + k] = oz
+        m[OMEGA + k] = ox
+        m[OMEGA + L + k] = oy
+        m[OMEGA + 2 * L + k] = oz
         square = ox * ox + oy * oy + oz * oz
         m[PATH + k] += dt * c[st.RADIUS + k] * math.sqrt(square)
-        qw, qx, qy, qz = c[QUATERNION + k], c[QUATERNION + L + k], c[QUATERNION + 2 * L + k], c[QUATERNION + 3 * L + k]
+        qw, qx, qy, qz = (
+            c[QUATERNION + k],
+            c[QUATERNION + L + k],
+            c[QUATERNION + 2 * L + k],
+            c[QUATERNION + 3 * L + k],
+        )
         hw, hx, hy, hz = turned(qw, qx, qy, qz, ox, oy, oz, 0.5 * dt)
         # a body that does not turn keeps its quaternion to the bit
         turns = square > 0.0

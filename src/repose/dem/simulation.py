@@ -12,7 +12,7 @@ from .rigid import TILE_ROWS, place_shape
 from .walls import STARTS
 
 # Room for the lists of a simulation, per body; they grow when needed.
-CONTACTS_PER_BODY, DORMANT_PER_BODY = 8, 24
+CONTACTS_PER_BODY, DORMANT_PER_BODY = 6, 6
 SKIN_SHARE = 0.45  # skin of the neighbour list over the bounding radius
 
 

@@ -16,7 +16,7 @@ MOST_PARTS = 3
 ROLL = 6
 LOAD_COLUMNS = 8
 # Rows of a tile of `motion`: what only the body itself needs. Quaternion (w x y z, body to world), angular momentum,
-# odometer reading that calls for new neighbours, 1 / principal moments, squared semi-axes of each part, bounding radius.
+# odometer reading that calls for new neighbours, 1 / principal moments, squared semi-axes of each part, radius.
 QUATERNION, SPIN, RENEWAL, MOBILITY, SQUARES, RADIUS = (k * LANES for k in (0, 4, 7, 8, 11, 20))
 MOTION_ROWS = 21
 # Rows of a tile of contacts: normal, tangential spring, and for a wall its azimuth (curved) or its offset, middle and

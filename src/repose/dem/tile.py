@@ -266,7 +266,9 @@ def contact_sizes(t):
         circle = math.sqrt(t[RADIUS + k] * overlap)
         t[CIRCLE + k] = circle
         # sqrt(a m*), m* = 1 / (1 / m_a + 1 / m_b)
-        t[VISCOUS + k] = math.sqrt(circle) * rsqrt(t[A + st.INVERSE_MASS * L + k] + t[B + st.INVERSE_MASS * L + k])
+        t[VISCOUS + k] = math.sqrt(circle) * rsqrt(
+            t[A + st.INVERSE_MASS * L + k] + t[B + st.INVERSE_MASS * L + k]
+        )
         x, y, z = t[RA + k], t[RA + L + k], t[RA + 2 * L + k]
         t[ARM_A + k] = math.sqrt(x * x + y * y + z * z)
         x, y, z = t[RB + k], t[RB + L + k], t[RB + 2 * L + k]
@@ -280,8 +282,16 @@ def slip(t, c, dt):
         nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
         rx, ry, rz = t[RA + k], t[RA + L + k], t[RA + 2 * L + k]
         sx, sy, sz = t[RB + k], t[RB + L + k], t[RB + 2 * L + k]
-        ox, oy, oz = t[A + st.TURNING * L + k], t[A + (st.TURNING + 1) * L + k], t[A + (st.TURNING + 2) * L + k]
-        px, py, pz = t[B + st.TURNING * L + k], t[B + (st.TURNING + 1) * L + k], t[B + (st.TURNING + 2) * L + k]
+        ox, oy, oz = (
+            t[A + st.TURNING * L + k],
+            t[A + (st.TURNING + 1) * L + k],
+            t[A + (st.TURNING + 2) * L + k],
+        )
+        px, py, pz = (
+            t[B + st.TURNING * L + k],
+            t[B + (st.TURNING + 1) * L + k],
+            t[B + (st.TURNING + 2) * L + k],
+        )
         vx = t[A + 3 * L + k] - t[B + 3 * L + k] + oy * rz - oz * ry - (py * sz - pz * sy)
         vy = t[A + 4 * L + k] - t[B + 4 * L + k] + oz * rx - ox * rz - (pz * sx - px * sz)
         vz = t[A + 5 * L + k] - t[B + 5 * L + k] + ox * ry - oy * rx - (px * sy - py * sx)

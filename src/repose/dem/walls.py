@@ -374,7 +374,9 @@ def look_at_walls(bodies, flat, curved, walls, counts, parts, i, lowest, profile
     alarm = math.inf
     for w in range(walls.planes.shape[0]):
         if odometer >= flat.limit[w, i]:
-            flat.limit[w, i] = odometer + search_plane(bodies, flat, counts, parts, walls.planes[w], w, i, out)
+            flat.limit[w, i] = odometer + search_plane(
+                bodies, flat, counts, parts, walls.planes[w], w, i, out
+            )
         alarm = min(alarm, flat.limit[w, i])
     if bodies.rows[i, 2] + radius < lowest:
         bodies.passed[i] = 1
