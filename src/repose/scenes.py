@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from .dem import Contact, Material, Simulation, walls_of
+from .dem import Cone, Contact, Material, Plane, RingEdge, Shape, Simulation
 
 # A berry is dropped at a free place; so many places are tried before the factory waits a step.
 PLACES_TRIED = 200
@@ -64,26 +64,24 @@ class Funnel:
             top,
             math.cos(slope),
             math.sin(slope),
-            0.0,
         )
 
-    def walls(self):
-        """Rows of cones and rings for `repose.dem.walls_of`."""
+    def walls(self, material):
+        """The funnel's walls by name, of a material."""
         slope = math.radians(self.cone_angle_deg)
         radius = 0.5 * self.outlet_diameter_m
         core = radius + self.rim_radius_m
         up = (math.cos(slope), math.sin(slope))
-        cones = [self._cone()]
+        walls = {"cone": Cone(self._cone(), material)}
+        edge = self.rim_radius_m
         if self.tube_length_m == 0.0:
-            rings = [(core, self.outlet_height_m, self.rim_radius_m, *up, 0.0, 0.0)]
+            walls["outlet"] = RingEdge(core, edge, material, (up, (0.0, 0.0)), self.outlet_height_m)
         else:
             top = self._edge_height()
-            cones.append((1.0, 0.0, radius, self.outlet_height_m, top, 0.0, 1.0, 0.0))
-            rings = [
-                (core, top, self.rim_radius_m, *up, 0.0, -1.0),
-                (core, self.outlet_height_m, self.rim_radius_m, 0.0, 1.0, 0.0, 0.0),
-            ]
-        return cones, rings
+            walls["tube"] = Cone((1.0, 0.0, radius, self.outlet_height_m, top, 0.0, 1.0), material)
+            walls["neck"] = RingEdge(core, edge, material, (up, (0.0, -1.0)), top)
+            walls["outlet"] = RingEdge(core, edge, material, ((0.0, 1.0), (0.0, 0.0)), self.outlet_height_m)
+        return walls
 
 
 def random_quaternion(rng):
@@ -139,20 +137,21 @@ def heap_simulation(config, parameters, particle, berry):
         rim_radius_m=1e-3 * heap["rim_radius_mm"],
         outlet_height_m=1e-3 * heap["outlet_height_mm"],
     )
-    cones, rings = funnel.walls()
     plate_radius = 0.5e-3 * heap["plate_diameter_mm"]
-    plate = (0.0, 0.0, 0.0, 0.0, 0.0, -1.0, plate_radius)
+    plate = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", plate_radius)
     half = max(plate_radius, 0.5 * funnel.inlet_diameter_m) + 2.0 * particle.bounding_radius_m
     simulation = Simulation(
+        {"berry": Shape(particle.semi_axes_m, particle.mass_kg, particle.inertia_kg_m2, "berry")},
+        {
+            "berry": Material(berry["shear_modulus_pa"], berry["poisson_ratio"]),
+            "wall": Material(wall["shear_modulus_pa"], wall["poisson_ratio"]),
+        },
+        {
+            ("berry", "berry"): Contact(parameters["e_gg"], parameters["mus_gg"], parameters["mur_gg"]),
+            ("berry", "wall"): Contact(parameters["e_gp"], parameters["mus_gp"], parameters["mur_gp"]),
+        },
         capacity=heap["berries"],
-        semi_axes_m=particle.semi_axes_m,
-        mass_kg=particle.mass_kg,
-        inertia_kg_m2=particle.inertia_kg_m2,
-        body=Material(berry["shear_modulus_pa"], berry["poisson_ratio"]),
-        wall=Material(wall["shear_modulus_pa"], wall["poisson_ratio"]),
-        body_body=Contact(parameters["e_gg"], parameters["mus_gg"], parameters["mur_gg"]),
-        body_wall=Contact(parameters["e_gp"], parameters["mus_gp"], parameters["mur_gp"]),
-        walls=walls_of([plate], cones, rings),
+        walls={"plate": plate, **funnel.walls("wall")},
         time_step_s=heap["time_step_s"],
         lower=(-half, -half, 0.0),
         upper=(half, half, funnel.inlet_height_m + 4.0 * particle.bounding_radius_m),
@@ -238,7 +237,7 @@ def pour(config, parameters, seed, particle, berry, trajectory_interval_s=None, 
             place = free_place(rng, simulation, disc, height)
         if place is None:
             break
-        simulation.add(place, random_quaternion(rng))
+        simulation.add("berry", place, random_quaternion(rng))
     timed_step = max(timed_step, simulation.steps)
     recorder.run_to(timed_step)
     clock = time.perf_counter()

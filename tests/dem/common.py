@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from repose.dem import Contact, Material, Simulation, walls_of
+from repose.dem import Contact, Material, Shape, Simulation
 
 GOJI = Material(4.3e4, 0.32)
 PVC = Material(1.12e9, 0.4)
@@ -11,32 +11,32 @@ BARREL = np.array([[7.399, 0.940, 0.940], [3.171, 4.745, 4.000]]) * 1e-3
 DENSITY = 840.47
 
 
-def ellipsoid_inertia(mass, semi_axes):
-    """Principal moments of a solid ellipsoid."""
-    a, b, c = semi_axes
-    return mass / 5.0 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])
+class OneShape(Simulation):
+    """A simulation of one shape, "body", whose mass is at hand and may be left out when adding."""
+
+    @property
+    def mass_kg(self):
+        return self.shapes["body"].mass_kg
+
+    def add(self, *arguments, **keywords):
+        return super().add("body", *arguments, **keywords)
 
 
 def simulation(semi_axes=BERRY, contact=None, wall_contact=None, walls=None, dt=1e-5, capacity=2, **keywords):
-    """A small simulation without gravity unless asked for."""
+    """A small simulation without gravity unless asked for; walls: named, of material "wall"."""
     axes = np.atleast_2d(semi_axes)
-    whole = axes.sum(axis=0)
-    mass = DENSITY * 4.0 / 3.0 * np.pi * whole.prod()
+    solid = Shape.ellipsoid(axes.sum(axis=0), DENSITY, "body")
     keywords.setdefault("gravity_m_s2", (0.0, 0.0, 0.0))
+    keywords.setdefault("lower", (-0.1, -0.1, -0.1))
+    keywords.setdefault("upper", (0.1, 0.1, 0.1))
     contact = contact or Contact(0.3, 0.5, 0.0)
-    return Simulation(
-        capacity,
-        axes,
-        mass,
-        ellipsoid_inertia(mass, whole),
-        GOJI,
-        PVC,
-        contact,
-        wall_contact or contact,
-        walls or walls_of(),
+    return OneShape(
+        {"body": Shape(axes, solid.mass_kg, solid.inertia_kg_m2, "body")},
+        {"body": GOJI, "wall": PVC},
+        {("body", "body"): contact, ("body", "wall"): wall_contact or contact},
         dt,
-        keywords.pop("lower", (-0.1, -0.1, -0.1)),
-        keywords.pop("upper", (0.1, 0.1, 0.1)),
+        capacity=capacity,
+        walls=walls,
         **keywords,
     )
 

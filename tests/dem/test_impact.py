@@ -2,13 +2,13 @@ import math
 
 import numpy as np
 import pytest
-from dem.common import BERRY, GOJI, PVC, ellipsoid_inertia, random_direction, random_quaternion, simulation
+from dem.common import BERRY, GOJI, PVC, random_direction, random_quaternion, simulation
 
-from repose.dem import Contact, walls_of
+from repose.dem import Contact, Plane, Shape
 from repose.dem.materials import effective_moduli
 
 SPHERE = np.full((1, 3), 0.006)
-FLOOR = walls_of([(0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 1.0)])
+FLOOR = {"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")}
 
 
 def head_on(e, speed=0.5, dt=2e-6, **keywords):
@@ -164,4 +164,4 @@ def test_bodies_and_contacts_refuse_what_makes_no_sense():
 
 
 def test_inertia_of_the_test_bodies():
-    assert ellipsoid_inertia(5.0, (1.0, 1.0, 1.0)) == pytest.approx([2.0, 2.0, 2.0])
+    assert Shape.sphere(1.0, 3.0 / (4.0 * math.pi), "x").inertia_kg_m2 == pytest.approx([0.4, 0.4, 0.4])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from dem.common import BERRY, random_quaternion, simulation
 
-from repose.dem import Contact, walls_of
+from repose.dem import Contact, Plane
 from repose.dem import state as st
 from repose.dem.contact import solve_gap
 
@@ -25,7 +25,11 @@ def slow_contacts(s):
 @pytest.mark.parametrize("seed", [1, 2])
 def test_the_contact_list_is_that_of_all_pairs_at_every_moment(seed):
     rng = np.random.default_rng(seed)
-    walls = walls_of([(0, 0, 0, 0, 0, -1, 1.0), (0.04, 0, 0, 1, 0, 0, 1.0), (-0.04, 0, 0, -1, 0, 0, 1.0)])
+    walls = {
+        "floor": Plane((0, 0, 0), (0, 0, 1), "wall"),
+        "right": Plane((0.04, 0, 0), (-1, 0, 0), "wall"),
+        "left": Plane((-0.04, 0, 0), (1, 0, 0), "wall"),
+    }
     n = 60
     s = simulation(
         BERRY, Contact(0.3, 0.5, 0.05), walls=walls, gravity_m_s2=(0, 0, -9.81), dt=2e-4, capacity=n,

@@ -5,7 +5,7 @@ import pytest
 from dem.common import BERRY, random_quaternion, simulation
 from oracles import circle_distance, cone_gap
 
-from repose.dem import Contact, walls_of
+from repose.dem import Contact, Plane
 from repose.dem import state as st
 from repose.scenes import Funnel
 
@@ -15,12 +15,11 @@ TUBED = Funnel(0.15, 0.032, 60.0, 0.02, 0.001, 0.1)
 
 def funnel_simulation(contact, funnel=FUNNEL, gravity=(0.0, 0.0, 0.0), dt=2e-5, **keywords):
     """One berry in a funnel without a plate."""
-    cones, rings = funnel.walls()
     return simulation(
         BERRY,
         contact,
         contact,
-        walls_of((), cones, rings),
+        funnel.walls("wall"),
         dt,
         capacity=1,
         gravity_m_s2=gravity,
@@ -33,7 +32,7 @@ def funnel_simulation(contact, funnel=FUNNEL, gravity=(0.0, 0.0, 0.0), dt=2e-5, 
 
 
 def test_the_funnel_has_the_dimensions_asked_for():
-    cone = FUNNEL.walls()[0][0]
+    cone = FUNNEL.walls("wall")["cone"].row()
     normal_r, normal_z, offset, lowest, highest = cone[:5]
 
     def radius_at(along):
@@ -45,7 +44,7 @@ def test_the_funnel_has_the_dimensions_asked_for():
     assert top_z == pytest.approx(FUNNEL.inlet_height_m)
     low_r, low_z = radius_at(lowest)
     # the cone ends where it meets the rounded edge, whose innermost circle is the outlet
-    ring = FUNNEL.walls()[1][0]
+    ring = FUNNEL.walls("wall")["outlet"].row()
     assert math.hypot(ring[0] - low_r, ring[1] - low_z) == pytest.approx(0.001)
     assert ring[0] - 0.001 == pytest.approx(0.016)
     assert (top_z - low_z) / (top_r - low_r) == pytest.approx(math.tan(math.radians(60.0)))
@@ -61,7 +60,7 @@ def settle_contacts(s, place, q):
 
 def test_cone_contacts_are_found_where_a_dense_search_finds_them():
     rng = np.random.default_rng(11)
-    cone = FUNNEL.walls()[0][0]
+    cone = FUNNEL.walls("wall")["cone"].row()
     touched = 0
     for _ in range(400):
         q = random_quaternion(rng)
@@ -84,7 +83,7 @@ def test_cone_contacts_are_found_where_a_dense_search_finds_them():
 
 def test_ring_contacts_are_found_where_a_dense_search_finds_them():
     rng = np.random.default_rng(12)
-    ring = FUNNEL.walls()[1][0]
+    ring = FUNNEL.walls("wall")["outlet"].row()
     up = np.array(ring[3:5])
     checked = 0
     for _ in range(150):
@@ -143,7 +142,7 @@ def test_a_berry_outside_the_funnel_is_not_touched_by_it():
 
 def test_no_berry_passes_through_the_cone():
     rng = np.random.default_rng(14)
-    cone = FUNNEL.walls()[0][0]
+    cone = FUNNEL.walls("wall")["cone"].row()
     for _ in range(100):
         s = funnel_simulation(Contact(0.3, 0.5, 0.05), gravity=(0.0, 0.0, -9.81), dt=2e-4)
         r, angle = 0.06 * math.sqrt(rng.random()), rng.uniform(0, 2 * math.pi)
@@ -160,7 +159,7 @@ def test_no_berry_passes_through_the_cone():
 
 
 def test_a_disc_holds_what_is_over_it_and_nothing_else():
-    walls = walls_of([(0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.05)])
+    walls = {"disc": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", radius_m=0.05)}
     s = simulation(
         BERRY, Contact(0.3, 0.5, 0.3), walls=walls, gravity_m_s2=(0, 0, -9.81), dt=1e-4, floor_height_m=-0.05
     )

@@ -1,6 +1,19 @@
 """The discrete element engine: shapes, contacts, walls and time; it knows nothing of calibration."""
 
 from .materials import Contact, Material
-from .simulation import Simulation, rotation_matrix, walls_of
+from .shapes import Shape
+from .simulation import Simulation, rotation_matrix
+from .surfaces import Cone, Cylinder, Motion, Plane, RingEdge
 
-__all__ = ["Contact", "Material", "Simulation", "rotation_matrix", "walls_of"]
+__all__ = [
+    "Cone",
+    "Contact",
+    "Cylinder",
+    "Material",
+    "Motion",
+    "Plane",
+    "RingEdge",
+    "Shape",
+    "Simulation",
+    "rotation_matrix",
+]

@@ -2,6 +2,7 @@
 
 from . import state as st
 from . import tile as tl
+from .frames import move_plane_contacts, move_walls, surface_velocity
 from .jit import inlined, kernel
 from .neighbours import add_dormant, drop_contact, update_pairs
 from .rigid import integrate, take_away
@@ -10,11 +11,8 @@ from .walls import (
     SAME_AZIMUTH,
     angle_between,
     azimuth,
-    climb_cone,
-    cone_contact,
     drop_wall_contact,
-    ring_contact,
-    ring_newton,
+    follow_wall,
     update_walls,
 )
 
@@ -57,14 +55,25 @@ def mute_lane(t, lane):
         t[tl.TO_B + c * L + lane] = 0.0
 
 
+@inlined
+def lane_law(t, lane, law):
+    """Give one lane its force law."""
+    for c in range(tl.LAW_ROWS):
+        t[tl.LAW + c * L + lane] = law[c]
+
+
 @kernel
 def pair_forces(bodies, pairs, grid, counts, physics, t, ghost):
     """Forces of all touching pairs; pairs that parted go dormant."""
     n = counts[st.N_PAIRS]
     ended = 0
-    tl.fill_law(t, physics.law_pair)
+    tl.fill_law(t, physics.laws[0, 0])
     for base in range(0, n, L):
         contacts = pairs.data[base // L]
+        if physics.mixed_pairs:
+            for lane in range(L):
+                k = base + lane
+                lane_law(t, lane, physics.laws[bodies.kind[pairs.first[k]], bodies.kind[pairs.second[k]]])
         gather(bodies.rows, pairs.first, base, t, tl.A)
         gather(bodies.rows, pairs.second, base, t, tl.B)
         tl.tangent_rows(t, contacts)
@@ -96,15 +105,36 @@ def still_wall(t):
 
 
 @inlined
-def look_soon(bodies, contacts, wall, i, gap):
-    """Ask for a new look at a body and a wall when the body may have closed a gap."""
-    limit = bodies.odometer[i] + max(gap, 0.0)
+def wall_tile(bodies, contacts, walls, physics, first_wall, base, n, t):
+    """Law and motion of the walls of a tile of contacts; `first_wall`: number of wall 0 of this kind of contacts."""
+    if not (physics.mixed_walls or walls.creep[2] > 0.0):
+        return
+    for lane in range(L):
+        k = base + lane
+        vx = vy = vz = 0.0
+        if k < n:
+            wall = first_wall + contacts.wall[k]
+            if physics.mixed_walls:
+                lane_law(t, lane, physics.laws[bodies.kind[contacts.body[k]], walls.material[wall]])
+            x = t[tl.A + lane] + t[tl.RA + lane]
+            y = t[tl.A + L + lane] + t[tl.RA + L + lane]
+            z = t[tl.A + 2 * L + lane] + t[tl.RA + 2 * L + lane]
+            vx, vy, vz = surface_velocity(walls.motion[wall], x, y, z)
+        t[tl.B + st.VELOCITY * L + lane] = vx
+        t[tl.B + (st.VELOCITY + 1) * L + lane] = vy
+        t[tl.B + (st.VELOCITY + 2) * L + lane] = vz
+
+
+@inlined
+def look_soon(bodies, contacts, walls, wall, i, gap):
+    """Ask for a new look at a body and a wall when the two may have closed a gap."""
+    limit = bodies.odometer[i] + walls.creep[0] + max(gap, 0.0)
     contacts.limit[wall, i] = limit
     bodies.alarm[i] = min(bodies.alarm[i], limit)
 
 
 @kernel
-def plane_forces(bodies, flat, counts, physics, t, ghost):
+def plane_forces(bodies, flat, walls, counts, physics, t, ghost):
     """Forces of all contacts with planes."""
     n = counts[st.N_PLANE]
     ended = 0
@@ -114,6 +144,7 @@ def plane_forces(bodies, flat, counts, physics, t, ghost):
         tl.tangent_rows(t, contacts)
         tl.body_a(t, contacts, physics.parts)
         tl.plane_geometry(t, contacts)
+        wall_tile(bodies, flat, walls, physics, 0, base, n, t)
         tl.forces(t, contacts, physics.dt, physics.tension)
         if tl.open_lanes(t) > 0:
             for lane in range(min(L, n - base)):
@@ -121,31 +152,14 @@ def plane_forces(bodies, flat, counts, physics, t, ghost):
                 if gap > 0.0:
                     k = base + lane
                     mute_lane(t, lane)
-                    look_soon(bodies, flat, flat.wall[k], flat.body[k], gap if gap < tl.BEYOND else 0.0)
+                    look_soon(
+                        bodies, flat, walls, flat.wall[k], flat.body[k], gap if gap < tl.BEYOND else 0.0
+                    )
                     flat.ended[ended] = k
                     ended += 1
         scatter(bodies.load, flat.body, base, t, tl.TO_A)
     for e in range(ended - 1, -1, -1):
         drop_wall_contact(flat, counts, st.N_PLANE, flat.ended[e], ghost)
-
-
-@inlined
-def follow_wall(parts, row, walls, wall, contacts, lane, out):
-    """Track a contact with a cone or ring through one step; returns whether it lies on the wall."""
-    n_cones = walls.cones.shape[0]
-    theta = contacts[st.AZIMUTH + lane]
-    if wall < n_cones:
-        cone = walls.cones[wall]
-        for _ in range(2):
-            theta = climb_cone(row, parts, cone, theta)
-        contacts[st.AZIMUTH + lane] = theta
-        return cone_contact(row, parts, cone, theta, out)
-    ring = walls.rings[wall - n_cones]
-    nx, ny, nz = contacts[tl.N + lane], contacts[tl.N + L + lane], contacts[tl.N + 2 * L + lane]
-    for _ in range(2):
-        theta, nx, ny, nz, _f, _step = ring_newton(row, parts, ring, theta, nx, ny, nz)
-    contacts[st.AZIMUTH + lane] = theta
-    return ring_contact(row, parts, ring, theta, nx, ny, nz, out)
 
 
 @inlined
@@ -160,7 +174,7 @@ def is_double(contacts, k):
 
 
 @kernel
-def curved_forces(bodies, curved, walls, counts, physics, t, out, ghost):
+def curved_forces(bodies, curved, walls, counts, physics, t, out, local, ghost):
     """Forces of all contacts with cones, tubes and rings."""
     n = counts[st.N_CURVED]
     ended = 0
@@ -171,7 +185,7 @@ def curved_forces(bodies, curved, walls, counts, physics, t, out, ghost):
         for lane in range(lanes):
             k = base + lane
             row = bodies.rows[curved.body[k]]
-            on_wall = follow_wall(physics.parts, row, walls, curved.wall[k], contacts, lane, out)
+            on_wall = follow_wall(physics.parts, row, walls, curved.wall[k], contacts, lane, out, local)
             for c in range(3):
                 contacts[tl.N + c * L + lane] = out[c]
                 t[tl.RA + c * L + lane] = out[5 + c]
@@ -181,11 +195,12 @@ def curved_forces(bodies, curved, walls, counts, physics, t, out, ghost):
                 curved.ended[ended] = k
                 ended += 1
                 t[tl.GAP + lane] = 1.0
+        wall_tile(bodies, curved, walls, physics, walls.planes.shape[0], base, n, t)
         tl.forces(t, contacts, physics.dt, physics.tension)
         for lane in range(lanes):
             if t[tl.GAP + lane] > 0.0:
                 mute_lane(t, lane)
-                look_soon(bodies, curved, curved.wall[base + lane], curved.body[base + lane], 0.0)
+                look_soon(bodies, curved, walls, curved.wall[base + lane], curved.body[base + lane], 0.0)
         scatter(bodies.load, curved.body, base, t, tl.TO_A)
     for e in range(ended - 1, -1, -1):
         drop_wall_contact(curved, counts, st.N_CURVED, curved.ended[e], ghost)
@@ -219,7 +234,9 @@ def advance(bodies, pairs, flat, curved, grid, walls, counts, physics, t, bodies
     ghost = grid.cell.shape[0]
     normal = scratch[0:3]
     out = scratch[8:16]
-    profile = scratch[16:]
+    local = scratch[16:48]
+    profile = scratch[48:]
+    parts = physics.parts
     for step in range(steps):
         if (
             counts[st.N_PAIRS] * 4 > pairs.first.shape[0] * 3
@@ -230,13 +247,16 @@ def advance(bodies, pairs, flat, curved, grid, walls, counts, physics, t, bodies
             return step
         if counts[st.N_GONE] > 0:
             drop_gone(bodies, pairs, flat, curved, counts, grid, ghost)
-        update_pairs(bodies, pairs, counts, grid, physics.parts, normal)
-        update_walls(bodies, flat, curved, walls, counts, physics.parts, physics.funnel_floor, profile, out)
+        if walls.creep[2] > 0.0:
+            move_walls(walls, physics.dt)
+            move_plane_contacts(flat, walls, counts[st.N_PLANE])
+        update_pairs(bodies, pairs, counts, grid, parts, normal)
+        update_walls(bodies, flat, curved, walls, counts, parts, physics.funnel_floor, profile, out, local)
         pair_forces(bodies, pairs, grid, counts, physics, t, ghost)
         still_wall(t)
-        tl.fill_law(t, physics.law_wall)
-        plane_forces(bodies, flat, counts, physics, t, ghost)
-        curved_forces(bodies, curved, walls, counts, physics, t, out, ghost)
+        tl.fill_law(t, physics.laws[0, physics.laws.shape[0] - 1])
+        plane_forces(bodies, flat, walls, counts, physics, t, ghost)
+        curved_forces(bodies, curved, walls, counts, physics, t, out, local, ghost)
         counts[st.STEPS] += 1
         integrate(bodies, grid, counts, physics, counts[st.STEPS] * physics.dt, bodies_tile)
     return steps

@@ -21,7 +21,9 @@ LOAD = 32 * L
 PATH = 40 * L  # how far the farthest point of the body may have moved
 BEFORE = 41 * L  # height before the step
 RESPONSE = 42 * L  # inverse inertia (world) as xx, xy, xz, yy, yz, zz
-TILE_ROWS = 48
+INERTIA = 48 * L  # inertia (world), likewise
+MOMENTS = 54 * L  # principal moments
+TILE_ROWS = 57
 
 SLOWEST = 1e-150  # angular speed below which the direction of a rotation means nothing [rad/s]
 
@@ -38,8 +40,8 @@ def turned(qw, qx, qy, qz, ox, oy, oz, half):
 
 
 @inlined
-def rotated_diagonal(m, at, c, diagonal):
-    """R diag(a, b, d) R' of each lane's body as rows xx, xy, xz, yy, yz, zz; R of its quaternion."""
+def rotated_diagonal(m, at, c, d, diagonal):
+    """R diag(a1, a2, a3) R' of each lane's body as rows xx, xy, xz, yy, yz, zz; R of its quaternion."""
     for k in range(L):
         qw, qx, qy, qz = (
             c[QUATERNION + k],
@@ -47,7 +49,7 @@ def rotated_diagonal(m, at, c, diagonal):
             c[QUATERNION + 2 * L + k],
             c[QUATERNION + 3 * L + k],
         )
-        a, b, d = c[diagonal + k], c[diagonal + L + k], c[diagonal + 2 * L + k]
+        a1, a2, a3 = d[diagonal + k], d[diagonal + L + k], d[diagonal + 2 * L + k]
         xx = 1.0 - 2.0 * (qy * qy + qz * qz)
         xy = 2.0 * (qx * qy - qw * qz)
         xz = 2.0 * (qx * qz + qw * qy)
@@ -57,12 +59,12 @@ def rotated_diagonal(m, at, c, diagonal):
         zx = 2.0 * (qx * qz - qw * qy)
         zy = 2.0 * (qy * qz + qw * qx)
         zz = 1.0 - 2.0 * (qx * qx + qy * qy)
-        m[at + k] = a * xx * xx + b * xy * xy + d * xz * xz
-        m[at + L + k] = a * xx * yx + b * xy * yy + d * xz * yz
-        m[at + 2 * L + k] = a * xx * zx + b * xy * zy + d * xz * zz
-        m[at + 3 * L + k] = a * yx * yx + b * yy * yy + d * yz * yz
-        m[at + 4 * L + k] = a * yx * zx + b * yy * zy + d * yz * zz
-        m[at + 5 * L + k] = a * zx * zx + b * zy * zy + d * zz * zz
+        m[at + k] = a1 * xx * xx + a2 * xy * xy + a3 * xz * xz
+        m[at + L + k] = a1 * xx * yx + a2 * xy * yy + a3 * xz * yz
+        m[at + 2 * L + k] = a1 * xx * zx + a2 * xy * zy + a3 * xz * zz
+        m[at + 3 * L + k] = a1 * yx * yx + a2 * yy * yy + a3 * yz * yz
+        m[at + 4 * L + k] = a1 * yx * zx + a2 * yy * zy + a3 * yz * zz
+        m[at + 5 * L + k] = a1 * zx * zx + a2 * zy * zy + a3 * zz * zz
 
 
 @inlined
@@ -150,6 +152,39 @@ def resist_lanes(m, c, dt):
 
 
 @kernel
+def resist_in_frame(m, c, dt, fx, fy, fz):
+    """Rolling resistance against the rotation relative to a frame that turns with (fx, fy, fz); see `resist_lanes`.
+
+    A body whose budget outweighs that rotation turns with the frame.
+    """
+    for k in range(L):
+        lx, ly, lz = c[SPIN + k], c[SPIN + L + k], c[SPIN + 2 * L + k]
+        ox, oy, oz = respond(m, k, lx, ly, lz)
+        dx, dy, dz = ox - fx, oy - fy, oz - fz
+        speed = math.sqrt(dx * dx + dy * dy + dz * dz)
+        budget = dt * m[LOAD + st.ROLL * L + k] / max(speed, SLOWEST)
+        bx, by, bz = budget * dx, budget * dy, budget * dz
+        rx, ry, rz = respond(m, k, bx, by, bz)
+        turns = dx * rx + dy * ry + dz * rz < speed * speed
+        xx, xy, xz = m[INERTIA + k], m[INERTIA + L + k], m[INERTIA + 2 * L + k]
+        yy, yz, zz = m[INERTIA + 3 * L + k], m[INERTIA + 4 * L + k], m[INERTIA + 5 * L + k]
+        c[SPIN + k] = lx - bx if turns else xx * fx + xy * fy + xz * fz
+        c[SPIN + L + k] = ly - by if turns else xy * fx + yy * fy + yz * fz
+        c[SPIN + 2 * L + k] = lz - bz if turns else xz * fx + yz * fy + zz * fz
+        m[OMEGA + k] = ox - rx if turns else fx
+        m[OMEGA + L + k] = oy - ry if turns else fy
+        m[OMEGA + 2 * L + k] = oz - rz if turns else fz
+
+
+@kernel
+def moments(m, c):
+    """Inertia (world) of the bodies of a tile as they are turned now."""
+    for k in range(3 * L):
+        m[MOMENTS + k] = 1.0 / max(c[MOBILITY + k], SLOWEST)
+    rotated_diagonal(m, INERTIA, c, m, MOMENTS)
+
+
+@kernel
 def turn_lanes(m, c, dt):
     """Turn each lane's body with the angular velocity at the middle of the step.
 
@@ -189,23 +224,34 @@ def turn_lanes(m, c, dt):
 @kernel
 def inertia_lanes(m, c):
     """The inverse inertia of the bodies of a tile as they are turned now."""
-    rotated_diagonal(m, RESPONSE, c, MOBILITY)
+    rotated_diagonal(m, RESPONSE, c, c, MOBILITY)
 
 
 @kernel
 def shape_lanes(m, c, parts):
     """The shapes of the bodies of a tile as they are turned now."""
-    rotated_diagonal(m, ROWS + SHAPE * L, c, SQUARES)
+    rotated_diagonal(m, ROWS + SHAPE * L, c, c, SQUARES)
     if parts > 1:
-        rotated_diagonal(m, ROWS + (SHAPE + PART) * L, c, SQUARES + 3 * L)
+        rotated_diagonal(m, ROWS + (SHAPE + PART) * L, c, c, SQUARES + 3 * L)
     if parts > 2:
-        rotated_diagonal(m, ROWS + (SHAPE + 2 * PART) * L, c, SQUARES + 6 * L)
+        rotated_diagonal(m, ROWS + (SHAPE + 2 * PART) * L, c, c, SQUARES + 6 * L)
 
 
 @inlined
-def rotate_lanes(m, c, dt, parts):
-    """Turn the bodies of a tile by one time step, what stands still at little cost; returns whether any turns."""
-    if twist_lanes(m, c, dt) == 0:
+def rotate_lanes(m, c, dt, parts, fx, fy, fz):
+    """Turn the bodies of a tile by one time step, what stands still at little cost; returns whether any turns.
+
+    (fx, fy, fz): angular velocity of the frame against which rolling is resisted.
+    """
+    twisted = twist_lanes(m, c, dt)
+    if fx != 0.0 or fy != 0.0 or fz != 0.0:
+        inertia_lanes(m, c)
+        moments(m, c)
+        resist_in_frame(m, c, dt, fx, fy, fz)
+        turn_lanes(m, c, dt)
+        shape_lanes(m, c, parts)
+        return True
+    if twisted == 0:
         stop_lanes(m, c)
         return False
     inertia_lanes(m, c)
@@ -251,6 +297,7 @@ def integrate(bodies, grid, counts, physics, time, m):
     """Advance every body by one time step and clear its load; m: scratch tile of TILE_ROWS x LANES."""
     dt = physics.dt
     gx, gy, gz = physics.gravity[0], physics.gravity[1], physics.gravity[2]
+    fx, fy, fz = physics.rolling_frame[0], physics.rolling_frame[1], physics.rolling_frame[2]
     columns = bodies.rows.shape[1]
     n = counts[st.N_BODIES]
     for base in range(0, n, L):
@@ -264,7 +311,7 @@ def integrate(bodies, grid, counts, physics, time, m):
             rows_to_lanes(bodies.load, 0, bodies.every, base + k, m, LOAD + k, L)
         bodies.load[base : base + L] = 0.0
         move_lanes(m, gx, gy, gz, dt)
-        turns = rotate_lanes(m, c, dt, physics.parts)
+        turns = rotate_lanes(m, c, dt, physics.parts, fx, fy, fz)
         end = columns if turns else begin
         bodies.resting[tile] = 0 if turns else 1
         for k in range(0, L, WIDTH):

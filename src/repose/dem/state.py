@@ -26,10 +26,11 @@ NORMAL, SPRING, AZIMUTH, OFFSET, MIDDLE, RADIUS2 = (k * LANES for k in (0, 3, 6,
 
 # Slots of `counts`.
 N_BODIES, N_PAIRS, N_DORMANT, N_PLANE, N_CURVED, N_MOVED, STEPS, FULL, N_GONE = range(9)
+COUNTS = 9
 
 ABSENT, PRESENT, GONE = 0, 1, 2
 
-Bodies = namedtuple("Bodies", "rows load motion odometer alarm presence passed exit_time every resting")
+Bodies = namedtuple("Bodies", "rows load motion odometer alarm presence passed exit_time every resting kind")
 Grid = namedtuple(
     "Grid", "cell following preceding head moved moved_list chain mark touching dormant shape origin lengths"
 )
@@ -38,11 +39,17 @@ Pairs = namedtuple(
     "first second data dormant_first dormant_second dormant_limit dormant_normal ended partner link",
 )
 WallContacts = namedtuple("WallContacts", "body wall data limit ended")
-Walls = namedtuple("Walls", "planes cones rings")
+Walls = namedtuple("Walls", "planes cones rings frames turned motion moves material creep")
 Physics = namedtuple(
-    "Physics", "parts gravity law_pair law_wall dt tension exit_height funnel_floor floor_height"
+    "Physics",
+    "parts gravity laws mixed_pairs mixed_walls dt tension rolling_frame exit_height funnel_floor floor_height",
 )
 
+# Walls are numbered planes first, then cones, then rings; cones and rings together are the curved walls.
+# Walls.frames (curved, 12): origin and rotation, frame to world; turned: whether that is more than nothing. motion
+# (walls, 9): velocity, angular velocity, pivot. moves: whether it is more than nothing. material: of each wall, as
+# bodies.kind. creep: how far any wall may have come nearer up to now, how fast the fastest comes [m, m/s], whether any
+# moves.
 # Columns of Walls.planes: point (3), normal from the inside into the wall (3), radius of the disc.
 # Columns of Walls.cones: m_r, m_z (normal into the wall), offset k, s_min, s_max, e_r, e_z (up along the wall), radius.
 # Columns of Walls.rings: core radius, height, edge radius, two gates (g_r, g_z) that the normal must not oppose.
@@ -80,6 +87,7 @@ def new_bodies(n, parts):
         exit_time=np.full(padded, np.nan),
         every=np.arange(padded, dtype=np.uint32),
         resting=np.zeros(padded // LANES, np.uint8),
+        kind=np.zeros(padded, np.uint8),
     )
 
 

@@ -6,7 +6,7 @@ narrow tube has two maxima and then two contacts. The edge at the end of a cone 
 tangent to the cone. Which of the two a body touches is decided by the point projected onto the wall, so force and
 overlap pass continuously from one to the other and no band is left without a contact.
 
-The axis of cones and rings is the z axis.
+Cones and rings are solved in their own frame, whose z axis is theirs (`frames`).
 """
 
 import math
@@ -15,6 +15,7 @@ import numpy as np
 
 from . import state as st
 from .contact import LONGEST_STEP
+from .frames import into_frame, row_in_frame, turn_place, write_plane
 from .geometry import extent, support_terms, tangents
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
@@ -277,11 +278,13 @@ def drop_wall_contact(contacts, counts, slot, k, ghost):
 
 
 @inlined
-def look_again(contacts, counts, body, wall, theta, on_wall, radius, out):
+def look_again(contacts, counts, walls, body, wall, theta, on_wall, radius, out):
     """Add a contact that is found and new; returns how far the body may move before the next look."""
     if not on_wall or out[3] < -DEEPEST_NEW * radius:
         return NEXT_LOOK_BEYOND * radius
     if not known(contacts, counts[st.N_CURVED], body, wall, theta):
+        if walls.turned[wall]:
+            turn_place(walls.frames[wall], out, 0)
         k = add_wall_contact(contacts, counts, st.N_CURVED, body, wall, out)
         if k >= 0:
             contacts.data[k // st.LANES, st.AZIMUTH + k % st.LANES] = theta
@@ -289,9 +292,9 @@ def look_again(contacts, counts, body, wall, theta, on_wall, radius, out):
 
 
 @kernel
-def search_cone(bodies, contacts, counts, parts, cone, wall, i, radius, profile, out):
+def search_cone(row, contacts, counts, parts, walls, wall, i, radius, profile, out):
     """Look for contacts of body i with a cone; returns how far it may move before the next look."""
-    row = bodies.rows[i]
+    cone = walls.cones[wall]
     step = 2.0 * math.pi / STARTS
     for s in range(STARTS):
         nx, ny = cone[0] * COSINES[s], cone[0] * SINES[s]
@@ -309,14 +312,14 @@ def search_cone(bodies, contacts, counts, parts, cone, wall, i, radius, profile,
         if out[3] > 0.0:
             nearest = min(nearest, out[3])
         else:
-            nearest = min(nearest, look_again(contacts, counts, i, wall, theta, inside, radius, out))
+            nearest = min(nearest, look_again(contacts, counts, walls, i, wall, theta, inside, radius, out))
     return nearest if nearest < 1e300 else 0.0
 
 
 @kernel
-def search_ring(bodies, contacts, counts, parts, ring, wall, i, radius, profile, out):
+def search_ring(row, contacts, counts, parts, walls, wall, i, radius, profile, out):
     """Look for contacts of body i with a ring edge; returns how far it may move before the next look."""
-    row = bodies.rows[i]
+    ring = walls.rings[wall - walls.cones.shape[0]]
     axial = abs(row[2] - ring[1])
     radial = abs(math.sqrt(row[0] * row[0] + row[1] * row[1]) - ring[0])
     clear = math.sqrt(axial * axial + radial * radial) - ring[2] - radius
@@ -337,7 +340,7 @@ def search_ring(bodies, contacts, counts, parts, ring, wall, i, radius, profile,
         if out[3] > 0.0:
             nearest = min(nearest, out[3])
         else:
-            nearest = min(nearest, look_again(contacts, counts, i, wall, theta, exposed, radius, out))
+            nearest = min(nearest, look_again(contacts, counts, walls, i, wall, theta, exposed, radius, out))
     return nearest if nearest < 1e300 else 0.0
 
 
@@ -357,51 +360,87 @@ def search_plane(bodies, contacts, counts, parts, plane, wall, i, out):
     out[0], out[1], out[2] = nx, ny, nz
     k = add_wall_contact(contacts, counts, st.N_PLANE, i, wall, out)
     if k >= 0:
-        tile = contacts.data[k // st.LANES]
-        tile[st.OFFSET + k % st.LANES] = nx * plane[0] + ny * plane[1] + nz * plane[2]
-        for c in range(3):
-            tile[st.MIDDLE + c * st.LANES + k % st.LANES] = plane[c]
-        tile[st.RADIUS2 + k % st.LANES] = plane[6] * plane[6]
+        write_plane(contacts.data[k // st.LANES], k % st.LANES, plane)
     return 1e300
 
 
+@inlined
+def seen_from(walls, wall, row, parts, local):
+    """A body's row in the frame of a curved wall: itself where the frame is the world, else written to `local`."""
+    if walls.turned[wall]:
+        row_in_frame(row, parts, walls.frames[wall], local)
+        return local
+    return row
+
+
 @kernel
-def look_at_walls(bodies, flat, curved, walls, counts, parts, i, lowest, profile, out):
-    """Find new contacts of body i with walls; returns the odometer reading that calls for the next look."""
+def look_at_walls(bodies, flat, curved, walls, counts, parts, i, reading, lowest, profile, out, local):
+    """Find new contacts of body i with walls; returns the reading that calls for the next look."""
     n_cones = walls.cones.shape[0]
-    odometer = bodies.odometer[i]
     radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
     alarm = math.inf
     for w in range(walls.planes.shape[0]):
-        if odometer >= flat.limit[w, i]:
-            flat.limit[w, i] = odometer + search_plane(
-                bodies, flat, counts, parts, walls.planes[w], w, i, out
-            )
+        if reading >= flat.limit[w, i]:
+            flat.limit[w, i] = reading + search_plane(bodies, flat, counts, parts, walls.planes[w], w, i, out)
         alarm = min(alarm, flat.limit[w, i])
     if bodies.rows[i, 2] + radius < lowest:
         bodies.passed[i] = 1
     if bodies.passed[i]:
         return alarm
-    for w in range(n_cones):
-        if odometer >= curved.limit[w, i]:
-            curved.limit[w, i] = odometer + search_cone(
-                bodies, curved, counts, parts, walls.cones[w], w, i, radius, profile, out
-            )
-        alarm = min(alarm, curved.limit[w, i])
-    for w in range(n_cones, n_cones + walls.rings.shape[0]):
-        if odometer >= curved.limit[w, i]:
-            curved.limit[w, i] = odometer + search_ring(
-                bodies, curved, counts, parts, walls.rings[w - n_cones], w, i, radius, profile, out
-            )
+    for w in range(n_cones + walls.rings.shape[0]):
+        if reading >= curved.limit[w, i]:
+            row = seen_from(walls, w, bodies.rows[i], parts, local)
+            if w < n_cones:
+                free = search_cone(row, curved, counts, parts, walls, w, i, radius, profile, out)
+            else:
+                free = search_ring(row, curved, counts, parts, walls, w, i, radius, profile, out)
+            curved.limit[w, i] = reading + free
         alarm = min(alarm, curved.limit[w, i])
     return alarm
 
 
 @kernel
-def update_walls(bodies, flat, curved, walls, counts, parts, lowest, profile, out):
-    """Find new contacts with walls. `lowest`: height below which a body has left the funnel for good."""
+def update_walls(bodies, flat, curved, walls, counts, parts, lowest, profile, out, local):
+    """Find new contacts with walls. `lowest`: height below which a body has left the funnel for good.
+
+    What counts for a look is how far a body may have moved, and the walls with it.
+    """
     odometer = bodies.odometer
     alarm = bodies.alarm
+    creep = walls.creep[0]
     for i in range(counts[st.N_BODIES]):
-        if odometer[i] >= alarm[i]:
-            alarm[i] = look_at_walls(bodies, flat, curved, walls, counts, parts, i, lowest, profile, out)
+        if odometer[i] + creep >= alarm[i]:
+            reading = odometer[i] + creep
+            alarm[i] = look_at_walls(
+                bodies, flat, curved, walls, counts, parts, i, reading, lowest, profile, out, local
+            )
+
+
+@inlined
+def follow_wall(parts, body, walls, wall, contacts, lane, out, local):
+    """Track a contact with a cone or ring through one step; returns whether it lies on the wall.
+
+    `out` and the contact's normal are in the world, the azimuth in the frame of the wall.
+    """
+    n_cones = walls.cones.shape[0]
+    theta = contacts[st.AZIMUTH + lane]
+    row = seen_from(walls, wall, body, parts, local)
+    if wall < n_cones:
+        cone = walls.cones[wall]
+        for _ in range(2):
+            theta = climb_cone(row, parts, cone, theta)
+        on_wall = cone_contact(row, parts, cone, theta, out)
+    else:
+        ring = walls.rings[wall - n_cones]
+        n = st.NORMAL + lane
+        nx, ny, nz = contacts[n], contacts[n + st.LANES], contacts[n + 2 * st.LANES]
+        if walls.turned[wall]:
+            nx, ny, nz = into_frame(walls.frames[wall], nx, ny, nz)
+        for _ in range(2):
+            theta, nx, ny, nz, _f, _step = ring_newton(row, parts, ring, theta, nx, ny, nz)
+        on_wall = ring_contact(row, parts, ring, theta, nx, ny, nz, out)
+    contacts[st.AZIMUTH + lane] = theta
+    if walls.turned[wall]:
+        turn_place(walls.frames[wall], out, 0)
+        turn_place(walls.frames[wall], out, 5)
+    return on_wall

@@ -1,0 +1,127 @@
+"""Walls that lie anywhere and move: their frames, and the velocity of their surface."""
+
+import math
+
+from . import state as st
+from .jit import inlined, kernel
+from .state import PART, POSITION, SHAPE
+
+
+@inlined
+def into_frame(frame, x, y, z):
+    """Turn a world vector into a frame (12,), origin left out."""
+    return (
+        frame[3] * x + frame[6] * y + frame[9] * z,
+        frame[4] * x + frame[7] * y + frame[10] * z,
+        frame[5] * x + frame[8] * y + frame[11] * z,
+    )
+
+
+@inlined
+def out_of_frame(frame, x, y, z):
+    """Turn a vector of a frame (12,) into the world, origin left out."""
+    return (
+        frame[3] * x + frame[4] * y + frame[5] * z,
+        frame[6] * x + frame[7] * y + frame[8] * z,
+        frame[9] * x + frame[10] * y + frame[11] * z,
+    )
+
+
+@inlined
+def turn_place(frame, values, at):
+    """Turn three numbers of an array from a frame into the world, in place."""
+    values[at], values[at + 1], values[at + 2] = out_of_frame(
+        frame, values[at], values[at + 1], values[at + 2]
+    )
+
+
+@kernel
+def row_in_frame(row, parts, frame, local):
+    """Position and shape of a body as seen from a frame, written to `local` (a row)."""
+    x, y, z = into_frame(frame, row[0] - frame[0], row[1] - frame[1], row[2] - frame[2])
+    local[POSITION] = x
+    local[POSITION + 1] = y
+    local[POSITION + 2] = z
+    for part in range(parts):
+        s = SHAPE + PART * part
+        # the columns of S, each into the frame; then the rows
+        ax, ay, az = into_frame(frame, row[s], row[s + 1], row[s + 2])
+        bx, by, bz = into_frame(frame, row[s + 1], row[s + 3], row[s + 4])
+        cx, cy, cz = into_frame(frame, row[s + 2], row[s + 4], row[s + 5])
+        local[s], local[s + 1], local[s + 2] = into_frame(frame, ax, bx, cx)
+        _xy, local[s + 3], local[s + 4] = into_frame(frame, ay, by, cy)
+        _xz, _yz, local[s + 5] = into_frame(frame, az, bz, cz)
+
+
+@inlined
+def surface_velocity(motion, x, y, z):
+    """Velocity of a moving wall (9,) at a place."""
+    rx, ry, rz = x - motion[6], y - motion[7], z - motion[8]
+    return (
+        motion[0] + motion[4] * rz - motion[5] * ry,
+        motion[1] + motion[5] * rx - motion[3] * rz,
+        motion[2] + motion[3] * ry - motion[4] * rx,
+    )
+
+
+@inlined
+def turned_by(angle, ux, uy, uz, x, y, z):
+    """A vector after turning by an angle about a unit axis (Rodrigues)."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    along = (ux * x + uy * y + uz * z) * (1.0 - cos)
+    return (
+        x * cos + (uy * z - uz * y) * sin + ux * along,
+        y * cos + (uz * x - ux * z) * sin + uy * along,
+        z * cos + (ux * y - uy * x) * sin + uz * along,
+    )
+
+
+@kernel
+def move_walls(walls, dt):
+    """Move all walls that move by one time step."""
+    planes = walls.planes
+    n_planes = planes.shape[0]
+    for w in range(walls.moves.shape[0]):
+        if walls.moves[w] == 0:
+            continue
+        motion = walls.motion[w]
+        px, py, pz = motion[6], motion[7], motion[8]
+        rate = math.sqrt(motion[3] ** 2 + motion[4] ** 2 + motion[5] ** 2)
+        inv = 1.0 / rate if rate > 0.0 else 0.0
+        ux, uy, uz = motion[3] * inv, motion[4] * inv, motion[5] * inv
+        angle = rate * dt
+        place = planes[w] if w < n_planes else walls.frames[w - n_planes]
+        x, y, z = turned_by(angle, ux, uy, uz, place[0] - px, place[1] - py, place[2] - pz)
+        for c in range(3):
+            motion[6 + c] += dt * motion[c]
+        place[0] = motion[6] + x
+        place[1] = motion[7] + y
+        place[2] = motion[8] + z
+        if w < n_planes:
+            place[3], place[4], place[5] = turned_by(angle, ux, uy, uz, place[3], place[4], place[5])
+        else:
+            for c in range(3):
+                x, y, z = turned_by(angle, ux, uy, uz, place[3 + c], place[6 + c], place[9 + c])
+                place[3 + c], place[6 + c], place[9 + c] = x, y, z
+    walls.creep[0] += dt * walls.creep[1]
+
+
+@kernel
+def move_plane_contacts(flat, walls, n):
+    """Bring the contacts with moving planes to where the planes are now."""
+    for k in range(n):
+        wall = flat.wall[k]
+        if walls.moves[wall]:
+            write_plane(flat.data[k // st.LANES], k % st.LANES, walls.planes[wall])
+
+
+@inlined
+def write_plane(tile, lane, plane):
+    """Write a plane into a lane of contacts: normal, offset, middle, squared radius."""
+    offset = 0.0
+    for c in range(3):
+        tile[st.NORMAL + c * st.LANES + lane] = plane[3 + c]
+        tile[st.MIDDLE + c * st.LANES + lane] = plane[c]
+        offset += plane[3 + c] * plane[c]
+    tile[st.OFFSET + lane] = offset
+    tile[st.RADIUS2 + lane] = plane[6] * plane[6]
