@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from repose import network
+from repose import network, training
 from repose.errors import InputError
 from repose.network import BayesianBP
 from repose.parameters import PARAMETERS
@@ -176,7 +176,7 @@ def test_equal_weights_change_nothing(fitted):
 
 
 def test_weights_from_errors_by_hand():
-    weight = network.weights_from_errors(np.array([[1.0], [1.0], [3.0], [np.nan]]))
+    weight = training.weights_from_errors(np.array([[1.0], [1.0], [3.0], [np.nan]]))
     # median of 1, 1, 9, 9 is 5: variances 6, 6, 14, 14
     expected = np.array([1 / 6, 1 / 6, 1 / 14, 1 / 14])
     np.testing.assert_allclose(weight[:, 0], expected / expected.mean())
@@ -220,8 +220,8 @@ def test_load_names_what_is_wrong(tmp_path):
     ("samples", "sizes"), [(137, (95, 20, 22)), (150, (105, 22, 23)), (90, (63, 13, 14))]
 )
 def test_split_is_the_published_one_and_a_partition(samples, sizes):
-    rows = network.split(samples, [0.70, 0.15, 0.15], 2026)
-    assert tuple(len(rows[name]) for name in network.SPLITS) == sizes
+    rows = training.split(samples, [0.70, 0.15, 0.15], 2026)
+    assert tuple(len(rows[name]) for name in training.SPLITS) == sizes
     assert sorted(np.concatenate(list(rows.values()))) == list(range(samples))
 
 
@@ -232,12 +232,12 @@ def test_noise_correction_recovers_r2_on_the_noise_free_means():
     predicted = truth + random.normal(size=m) * 0.5
     errors = random.uniform(0.5, 1.5, m)
     y = truth + random.normal(size=m) * errors
-    assert network.r2_noise_corrected(y, predicted, errors) == pytest.approx(
+    assert training.r2_noise_corrected(y, predicted, errors) == pytest.approx(
         network.r2(truth, predicted), abs=0.01
     )
     assert network.r2(y, predicted) < 0.8
-    assert network.r2_noise_corrected(y, predicted, np.full(m, np.nan)) is None
-    assert network.r2_noise_corrected(y, predicted, np.full(m, 10.0)) is None
+    assert training.r2_noise_corrected(y, predicted, np.full(m, np.nan)) is None
+    assert training.r2_noise_corrected(y, predicted, np.full(m, 10.0)) is None
 
 
 def write_tables(folder, samples=40, seeds=4):
@@ -270,7 +270,7 @@ def write_tables(folder, samples=40, seeds=4):
 
 def test_run_writes_what_it_returns(tmp_path):
     paths = write_tables(tmp_path)
-    metrics = network.run(*paths, SETTINGS, tmp_path / "out")
+    metrics = training.run(*paths, SETTINGS, tmp_path / "out")
     assert json.loads((tmp_path / "out/metrics.json").read_text()) == metrics
     assert (metrics["n_samples"], metrics["left_out"]) == (39, 1)
     predictions = pd.read_csv(tmp_path / "out/predictions.csv")
@@ -294,7 +294,7 @@ def test_run_writes_what_it_returns(tmp_path):
 
 def test_run_with_one_seed_has_no_noise_correction_and_no_weights(tmp_path):
     paths = write_tables(tmp_path, seeds=1)
-    metrics = network.run(*paths, SETTINGS | {"weights_from_errors": True}, tmp_path / "out")
+    metrics = training.run(*paths, SETTINGS | {"weights_from_errors": True}, tmp_path / "out")
     ways = metrics["r2_three_ways"]["aor_deg"]
     assert ways["noise_corrected"] is None
     assert ways["single_runs"] == pytest.approx(ways["sample_means"])
@@ -303,8 +303,8 @@ def test_run_with_one_seed_has_no_noise_correction_and_no_weights(tmp_path):
 
 def test_run_weighted_differs_from_unweighted(tmp_path):
     paths = write_tables(tmp_path)
-    plain = network.run(*paths, SETTINGS, tmp_path / "a")
-    weighted = network.run(*paths, SETTINGS | {"weights_from_errors": True}, tmp_path / "b")
+    plain = training.run(*paths, SETTINGS, tmp_path / "a")
+    weighted = training.run(*paths, SETTINGS | {"weights_from_errors": True}, tmp_path / "b")
     assert weighted["weighted"] is True
     assert weighted["log_evidence"] != plain["log_evidence"]
 
@@ -312,7 +312,7 @@ def test_run_weighted_differs_from_unweighted(tmp_path):
 def test_too_few_samples_and_missing_columns_are_named(tmp_path):
     paths = write_tables(tmp_path, samples=12)
     with pytest.raises(InputError, match=r"usable samples is 11; allowed: at least 12"):
-        network.run(*paths, SETTINGS, tmp_path)
+        training.run(*paths, SETTINGS, tmp_path)
     pd.read_csv(paths[0]).drop(columns="mus_gp").to_csv(paths[0], index=False)
     with pytest.raises(InputError, match=r"dataset.csv: mus_gp"):
-        network.run(*paths, SETTINGS, tmp_path)
+        training.run(*paths, SETTINGS, tmp_path)

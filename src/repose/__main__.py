@@ -128,9 +128,9 @@ def dataset(args):
 
 def network(args):
     """Surrogate."""
-    from repose import network
+    from repose import training
 
-    network.run(args.dataset, args.runs, settings.load(args.config)["network"], args.out)
+    training.run(args.dataset, args.runs, settings.load(args.config)["network"], args.out)
 
 
 def miga(args):

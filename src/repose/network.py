@@ -2,7 +2,7 @@
 
 Section 3.2.2 of the paper: 6-12-2, tansig and purelin, inputs and outputs scaled to 0.1-0.9, trained by
 Levenberg-Marquardt on a regularised sum of squares. `BayesianBP` needs numpy alone and knows nothing of
-berries: fit / predict / score as scikit-learn has them. `run` below it is the workflow's stage around it.
+berries: fit / predict / score as scikit-learn has them. `training.py` is the workflow's stage around it.
 
 Sources of the lines, named where they are used
   (Eq. n)   the paper
@@ -23,11 +23,8 @@ import numpy as np
 
 from repose.errors import InputError
 from repose.parameters import PARAMETERS
-from repose.readers import read_table
 
 RESPONSES = ("aor_deg", "height_mm")
-SPLITS = ("train", "validation", "test")
-FEWEST_SAMPLES = 12  # 8 to train, 1 to validate, 3 to test: below that no R2 means anything
 
 
 class BayesianBP:
@@ -317,133 +314,7 @@ def _checked(X, y, sample_weight):
     return X, Y, weight
 
 
-# The workflow's stage
-
-
-def run(dataset_csv, runs_csv, settings, out_dir):
-    """Train; write network.json, metrics.json, predictions.csv and starts.csv; return the metrics.
-
-    dataset_csv, runs_csv: as `repose.dataset` writes them. settings: hidden, epochs, goal, starts, seed,
-    split (three shares), and weights_from_errors (False unless given): weigh samples by their standard
-    errors, where there are any. Raises InputError for a missing column or fewer than 12 usable samples.
-    """
-    import pandas as pd  # not needed by whoever wants the network alone
-
-    table = read_table(
-        dataset_csv, ("sample", *PARAMETERS, "status", *RESPONSES, "aor_se_deg", "height_se_mm")
-    )
-    runs = read_table(runs_csv, ("sample", "status", *RESPONSES))
-    usable = table[table["status"] == "ok"].reset_index(drop=True)
-    if len(usable) < FEWEST_SAMPLES:
-        raise InputError(
-            dataset_csv, "usable samples", len(usable), f"at least {FEWEST_SAMPLES} with status ok"
-        )
-    X, Y = usable[list(PARAMETERS)].to_numpy(float), usable[list(RESPONSES)].to_numpy(float)
-    errors = usable[["aor_se_deg", "height_se_mm"]].to_numpy(float)
-    rows = split(len(X), settings["split"], settings["seed"])
-
-    weight = None
-    if settings.get("weights_from_errors", False) and np.isfinite(errors).any(axis=0).all():
-        weight = weights_from_errors(errors)[rows["train"]]
-    network = BayesianBP(**{key: settings[key] for key in ("hidden", "epochs", "goal", "starts", "seed")})
-    network.fit(X[rows["train"]], Y[rows["train"]], sample_weight=weight)
-    P = network.predict(X)
-
-    metrics = {"n_samples": len(X), "left_out": len(table) - len(X)}
-    metrics |= {f"n_{name}": len(rows[name]) for name in SPLITS}
-    for name in SPLITS:
-        i = rows[name]
-        metrics[name] = {
-            response: {"r2": r2(Y[i, k], P[i, k]), "rmse": float(np.sqrt(np.mean((Y[i, k] - P[i, k]) ** 2)))}
-            for k, response in enumerate(RESPONSES)
-        }
-    metrics["r2_three_ways"] = _three_ways(usable, runs, Y, P, errors, rows["test"])
-    for key in (
-        "gamma",
-        "alpha",
-        "beta",
-        "log_evidence",
-        "epochs",
-        "stop_reason",
-        "best_start",
-        "n_residuals",
-    ):
-        metrics[key] = getattr(network, key + "_")
-    metrics |= {"n_weights": int(sum(w.size for w in (network.W1_, network.b1_, network.W2_, network.b2_)))}
-    metrics |= {"starts": network.starts, "weighted": weight is not None}
-
-    out = Path(out_dir)
-    out.mkdir(parents=True, exist_ok=True)
-    network.save(out / "network.json")
-    (out / "metrics.json").write_text(json.dumps(metrics, indent=1) + "\n")
-    predictions = pd.DataFrame({"sample": usable["sample"], "split": ""})
-    for name in SPLITS:
-        predictions.loc[rows[name], "split"] = name
-    for k, (response, predicted) in enumerate(
-        zip(RESPONSES, ("aor_predicted_deg", "height_predicted_mm"), strict=True)
-    ):
-        predictions[response], predictions[predicted] = Y[:, k], P[:, k]
-    predictions.to_csv(out / "predictions.csv", index=False)
-    starts = pd.DataFrame(network.starts_)
-    starts["chosen"] = starts["start"] == network.best_start_
-    starts.to_csv(out / "starts.csv", index=False)
-    return metrics
-
-
-def split(samples, shares, seed):
-    """Row numbers of train, validation and test: a permutation by RandomState(seed) cut in three.
-
-    Train and validation are rounded down and test takes the rest, which is the paper's 95, 20, 22 of 137.
-    """
-    # 0.7 * 90 is 62.99999999999999
-    train, validation = (math.floor(share * samples + 1e-9) for share in shares[:2])
-    order = np.random.RandomState(seed).permutation(samples)
-    return dict(zip(SPLITS, np.split(order, [train, train + validation]), strict=True))
-
-
-def weights_from_errors(errors):
-    """Weights (samples, outputs) of mean one from standard errors of the same shape.
-
-    A sample's variance about the network is its own se^2 plus what the network cannot follow, taken as large
-    as the median se^2; the sum also keeps a standard error that is small by luck, out of few seeds, from
-    ruling. A sample without one (a single seed) counts as the noisiest.
-    """
-    known = np.where(np.isfinite(errors), errors, np.nanmax(errors, axis=0))
-    variance = known**2 + np.median(known**2, axis=0)
-    return (1 / variance) / np.mean(1 / variance, axis=0)
-
-
 def r2(y, predicted):
     """Eq. 13, or None where y (samples,) does not vary."""
     total = np.sum((y - np.mean(y)) ** 2)
     return float(1 - np.sum((y - predicted) ** 2) / total) if total > 0 else None
-
-
-def r2_noise_corrected(y, predicted, errors):
-    """R2 against the responses' unknown noise-free means, from m noisy means y with standard errors.
-
-    With y = mean + noise of variance se^2, independent of predictions made from other samples,
-    E[SSE] = sum (mean - predicted)^2 + sum se^2 and E[SST] = sum (mean - its average)^2 + (1 - 1/m) sum se^2:
-    taking the noise off both sums gives 1 - (SSE - sum se^2) / (SST - (1 - 1/m) sum se^2). An estimate, so it
-    may exceed one by chance. None without standard errors, or where the noise explains all of SST.
-    """
-    noise = np.sum(errors**2)
-    between = np.sum((y - np.mean(y)) ** 2) - (1 - 1 / len(y)) * noise
-    if not between > 0:
-        return None
-    return float(1 - (np.sum((y - predicted) ** 2) - noise) / between)
-
-
-def _three_ways(usable, runs, Y, P, errors, test):
-    """R2 of the test samples: on means, on single runs, and corrected for the noise of the means."""
-    position = {sample: i for i, sample in zip(test, usable["sample"].iloc[test], strict=True)}
-    single = runs[(runs["status"] == "ok") & runs["sample"].isin(list(position))]
-    row = [position[sample] for sample in single["sample"]]
-    return {
-        response: {
-            "sample_means": r2(Y[test, k], P[test, k]),
-            "single_runs": r2(single[response].to_numpy(float), P[row, k]),
-            "noise_corrected": r2_noise_corrected(Y[test, k], P[test, k], errors[test, k]),
-        }
-        for k, response in enumerate(RESPONSES)
-    }

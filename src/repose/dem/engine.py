@@ -4,8 +4,8 @@ from . import state as st
 from . import tile as tl
 from .frames import move_plane_contacts, move_walls, surface_velocity
 from .jit import inlined, kernel
-from .neighbours import add_dormant, drop_contact, update_pairs
-from .rigid import integrate, take_away
+from .neighbours import add_dormant, drop_contact, renew_pairs, wake
+from .rigid import act_on_events, integrate, take_away
 from .simd import WIDTH, add_lanes_to_rows, rows_to_lanes
 from .walls import (
     SAME_AZIMUTH,
@@ -35,19 +35,6 @@ def scatter(load, index, base, t, at):
 
 
 @inlined
-def fall_asleep(bodies, pairs, counts, grid, contacts, t, k):
-    """List a pair that parted as dormant."""
-    lane = k % L
-    i = pairs.first[k]
-    j = pairs.second[k]
-    limit = bodies.odometer[i] + bodies.odometer[j] + t[tl.GAP + lane]
-    nx = contacts[tl.N + lane]
-    ny = contacts[tl.N + L + lane]
-    nz = contacts[tl.N + 2 * L + lane]
-    add_dormant(pairs, counts, grid, i, j, limit, nx, ny, nz)
-
-
-@inlined
 def mute_lane(t, lane):
     """Take back the forces of a lane."""
     for c in range(st.LOAD_COLUMNS):
@@ -63,12 +50,16 @@ def lane_law(t, lane, law):
 
 
 @kernel
-def pair_forces(bodies, pairs, grid, counts, physics, t, ghost):
-    """Forces of all touching pairs; pairs that parted go dormant."""
-    n = counts[st.N_PAIRS]
+def pair_forces(bodies, pairs, counts, physics, t, share, begin, end):
+    """Forces of the touching pairs begin to end (whole tiles), added to a share of the loads.
+
+    Pairs that parted are written to pairs.ended from place `begin` on, their gaps to pairs.gap; returns how many.
+    """
+    n = min(counts[st.N_PAIRS], end)
+    load = bodies.load[share]
     ended = 0
     tl.fill_law(t, physics.laws[0, 0])
-    for base in range(0, n, L):
+    for base in range(begin, n, L):
         contacts = pairs.data[base // L]
         if physics.mixed_pairs:
             for lane in range(L):
@@ -85,13 +76,30 @@ def pair_forces(bodies, pairs, grid, counts, physics, t, ghost):
             for lane in range(min(L, n - base)):
                 if t[tl.GAP + lane] > 0.0:
                     mute_lane(t, lane)
-                    fall_asleep(bodies, pairs, counts, grid, contacts, t, base + lane)
-                    pairs.ended[ended] = base + lane
+                    pairs.gap[base + lane] = t[tl.GAP + lane]
+                    pairs.ended[begin + ended] = base + lane
                     ended += 1
-        scatter(bodies.load, pairs.first, base, t, tl.TO_A)
-        scatter(bodies.load, pairs.second, base, t, tl.TO_B)
-    for e in range(ended - 1, -1, -1):
-        drop_contact(pairs, counts, grid, pairs.ended[e], ghost)
+        scatter(load, pairs.first, base, t, tl.TO_A)
+        scatter(load, pairs.second, base, t, tl.TO_B)
+        if share > 0:
+            for k in range(base, base + L):
+                bodies.touched[share, pairs.first[k] // L] = 1
+                bodies.touched[share, pairs.second[k] // L] = 1
+    return ended
+
+
+@kernel
+def retire_pairs(bodies, pairs, counts, grid, begin, ended, ghost):
+    """List the pairs that parted as dormant, the last first."""
+    for e in range(begin + ended - 1, begin - 1, -1):
+        k = pairs.ended[e]
+        i = pairs.first[k]
+        j = pairs.second[k]
+        limit = bodies.odometer[i] + bodies.odometer[j] + pairs.gap[k]
+        tile = pairs.data[k // L]
+        n = tl.N + k % L
+        add_dormant(pairs, counts, grid, i, j, limit, tile[n], tile[n + L], tile[n + 2 * L])
+        drop_contact(pairs, counts, grid, k, ghost)
 
 
 @kernel
@@ -157,7 +165,7 @@ def plane_forces(bodies, flat, walls, counts, physics, t, ghost):
                     )
                     flat.ended[ended] = k
                     ended += 1
-        scatter(bodies.load, flat.body, base, t, tl.TO_A)
+        scatter(bodies.load[0], flat.body, base, t, tl.TO_A)
     for e in range(ended - 1, -1, -1):
         drop_wall_contact(flat, counts, st.N_PLANE, flat.ended[e], ghost)
 
@@ -201,7 +209,7 @@ def curved_forces(bodies, curved, walls, counts, physics, t, out, local, ghost):
             if t[tl.GAP + lane] > 0.0:
                 mute_lane(t, lane)
                 look_soon(bodies, curved, walls, curved.wall[base + lane], curved.body[base + lane], 0.0)
-        scatter(bodies.load, curved.body, base, t, tl.TO_A)
+        scatter(bodies.load[0], curved.body, base, t, tl.TO_A)
     for e in range(ended - 1, -1, -1):
         drop_wall_contact(curved, counts, st.N_CURVED, curved.ended[e], ghost)
 
@@ -225,6 +233,40 @@ def drop_gone(bodies, pairs, flat, curved, counts, grid, ghost):
     counts[st.N_GONE] = 0
 
 
+@inlined
+def has_room(pairs, flat, curved, counts):
+    """Whether every list is less than three quarters full."""
+    return (
+        counts[st.N_PAIRS] * 4 <= pairs.first.shape[0] * 3
+        and counts[st.N_DORMANT] * 4 <= pairs.dormant_limit.shape[0] * 3
+        and counts[st.N_PLANE] * 4 <= flat.body.shape[0] * 3
+        and counts[st.N_CURVED] * 4 <= curved.body.shape[0] * 3
+    )
+
+
+@inlined
+def begin_step(bodies, pairs, flat, curved, grid, walls, counts, physics, ghost):
+    """What comes before the search for contacts: bodies that went and walls that move."""
+    if counts[st.N_GONE] > 0:
+        drop_gone(bodies, pairs, flat, curved, counts, grid, ghost)
+    if walls.creep[2] > 0.0:
+        move_walls(walls, physics.dt)
+        move_plane_contacts(flat, walls, counts[st.N_PLANE])
+
+
+@inlined
+def wall_contacts_and_forces(bodies, flat, curved, walls, counts, physics, t, scratch, ghost):
+    """Find the contacts with walls and add their forces."""
+    out, local, profile = scratch[8:16], scratch[16:48], scratch[48:]
+    update_walls(
+        bodies, flat, curved, walls, counts, physics.parts, physics.funnel_floor, profile, out, local
+    )
+    still_wall(t)
+    tl.fill_law(t, physics.laws[0, physics.laws.shape[0] - 1])
+    plane_forces(bodies, flat, walls, counts, physics, t, ghost)
+    curved_forces(bodies, curved, walls, counts, physics, t, out, local, ghost)
+
+
 @kernel
 def advance(bodies, pairs, flat, curved, grid, walls, counts, physics, t, bodies_tile, scratch, steps):
     """Advance the simulation by a number of steps; stops before a step for which a list may be too short.
@@ -232,31 +274,16 @@ def advance(bodies, pairs, flat, curved, grid, walls, counts, physics, t, bodies
     Returns the steps made.
     """
     ghost = grid.cell.shape[0]
-    normal = scratch[0:3]
-    out = scratch[8:16]
-    local = scratch[16:48]
-    profile = scratch[48:]
-    parts = physics.parts
     for step in range(steps):
-        if (
-            counts[st.N_PAIRS] * 4 > pairs.first.shape[0] * 3
-            or counts[st.N_DORMANT] * 4 > pairs.dormant_limit.shape[0] * 3
-            or counts[st.N_PLANE] * 4 > flat.body.shape[0] * 3
-            or counts[st.N_CURVED] * 4 > curved.body.shape[0] * 3
-        ):
+        if not has_room(pairs, flat, curved, counts):
             return step
-        if counts[st.N_GONE] > 0:
-            drop_gone(bodies, pairs, flat, curved, counts, grid, ghost)
-        if walls.creep[2] > 0.0:
-            move_walls(walls, physics.dt)
-            move_plane_contacts(flat, walls, counts[st.N_PLANE])
-        update_pairs(bodies, pairs, counts, grid, parts, normal)
-        update_walls(bodies, flat, curved, walls, counts, parts, physics.funnel_floor, profile, out, local)
-        pair_forces(bodies, pairs, grid, counts, physics, t, ghost)
-        still_wall(t)
-        tl.fill_law(t, physics.laws[0, physics.laws.shape[0] - 1])
-        plane_forces(bodies, flat, walls, counts, physics, t, ghost)
-        curved_forces(bodies, curved, walls, counts, physics, t, out, local, ghost)
+        begin_step(bodies, pairs, flat, curved, grid, walls, counts, physics, ghost)
+        wake(bodies, pairs, counts, grid, physics.parts, scratch[0:3])
+        renew_pairs(bodies, pairs, counts, grid, physics.parts, scratch[0:3])
+        ended = pair_forces(bodies, pairs, counts, physics, t, 0, 0, counts[st.N_PAIRS])
+        retire_pairs(bodies, pairs, counts, grid, 0, ended, ghost)
+        wall_contacts_and_forces(bodies, flat, curved, walls, counts, physics, t, scratch, ghost)
         counts[st.STEPS] += 1
-        integrate(bodies, grid, counts, physics, counts[st.STEPS] * physics.dt, bodies_tile)
+        n = integrate(bodies, counts, physics, bodies_tile, 0, counts[st.N_BODIES])
+        act_on_events(bodies, grid, counts, 0, n, counts[st.STEPS] * physics.dt)
     return steps

@@ -17,6 +17,11 @@ def kernel(function):
     return numba.njit(cache=True, fastmath=FLAGS, error_model="numpy", _nrt=False)(function)
 
 
+def kernel_without_gil(function):
+    """Compile a kernel that several Python threads run at the same time."""
+    return numba.njit(cache=True, fastmath=FLAGS, error_model="numpy", _nrt=False, nogil=True)(function)
+
+
 def inlined(function):
     """Compile a small function that is always inlined into its callers."""
     return numba.njit(cache=True, fastmath=FLAGS, error_model="numpy", _nrt=False, forceinline=True)(function)

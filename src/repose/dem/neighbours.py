@@ -274,14 +274,12 @@ def find_partners(bodies, pairs, counts, grid, parts, i, normal):
 
 
 @kernel
-def update_pairs(bodies, pairs, counts, grid, parts, normal):
-    """Bring the lists of touching and dormant pairs up to the present positions."""
+def renew_pairs(bodies, pairs, counts, grid, parts, normal):
+    """List the pairs of the bodies that moved on anew."""
     n_moved = counts[st.N_MOVED]
     if n_moved == 0:
-        wake(bodies, pairs, counts, grid, parts, normal)
         return
     forget_dormant(pairs, counts, grid)
-    wake(bodies, pairs, counts, grid, parts, normal)
     for m in range(n_moved):
         i = grid.moved_list[m]
         unlink(grid, i)

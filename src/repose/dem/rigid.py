@@ -23,7 +23,10 @@ BEFORE = 41 * L  # height before the step
 RESPONSE = 42 * L  # inverse inertia (world) as xx, xy, xz, yy, yz, zz
 INERTIA = 48 * L  # inertia (world), likewise
 MOMENTS = 54 * L  # principal moments
-TILE_ROWS = 57
+MORE = 57 * L  # another share of the loads
+TILE_ROWS = 65
+
+FELL, MOVED_ON, LOST = 1, 2, 4  # bits of an event
 
 SLOWEST = 1e-150  # angular speed below which the direction of a rotation means nothing [rad/s]
 
@@ -277,49 +280,89 @@ def noteworthy(m, c, odometer, base, exit_height, floor):
 
 
 @inlined
-def note(bodies, grid, counts, physics, m, c, lane, i, time):
-    """Deal with a body that needs new neighbours, fell through the exit or below the floor."""
+def event_of(bodies, physics, m, c, lane, i):
+    """What happened to a body: fell through the exit, needs new neighbours, went below the floor."""
     z = m[ROWS + 2 * L + lane]
-    if bodies.presence[i] != st.PRESENT:
-        return
+    event = 0
     if m[BEFORE + lane] >= physics.exit_height and z < physics.exit_height:
-        bodies.exit_time[i] = time
+        event |= FELL
     if bodies.odometer[i] >= c[st.RENEWAL + lane]:
-        mark_moved(grid, counts, i)
+        event |= MOVED_ON
     if z < physics.floor_height:
-        bodies.presence[i] = st.GONE
-        counts[st.N_GONE] += 1
-        mark_moved(grid, counts, i)
+        event |= LOST
+    return event if bodies.presence[i] == st.PRESENT else 0
 
 
 @kernel
-def integrate(bodies, grid, counts, physics, time, m):
-    """Advance every body by one time step and clear its load; m: scratch tile of TILE_ROWS x LANES."""
+def act_on_events(bodies, grid, counts, begin, n, time):
+    """Deal with what happened to n bodies listed in bodies.events from place `begin` on."""
+    for e in range(begin, begin + n):
+        i = bodies.events[e]
+        event = bodies.event[i]
+        if event & FELL:
+            bodies.exit_time[i] = time
+        if event & LOST:
+            bodies.presence[i] = st.GONE
+            counts[st.N_GONE] += 1
+        if event & (MOVED_ON | LOST):
+            mark_moved(grid, counts, i)
+
+
+@inlined
+def add_loads(bodies, tile, m):
+    """Add the other shares of a tile's loads to the first, and clear them."""
+    base = tile * L
+    for share in range(1, bodies.load.shape[0]):
+        if bodies.touched[share, tile]:
+            bodies.touched[share, tile] = 0
+            load = bodies.load[share]
+            for k in range(0, L, WIDTH):
+                rows_to_lanes(load, 0, bodies.every, base + k, m, MORE + k, L)
+            for k in range(st.LOAD_COLUMNS * L):
+                m[LOAD + k] += m[MORE + k]
+            load[base : base + L] = 0.0
+
+
+@kernel
+def integrate(bodies, counts, physics, m, begin, end):
+    """Advance bodies begin (a whole tile's first) to end by one time step and clear their loads.
+
+    m: scratch tile of TILE_ROWS x LANES. Bodies to which something happened are listed in bodies.events from place
+    `begin` on; returns how many.
+    """
     dt = physics.dt
     gx, gy, gz = physics.gravity[0], physics.gravity[1], physics.gravity[2]
     fx, fy, fz = physics.rolling_frame[0], physics.rolling_frame[1], physics.rolling_frame[2]
     columns = bodies.rows.shape[1]
-    n = counts[st.N_BODIES]
-    for base in range(0, n, L):
+    n = min(counts[st.N_BODIES], end)
+    load = bodies.load[0]
+    found = 0
+    for base in range(begin, n, L):
         tile = base // L
         c = bodies.motion[tile]
         # of a tile in which nothing turned, only the first eight columns are read and written
-        begin = WIDTH if bodies.resting[tile] else columns
+        read = WIDTH if bodies.resting[tile] else columns
         for k in range(0, L, WIDTH):
-            for column in range(0, begin, WIDTH):
+            for column in range(0, read, WIDTH):
                 rows_to_lanes(bodies.rows, column, bodies.every, base + k, m, ROWS + column * L + k, L)
-            rows_to_lanes(bodies.load, 0, bodies.every, base + k, m, LOAD + k, L)
-        bodies.load[base : base + L] = 0.0
+            rows_to_lanes(load, 0, bodies.every, base + k, m, LOAD + k, L)
+        load[base : base + L] = 0.0
+        add_loads(bodies, tile, m)
         move_lanes(m, gx, gy, gz, dt)
         turns = rotate_lanes(m, c, dt, physics.parts, fx, fy, fz)
-        end = columns if turns else begin
+        write = columns if turns else read
         bodies.resting[tile] = 0 if turns else 1
         for k in range(0, L, WIDTH):
-            for column in range(0, end, WIDTH):
+            for column in range(0, write, WIDTH):
                 lanes_to_rows(bodies.rows, column, bodies.every, base + k, m, ROWS + column * L + k, L)
         if noteworthy(m, c, bodies.odometer, base, physics.exit_height, physics.floor_height) > 0:
             for lane in range(min(L, n - base)):
-                note(bodies, grid, counts, physics, m, c, lane, base + lane, time)
+                event = event_of(bodies, physics, m, c, lane, base + lane)
+                if event:
+                    bodies.event[base + lane] = event
+                    bodies.events[begin + found] = base + lane
+                    found += 1
+    return found
 
 
 @kernel
@@ -337,9 +380,6 @@ def take_away(bodies, i):
     for c in range(3):
         bodies.rows[i, st.VELOCITY + c] = 0.0
         bodies.rows[i, st.TURNING + c] = 0.0
-        bodies.load[i, c] = 0.0
-        bodies.load[i, 3 + c] = 0.0
         bodies.motion[i // L, SPIN + c * L + i % L] = 0.0
     bodies.rows[i, st.INVERSE_MASS] = 0.0
-    bodies.load[i, st.ROLL] = 0.0
     bodies.alarm[i] = math.inf

@@ -4,8 +4,10 @@ import math
 
 import numpy as np
 
+from . import parallel
 from . import state as st
 from . import tile as tl
+from .atomics import BARRIER_SIZE
 from .engine import advance
 from .materials import Contact, Material, contact_law, effective_moduli
 from .rigid import TILE_ROWS, place_shape
@@ -38,6 +40,7 @@ class Simulation:
     tension: "keep" lets the damped normal force pull at the end of an impact, so that a body leaves with the
     restitution asked for; "cut" limits it to pushing.
     largest_scale: the largest scale that `add` will be given.
+    threads: for a simulation of 4096 bodies or more; the result is the same for any number.
     exit_height_m: falling through this height sets a body's exit time. funnel_floor_m: a body below it never meets a
     curved wall again. floor_height_m: below it a body is gone.
     Raises ValueError naming the argument, the value and what is allowed.
@@ -57,6 +60,7 @@ class Simulation:
         gravity_m_s2=(0.0, 0.0, -9.81),
         tension="keep",
         largest_scale=1.0,
+        threads=1,
         exit_height_m=-math.inf,
         funnel_floor_m=-math.inf,
         floor_height_m=-math.inf,
@@ -80,7 +84,8 @@ class Simulation:
         self._set_materials(_pairs_of(contacts))
         parts = max(len(shape.semi_axes_m) for shape in self.shapes.values())
         skin = SKIN_SHARE * self.radius
-        self.bodies = st.new_bodies(self.capacity, parts)
+        self._shared = self.capacity >= parallel.FEWEST_BODIES
+        self.bodies = st.new_bodies(self.capacity, parts, parallel.SHARES if self._shared else 1)
         self.grid = st.new_grid(self.capacity, lower, upper, 2.0 * self.radius + skin)
         self.grid.lengths[1:] = 2.0 * self.radius, skin
         self.walls = self._wall_arrays(np.linalg.norm(np.subtract(upper, lower)))
@@ -105,9 +110,7 @@ class Simulation:
             funnel_floor=float(funnel_floor_m),
             floor_height=float(floor_height_m),
         )
-        self._tile = st.zeros(tl.ROWS * st.LANES)
-        self._body_tile = st.zeros(TILE_ROWS * st.LANES)
-        self._scratch = st.zeros(48 + STARTS)
+        self.threads = threads
         limit = self.longest_time_step()
         if not 0.0 < time_step_s <= limit:
             raise ValueError(f"time_step_s is {time_step_s!r}; allowed: above 0, at most {limit:.3g}")
@@ -173,6 +176,19 @@ class Simulation:
         new.turned[:] |= old.turned
         self.walls = new
         self.bodies.alarm[: self.n_bodies][self.present] = -1.0
+
+    @property
+    def threads(self):
+        """Number of threads that share the work of a simulation of 4096 bodies or more."""
+        return len(self._tiles)
+
+    @threads.setter
+    def threads(self, threads):
+        if not (isinstance(threads, int | np.integer) and 1 <= threads <= parallel.SHARES):
+            raise ValueError(f"threads is {threads!r}; allowed: 1 to {parallel.SHARES}")
+        self._tiles = st.zeros(threads, tl.ROWS * st.LANES)
+        self._body_tiles = st.zeros(threads, TILE_ROWS * st.LANES)
+        self._scratches = st.zeros(threads, 64 + STARTS)
 
     @property
     def rolling_frame_rad_s(self):
@@ -290,7 +306,7 @@ class Simulation:
             (st.RADIUS, [kind.bounding_radius_m * scale]),
         ):
             lanes[first // st.LANES : first // st.LANES + len(values)] = values
-        place_shape(self.bodies, i, self.physics.parts, self._body_tile)
+        place_shape(self.bodies, i, self.physics.parts, self._body_tiles[0])
         self.bodies.kind[i] = self._kinds[kind.material]
         self.bodies.presence[i] = st.PRESENT
         self.bodies.alarm[i] = -1.0
@@ -305,14 +321,31 @@ class Simulation:
         """Advance by a number of time steps."""
         left = int(steps)
         while left > 0:
-            left -= advance(
-                self.bodies, self.pairs, self.flat, self.curved, self.grid, self.walls, self.counts,
-                self.physics, self._tile, self._body_tile, self._scratch, left,
-            )  # fmt: skip
+            left -= self._advance(left)
             if self.counts[st.FULL]:
                 raise RuntimeError("a contact list overflowed within one step; bodies overlap wildly")
             if left > 0:
                 self._grow()
+
+    def _advance(self, steps):
+        """Advance by at most so many steps, less where a list has to grow; returns the steps made."""
+        arrays = (
+            self.bodies, self.pairs, self.flat, self.curved, self.grid, self.walls, self.counts, self.physics,
+        )  # fmt: skip
+        if not self._shared:
+            return advance(*arrays, self._tiles[0], self._body_tiles[0], self._scratches[0], steps)
+        if self.steps % parallel.SORT_EVERY == 0:
+            parallel.sort_contacts(self.pairs, self.counts[st.N_PAIRS])
+        steps = min(steps, parallel.SORT_EVERY - self.steps % parallel.SORT_EVERY)
+        shared = st.Shared(
+            counters=np.zeros(BARRIER_SIZE, np.int64),
+            orders=np.zeros(1, np.int64),
+            begins=np.zeros(parallel.SHARES, np.int64),
+            numbers=np.zeros(parallel.SHARES, np.int64),
+            due=np.zeros(len(self.pairs.dormant_limit), np.int64),
+        )
+        tiles = (self._tiles, self._body_tiles, self._scratches)
+        return parallel.run_threads(arrays, tiles, shared, steps)
 
     def _grow(self):
         """Double the lists that are filling up."""

@@ -12,7 +12,7 @@ CACHE_LINE = 8  # numbers
 POSITION, VELOCITY, INVERSE_MASS, TURNING, SHAPE = 0, 3, 6, 7, 10
 PART = 6  # columns a part of the shape: the symmetric matrix R diag(a2, b2, c2) R' as xx, xy, xz, yy, yz, zz
 MOST_PARTS = 3
-# Columns of `load` (N, 8): force, torque, budget of the rolling torque.
+# Columns of `load` (shares, N, 8), to be added up over the shares: force, torque, budget of the rolling torque.
 ROLL = 6
 LOAD_COLUMNS = 8
 # Rows of a tile of `motion`: what only the body itself needs. Quaternion (w x y z, body to world), angular momentum,
@@ -30,15 +30,19 @@ COUNTS = 9
 
 ABSENT, PRESENT, GONE = 0, 1, 2
 
-Bodies = namedtuple("Bodies", "rows load motion odometer alarm presence passed exit_time every resting kind")
+Bodies = namedtuple(
+    "Bodies",
+    "rows load touched motion odometer alarm presence passed exit_time every resting kind event events",
+)
 Grid = namedtuple(
     "Grid", "cell following preceding head moved moved_list chain mark touching dormant shape origin lengths"
 )
 Pairs = namedtuple(
     "Pairs",
-    "first second data dormant_first dormant_second dormant_limit dormant_normal ended partner link",
+    "first second data dormant_first dormant_second dormant_limit dormant_normal ended gap partner link",
 )
 WallContacts = namedtuple("WallContacts", "body wall data limit ended")
+Shared = namedtuple("Shared", "counters orders begins numbers due")
 Walls = namedtuple("Walls", "planes cones rings frames turned motion moves material creep")
 Physics = namedtuple(
     "Physics",
@@ -64,8 +68,8 @@ def zeros(*shape):
     return store[skip : skip + size].reshape(shape)
 
 
-def new_bodies(n, parts):
-    """Arrays for n bodies of up to `parts` parts, none of them present yet.
+def new_bodies(n, parts, shares=1):
+    """Arrays for n bodies of up to `parts` parts, none of them present yet; shares: of the loads, see `parallel`.
 
     They end with whole tiles and at least one body that is never there: body n stands in the unused lanes of contact
     tiles. It has no mass, so nothing moves it, and a shape, so its geometry is finite.
@@ -78,7 +82,8 @@ def new_bodies(n, parts):
     motion[:, SQUARES : SQUARES + 3 * LANES] = 1e-6
     return Bodies(
         rows=rows,
-        load=zeros(padded, LOAD_COLUMNS),
+        load=zeros(shares, padded, LOAD_COLUMNS),
+        touched=np.zeros((shares, padded // LANES), np.uint8),
         motion=motion,
         odometer=zeros(padded),
         alarm=np.full(padded, np.inf),
@@ -88,6 +93,8 @@ def new_bodies(n, parts):
         every=np.arange(padded, dtype=np.uint32),
         resting=np.zeros(padded // LANES, np.uint8),
         kind=np.zeros(padded, np.uint8),
+        event=np.zeros(padded, np.uint8),
+        events=np.zeros(padded, np.int64),
     )
 
 
@@ -152,6 +159,7 @@ def new_pairs(n_contacts, n_dormant, ghost):
         dormant_limit=np.zeros(n_dormant),
         dormant_normal=np.zeros((n_dormant, 3)),
         ended=np.zeros(n_contacts, np.int64),
+        gap=np.zeros(n_contacts),
         partner=np.zeros(2 * n_contacts, np.int64),
         link=np.zeros(2 * n_contacts, np.int64),
     )

@@ -1,0 +1,169 @@
+"""One simulation on several threads.
+
+The work of a step is cut into SHARES, a number that does not depend on the threads: each share of the contacts adds to
+loads of its own, and these are added up in one order. So the result is the same, bit for bit, for any number of
+threads. What changes lists (pairs that meet, part or move on) is done by one thread between the others' work.
+Every thread runs `advance_shared`; they meet at barriers.
+"""
+
+import threading
+
+import numpy as np
+
+from . import state as st
+from .atomics import wait_for_all
+from .contact import solve_gap
+from .engine import begin_step, has_room, pair_forces, retire_pairs, wall_contacts_and_forces
+from .jit import inlined, kernel_without_gil
+from .neighbours import EARLY, TOLERANCE, add_contact, drop_dormant, next_due, renew_pairs
+from .rigid import act_on_events, integrate
+
+SHARES = 8
+FEWEST_BODIES = 4096  # smaller simulations have one share: they gain nothing from threads
+SORT_EVERY = 500  # steps after which contacts are put in the order of their bodies
+STOP = 0  # place in `orders` that ends the run
+L = st.LANES
+
+
+@inlined
+def share_of(n, share, grain):
+    """Begin and end of a share of n things, in whole grains."""
+    grains = (n + grain - 1) // grain
+    return grains * share // SHARES * grain, min(grains * (share + 1) // SHARES * grain, n)
+
+
+@inlined
+def look_at_share(bodies, pairs, grid, parts, begin, end, due, normal):
+    """Solve for the gaps of the dormant pairs begin to end that are due; lists those that touch, returns how many."""
+    early = EARLY * grid.lengths[2]
+    first, second, limit = pairs.dormant_first, pairs.dormant_second, pairs.dormant_limit
+    found = 0
+    k = next_due(bodies.odometer, first, second, limit, begin, end)
+    while k < end:
+        i = first[k]
+        j = second[k]
+        for c in range(3):
+            normal[c] = pairs.dormant_normal[k, c]
+        gap = solve_gap(bodies.rows, parts, i, j, normal, TOLERANCE, early)
+        for c in range(3):
+            pairs.dormant_normal[k, c] = normal[c]
+        if gap <= 0.0:
+            due[begin + found] = k
+            found += 1
+        else:
+            limit[k] = bodies.odometer[i] + bodies.odometer[j] + gap
+        k = next_due(bodies.odometer, first, second, limit, k + 1, end)
+    return found
+
+
+@inlined
+def wake_shares(pairs, counts, grid, due, n_due, begins):
+    """Turn the dormant pairs that touch into contacts, the last first."""
+    for share in range(SHARES - 1, -1, -1):
+        for e in range(begins[share] + n_due[share] - 1, begins[share] - 1, -1):
+            k = due[e]
+            i = pairs.dormant_first[k]
+            j = pairs.dormant_second[k]
+            add_contact(pairs, counts, grid, i, j, pairs.dormant_normal[k])
+            drop_dormant(pairs, counts, grid, k)
+
+
+@kernel_without_gil
+def advance_shared(
+    bodies,
+    pairs,
+    flat,
+    curved,
+    grid,
+    walls,
+    counts,
+    physics,
+    tiles,
+    body_tiles,
+    scratches,
+    shared,
+    thread,
+    threads,
+    steps,
+):
+    """What one thread does of a number of steps; see `engine.advance`. Returns the steps made.
+
+    tiles, body_tiles, scratches: one row a thread. shared: arrays that the threads share (`Shared`).
+    """
+    ghost = grid.cell.shape[0]
+    lead = thread == 0
+    t, m, scratch = tiles[thread], body_tiles[thread], scratches[thread]
+    begins, numbers = shared.begins, shared.numbers
+    for step in range(steps):
+        if lead:
+            shared.orders[STOP] = 0 if has_room(pairs, flat, curved, counts) else 1
+            if shared.orders[STOP] == 0:
+                begin_step(bodies, pairs, flat, curved, grid, walls, counts, physics, ghost)
+        wait_for_all(shared.counters, threads)
+        if shared.orders[STOP] != 0:
+            return step
+
+        for share in range(thread, SHARES, threads):
+            begin, end = share_of(counts[st.N_DORMANT], share, L)
+            begins[share] = begin
+            numbers[share] = look_at_share(
+                bodies, pairs, grid, physics.parts, begin, end, shared.due, scratch[0:3]
+            )
+        wait_for_all(shared.counters, threads)
+        if lead:
+            wake_shares(pairs, counts, grid, shared.due, numbers, begins)
+            renew_pairs(bodies, pairs, counts, grid, physics.parts, scratch[0:3])
+            wall_contacts_and_forces(bodies, flat, curved, walls, counts, physics, t, scratch, ghost)
+        wait_for_all(shared.counters, threads)
+
+        for share in range(thread, SHARES, threads):
+            begin, end = share_of(counts[st.N_PAIRS], share, L)
+            begins[share] = begin
+            numbers[share] = pair_forces(bodies, pairs, counts, physics, t, share, begin, end)
+        wait_for_all(shared.counters, threads)
+        if lead:
+            for share in range(SHARES - 1, -1, -1):
+                retire_pairs(bodies, pairs, counts, grid, begins[share], numbers[share], ghost)
+            counts[st.STEPS] += 1
+        wait_for_all(shared.counters, threads)
+
+        for share in range(thread, SHARES, threads):
+            begin, end = share_of(counts[st.N_BODIES], share, L)
+            begins[share] = begin
+            numbers[share] = integrate(bodies, counts, physics, m, begin, end)
+        wait_for_all(shared.counters, threads)
+        if lead:
+            for share in range(SHARES):
+                act_on_events(
+                    bodies, grid, counts, begins[share], numbers[share], counts[st.STEPS] * physics.dt
+                )
+    return steps
+
+
+def run_threads(arrays, tiles, shared, steps):
+    """Run `advance_shared` on as many threads as there are scratch tiles; returns the steps made."""
+    threads = len(tiles[0])
+    made = np.zeros(threads, np.int64)
+
+    def work(thread):
+        made[thread] = advance_shared(*arrays, *tiles, shared, thread, steps)
+
+    others = [threading.Thread(target=work, args=(thread,)) for thread in range(1, threads)]
+    for other in others:
+        other.start()
+    work(0)
+    for other in others:
+        other.join()
+    return int(made[0])
+
+
+def sort_contacts(pairs, n):
+    """Put the first n contacts in the order of their bodies, so that neighbours in memory are neighbours in space."""
+    order = np.lexsort((pairs.second[:n], pairs.first[:n]))
+    pairs.first[:n] = pairs.first[:n][order]
+    pairs.second[:n] = pairs.second[:n][order]
+    rows = pairs.data.reshape(len(pairs.data), st.PAIR_ROWS, L)
+    for quantity in range(st.PAIR_ROWS):
+        values = rows[:, quantity].reshape(-1)
+        values[:n] = values[:n][order]
+        rows[:, quantity] = values.reshape(-1, L)

@@ -1,0 +1,87 @@
+import itertools
+
+import numpy as np
+import pytest
+from dem.common import BERRY, random_quaternion, simulation
+
+from repose.dem import Contact, Plane, parallel
+
+STEPS = 1200
+
+
+def falling(threads, **keywords):
+    """Berries that fall into a narrow box."""
+    walls = {"floor": Plane((0, 0, 0), (0, 0, 1), "wall")}
+    for name, place, normal in (("right", 0.04, -1), ("left", -0.04, 1)):
+        walls[name] = Plane((place, 0, 0), (normal, 0, 0), "wall")
+        walls[name + " too"] = Plane((0, place, 0), (0, normal, 0), "wall")
+    s = simulation(
+        BERRY, Contact(0.3, 0.5, 0.05), walls=walls, gravity_m_s2=(0, 0, -9.81), dt=2e-4, capacity=120,
+        lower=(-0.05, -0.05, 0.0), upper=(0.05, 0.05, 0.3), threads=threads, **keywords,
+    )  # fmt: skip
+    rng = np.random.default_rng(4)
+    lattice = (-0.025, 0.0, 0.025)
+    for place in itertools.islice(itertools.product(np.arange(0.015, 0.4, 0.0225), lattice, lattice), 120):
+        s.add(
+            np.array(place)[[1, 2, 0]] + 5e-4 * rng.random(3),
+            random_quaternion(rng),
+            0.1 * rng.normal(size=3),
+        )
+    return s
+
+
+@pytest.fixture
+def small_is_shared(monkeypatch):
+    monkeypatch.setattr(parallel, "FEWEST_BODIES", 1)
+
+
+def test_the_number_of_threads_changes_no_bit(small_is_shared):
+    found = []
+    for threads in (1, 2, 3):
+        s = falling(threads)
+        s.run_steps(STEPS)
+        found.append((s.positions.copy(), s.quaternions, s.contacts()))
+    assert len(found[0][2]) > 100
+    for other in found[1:]:
+        for one, two in zip(found[0], other, strict=True):
+            assert np.array_equal(one, two)
+
+
+def test_where_a_run_is_cut_changes_no_bit(small_is_shared):
+    whole, parts = falling(2), falling(2)
+    whole.run_steps(STEPS)
+    for steps in (1, 499, 500, 7, STEPS - 1007):
+        parts.run_steps(steps)
+    assert np.array_equal(whole.positions, parts.positions)
+
+
+def test_shares_move_bodies_as_one_does(small_is_shared, monkeypatch):
+    # over so few steps that rounding has not grown yet
+    shared = falling(1)
+    monkeypatch.setattr(parallel, "FEWEST_BODIES", 1000)
+    plain = falling(1)
+    for s in (shared, plain):
+        s.run_steps(350)
+    assert len(plain.contacts()) > 20
+    assert np.allclose(shared.positions, plain.positions, atol=1e-9)
+
+
+def test_sorting_keeps_each_contact(small_is_shared):
+    s = falling(1)
+    s.run_steps(STEPS - 1)
+    n = len(s.contacts())
+    rows = {}
+    for _ in range(2):
+        data = parallel.st.contact_rows(s.pairs.data, n)
+        pairs = zip(s.pairs.first[:n], s.pairs.second[:n], strict=True)
+        kept = {(int(i), int(j)): tuple(values) for (i, j), values in zip(pairs, data, strict=True)}
+        assert rows in ({}, kept)
+        rows = kept
+        parallel.sort_contacts(s.pairs, n)
+    assert np.all(np.diff(s.pairs.first[:n].astype(int)) >= 0)
+
+
+@pytest.mark.parametrize("threads", [0, 9, 1.5])
+def test_a_wrong_number_of_threads_is_refused(threads):
+    with pytest.raises(ValueError, match=f"threads is {threads}; allowed: 1 to 8"):
+        falling(threads)
