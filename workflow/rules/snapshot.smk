@@ -1,4 +1,4 @@
-# Only on request, `snakemake --cores 2 snapshot`: what a repository keeps of a finished study.
+# Only on request, `snakemake snapshot --cores 2`: what a repository keeps of a finished study.
 rule snapshot:
     input:
         rules.calibration.input,

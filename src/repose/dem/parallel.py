@@ -70,26 +70,13 @@ def wake_shares(pairs, counts, grid, due, n_due, begins):
 
 @kernel_without_gil
 def advance_shared(
-    bodies,
-    pairs,
-    flat,
-    curved,
-    grid,
-    walls,
-    counts,
-    physics,
-    tiles,
-    body_tiles,
-    scratches,
-    shared,
-    thread,
-    threads,
-    steps,
-):
+    bodies, pairs, flat, curved, grid, walls, counts, physics, tiles, body_tiles, scratches, shared, thread, steps
+):  # fmt: skip
     """What one thread does of a number of steps; see `engine.advance`. Returns the steps made.
 
     tiles, body_tiles, scratches: one row a thread. shared: arrays that the threads share (`Shared`).
     """
+    threads = tiles.shape[0]
     ghost = grid.cell.shape[0]
     lead = thread == 0
     t, m, scratch = tiles[thread], body_tiles[thread], scratches[thread]
