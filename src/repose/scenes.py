@@ -256,7 +256,7 @@ def _judge(simulation, funnel, before, frames, wall_s, us_per_step):
     in_funnel = present & (centres[:, 2] > funnel.outlet_height_m - simulation.radius)
     on_plate = present & (centres[:, 2] > 0.0) & ~in_funnel
     in_pile = largest_cluster(simulation.contacts(), on_plate)
-    exits = simulation.bodies.exit_time[: simulation.n_bodies]
+    exits = simulation.exit_times_s
     exits = exits[np.isfinite(exits)]
     pile_energy = simulation.kinetic_energies()[in_pile]
     motion = np.linalg.norm(centres - before, axis=1)[on_plate]

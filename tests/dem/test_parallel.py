@@ -5,6 +5,8 @@ import pytest
 from dem.common import BERRY, random_quaternion, simulation
 
 from repose.dem import Contact, Plane, parallel
+from repose.dem import state as st
+from repose.dem.order import morton
 
 STEPS = 1200
 
@@ -62,23 +64,39 @@ def test_shares_move_bodies_as_one_does(small_is_shared, monkeypatch):
     plain = falling(1)
     for s in (shared, plain):
         s.run_steps(350)
-    assert len(plain.contacts()) + int(plain.counts[parallel.st.N_PLANE]) > 20
+    assert len(plain.contacts()) + int(plain.counts[st.N_PLANE]) > 20
     assert np.allclose(shared.positions, plain.positions, atol=1e-9)
 
 
-def test_sorting_keeps_each_contact(small_is_shared):
+def test_new_numbers_change_nothing_that_users_see(small_is_shared):
     s = falling(1)
     s.run_steps(STEPS - 1)
-    n = len(s.contacts())
-    rows = {}
-    for _ in range(2):
-        data = parallel.st.contact_rows(s.pairs.data, n)
-        pairs = zip(s.pairs.first[:n], s.pairs.second[:n], strict=True)
-        kept = {(int(i), int(j)): tuple(values) for (i, j), values in zip(pairs, data, strict=True)}
-        assert rows in ({}, kept)
-        rows = kept
-        parallel.sort_contacts(s.pairs, n)
-    assert np.all(np.diff(s.pairs.first[:n].astype(int)) >= 0)
+
+    def seen():
+        rows = st.contact_rows(s.pairs.data, len(s.contacts()))
+        places = s.bodies.rows[s.pairs.first[: len(rows)], :3]
+        springs = sorted(map(tuple, np.column_stack([places, rows])))
+        return (
+            s.positions,
+            s.quaternions,
+            s.angular_momenta,
+            s.contacts(),
+            s.kinetic_energies(),
+            np.array(springs),
+        )
+
+    before, numbers = seen(), s._inner.copy()
+    s._reorder()
+    assert not np.array_equal(numbers, s._inner)
+    for one, two in zip(before, seen(), strict=True):
+        assert np.array_equal(one, two)
+
+
+def test_morton_numbers_of_a_small_grid():
+    shape = np.array([2, 2, 4])
+    cells = np.arange(16)
+    x, y, z = cells // 8, cells // 4 % 2, cells % 4
+    assert np.array_equal(morton(cells, shape), x + 2 * y + 4 * (z % 2) + 32 * (z // 2))
 
 
 @pytest.mark.parametrize("threads", [0, 9, 1.5])

@@ -20,7 +20,7 @@ from .rigid import act_on_events, integrate
 
 SHARES = 8
 FEWEST_BODIES = 4096  # smaller simulations have one share: they gain nothing from threads
-SORT_EVERY = 500  # steps after which contacts are put in the order of their bodies
+REORDER_EVERY = 1000  # steps after which bodies are numbered anew (see `order`)
 STOP = 0  # place in `orders` that ends the run
 L = st.LANES
 
@@ -142,15 +142,3 @@ def run_threads(arrays, tiles, shared, steps):
     for other in others:
         other.join()
     return int(made[0])
-
-
-def sort_contacts(pairs, n):
-    """Put the first n contacts in the order of their bodies, so that neighbours in memory are neighbours in space."""
-    order = np.lexsort((pairs.second[:n], pairs.first[:n]))
-    pairs.first[:n] = pairs.first[:n][order]
-    pairs.second[:n] = pairs.second[:n][order]
-    rows = pairs.data.reshape(len(pairs.data), st.PAIR_ROWS, L)
-    for quantity in range(st.PAIR_ROWS):
-        values = rows[:, quantity].reshape(-1)
-        values[:n] = values[:n][order]
-        rows[:, quantity] = values.reshape(-1, L)

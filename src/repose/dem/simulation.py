@@ -10,6 +10,7 @@ from . import tile as tl
 from .atomics import BARRIER_SIZE
 from .engine import advance
 from .materials import Contact, Material, contact_law, effective_moduli
+from .order import reorder
 from .rigid import TILE_ROWS, place_shape
 from .shapes import Shape
 from .surfaces import Cone, Motion, Plane, RingEdge, WallSet, frame_of
@@ -85,6 +86,7 @@ class Simulation:
         parts = max(len(shape.semi_axes_m) for shape in self.shapes.values())
         skin = SKIN_SHARE * self.radius
         self._shared = self.capacity >= parallel.FEWEST_BODIES
+        self._inner, self._outer = np.arange(self.capacity), np.arange(self.capacity)
         self.bodies = st.new_bodies(self.capacity, parts, parallel.SHARES if self._shared else 1)
         self.grid = st.new_grid(self.capacity, lower, upper, 2.0 * self.radius + skin)
         self.grid.lengths[1:] = 2.0 * self.radius, skin
@@ -175,7 +177,8 @@ class Simulation:
         new.creep[0] = old.creep[0]
         new.turned[:] |= old.turned
         self.walls = new
-        self.bodies.alarm[: self.n_bodies][self.present] = -1.0
+        present = self.bodies.presence[: self.n_bodies] == st.PRESENT
+        self.bodies.alarm[: self.n_bodies][present] = -1.0
 
     @property
     def threads(self):
@@ -226,33 +229,38 @@ class Simulation:
 
     @property
     def positions(self):
-        """Centres of the bodies added so far, a view (N, 3) [m]."""
-        return self.bodies.rows[: self.n_bodies, 0:3]
+        """Centres of the bodies added so far (N, 3) [m]; a view in simulations of fewer than 4096 bodies."""
+        return self._seen(self.bodies.rows)[:, st.POSITION : st.POSITION + 3]
 
     @property
     def quaternions(self):
         """Orientations (w, x, y, z), body to world, a copy (N, 4)."""
-        return st.lanes_of(self.bodies.motion, st.QUATERNION, 4, self.n_bodies)
+        return self._seen(st.lanes_of(self.bodies.motion, st.QUATERNION, 4, self.n_bodies))
 
     @property
     def velocities(self):
-        """Velocities of the centres, a view (N, 3) [m/s]."""
-        return self.bodies.rows[: self.n_bodies, st.VELOCITY : st.VELOCITY + 3]
+        """Velocities of the centres (N, 3) [m/s]; a view as `positions` is."""
+        return self._seen(self.bodies.rows)[:, st.VELOCITY : st.VELOCITY + 3]
 
     @property
     def angular_velocities(self):
-        """Angular velocities in the world frame, a view (N, 3) [rad/s]."""
-        return self.bodies.rows[: self.n_bodies, st.TURNING : st.TURNING + 3]
+        """Angular velocities in the world frame (N, 3) [rad/s]; a view as `positions` is."""
+        return self._seen(self.bodies.rows)[:, st.TURNING : st.TURNING + 3]
 
     @property
     def angular_momenta(self):
         """Angular momenta about the centres in the world frame, a copy (N, 3) [kg m2/s]."""
-        return st.lanes_of(self.bodies.motion, st.SPIN, 3, self.n_bodies)
+        return self._seen(st.lanes_of(self.bodies.motion, st.SPIN, 3, self.n_bodies))
 
     @property
     def present(self):
         """Which bodies are still there (N,)."""
-        return self.bodies.presence[: self.n_bodies] == st.PRESENT
+        return self._seen(self.bodies.presence) == st.PRESENT
+
+    @property
+    def exit_times_s(self):
+        """When each body fell through the exit height (N,) [s]; nan where it did not."""
+        return self._seen(self.bodies.exit_time)
 
     def add(
         self,
@@ -334,9 +342,9 @@ class Simulation:
         )  # fmt: skip
         if not self._shared:
             return advance(*arrays, self._tiles[0], self._body_tiles[0], self._scratches[0], steps)
-        if self.steps % parallel.SORT_EVERY == 0:
-            parallel.sort_contacts(self.pairs, self.counts[st.N_PAIRS])
-        steps = min(steps, parallel.SORT_EVERY - self.steps % parallel.SORT_EVERY)
+        if self.steps % parallel.REORDER_EVERY == 0:
+            self._reorder()
+        steps = min(steps, parallel.REORDER_EVERY - self.steps % parallel.REORDER_EVERY)
         shared = st.Shared(
             counters=np.zeros(BARRIER_SIZE, np.int64),
             orders=np.zeros(1, np.int64),
@@ -346,6 +354,17 @@ class Simulation:
         )
         tiles = (self._tiles, self._body_tiles, self._scratches)
         return parallel.run_threads(arrays, tiles, shared, steps)
+
+    def _reorder(self):
+        """Number the bodies in the order of space; what users see keeps their numbers."""
+        n = self.n_bodies
+        order = reorder(self.bodies, self.grid, self.pairs, self.flat, self.curved, self.counts)
+        self._outer[:n] = self._outer[:n][order]
+        self._inner[self._outer[:n]] = np.arange(n)
+
+    def _seen(self, values):
+        """Values of the bodies added so far, by the numbers that users know: a view where they are the engine's own."""
+        return values[self._inner[: self.n_bodies]] if self._shared else values[: self.n_bodies]
 
     def _grow(self):
         """Double the lists that are filling up."""
@@ -364,16 +383,17 @@ class Simulation:
 
     def kinetic_energies(self):
         """Kinetic energy of each body, translation and rotation (N,) [J]."""
-        inverse = self.bodies.rows[: self.n_bodies, st.INVERSE_MASS]
+        inverse = self._seen(self.bodies.rows)[:, st.INVERSE_MASS]
         masses = np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0.0)
         translation = 0.5 * masses * np.sum(self.velocities**2, axis=1)
         rotation = 0.5 * np.sum(self.angular_momenta * self.angular_velocities, axis=1)
         return translation + rotation
 
     def contacts(self):
-        """Indices of the touching pairs (M, 2), sorted."""
+        """Indices of the touching pairs (M, 2), the smaller first, sorted."""
         n = self.counts[st.N_PAIRS]
-        pairs = np.column_stack([self.pairs.first[:n], self.pairs.second[:n]])
+        pairs = self._outer[np.column_stack([self.pairs.first[:n], self.pairs.second[:n]])]
+        pairs.sort(axis=1)
         return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
     def curved_contacts(self):
@@ -383,7 +403,12 @@ class Simulation:
         """
         n = self.counts[st.N_CURVED]
         rows = st.contact_rows(self.curved.data, n)
-        return self.curved.body[:n].copy(), self.curved.wall[:n].copy(), rows[:, :3].copy(), rows[:, 6].copy()
+        return (
+            self._outer[self.curved.body[:n]],
+            self.curved.wall[:n].copy(),
+            rows[:, :3].copy(),
+            rows[:, 6].copy(),
+        )
 
 
 def _grown(contacts, used, ghost):

@@ -1,0 +1,94 @@
+"""Bodies in the order of space: what lies near in the pile lies near in memory.
+
+Large simulations do not fit into the caches. From time to time their bodies are numbered anew along a Morton curve
+through the cells, and contacts put in the order of their bodies; users keep the numbers that `add` returned.
+"""
+
+import numpy as np
+
+from . import state as st
+from .jit import kernel
+
+L = st.LANES
+
+
+def morton(cell, shape):
+    """Place on the Morton curve of cells (n,) of a grid of a shape (3,): the bits of the three indices interleaved."""
+    cell = np.maximum(cell, 0)
+    indices = cell // (shape[1] * shape[2]), cell // shape[2] % shape[1], cell % shape[2]
+    code = np.zeros(len(cell), np.int64)
+    for bit in range(int(max(shape)).bit_length()):
+        for k, index in enumerate(indices):
+            code |= (index >> bit & 1) << (3 * bit + k)
+    return code
+
+
+@kernel
+def relink(grid, n):
+    """Make the chains of the cells anew."""
+    grid.head[:] = -1
+    for i in range(n):
+        cell = grid.cell[i]
+        grid.following[i] = -1
+        grid.preceding[i] = -1
+        if cell >= 0:
+            after = grid.head[cell]
+            grid.following[i] = after
+            if after >= 0:
+                grid.preceding[after] = i
+            grid.head[cell] = i
+
+
+def _permute_lanes(tiles, order):
+    """Put the first lanes of an array of tiles (tiles, rows * L) in an order."""
+    rows = tiles.shape[1] // L
+    flat = tiles.reshape(-1, rows, L).transpose(0, 2, 1).reshape(-1, rows)
+    flat[: len(order)] = flat[order]
+    tiles[:] = flat.reshape(-1, L, rows).transpose(0, 2, 1).reshape(tiles.shape)
+
+
+def reorder(bodies, grid, pairs, flat, curved, counts):
+    """Number the bodies along the Morton curve; returns the old number of each (n,). Between steps only."""
+    n = int(counts[st.N_BODIES])
+    order = np.argsort(morton(grid.cell[:n], grid.shape), kind="stable")
+    place = np.empty(n, np.int64)
+    place[order] = np.arange(n)
+    for array in (
+        bodies.rows, bodies.odometer, bodies.alarm, bodies.presence, bodies.passed, bodies.exit_time, bodies.kind,
+        grid.cell, grid.moved, grid.touching, grid.dormant,
+    ):  # fmt: skip
+        array[:n] = array[:n][order]
+    for contacts in (flat, curved):
+        contacts.limit[:, :n] = contacts.limit[:, :n][:, order]
+    _permute_lanes(bodies.motion, order)
+    bodies.resting[:] = 0
+    moved = int(counts[st.N_MOVED])
+    grid.moved_list[:moved] = place[grid.moved_list[:moved]]
+    relink(grid, n)
+    for numbers, used in (
+        (pairs.first, st.N_PAIRS),
+        (pairs.second, st.N_PAIRS),
+        (pairs.dormant_first, st.N_DORMANT),
+        (pairs.dormant_second, st.N_DORMANT),
+        (flat.body, st.N_PLANE),
+        (curved.body, st.N_CURVED),
+    ):
+        numbers[: counts[used]] = place[numbers[: counts[used]]]
+    sort_contacts(pairs, int(counts[st.N_PAIRS]))
+    sort_dormant(pairs, int(counts[st.N_DORMANT]))
+    return order
+
+
+def sort_contacts(pairs, n):
+    """Put the first n contacts in the order of their bodies."""
+    order = np.argsort(np.minimum(pairs.first[:n], pairs.second[:n]), kind="stable")
+    for numbers in (pairs.first, pairs.second):
+        numbers[:n] = numbers[:n][order]
+    _permute_lanes(pairs.data, order)
+
+
+def sort_dormant(pairs, n):
+    """Put the first n dormant pairs in the order of their bodies."""
+    order = np.argsort(np.minimum(pairs.dormant_first[:n], pairs.dormant_second[:n]), kind="stable")
+    for array in (pairs.dormant_first, pairs.dormant_second, pairs.dormant_limit, pairs.dormant_normal):
+        array[:n] = array[:n][order]
