@@ -3,7 +3,7 @@
 from repose.errors import InputError
 
 from . import convergence, energy, impacts, oblique, packing, rolling, rotation
-from .case import FULL, REDUCED, Effort
+from .case import FULL, Effort
 
 # Every case by name: a function of an `Effort` that returns a `case.Result`.
 CASES = {
@@ -30,7 +30,7 @@ CASES = {
 # Cases that take many minutes and run only when they are asked for.
 EXPENSIVE = ("convergence",)
 
-__all__ = ["CASES", "EXPENSIVE", "FULL", "REDUCED", "Effort", "run"]
+__all__ = ["CASES", "EXPENSIVE", "FULL", "Effort", "run"]
 
 
 def run(names=None, effort=FULL, told=None):

@@ -108,7 +108,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Effort:
-    """How much work the statistical cases do; FULL is the verb's, REDUCED the tests'.
+    """How much work the statistical cases do; FULL is what the verb does.
 
     hits: impacts of each kind in the energy cases; berries: in the poured packing; seeds: pours of each time step in
     the convergence case; pile: what these pours need, (configuration, `shape.Particle`, moduli), None for no pours.
@@ -121,4 +121,3 @@ class Effort:
 
 
 FULL = Effort()
-REDUCED = Effort(hits=200, berries=150, seeds=1)

@@ -45,9 +45,12 @@ def cloud_momentum(_effort):
         return linear.sum(axis=0), angular.sum(axis=0), simulation.kinetic_energies().sum()
 
     linear, angular, energy = totals()
+    lever = (
+        mass * np.linalg.norm(simulation.positions, axis=1) * np.linalg.norm(simulation.velocities, axis=1)
+    )
     sizes = (
         mass * np.linalg.norm(simulation.velocities, axis=1).sum(),
-        np.linalg.norm(simulation.angular_momenta, axis=1).sum(),
+        (lever + np.linalg.norm(simulation.angular_momenta, axis=1)).sum(),
     )
     history = []
     for _ in range(100):
@@ -63,7 +66,7 @@ def cloud_momentum(_effort):
             "",
             spin.max(),
             0.0,
-            tolerance=1e-12,
+            tolerance=1e-13,
             scale=1.0,
         ),
         at_most("kinetic energy left", "", left[-1], 0.9, "the berries have collided"),

@@ -55,7 +55,7 @@ def _write_csv(results, path):
 
 def draw(result):
     """The figure of a case: its panels side by side."""
-    figure = style.new_figure(style.PAGE if len(result.panels) > 1 else 1.3 * style.COLUMN, 2.9)
+    figure = style.new_figure(style.PAGE if len(result.panels) > 1 else 1.3 * style.COLUMN, 3.2)
     axes = figure.subplots(1, len(result.panels), squeeze=False)[0]
     for ax, panel in zip(axes, result.panels, strict=True):
         pairs = sum(curve.reference for curve in panel.curves) > 1
@@ -67,17 +67,18 @@ def draw(result):
                 ax.plot(curve.x, curve.y, color=colour, label=curve.label, zorder=1)
                 continue
             colour, marker = COLOURS[results % len(COLOURS)], MARKERS[results % len(MARKERS)]
+            size = 5.0 if results == 0 else 3.0  # so that points that coincide are both seen
             results += 1
             if curve.line:
                 ax.plot(curve.x, curve.y, color=colour, ls="-" if results < 3 else "--", label=curve.label)
             else:
                 ax.errorbar(
-                    curve.x, curve.y, yerr=curve.error, fmt=marker, ms=3.2, mfc="white", mew=0.9, color=colour,
+                    curve.x, curve.y, yerr=curve.error, fmt=marker, ms=size, mfc="white", mew=0.9, color=colour,
                     label=curve.label, zorder=2, capsize=2,
                 )  # fmt: skip
         ax.set(xlabel=panel.x_label, ylabel=panel.y_label, xscale="log" if panel.log_x else "linear")
         ax.grid(True)
-        ax.legend(loc="best")
+        ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, columnspacing=1.0)
     return figure
 
 
