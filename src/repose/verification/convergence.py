@@ -10,7 +10,7 @@ from repose.dem import Contact
 from .case import Curve, Panel, Result, close, reported
 from .machine import berry_simulation
 
-TIME_STEPS_S = (2.9e-5, 5e-5, 1e-4, 2e-4, 4e-4, 1e-3)
+TIME_STEPS_S = (2.9e-5, 5e-5, 1e-4, 2e-4, 3e-4, 4e-4, 1e-3)
 RECOMMENDED_S = 2e-4
 PHASES = 12  # the impact begins at so many places within a step
 ASKED = 0.2
@@ -84,7 +84,7 @@ def time_steps(effort):
             "time step (s)",
             "restitution",
             (
-                Curve("asked for", [TIME_STEPS_S[0], 4e-4], [ASKED, ASKED], reference=True),
+                Curve("asked for", [TIME_STEPS_S[0], 3e-4], [ASKED, ASKED], reference=True),
                 Curve("repose", *np.array(bounces).T[:2], error=np.array(bounces).T[2]),
             ),
             log_x=True,
