@@ -17,14 +17,16 @@ FILM, SMALL_FILM = 72, 20
 
 
 def main(words=None):
-    """Run one verb. Returns the exit status: 0, or 2 where the input is at fault, with one line on stderr."""
+    """Run one verb. Returns the exit status: 0, 1 where a verification misses, or 2 where the input is at fault.
+
+    A fault of the input is told in one line on stderr.
+    """
     args = arguments.parser().parse_args(words)
     try:
-        VERBS[args.verb](args)
+        return VERBS[args.verb](args) or 0
     except (InputError, PermissionError, FileExistsError, NotADirectoryError) as error:
         print(f"repose: error: {error}", file=sys.stderr)
         return 2
-    return 0
 
 
 def berry(args):
@@ -225,6 +227,40 @@ def check(args):
     print(f"about {work['pour_s']:.1f} s a pour, {minutes:.0f} min on {args.cores} cores")
 
 
+def verify(args):
+    """Verification suite."""
+    for option in ("hits", "seeds"):
+        if getattr(args, option) < 1:
+            raise InputError("command line", f"--{option}", getattr(args, option), "at least 1")
+
+    from repose import verification
+    from repose.verification import report
+
+    names = args.case or (list(verification.CASES) if args.all else None)
+    pile = None
+    if names and set(names) & set(verification.EXPENSIVE):
+        args.berry = args.particle = None
+        config = settings.load(args.config)
+        berry_of, particle = _berry_and_particle(args, config)
+        pile = (config, particle, berry_of)
+    effort = verification.Effort(hits=args.hits, seeds=args.seeds, pile=pile)
+    results = verification.run(
+        names, effort, lambda name, result: print(_case_line(name, result), flush=True)
+    )
+    report.write(results, args.out)
+    print(f"{args.out}/index.html")
+    return 0 if all(result.passed for result in results.values()) else 1
+
+
+def _case_line(name, result):
+    """One case in words."""
+    missed = [row for row in result.rows if not row.passed]
+    words = (
+        f"{len(missed)} of {len(result.rows)} numbers miss" if missed else f"{len(result.rows)} numbers, good"
+    )
+    return f"{name:>12}: {words}" + "".join(f"; {row.quantity} is {row.result:.6g}" for row in missed[:3])
+
+
 def _berry_and_particle(args, config):
     """Moduli and particle from the files given, or made from the configuration."""
     from repose.shape import Particle
@@ -298,6 +334,7 @@ VERBS = {
         table,
         bench,
         check,
+        verify,
         snapshot,
     )
 }

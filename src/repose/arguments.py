@@ -226,6 +226,23 @@ def _add_services(verbs):
     sub.add_argument("--cores", type=int, default=2, help="cores of the run (2)")
     sub = _verb(
         verbs,
+        "verify",
+        "run the simulator's verification suite: known answers beside its own",
+        "python -m repose verify --out results/verification --case chung1",
+        out="results/verification",
+    )
+    sub.add_argument(
+        "--case", action="append", metavar="NAME", help="run this case; may be given several times"
+    )
+    sub.add_argument("--all", action="store_true", help="run the expensive cases too (convergence)")
+    sub.add_argument(
+        "--hits", type=int, default=10_000, help="impacts of each kind in the energy cases (10000)"
+    )
+    sub.add_argument(
+        "--seeds", type=int, default=2, help="pours of each time step in the case convergence (2)"
+    )
+    sub = _verb(
+        verbs,
         "snapshot",
         "copy the tables and pictures of a finished study, without its pours",
         "python -m repose snapshot results --out results/published/mine",

@@ -1,0 +1,50 @@
+"""Verification of the simulator: known answers beside its own, as a table, plots and tests."""
+
+from repose.errors import InputError
+
+from . import convergence, energy, impacts, oblique, packing, rolling, rotation
+from .case import FULL, Effort
+
+# Every case by name: a function of an `Effort` that returns a `case.Result`.
+CASES = {
+    "chung1": impacts.two_spheres,
+    "chung2": impacts.sphere_on_plane,
+    "chung3": impacts.damped_impact,
+    "chung4": oblique.angles,
+    "chung5": oblique.tangential_speeds,
+    "chung6": oblique.plane_spins,
+    "chung7": oblique.equal_spheres,
+    "chung8": oblique.unequal_spheres,
+    "rolling": rolling.slip_to_roll,
+    "slope": rolling.coulomb_slope,
+    "rest": rolling.berry_at_rest,
+    "rocking": rolling.rocking,
+    "rotation": rotation.free_rotation,
+    "momentum": energy.cloud_momentum,
+    "energy": energy.energy_of_hits,
+    "elastic": energy.elastic_impacts,
+    "hexagonal": packing.hexagonal_packing,
+    "packing": packing.poured_packing,
+    "convergence": convergence.time_steps,
+}
+# Cases that take many minutes and run only when they are asked for.
+EXPENSIVE = ("convergence",)
+
+__all__ = ["CASES", "EXPENSIVE", "FULL", "Effort", "run"]
+
+
+def run(names=None, effort=FULL, told=None):
+    """Run cases by name, all but the expensive ones unless given; returns names to `case.Result`.
+
+    told: called with the name and the result of each case as it ends. Raises InputError for an unknown name.
+    """
+    chosen = list(names) if names else [name for name in CASES if name not in EXPENSIVE]
+    for name in chosen:
+        if name not in CASES:
+            raise InputError("command line", "--case", name, ", ".join(CASES))
+    results = {}
+    for name in dict.fromkeys(chosen):
+        results[name] = CASES[name](effort)
+        if told is not None:
+            told(name, results[name])
+    return results

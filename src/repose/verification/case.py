@@ -1,0 +1,123 @@
+"""What a case of the verification suite gives back: results beside references, and the data of one plot."""
+
+from dataclasses import dataclass, field
+
+CLOSED = "closed form"
+DIGITISED = "digitised, Chung & Ooi (2011)"
+# Relative tolerances, the same for all cases.
+CLOSED_TOLERANCE, DIGITISED_TOLERANCE = 0.003, 0.025
+
+PASSED, MISSED, KNOWN, REPORTED = "passed", "MISSED", "known deviation", "reported"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One number of a case beside its reference.
+
+    reference: a number, or a text where there is none or an interval; deviation: of the result, relative unless the
+    reference is zero; tolerance: largest deviation allowed, None where nothing is asserted; status: one of PASSED,
+    MISSED, KNOWN, REPORTED; note: why a row misses or is not asserted.
+    """
+
+    quantity: str
+    unit: str
+    reference: object
+    source: str
+    result: float
+    deviation: float | None
+    tolerance: float | None
+    status: str
+    note: str = ""
+
+    @property
+    def passed(self):
+        """False only for a row that misses its tolerance without a reason known beforehand."""
+        return self.status != MISSED
+
+
+def close(quantity, unit, result, reference, source=CLOSED, tolerance=None, scale=None, known=""):
+    """A result that has to agree with a reference.
+
+    tolerance: 0.3 % for a closed form, 2.5 % for a digitised value, unless given; scale: what the difference is
+    divided by, the reference unless given; known: why the row is known to miss: it is then shown with its deviation
+    and not counted as a failure.
+    """
+    if tolerance is None:
+        tolerance = DIGITISED_TOLERANCE if source.startswith("digitised") else CLOSED_TOLERANCE
+    deviation = abs(result - reference) / abs(scale or reference)
+    status = PASSED if deviation <= tolerance else KNOWN if known else MISSED
+    note = known if status == KNOWN else ""
+    return Row(quantity, unit, reference, source, result, deviation, tolerance, status, note)
+
+
+def at_most(quantity, unit, result, limit, source):
+    """A result that must not exceed a limit."""
+    status = PASSED if result <= limit else MISSED
+    return Row(quantity, unit, f"at most {limit:.7g}", source, result, None, None, status)
+
+
+def within(quantity, unit, result, low, high, source):
+    """A result that has to lie in a published range."""
+    status = PASSED if low <= result <= high else MISSED
+    return Row(quantity, unit, f"{low:g} to {high:g}", source, result, None, None, status)
+
+
+def reported(quantity, unit, result, note, reference="", source=""):
+    """A result that is shown and not judged; with a number as reference its deviation too."""
+    number = isinstance(reference, float) and reference != 0.0
+    deviation = abs(result - reference) / abs(reference) if number else None
+    return Row(quantity, unit, reference, source, result, deviation, None, REPORTED, note)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A line of a plot; reference curves are drawn as lines, results as markers unless `line`."""
+
+    label: str
+    x: object
+    y: object
+    reference: bool = False
+    line: bool = False
+    error: object = None
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One pair of axes."""
+
+    x_label: str
+    y_label: str
+    curves: tuple
+    log_x: bool = False
+
+
+@dataclass(frozen=True)
+class Result:
+    """A case: its title, what is compared with what, rows and the panels of its plot."""
+
+    title: str
+    compared: str
+    rows: list
+    panels: list = field(default_factory=list)
+
+    @property
+    def passed(self):
+        """Whether no row misses."""
+        return all(row.passed for row in self.rows)
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much work the statistical cases do; FULL is what the verb does.
+
+    hits: impacts of each kind in the energy cases; berries: in the poured packing; seeds: pours of each time step in
+    the convergence case; pile: what these pours need, (configuration, `shape.Particle`, moduli), None for no pours.
+    """
+
+    hits: int = 10_000
+    berries: int = 400
+    seeds: int = 2
+    pile: tuple | None = None
+
+
+FULL = Effort()

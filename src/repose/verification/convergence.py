@@ -1,0 +1,117 @@
+"""What the time step does to the angle of repose, Height and restitution."""
+
+import re
+
+import numpy as np
+
+from repose.bench import REPRESENTATIVE
+from repose.dem import Contact
+
+from .case import Curve, Panel, Result, close, reported
+from .machine import berry_simulation
+
+TIME_STEPS_S = (2.9e-5, 5e-5, 1e-4, 2e-4, 3e-4, 4e-4, 1e-3)
+RECOMMENDED_S = 2e-4
+PHASES = 12  # the impact begins at so many places within a step
+ASKED = 0.2
+SPHERE_M = 0.00667  # radius of a sphere of the berry's volume
+REFUSED = "refused by the simulator"
+RESPONSES = (("aor_deg", "angle of repose", "deg"), ("height_mm", "Height", "mm"))
+
+
+def restitution_at(step_s):
+    """Restitution of two spheres of the berry's volume at 1.4 m/s: mean and standard error over phases of the step."""
+    found = []
+    for phase in np.arange(PHASES) / PHASES:
+        simulation = berry_simulation(Contact(ASKED, 0.0, 0.0), step_s, capacity=2, axes=(SPHERE_M,) * 3)
+        simulation.add("berry", (-0.0068 - 0.7 * phase * step_s, 0.0, 0.0), velocity_m_s=(0.7, 0.0, 0.0))
+        simulation.add("berry", (0.0068, 0.0, 0.0), velocity_m_s=(-0.7, 0.0, 0.0))
+        simulation.run_steps(round(0.1 / step_s))
+        found.append((simulation.velocities[1, 0] - simulation.velocities[0, 0]) / 1.4)
+    return mean_and_error(found)
+
+
+def mean_and_error(values):
+    """Mean and standard error, the latter NaN for one value."""
+    values = np.asarray(values, float)
+    error = values.std(ddof=1) / np.sqrt(len(values)) if len(values) > 1 else np.nan
+    return float(values.mean()), float(error)
+
+
+def longest_step_named(message):
+    """The limit that a refusal names [s]."""
+    return float(re.search(r"at most ([-+.e\d]+)", message).group(1))
+
+
+def _pours(step_s, pile, seeds):
+    """Records of the pours of the published representative solution that gave a pile."""
+    from repose.heap import run_once
+
+    config, particle, berry = pile
+    changed = {**config, "heap": {**config["heap"], "time_step_s": step_s}}
+    records = [run_once(changed, REPRESENTATIVE, seed, particle, berry)[0] for seed in range(1, seeds + 1)]
+    return [record for record in records if record["status"] == "ok"]
+
+
+def time_steps(effort):
+    """Restitution, and where a configuration is given AoR and Height, over time steps; too long ones are refused."""
+    rows, bounces, piles = [], [], []
+    for step in TIME_STEPS_S:
+        at = f"time step {step:.3g} s" + (" (recommended)" if step == RECOMMENDED_S else "")
+        try:
+            bounces.append((step, *restitution_at(step)))
+            rows.append(
+                reported(
+                    f"{at}: restitution",
+                    "",
+                    bounces[-1][1],
+                    f"standard error {bounces[-1][2]:.2g}",
+                    ASKED,
+                    "asked for",
+                )
+            )
+            if effort.pile is not None:
+                piles += _pile_rows(rows, at, step, effort)
+        except ValueError as error:
+            limit = longest_step_named(str(error))
+            rows.append(reported(f"{at}: longest step allowed", "s", limit, f"{REFUSED}: {error}"))
+    finest = bounces[0]
+    rows.append(
+        close("restitution at the finest step", "", finest[1], ASKED, tolerance=0.01, source="asked for")
+    )
+    panels = [
+        Panel(
+            "time step (s)",
+            "restitution",
+            (
+                Curve("asked for", [TIME_STEPS_S[0], 3e-4], [ASKED, ASKED], reference=True),
+                Curve("repose", *np.array(bounces).T[:2], error=np.array(bounces).T[2]),
+            ),
+            log_x=True,
+        )
+    ]
+    for key, label, unit in RESPONSES:
+        found = np.array([values for name, *values in piles if name == key], float)
+        if len(found):
+            curve = Curve("repose, ± SE", found[:, 0], found[:, 1], error=np.nan_to_num(found[:, 2]))
+            panels.append(Panel("time step (s)", f"{label} ({unit})", (curve,), log_x=True))
+    return Result(
+        "Convergence over the time step",
+        f"restitution of two spheres; piles of the representative solution, {effort.seeds} seeds a step",
+        rows,
+        panels,
+    )
+
+
+def _pile_rows(rows, at, step, effort):
+    """Add a step's rows of AoR and Height; returns (key, step, mean, standard error) of each."""
+    runs = _pours(step, effort.pile, effort.seeds)
+    found = []
+    for key, label, unit in RESPONSES:
+        if runs:
+            mean, error = mean_and_error([run[key] for run in runs])
+            found.append((key, step, mean, error))
+            rows.append(
+                reported(f"{at}: {label}", unit, mean, f"standard error {error:.2g}, {len(runs)} pours")
+            )
+    return found

@@ -1,0 +1,242 @@
+"""Momentum of a free cloud, and energy of many random impacts: none may be created where the contacts damp.
+
+The Hertz potential of a turning ellipsoid is not exactly conservative: R* depends on where the bodies touch, so the
+potential's depth changes during a contact. `elastic_impacts` measures that without damping and friction.
+"""
+
+import math
+
+import numpy as np
+
+from repose.dem import Contact, Cylinder
+from repose.scenes import Funnel
+
+from .case import Curve, Panel, Result, at_most, close, reported
+from .machine import BERRY_M, berry_simulation, frictionless, random_direction, random_quaternion
+
+FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)
+TUBED = Funnel(0.15, 0.032, 60.0, 0.02, 0.001, 0.1)
+STEP = 5e-5
+CREATED = 1e-5  # the free rotation between two hits keeps its energy to some 1e-6
+HIT = 0.999  # an impact is one that has taken this share of the energy
+SPHERE_M = (0.007, 0.007, 0.007)
+ELASTIC_NOTE = "R* turns with the ellipsoids: the potential is not exactly conservative"
+SPACING, LANE = 0.2, 12  # distance of isolated impacts [m] and how many of them lie in a row
+
+
+def cloud_momentum(_effort):
+    """A cloud of 64 berries that fly together, collide and fly apart keeps its momentum and angular momentum."""
+    rng = np.random.default_rng(5)
+    simulation = berry_simulation(
+        Contact(0.4, 0.5, 0.0), 1e-4, capacity=64, lower=(-0.3, -0.3, -0.3), upper=(0.3, 0.3, 0.3)
+    )
+    axis = 0.03 * (np.arange(4) - 1.5)
+    for x in axis:
+        for y in axis:
+            for z in axis:
+                place = np.array([x, y, z])
+                velocity = -12.0 * place + 0.4 * rng.normal(size=3)
+                simulation.add("berry", place, random_quaternion(rng), velocity, 20.0 * rng.normal(size=3))
+    mass = simulation.shapes["berry"].mass_kg
+
+    def totals():
+        linear = mass * simulation.velocities
+        angular = simulation.angular_momenta + np.cross(simulation.positions, linear)
+        return linear.sum(axis=0), angular.sum(axis=0), simulation.kinetic_energies().sum()
+
+    linear, angular, energy = totals()
+    lever = (
+        mass * np.linalg.norm(simulation.positions, axis=1) * np.linalg.norm(simulation.velocities, axis=1)
+    )
+    sizes = (
+        mass * np.linalg.norm(simulation.velocities, axis=1).sum(),
+        (lever + np.linalg.norm(simulation.angular_momenta, axis=1)).sum(),
+    )
+    history = []
+    for _ in range(100):
+        simulation.run_steps(20)
+        p, spin, now = totals()
+        drift = (np.linalg.norm(p - linear) / sizes[0], np.linalg.norm(spin - angular) / sizes[1])
+        history.append((simulation.time_s, *drift, now / energy))
+    time, p, spin, left = np.array(history).T
+    rows = [
+        close("momentum, largest drift over the sum of sizes", "", p.max(), 0.0, tolerance=1e-13, scale=1.0),
+        close(
+            "angular momentum, largest drift over the sum of sizes",
+            "",
+            spin.max(),
+            0.0,
+            tolerance=1e-13,
+            scale=1.0,
+        ),
+        at_most("kinetic energy left", "", left[-1], 0.9, "the berries have collided"),
+    ]
+    panels = [
+        Panel(
+            "time (s)",
+            "drift over the sum of sizes (1e-15)",
+            (
+                Curve("momentum", time, 1e15 * p, line=True),
+                Curve("angular momentum", time, 1e15 * spin, line=True),
+            ),
+        ),
+        Panel("time (s)", "kinetic energy over that at the start", (Curve("repose", time, left, line=True),)),
+    ]
+    return Result("Momentum of a colliding cloud", "64 free berries, drift of the totals", rows, panels)
+
+
+def _ratios(simulation, checks, steps):
+    """Largest kinetic energy at any look and the last one, both over the first (N,)."""
+    start = simulation.kinetic_energies()
+    most = np.zeros(len(start))
+    for _ in range(checks):
+        simulation.run_steps(steps)
+        most = np.maximum(most, simulation.kinetic_energies() / start)
+    return most, simulation.kinetic_energies() / start
+
+
+def pair_hits(rng, contact, axes=BERRY_M, step=STEP):
+    """Energy ratios of isolated pairs of ellipsoids of the given semi-axes [m]: largest and final, each (pairs,)."""
+    n = LANE * LANE
+    edge = LANE * SPACING
+    simulation = berry_simulation(
+        contact,
+        step,
+        capacity=2 * n,
+        axes=axes,
+        lower=(-SPACING, -SPACING, -SPACING),
+        upper=(edge, edge, SPACING),
+    )
+    for k in range(n):
+        middle = SPACING * np.array([k // LANE, k % LANE, 0.0])
+        direction = random_direction(rng)
+        aim = -direction + 0.3 * rng.normal(size=3)
+        simulation.add(
+            "berry", middle, random_quaternion(rng), angular_velocity_rad_s=40.0 * rng.normal(size=3)
+        )
+        simulation.add("berry", middle + 0.0215 * direction, random_quaternion(rng), aim)
+    energies = simulation.kinetic_energies()
+    start = energies[0::2] + energies[1::2]
+    most = np.zeros(n)
+    for _ in range(10):
+        simulation.run_steps(round(140 * STEP / step))
+        energies = simulation.kinetic_energies()
+        most = np.maximum(most, (energies[0::2] + energies[1::2]) / start)
+    # a pair that still touches holds elastic energy: it is no finished impact
+    apart = np.ones(n, bool)
+    apart[simulation.contacts()[:, 0] // 2] = False
+    return most[apart], ((energies[0::2] + energies[1::2]) / start)[apart]
+
+
+def funnel_hits(rng, contact, kind):
+    """The same for one berry thrown at the cone, the rim or the tube of a funnel from inside."""
+    funnel = TUBED if kind == "tube" else FUNNEL
+    simulation = berry_simulation(
+        contact,
+        STEP,
+        walls=funnel.walls("wall"),
+        lower=(-0.1, -0.1, 0.0),
+        upper=(0.1, 0.1, 0.3),
+        exit_height_m=0.1,
+        funnel_floor_m=0.099,
+    )
+    bottom = funnel.outlet_height_m + funnel.tube_length_m
+    if kind == "cone":
+        place, sideways, down = np.array([0.0, 0.0, bottom + 0.06]), 1.2, 0.6
+    else:
+        place, sideways, down = np.array([*rng.uniform(-0.006, 0.006, 2), bottom + 0.028]), 0.5, 1.5
+    velocity = np.array([*rng.uniform(-sideways, sideways, 2), -rng.uniform(0.4 * down, down)])
+    simulation.add("berry", place, random_quaternion(rng), velocity, 30.0 * rng.normal(size=3))
+    return _ratios(simulation, 10, 100)
+
+
+def shell_hits(rng, contact, _kind):
+    """The same for berries in a row along a drum, each thrown at its shell."""
+    n, radius, spacing = 40, 0.06, 0.06
+    length = n * spacing
+    simulation = berry_simulation(
+        contact,
+        STEP,
+        capacity=n,
+        walls={"shell": Cylinder((-spacing, 0.0, 0.0), (1.0, 0.0, 0.0), length + spacing, radius, "wall")},
+        lower=(-spacing, -radius, -radius),
+        upper=(length, radius, radius),
+    )
+    for k in range(n):
+        place = np.array([k * spacing, *rng.uniform(-0.01, 0.01, 2)])
+        angle = rng.uniform(0.0, 2.0 * math.pi)
+        speed = rng.uniform(0.5, 1.5)
+        velocity = (0.1 * rng.normal(), speed * math.cos(angle), speed * math.sin(angle))
+        simulation.add("berry", place, random_quaternion(rng), velocity, 30.0 * rng.normal(size=3))
+    return _ratios(simulation, 10, 160)
+
+
+KINDS = {
+    "pairs": lambda rng, contact, _kind: pair_hits(rng, contact),
+    "cone": funnel_hits,
+    "rim": funnel_hits,
+    "tube": funnel_hits,
+    "drum shell": shell_hits,
+}
+
+
+def energy_of_hits(effort):
+    """No impact with e below 1 and without rolling friction leaves with more energy than it came with."""
+    rows, curves = [], []
+    for kind, throw in KINDS.items():
+        rng = np.random.default_rng([13, len(kind)])
+        most, final = [], []
+        while sum(np.count_nonzero(f < HIT) for f in final) < effort.hits:
+            contact = Contact(rng.uniform(0.1, 0.6), rng.uniform(0.2, 0.8), 0.0)
+            highest, last = throw(rng, contact, kind)
+            most.append(highest)
+            final.append(last)
+        most, final = np.concatenate(most), np.concatenate(final)
+        hits = final < HIT
+        note = f"largest ratio on the way, {np.count_nonzero(hits)} hits"
+        rows.append(
+            at_most(f"{kind}: energy over that before, {note}", "", most.max(), 1.0 + CREATED, "no energy")
+        )
+        ordered = np.sort(final[hits])
+        curves.append(Curve(kind, ordered, np.linspace(0.0, 1.0, len(ordered)), line=True))
+    panel = Panel("energy after over energy before", "share of the hits below", tuple(curves))
+    return Result(
+        "Energy of random hits",
+        "berries, e 0.1 to 0.6, mu 0.2 to 0.8, no rolling friction; kinetic energy at ten looks",
+        rows,
+        [panel],
+    )
+
+
+def elastic_impacts(effort):
+    """How far the force is from conservative: pairs with e = 1 and without friction; spheres as a control."""
+    bodies = (
+        ("berries", BERRY_M, STEP),
+        ("berries, a fifth of the time step", BERRY_M, STEP / 5),
+        ("spheres", SPHERE_M, STEP),
+    )
+    rows, curves = [], []
+    for name, axes, step in bodies:
+        rng = np.random.default_rng(17)
+        final = []
+        while sum(map(len, final)) < effort.hits:
+            final.append(pair_hits(rng, frictionless(), axes, step)[1])
+        change = 100.0 * (np.concatenate(final) - 1.0)
+        if name == "spheres":
+            worst = 0.01 * np.abs(change).max()
+            rows.append(close("spheres: largest change of energy", "", worst, 0.0, tolerance=1e-3, scale=1.0))
+        else:
+            values = (change.mean(), change.std(), change.max(), -change.min())
+            for what, value in zip(
+                ("mean change", "standard deviation", "largest gain", "largest loss"), values, strict=True
+            ):
+                rows.append(reported(f"{name}: {what} of energy", "%", value, ELASTIC_NOTE))
+        ordered = np.sort(change)
+        curves.append(Curve(name, ordered, np.linspace(0.0, 1.0, len(ordered)), line=True))
+    panel = Panel("change of kinetic energy (%)", "share of the impacts below", tuple(curves))
+    return Result(
+        "Elastic impacts of berries: the known exception",
+        "kinetic energy after over before, e = 1, mu = 0; exactly 0 for a conservative force",
+        rows,
+        [panel],
+    )

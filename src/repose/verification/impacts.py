@@ -1,0 +1,192 @@
+"""Normal impacts: tests 1 to 3 of Chung & Ooi (2011), Granular Matter 13, 643-656.
+
+The engine stores no forces: the force is the mass times the change of velocity in a time step.
+"""
+
+import numpy as np
+
+from repose.dem import Contact
+
+from .case import DIGITISED, Curve, Panel, Result, close
+from .machine import (
+    STEPS_PER_CONTACT,
+    Solid,
+    frictionless,
+    hertz_of_pair,
+    hertz_on_plane,
+    sphere_over_plane,
+    spheres,
+    steps_of_impact,
+)
+
+GLASS = Solid("glass", 48e9, 0.20, 2800.0)
+LIMESTONE = Solid("limestone", 20e9, 0.25, 2500.0)
+ALUMINIUM_ALLOY = Solid("aluminium alloy", 70e9, 0.30, 2699.0)
+MAGNESIUM_ALLOY = Solid("magnesium alloy", 40e9, 0.35, 1800.0)
+ALUMINIUM_OXIDE = Solid("aluminium oxide", 380e9, 0.23, 4000.0)
+CAST_IRON = Solid("cast iron", 100e9, 0.25, 7000.0)
+STILL = (0.0, 0.0, 0.0)
+
+
+def pair_history(solid, radius_m, speed_m_s):
+    """Two equal spheres head-on, each with half the speed of approach: time, overlap, force over the contact."""
+    hertz = hertz_of_pair(solid, radius_m, speed_m_s)
+    step = hertz.duration_s / STEPS_PER_CONTACT
+    reach, half = radius_m + 2.0 * step * speed_m_s, 0.5 * speed_m_s
+    simulation = spheres(
+        (solid, solid),
+        (radius_m, radius_m),
+        frictionless(),
+        ((-reach, 0.0, 0.0), (reach, 0.0, 0.0)),
+        ((half, 0.0, 0.0), (-half, 0.0, 0.0)),
+        (STILL, STILL),
+        step,
+    )
+    mass = solid.sphere_mass(radius_m)
+    return _history(
+        simulation,
+        step,
+        mass,
+        steps_of_impact(1.0),
+        lambda: (
+            2.0 * radius_m - (simulation.positions[1, 0] - simulation.positions[0, 0]),
+            simulation.velocities[1, 0],
+        ),
+    )
+
+
+def plane_history(solid, radius_m, speed_m_s, restitution=1.0):
+    """A sphere on a rigid plane: time, overlap, force over the contact."""
+    simulation, steps = sphere_over_plane(solid, radius_m, frictionless(restitution), (0.0, 0.0, -speed_m_s))
+    return _history(
+        simulation,
+        simulation.physics.dt,
+        solid.sphere_mass(radius_m),
+        steps,
+        lambda: (radius_m - simulation.positions[0, 2], simulation.velocities[0, 2]),
+    )
+
+
+def _history(simulation, step, mass, steps, look):
+    """Time, overlap and m dv/dt of the steps in contact; `look` returns overlap and velocity now.
+
+    Time 0 is where the overlap begins, between two steps.
+    """
+    overlap, speed = np.empty(steps), np.empty(steps)
+    for k in range(steps):
+        simulation.run_steps(1)
+        overlap[k], speed[k] = look()
+    # the force at the end of step k moves the velocity of step k + 1
+    force = mass * np.diff(speed) / step
+    inside = np.flatnonzero(overlap[:-1] > 0.0)
+    first = inside[0]
+    lead = overlap[first] / (overlap[first] - overlap[first - 1])
+    time = step * (inside - first + lead)
+    return time, overlap[inside], force[inside]
+
+
+def duration_of(time, overlap):
+    """Contact time: the last step in contact and what is left of the overlap at the speed it is undone with [s]."""
+    step = time[1] - time[0]
+    return time[-1] + step * overlap[-1] / (overlap[-2] - overlap[-1])
+
+
+def _elastic(title, compared, cases, published):
+    """Rows and plot of elastic impacts; cases: (solid, Hertz solution, (time, overlap, force))."""
+    rows, force_curves, overlap_curves = [], [], []
+    for solid, hertz, (time, overlap, force) in cases:
+        found = (force.max(), overlap.max(), duration_of(time, overlap))
+        exact = (hertz.force_n, hertz.overlap_m, hertz.duration_s)
+        names = ("peak force", "largest overlap", "contact time")
+        for name, scale, unit, ours, reference in zip(
+            names, (1e-3, 1e6, 1e6), ("kN", "um", "us"), found, exact, strict=True
+        ):
+            rows.append(close(f"{solid.name}: {name}", unit, scale * ours, scale * reference))
+        t, x, f = hertz.history(1.0)
+        force_curves += [
+            Curve(f"{solid.name}, Hertz", 1e6 * t, 1e-3 * f, reference=True),
+            Curve(f"{solid.name}, repose", 1e6 * time[::60], 1e-3 * force[::60]),
+        ]
+        overlap_curves += [
+            Curve(f"{solid.name}, Hertz", 1e6 * x, 1e-3 * f, reference=True),
+            Curve(f"{solid.name}, repose", 1e6 * overlap[::60], 1e-3 * force[::60]),
+        ]
+        for name, scale, unit, ours, value in zip(
+            names, (1e-3, 1e6, 1e6), ("kN", "um", "us"), found, published.get(solid.name, ()), strict=False
+        ):
+            rows.append(close(f"{solid.name}: {name}", unit, scale * ours, value, DIGITISED))
+    panels = [
+        Panel("time (us)", "normal force (kN)", tuple(force_curves)),
+        Panel("overlap (um)", "normal force (kN)", tuple(overlap_curves)),
+    ]
+    return Result(title, compared, rows, panels)
+
+
+def two_spheres(_effort):
+    """Test 1: two equal spheres of radius 10 mm, head-on at 10 m/s each, elastic."""
+    cases = [
+        (solid, hertz_of_pair(solid, 0.01, 20.0), pair_history(solid, 0.01, 20.0))
+        for solid in (GLASS, LIMESTONE)
+    ]
+    return _elastic(
+        "Chung & Ooi 1: elastic normal impact of two equal spheres",
+        "force over time and over overlap; the law of Hertz",
+        cases,
+        {"glass": (10.70, 274.0, 40.3)},
+    )
+
+
+def sphere_on_plane(_effort):
+    """Test 2: a sphere of radius 0.1 m on a rigid plane at 0.2 m/s, elastic."""
+    cases = [
+        (solid, hertz_on_plane(solid, 0.1, 0.2), plane_history(solid, 0.1, 0.2))
+        for solid in (ALUMINIUM_ALLOY, MAGNESIUM_ALLOY)
+    ]
+    return _elastic(
+        "Chung & Ooi 2: elastic normal impact of a sphere on a rigid plane",
+        "force over time and over overlap; the law of Hertz",
+        cases,
+        {"aluminium alloy": (11.37, 49.7, 731.0)},
+    )
+
+
+def damped_impact(_effort):
+    """Test 3: restitution out for restitution in, a sphere of radius 2.5 mm on a rigid plane at 3.9 m/s."""
+    asked = np.linspace(0.2, 1.0, 9)
+    rows, curves = [], [Curve("restitution out = in", asked, asked, reference=True)]
+    for solid in (ALUMINIUM_OXIDE, CAST_IRON):
+        left = np.array([_restitution(solid, e) for e in asked])
+        rows += [
+            close(f"{solid.name}: restitution at {e:.1f}", "", out, e)
+            for e, out in zip(asked, left, strict=True)
+        ]
+        curves.append(Curve(f"{solid.name}, repose", asked, left))
+    hertz = hertz_on_plane(ALUMINIUM_OXIDE, 0.0025, 3.9)
+    forces = []
+    for e in (0.2, 0.6, 1.0):
+        t, _x, f = hertz.history(e)
+        time, _overlap, force = plane_history(ALUMINIUM_OXIDE, 0.0025, 3.9, e)
+        rows.append(
+            close(
+                f"aluminium oxide: peak force at e {e:.1f}", "kN", 1e-3 * force.max(), 1e-3 * f.max(),
+                "damped Hertz equation, solved by scipy",
+            )
+        )  # fmt: skip
+        forces.append(Curve(f"e = {e:.1f}, equation", 1e6 * t, 1e-3 * f, reference=True))
+        forces.append(Curve(f"e = {e:.1f}, repose", 1e6 * time[::60], 1e-3 * force[::60]))
+    panels = [
+        Panel("restitution asked for", "restitution found", tuple(curves)),
+        Panel("time (us)", "normal force (kN)", tuple(forces)),
+    ]
+    return Result(
+        "Chung & Ooi 3: damped normal impact of a sphere on a rigid plane",
+        "restitution; force over time of the damped law",
+        rows,
+        panels,
+    )
+
+
+def _restitution(solid, restitution):
+    simulation, steps = sphere_over_plane(solid, 0.0025, Contact(restitution, 0.0, 0.0), (0.0, 0.0, -3.9))
+    simulation.run_steps(steps)
+    return simulation.velocities[0, 2] / 3.9

@@ -1,0 +1,196 @@
+"""Packings at rest: equal spheres in a hexagonal lattice, and berries poured into a box."""
+
+import math
+
+import numpy as np
+
+from repose.dem import Contact, Material, Plane, Shape, Simulation, rotation_matrix
+from repose.dem.materials import effective_moduli
+
+from .case import Curve, Panel, Result, at_most, close, within
+from .machine import BERRY_DENSITY, BERRY_M, FLOOR, PVC, UP, frictionless, random_quaternion
+
+GRAVITY = 9.81
+STIFF = Material(1.3e6, 0.32)  # thirty times a berry, so that overlaps under the weight stay below a per cent
+STEP = 5e-5
+FALL_S = 2.0  # time to fall and come to rest
+MARGIN = 0.012  # what lies nearer to floor, top or side walls is not the core [m]
+RADIUS = 0.006
+
+# Random packings of ellipsoids. Solid fraction: with friction 0.54 to 0.70 (shaken experiments: Schaller 2012);
+# without, 0.64 of spheres to 0.735 of the best ellipsoids (Donev et al. 2004, Science 303, 990), less 0.02 for walls.
+# Coordination number: 4 is the isostatic limit of bodies with endless friction, 12 that of ellipsoids without.
+FRICTIONAL = ((0.54, 0.70), (4.0, 10.0))
+SMOOTH = ((0.62, 0.74), (6.0, 12.0))
+SOURCES = (
+    "Schaller 2012 (frictional, 0.54-0.70); Delaney, Hilton & Cleary 2011",
+    "Donev et al. 2004 (frictionless, 0.64-0.735)",
+    "isostatic limits: 4 with endless friction, 12 without; Donev et al. 2004: about 10",
+)
+
+
+def hexagonal_packing(_effort):
+    """Rows of spheres without friction between a floor and walls settle into their lattice and stay."""
+    rows_of, columns = 6, 8
+    shape = Shape.sphere(RADIUS, BERRY_DENSITY, "sphere")
+    width = columns * 2.0 * RADIUS
+    contact = frictionless(0.3)
+    walls = {
+        "floor": Plane(FLOOR, UP, "wall"),
+        "left": Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), "wall"),
+        "right": Plane((width, 0.0, 0.0), (-1.0, 0.0, 0.0), "wall"),
+        "front": Plane((0.0, -RADIUS, 0.0), (0.0, 1.0, 0.0), "wall"),
+        "back": Plane((0.0, RADIUS, 0.0), (0.0, -1.0, 0.0), "wall"),
+    }
+    simulation = Simulation(
+        {"sphere": shape},
+        {"sphere": STIFF, "wall": PVC},
+        {("sphere", "sphere"): contact, ("sphere", "wall"): contact},
+        STEP,
+        capacity=rows_of * columns,
+        lower=(0.0, -0.02, 0.0),
+        upper=(width, 0.02, 0.12),
+        walls=walls,
+        gravity_m_s2=(0.0, 0.0, -GRAVITY),
+    )
+    lattice = []
+    for row in range(rows_of):
+        for k in range(columns - row % 2):
+            lattice.append(((2 * k + 1 + row % 2) * RADIUS, 0.0, RADIUS * (1.0 + math.sqrt(3.0) * row)))
+    for place in lattice:
+        simulation.add("sphere", place)
+    lattice = np.array(lattice)
+    simulation.run_steps(10000)
+    settled = simulation.positions.copy()
+    simulation.run_steps(10000)
+    young, _ = effective_moduli(STIFF, PVC)
+    overlap = RADIUS - simulation.positions[:columns, 2]
+    carried = 4.0 / 3.0 * young * math.sqrt(RADIUS) * np.sum(overlap**1.5)
+    weight = len(lattice) * shape.mass_kg * GRAVITY
+    moved = np.abs(simulation.positions - lattice).max() / RADIUS
+    rows = [
+        close("force on the floor, by the overlaps", "mN", 1e3 * carried, 1e3 * weight, "closed form: the weight"),
+        at_most("farthest from the lattice, over the radius", "", moved, 0.05, "lattice of touching spheres"),
+        at_most(
+            "motion in the last 0.5 s, over the radius", "", np.abs(simulation.positions - settled).max() / RADIUS,
+            1e-6, "at rest",
+        ),
+        at_most("kinetic energy", "J", simulation.kinetic_energies().sum(), 1e-20, "at rest"),
+    ]  # fmt: skip
+    panel = Panel(
+        "x (mm)",
+        "z (mm)",
+        (
+            Curve("lattice", 1e3 * lattice[:, 0], 1e3 * lattice[:, 2]),
+            Curve(
+                "repose, displacement x 100", *(1e3 * (lattice + 100.0 * (settled - lattice))[:, [0, 2]].T)
+            ),
+        ),
+    )
+    return Result(
+        "A hexagonal packing stays at rest", "47 equal spheres without friction between walls", rows, [panel]
+    )
+
+
+def poured_packing(effort):
+    """Berries poured into a box, with friction and without: solid fraction and coordination number of the core."""
+    rows, curves = [], []
+    cases = (
+        ("mu 0.6", Contact(0.1, 0.6, 0.05), FRICTIONAL, SOURCES[0]),
+        ("frictionless", frictionless(0.1), SMOOTH, SOURCES[1]),
+    )
+    for name, contact, (fractions, numbers), source in cases:
+        simulation, side = _pour(effort.berries, contact)
+        heights, profile = solid_fraction_profile(simulation, side)
+        top = _top(simulation)
+        core = (heights > MARGIN) & (heights < top - MARGIN)
+        rows.append(
+            within(f"{name}: solid fraction of the core", "", profile[core].mean(), *fractions, source)
+        )
+        number = coordination(simulation, side, top)
+        rows.append(within(f"{name}: coordination number of the core", "", number, *numbers, SOURCES[2]))
+        lift = simulation.shapes["berry"].mass_kg * GRAVITY * 2.0 * BERRY_M[2]
+        energy = simulation.kinetic_energies().mean() / lift
+        rows.append(
+            at_most(
+                f"{name}: kinetic energy over m g times the thickness", "", energy, 0.01, "nearly at rest"
+            )
+        )
+        curves.append(Curve(name, 1e3 * heights, profile, line=True))
+    panel = Panel("height (mm)", "solid fraction away from the side walls", tuple(curves))
+    return Result(
+        "Berries poured into a box",
+        f"{effort.berries} ellipsoids of 21.1 x 11.4 x 9.9 mm, thirty times stiffer; core: away from walls and top",
+        rows,
+        [panel],
+    )
+
+
+def _pour(n, contact):
+    """A box of berries at rest: all let fall at once from a loose lattice, in random orientations."""
+    rng = np.random.default_rng(29)
+    columns = max(2, round((n / 3.5) ** (1.0 / 3.0)))
+    pitch = 0.0216
+    side = columns * pitch
+    levels = -(-n // columns**2)
+    walls = {
+        "floor": Plane(FLOOR, UP, "wall"),
+        "west": Plane((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), "wall"),
+        "east": Plane((side, 0.0, 0.0), (-1.0, 0.0, 0.0), "wall"),
+        "south": Plane((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), "wall"),
+        "north": Plane((0.0, side, 0.0), (0.0, -1.0, 0.0), "wall"),
+    }
+    simulation = Simulation(
+        {"berry": Shape.ellipsoid(BERRY_M, BERRY_DENSITY, "berry")},
+        {"berry": STIFF, "wall": PVC},
+        {("berry", "berry"): contact, ("berry", "wall"): contact},
+        STEP,
+        capacity=n,
+        lower=(0.0, 0.0, 0.0),
+        upper=(side, side, pitch * (levels + 1)),
+        walls=walls,
+        gravity_m_s2=(0.0, 0.0, -GRAVITY),
+    )
+    for k in range(n):
+        level, cell = divmod(k, columns**2)
+        place = pitch * (np.array([cell % columns, cell // columns, level]) + 0.5)
+        simulation.add("berry", place, random_quaternion(rng), (0.0, 0.0, -0.3))
+    simulation.run_steps(round(FALL_S / STEP))
+    return simulation, side
+
+
+def _top(simulation):
+    """Height of the filling: the mean centre of the ten highest berries [m]."""
+    return float(np.sort(simulation.positions[:, 2])[-10:].mean())
+
+
+def solid_fraction_profile(simulation, side, points=900):
+    """Share of random points inside a berry over height: middles of slices [m] and shares.
+
+    Points within MARGIN of a side wall are left out.
+    """
+    rng = np.random.default_rng(31)
+    heights = np.arange(0.002, simulation.positions[:, 2].max(), 0.004)
+    margin = MARGIN
+    inverse = [rotation_matrix(q).T / np.array(BERRY_M)[:, None] for q in simulation.quaternions]
+    profile = []
+    for height in heights:
+        places = rng.uniform(
+            (margin, margin, height - 0.002), (side - margin, side - margin, height + 0.002), (points, 3)
+        )
+        inside = np.zeros(points, bool)
+        for centre, matrix in zip(simulation.positions, inverse, strict=True):
+            if abs(centre[2] - height) < BERRY_M[0] + 0.002:
+                inside |= np.sum(((places - centre) @ matrix.T) ** 2, axis=1) < 1.0
+        profile.append(inside.mean())
+    return heights, np.array(profile)
+
+
+def coordination(simulation, side, top):
+    """Mean number of touching neighbours of the berries away from the walls and the top."""
+    x, y, z = simulation.positions.T
+    margin = MARGIN
+    core = (x > margin) & (x < side - margin) & (y > margin) & (y < side - margin)
+    core &= (z > MARGIN) & (z < top - MARGIN)
+    touching = np.bincount(simulation.contacts().ravel(), minlength=simulation.n_bodies)
+    return float(touching[core].mean())

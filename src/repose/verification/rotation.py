@@ -1,0 +1,69 @@
+"""Free rotation of a triaxial body beside Jacobi's elliptic functions."""
+
+import math
+
+import numpy as np
+from scipy.special import ellipj, ellipk
+
+from repose.dem import rotation_matrix
+
+from .case import Curve, Panel, Result, close
+from .machine import berry_simulation, frictionless
+
+
+def euler_solution(inertia, first, third, time):
+    """Angular velocity in the body frame of a free body (3, T) (Landau & Lifshitz, Mechanics, section 37).
+
+    inertia: three principal moments, rising; the body begins with (first, 0, third) [rad/s] and L^2 > 2 E I_2.
+    Also returns the period [s].
+    """
+    i1, i2, i3 = inertia
+    twice_energy = i1 * first**2 + i3 * third**2
+    square = (i1 * first) ** 2 + (i3 * third) ** 2
+    if not square > twice_energy * i2:
+        raise ValueError(f"first is {first!r}, third {third!r}; allowed: L^2 above 2 E I_2")
+    rate = math.sqrt((i3 - i2) * (square - twice_energy * i1) / (i1 * i2 * i3))
+    modulus = (i2 - i1) * (twice_energy * i3 - square) / ((i3 - i2) * (square - twice_energy * i1))
+    sn, cn, dn, _ = ellipj(rate * time, modulus)
+    second = math.sqrt((twice_energy * i3 - square) / (i2 * (i3 - i2)))
+    return np.array([first * cn, second * sn, third * dn]), 4.0 * ellipk(modulus) / rate
+
+
+def free_rotation(_effort):
+    """A tumbling berry in space keeps its angular momentum and energy, and turns as Euler's equations say."""
+    step, every, first, third = 2e-5, 50, 8.0, 25.0
+    simulation = berry_simulation(frictionless(), step)
+    inertia = simulation.shapes["berry"].inertia_kg_m2
+    simulation.add("berry", (0.0, 0.0, 0.0), angular_velocity_rad_s=(first, 0.0, third))
+    momentum, energy = simulation.angular_momenta[0], simulation.kinetic_energies()[0]
+    _, period = euler_solution(inertia, first, third, 0.0)
+    time, turning, energies = [], [], []
+    for _ in range(int(2.0 * period / step / every)):
+        simulation.run_steps(every)
+        turn = rotation_matrix(simulation.quaternions[0])
+        time.append(simulation.time_s)
+        turning.append((turn.T @ simulation.angular_momenta[0]) / inertia)
+        energies.append(simulation.kinetic_energies()[0])
+    time, turning = np.array(time), np.array(turning).T
+    exact, _ = euler_solution(inertia, first, third, time)
+    drift = np.linalg.norm(simulation.angular_momenta[0] - momentum) / np.linalg.norm(momentum)
+    size = np.linalg.norm(exact, axis=0).max()
+    worst = np.abs(turning - exact).max()
+    rows = [
+        close("angular velocity, largest difference over two periods", "rad/s", worst, 0.0, scale=size),
+        close("angular momentum, relative drift", "", drift, 0.0, tolerance=1e-14, scale=1.0),
+        close(
+            "kinetic energy, largest relative drift", "", np.abs(np.array(energies) / energy - 1.0).max(), 0.0,
+            tolerance=1e-5, scale=1.0,
+        ),
+    ]  # fmt: skip
+    curves = []
+    for k in range(3):
+        curves.append(Curve(f"omega {k + 1}, Jacobi", time, exact[k], reference=True))
+        curves.append(Curve(f"omega {k + 1}, repose", time[::14], turning[k, ::14]))
+    return Result(
+        "Free rotation of a berry",
+        f"angular velocity in the body frame over two periods; time step {step:g} s",
+        rows,
+        [Panel("time (s)", "angular velocity (rad/s)", tuple(curves))],
+    )
