@@ -175,11 +175,11 @@ def figure(args):
 
 def film(args):
     """Animation."""
-    from repose import render
+    from repose import render, stage
     from repose.shape import Particle
 
     config = settings.load(args.config)
-    walls = render.funnel_walls(config["heap"])
+    walls = stage.funnel_walls(config["heap"])
     frames = SMALL_FILM if config["small_run"] else FILM
     Path(args.out).parent.mkdir(parents=True, exist_ok=True)
     render.animate_pour(args.trajectory, Particle.load(args.particle), args.out, walls, frames=frames)
