@@ -32,7 +32,7 @@ simulation = Simulation(
     time_step_s=1e-4,
     capacity=240,
     lower=(-0.36, -HALF_WIDTH, 0.0),
-    upper=(0.24, HALF_WIDTH, 0.26),
+    upper=(0.30, HALF_WIDTH, 0.24),
     walls=walls,
 )
 rng = np.random.default_rng(1)

@@ -48,7 +48,7 @@ for k in range(400):  # layers of 4 x 4, every third body a ball
 
 simulation.run(1.6, record=VtkSeries(OUT / "mixed_bed.pvd"), record_every_s=0.1)
 
-picture = render_simulation(simulation, elevation_deg=38.0, azimuth_deg=25.0, height=760)
+picture = render_simulation(simulation, elevation_deg=38.0, azimuth_deg=25.0, width=800, height=640)
 Image.fromarray(picture).save(OUT / "mixed_bed.png")
 pairs = simulation.shape_ids[simulation.contacts()]
 unlike = np.mean(pairs[:, 0] != pairs[:, 1])

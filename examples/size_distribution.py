@@ -47,6 +47,6 @@ simulation.run(0.5, record=[frames, series], record_every_s=0.1)
 view = {"elevation_deg": 20.0, "azimuth_deg": 20.0}
 Image.fromarray(render_simulation(simulation, height=800, **view)).save(OUT / "size_distribution.png")
 animate(
-    simulation, frames.frames(), OUT / "size_distribution.gif", pictures=24, width=300, height=320, **view
+    simulation, frames.frames(), OUT / "size_distribution.gif", pictures=16, width=300, height=320, **view
 )
 print(f"scales {scales.min():.2f} to {scales.max():.2f}, mean {scales.mean():.2f}; pictures in {OUT}")

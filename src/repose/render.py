@@ -361,8 +361,9 @@ def animate(simulation, frames, out_path, pictures=48, frame_s=0.08, max_bytes=3
 
     simulation: `repose.dem.Simulation`, for its shapes and walls; frames: what `repose.dem.Recorder.frames` returns;
     pictures: how many of them, evenly spread over the time, are shown, frame_s seconds each, the last one longer;
-    view: see `render_bodies`; the frame holds what is in the last one, unless given. Colours are reduced until the file
-    has at most max_bytes; raises InputError for another ending, for no frames, or where that is not enough.
+    view: see `render_bodies`; the picture holds what is there at the first and the last, unless frame_m is given.
+    Colours are reduced until the file has at most max_bytes; raises InputError for another ending, for no frames, or
+    where that is not enough.
     """
     out_path = _animation_path(out_path)
     if not len(frames["time_s"]):
@@ -373,10 +374,10 @@ def animate(simulation, frames, out_path, pictures=48, frame_s=0.08, max_bytes=3
     ]
     chosen = np.searchsorted(times, np.linspace(times[0], times[-1], min(pictures, len(times))))
     if view.get("frame_m") is None:
-        last = frames["position"][-1]
-        last = last[np.isfinite(last).all(axis=1)].astype(float)
+        ends = frames["position"][[0, -1]].reshape(-1, 3)
+        ends = ends[np.isfinite(ends).all(axis=1)].astype(float)
         reach = max(shape.bounding_radius_m for shape in shapes) * float(frames["scale"].max(initial=0.0))
-        view["frame_m"] = outline(last, reach, settings[-1].frusta, settings[-1].panels)
+        view["frame_m"] = outline(ends, reach, settings[-1].frusta, settings[-1].panels)
     drawn = [
         render_bodies(
             frames["position"][k],

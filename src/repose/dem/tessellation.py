@@ -70,7 +70,7 @@ def plane_polygon(plane, lower, upper, others=()):
     square = np.array([middle + size * (a * u + b * w) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
     # a plane that only just misses the box, by the thickness of a wall, is shown all the same
     slack = 0.02 * size
-    sides = [(n, n @ corner + slack * abs(n @ inwards)) for n, corner in _box_sides(lower, upper)]
+    sides = [(n, n @ corner + slack * (abs(n @ inwards) > 0.999)) for n, corner in _box_sides(lower, upper)]
     sides += [(other[3:6], other[3:6] @ other[:3]) for other in others]
     for normal, offset in sides:
         square = _clipped(square, normal, offset)
