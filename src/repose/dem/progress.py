@@ -6,6 +6,7 @@ from collections import deque
 
 WINDOW_S = 10.0  # wall time over which the speed is taken
 LINE_EVERY_S = 60.0
+BAR_EVERY_S = 0.1
 
 
 def display(begin_s, end_s, time_step_s, progress=None, label=""):
@@ -101,6 +102,7 @@ class _Bar(_Display):
         columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[words]}")
         self._rich = Progress(*columns, console=Console(stderr=True), auto_refresh=False)
         self._rich.start()
+        self._next = 0.0
         self._task = self._rich.add_task(self.label, total=self.end_s - self.begin_s, words="")
         return self
 
@@ -108,7 +110,10 @@ class _Bar(_Display):
         self._rich.stop()
 
     def show(self, time_s, now):
-        """Draw the bar anew."""
+        """Draw the bar anew, ten times a second at most."""
+        if now < self._next and time_s < self.end_s:
+            return
+        self._next = now + BAR_EVERY_S
         done = time_s - self.begin_s
         self._rich.update(self._task, completed=done, words=self.words(time_s), refresh=True)
 
