@@ -5,8 +5,10 @@ import pytest
 from PIL import Image
 
 from repose import render, shape
+from repose.dem.tessellation import rotation_matrices, tessellate
 from repose.errors import InputError
-from repose.render import Frustum, funnel_walls, look_at, render_pile, rotation_matrices, tessellate
+from repose.render import render_pile
+from repose.stage import Frustum, funnel_walls, look_at, outline
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0, 0.0]])
 HEAP = {
@@ -103,7 +105,7 @@ def test_the_nearer_berry_hides_the_farther_one():
     centres = np.array([[0.03, 0.0, 0.006], [-0.03, 0.0, 0.006]])
     turns = np.repeat(UPRIGHT, 2, axis=0)
     both = render_pile(centres, turns, BALL, 0, 0, 300, 180)
-    frame = render._outline(centres, BALL.bounding_radius_m, [])
+    frame = outline(centres, BALL.bounding_radius_m, [])
     ghost = centres.copy()
     ghost[1] = np.nan
     alone = render_pile(ghost, turns, BALL, 0, 0, 300, 180, frame_m=frame)

@@ -64,10 +64,14 @@ def heap(args):
         raise InputError("command line", "--trajectory", args.trajectory, f"from {step:g} to {end:g} s")
     berry_of, particle = _berry_and_particle(args, config)
 
+    from repose.dem.progress import display
     from repose.heap import run_job
 
+    def progress(seed):
+        return display(0.0, end, step, label=f"seed {seed}")
+
     name = f"{args.sample:03d}" if args.sample is not None else "heap"
-    result = run_job(config, name, parameters, seeds, particle, berry_of, args.out, args.trajectory)
+    result = run_job(config, name, parameters, seeds, particle, berry_of, args.out, args.trajectory, progress)
     if args.json:
         print(json.dumps(_flat(result) if len(seeds) == 1 else result, indent=1))
     else:
@@ -177,11 +181,11 @@ def figure(args):
 
 def film(args):
     """Animation."""
-    from repose import render
+    from repose import render, stage
     from repose.shape import Particle
 
     config = settings.load(args.config)
-    walls = render.funnel_walls(config["heap"])
+    walls = stage.funnel_walls(config["heap"])
     frames = SMALL_FILM if config["small_run"] else FILM
     Path(args.out).parent.mkdir(parents=True, exist_ok=True)
     render.animate_pour(args.trajectory, Particle.load(args.particle), args.out, walls, frames=frames)

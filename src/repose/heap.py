@@ -4,6 +4,7 @@ A pour that gives no pile to measure is a result too: it gets a status and a rea
 """
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -81,14 +82,18 @@ def run_job(
 
     config: whole configuration; name: stem of the files (the sample's number); parameters: the six by name;
     seeds: integers; particle: `shape.Particle`; berry: mapping with shear_modulus_pa and poisson_ratio;
-    trajectory_interval_s: also write OUT/NAME_trajectory_SEED.npz with positions at this interval.
+    trajectory_interval_s: also write OUT/NAME_trajectory_SEED.npz with positions at this interval; progress: called
+    with each seed, gives a context manager that is called with the simulated time (see `dem.progress.display`).
     The JSON is written last and in one move, so a file that is there is complete. Returns its content.
     """
     out_dir = Path(out_dir)
     out_dir.mkdir(parents=True, exist_ok=True)
     runs, finals = [], {}
     for seed in seeds:
-        record, poured = run_once(config, parameters, seed, particle, berry, trajectory_interval_s, progress)
+        with progress(seed) if progress else nullcontext() as report:
+            record, poured = run_once(
+                config, parameters, seed, particle, berry, trajectory_interval_s, report
+            )
         runs.append(record)
         finals[f"position_{seed}"] = poured.centres_m.astype(np.float32)
         finals[f"quaternion_{seed}"] = poured.quaternions.astype(np.float32)

@@ -1,6 +1,6 @@
 """Shaded pictures of berries, drawn in software: no graphics card, no window, the same picture everywhere.
 
-Every body is tessellated once by its support points x(n), whose normal is n itself, so the shading is as
+Every shape is tessellated once by its support points x(n), whose normal is n itself, so the shading is as
 smooth as the body. Triangles go through a z-buffer; a second z-buffer seen from the light gives soft shadows,
 and the hemisphere above each visible point, sampled in the picture, darkens the gaps of the pile.
 """
@@ -14,118 +14,18 @@ from PIL import Image
 from scipy.ndimage import maximum_filter
 
 from . import raster
+from .dem.tessellation import rotation_matrices, tessellate
 from .errors import InputError
-from .scenes import Funnel
+from .stage import Setting, look_at, outline, setting_of
 
 BACKGROUND = np.array([0.975, 0.977, 0.980])
 PLATE = np.array([0.835, 0.842, 0.850])
 FUNNEL = np.array([0.40, 0.50, 0.58])
 SKIN = np.array([0.76, 0.125, 0.045])
 CALYX = np.array([0.33, 0.19, 0.055])
+OTHER_SKINS = np.array([[0.80, 0.66, 0.42], [0.30, 0.42, 0.56], [0.45, 0.52, 0.26]])  # second shape and on
+PANEL_SHARE = 0.93  # of the plate's brightness
 LIGHT = np.array([0.42, -0.38, 0.82]) / np.linalg.norm([0.42, -0.38, 0.82])  # in the camera's heading, z up
-FIELD_OF_VIEW_DEG = 24.0
-LENGTHS = ("inlet_diameter", "outlet_diameter", "tube_length", "rim_radius", "outlet_height")
-
-
-@dataclass(frozen=True)
-class Frustum:
-    """A wall of revolution about the z axis, from (z_low_m, r_low_m) up to (z_high_m, r_high_m)."""
-
-    z_low_m: float
-    r_low_m: float
-    z_high_m: float
-    r_high_m: float
-
-
-@dataclass(frozen=True)
-class Camera:
-    """A pinhole camera: `axes` rows are right, up, forward; the picture is (height, width) pixels."""
-
-    eye_m: np.ndarray
-    axes: np.ndarray
-    focal_px: float
-    width: int
-    height: int
-
-    def project(self, points_m):
-        """Screen x, y (px, row 0 on top) and inverse depth (1/m) of points (..., 3)."""
-        seen = (points_m - self.eye_m) @ self.axes.T
-        near = 1.0 / seen[..., 2]
-        x = self.width / 2 + self.focal_px * seen[..., 0] * near
-        y = self.height / 2 - self.focal_px * seen[..., 1] * near
-        return x, y, near
-
-    def rays(self):
-        """World direction of each pixel's ray, (height, width, 3), scaled to unit depth along the view."""
-        x = (np.arange(self.width) + 0.5 - self.width / 2) / self.focal_px
-        y = (self.height / 2 - np.arange(self.height) - 0.5) / self.focal_px
-        right, up, forward = self.axes
-        return x[None, :, None] * right + y[:, None, None] * up + forward
-
-
-def funnel_walls(heap):
-    """The funnel's walls as `Frustum`s from the configuration's `heap` section (mm and degrees there)."""
-    funnel = Funnel(
-        **{f"{key}_m": heap[f"{key}_mm"] / 1e3 for key in LENGTHS}, cone_angle_deg=heap["cone_angle_deg"]
-    )
-    outlet, inlet, top = funnel.outlet_diameter_m / 2, funnel.inlet_diameter_m / 2, funnel.inlet_height_m
-    neck = funnel.outlet_height_m + funnel.tube_length_m
-    # The rounded rim lets the cone end a little outside the outlet's own circle.
-    cone_end = inlet - (top - neck) / math.tan(math.radians(funnel.cone_angle_deg))
-    tube = [Frustum(funnel.outlet_height_m, outlet, neck, outlet)] if funnel.tube_length_m > 0 else []
-    return [*tube, Frustum(neck, cone_end, top, inlet)]
-
-
-def look_at(points_m, width, height, elevation_deg=14.0, azimuth_deg=0.0, margin=1.06):
-    """A `Camera` that sees all of points_m (M, 3) from the given direction, with a margin around them."""
-    el, az = math.radians(elevation_deg), math.radians(azimuth_deg)
-    back = np.array([math.cos(az) * math.cos(el), math.sin(az) * math.cos(el), math.sin(el)])
-    right = np.array([-math.sin(az), math.cos(az), 0.0])
-    axes = np.stack([right, np.cross(back, right), -back])
-    focal = max(width, height) / 2 / math.tan(math.radians(FIELD_OF_VIEW_DEG / 2))
-    seen = points_m @ axes.T
-    centre = (seen.min(axis=0) + seen.max(axis=0)) / 2
-    offset = seen - centre
-    reach = margin * np.maximum(np.abs(offset[:, 0]) * 2 / width, np.abs(offset[:, 1]) * 2 / height)
-    distance = np.max(reach * focal - offset[:, 2])
-    return Camera(centre @ axes + distance * back, axes, focal, width, height)
-
-
-def tessellate(particle, rings=18, sectors=36):
-    """Support points and normals of a body on a latitude-longitude grid about its first axis.
-
-    Returns points (V, 3) m, normals (V, 3), triangles (T, 3) that run anticlockwise seen from outside.
-    """
-    polar, turn = np.meshgrid(
-        np.linspace(0, math.pi, rings + 1),
-        np.linspace(0, 2 * math.pi, sectors, endpoint=False),
-        indexing="ij",
-    )
-    sphere = np.stack([np.cos(polar), np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn)], axis=-1)
-    # Normals spread evenly over the surface, not over the directions: a slim body has its tips well resolved.
-    extent = np.array([particle.support(axis) for axis in np.eye(3)])
-    normals = (sphere / extent).reshape(-1, 3)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    here, there = np.meshgrid(np.arange(rings) * sectors, np.arange(sectors), indexing="ij")
-    after = (there + 1) % sectors
-    a, b, c, d = here + there, here + after, here + sectors + there, here + sectors + after
-    triangles = np.concatenate(
-        [np.stack([a, c, b], -1).reshape(-1, 3), np.stack([b, c, d], -1).reshape(-1, 3)]
-    )
-    return particle.support_point(normals), normals, triangles
-
-
-def rotation_matrices(quaternions):
-    """Rotation matrices (N, 3, 3), body to world, of quaternions (N, 4) as w, x, y, z."""
-    w, x, y, z = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).T
-    return np.stack(
-        [
-            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1),
-            np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], -1),
-            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], -1),
-        ],
-        axis=1,
-    )
 
 
 def _light_axes(camera):
@@ -149,14 +49,19 @@ def _light_map(vertices, triangles, axes, size=1400):
     return raster.draw(x, y, place[..., 2], triangles, shape)[0], low, pixel_m
 
 
-def _skin(body, along, count):
-    """Colour (M, 3) of berry `body` (M,) at place `along` (M,) of its axis, -1 to 1; no two berries alike."""
+def _skin(body, along, shape, count, skins):
+    """Colour (M, 3) of bodies `body` (M,) at place `along` (M,) of their axis, -1 to 1; no two bodies alike.
+
+    shape (M,): of those bodies, the first shape being the berry with its calyx; skins (S, 3): colour of each shape.
+    """
     random = np.random.RandomState(2026)
     ripeness, shade = random.uniform(-1, 1, (2, count))
-    tint = SKIN * (1 + 0.16 * shade[:, None]) + np.array([0.045, 0.050, 0.004]) * ripeness[:, None]
-    calyx = np.clip((along - 0.955) / 0.03, 0, 1)[:, None]
-    tip = 1 - 0.25 * np.clip((np.abs(along) - 0.7) / 0.3, 0, 1)[:, None] ** 2
-    return np.clip(tint[body] * tip * (1 - calyx) + CALYX * calyx, 0, 1)
+    tint = skins[shape] * (1 + 0.16 * shade[body, None])
+    tint += np.array([0.045, 0.050, 0.004]) * ripeness[body, None]
+    berry = (shape == 0)[:, None]
+    calyx = np.clip((along - 0.955) / 0.03, 0, 1)[:, None] * berry
+    tip = 1 - 0.25 * np.clip((np.abs(along) - 0.7) / 0.3, 0, 1)[:, None] ** 2 * berry
+    return np.clip(tint * tip * (1 - calyx) + CALYX * calyx, 0, 1)
 
 
 def _shade_berries(colour, normal, view, towards, lit, sky):
@@ -181,21 +86,24 @@ def _over(image, colour, alpha, where):
 
 def _blend_walls(image, walls, camera, rays, depth):
     """Draw translucent frusta over the picture: far side first, each only where nothing stands before it."""
-    eye, light = camera.eye_m, _light_axes(camera)[2]
     layers = []
     for wall in walls:
+        turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
+        eye, own_rays = (camera.eye_m - wall.frame[:3]) @ turn, rays @ turn
         slope = (wall.r_high_m - wall.r_low_m) / (wall.z_high_m - wall.z_low_m)
         r_eye = wall.r_low_m + slope * (eye[2] - wall.z_low_m)
-        r_step = slope * rays[..., 2]
-        a = rays[..., 0] ** 2 + rays[..., 1] ** 2 - r_step**2
-        b = rays[..., 0] * eye[0] + rays[..., 1] * eye[1] - r_step * r_eye
+        r_step = slope * own_rays[..., 2]
+        a = own_rays[..., 0] ** 2 + own_rays[..., 1] ** 2 - r_step**2
+        b = own_rays[..., 0] * eye[0] + own_rays[..., 1] * eye[1] - r_step * r_eye
         root = np.sqrt(np.maximum(b * b - a * (eye[0] ** 2 + eye[1] ** 2 - r_eye**2), 0))
         for sign in (1.0, -1.0):
             with np.errstate(divide="ignore", invalid="ignore"):
                 distance = (-b + sign * root) / a
             layers.append((wall, slope, distance, root > 0))
     for wall, slope, distance, met in sorted(layers, key=lambda layer: -np.nanmedian(layer[2])):
-        point = eye + distance[..., None] * rays
+        turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
+        light = _light_axes(camera)[2] @ turn
+        point = (camera.eye_m - wall.frame[:3] + distance[..., None] * rays) @ turn
         z = point[..., 2]
         where = met & (distance > 0) & (distance < depth) & (z >= wall.z_low_m) & (z <= wall.z_high_m)
         if not where.any():
@@ -204,7 +112,7 @@ def _blend_walls(image, walls, camera, rays, depth):
         outward /= np.linalg.norm(outward, axis=1, keepdims=True)
         outward[:, 2] = -slope
         outward /= math.hypot(1.0, slope)
-        view = rays[where] / np.linalg.norm(rays[where], axis=1, keepdims=True)
+        view = rays[where] @ turn / np.linalg.norm(rays[where], axis=1, keepdims=True)
         grazing = 1 - np.abs(np.sum(outward * view, axis=1))
         edge = np.minimum(z[where] - wall.z_low_m, wall.z_high_m - z[where])
         alpha = 0.07 + 0.45 * grazing**3 + 0.45 * (edge < 0.0012)
@@ -212,56 +120,89 @@ def _blend_walls(image, walls, camera, rays, depth):
         _over(image, FUNNEL + shine[:, None], np.clip(alpha, 0, 0.75), where)
 
 
-def _outline(centres, reach, walls):
-    """Points (M, 3) that a picture of these berries and walls has to hold."""
-    spread = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
-    around = np.linspace(0, 2 * math.pi, 36, endpoint=False)
-    rings = [
-        np.column_stack([radius * np.cos(around), radius * np.sin(around), np.full(36, z)])
-        for wall in walls
-        for radius, z in ((wall.r_low_m, wall.z_low_m), (wall.r_high_m, wall.z_high_m))
-    ]
-    berries = (centres[:, None, :] + spread).reshape(-1, 3)
-    return np.concatenate([berries, *rings, [[0.0, 0.0, 0.0]]])
-
-
 @dataclass(frozen=True)
 class _View:
-    """What each pixel (H, W) shows: a berry (`hit`), the plate, or neither; M of them show a berry."""
+    """What each pixel (H, W) shows: a body (`hit`), a flat wall, the plate, or nothing; M of them show a body."""
 
     rays: np.ndarray  # (H, W, 3)
     hit: np.ndarray
+    flat: np.ndarray  # the plate and the panels
     plate: np.ndarray
     body: np.ndarray  # (H, W), -1 where there is none
     depth: np.ndarray  # m along the view, infinite where nothing is
     place: np.ndarray  # (H, W, 3) m
     normal: np.ndarray  # (H, W, 3)
-    along: np.ndarray  # (M,) place along the berry's long axis, -1 to 1
+    along: np.ndarray  # (M,) place along the body's long axis, -1 to 1
 
 
-def _look(camera, vertices, body, turn):
-    """The `_View` of bodies: vertices (N, V, 3) m, tessellation `body`, rotations turn (N, 3, 3)."""
-    points, normals, triangles = body
+def _panel_depths(panel, eye, rays):
+    """Depth (H, W) at which each ray meets a panel from its good side, infinite where it does not."""
+    normal, corners = panel.normal, panel.corners_m
+    towards = rays @ normal
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = ((corners[0] - eye) @ normal) / towards
+        inside = (towards < 0) & (depth > 0)
+        for here, there in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+            outwards = np.cross(there - here, normal)
+            inside &= (eye - here) @ outwards + depth * (rays @ outwards) <= 0
+    return np.where(inside, depth, np.inf)
+
+
+def _look(camera, bodies, setting):
+    """The `_View` of `_Bodies` in a `Setting`."""
     nearest, which, corner, weights = raster.draw(
-        *camera.project(vertices), triangles, (camera.height, camera.width)
+        *camera.project(bodies.vertices), bodies.triangles, (camera.height, camera.width)
     )
-    rays, hit = camera.rays(), which >= 0
-    depth = np.full(hit.shape, np.inf)
-    depth[hit] = 1.0 / nearest[hit]
-    with np.errstate(divide="ignore"):
-        to_plate = -camera.eye_m[2] / rays[..., 2]
-    plate = ~hit & (to_plate > 0) & np.isfinite(to_plate)
-    depth[plate] = to_plate[plate]
-    corners = triangles[corner[hit]]
-    share = np.column_stack([1 - weights[hit].sum(axis=1), weights[hit]])
-    own = np.einsum("mk,mki->mi", share, normals[corners])
-    own /= np.linalg.norm(own, axis=1, keepdims=True)
+    rays = camera.rays()
+    depth = np.full(which.shape, np.inf)
+    depth[which >= 0] = 1.0 / nearest[which >= 0]
     normal = np.zeros(rays.shape)
     normal[..., 2] = 1.0
-    normal[hit] = np.einsum("mij,mj->mi", turn[which[hit]], own)
-    along = np.einsum("mk,mk->m", share, points[corners][..., 0]) / points[:, 0].max()
-    place = camera.eye_m + np.where(hit | plate, depth, 0.0)[..., None] * rays
-    return _View(rays, hit, plate, which, depth, place, normal, along)
+    flat = np.zeros(which.shape, bool)
+    for panel in setting.panels:
+        reached = _panel_depths(panel, camera.eye_m, rays)
+        before = reached < depth
+        depth[before], normal[before] = reached[before], panel.normal
+        flat |= before
+    hit = (which >= 0) & ~flat
+    plate = np.zeros(which.shape, bool)
+    if setting.plate_m is not None:
+        with np.errstate(divide="ignore"):
+            to_plate = (setting.plate_m - camera.eye_m[2]) / rays[..., 2]
+        plate = ~hit & ~flat & (to_plate > 0) & np.isfinite(to_plate)
+        depth[plate] = to_plate[plate]
+    corners = bodies.triangles[corner[hit]]
+    share = np.column_stack([1 - weights[hit].sum(axis=1), weights[hit]])
+    shape = bodies.shape_ids[which[hit]]
+    own = np.einsum("mk,mki->mi", share, bodies.normals[shape[:, None], corners])
+    own /= np.linalg.norm(own, axis=1, keepdims=True)
+    normal[hit] = np.einsum("mij,mj->mi", bodies.turn[which[hit]], own)
+    places = bodies.points[shape[:, None], corners][..., 0]
+    along = np.einsum("mk,mk->m", share, places) / bodies.points[shape, :, 0].max(axis=1)
+    seen = hit | flat | plate
+    place = camera.eye_m + np.where(seen, depth, 0.0)[..., None] * rays
+    return _View(rays, hit, flat | plate, plate, which, depth, place, normal, along)
+
+
+@dataclass(frozen=True)
+class _Bodies:
+    """The N bodies to be drawn, of S shapes with V points each."""
+
+    points: np.ndarray  # (S, V, 3) m
+    normals: np.ndarray  # (S, V, 3)
+    triangles: np.ndarray  # (T, 3), the same for all shapes
+    shape_ids: np.ndarray  # (N,)
+    turn: np.ndarray  # (N, 3, 3)
+    vertices: np.ndarray  # (N, V, 3) m, in the world
+
+
+def _place_bodies(centres, quaternions, shapes, shape_ids, scales):
+    """The `_Bodies` at these places."""
+    points, normals, triangles = zip(*(tessellate(shape) for shape in shapes), strict=True)
+    points, normals = np.array(points), np.array(normals)
+    turn = rotation_matrices(quaternions)
+    vertices = np.einsum("nij,nvj->nvi", turn, scales[:, None, None] * points[shape_ids])
+    return _Bodies(points, normals, triangles[0], shape_ids, turn, centres[:, None, :] + vertices)
 
 
 def render_pile(
@@ -276,54 +217,103 @@ def render_pile(
     frame_m=None,
     supersample=2,
 ):
-    """A shaded picture of berries on a plate at z = 0.
+    """A shaded picture of berries of one shape and size on a plate at z = 0; see `render_bodies`.
 
-    centres_m: (N, 3) m; quaternions: (N, 4) w, x, y, z, body to world; particle: `repose.shape.Particle`;
-    bodies with a NaN centre are not drawn. walls: sequence of `Frustum`, drawn translucent. frame_m: points
-    (M, 3) that the picture has to hold, by default what is there. width, height: pixels (height by default
-    0.6 of the width).
+    particle: `repose.shape.Particle`; walls: sequence of `Frustum`, drawn translucent.
+    """
+    setting = Setting(frusta=tuple(walls or ()))
+    view = (elevation_deg, azimuth_deg, width, height, frame_m, supersample)
+    return render_bodies(centres_m, quaternions, [particle], None, None, setting, *view)
+
+
+def render_bodies(
+    centres_m,
+    quaternions,
+    shapes,
+    shape_ids=None,
+    scales=None,
+    setting=None,
+    elevation_deg=14.0,
+    azimuth_deg=20.0,
+    width=1000,
+    height=None,
+    frame_m=None,
+    supersample=2,
+):
+    """A shaded picture of bodies of several shapes and sizes.
+
+    centres_m: (N, 3) m; quaternions: (N, 4) w, x, y, z, body to world; shapes: sequence of `repose.dem.Shape` or
+    `repose.shape.Particle`, the first drawn as berries, each of the others in a colour of its own; shape_ids (N,):
+    place in that sequence, by default the first; scales (N,), by default 1; bodies with a NaN centre are not drawn.
+    setting: a `Setting`, by default a plate at z = 0. frame_m: points (M, 3) that the picture has to hold, by
+    default what is there. width, height: pixels (height by default 0.6 of the width).
     Returns RGB uint8 of shape (height, width, 3). The same input gives the same picture.
     """
-    walls = list(walls or [])
+    setting = setting or Setting()
     height = height or round(0.6 * width)
     count = len(centres_m)
-    known = np.isfinite(centres_m).all(axis=1)
-    shown = np.flatnonzero(known)
+    shown = np.flatnonzero(np.isfinite(centres_m).all(axis=1))
     centres = np.asarray(centres_m, float)[shown]
-    frame = frame_m if frame_m is not None else _outline(centres, particle.bounding_radius_m, walls)
+    kinds = np.zeros(len(shown), int) if shape_ids is None else np.asarray(shape_ids)[shown]
+    sizes = np.ones(len(shown)) if scales is None else np.asarray(scales, float)[shown]
+    radii = np.array([shape.bounding_radius_m for shape in shapes])
+    size = float((radii[kinds] * sizes).max(initial=0.0)) or float(radii[0])
+    frame = frame_m if frame_m is not None else outline(centres, size, setting.frusta, setting.panels)
     camera = look_at(frame, width * supersample, height * supersample, elevation_deg, azimuth_deg)
-
-    body = tessellate(particle)
-    turn = rotation_matrices(np.asarray(quaternions, float)[shown])
-    vertices = centres[:, None, :] + np.einsum("nij,vj->nvi", turn, body[0])
-    view = _look(camera, vertices, body, turn)
-    light = _light_axes(camera)
-    lit, sky = np.ones(view.hit.shape), np.ones(view.hit.shape)
-    if len(shown):
-        size, seen = particle.bounding_radius_m, view.hit | view.plate
-        light_map, origin, pixel_m = _light_map(vertices, body[2], light)
-        lit = raster.lit_fraction(
-            view.place, view.normal, seen, light_map, light, origin, pixel_m, 0.35 * size, 0.03 * size, 24
-        )
-        reach = np.where(seen, 1.3 * size * camera.focal_px / np.where(seen, view.depth, 1.0), 0.0)
-        # Far from all berries the plate sees the whole sky.
-        near = maximum_filter(view.hit, size=2 * math.ceil(reach[view.hit].max(initial=0.0)) + 1)
-        sky = raster.openness(view.place, view.normal, seen, seen & near, reach, 1.3 * size, 20)
+    bodies = _place_bodies(centres, np.asarray(quaternions, float)[shown], shapes, kinds, sizes)
+    view = _look(camera, bodies, setting)
+    lit, sky = _light(camera, bodies, view, size)
 
     image = np.broadcast_to(BACKGROUND, view.place.shape).copy()
+    _paint_flat(image, view, lit, sky, frame)
+    hit, rays = view.hit, view.rays
+    sight = rays[hit] / np.linalg.norm(rays[hit], axis=1, keepdims=True)
+    skins = np.array([SKIN, *(OTHER_SKINS[k % len(OTHER_SKINS)] for k in range(len(shapes) - 1))])
+    skin = _skin(shown[view.body[hit]], view.along, kinds[view.body[hit]], count, skins)
+    towards = _light_axes(camera)[2]
+    image[hit] = _shade_berries(skin, view.normal[hit], sight, towards, lit[hit], sky[hit])
+    _blend_walls(image, setting.frusta, camera, rays, view.depth)
+    smooth = np.clip(image, 0, 1).reshape(height, supersample, width, supersample, 3).mean(axis=(1, 3))
+    return np.round(255 * smooth).astype(np.uint8)
+
+
+def _light(camera, bodies, view, size):
+    """Shares (H, W) of the light and of the sky that reach each pixel; size: of the largest body [m]."""
+    lit, sky = np.ones(view.hit.shape), np.ones(view.hit.shape)
+    if not len(bodies.vertices):
+        return lit, sky
+    light, seen = _light_axes(camera), view.hit | view.flat
+    light_map, origin, pixel_m = _light_map(bodies.vertices, bodies.triangles, light)
+    lit = raster.lit_fraction(
+        view.place, view.normal, seen, light_map, light, origin, pixel_m, 0.35 * size, 0.03 * size, 24
+    )
+    reach = np.where(seen, 1.3 * size * camera.focal_px / np.where(seen, view.depth, 1.0), 0.0)
+    # Far from all bodies the walls see the whole sky.
+    near = maximum_filter(view.hit, size=2 * math.ceil(reach[view.hit].max(initial=0.0)) + 1)
+    sky = raster.openness(view.place, view.normal, seen, seen & near, reach, 1.3 * size, 20)
+    return lit, sky
+
+
+def _paint_flat(image, view, lit, sky, frame):
+    """Paint the plate, which fades out far from the middle, and the panels, the darker the steeper."""
     if view.plate.any():
         low, high = np.min(frame, axis=0)[:2], np.max(frame, axis=0)[:2]
         away = np.linalg.norm(view.place[view.plate][:, :2] - (low + high) / 2, axis=1)
         fade = np.clip((2.6 - 2 * away / np.linalg.norm(high - low)) / 1.6, 0, 1) ** 1.5
         tone = (0.52 + 0.48 * lit[view.plate]) * (0.35 + 0.65 * sky[view.plate])
         image[view.plate] += fade[:, None] * (PLATE * 1.13 * tone[:, None] - image[view.plate])
-    hit, rays = view.hit, view.rays
-    sight = rays[hit] / np.linalg.norm(rays[hit], axis=1, keepdims=True)
-    skin = _skin(shown[view.body[hit]], view.along, count)
-    image[hit] = _shade_berries(skin, view.normal[hit], sight, light[2], lit[hit], sky[hit])
-    _blend_walls(image, walls, camera, rays, view.depth)
-    smooth = np.clip(image, 0, 1).reshape(height, supersample, width, supersample, 3).mean(axis=(1, 3))
-    return np.round(255 * smooth).astype(np.uint8)
+    panels = view.flat & ~view.plate
+    steepness = 0.80 + 0.20 * np.clip(view.normal[panels][:, 2], 0, 1)
+    tone = (0.52 + 0.48 * lit[panels]) * (0.35 + 0.65 * sky[panels]) * steepness
+    image[panels] = PLATE * 1.13 * PANEL_SHARE * tone[:, None]
+
+
+def render_simulation(simulation, **view):
+    """A shaded picture of a `repose.dem.Simulation` as it is now; see `render_bodies` for the view and the result."""
+    centres = np.where(simulation.present[:, None], simulation.positions, np.nan)
+    shapes = list(simulation.shapes.values())
+    ids, scales = simulation.shape_ids, simulation.scales
+    return render_bodies(centres, simulation.quaternions, shapes, ids, scales, setting_of(simulation), **view)
 
 
 def animate_pour(
@@ -346,9 +336,7 @@ def animate_pour(
     one longer. Colours are reduced until the file has at most max_bytes; raises InputError for another ending
     or where that is not enough.
     """
-    out_path = Path(out_path)
-    if out_path.suffix.lower() not in (".gif", ".webp"):
-        raise InputError(out_path, "ending", out_path.suffix, ".gif or .webp")
+    out_path = _animation_path(out_path)
     with np.load(trajectory) as record:
         times, positions, quaternions = record["time_s"], record["position"], record["quaternion"]
     chosen = np.searchsorted(times, np.linspace(times[0], times[-1], min(frames, len(times))))
@@ -358,24 +346,64 @@ def animate_pour(
     near = resting[
         np.hypot(resting[:, 0], resting[:, 1]) < 2 * np.median(np.hypot(resting[:, 0], resting[:, 1]))
     ]
-    frame = _outline(near, reach, walls)
+    frame = outline(near, reach, walls)
     frame = np.concatenate([frame, [[0, 0, frame[:, 2].max() + 2 * reach]]])
+    view = {"elevation_deg": elevation_deg, "azimuth_deg": azimuth_deg, "width": width, "height": height}
     pictures = [
-        Image.fromarray(
-            render_pile(
-                positions[k],
-                quaternions[k],
-                particle,
-                elevation_deg,
-                azimuth_deg,
-                width,
-                height,
-                walls,
-                frame_m=frame,
-            )
+        render_pile(positions[k], quaternions[k], particle, walls=walls, frame_m=frame, **view)
+        for k in chosen
+    ]
+    _write_animation(pictures, frame_s, out_path, max_bytes)
+
+
+def animate(simulation, frames, out_path, pictures=48, frame_s=0.08, max_bytes=3_000_000, **view):
+    """A short endless animation (GIF or WebP by the file's ending) of any simulation.
+
+    simulation: `repose.dem.Simulation`, for its shapes and walls; frames: what `repose.dem.Recorder.frames` returns;
+    pictures: how many of them, evenly spread over the time, are shown, frame_s seconds each, the last one longer;
+    view: see `render_bodies`; the picture holds what is there at the first and the last, unless frame_m is given.
+    Colours are reduced until the file has at most max_bytes; raises InputError for another ending, for no frames, or
+    where that is not enough.
+    """
+    out_path = _animation_path(out_path)
+    if not len(frames["time_s"]):
+        raise InputError(out_path, "frames", 0, "at least one recorded frame")
+    shapes, times = list(simulation.shapes.values()), frames["time_s"]
+    settings = [
+        setting_of(simulation, *walls) for walls in zip(frames["planes"], frames["wall_frames"], strict=True)
+    ]
+    chosen = np.searchsorted(times, np.linspace(times[0], times[-1], min(pictures, len(times))))
+    if view.get("frame_m") is None:
+        ends = frames["position"][[0, -1]].reshape(-1, 3)
+        ends = ends[np.isfinite(ends).all(axis=1)].astype(float)
+        reach = max(shape.bounding_radius_m for shape in shapes) * float(frames["scale"].max(initial=0.0))
+        view["frame_m"] = outline(ends, reach, settings[-1].frusta, settings[-1].panels)
+    drawn = [
+        render_bodies(
+            frames["position"][k],
+            frames["quaternion"][k],
+            shapes,
+            frames["shape"],
+            frames["scale"],
+            settings[k],
+            **view,
         )
         for k in chosen
     ]
+    _write_animation(drawn, frame_s, out_path, max_bytes)
+
+
+def _animation_path(path):
+    """The path of an animation, or InputError for an ending that is none."""
+    path = Path(path)
+    if path.suffix.lower() not in (".gif", ".webp"):
+        raise InputError(path, "ending", path.suffix, ".gif or .webp")
+    return path
+
+
+def _write_animation(pictures, frame_s, out_path, max_bytes):
+    """Write pictures (H, W, 3), the last one shown longer, with fewer colours until they fit."""
+    pictures = [Image.fromarray(picture) for picture in pictures]
     shown_ms = [round(1000 * frame_s)] * (len(pictures) - 1) + [1600]
     for effort in range(5):
         _save_animation(pictures, shown_ms, out_path, effort)

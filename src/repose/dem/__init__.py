@@ -1,9 +1,11 @@
 """The discrete element engine: shapes, contacts, walls and time; it knows nothing of calibration."""
 
 from .materials import Contact, Material
+from .recorder import Recorder
 from .shapes import Shape
 from .simulation import Simulation, rotation_matrix
 from .surfaces import Cone, Cylinder, Motion, Plane, RingEdge
+from .vtk import VtkSeries, write_vtk
 
 __all__ = [
     "Cone",
@@ -12,8 +14,11 @@ __all__ = [
     "Material",
     "Motion",
     "Plane",
+    "Recorder",
     "RingEdge",
     "Shape",
     "Simulation",
+    "VtkSeries",
     "rotation_matrix",
+    "write_vtk",
 ]

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .checks import not_negative, number, positive
+
 
 @dataclass(frozen=True)
 class Material:
@@ -18,10 +20,8 @@ class Material:
     poisson_ratio: float
 
     def __post_init__(self):
-        if not (math.isfinite(self.shear_modulus_pa) and self.shear_modulus_pa > 0.0):
-            raise ValueError(f"shear_modulus_pa is {self.shear_modulus_pa!r}; allowed: above 0")
-        if not -1.0 < self.poisson_ratio <= 0.5:
-            raise ValueError(f"poisson_ratio is {self.poisson_ratio!r}; allowed: above -1, at most 0.5")
+        positive("shear_modulus_pa", self.shear_modulus_pa)
+        number("poisson_ratio", self.poisson_ratio, "above -1, at most 0.5", lambda nu: -1.0 < nu <= 0.5)
 
     @property
     def elastic_modulus_pa(self):
@@ -42,12 +42,9 @@ class Contact:
     rolling_friction: float
 
     def __post_init__(self):
-        if not 0.0 < self.restitution <= 1.0:
-            raise ValueError(f"restitution is {self.restitution!r}; allowed: above 0, at most 1")
-        for name in ("static_friction", "rolling_friction"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(f"{name} is {value!r}; allowed: 0 or more")
+        number("restitution", self.restitution, "above 0, at most 1", lambda e: 0.0 < e <= 1.0)
+        not_negative("static_friction", self.static_friction)
+        not_negative("rolling_friction", self.rolling_friction)
 
 
 def effective_moduli(a, b):

@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 
-from . import parallel
+from . import checkpoint as checkpoints
+from . import parallel, running
 from . import state as st
 from . import tile as tl
 from .atomics import BARRIER_SIZE
+from .checks import height, is_name, is_number, mapping, number, positive, vector, whole_number
 from .engine import advance
 from .materials import Contact, Material, contact_law, effective_moduli
 from .order import reorder
@@ -18,16 +20,10 @@ from .walls import STARTS
 
 # Room for the lists of a simulation, per body; they grow when needed.
 CONTACTS_PER_BODY, DORMANT_PER_BODY = 6, 6
+HOME = np.concatenate([np.zeros(3), np.eye(3).ravel()])  # the frame of a curved wall that is the world
 SKIN_SHARE = 0.45  # skin of the neighbour list over the largest bounding radius
 STEPS_PER_CONTACT = 15  # the longest time step is this share of a head-on impact's contact time
 FASTEST_IMPACT_M_S = 2.0
-
-
-def _checked(name, mapping, kind):
-    """A mapping of names to objects of a kind, or ValueError."""
-    if not mapping or not all(isinstance(value, kind) for value in mapping.values()):
-        raise ValueError(f"{name} is {mapping!r}; allowed: names, each with a {kind.__name__}")
-    return dict(mapping)
 
 
 class Simulation:
@@ -66,56 +62,59 @@ class Simulation:
         funnel_floor_m=-math.inf,
         floor_height_m=-math.inf,
     ):
-        self.shapes = _checked("shapes", shapes, Shape)
-        self.materials = _checked("materials", materials, Material)
+        self.shapes = mapping("shapes", shapes, Shape, "Shape")
+        self.materials = mapping("materials", materials, Material, "Material")
+        if not self.shapes:
+            raise ValueError("shapes is empty; allowed: names, each with a Shape, at least one")
         if tension not in ("keep", "cut"):
             raise ValueError(f"tension is {tension!r}; allowed: 'keep', 'cut'")
-        if not (isinstance(capacity, int | np.integer) and capacity >= 1):
-            raise ValueError(f"capacity is {capacity!r}; allowed: a whole number, 1 or more")
-        if not largest_scale > 0.0:
-            raise ValueError(f"largest_scale is {largest_scale!r}; allowed: above 0")
-        if not np.all(np.asarray(lower, float) < np.asarray(upper, float)):
+        self.capacity = whole_number("capacity", capacity, 1)
+        self.largest_scale = positive("largest_scale", largest_scale)
+        self.lower, self.upper = vector("lower", lower), vector("upper", upper)
+        if not np.all(self.lower < self.upper):
             raise ValueError(
                 f"lower is {lower!r}, upper {upper!r}; allowed: lower below upper in every direction"
             )
-        self.capacity = int(capacity)
-        self.largest_scale = float(largest_scale)
-        self.radius = largest_scale * max(shape.bounding_radius_m for shape in self.shapes.values())
-        self.wall_set = WallSet(dict(walls or {}))
-        self._set_materials(_pairs_of(contacts))
+        self.radius = self.largest_scale * max(shape.bounding_radius_m for shape in self.shapes.values())
+        self.wall_set = WallSet({} if walls is None else walls)
+        self.contact_pairs = _pairs_of(contacts, self.materials)
+        self._set_materials(self.contact_pairs)
+        limit = self.longest_time_step()
+        dt = number("time_step_s", time_step_s, f"above 0, at most {limit:.3g}", lambda dt: 0.0 < dt <= limit)
         parts = max(len(shape.semi_axes_m) for shape in self.shapes.values())
         skin = SKIN_SHARE * self.radius
         self._shared = self.capacity >= parallel.FEWEST_BODIES
         self._inner, self._outer = np.arange(self.capacity), np.arange(self.capacity)
         self.bodies = st.new_bodies(self.capacity, parts, parallel.SHARES if self._shared else 1)
-        self.grid = st.new_grid(self.capacity, lower, upper, 2.0 * self.radius + skin)
+        self._shape_ids = np.zeros(self.capacity, np.int32)
+        self._scales = np.ones(self.capacity)
+        self.grid = st.new_grid(self.capacity, self.lower, self.upper, 2.0 * self.radius + skin)
         self.grid.lengths[1:] = 2.0 * self.radius, skin
-        self.walls = self._wall_arrays(np.linalg.norm(np.subtract(upper, lower)))
+        self.walls = self._wall_arrays(np.linalg.norm(self.upper - self.lower))
         self.pairs = st.new_pairs(
-            CONTACTS_PER_BODY * capacity + 64, DORMANT_PER_BODY * capacity + 256, self.capacity
+            CONTACTS_PER_BODY * self.capacity + 64, DORMANT_PER_BODY * self.capacity + 256, self.capacity
         )
         n_planes, n_curved = len(self.walls.planes), len(self.walls.frames)
-        self.flat = st.new_wall_contacts(n_planes * capacity + 64, n_planes, capacity, self.capacity)
-        self.curved = st.new_wall_contacts(capacity + 64, n_curved, capacity, self.capacity)
+        self.flat = st.new_wall_contacts(
+            n_planes * self.capacity + 64, n_planes, self.capacity, self.capacity
+        )
+        self.curved = st.new_wall_contacts(self.capacity + 64, n_curved, self.capacity, self.capacity)
         self.counts = np.zeros(st.COUNTS, np.int64)
         wall_kinds = {surface.material for surface in self.wall_set.surfaces.values()}
         self.physics = st.Physics(
             parts=parts,
-            gravity=np.asarray(gravity_m_s2, float).copy(),
+            gravity=vector("gravity_m_s2", gravity_m_s2),
             laws=self._laws,
             mixed_pairs=len(self._kinds) > 1,
             mixed_walls=len(self._kinds) > 1 or len(wall_kinds) > 1,
-            dt=float(time_step_s),
+            dt=dt,
             tension=1.0 if tension == "keep" else 0.0,
             rolling_frame=np.zeros(3),
-            exit_height=float(exit_height_m),
-            funnel_floor=float(funnel_floor_m),
-            floor_height=float(floor_height_m),
+            exit_height=height("exit_height_m", exit_height_m),
+            funnel_floor=height("funnel_floor_m", funnel_floor_m),
+            floor_height=height("floor_height_m", floor_height_m),
         )
         self.threads = threads
-        limit = self.longest_time_step()
-        if not 0.0 < time_step_s <= limit:
-            raise ValueError(f"time_step_s is {time_step_s!r}; allowed: above 0, at most {limit:.3g}")
 
     def _set_materials(self, contacts):
         """Number the materials, those of bodies first, and make the table of force laws."""
@@ -155,7 +154,7 @@ class Simulation:
             cones=np.array([wall.row() for wall in cones]).reshape(-1, st.CONE_COLUMNS),
             rings=np.array([wall.row() for wall in rings]).reshape(-1, st.RING_COLUMNS),
             frames=frames,
-            turned=(np.any(frames != frame_of(_HOME), axis=1) | moves[len(planes) :]).astype(np.uint8),
+            turned=(np.any(frames != HOME, axis=1) | moves[len(planes) :]).astype(np.uint8),
             motion=motion,
             moves=moves.astype(np.uint8),
             material=np.array([self._wall_kinds[s.material] for s in surfaces], np.uint8),
@@ -203,14 +202,16 @@ class Simulation:
 
         t_c = 2.868 (m*^2 / (R* E*^2 v))^0.2 (Johnson 1985, Eq. 11.24), over all pairs of shapes.
         """
-        shortest = math.inf
-        for a in self.shapes.values():
-            for b in self.shapes.values():
-                young, _ = effective_moduli(self.materials[a.material], self.materials[b.material])
-                mass = 1.0 / (1.0 / a.mass_kg + 1.0 / b.mass_kg)
-                radius = 1.0 / (1.0 / a.smallest_radius_m + 1.0 / b.smallest_radius_m)
-                shortest = min(shortest, 2.868 * (mass**2 / (radius * young**2 * speed_m_s)) ** 0.2)
-        return shortest / STEPS_PER_CONTACT
+        positive("speed_m_s", speed_m_s)
+        shapes = self.shapes.values()
+        return min(self._contact_time(a, b, speed_m_s) for a in shapes for b in shapes) / STEPS_PER_CONTACT
+
+    def _contact_time(self, a, b, speed_m_s):
+        """Hertz contact time of two shapes that meet head-on [s]; it grows with their scale."""
+        young, _ = effective_moduli(self.materials[a.material], self.materials[b.material])
+        mass = 1.0 / (1.0 / a.mass_kg + 1.0 / b.mass_kg)
+        radius = 1.0 / (1.0 / a.smallest_radius_m + 1.0 / b.smallest_radius_m)
+        return 2.868 * (mass**2 / (radius * young**2 * speed_m_s)) ** 0.2
 
     @property
     def n_bodies(self):
@@ -253,6 +254,16 @@ class Simulation:
         return self._seen(st.lanes_of(self.bodies.motion, st.SPIN, 3, self.n_bodies))
 
     @property
+    def shape_ids(self):
+        """Which shape each body has, as its place among the names of `shapes`, a view (N,)."""
+        return self._shape_ids[: self.n_bodies]
+
+    @property
+    def scales(self):
+        """Scale of each body, a view (N,)."""
+        return self._scales[: self.n_bodies]
+
+    @property
     def present(self):
         """Which bodies are still there (N,)."""
         return self._seen(self.bodies.presence) == st.PRESENT
@@ -274,30 +285,28 @@ class Simulation:
         """Add one body; returns its index.
 
         shape: a name; position [m] and orientation (w, x, y, z), body to world; velocities in the world frame;
-        scale: of its lengths. Raises ValueError naming the argument, also when the capacity is used up.
+        scale: of its lengths. Bodies shorten the longest time step as they get smaller, so a scale has a lower limit
+        too. Nothing checks that the place is free. Raises ValueError naming the argument, also when the capacity is
+        used up.
         """
         i = self.n_bodies
         if i >= self.capacity:
             raise ValueError(f"capacity is {self.capacity}; body {i + 1} does not fit")
         if shape not in self.shapes:
             raise ValueError(f"shape is {shape!r}; allowed: {', '.join(self.shapes)}")
-        if not 0.0 < scale <= self.largest_scale:
-            raise ValueError(
-                f"scale is {scale!r}; allowed: above 0, at most largest_scale, {self.largest_scale}"
-            )
-        quaternion = np.asarray(quaternion, float)
-        length = np.linalg.norm(quaternion)
-        if quaternion.shape != (4,) or not (math.isfinite(length) and length > 0.0):
-            raise ValueError(f"quaternion is {quaternion!r}; allowed: four finite numbers that are not all 0")
         kind = self.shapes[shape]
+        self._check_scale(scale, kind)
+        quaternion = vector("quaternion", quaternion, 4)
+        length = np.linalg.norm(quaternion)
+        if not length > 0.0:
+            raise ValueError("quaternion is 0; allowed: four finite numbers that are not all 0")
+        position = vector("position_m", position_m)
+        velocity = vector("velocity_m_s", velocity_m_s)
+        turning = vector("angular_velocity_rad_s", angular_velocity_rad_s)
         row = self.bodies.rows[i]
-        row[st.POSITION : st.POSITION + 3] = position_m
-        row[st.VELOCITY : st.VELOCITY + 3] = velocity_m_s
-        row[st.TURNING : st.TURNING + 3] = angular_velocity_rad_s
-        if not np.all(np.isfinite(row[: st.SHAPE])):
-            raise ValueError(
-                f"position_m is {position_m!r}, velocity_m_s {velocity_m_s!r}; allowed: finite numbers"
-            )
+        row[st.POSITION : st.POSITION + 3] = position
+        row[st.VELOCITY : st.VELOCITY + 3] = velocity
+        row[st.TURNING : st.TURNING + 3] = turning
         row[st.INVERSE_MASS] = 1.0 / (kind.mass_kg * scale**3)
         quaternion = quaternion / length
         inertia = kind.inertia_kg_m2 * scale**5
@@ -315,6 +324,8 @@ class Simulation:
         ):
             lanes[first // st.LANES : first // st.LANES + len(values)] = values
         place_shape(self.bodies, i, self.physics.parts, self._body_tiles[0])
+        self._shape_ids[i] = list(self.shapes).index(shape)
+        self._scales[i] = scale
         self.bodies.kind[i] = self._kinds[kind.material]
         self.bodies.presence[i] = st.PRESENT
         self.bodies.alarm[i] = -1.0
@@ -325,9 +336,19 @@ class Simulation:
         self.counts[st.N_MOVED] += 1
         return i
 
+    def _check_scale(self, scale, kind):
+        """ValueError unless a body of a kind may have this scale."""
+        limit = self._contact_time(kind, kind, FASTEST_IMPACT_M_S) / STEPS_PER_CONTACT
+        smallest = self.physics.dt / limit
+        if not (is_number(scale) and (1.0 - 1e-12) * smallest <= scale <= self.largest_scale):
+            raise ValueError(
+                f"scale is {scale!r}; allowed: at least {smallest:.3g}, or time_step_s is too long for the body, "
+                f"at most largest_scale, {self.largest_scale:g}"
+            )
+
     def run_steps(self, steps):
-        """Advance by a number of time steps."""
-        left = int(steps)
+        """Advance by a number of time steps. Raises ValueError where that is no whole number, 0 or more."""
+        left = whole_number("steps", steps, 0)
         while left > 0:
             left -= self._advance(left)
             if self.counts[st.FULL]:
@@ -366,18 +387,53 @@ class Simulation:
         """Values of the bodies added so far, by the numbers that users know: a view where they are the engine's own."""
         return values[self._inner[: self.n_bodies]] if self._shared else values[: self.n_bodies]
 
+    def run(
+        self,
+        seconds,
+        progress=None,
+        *,
+        record=None,
+        record_every_s=None,
+        checkpoint=None,
+        every_s=600.0,
+    ):
+        """Advance by so many simulated seconds, to the nearest time step; Ctrl-C ends it between two steps.
+
+        progress: None shows a bar where stderr is a terminal and writes a line a minute where it is not, False is
+        silent, a function is called with the simulated time now and then. record: a function, or several, called with
+        the simulation at the start of time and every record_every_s simulated seconds, such as a `Recorder` or a
+        `VtkSeries`. checkpoint: a file that `save` writes every every_s seconds of wall time, at the end, and on
+        Ctrl-C. None of these changes a bit of the result. Raises ValueError naming the argument.
+        """
+        running.run(self, seconds, progress, record, record_every_s, checkpoint, every_s)
+
+    def save(self, path):
+        """Write everything to a file (.npz without pickle), in one move, for `load`."""
+        checkpoints.save(self, path)
+
+    @classmethod
+    def load(cls, path):
+        """The simulation that `save` wrote; it goes on with the same bits as if it had never stopped.
+
+        Raises `repose.errors.InputError`, a ValueError, naming the file where it is missing, damaged, of another
+        format, or written by other sources of the engine.
+        """
+        return checkpoints.load(cls, path)
+
     def _grow(self):
         """Double the lists that are filling up."""
         n_pairs, n_dormant = self.counts[st.N_PAIRS], self.counts[st.N_DORMANT]
         old = self.pairs
         contacts = len(old.first) * (2 if n_pairs * 4 > len(old.first) * 3 else 1)
         dormant = len(old.dormant_limit) * (2 if n_dormant * 4 > len(old.dormant_limit) * 3 else 1)
-        self.pairs = st.new_pairs(contacts, dormant, self.capacity)
-        self.pairs.data[: len(old.data)] = old.data
+        bigger = st.new_pairs(contacts, dormant, self.capacity)
+        bigger.data[: len(old.data)] = old.data
         for name in ("first", "second"):
-            getattr(self.pairs, name)[:n_pairs] = getattr(old, name)[:n_pairs]
+            getattr(bigger, name)[:n_pairs] = getattr(old, name)[:n_pairs]
         for name in ("dormant_first", "dormant_second", "dormant_limit", "dormant_normal"):
-            getattr(self.pairs, name)[:n_dormant] = getattr(old, name)[:n_dormant]
+            getattr(bigger, name)[:n_dormant] = getattr(old, name)[:n_dormant]
+        # in one move: an interrupt between two lines must not leave half a list
+        self.pairs = bigger
         self.flat = _grown(self.flat, self.counts[st.N_PLANE], self.capacity)
         self.curved = _grown(self.curved, self.counts[st.N_CURVED], self.capacity)
 
@@ -435,15 +491,21 @@ def rotation_matrix(quaternion):
     )
 
 
-_HOME = Cone((), "")  # its frame is the world
-
-
-def _pairs_of(contacts):
+def _pairs_of(contacts, materials):
     """Contacts by pairs of names in both orders, or ValueError."""
+    if not isinstance(contacts, dict):
+        raise ValueError(f"contacts is {contacts!r}; allowed: (material, material): Contact")
     both = {}
-    for pair, contact in dict(contacts).items():
-        if not (isinstance(pair, tuple) and len(pair) == 2 and isinstance(contact, Contact)):
+    for pair, contact in contacts.items():
+        named = isinstance(pair, tuple) and len(pair) == 2 and all(is_name(name) for name in pair)
+        if not (named and isinstance(contact, Contact)):
             raise ValueError(f"contacts has {pair!r}: {contact!r}; allowed: (material, material): Contact")
+        if not set(pair) <= set(materials):
+            raise ValueError(f"contacts has {pair!r}; allowed: pairs of {', '.join(materials)}")
+        if both.get(pair, contact) != contact:
+            raise ValueError(
+                f"contacts has {pair!r} in both orders; allowed: one of them, or the same for both"
+            )
         both[pair] = both[pair[::-1]] = contact
     return both
 

@@ -5,41 +5,28 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from .checks import array, mapping, name_of, not_negative, number
+from .checks import direction as _direction
+from .checks import positive as _positive
+from .checks import vector as _vector
+
 ORIGIN = (0.0, 0.0, 0.0)
 UP = (0.0, 0.0, 1.0)
 
 
-def _vector(name, value):
-    """Three finite numbers as an array, or ValueError."""
-    vector = np.asarray(value, float)
-    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-        raise ValueError(f"{name} is {value!r}; allowed: three finite numbers")
-    return vector
-
-
-def _direction(name, value):
-    """A unit vector along three numbers, or ValueError."""
-    vector = _vector(name, value)
-    length = np.linalg.norm(vector)
-    if not length > 0.0:
-        raise ValueError(f"{name} is {value!r}; allowed: a vector that is not zero")
-    return vector / length
-
-
-def _positive(name, value):
-    """A number above zero, or ValueError."""
-    if not value > 0.0:
-        raise ValueError(f"{name} is {value!r}; allowed: above 0")
-    return float(value)
-
-
 @dataclass(frozen=True)
 class Motion:
-    """Rigid motion of a wall: velocity of the pivot [m/s], angular velocity [rad/s], pivot (moves along) [m]."""
+    """Rigid motion of a wall: velocity of the pivot [m/s], angular velocity [rad/s], pivot (moves along) [m].
+
+    Raises ValueError naming the value that is not three finite numbers.
+    """
 
     velocity_m_s: tuple = ORIGIN
     angular_velocity_rad_s: tuple = ORIGIN
     pivot_m: tuple = ORIGIN
+
+    def __post_init__(self):
+        self.row()
 
     def row(self):
         """Velocity, angular velocity and pivot as the kernels take them (9,)."""
@@ -55,9 +42,19 @@ class Motion:
 STILL = Motion()
 
 
+def _check_common(surface):
+    """ValueError unless a wall's material is a name and its motion a `Motion`."""
+    name_of("material", surface.material)
+    if not isinstance(surface.motion, Motion):
+        raise ValueError(f"motion is {surface.motion!r}; allowed: a Motion")
+
+
 @dataclass(frozen=True)
 class Plane:
-    """A plane, or a disc of it: its middle [m], normal towards the bodies, radius [m]."""
+    """A plane, or a disc of it: its middle [m], normal towards the bodies, radius [m].
+
+    Raises ValueError naming the value and what is allowed.
+    """
 
     point_m: tuple
     normal: tuple
@@ -65,9 +62,14 @@ class Plane:
     radius_m: float = math.inf
     motion: Motion = STILL
 
+    def __post_init__(self):
+        _check_common(self)
+        self.row()
+
     def row(self):
         """The plane as the kernels take it: its normal points into the wall there."""
-        _positive("radius_m", self.radius_m)
+        if self.radius_m != math.inf:
+            _positive("radius_m", self.radius_m)
         return np.concatenate(
             [_vector("point_m", self.point_m), -_direction("normal", self.normal), [self.radius_m]]
         )
@@ -79,6 +81,7 @@ class Cone:
 
     line: m_r, m_z (unit normal from the inside into the wall), offset k with m.(r, z) = k, first and last place along
     the line, e_r, e_z (unit vector up along the line). origin_m, axis: of the frame. See `between`.
+    Raises ValueError naming the value and what is allowed.
     """
 
     line: tuple
@@ -87,13 +90,27 @@ class Cone:
     axis: tuple = UP
     motion: Motion = STILL
 
+    def __post_init__(self):
+        _check_common(self)
+        m_r, m_z, _offset, first, last, e_r, e_z = _vector("line", self.line, 7)
+        if max(abs(math.hypot(m_r, m_z) - 1.0), abs(math.hypot(e_r, e_z) - 1.0)) > 1e-6 or not first < last:
+            raise ValueError(
+                f"line is {self.line!r}; allowed: unit vectors (m_r, m_z) and (e_r, e_z), first below last place"
+            )
+        frame_of(self)
+
     @classmethod
     def between(cls, base_m, axis, height_m, base_radius_m, top_radius_m, material, motion=STILL):
-        """The inside of a cone between two circles: the middle of the first, height and radii [m]."""
+        """The inside of a cone between two circles: the middle of the first, height and radii [m].
+
+        One of the radii may be 0. Raises ValueError naming the value and what is allowed.
+        """
+        _vector("base_m", base_m)
         height = _positive("height_m", height_m)
-        for name, radius in (("base_radius_m", base_radius_m), ("top_radius_m", top_radius_m)):
-            if not radius >= 0.0:
-                raise ValueError(f"{name} is {radius!r}; allowed: 0 or more")
+        not_negative("base_radius_m", base_radius_m)
+        not_negative("top_radius_m", top_radius_m)
+        if base_radius_m == top_radius_m == 0.0:
+            raise ValueError("base_radius_m and top_radius_m are 0; allowed: at most one of them")
         length = math.hypot(height, top_radius_m - base_radius_m)
         e_r, e_z = (top_radius_m - base_radius_m) / length, height / length
         line = (
@@ -113,7 +130,10 @@ class Cone:
 
 
 def Cylinder(base_m, axis, height_m, radius_m, material, motion=STILL):
-    """The inside of a cylinder: the middle of its first end, axis, height and radius [m]."""
+    """The inside of a cylinder: the middle of its first end, axis, height and radius [m].
+
+    Raises ValueError naming the value and what is allowed.
+    """
     _positive("radius_m", radius_m)
     return Cone.between(base_m, axis, height_m, radius_m, radius_m, material, motion)
 
@@ -124,6 +144,7 @@ class RingEdge:
 
     gates: two directions (g_r, g_z) of the half plane (r, z); a contact normal, seen from the body, that opposes one
     of them would lie behind the walls that meet at the edge and is no contact. Zeros leave the whole torus open.
+    Raises ValueError naming the value and what is allowed.
     """
 
     radius_m: float
@@ -135,13 +156,16 @@ class RingEdge:
     axis: tuple = UP
     motion: Motion = STILL
 
+    def __post_init__(self):
+        _check_common(self)
+        edge = _positive("edge_radius_m", self.edge_radius_m)
+        number("radius_m", self.radius_m, f"above edge_radius_m, {edge}", lambda radius: radius > edge)
+        number("height_m", self.height_m, "a finite number", lambda _height: True)
+        array("gates", self.gates, (2, 2), "two directions of two finite numbers")
+        frame_of(self)
+
     def row(self):
         """The ring as the kernels take it, in its own frame."""
-        _positive("edge_radius_m", self.edge_radius_m)
-        if not self.radius_m > self.edge_radius_m:
-            raise ValueError(
-                f"radius_m is {self.radius_m!r}; allowed: above edge_radius_m, {self.edge_radius_m}"
-            )
         return np.array(
             [self.radius_m, self.height_m, self.edge_radius_m, *self.gates[0], *self.gates[1]], float
         )
@@ -166,9 +190,7 @@ class WallSet:
 
     def __post_init__(self):
         kinds = (Plane, Cone, RingEdge)
-        for name, surface in self.surfaces.items():
-            if not isinstance(surface, kinds):
-                raise ValueError(f"wall {name!r} is {surface!r}; allowed: Plane, Cone, Cylinder, RingEdge")
+        self.surfaces = mapping("walls", self.surfaces, kinds, "Plane, Cone, Cylinder or RingEdge")
         self.names = [
             n for kind in kinds for n, surface in self.surfaces.items() if isinstance(surface, kind)
         ]

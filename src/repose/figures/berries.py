@@ -6,7 +6,7 @@ import numpy as np
 import trimesh
 
 from repose import berry, shape
-from repose.render import tessellate
+from repose.dem.tessellation import tessellate
 
 from . import style
 

@@ -7,8 +7,10 @@ from matplotlib.collections import PolyCollection
 from matplotlib.patches import Circle
 
 from repose import pile, shape
+from repose.dem.tessellation import rotation_matrices
 from repose.errors import InputError
-from repose.render import funnel_walls, render_pile, rotation_matrices
+from repose.render import render_pile
+from repose.stage import funnel_walls
 
 from . import style
 

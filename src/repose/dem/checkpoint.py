@@ -1,0 +1,159 @@
+"""A simulation in one file, to go on from with the same bits."""
+
+import dataclasses
+import json
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import InputError
+from . import state as st
+from . import surfaces
+from .cache import source_hash
+from .files import write_whole
+from .materials import Contact, Material
+from .shapes import Shape
+from .surfaces import Motion
+
+FORMAT = 1
+ABOUT = "about"  # the array that holds the description
+WHOLE = "a whole file that Simulation.save wrote"
+
+
+def save(simulation, path):
+    """Write a simulation to a file in one move: a .npz of plain arrays, the descriptive part as JSON in bytes."""
+    about = json.dumps(_description(simulation)).encode()
+    arrays = {ABOUT: np.frombuffer(about, np.uint8), **dict(_arrays(simulation))}
+    write_whole(path, lambda handle: np.savez_compressed(handle, **arrays))
+
+
+def load(kind, path):
+    """The simulation of a file, of a class `kind`.
+
+    Raises InputError naming the file where it is missing, damaged, of another format, or of other engine sources.
+    """
+    path = Path(path)
+    about, arrays = _read(path)
+    if about.get("format") != FORMAT:
+        raise InputError(path, "format", about.get("format"), f"{FORMAT}, what this version reads")
+    if about.get("engine") != source_hash():
+        allowed = f"{source_hash()!r}: only the sources that wrote a checkpoint go on with the same bits"
+        raise InputError(path, "engine sources", about.get("engine"), allowed)
+    try:
+        simulation = kind(**_arguments(about))
+        _restore(simulation, arrays)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InputError(path, "content", str(error), WHOLE) from None
+    return simulation
+
+
+def _read(path):
+    """Description and arrays of a file."""
+    if not path.is_file():
+        raise InputError(path, "file", None, "an existing checkpoint, written by Simulation.save")
+    try:
+        with np.load(path, allow_pickle=False) as store:
+            arrays = {name: store[name] for name in store.files}
+        about = json.loads(arrays.pop(ABOUT).tobytes())
+    except (OSError, EOFError, KeyError, ValueError, AttributeError, zipfile.BadZipFile, zlib.error) as error:
+        raise InputError(path, "checkpoint", str(error), WHOLE) from None
+    return about, arrays
+
+
+def _arrays(simulation):
+    """Every array that a simulation holds by itself or in a named tuple, with its name."""
+    for name, value in vars(simulation).items():
+        if isinstance(value, np.ndarray):
+            yield name, value
+        for field in getattr(value, "_fields", ()):
+            if isinstance(getattr(value, field), np.ndarray):
+                yield f"{name}.{field}", getattr(value, field)
+
+
+def _restore(simulation, arrays):
+    """Give a newly made simulation the arrays of another."""
+    made = dict(_arrays(simulation))
+    if set(made) != set(arrays):
+        raise KeyError(f"arrays {sorted(set(made) ^ set(arrays))}")
+    grown = {}
+    for name, values in arrays.items():
+        if made[name].dtype != values.dtype or made[name].ndim != values.ndim:
+            raise ValueError(f"array {name} is {values.dtype}{values.shape}")
+        if made[name].shape == values.shape:
+            made[name][...] = values
+        else:  # a list that has grown
+            grown[name] = _aligned(values)
+    for group in {name.partition(".")[0] for name in grown}:
+        fields = {name.partition(".")[2]: v for name, v in grown.items() if name.startswith(f"{group}.")}
+        setattr(simulation, group, getattr(simulation, group)._replace(**fields))
+
+
+def _aligned(values):
+    """A copy that begins at a cache line, as the kernels have it."""
+    if values.dtype != np.float64:
+        return values.copy()
+    copy = st.zeros(*values.shape)
+    copy[...] = values
+    return copy
+
+
+def _description(simulation):
+    """What a simulation was made of, for JSON."""
+    physics = simulation.physics
+    walls = simulation.wall_set.surfaces
+    return {
+        "format": FORMAT,
+        "engine": source_hash(),
+        "shapes": {name: _plain(shape) for name, shape in simulation.shapes.items()},
+        "materials": {name: _plain(material) for name, material in simulation.materials.items()},
+        "contacts": [[*pair, _plain(contact)] for pair, contact in simulation.contact_pairs.items()],
+        "walls": {name: [type(wall).__name__, _plain(wall)] for name, wall in walls.items()},
+        "arguments": {
+            "time_step_s": physics.dt,
+            "capacity": simulation.capacity,
+            "lower": _plain(simulation.lower),
+            "upper": _plain(simulation.upper),
+            "gravity_m_s2": _plain(physics.gravity),
+            "tension": "keep" if physics.tension else "cut",
+            "largest_scale": simulation.largest_scale,
+            "threads": simulation.threads,
+            "exit_height_m": physics.exit_height,
+            "funnel_floor_m": physics.funnel_floor,
+            "floor_height_m": physics.floor_height,
+        },
+    }
+
+
+def _arguments(about):
+    """Arguments of the simulation that was described."""
+    walls = {}
+    for name, (kind, fields) in about["walls"].items():
+        motion = Motion(**_tuples(fields["motion"]))
+        walls[name] = getattr(surfaces, kind)(**{**_tuples(fields), "motion": motion})
+    return {
+        "shapes": {name: Shape(**fields) for name, fields in about["shapes"].items()},
+        "materials": {name: Material(**fields) for name, fields in about["materials"].items()},
+        "contacts": {(a, b): Contact(**fields) for a, b, fields in about["contacts"]},
+        "walls": walls,
+        **about["arguments"],
+    }
+
+
+def _plain(value):
+    """A value as JSON takes it; objects as mappings of their fields."""
+    if dataclasses.is_dataclass(value):
+        return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return value
+
+
+def _tuples(value):
+    """A value of JSON with tuples for its lists."""
+    if isinstance(value, dict):
+        return {name: _tuples(item) for name, item in value.items()}
+    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value

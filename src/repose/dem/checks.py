@@ -1,0 +1,90 @@
+"""Checks of what a user gives: the value as the engine takes it, or ValueError naming it and what is allowed."""
+
+import math
+from numbers import Integral, Real
+
+import numpy as np
+
+
+def is_number(value, *, finite=True):
+    """Whether a value is a real number, finite unless said otherwise, and no truth value."""
+    if not isinstance(value, Real) or isinstance(value, bool | np.bool):
+        return False
+    return math.isfinite(value) if finite else not math.isnan(value)
+
+
+def number(name, value, allowed, accepts):
+    """A finite number that `accepts` agrees to; `allowed` says in words what that is."""
+    if not (is_number(value) and accepts(value)):
+        raise ValueError(f"{name} is {value!r}; allowed: {allowed}")
+    return float(value)
+
+
+def positive(name, value):
+    """A finite number above 0."""
+    return number(name, value, "above 0", lambda v: v > 0.0)
+
+
+def not_negative(name, value):
+    """A finite number, 0 or more."""
+    return number(name, value, "0 or more", lambda v: v >= 0.0)
+
+
+def height(name, value):
+    """A number that may be infinite: a height that nothing reaches."""
+    if not is_number(value, finite=False):
+        raise ValueError(f"{name} is {value!r}; allowed: a number, or -inf for none")
+    return float(value)
+
+
+def whole_number(name, value, least):
+    """A whole number, `least` or more."""
+    if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
+        raise ValueError(f"{name} is {value!r}; allowed: a whole number, {least} or more")
+    return int(value)
+
+
+def vector(name, value, length=3):
+    """So many finite numbers as an array."""
+    words = {3: "three", 4: "four", 7: "seven"}[length]
+    return array(name, value, (length,), f"{words} finite numbers")
+
+
+def array(name, value, shape, allowed):
+    """Finite numbers of a shape as an array."""
+    try:
+        numbers = np.array(value, float)
+    except (TypeError, ValueError):
+        numbers = None
+    if numbers is None or numbers.shape != shape or not np.all(np.isfinite(numbers)):
+        raise ValueError(f"{name} is {value!r}; allowed: {allowed}")
+    return numbers
+
+
+def direction(name, value):
+    """A unit vector along three numbers."""
+    along = vector(name, value)
+    length = np.linalg.norm(along)
+    if not length > 0.0:
+        raise ValueError(f"{name} is {value!r}; allowed: a vector that is not zero")
+    return along / length
+
+
+def is_name(value):
+    """Whether a value can name a shape, a material or a wall."""
+    return isinstance(value, str) and bool(value)
+
+
+def name_of(what, value):
+    """A name."""
+    if not is_name(value):
+        raise ValueError(f"{what} is {value!r}; allowed: a name, text that is not empty")
+    return value
+
+
+def mapping(name, value, kinds, words):
+    """Names to objects of some kinds, as a new dictionary."""
+    good = isinstance(value, dict) and all(is_name(k) and isinstance(v, kinds) for k, v in value.items())
+    if not good:
+        raise ValueError(f"{name} is {value!r}; allowed: names, each with a {words}")
+    return dict(value)

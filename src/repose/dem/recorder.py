@@ -1,0 +1,57 @@
+"""Frames of a simulation: where everything was, for animations and analyses."""
+
+import numpy as np
+
+from .files import write_whole
+
+
+class Recorder:
+    """Keeps the state of a simulation each time it is called with it; see `Simulation.run(record=...)`."""
+
+    def __init__(self):
+        self._frames = []
+        self._shapes, self._scales = np.zeros(0, np.int32), np.zeros(0)
+
+    def __call__(self, simulation):
+        """Keep a frame."""
+        there = simulation.present[:, None]
+        self._shapes, self._scales = simulation.shape_ids.copy(), simulation.scales.copy()
+        self._frames.append(
+            (
+                simulation.time_s,
+                np.where(there, simulation.positions, np.nan).astype(np.float32),
+                np.where(there, simulation.quaternions, np.nan).astype(np.float32),
+                simulation.walls.planes.copy(),
+                simulation.walls.frames.copy(),
+            )
+        )
+
+    def __len__(self):
+        return len(self._frames)
+
+    def frames(self):
+        """What was kept, as arrays of T frames of N bodies, those not there being NaN.
+
+        time_s (T,), position (T, N, 3) [m] and quaternion (T, N, 4) in single precision, shape (N,): the place
+        among the names of the shapes, scale (N,), planes (T, P, 7) and wall_frames (T, C, 12): see `state`.
+        """
+        n = len(self._scales)
+        positions = np.full((len(self._frames), n, 3), np.nan, np.float32)
+        quaternions = np.full((len(self._frames), n, 4), np.nan, np.float32)
+        for k, (_time, position, quaternion, _planes, _wall_frames) in enumerate(self._frames):
+            positions[k, : len(position)] = position
+            quaternions[k, : len(quaternion)] = quaternion
+        return {
+            "time_s": np.array([frame[0] for frame in self._frames]),
+            "position": positions,
+            "quaternion": quaternions,
+            "shape": self._shapes,
+            "scale": self._scales,
+            "planes": np.array([frame[3] for frame in self._frames]),
+            "wall_frames": np.array([frame[4] for frame in self._frames]),
+        }
+
+    def save(self, path):
+        """Write the frames to a .npz file, in one move."""
+        frames = self.frames()
+        write_whole(path, lambda handle: np.savez_compressed(handle, **frames))

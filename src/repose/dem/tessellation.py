@@ -1,0 +1,181 @@
+"""Bodies and walls as triangles, for pictures and for files that other programs draw."""
+
+import math
+
+import numpy as np
+
+from .surfaces import Cone, Plane, RingEdge
+
+SECTORS = 48  # of a full turn of a wall
+TUBE_SECTORS = 24  # of a full turn about a rounded edge
+
+
+def tessellate(body, rings=18, sectors=36):
+    """Support points and normals of a body on a latitude-longitude grid about its first axis.
+
+    body: what has `support` and `support_point`, such as a `Shape`.
+    Returns points (V, 3) m, normals (V, 3), triangles (T, 3) that run anticlockwise seen from outside; V and T are the
+    same for all bodies.
+    """
+    polar, turn = np.meshgrid(
+        np.linspace(0, math.pi, rings + 1),
+        np.linspace(0, 2 * math.pi, sectors, endpoint=False),
+        indexing="ij",
+    )
+    sphere = np.stack([np.cos(polar), np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn)], axis=-1)
+    # Normals spread evenly over the surface, not over the directions: a slim body has its tips well resolved.
+    extent = np.array([body.support(axis) for axis in np.eye(3)])
+    normals = (sphere / extent).reshape(-1, 3)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return body.support_point(normals), normals, _grid_triangles(rings, sectors)
+
+
+def _grid_triangles(rows, columns):
+    """Triangles of a grid of points (rows + 1, columns) that closes on itself along its rows."""
+    here, there = np.meshgrid(np.arange(rows) * columns, np.arange(columns), indexing="ij")
+    after = (there + 1) % columns
+    a, b, c, d = here + there, here + after, here + columns + there, here + columns + after
+    return np.concatenate([np.stack([a, c, b], -1).reshape(-1, 3), np.stack([b, c, d], -1).reshape(-1, 3)])
+
+
+def rotation_matrices(quaternions):
+    """Rotation matrices (N, 3, 3), body to world, of quaternions (N, 4) as w, x, y, z."""
+    w, x, y, z = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).T
+    return np.stack(
+        [
+            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1),
+            np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], -1),
+            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], -1),
+        ],
+        axis=1,
+    )
+
+
+def plane_polygon(plane, lower, upper, others=()):
+    """Corners (M, 3) m of what there is of a plane, anticlockwise seen from the bodies.
+
+    plane (7,): as `Simulation.walls` has it. A disc is a polygon of many corners; an endless plane is cut off by the
+    box from lower to upper (3,) and by the `others`, endless planes too, beyond which no body can be.
+    """
+    point, inwards, radius = plane[:3], -plane[3:6], plane[6]
+    u = np.cross(np.eye(3)[np.argmin(np.abs(inwards))], inwards)
+    u /= np.linalg.norm(u)
+    w = np.cross(inwards, u)
+    if math.isfinite(radius):
+        around = 2.0 * math.pi * np.arange(SECTORS) / SECTORS
+        return point + radius * (np.cos(around)[:, None] * u + np.sin(around)[:, None] * w)
+    size = np.linalg.norm(upper - lower)
+    centre = 0.5 * (lower + upper)
+    middle = centre + ((point - centre) @ inwards) * inwards
+    square = np.array([middle + size * (a * u + b * w) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+    # a plane that only just misses the box, by the thickness of a wall, is shown all the same
+    slack = 0.02 * size
+    sides = [(n, n @ corner + slack * (abs(n @ inwards) > 0.999)) for n, corner in _box_sides(lower, upper)]
+    sides += [(other[3:6], other[3:6] @ other[:3]) for other in others]
+    for normal, offset in sides:
+        square = _clipped(square, normal, offset)
+    return square
+
+
+def _box_sides(lower, upper):
+    """Outward normals of a box, each with a corner on its side."""
+    for axis in np.eye(3):
+        yield axis, upper
+        yield -axis, lower
+
+
+def _clipped(polygon, normal, offset):
+    """The part of a convex polygon (M, 3) with normal.x at most an offset (Sutherland and Hodgman 1974)."""
+    beyond = polygon @ normal - offset
+    corners = []
+    for here, there, a, b in zip(polygon, np.roll(polygon, -1, 0), beyond, np.roll(beyond, -1), strict=True):
+        if a <= 0.0:
+            corners.append(here)
+        if a * b < 0.0:
+            corners.append(here + a / (a - b) * (there - here))
+    return np.array(corners).reshape(-1, 3)
+
+
+def endless(planes):
+    """Which planes (P, 7) have no edge (P,)."""
+    return np.isinf(planes[:, 6])
+
+
+def visible_polygon(simulation, k):
+    """`plane_polygon` of plane k of a simulation, cut off by its box and its other endless planes."""
+    planes = simulation.walls.planes
+    others = planes[endless(planes) & (np.arange(len(planes)) != k)]
+    return plane_polygon(planes[k], simulation.lower, simulation.upper, others)
+
+
+def cone_circles(line):
+    """Radius and height of the circles at the ends of a `Cone`'s line, in its own frame (2, 2) [m]."""
+    m_r, m_z, offset, first, last, e_r, e_z = line
+    return np.array([[m_r * offset + e_r * s, m_z * offset + e_z * s] for s in (first, last)])
+
+
+def _turned_profile(profile):
+    """Points of a profile (M, 2) of radius and height, turned about the axis, and their triangles, facing inwards."""
+    around = 2.0 * math.pi * np.arange(SECTORS) / SECTORS
+    r, z = profile[:, 0, None], profile[:, 1, None]
+    points = np.stack(np.broadcast_arrays(r * np.cos(around), r * np.sin(around), z), axis=-1)
+    return points.reshape(-1, 3), _grid_triangles(len(profile) - 1, SECTORS)
+
+
+def _edge_profile(ring):
+    """Radius and height (M, 2) of the part of a `RingEdge`'s round that bodies can touch, in its own frame [m]."""
+    angle = 2.0 * math.pi * (np.arange(TUBE_SECTORS + 1) - 0.5 * TUBE_SECTORS) / TUBE_SECTORS
+    open_to = np.ones(TUBE_SECTORS, bool)
+    middle = 0.5 * (angle[1:] + angle[:-1])
+    for g_r, g_z in ring.gates:
+        # the contact normal runs from the body into the edge, against the outward one
+        open_to &= -(np.cos(middle) * g_r + np.sin(middle) * g_z) >= -1e-12
+    first = int(np.argmax(open_to & ~np.roll(open_to, 1)))
+    count = int(open_to.sum())
+    turn = angle[first] + 2.0 * math.pi * np.arange(count + 1) / TUBE_SECTORS
+    edge = ring.edge_radius_m
+    return np.column_stack([ring.radius_m + edge * np.cos(turn), ring.height_m + edge * np.sin(turn)])
+
+
+def in_world(frame, points):
+    """Points (M, 3) of a frame (12,) in the world."""
+    return frame[:3] + points @ frame[3:].reshape(3, 3).T
+
+
+def triangulated_walls(simulation):
+    """The walls where they are now: names to points (V, 3) m and triangles (T, 3).
+
+    Endless planes end at the box of the simulation and at each other.
+    """
+    names, planes = simulation.wall_set.names, simulation.walls.planes
+    found = {}
+    for name, surface in simulation.wall_set.surfaces.items():
+        k = names.index(name)
+        if isinstance(surface, Plane):
+            points = visible_polygon(simulation, k)
+            corner = np.arange(1, max(len(points) - 1, 1))
+            triangles = np.column_stack([np.zeros_like(corner), corner, corner + 1])
+        elif isinstance(surface, Cone | RingEdge):
+            profile = (
+                cone_circles(surface.line) if isinstance(surface, Cone) else _edge_profile(surface)[::-1]
+            )
+            points, triangles = _turned_profile(profile)
+            points = in_world(simulation.walls.frames[k - len(planes)], points)
+        else:
+            continue
+        found[name] = points, triangles
+    return found
+
+
+def triangulated_bodies(simulation, rings=8, sectors=16):
+    """All bodies that are there as triangles: points (V, 3) m, triangles (T, 3), the body of each triangle (T,)."""
+    here = np.flatnonzero(simulation.present)
+    shapes = [tessellate(shape, rings, sectors) for shape in simulation.shapes.values()]
+    own = np.array([points for points, _normals, _triangles in shapes])[simulation.shape_ids[here]]
+    turn = rotation_matrices(simulation.quaternions[here])
+    own = simulation.scales[here, None, None] * np.einsum("nij,nvj->nvi", turn, own)
+    points = simulation.positions[here, None] + own
+    triangles = shapes[0][2]
+    first = points.shape[1] * np.arange(len(here))
+    numbered = first[:, None, None] + triangles
+    return points.reshape(-1, 3), numbered.reshape(-1, 3), np.repeat(here, len(triangles))

@@ -1,0 +1,181 @@
+"""Bodies and walls as VTK files that ParaView opens.
+
+The format is XML PolyData with each array in base64, so every bit of a number survives. The writer is this one page;
+the libraries that could do it bring a renderer or a mesh converter along.
+"""
+
+import base64
+import math
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from .files import write_whole
+from .tessellation import rotation_matrices, triangulated_bodies, triangulated_walls
+
+VTK_TYPES = {"f8": "Float64", "i8": "Int64", "i4": "Int32", "u1": "UInt8"}
+CONTENTS = ("points", "surfaces", "walls")
+
+
+def write_vtk(path, simulation, content="points"):
+    """Write one .vtp file of a simulation as it is now.
+
+    content: "points", a point for each body that is there, with id, shape (its place among the names of the shapes),
+    scale, quaternion (w, x, y, z), velocity, angular_velocity, semi_axes (half the extents along the body's axes), and
+    tensor, whose eigenvalues are the full extents: ParaView's Tensor Glyph with a sphere of radius 0.5 draws each
+    ellipsoid in its size and place; "surfaces", the bodies as triangles with id and shape; "walls", all walls as
+    triangles with the number of the wall. Shape and wall names are in the field data. SI units.
+    Raises ValueError for another content or ending.
+    """
+    path = Path(path)
+    if path.suffix != ".vtp":
+        raise ValueError(f"path is {str(path)!r}; allowed: a file that ends in .vtp")
+    if content not in CONTENTS:
+        raise ValueError(f"content is {content!r}; allowed: {', '.join(map(repr, CONTENTS))}")
+    points, cells, point_data, cell_data = _CONTENT_OF[content](simulation)
+    names = (
+        {"wall_names": simulation.wall_set.surfaces}
+        if content == "walls"
+        else {"shape_names": simulation.shapes}
+    )
+    text = _poly_data(simulation.time_s, names, points, cells, point_data, cell_data)
+    write_whole(path, lambda handle: handle.write(text.encode()))
+
+
+def _body_points(simulation):
+    """Points, cells, point data and cell data of the bodies as points."""
+    here = np.flatnonzero(simulation.present)
+    extents = np.array([shape.semi_axes_m.sum(axis=0) for shape in simulation.shapes.values()])
+    semi_axes = simulation.scales[here, None] * extents[simulation.shape_ids[here]]
+    turn = rotation_matrices(simulation.quaternions[here])
+    data = {
+        "id": here,
+        "shape": simulation.shape_ids[here],
+        "scale": simulation.scales[here],
+        "quaternion": simulation.quaternions[here],
+        "velocity": simulation.velocities[here],
+        "angular_velocity": simulation.angular_velocities[here],
+        "semi_axes": semi_axes,
+        "tensor": np.einsum("nij,nj,nkj->nik", turn, 2.0 * semi_axes, turn).reshape(-1, 9),
+    }
+    return simulation.positions[here], ("Verts", np.arange(len(here))[:, None]), data, {}
+
+
+def _body_surfaces(simulation):
+    """Points, cells, point data and cell data of the bodies as triangles."""
+    points, triangles, body = triangulated_bodies(simulation)
+    return points, ("Polys", triangles), {}, {"id": body, "shape": simulation.shape_ids[body]}
+
+
+def _walls(simulation):
+    """Points, cells, point data and cell data of the walls."""
+    names = list(simulation.wall_set.surfaces)
+    points, triangles, wall, n = [np.zeros((0, 3))], [np.zeros((0, 3), int)], [np.zeros(0, int)], 0
+    for name, (corners, faces) in triangulated_walls(simulation).items():
+        points.append(corners)
+        triangles.append(faces + n)
+        wall.append(np.full(len(faces), names.index(name)))
+        n += len(corners)
+    return np.concatenate(points), ("Polys", np.concatenate(triangles)), {}, {"wall": np.concatenate(wall)}
+
+
+_CONTENT_OF = {"points": _body_points, "surfaces": _body_surfaces, "walls": _walls}
+
+
+def _data_array(name, values, extra=""):
+    """A DataArray element: the number of bytes and the bytes, in base64."""
+    values = np.ascontiguousarray(values)
+    code = values.dtype.str[1:]
+    columns = values.shape[1] if values.ndim > 1 else 1
+    coded = np.uint64(values.nbytes).tobytes() + values.astype("<" + code).tobytes()
+    return (
+        f"<DataArray type={quoteattr(VTK_TYPES[code])} Name={quoteattr(name)} "
+        f'NumberOfComponents="{columns}"{extra} format="binary">{base64.b64encode(coded).decode()}</DataArray>'
+    )
+
+
+def _names_array(name, names):
+    """An array of texts: the codes of their letters, each text ended by a 0."""
+    codes = " ".join(" ".join(str(byte) for byte in [*text.encode(), 0]) for text in names)
+    return f'<Array type="String" Name={quoteattr(name)} NumberOfTuples="{len(names)}" format="ascii">{codes}</Array>'
+
+
+def _poly_data(time_s, names, points, cells, point_data, cell_data):
+    """The text of a .vtp file; cells: "Verts" or "Polys" and the points of each (M, corners)."""
+    kind, corners = cells
+    ends = corners.shape[1] * np.arange(1, len(corners) + 1)
+    lines = [
+        '<?xml version="1.0"?>',
+        '<VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" header_type="UInt64">',
+        "<PolyData>",
+        "<FieldData>",
+        _data_array("TimeValue", np.array([time_s]), ' NumberOfTuples="1"'),
+        *(_names_array(name, list(texts)) for name, texts in names.items()),
+        "</FieldData>",
+        f'<Piece NumberOfPoints="{len(points)}" NumberOf{kind}="{len(corners)}">',
+        "<Points>",
+        _data_array("position", points),
+        "</Points>",
+        f"<{kind}>",
+        _data_array("connectivity", corners.reshape(-1).astype(np.int64)),
+        _data_array("offsets", ends.astype(np.int64)),
+        f"</{kind}>",
+        "<PointData>",
+        *(_data_array(name, values) for name, values in point_data.items()),
+        "</PointData>",
+        "<CellData>",
+        *(_data_array(name, values) for name, values in cell_data.items()),
+        "</CellData>",
+        "</Piece>",
+        "</PolyData>",
+        "</VTKFile>",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+class VtkSeries:
+    """A series of .vtp files and the .pvd file that gives each its time; ParaView opens the .pvd.
+
+    path: of the .pvd file; the others lie beside it, in a folder of its name. surfaces: bodies as triangles instead of
+    points. Call it with a simulation to add its present state, or give it to `Simulation.run(record=...)`. Walls that
+    never moved are written once. Raises ValueError for another ending than .pvd.
+    """
+
+    def __init__(self, path, surfaces=False):
+        self.path = Path(path)
+        if self.path.suffix != ".pvd":
+            raise ValueError(f"path is {str(path)!r}; allowed: a file that ends in .pvd")
+        self.content = "surfaces" if surfaces else "points"
+        self._entries = []
+        self._walls, self._places = None, None
+
+    def __call__(self, simulation):
+        """Write the present state and bring the .pvd up to date."""
+        number, time = len(self._entries), simulation.time_s
+        if not math.isfinite(time) or (self._entries and time <= self._entries[-1][0]):
+            raise ValueError(
+                f"time_s is {time!r}; allowed: later than the last one, {self._entries[-1][0]!r}"
+            )
+        bodies = f"{self.path.stem}/bodies_{number:06d}.vtp"
+        write_vtk(self.path.parent / bodies, simulation, self.content)
+        files = [bodies]
+        if simulation.wall_set.surfaces:
+            places = np.concatenate([simulation.walls.planes.ravel(), simulation.walls.frames.ravel()])
+            if self._walls is None or not np.array_equal(places, self._places):
+                self._walls, self._places = f"{self.path.stem}/walls_{number:06d}.vtp", places
+                write_vtk(self.path.parent / self._walls, simulation, "walls")
+            files.append(self._walls)
+        self._entries.append((time, files))
+        text = self._collection()
+        write_whole(self.path, lambda handle: handle.write(text.encode()))
+
+    def _collection(self):
+        """The text of the .pvd file."""
+        sets = [
+            f'<DataSet timestep="{time!r}" part="{part}" file={quoteattr(file)}/>'
+            for time, files in self._entries
+            for part, file in enumerate(files)
+        ]
+        head = '<?xml version="1.0"?>', '<VTKFile type="Collection" version="1.0">', "<Collection>"
+        return "\n".join([*head, *sets, "</Collection>", "</VTKFile>"]) + "\n"

@@ -1,0 +1,52 @@
+"""Progress: a bar at a terminal, a line a minute in a log, silence on request."""
+
+import io
+import re
+
+import pytest
+
+from repose.dem import progress
+
+
+class Terminal(io.StringIO):
+    """A stderr that says it is a terminal."""
+
+    def isatty(self):
+        return True
+
+
+def test_a_log_gets_a_line_a_minute(monkeypatch, capsys):
+    now = [0.0]
+    monkeypatch.setattr(progress.time, "perf_counter", lambda: now[0])
+    with progress.display(0.0, 10.0, 1e-3, label="seed 7") as report:
+        for k in range(1, 131):
+            now[0] = float(k)
+            report(0.02 * k)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == [
+        "seed 7 1.200/10.000 s, 0.02 s/s, 20 steps/s, 07:20 left",
+        "seed 7 2.400/10.000 s, 0.02 s/s, 20 steps/s, 06:20 left",
+    ]
+
+
+def test_a_terminal_gets_a_bar_with_time_speed_and_time_left(monkeypatch):
+    screen = Terminal()
+    monkeypatch.setattr("sys.stderr", screen)
+    monkeypatch.setenv("COLUMNS", "120")
+    monkeypatch.setenv("TERM", "xterm")
+    with progress.display(1.0, 3.0, 1e-3) as report:
+        report(2.0)
+    text = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", screen.getvalue())
+    assert re.search(r"2\.000/3\.000 s, .* s/s, \d+ steps/s, \d\d:\d\d left", text)
+    assert "━" in text
+
+
+@pytest.mark.parametrize("choice", [None, False])
+def test_short_runs_in_a_log_and_silent_ones_write_nothing(choice, capsys):
+    with progress.display(0.0, 1.0, 1e-3, choice) as report:
+        report(0.5)
+    assert capsys.readouterr().err == ""
+
+
+def test_clock():
+    assert [progress.clock(s) for s in (0.4, 59.6, 3723)] == ["00:00", "01:00", "1:02:03"]

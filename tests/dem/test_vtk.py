@@ -1,0 +1,181 @@
+"""VTK files: what is parsed back is what the simulation holds, and walls lie where they are."""
+
+import base64
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+from repose.dem import (
+    Cone,
+    Contact,
+    Cylinder,
+    Material,
+    Motion,
+    Plane,
+    Recorder,
+    RingEdge,
+    Shape,
+    Simulation,
+    VtkSeries,
+    rotation_matrix,
+    write_vtk,
+)
+from repose.dem.tessellation import triangulated_walls
+
+NUMPY_TYPES = {"Float64": "<f8", "Int64": "<i8", "Int32": "<i4"}
+
+
+def scene():
+    """An ellipsoid, a ball and one that fell out, in a tube on a rising floor."""
+    simulation = Simulation(
+        {"berry": Shape.ellipsoid((0.01, 0.006, 0.005), 840.0, "m"), "ball": Shape.sphere(0.006, 840.0, "m")},
+        {"m": Material(4.3e4, 0.32)},
+        {("m", "m"): Contact(0.3, 0.5, 0.02)},
+        1e-4,
+        capacity=3,
+        lower=(-0.05, -0.05, 0.0),
+        upper=(0.05, 0.05, 0.2),
+        walls={
+            "tube": Cylinder((0, 0, 0), (0, 0, 1), 0.1, 0.04, "m"),
+            "floor": Plane((0, 0, 0.02), (0, 0, 1), "m", motion=Motion((0, 0, 0.5))),
+            "lid": Plane((0, 0, 0.15), (0, 0, -1), "m", radius_m=0.03),
+        },
+        largest_scale=1.5,
+        floor_height_m=-0.1,
+    )
+    simulation.add("berry", (0.0, 0.01, 0.1), (1, 2, 3, 4), (0.1, 0.2, 0.3), (1, 2, 3), scale=1.5)
+    simulation.add("ball", (1.0, 1.0, -0.2))
+    simulation.add("ball", (0.01, -0.02, 0.09))
+    simulation.run_steps(3)
+    return simulation
+
+
+def arrays(path):
+    """All arrays of a .vtp file by name."""
+    root = ET.parse(path).getroot()
+    assert root.get("type") == "PolyData"
+    found = {"piece": root.find("PolyData/Piece").attrib}
+    for element in root.iter("DataArray"):
+        data = base64.b64decode(element.text)
+        size = int.from_bytes(data[:8], "little")
+        assert size == len(data) - 8
+        values = np.frombuffer(data[8:], NUMPY_TYPES[element.get("type")])
+        columns = int(element.get("NumberOfComponents"))
+        found[element.get("Name")] = values.reshape(-1, columns) if columns > 1 else values
+    for element in root.iter("Array"):
+        codes = bytes(int(code) for code in element.text.split())
+        found[element.get("Name")] = codes.decode().split("\0")[:-1]
+    return found
+
+
+def test_points_hold_the_numbers_of_the_bodies_that_are_there(tmp_path):
+    simulation = scene()
+    write_vtk(tmp_path / "a.vtp", simulation)
+    found, here = arrays(tmp_path / "a.vtp"), [0, 2]
+    assert found["piece"]["NumberOfVerts"] == "2"
+    assert found["TimeValue"] == [simulation.time_s]
+    assert found["shape_names"] == ["berry", "ball"]
+    np.testing.assert_array_equal(found["id"], here)
+    np.testing.assert_array_equal(found["shape"], [0, 1])
+    np.testing.assert_array_equal(found["scale"], [1.5, 1.0])
+    for name in ("position", "quaternion", "velocity"):
+        values = getattr(simulation, {"velocity": "velocities"}.get(name, name + "s"))
+        np.testing.assert_array_equal(found[name], values[here])
+    np.testing.assert_array_equal(found["angular_velocity"], simulation.angular_velocities[here])
+    tensor = found["tensor"][0].reshape(3, 3)
+    turn = rotation_matrix(simulation.quaternions[0])
+    np.testing.assert_allclose(turn.T @ tensor @ turn, np.diag([0.03, 0.018, 0.015]), atol=1e-12)
+
+
+def test_surfaces_are_closed_and_have_the_volume_of_the_bodies(tmp_path):
+    write_vtk(tmp_path / "a.vtp", scene(), "surfaces")
+    found = arrays(tmp_path / "a.vtp")
+    faces = found["connectivity"].reshape(-1, 3)
+    np.testing.assert_array_equal(found["offsets"], 3 * np.arange(1, len(faces) + 1))
+    for body, volume in ((0, 1.5**3 * 4 / 3 * np.pi * 3e-7), (2, 4 / 3 * np.pi * 0.006**3)):
+        a, b, c = found["position"][faces[found["id"] == body]].transpose(1, 0, 2)
+        assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6 == pytest.approx(volume, rel=0.12)
+        assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6 < volume
+
+
+def test_walls_are_where_they_are_now(tmp_path):
+    simulation = scene()
+    write_vtk(tmp_path / "a.vtp", simulation, "walls")
+    found = arrays(tmp_path / "a.vtp")
+    assert found["wall_names"] == ["tube", "floor", "lid"]
+    faces = found["connectivity"].reshape(-1, 3)
+    points = [found["position"][np.unique(faces[found["wall"] == k])] for k in range(3)]
+    np.testing.assert_allclose(np.hypot(points[0][:, 0], points[0][:, 1]), 0.04)
+    np.testing.assert_allclose(points[1][:, 2], 0.02 + 3e-4 * 0.5)
+    np.testing.assert_allclose(np.abs(points[1][:, :2]), 0.05, atol=1e-12)
+    np.testing.assert_allclose(np.hypot(points[2][:, 0], points[2][:, 1]), 0.03)
+
+
+def test_planes_end_at_each_other_and_walls_face_the_bodies():
+    edge = RingEdge(0.02, 0.002, "m", ((0.0, 1.0), (0.0, 0.0)), origin_m=(0, 0, 0.05))
+    walls = {
+        "slope": Plane((0, 0, 0), (1, 0, 1), "m"),
+        "floor": Plane((0, 0, 0), (0, 0, 1), "m"),
+        "cone": Cone.between((0, 0, 0.05), (0, 0, 1), 0.1, 0.01, 0.03, "m"),
+        "edge": edge,
+    }
+    simulation = Simulation(
+        {"ball": Shape.sphere(0.005, 840.0, "m")},
+        {"m": Material(4.3e4, 0.32)},
+        {("m", "m"): Contact(0.3, 0.5, 0.02)},
+        1e-4,
+        capacity=1,
+        lower=(-0.1, -0.05, 0.0),
+        upper=(0.1, 0.05, 0.2),
+        walls=walls,
+    )
+    found = triangulated_walls(simulation)
+    points, triangles = found["floor"]
+    assert points[:, 0].min() == pytest.approx(0.0, abs=1e-12)
+    assert found["slope"][0][:, 0].max() == pytest.approx(0.0, abs=1e-12)
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    assert np.cross(b - a, c - a)[0, 2] > 0
+    assert np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2 == pytest.approx(0.1 * 0.1)
+    points, triangles = found["cone"]
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    middle = (a + b + c) / 3
+    assert (np.sum(np.cross(b - a, c - a)[:, :2] * middle[:, :2], axis=1) < 0).all()
+    # only the half of the edge that faces down is open to bodies
+    points, triangles = found["edge"]
+    tube = np.hypot(np.hypot(points[:, 0], points[:, 1]) - 0.02, points[:, 2] - 0.05)
+    np.testing.assert_allclose(tube, 0.002)
+    assert points[:, 2].min() == pytest.approx(0.048)
+    assert points[:, 2].max() == pytest.approx(0.05, abs=1e-12)
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    assert (np.cross(b - a, c - a)[:, 2] <= 1e-15).all()
+
+
+def test_a_series_has_the_times_and_writes_walls_at_rest_once(tmp_path):
+    simulation = scene()
+    series, frames = VtkSeries(tmp_path / "run.pvd"), Recorder()
+    simulation.run(0.002, progress=False, record=[series, frames], record_every_s=0.001)
+    simulation.set_motion("floor", Motion())
+    simulation.run(0.002, progress=False, record=series, record_every_s=0.001)
+    root = ET.parse(tmp_path / "run.pvd").getroot()
+    sets = [s.attrib for s in root.iter("DataSet")]
+    times = [float(s["timestep"]) for s in sets if s["part"] == "0"]
+    np.testing.assert_allclose(np.diff(times), 0.001, atol=1e-4)
+    assert all((tmp_path / s["file"]).is_file() for s in sets)
+    walls = [s["file"] for s in sets if s["part"] == "1"]
+    assert walls[-1] == walls[-2] != walls[0]
+    kept = frames.frames()
+    assert kept["position"].shape == (2, 3, 3)
+    assert np.isnan(kept["position"][:, 1]).all()
+    series(simulation)
+    with pytest.raises(ValueError, match="allowed: later than the last one"):
+        series(simulation)
+
+
+def test_wrong_names_are_told(tmp_path):
+    with pytest.raises(ValueError, match=r"path is .*allowed: a file that ends in \.vtp"):
+        write_vtk(tmp_path / "a.vtk", None)
+    with pytest.raises(ValueError, match="content is 'bodies'; allowed: 'points', 'surfaces', 'walls'"):
+        write_vtk(tmp_path / "a.vtp", None, "bodies")
+    with pytest.raises(ValueError, match=r"allowed: a file that ends in \.pvd"):
+        VtkSeries(tmp_path / "a.vtp")
