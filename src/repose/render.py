@@ -7,18 +7,15 @@ and the hemisphere above each visible point, sampled in the picture, darkens the
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-from PIL import Image
 from scipy.ndimage import maximum_filter
 
 from . import raster
-from .errors import InputError
+from .backdrop import PLATE
 from .scenes import Funnel
 
 BACKGROUND = np.array([0.975, 0.977, 0.980])
-PLATE = np.array([0.835, 0.842, 0.850])
 FUNNEL = np.array([0.40, 0.50, 0.58])
 SKIN = np.array([0.76, 0.125, 0.045])
 CALYX = np.array([0.33, 0.19, 0.055])
@@ -76,13 +73,21 @@ def funnel_walls(heap):
     return [*tube, Frustum(neck, cone_end, top, inlet)]
 
 
-def look_at(points_m, width, height, elevation_deg=14.0, azimuth_deg=0.0, margin=1.06):
+def look_at(
+    points_m,
+    width,
+    height,
+    elevation_deg=14.0,
+    azimuth_deg=0.0,
+    margin=1.06,
+    field_of_view_deg=FIELD_OF_VIEW_DEG,
+):
     """A `Camera` that sees all of points_m (M, 3) from the given direction, with a margin around them."""
     el, az = math.radians(elevation_deg), math.radians(azimuth_deg)
     back = np.array([math.cos(az) * math.cos(el), math.sin(az) * math.cos(el), math.sin(el)])
     right = np.array([-math.sin(az), math.cos(az), 0.0])
     axes = np.stack([right, np.cross(back, right), -back])
-    focal = max(width, height) / 2 / math.tan(math.radians(FIELD_OF_VIEW_DEG / 2))
+    focal = max(width, height) / 2 / math.tan(math.radians(field_of_view_deg / 2))
     seen = points_m @ axes.T
     centre = (seen.min(axis=0) + seen.max(axis=0)) / 2
     offset = seen - centre
@@ -212,7 +217,7 @@ def _blend_walls(image, walls, camera, rays, depth):
         _over(image, FUNNEL + shine[:, None], np.clip(alpha, 0, 0.75), where)
 
 
-def _outline(centres, reach, walls):
+def outline(centres, reach, walls):
     """Points (M, 3) that a picture of these berries and walls has to hold."""
     spread = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
     around = np.linspace(0, 2 * math.pi, 36, endpoint=False)
@@ -227,11 +232,11 @@ def _outline(centres, reach, walls):
 
 @dataclass(frozen=True)
 class _View:
-    """What each pixel (H, W) shows: a berry (`hit`), the plate, or neither; M of them show a berry."""
+    """What each pixel (H, W) shows: a berry (`hit`), what is `behind`, or neither; M of them show a berry."""
 
     rays: np.ndarray  # (H, W, 3)
     hit: np.ndarray
-    plate: np.ndarray
+    behind: np.ndarray
     body: np.ndarray  # (H, W), -1 where there is none
     depth: np.ndarray  # m along the view, infinite where nothing is
     place: np.ndarray  # (H, W, 3) m
@@ -239,29 +244,24 @@ class _View:
     along: np.ndarray  # (M,) place along the berry's long axis, -1 to 1
 
 
-def _look(camera, vertices, body, turn):
+def _look(camera, vertices, body, turn, backdrop):
     """The `_View` of bodies: vertices (N, V, 3) m, tessellation `body`, rotations turn (N, 3, 3)."""
     points, normals, triangles = body
     nearest, which, corner, weights = raster.draw(
         *camera.project(vertices), triangles, (camera.height, camera.width)
     )
     rays, hit = camera.rays(), which >= 0
-    depth = np.full(hit.shape, np.inf)
+    depth, normal = backdrop.meet(camera.eye_m, rays)
+    behind = ~hit & np.isfinite(depth)
     depth[hit] = 1.0 / nearest[hit]
-    with np.errstate(divide="ignore"):
-        to_plate = -camera.eye_m[2] / rays[..., 2]
-    plate = ~hit & (to_plate > 0) & np.isfinite(to_plate)
-    depth[plate] = to_plate[plate]
     corners = triangles[corner[hit]]
     share = np.column_stack([1 - weights[hit].sum(axis=1), weights[hit]])
     own = np.einsum("mk,mki->mi", share, normals[corners])
     own /= np.linalg.norm(own, axis=1, keepdims=True)
-    normal = np.zeros(rays.shape)
-    normal[..., 2] = 1.0
     normal[hit] = np.einsum("mij,mj->mi", turn[which[hit]], own)
     along = np.einsum("mk,mk->m", share, points[corners][..., 0]) / points[:, 0].max()
-    place = camera.eye_m + np.where(hit | plate, depth, 0.0)[..., None] * rays
-    return _View(rays, hit, plate, which, depth, place, normal, along)
+    place = camera.eye_m + np.where(hit | behind, depth, 0.0)[..., None] * rays
+    return _View(rays, hit, behind, which, depth, place, normal, along)
 
 
 def render_pile(
@@ -275,13 +275,15 @@ def render_pile(
     walls=None,
     frame_m=None,
     supersample=2,
+    backdrop=PLATE,
+    field_of_view_deg=FIELD_OF_VIEW_DEG,
 ):
-    """A shaded picture of berries on a plate at z = 0.
+    """A shaded picture of berries before a backdrop, by default on a plate at z = 0.
 
     centres_m: (N, 3) m; quaternions: (N, 4) w, x, y, z, body to world; particle: `repose.shape.Particle`;
     bodies with a NaN centre are not drawn. walls: sequence of `Frustum`, drawn translucent. frame_m: points
     (M, 3) that the picture has to hold, by default what is there. width, height: pixels (height by default
-    0.6 of the width).
+    0.6 of the width). backdrop: `Plate` or `DrumInside` of `repose.backdrop`; field_of_view_deg: of the longer side.
     Returns RGB uint8 of shape (height, width, 3). The same input gives the same picture.
     """
     walls = list(walls or [])
@@ -290,17 +292,24 @@ def render_pile(
     known = np.isfinite(centres_m).all(axis=1)
     shown = np.flatnonzero(known)
     centres = np.asarray(centres_m, float)[shown]
-    frame = frame_m if frame_m is not None else _outline(centres, particle.bounding_radius_m, walls)
-    camera = look_at(frame, width * supersample, height * supersample, elevation_deg, azimuth_deg)
+    frame = frame_m if frame_m is not None else outline(centres, particle.bounding_radius_m, walls)
+    camera = look_at(
+        frame,
+        width * supersample,
+        height * supersample,
+        elevation_deg,
+        azimuth_deg,
+        field_of_view_deg=field_of_view_deg,
+    )
 
     body = tessellate(particle)
     turn = rotation_matrices(np.asarray(quaternions, float)[shown])
     vertices = centres[:, None, :] + np.einsum("nij,vj->nvi", turn, body[0])
-    view = _look(camera, vertices, body, turn)
+    view = _look(camera, vertices, body, turn, backdrop)
     light = _light_axes(camera)
     lit, sky = np.ones(view.hit.shape), np.ones(view.hit.shape)
     if len(shown):
-        size, seen = particle.bounding_radius_m, view.hit | view.plate
+        size, seen = particle.bounding_radius_m, view.hit | view.behind
         light_map, origin, pixel_m = _light_map(vertices, body[2], light)
         lit = raster.lit_fraction(
             view.place, view.normal, seen, light_map, light, origin, pixel_m, 0.35 * size, 0.03 * size, 24
@@ -311,12 +320,12 @@ def render_pile(
         sky = raster.openness(view.place, view.normal, seen, seen & near, reach, 1.3 * size, 20)
 
     image = np.broadcast_to(BACKGROUND, view.place.shape).copy()
-    if view.plate.any():
-        low, high = np.min(frame, axis=0)[:2], np.max(frame, axis=0)[:2]
-        away = np.linalg.norm(view.place[view.plate][:, :2] - (low + high) / 2, axis=1)
-        fade = np.clip((2.6 - 2 * away / np.linalg.norm(high - low)) / 1.6, 0, 1) ** 1.5
-        tone = (0.52 + 0.48 * lit[view.plate]) * (0.35 + 0.65 * sky[view.plate])
-        image[view.plate] += fade[:, None] * (PLATE * 1.13 * tone[:, None] - image[view.plate])
+    behind = view.behind
+    if behind.any():
+        colour, alpha = backdrop.paint(
+            view.place[behind], view.normal[behind], lit[behind], sky[behind], frame
+        )
+        _over(image, colour, alpha, behind)
     hit, rays = view.hit, view.rays
     sight = rays[hit] / np.linalg.norm(rays[hit], axis=1, keepdims=True)
     skin = _skin(shown[view.body[hit]], view.along, count)
@@ -324,75 +333,3 @@ def render_pile(
     _blend_walls(image, walls, camera, rays, view.depth)
     smooth = np.clip(image, 0, 1).reshape(height, supersample, width, supersample, 3).mean(axis=(1, 3))
     return np.round(255 * smooth).astype(np.uint8)
-
-
-def animate_pour(
-    trajectory,
-    particle,
-    out_path,
-    walls=(),
-    frames=72,
-    frame_s=0.08,
-    width=360,
-    height=460,
-    elevation_deg=10.0,
-    azimuth_deg=20.0,
-    max_bytes=3_000_000,
-):
-    """A short endless animation (GIF or WebP by the file's ending) of a pour.
-
-    trajectory: path of a .npz with time_s (T,), position (T, N, 3) m, NaN for berries not yet there, and
-    quaternion (T, N, 4). frames: pictures, evenly spread over the time, shown frame_s seconds each, the last
-    one longer. Colours are reduced until the file has at most max_bytes; raises InputError for another ending
-    or where that is not enough.
-    """
-    out_path = Path(out_path)
-    if out_path.suffix.lower() not in (".gif", ".webp"):
-        raise InputError(out_path, "ending", out_path.suffix, ".gif or .webp")
-    with np.load(trajectory) as record:
-        times, positions, quaternions = record["time_s"], record["position"], record["quaternion"]
-    chosen = np.searchsorted(times, np.linspace(times[0], times[-1], min(frames, len(times))))
-    resting = positions[-1][np.isfinite(positions[-1]).all(axis=1)].astype(float)
-    reach = particle.bounding_radius_m
-    # Berries that rolled far away may leave the picture; the pile and the funnel may not.
-    near = resting[
-        np.hypot(resting[:, 0], resting[:, 1]) < 2 * np.median(np.hypot(resting[:, 0], resting[:, 1]))
-    ]
-    frame = _outline(near, reach, walls)
-    frame = np.concatenate([frame, [[0, 0, frame[:, 2].max() + 2 * reach]]])
-    pictures = [
-        Image.fromarray(
-            render_pile(
-                positions[k],
-                quaternions[k],
-                particle,
-                elevation_deg,
-                azimuth_deg,
-                width,
-                height,
-                walls,
-                frame_m=frame,
-            )
-        )
-        for k in chosen
-    ]
-    shown_ms = [round(1000 * frame_s)] * (len(pictures) - 1) + [1600]
-    for effort in range(5):
-        _save_animation(pictures, shown_ms, out_path, effort)
-        if out_path.stat().st_size <= max_bytes:
-            return
-    raise InputError(
-        out_path, "max_bytes", max_bytes, f"at least {out_path.stat().st_size} at this size and length"
-    )
-
-
-def _save_animation(pictures, shown_ms, out_path, effort):
-    """Write the pictures, coarser in colour with growing effort (0 to 4)."""
-    options = {"save_all": True, "duration": shown_ms, "loop": 0}
-    if out_path.suffix.lower() == ".webp":
-        pictures[0].save(out_path, append_images=pictures[1:], quality=80 - 15 * effort, method=4, **options)
-        return
-    # One palette for all frames, taken from the last one: still parts stay still.
-    palette = pictures[-1].quantize((128, 96, 64, 48, 32)[effort])
-    reduced = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
-    reduced[0].save(out_path, append_images=reduced[1:], optimize=False, disposal=1, **options)
