@@ -9,7 +9,8 @@ import pytest
 from PIL import Image
 
 from repose.dem import Cylinder, Plane, Recorder, Shape, Simulation
-from repose.render import animate, render_simulation
+from repose.film import animate
+from repose.render import render_simulation
 from repose.stage import setting_of
 
 ROOT = Path(__file__).parents[1]

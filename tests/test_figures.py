@@ -10,7 +10,7 @@ import pytest
 
 from repose import figures, shape
 from repose.errors import InputError
-from repose.figures import checks, samples, search, style, surrogate, testbench, workflow
+from repose.figures import checks, rotation, samples, search, style, surrogate, testbench, workflow
 from repose.parameters import PARAMETERS
 
 RANGES = dict(
@@ -38,6 +38,14 @@ CONFIG = {
         "fit_to": 0.8,
         "largest_pile_only": True,
         "flank": "columns",
+    },
+    "drum": {
+        "outer_diameter_mm": 300.0,
+        "wall_thickness_mm": 5.0,
+        "length_mm": 340.0,
+        "angular_velocity_rad_s": 0.0873,
+        "report_s": 10.0,
+        "fit_share": 0.6,
     },
     "target": {
         "aor_deg": 32.87,
@@ -136,6 +144,23 @@ def made_up_tables(folder):
     return frames
 
 
+def made_up_drum(folder, centres, quaternions):
+    """States, record, runs and profile of a drum with the workflow's columns."""
+    turned = {"start": 0.0, "report": 27.0, "before": 51.0, "after": 53.0}
+    states = {f"turned_{state}_deg": angle for state, angle in turned.items()}
+    states |= {f"position_{state}": centres for state in turned}
+    np.savez(folder / "states.npz", **states, **{f"quaternion_{state}": quaternions for state in turned})
+    time_s = np.arange(0.0, 12.0, 0.1)
+    angle = np.minimum(5.0 * time_s, 44.0) - np.where(time_s > 10.2, 4.0, 0.0)
+    record = pd.DataFrame({"seed": 7, "time_s": time_s, "turned_deg": 5.0 * time_s, "surface_deg": angle + 1})
+    record.assign(bed_deg=angle, energy_j=1e-8).to_csv(folder / "record.csv", index=False)
+    run = {"seed": 7, "status": "ok", "report_time_s": 5.4, "before_time_s": 10.2, "before_bed_deg": 44.0}
+    pd.DataFrame([run | {"after_time_s": 12.0}]).to_csv(folder / "runs.csv", index=False)
+    depth = np.arange(2.5, 50.0, 5.0)
+    profile = pd.DataFrame({"seed": 7, "depth_mm": depth, "moved_mm": 60 * np.exp(-depth / 12)})
+    profile.assign(moved_sd_mm=5.0, berries=40).to_csv(folder / "profile.csv", index=False)
+
+
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory):
     """Made-up inputs of every figure: name of the file without its ending to its path."""
@@ -154,6 +179,7 @@ def inputs(tmp_path_factory):
     frames = np.stack([np.full_like(centres, np.nan), centres, centres]).astype(np.float32)
     turns = np.stack([quaternions] * 3).astype(np.float32)
     np.savez(folder / "trajectory.npz", time_s=[0.0, 9.0, 18.0], position=frames, quaternion=turns)
+    made_up_drum(folder, centres - [0.0, 0.0, 0.1], quaternions)
     network = {"inputs": list(PARAMETERS), "outputs": ["aor_deg", "height_mm"]}
     network |= {"W1": rng.normal(size=(12, 6)).tolist(), "W2": rng.normal(size=(2, 12)).tolist()}
     (folder / "network.json").write_text(json.dumps(network | {"activation": ["tansig", "purelin"]}))
@@ -192,6 +218,7 @@ def words(figure):
 @pytest.mark.parametrize("name", list(figures.FIGURES))
 def test_every_figure_is_drawn_the_same_twice_and_marked_when_small(name, inputs, tmp_path, monkeypatch):
     monkeypatch.setattr(testbench, "PILE_PIXELS", 300)
+    monkeypatch.setattr(rotation, "PIXELS", 120)
     paths = [tmp_path / f"{k}.png" for k in range(3)]
     for path, small in zip(paths, (False, False, True), strict=True):
         figures.draw(name, inputs_of(name, inputs), path, CONFIG | {"small_run": small})
@@ -201,6 +228,17 @@ def test_every_figure_is_drawn_the_same_twice_and_marked_when_small(name, inputs
     assert 400 < width < 1400
     assert 250 < height < 1400
     assert size_of(paths[2]) == (width, pytest.approx(height + 0.24 * style.DPI, abs=1))
+
+
+def test_a_drum_without_a_slip_says_so(inputs, tmp_path, monkeypatch):
+    monkeypatch.setattr(rotation, "PIXELS", 120)
+    with np.load(inputs["states"]) as file:
+        kept = {key: file[key] for key in file if key.split("_")[1] in ("start", "report")}
+    np.savez(tmp_path / "states.npz", **kept)
+    with style.applied():
+        figure = rotation.states({"states": tmp_path / "states.npz", "particle": inputs["particle"]}, CONFIG)
+    assert "NO SLIP" in words(figure)
+    assert "at the report" in words(figure)
 
 
 def test_bad_names_and_inputs_are_named(inputs, tmp_path):

@@ -16,8 +16,8 @@ from repose.parameters import PARAMETERS
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "results" / "quick"
 FIGURES = (
-    *(f"figure{number:02d}" for number in (2, 5, 6, 7, 8, 9, 10, 13, 14)),
-    *("convergence", "design", "dataset", "validation", "published"),
+    *(f"figure{number:02d}" for number in (2, 5, 6, 7, 8, 9, 10, 13, 14, 15)),
+    *("convergence", "design", "dataset", "validation", "published", "drum"),
 )
 TABLES = (
     "table1",
@@ -29,6 +29,7 @@ TABLES = (
     "table4",
     "representative",
     "published",
+    "drum",
 )
 
 
@@ -135,6 +136,18 @@ def test_picture_of_the_pile_was_measured():
     assert measured["aor_deg"] == pytest.approx((measured["left_deg"] + measured["right_deg"]) / 2, abs=0.01)
     assert 10 < measured["aor_deg"] < 45
     assert 25 < measured["height_mm"] < 110
+
+
+def test_the_drum_turned_until_its_bed_slipped(config):
+    runs = pd.read_csv(RESULTS / "drum" / "runs.csv")
+    seeds = settings.pour_seeds(config["design"]["seed"], "drum", 1, config["drum"]["seeds"])
+    assert sorted(runs["seed"]) == sorted(seeds)
+    assert (runs["status"] == "ok").all()
+    assert runs["before_surface_deg"].between(25, 65).all()
+    assert (runs["bed_drop_deg"] > config["drum"]["slip_drop_deg"]).all()
+    turned = np.degrees(config["drum"]["angular_velocity_rad_s"]) * runs["before_time_s"]
+    np.testing.assert_allclose(runs["before_turned_deg"], turned, rtol=1e-6)
+    assert (RESULTS / "drum" / "drum.gif").stat().st_size < 4_000_000
 
 
 @pytest.mark.parametrize("name", FIGURES)

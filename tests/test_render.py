@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from repose import render, shape
+from repose import film, shape
 from repose.dem.tessellation import rotation_matrices, tessellate
 from repose.errors import InputError
 from repose.render import render_pile
@@ -174,15 +174,15 @@ def trajectory(tmp_path_factory):
 @pytest.mark.parametrize("ending", ["gif", "webp"])
 def test_animation_has_its_frames_and_its_size(trajectory, tmp_path, ending):
     out = tmp_path / f"pour.{ending}"
-    render.animate_pour(trajectory, BALL, out, funnel_walls(HEAP), frames=6, width=80, height=100)
-    with Image.open(out) as film:
-        assert film.n_frames == 6
-        assert film.size == (80, 100)
-        assert film.info["loop"] == 0
+    film.animate_pour(trajectory, BALL, out, funnel_walls(HEAP), frames=6, width=80, height=100)
+    with Image.open(out) as shown:
+        assert shown.n_frames == 6
+        assert shown.size == (80, 100)
+        assert shown.info["loop"] == 0
     with pytest.raises(InputError, match="max_bytes"):
-        render.animate_pour(trajectory, BALL, out, frames=2, width=80, height=100, max_bytes=200)
+        film.animate_pour(trajectory, BALL, out, frames=2, width=80, height=100, max_bytes=200)
 
 
 def test_animation_in_an_unknown_format_is_refused(trajectory, tmp_path):
     with pytest.raises(InputError, match=r"\.gif or \.webp"):
-        render.animate_pour(trajectory, BALL, tmp_path / "pour.mp4")
+        film.animate_pour(trajectory, BALL, tmp_path / "pour.mp4")

@@ -104,6 +104,11 @@ def test_no_section_of_the_schema_allows_an_unknown_key_or_forgets_one():
         ("heap.rest_window_s", 18.0, "below heap.duration_s"),
         ("heap.duration_s", 16.0, "above 16.8"),
         ("miga.tournament", 41, "at most miga.population"),
+        ("drum.wall_thickness_mm", 100.0, "below half of drum.outer_diameter_mm"),
+        ("drum.factory_height_mm", 95.0, "inside the drum"),
+        ("drum.rotate_from_s", 1.7, "above 1.798"),
+        ("drum.report_s", 4.0, "at least drum.rotate_from_s"),
+        ("drum.slip_drop_deg", 0.0, "from 0.05 to 45"),
     ],
 )
 def test_a_bad_value_is_told_with_file_key_value_and_what_is_allowed(config, key, value, allowed):

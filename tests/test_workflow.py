@@ -26,7 +26,8 @@ STAGES = (
         "validate",
     ),
     *("measure", "film", "draw_convergence", "page_table1", "page_table3", "page_table4", "page_published"),
-    *(f"draw_figure{number:02d}" for number in (2, 5, 6, 7, 8, 9, 10, 13, 14)),
+    *("turn", "drum", "drum_film", "draw_drum", "page_drum"),
+    *(f"draw_figure{number:02d}" for number in (2, 5, 6, 7, 8, 9, 10, 13, 14, 15)),
 )
 
 
@@ -59,14 +60,14 @@ def planned(project, *words):
 def test_the_recommended_study_has_every_stage_and_one_job_a_sample(project):
     jobs = planned(project)
     assert set(STAGES) <= set(jobs)
-    assert (jobs["heap"], jobs["validation_heap"]) == (150, 12)
+    assert (jobs["heap"], jobs["validation_heap"], jobs["turn"]) == (150, 12, 6)
     assert not (project / "results").exists(), "a dry run writes nothing"
 
 
 def test_the_small_run_has_the_same_rules(project):
     small = planned(project, "--configfile", "config/quick.yaml")
     assert set(small) == set(planned(project))
-    assert small["heap"] == 20
+    assert (small["heap"], small["turn"]) == (20, 2)
 
 
 @pytest.mark.parametrize(

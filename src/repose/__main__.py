@@ -79,6 +79,30 @@ def heap(args):
             print(_run_line(run))
 
 
+def drum(args):
+    """One drum job."""
+    config = settings.load(args.config)
+    parameters = arguments.parameters(args, config["parameters"])
+    seeds = arguments.seeds(args, config["design"]["seed"])
+    berry_of, particle = _berry_and_particle(args, config)
+
+    from repose.drum import run_job
+
+    results = run_job(config, parameters, seeds, particle, berry_of, args.out, args.trajectory)
+    if args.json:
+        print(json.dumps(results, indent=1))
+    else:
+        for result in results:
+            print(_turn_line(result["run"]))
+
+
+def drum_tables(args):
+    """Drum jobs to tables."""
+    from repose import drum_tables
+
+    drum_tables.run(args.runs, args.out)
+
+
 def measure(args):
     """Image measurement."""
     import cv2
@@ -181,14 +205,16 @@ def figure(args):
 
 def film(args):
     """Animation."""
-    from repose import render, stage
+    from repose import film, stage
     from repose.shape import Particle
 
-    config = settings.load(args.config)
-    walls = stage.funnel_walls(config["heap"])
+    config, particle = settings.load(args.config), Particle.load(args.particle)
     frames = SMALL_FILM if config["small_run"] else FILM
     Path(args.out).parent.mkdir(parents=True, exist_ok=True)
-    render.animate_pour(args.trajectory, Particle.load(args.particle), args.out, walls, frames=frames)
+    if args.drum:
+        film.animate_drum(args.trajectory, particle, args.out, config["drum"], frames=frames)
+        return
+    film.animate_pour(args.trajectory, particle, args.out, stage.funnel_walls(config["heap"]), frames=frames)
 
 
 def table(args):
@@ -311,6 +337,17 @@ def _run_line(run):
     )
 
 
+def _turn_line(run):
+    """One run of the drum in words."""
+    if run["status"] != "ok":
+        return f"seed {run['seed']}: {run['status']}: {run['reason']}"
+    return (
+        f"seed {run['seed']}: first slip after {run['before_time_s']:.1f} s, {run['before_turned_deg']:.1f} deg; "
+        f"surface {run['before_surface_deg']:.1f} deg before, {run['after_surface_deg']:.1f} deg after it, "
+        f"{run['wall_s']:.0f} s"
+    )
+
+
 def snapshot(args):
     """Tables and pictures of a study."""
     from repose import snapshot
@@ -326,6 +363,8 @@ VERBS = {
         shape,
         design,
         heap,
+        drum,
+        drum_tables,
         measure,
         silhouette,
         dataset,

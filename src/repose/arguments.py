@@ -23,6 +23,7 @@ def parser():
     verbs = top.add_subparsers(title="verbs", metavar="VERB", required=True)
     _add_inputs(verbs)
     _add_heap(verbs)
+    _add_drum(verbs)
     _add_measuring(verbs)
     _add_calibration(verbs)
     _add_pictures(verbs)
@@ -81,6 +82,20 @@ def _add_heap(verbs):
         "python -m repose heap --set e_gg=0.203 --set mus_gg=0.642 --seed 1 --out results/try --json",
         out="results/try",
     )
+    _add_parameters(sub)
+    sub.add_argument("--seeds", type=int, metavar="N", help="N seeds of the study's own, instead of --seed")
+    sub.add_argument(
+        "--purpose",
+        choices=tuple(settings.PURPOSES),
+        default="design",
+        help="which of the study's streams --seeds draws from (design)",
+    )
+    sub.add_argument("--trajectory", type=float, metavar="S", help="also write positions every S seconds")
+    sub.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def _add_parameters(sub):
+    """What every simulation takes: a parameter set, seeds, the berry."""
     sub.add_argument(
         "--set",
         action="append",
@@ -91,19 +106,33 @@ def _add_heap(verbs):
     sub.add_argument("--samples", help="CSV with the columns sample and the six, instead of --set")
     sub.add_argument("--sample", type=int, help="number in the column sample; also the name of the files")
     sub.add_argument(
-        "--seed", type=int, action="append", help="seed of a pour (1); may be given several times"
-    )
-    sub.add_argument("--seeds", type=int, metavar="N", help="N seeds of the study's own, instead of --seed")
-    sub.add_argument(
-        "--purpose",
-        choices=tuple(settings.PURPOSES),
-        default="design",
-        help="which of the study's streams --seeds draws from (design)",
+        "--seed", type=int, action="append", help="seed of a run (1); may be given several times"
     )
     sub.add_argument("--berry", help="berry.json; made from the configuration if not given")
     sub.add_argument("--particle", help="particle.json; made from the configuration if not given")
-    sub.add_argument("--trajectory", type=float, metavar="S", help="also write positions every S seconds")
-    sub.add_argument("--json", action="store_true", help="print the result as JSON")
+
+
+def _add_drum(verbs):
+    sub = _verb(
+        verbs,
+        "drum",
+        "let berries rest in a drum and turn it until its bed slips; one parameter set, one seed or several",
+        "python -m repose drum --set mus_gg=0.642 --set mus_gp=0.483 --seed 1 --out results/try",
+        out="results/try",
+    )
+    _add_parameters(sub)
+    sub.add_argument("--trajectory", action="store_true", help="also write every frame of the record")
+    sub.add_argument("--json", action="store_true", help="print the results as JSON")
+    sub.set_defaults(seeds=None)
+    sub = _verb(
+        verbs,
+        "drum_tables",
+        "runs of the drum to tables: angles, first slip, slipping layer, with standard errors",
+        "python -m repose drum_tables results/drum/turn_*.json --out results/drum",
+        out="results/drum",
+        config=False,
+    )
+    sub.add_argument("runs", nargs="+", help="JSON files that the verb drum wrote")
 
 
 def _add_measuring(verbs):
@@ -192,12 +221,13 @@ def _add_pictures(verbs):
     sub = _verb(
         verbs,
         "film",
-        "animation of a pour",
+        "animation of a pour, or of a drum",
         "python -m repose film results/try/heap_trajectory_1.npz --particle results/berry/particle.json",
         out="pour.gif",
     )
-    sub.add_argument("trajectory", help=".npz file that `heap --trajectory` wrote")
-    sub.add_argument("--particle", required=True, help="particle.json of that pour")
+    sub.add_argument("trajectory", help=".npz file that `heap --trajectory` or `drum --trajectory` wrote")
+    sub.add_argument("--particle", required=True, help="particle.json of that run")
+    sub.add_argument("--drum", action="store_true", help="it is that of a drum")
     sub = _verb(
         verbs,
         "table",

@@ -7,16 +7,13 @@ and the hemisphere above each visible point, sampled in the picture, darkens the
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
-from PIL import Image
 from scipy.ndimage import maximum_filter
 
 from . import raster
 from .dem.tessellation import rotation_matrices, tessellate
-from .errors import InputError
-from .stage import Setting, look_at, outline, setting_of
+from .stage import FIELD_OF_VIEW_DEG, Setting, look_at, outline, setting_of
 
 BACKGROUND = np.array([0.975, 0.977, 0.980])
 PLATE = np.array([0.835, 0.842, 0.850])
@@ -128,6 +125,7 @@ class _View:
     hit: np.ndarray
     flat: np.ndarray  # the plate and the panels
     plate: np.ndarray
+    behind: np.ndarray  # the backdrop
     body: np.ndarray  # (H, W), -1 where there is none
     depth: np.ndarray  # m along the view, infinite where nothing is
     place: np.ndarray  # (H, W, 3) m
@@ -179,9 +177,14 @@ def _look(camera, bodies, setting):
     normal[hit] = np.einsum("mij,mj->mi", bodies.turn[which[hit]], own)
     places = bodies.points[shape[:, None], corners][..., 0]
     along = np.einsum("mk,mk->m", share, places) / bodies.points[shape, :, 0].max(axis=1)
-    seen = hit | flat | plate
+    behind = np.zeros(which.shape, bool)
+    if setting.backdrop is not None:
+        reached, facing = setting.backdrop.meet(camera.eye_m, rays)
+        behind = ~hit & ~flat & ~plate & np.isfinite(reached)
+        depth[behind], normal[behind] = reached[behind], facing[behind]
+    seen = hit | flat | plate | behind
     place = camera.eye_m + np.where(seen, depth, 0.0)[..., None] * rays
-    return _View(rays, hit, flat | plate, plate, which, depth, place, normal, along)
+    return _View(rays, hit, flat | plate | behind, plate, behind, which, depth, place, normal, along)
 
 
 @dataclass(frozen=True)
@@ -216,13 +219,16 @@ def render_pile(
     walls=None,
     frame_m=None,
     supersample=2,
+    backdrop=None,
+    field_of_view_deg=FIELD_OF_VIEW_DEG,
 ):
-    """A shaded picture of berries of one shape and size on a plate at z = 0; see `render_bodies`.
+    """A shaded picture of berries of one shape and size; see `render_bodies`.
 
-    particle: `repose.shape.Particle`; walls: sequence of `Frustum`, drawn translucent.
+    particle: `repose.shape.Particle`; walls: sequence of `Frustum`, drawn translucent; backdrop: what stands behind
+    the berries instead of a plate at z = 0, such as `repose.backdrop.DrumInside`.
     """
-    setting = Setting(frusta=tuple(walls or ()))
-    view = (elevation_deg, azimuth_deg, width, height, frame_m, supersample)
+    setting = Setting(None if backdrop else 0.0, frusta=tuple(walls or ()), backdrop=backdrop)
+    view = (elevation_deg, azimuth_deg, width, height, frame_m, supersample, field_of_view_deg)
     return render_bodies(centres_m, quaternions, [particle], None, None, setting, *view)
 
 
@@ -239,6 +245,7 @@ def render_bodies(
     height=None,
     frame_m=None,
     supersample=2,
+    field_of_view_deg=FIELD_OF_VIEW_DEG,
 ):
     """A shaded picture of bodies of several shapes and sizes.
 
@@ -259,13 +266,20 @@ def render_bodies(
     radii = np.array([shape.bounding_radius_m for shape in shapes])
     size = float((radii[kinds] * sizes).max(initial=0.0)) or float(radii[0])
     frame = frame_m if frame_m is not None else outline(centres, size, setting.frusta, setting.panels)
-    camera = look_at(frame, width * supersample, height * supersample, elevation_deg, azimuth_deg)
+    camera = look_at(
+        frame,
+        width * supersample,
+        height * supersample,
+        elevation_deg,
+        azimuth_deg,
+        field_of_view_deg=field_of_view_deg,
+    )
     bodies = _place_bodies(centres, np.asarray(quaternions, float)[shown], shapes, kinds, sizes)
     view = _look(camera, bodies, setting)
     lit, sky = _light(camera, bodies, view, size)
 
     image = np.broadcast_to(BACKGROUND, view.place.shape).copy()
-    _paint_flat(image, view, lit, sky, frame)
+    _paint_flat(image, view, lit, sky, frame, setting.backdrop)
     hit, rays = view.hit, view.rays
     sight = rays[hit] / np.linalg.norm(rays[hit], axis=1, keepdims=True)
     skins = np.array([SKIN, *(OTHER_SKINS[k % len(OTHER_SKINS)] for k in range(len(shapes) - 1))])
@@ -294,7 +308,7 @@ def _light(camera, bodies, view, size):
     return lit, sky
 
 
-def _paint_flat(image, view, lit, sky, frame):
+def _paint_flat(image, view, lit, sky, frame, backdrop):
     """Paint the plate, which fades out far from the middle, and the panels, the darker the steeper."""
     if view.plate.any():
         low, high = np.min(frame, axis=0)[:2], np.max(frame, axis=0)[:2]
@@ -302,7 +316,10 @@ def _paint_flat(image, view, lit, sky, frame):
         fade = np.clip((2.6 - 2 * away / np.linalg.norm(high - low)) / 1.6, 0, 1) ** 1.5
         tone = (0.52 + 0.48 * lit[view.plate]) * (0.35 + 0.65 * sky[view.plate])
         image[view.plate] += fade[:, None] * (PLATE * 1.13 * tone[:, None] - image[view.plate])
-    panels = view.flat & ~view.plate
+    if view.behind.any():
+        there = view.behind
+        image[there] = backdrop.paint(view.place[there], view.normal[there], lit[there], sky[there])
+    panels = view.flat & ~view.plate & ~view.behind
     steepness = 0.80 + 0.20 * np.clip(view.normal[panels][:, 2], 0, 1)
     tone = (0.52 + 0.48 * lit[panels]) * (0.35 + 0.65 * sky[panels]) * steepness
     image[panels] = PLATE * 1.13 * PANEL_SHARE * tone[:, None]
@@ -314,113 +331,3 @@ def render_simulation(simulation, **view):
     shapes = list(simulation.shapes.values())
     ids, scales = simulation.shape_ids, simulation.scales
     return render_bodies(centres, simulation.quaternions, shapes, ids, scales, setting_of(simulation), **view)
-
-
-def animate_pour(
-    trajectory,
-    particle,
-    out_path,
-    walls=(),
-    frames=72,
-    frame_s=0.08,
-    width=360,
-    height=460,
-    elevation_deg=10.0,
-    azimuth_deg=20.0,
-    max_bytes=3_000_000,
-):
-    """A short endless animation (GIF or WebP by the file's ending) of a pour.
-
-    trajectory: path of a .npz with time_s (T,), position (T, N, 3) m, NaN for berries not yet there, and
-    quaternion (T, N, 4). frames: pictures, evenly spread over the time, shown frame_s seconds each, the last
-    one longer. Colours are reduced until the file has at most max_bytes; raises InputError for another ending
-    or where that is not enough.
-    """
-    out_path = _animation_path(out_path)
-    with np.load(trajectory) as record:
-        times, positions, quaternions = record["time_s"], record["position"], record["quaternion"]
-    chosen = np.searchsorted(times, np.linspace(times[0], times[-1], min(frames, len(times))))
-    resting = positions[-1][np.isfinite(positions[-1]).all(axis=1)].astype(float)
-    reach = particle.bounding_radius_m
-    # Berries that rolled far away may leave the picture; the pile and the funnel may not.
-    near = resting[
-        np.hypot(resting[:, 0], resting[:, 1]) < 2 * np.median(np.hypot(resting[:, 0], resting[:, 1]))
-    ]
-    frame = outline(near, reach, walls)
-    frame = np.concatenate([frame, [[0, 0, frame[:, 2].max() + 2 * reach]]])
-    view = {"elevation_deg": elevation_deg, "azimuth_deg": azimuth_deg, "width": width, "height": height}
-    pictures = [
-        render_pile(positions[k], quaternions[k], particle, walls=walls, frame_m=frame, **view)
-        for k in chosen
-    ]
-    _write_animation(pictures, frame_s, out_path, max_bytes)
-
-
-def animate(simulation, frames, out_path, pictures=48, frame_s=0.08, max_bytes=3_000_000, **view):
-    """A short endless animation (GIF or WebP by the file's ending) of any simulation.
-
-    simulation: `repose.dem.Simulation`, for its shapes and walls; frames: what `repose.dem.Recorder.frames` returns;
-    pictures: how many of them, evenly spread over the time, are shown, frame_s seconds each, the last one longer;
-    view: see `render_bodies`; the picture holds what is there at the first and the last, unless frame_m is given.
-    Colours are reduced until the file has at most max_bytes; raises InputError for another ending, for no frames, or
-    where that is not enough.
-    """
-    out_path = _animation_path(out_path)
-    if not len(frames["time_s"]):
-        raise InputError(out_path, "frames", 0, "at least one recorded frame")
-    shapes, times = list(simulation.shapes.values()), frames["time_s"]
-    settings = [
-        setting_of(simulation, *walls) for walls in zip(frames["planes"], frames["wall_frames"], strict=True)
-    ]
-    chosen = np.searchsorted(times, np.linspace(times[0], times[-1], min(pictures, len(times))))
-    if view.get("frame_m") is None:
-        ends = frames["position"][[0, -1]].reshape(-1, 3)
-        ends = ends[np.isfinite(ends).all(axis=1)].astype(float)
-        reach = max(shape.bounding_radius_m for shape in shapes) * float(frames["scale"].max(initial=0.0))
-        view["frame_m"] = outline(ends, reach, settings[-1].frusta, settings[-1].panels)
-    drawn = [
-        render_bodies(
-            frames["position"][k],
-            frames["quaternion"][k],
-            shapes,
-            frames["shape"],
-            frames["scale"],
-            settings[k],
-            **view,
-        )
-        for k in chosen
-    ]
-    _write_animation(drawn, frame_s, out_path, max_bytes)
-
-
-def _animation_path(path):
-    """The path of an animation, or InputError for an ending that is none."""
-    path = Path(path)
-    if path.suffix.lower() not in (".gif", ".webp"):
-        raise InputError(path, "ending", path.suffix, ".gif or .webp")
-    return path
-
-
-def _write_animation(pictures, frame_s, out_path, max_bytes):
-    """Write pictures (H, W, 3), the last one shown longer, with fewer colours until they fit."""
-    pictures = [Image.fromarray(picture) for picture in pictures]
-    shown_ms = [round(1000 * frame_s)] * (len(pictures) - 1) + [1600]
-    for effort in range(5):
-        _save_animation(pictures, shown_ms, out_path, effort)
-        if out_path.stat().st_size <= max_bytes:
-            return
-    raise InputError(
-        out_path, "max_bytes", max_bytes, f"at least {out_path.stat().st_size} at this size and length"
-    )
-
-
-def _save_animation(pictures, shown_ms, out_path, effort):
-    """Write the pictures, coarser in colour with growing effort (0 to 4)."""
-    options = {"save_all": True, "duration": shown_ms, "loop": 0}
-    if out_path.suffix.lower() == ".webp":
-        pictures[0].save(out_path, append_images=pictures[1:], quality=80 - 15 * effort, method=4, **options)
-        return
-    # One palette for all frames, taken from the last one: still parts stay still.
-    palette = pictures[-1].quantize((128, 96, 64, 48, 32)[effort])
-    reduced = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
-    reduced[0].save(out_path, append_images=reduced[1:], optimize=False, disposal=1, **options)

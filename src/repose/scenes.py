@@ -90,18 +90,90 @@ def random_quaternion(rng):
     return q / np.linalg.norm(q)
 
 
-def free_place(rng, simulation, radius, height):
-    """A random point of a disc where a new berry cannot touch another, or None when none was found."""
+@dataclass(frozen=True)
+class Disc:
+    """Where berries appear: a horizontal disc about the z axis; lengths in m."""
+
+    radius_m: float
+    height_m: float
+
+    def draw(self, rng):
+        """A uniformly random point of it."""
+        r = self.radius_m * math.sqrt(rng.random())
+        angle = 2.0 * math.pi * rng.random()
+        return np.array([r * math.cos(angle), r * math.sin(angle), self.height_m])
+
+
+@dataclass(frozen=True)
+class Strip:
+    """Where berries appear: a horizontal rectangle about the z axis; lengths in m."""
+
+    half_x_m: float
+    half_y_m: float
+    height_m: float
+
+    def draw(self, rng):
+        """A uniformly random point of it."""
+        x, y = rng.uniform(-1.0, 1.0, 2)
+        return np.array([self.half_x_m * x, self.half_y_m * y, self.height_m])
+
+
+def free_place(rng, simulation, factory):
+    """A random point of a `Disc` or `Strip` where a new berry cannot touch another, or None when none was found."""
     others = simulation.positions[simulation.present]
     reach = 2.0 * simulation.radius
-    others = others[others[:, 2] > height - reach]
+    others = others[others[:, 2] > factory.height_m - reach]
     for _ in range(PLACES_TRIED):
-        r = radius * math.sqrt(rng.random())
-        angle = 2.0 * math.pi * rng.random()
-        place = np.array([r * math.cos(angle), r * math.sin(angle), height])
+        place = factory.draw(rng)
         if not len(others) or np.min(np.sum((others - place) ** 2, axis=1)) > reach * reach:
             return place
     return None
+
+
+def fill(simulation, rng, factory, berries, rate_per_s, last_step, run_to):
+    """Add berries one by one at a rate, at rest, at free random places of the factory and in random orientations.
+
+    A place where a new berry would touch another is not used; when there is none the factory waits a step. None is
+    added from `last_step` on. run_to: advances the simulation to a step.
+    """
+    for k in range(berries):
+        due = round(k / rate_per_s / simulation.physics.dt)
+        if due >= last_step:
+            return
+        run_to(due)
+        place = free_place(rng, simulation, factory)
+        while place is None and simulation.steps < last_step:
+            run_to(simulation.steps + 1)
+            place = free_place(rng, simulation, factory)
+        if place is None:
+            return
+        simulation.add("berry", place, random_quaternion(rng))
+
+
+def berry_simulation(config, parameters, particle, berry, capacity, **scene):
+    """An empty simulation of berries among walls of the configured material "wall".
+
+    config: the whole configuration; parameters: the six contact parameters by name; particle: `shape.Particle`;
+    berry: mapping with shear_modulus_pa and poisson_ratio; capacity: most berries; scene: walls, lower, upper and
+    the other arguments of `Simulation`. Time step, gravity and tension are those of the heap in every scene.
+    """
+    wall, heap = config["wall"], config["heap"]
+    return Simulation(
+        {"berry": Shape(particle.semi_axes_m, particle.mass_kg, particle.inertia_kg_m2, "berry")},
+        {
+            "berry": Material(berry["shear_modulus_pa"], berry["poisson_ratio"]),
+            "wall": Material(wall["shear_modulus_pa"], wall["poisson_ratio"]),
+        },
+        {
+            ("berry", "berry"): Contact(parameters["e_gg"], parameters["mus_gg"], parameters["mur_gg"]),
+            ("berry", "wall"): Contact(parameters["e_gp"], parameters["mus_gp"], parameters["mur_gp"]),
+        },
+        heap["time_step_s"],
+        capacity=capacity,
+        gravity_m_s2=(0.0, 0.0, -heap["gravity_m_s2"]),
+        tension=heap["tension"],
+        **scene,
+    )
 
 
 @dataclass(frozen=True)
@@ -128,7 +200,7 @@ def heap_simulation(config, parameters, particle, berry):
     config: the whole configuration; parameters: the six contact parameters by name; particle: `shape.Particle`;
     berry: mapping with shear_modulus_pa and poisson_ratio. Returns the simulation and the funnel.
     """
-    heap, wall = config["heap"], config["wall"]
+    heap = config["heap"]
     funnel = Funnel(
         inlet_diameter_m=1e-3 * heap["inlet_diameter_mm"],
         outlet_diameter_m=1e-3 * heap["outlet_diameter_mm"],
@@ -140,23 +212,15 @@ def heap_simulation(config, parameters, particle, berry):
     plate_radius = 0.5e-3 * heap["plate_diameter_mm"]
     plate = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", plate_radius)
     half = max(plate_radius, 0.5 * funnel.inlet_diameter_m) + 2.0 * particle.bounding_radius_m
-    simulation = Simulation(
-        {"berry": Shape(particle.semi_axes_m, particle.mass_kg, particle.inertia_kg_m2, "berry")},
-        {
-            "berry": Material(berry["shear_modulus_pa"], berry["poisson_ratio"]),
-            "wall": Material(wall["shear_modulus_pa"], wall["poisson_ratio"]),
-        },
-        {
-            ("berry", "berry"): Contact(parameters["e_gg"], parameters["mus_gg"], parameters["mur_gg"]),
-            ("berry", "wall"): Contact(parameters["e_gp"], parameters["mus_gp"], parameters["mur_gp"]),
-        },
-        capacity=heap["berries"],
+    simulation = berry_simulation(
+        config,
+        parameters,
+        particle,
+        berry,
+        heap["berries"],
         walls={"plate": plate, **funnel.walls("wall")},
-        time_step_s=heap["time_step_s"],
         lower=(-half, -half, 0.0),
         upper=(half, half, funnel.inlet_height_m + 4.0 * particle.bounding_radius_m),
-        gravity_m_s2=(0.0, 0.0, -heap["gravity_m_s2"]),
-        tension=heap["tension"],
         exit_height_m=funnel.outlet_height_m,
         funnel_floor_m=funnel.outlet_height_m - funnel.rim_radius_m,
         floor_height_m=-0.05,
@@ -164,7 +228,7 @@ def heap_simulation(config, parameters, particle, berry):
     return simulation, funnel
 
 
-class _Recorder:
+class Recorder:
     """Runs a simulation to given steps and keeps frames on the way."""
 
     def __init__(self, simulation, berries, interval_s, progress):
@@ -210,8 +274,7 @@ class _Recorder:
 def pour(config, parameters, seed, particle, berry, trajectory_interval_s=None, progress=None):
     """Pour the berries through the funnel and let them rest (paper, section 3.1).
 
-    Berries appear one by one at `rate_per_s`, at rest, at random places and orientations above the inlet, drawn from
-    `seed`. A place where a new berry would touch another is not used; when there is none the factory waits a step.
+    Berries appear one by one at `rate_per_s` above the inlet (see `fill`), drawn from `seed`.
     trajectory_interval_s: keep a frame at this interval; progress: called with the simulated time.
     Returns a `Pour`.
     """
@@ -220,24 +283,13 @@ def pour(config, parameters, seed, particle, berry, trajectory_interval_s=None, 
     simulation, funnel = heap_simulation(config, parameters, particle, berry)
     rng = np.random.default_rng(seed)
     height = funnel.inlet_height_m + 1e-3 * heap["factory_height_mm"]
-    disc = 0.5e-3 * heap["factory_diameter_mm"] - particle.bounding_radius_m
+    factory = Disc(0.5e-3 * heap["factory_diameter_mm"] - particle.bounding_radius_m, height)
     dt = heap["time_step_s"]
     last_step = round(heap["duration_s"] / dt)
     rest_step = last_step - round(heap["rest_window_s"] / dt)
     timed_step = max(0, min(rest_step, last_step - round(1.0 / dt)))
-    recorder = _Recorder(simulation, heap["berries"], trajectory_interval_s, progress)
-    for k in range(heap["berries"]):
-        due = round(k / heap["rate_per_s"] / dt)
-        if due >= rest_step:
-            break
-        recorder.run_to(due)
-        place = free_place(rng, simulation, disc, height)
-        while place is None and simulation.steps < rest_step:
-            recorder.run_to(simulation.steps + 1)
-            place = free_place(rng, simulation, disc, height)
-        if place is None:
-            break
-        simulation.add("berry", place, random_quaternion(rng))
+    recorder = Recorder(simulation, heap["berries"], trajectory_interval_s, progress)
+    fill(simulation, rng, factory, heap["berries"], heap["rate_per_s"], rest_step, recorder.run_to)
     timed_step = max(timed_step, simulation.steps)
     recorder.run_to(timed_step)
     clock = time.perf_counter()

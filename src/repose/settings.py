@@ -27,7 +27,7 @@ OUR_OWN_FOLDERS = ("src", "config", "resources", "workflow", "profiles", "tests"
 # AoR and Height hold to 13 % of the berry's Rayleigh time and break at 32 %.
 LARGEST_RAYLEIGH_SHARE = 0.2
 # What the random numbers of a pour are for: one stream each, so that no check reuses the pours it checks.
-PURPOSES = {"design": 0, "validation": 1}
+PURPOSES = {"design": 0, "validation": 1, "drum": 2}
 # Measured on one core of a common server: for the estimate that is shown before a run.
 SECONDS_A_BERRY_STEP = 4.5e-8
 SECONDS_A_VIEW = 0.01
@@ -133,6 +133,7 @@ def check_inputs(config, source="configuration"):
     axes_mm = [float(sizes[column].mean()) for column in berry.SIZE_COLUMNS]
     published_count(config["validation"]["published"])
     _check_fits_berry(config["heap"], axes_mm, source)
+    _check_fits_drum(config["drum"], max(axes_mm), source)
     limit = LARGEST_RAYLEIGH_SHARE * rayleigh_time_s(axes_mm, section["density_kg_m3"], poisson, shear)
     if config["heap"]["time_step_s"] > limit:
         key = "heap.time_step_s"
@@ -152,7 +153,7 @@ def rayleigh_time_s(axes_mm, density_kg_m3, poisson, shear_modulus_pa):
 def pour_seeds(study_seed, purpose, number, count):
     """Seeds of the `count` pours of one parameter set.
 
-    study_seed: `design.seed`; purpose: design or validation; number: of the sample. The first k seeds
+    study_seed: `design.seed`; purpose: one of PURPOSES; number: of the sample. The first k seeds
     are the same for any count of at least k.
     """
     state = np.random.SeedSequence([study_seed, PURPOSES[purpose], number]).generate_state(count)
@@ -170,6 +171,10 @@ def work(config):
     pour_s = SECONDS_A_BERRY_STEP * heap["berries"] * heap["duration_s"] / heap["time_step_s"]
     pour_s += SECONDS_A_VIEW * config["measure"]["views"]
     total_s = sum(sets * (JOB_START_S + seeds * pour_s) for _, sets, seeds in pours)
+    drum = config["drum"]
+    drum_s = drum["rotate_from_s"] + drum["longest_rotation_s"] + drum["settle_s"]
+    drum_s *= SECONDS_A_BERRY_STEP * drum["berries"] / heap["time_step_s"]
+    total_s += drum["seeds"] * (JOB_START_S + drum_s)
     return {"pours": pours, "pour_s": pour_s, "total_s": total_s}
 
 
@@ -329,6 +334,7 @@ def _contradictions(config):
     """Pairs (dotted key, what is allowed) where a value does not go with another one."""
     yield from _range_contradictions(config)
     yield from _heap_contradictions(config["heap"])
+    yield from _drum_contradictions(config["drum"], config["heap"]["time_step_s"])
     folder = Path(config["results_dir"])
     if ".." in folder.parts or folder == Path() or any(folder.is_relative_to(own) for own in OUR_OWN_FOLDERS):
         yield "results_dir", f"a folder of its own, without .. and outside {', '.join(OUR_OWN_FOLDERS)}"
@@ -388,6 +394,22 @@ def _heap_contradictions(heap):
         )
 
 
+def _drum_contradictions(drum, time_step_s):
+    """A drum without room, a rotation that begins before the last berry is there, a record finer than the steps."""
+    radius = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"]
+    if radius <= 0:
+        yield "drum.wall_thickness_mm", f"below half of drum.outer_diameter_mm, {drum['outer_diameter_mm']:g}"
+    elif abs(drum["factory_height_mm"]) >= radius:
+        yield "drum.factory_height_mm", f"inside the drum, between -{radius:g} and {radius:g}"
+    last = (drum["berries"] - 1) / drum["rate_per_s"]
+    if last >= drum["rotate_from_s"]:
+        yield "drum.rotate_from_s", f"above {last:g}, when the last berry appears"
+    if drum["report_s"] < drum["rotate_from_s"]:
+        yield "drum.report_s", f"at least drum.rotate_from_s, {drum['rotate_from_s']:g}"
+    if drum["record_s"] < time_step_s:
+        yield "drum.record_s", f"at least heap.time_step_s, {time_step_s:g}"
+
+
 def _check_fits_berry(heap, axes_mm, source):
     """Raise InputError where a mean berry fits neither through the outlet nor into the factory."""
     for key, smallest in (("outlet_diameter_mm", axes_mm[2]), ("factory_diameter_mm", axes_mm[0])):
@@ -396,3 +418,21 @@ def _check_fits_berry(heap, axes_mm, source):
             raise InputError(
                 _of(source, name), name, heap[key], f"above {smallest:.4g}, the size of a mean berry"
             )
+
+
+def _check_fits_drum(drum, long_mm, source):
+    """Raise InputError where a mean berry of length long_mm cannot lie across the drum at the factory's height."""
+    radius = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"]
+    highest = radius - long_mm / 2
+    for key, value, fits, allowed in (
+        ("length_mm", drum["length_mm"], drum["length_mm"] > long_mm, f"above {long_mm:.4g}"),
+        (
+            "factory_height_mm",
+            drum["factory_height_mm"],
+            abs(drum["factory_height_mm"]) < highest,
+            f"between -{highest:.4g} and {highest:.4g}" if highest > 0 else "a wider drum",
+        ),
+    ):
+        if not fits:
+            name = f"drum.{key}"
+            raise InputError(_of(source, name), name, value, f"{allowed}, so that a mean berry fits")

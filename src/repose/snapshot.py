@@ -16,6 +16,7 @@ KEPT = {
     "measure": ("*.json", "*.png"),
     "figures": ("*.png",),
     "film": ("*.gif",),
+    "drum": ("*.csv", "*.gif"),
 }
 LARGEST_FILE = 5_000_000  # bytes
 

@@ -43,11 +43,15 @@ class Panel:
 
 @dataclass(frozen=True)
 class Setting:
-    """What stands about the bodies: the height of an endless plate (None without one), flat and round walls."""
+    """What stands about the bodies: the height of an endless plate (None without one), flat and round walls.
+
+    backdrop: a surface behind all of them, with `meet` and `paint` as `repose.backdrop.DrumInside` has them.
+    """
 
     plate_m: float | None = 0.0
     panels: tuple = ()
     frusta: tuple = ()
+    backdrop: object = None
 
 
 @dataclass(frozen=True)
@@ -89,13 +93,21 @@ def funnel_walls(heap):
     return [*tube, Frustum(neck, cone_end, top, inlet)]
 
 
-def look_at(points_m, width, height, elevation_deg=14.0, azimuth_deg=0.0, margin=1.06):
+def look_at(
+    points_m,
+    width,
+    height,
+    elevation_deg=14.0,
+    azimuth_deg=0.0,
+    margin=1.06,
+    field_of_view_deg=FIELD_OF_VIEW_DEG,
+):
     """A `Camera` that sees all of points_m (M, 3) from the given direction, with a margin around them."""
     el, az = math.radians(elevation_deg), math.radians(azimuth_deg)
     back = np.array([math.cos(az) * math.cos(el), math.sin(az) * math.cos(el), math.sin(el)])
     right = np.array([-math.sin(az), math.cos(az), 0.0])
     axes = np.stack([right, np.cross(back, right), -back])
-    focal = max(width, height) / 2 / math.tan(math.radians(FIELD_OF_VIEW_DEG / 2))
+    focal = max(width, height) / 2 / math.tan(math.radians(field_of_view_deg / 2))
     seen = points_m @ axes.T
     centre = (seen.min(axis=0) + seen.max(axis=0)) / 2
     offset = seen - centre

@@ -43,6 +43,23 @@ FIGURES = {
         },
         ("parameters", "target"),
     ),
+    "figure15": (
+        "Figure 15",
+        {
+            "states": f"{RESULTS}/drum/turn_{DRUM_SEEDS[0]}.npz",
+            "particle": rules.shape.output.particle,
+        },
+        ("drum", "measure"),
+    ),
+    "drum": (
+        "The drum over time",
+        {
+            "record": rules.drum.output.record,
+            "profile": rules.drum.output.profile,
+            "runs": rules.drum.output.runs,
+        },
+        ("drum",),
+    ),
     "convergence": (
         "Convergence of the search",
         {"history": rules.miga.output.history, "summary": rules.miga.output.summary},

@@ -15,6 +15,7 @@ TABLES = {
         "Published solutions in this simulator",
         rules.validate.output.published,
     ),
+    "drum": ("The drum: angles and first slip", rules.drum.output.summary),
 }
 
 
@@ -63,3 +64,5 @@ rule calibration:
         rules.validate.output,
         rules.measure.output,
         rules.film.output,
+        rules.drum.output,
+        rules.drum_film.output,

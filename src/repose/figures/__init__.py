@@ -4,7 +4,7 @@ from pathlib import Path
 
 from repose.errors import InputError
 
-from . import berries, checks, samples, search, style, surrogate, testbench, workflow
+from . import berries, checks, rotation, samples, search, style, surrogate, testbench, workflow
 
 # Name of a figure: the function that draws it and the inputs it needs; inputs in OPTIONAL may be left out.
 FIGURES = {
@@ -17,6 +17,8 @@ FIGURES = {
     "figure10": (surrogate.network_structure, ("network",)),
     "figure13": (surrogate.predicted_against_simulated, ("predictions", "dataset")),
     "figure14": (search.feasible_solutions, ("feasible", "summary")),
+    "figure15": (rotation.states, ("states", "particle")),
+    "drum": (rotation.course, ("record", "profile", "runs")),
     "convergence": (search.convergence, ("history",)),
     "design": (samples.design_matrix, ("samples",)),
     "dataset": (samples.responses_over_parameters, ("dataset",)),

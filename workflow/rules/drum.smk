@@ -1,0 +1,91 @@
+# The representative solution in a drum that turns until its bed slips: one job a seed, then tables and a film.
+DRUM_SEEDS = settings.pour_seeds(
+    config["design"]["seed"], "drum", int(REPRESENTATIVE), config["drum"]["seeds"]
+)
+
+
+wildcard_constraints:
+    seed=r"\d+",
+
+
+rule turn:
+    input:
+        samples=rules.solutions.output.solutions,
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+    output:
+        result=f"{RESULTS}/drum/turn_{{seed}}.json",
+        states=f"{RESULTS}/drum/turn_{{seed}}.npz",
+        trajectory=f"{RESULTS}/drum/turn_{{seed}}_trajectory.npz",
+    log:
+        f"{RESULTS}/logs/drum/{{seed}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/drum/{{seed}}.tsv"
+    retries: 1
+    threads: 1
+    resources:
+        mem_mb=900,
+    params:
+        config=CONFIG,
+        folder=folder,
+        sample=int(REPRESENTATIVE),
+        drum={key: value for key, value in config["drum"].items() if key != "seeds"},
+        depends=pouring_settings(),
+    message:
+        "Turning the drum, seed {wildcards.seed}"
+    shell:
+        "python -m repose drum --config {params.config} --samples {input.samples} --sample {params.sample}"
+        " --seed {wildcards.seed} --berry {input.berry} --particle {input.particle}"
+        " --trajectory --out {params.folder} > {log} 2>&1"
+
+
+rule drum:
+    input:
+        runs=expand(rules.turn.output.result, seed=DRUM_SEEDS),
+        states=expand(rules.turn.output.states, seed=DRUM_SEEDS),
+    output:
+        runs=f"{RESULTS}/drum/runs.csv",
+        summary=f"{RESULTS}/drum/summary.csv",
+        record=f"{RESULTS}/drum/record.csv",
+        profile=f"{RESULTS}/drum/profile.csv",
+    log:
+        f"{RESULTS}/logs/drum.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/drum.tsv"
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        folder=folder,
+    message:
+        "Tables of the drum: angles, first slip, slipping layer"
+    shell:
+        "python -m repose drum_tables {input.runs} --out {params.folder} > {log} 2>&1"
+
+
+rule drum_film:
+    input:
+        trajectory=f"{RESULTS}/drum/turn_{DRUM_SEEDS[0]}_trajectory.npz",
+        particle=rules.shape.output.particle,
+    output:
+        report(
+            f"{RESULTS}/drum/drum.gif",
+            caption="../report/drum_film.rst",
+            category="Figures",
+            labels={"figure": "Film of the drum"},
+        ),
+    log:
+        f"{RESULTS}/logs/drum_film.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/drum_film.tsv"
+    threads: 1
+    resources:
+        mem_mb=900,
+    params:
+        config=CONFIG,
+        depends=sections("drum"),
+    message:
+        "Film of the drum"
+    shell:
+        "python -m repose film {input.trajectory} --drum --config {params.config} --particle {input.particle}"
+        " --out {output} > {log} 2>&1"
