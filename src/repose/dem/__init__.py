@@ -3,13 +3,14 @@
 from .materials import Contact, Material
 from .shapes import Shape
 from .simulation import Simulation, rotation_matrix
-from .surfaces import Cone, Cylinder, Motion, Plane, RingEdge
+from .surfaces import Cone, Cylinder, Mesh, Motion, Plane, RingEdge
 
 __all__ = [
     "Cone",
     "Contact",
     "Cylinder",
     "Material",
+    "Mesh",
     "Motion",
     "Plane",
     "RingEdge",

@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 
+from . import features
 from . import state as st
 from . import tile as tl
 from .engine import advance
 from .materials import Contact, Material, contact_law, effective_moduli
 from .rigid import TILE_ROWS, place_shape
 from .shapes import Shape
-from .surfaces import Cone, Motion, Plane, RingEdge, WallSet, frame_of
+from .surfaces import Cone, Mesh, Motion, Plane, RingEdge, WallSet, frame_of
 from .walls import STARTS
 
 # Room for the lists of a simulation, per body; they grow when needed.
@@ -34,12 +35,12 @@ class Simulation:
     `Contact`, for every pair of materials that can meet.
     time_step_s: above 0, at most `longest_time_step()`. capacity: most bodies. lower, upper (3,): a box in which most
     bodies stay [m]; it only steers the search for neighbours.
-    walls: names to `Plane`, `Cone`, `Cylinder`, `RingEdge`. gravity_m_s2 (3,).
+    walls: names to `Plane`, `Cone`, `Cylinder`, `RingEdge`, `Mesh`. gravity_m_s2 (3,).
     tension: "keep" lets the damped normal force pull at the end of an impact, so that a body leaves with the
     restitution asked for; "cut" limits it to pushing.
     largest_scale: the largest scale that `add` will be given.
     exit_height_m: falling through this height sets a body's exit time. funnel_floor_m: a body below it never meets a
-    curved wall again. floor_height_m: below it a body is gone.
+    cone, cylinder or ring again. floor_height_m: below it a body is gone.
     Raises ValueError naming the argument, the value and what is allowed.
     """
 
@@ -87,9 +88,14 @@ class Simulation:
         self.pairs = st.new_pairs(
             CONTACTS_PER_BODY * capacity + 64, DORMANT_PER_BODY * capacity + 256, self.capacity
         )
-        n_planes, n_curved = len(self.walls.planes), len(self.walls.frames)
+        n_planes, n_curved = len(self.walls.planes), len(self.walls.cones) + len(self.walls.rings)
+        surfaces = self.wall_set.of(Mesh)
+        self.meshes = features.join([mesh.part for mesh in surfaces], self._slide())
         self.flat = st.new_wall_contacts(n_planes * capacity + 64, n_planes, capacity, self.capacity)
         self.curved = st.new_wall_contacts(capacity + 64, n_curved, capacity, self.capacity)
+        self.meshed = st.new_wall_contacts(
+            capacity + 64 if surfaces else 1, len(surfaces), capacity, self.capacity
+        )
         self.counts = np.zeros(st.COUNTS, np.int64)
         wall_kinds = {surface.material for surface in self.wall_set.surfaces.values()}
         self.physics = st.Physics(
@@ -107,7 +113,7 @@ class Simulation:
         )
         self._tile = st.zeros(tl.ROWS * st.LANES)
         self._body_tile = st.zeros(TILE_ROWS * st.LANES)
-        self._scratch = st.zeros(48 + STARTS)
+        self._scratch = st.zeros(64 + STARTS)
         limit = self.longest_time_step()
         if not 0.0 < time_step_s <= limit:
             raise ValueError(f"time_step_s is {time_step_s!r}; allowed: above 0, at most {limit:.3g}")
@@ -136,9 +142,9 @@ class Simulation:
 
     def _wall_arrays(self, size):
         """The walls as the kernels take them; size: of the box the bodies stay in [m]."""
-        planes, cones, rings = (self.wall_set.of(kind) for kind in (Plane, Cone, RingEdge))
-        surfaces = [*planes, *cones, *rings]
-        frames = np.array([frame_of(surface) for surface in (*cones, *rings)]).reshape(-1, 12)
+        planes, cones, rings, meshes = (self.wall_set.of(kind) for kind in (Plane, Cone, RingEdge, Mesh))
+        surfaces = [*planes, *cones, *rings, *meshes]
+        frames = np.array([frame_of(surface) for surface in (*cones, *rings, *meshes)]).reshape(-1, 12)
         motion = np.array([surface.motion.row() for surface in surfaces]).reshape(-1, 9)
         moves = np.any(motion[:, :6] != 0.0, axis=1)
         speeds = [
@@ -306,8 +312,8 @@ class Simulation:
         left = int(steps)
         while left > 0:
             left -= advance(
-                self.bodies, self.pairs, self.flat, self.curved, self.grid, self.walls, self.counts,
-                self.physics, self._tile, self._body_tile, self._scratch, left,
+                self.bodies, self.pairs, self.flat, self.curved, self.meshed, self.grid, self.walls, self.meshes,
+                self.counts, self.physics, self._tile, self._body_tile, self._scratch, left,
             )  # fmt: skip
             if self.counts[st.FULL]:
                 raise RuntimeError("a contact list overflowed within one step; bodies overlap wildly")
@@ -328,6 +334,7 @@ class Simulation:
             getattr(self.pairs, name)[:n_dormant] = getattr(old, name)[:n_dormant]
         self.flat = _grown(self.flat, self.counts[st.N_PLANE], self.capacity)
         self.curved = _grown(self.curved, self.counts[st.N_CURVED], self.capacity)
+        self.meshed = _grown(self.meshed, self.counts[st.N_MESHED], self.capacity)
 
     def kinetic_energies(self):
         """Kinetic energy of each body, translation and rotation (N,) [J]."""
@@ -352,6 +359,25 @@ class Simulation:
         rows = st.contact_rows(self.curved.data, n)
         return self.curved.body[:n].copy(), self.curved.wall[:n].copy(), rows[:, :3].copy(), rows[:, 6].copy()
 
+    def mesh_contacts(self):
+        """Contacts with meshes: body (M,), mesh (M,), feature (M,), normal into the wall (M, 3), overlap (M,) [m].
+
+        Meshes and features are numbered in the order of the walls: of each mesh its triangles, then its edges and
+        vertices that can be touched. A contact is found before it bears: the overlap is that of the last step.
+        """
+        n = self.counts[st.N_MESHED]
+        rows = st.contact_rows(self.meshed.data, n)
+        body, wall, feature = (getattr(self.meshed, name)[:n].copy() for name in ("body", "wall", "feature"))
+        return body, wall, feature, rows[:, :3].copy(), -rows[:, st.MESH_GAP // st.LANES]
+
+    def _slide(self):
+        """How far the point that touches a plane may slide over a body that turns, over the path of its odometer."""
+        return max(
+            float(np.sum(shape.semi_axes_m.max(axis=1) ** 2 / shape.semi_axes_m.min(axis=1)))
+            / shape.bounding_radius_m
+            for shape in self.shapes.values()
+        )
+
 
 def _grown(contacts, used, ghost):
     """Twice the room for wall contacts when three quarters are used."""
@@ -359,7 +385,7 @@ def _grown(contacts, used, ghost):
         return contacts
     bigger = st.new_wall_contacts(2 * len(contacts.body), *contacts.limit.shape, ghost)
     bigger.limit[:] = contacts.limit
-    for name in ("body", "wall"):
+    for name in ("body", "wall", "feature"):
         getattr(bigger, name)[:used] = getattr(contacts, name)[:used]
     bigger.data[: len(contacts.data)] = contacts.data
     return bigger
@@ -396,6 +422,11 @@ def _approach(surface, motion, frame, size):
     speed = float(np.linalg.norm(velocity))
     if not turning.any():
         return speed
+    if isinstance(surface, Mesh):
+        axis = turning / np.linalg.norm(turning)
+        offset = surface.vertices_m - pivot
+        across = np.linalg.norm(offset - np.outer(offset @ axis, axis), axis=1)
+        return speed + float(np.linalg.norm(turning) * across.max())
     if frame is None:  # a plane turns in itself about its normal only, and a disc about its middle
         axis, place = surface.row()[3:6], np.asarray(surface.point_m, float)
     else:
