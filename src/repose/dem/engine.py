@@ -296,7 +296,7 @@ def advance(
         update_pairs(bodies, pairs, counts, grid, parts, normal)
         update_walls(bodies, flat, curved, walls, counts, parts, physics.funnel_floor, profile, out, local)
         if has_meshes:
-            update_meshes(bodies, meshed, walls, meshes, counts, parts, out, local)
+            update_meshes(bodies, meshed, walls, meshes, counts, parts, out, other, local)
         pair_forces(bodies, pairs, grid, counts, physics, t, ghost)
         still_wall(t)
         tl.fill_law(t, physics.laws[0, physics.laws.shape[0] - 1])

@@ -36,8 +36,8 @@ LEAST_CONE = 1e-7
 # kind, data, mesh (F,): the features of all meshes, each in its own frame; span (F, 2): of a face its neighbours over
 # gentle kinks in `near`, of a vertex its edges in `rays`; corners (F, 2): of a vertex its faces' normals in `normals`.
 # Cells: box (M, 7) lower corner, upper corner, edge of a cell; cells (M, 4): how many each way and the first in
-# `begin`; items: features of each cell. seen (F,), stamp (1,): which were met in this search. slide (1,): how far a body's
-# deepest point may slide when the body moves by 1.
+# `begin`; items: features of each cell. seen (F,), stamp (1,): which were met in this search. slide (1,): how far a
+# body's deepest point may slide when the body moves by 1.
 Meshes = namedtuple(
     "Meshes", "kind data mesh span corners near rays normals box cells begin items seen stamp slide"
 )
@@ -139,10 +139,16 @@ def inward_steps(vertices, faces, edges, beside, group, normals):
 
 def eroded(vertices, faces, steps, radius):
     """The vertices of the eroded mesh; ValueError where a triangle would turn over."""
-    before = _normals(vertices, faces)
+
+    def shape(corners):
+        """Area vectors and sides of all triangles."""
+        sides = (corners[faces[:, k]] - corners[faces[:, k - 1]] for k in range(3))
+        return np.vstack([_normals(corners, faces), *sides])
+
+    before = shape(vertices)
 
     def keeps(share):
-        after = _normals(vertices + share * steps, faces)
+        after = shape(vertices + share * steps)
         return bool(np.all(np.sum(before * after, axis=1) > 1e-6 * np.sum(before * before, axis=1)))
 
     if not keeps(radius):

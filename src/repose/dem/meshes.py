@@ -392,26 +392,6 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ou
     return free
 
 
-@kernel
-def update_meshes(bodies, contacts, walls, meshes, counts, parts, out, local):
-    """Find new contacts with meshes: what counts for a look is how far a body and the walls may have moved."""
-    creep = walls.creep[0]
-    curved = walls.cones.shape[0] + walls.rings.shape[0]
-    for mesh in range(meshes.box.shape[0]):
-        for i in range(counts[st.N_BODIES]):
-            reading = bodies.odometer[i] + creep
-            if reading < contacts.limit[mesh, i] or bodies.presence[i] != st.PRESENT:
-                continue
-            radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
-            row = bodies.rows[i]
-            if walls.turned[curved + mesh]:
-                row_in_frame(row, parts, walls.frames[curved + mesh], local)
-                row = local
-            contacts.limit[mesh, i] = reading + search_mesh(
-                row, contacts, counts, parts, walls, meshes, mesh, i, radius, out
-            )
-
-
 @inlined
 def track(row, parts, meshes, contacts, lane, feature, nx, ny, nz, out):
     """Contact with the feature it had in the last step: fills `out`; returns how far inside it lies."""
@@ -503,3 +483,35 @@ def follow_mesh(bodies, parts, walls, meshes, contacts, n, k, out, other, local)
         turn_place(walls.frames[frame], out, 0)
         turn_place(walls.frames[frame], out, 5)
     return touching and out[3] <= 0.0
+
+
+@inlined
+def bring_along(bodies, parts, walls, meshes, contacts, counts, mesh, i, out, other, local):
+    """Hand the contacts of body i over to the features they have come to, which are not new ones then."""
+    n = counts[st.N_MESHED]
+    for k in range(n):
+        if contacts.body[k] == i and contacts.wall[k] == mesh:
+            follow_mesh(bodies, parts, walls, meshes, contacts, n, k, out, other, local)
+            for c in range(3):
+                contacts.data[k // st.LANES, st.NORMAL + c * st.LANES + k % st.LANES] = out[c]
+
+
+@kernel
+def update_meshes(bodies, contacts, walls, meshes, counts, parts, out, other, local):
+    """Find new contacts with meshes: what counts for a look is how far a body and the walls may have moved."""
+    creep = walls.creep[0]
+    curved = walls.cones.shape[0] + walls.rings.shape[0]
+    for mesh in range(meshes.box.shape[0]):
+        for i in range(counts[st.N_BODIES]):
+            reading = bodies.odometer[i] + creep
+            if reading < contacts.limit[mesh, i] or bodies.presence[i] != st.PRESENT:
+                continue
+            radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
+            bring_along(bodies, parts, walls, meshes, contacts, counts, mesh, i, out, other, local)
+            row = bodies.rows[i]
+            if walls.turned[curved + mesh]:
+                row_in_frame(row, parts, walls.frames[curved + mesh], local)
+                row = local
+            contacts.limit[mesh, i] = reading + search_mesh(
+                row, contacts, counts, parts, walls, meshes, mesh, i, radius, out
+            )

@@ -47,9 +47,9 @@ Physics = namedtuple(
 
 # Walls are numbered planes first, then cones, then rings, then meshes; cones and rings together are the curved walls.
 # Walls.frames (curved and meshes, 12): origin and rotation, frame to world; turned: whether that is more than nothing.
-# motion (walls, 9): velocity, angular velocity, pivot. moves: whether it is more than nothing. material: of each wall, as
-# bodies.kind. creep: how far any wall may have come nearer up to now, how fast the fastest comes [m, m/s], whether any
-# moves.
+# motion (walls, 9): velocity, angular velocity, pivot. moves: whether it is more than nothing. material: of each wall,
+# as bodies.kind. creep: how far any wall may have come nearer up to now, how fast the fastest comes [m, m/s], whether
+# any moves.
 # Columns of Walls.planes: point (3), normal from the inside into the wall (3), radius of the disc.
 # Columns of Walls.cones: m_r, m_z (normal into the wall), offset k, s_min, s_max, e_r, e_z (up along the wall), radius.
 # Columns of Walls.rings: core radius, height, edge radius, two gates (g_r, g_z) that the normal must not oppose.
