@@ -139,9 +139,13 @@ def mesh_distance(semi_axes, centre, q, vertices, faces, spacing):
     which, u, v = (np.concatenate(parts) for parts in (which, u, v))
     a, b, c = (triangles[which, k] for k in range(3))
     points = a + u[:, None] * (b - a) + v[:, None] * (c - a)
-    if np.any(np.sum((points / axes) ** 2, axis=1) <= 1.0):
+    level = np.linalg.norm(points / axes, axis=1)
+    if level.min() <= 1.0:
         return 0.0, None
-    distances, _ = _points_to_ellipsoid(points, axes)
+    # the distance is at least (level - 1) times the shortest and at most that times the longest semi-axis
+    near = (level - 1.0) * axes.min() <= (level.min() - 1.0) * axes.max() + spacing
+    which, u, v = which[near], u[near], v[near]
+    distances, _ = _points_to_ellipsoid(points[near], axes)
     best, foot = np.inf, None
     for t in np.unique(which[distances < distances.min() + 0.5 * spacing]):
         k = np.flatnonzero(which == t)[distances[which == t].argmin()]

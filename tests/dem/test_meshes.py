@@ -104,10 +104,10 @@ def test_gaps_and_normals_are_those_of_a_dense_search(solid):
     rng = np.random.default_rng(21)
     mesh, inner = mesh_of(solid()), solid(RADIUS)
     met, missed = np.zeros(3, int), 0
-    for _ in range(250):
+    for _ in range(150):
         q = random_quaternion(rng)
         place = place_near(rng, solid(), q)
-        distance, n = mesh_distance(LONG, place, q, np.array(inner.vertices), inner.faces, 5e-4)
+        distance, n = mesh_distance(LONG, place, q, np.array(inner.vertices), inner.faces, 1e-3)
         if distance == 0.0 or abs(distance - RADIUS) < 1e-7:
             continue
         s = simulation(LONG, walls={"mesh": mesh}, dt=1e-5)
@@ -121,7 +121,7 @@ def test_gaps_and_normals_are_those_of_a_dense_search(solid):
             met[mesh.part.kind[feature[k]]] += 1
             assert overlap[k] == pytest.approx(RADIUS - distance, abs=2e-9)
             assert np.linalg.norm(normal[k] - n) < 2e-4
-    assert missed > 30
+    assert missed > 15
     assert met[FACE] > 15
     assert met[EDGE] > 15
     assert met[VERTEX] > 5
