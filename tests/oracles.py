@@ -152,7 +152,7 @@ def mesh_distance(semi_axes, centre, q, vertices, faces, spacing):
         distance, place = _finest(triangles[t], u[k], v[k], axes, spacing)
         if distance < best:
             best, foot = distance, place
-    if foot is None:
+    if best == 0.0:
         return 0.0, None
     normal = foot / axes**2
     return best, turn @ normal / np.linalg.norm(normal)
@@ -170,7 +170,7 @@ def _finest(triangle, u, v, axes, width):
         vs = np.minimum(np.maximum(vs - 0.5 * over, 0.0), 1.0 - us)
         points = a + us[:, None] * (b - a) + vs[:, None] * (c - a)
         if np.any(np.sum((points / axes) ** 2, axis=1) <= 1.0):
-            return np.inf, None
+            return 0.0, None
         distances, feet = _points_to_ellipsoid(points, axes)
         k = distances.argmin()
         u, v = us[k], vs[k]
