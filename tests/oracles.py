@@ -119,3 +119,71 @@ def _point_to_ellipsoid(p, axes):
     foot = axes**2 * p / (axes**2 + low)
     side = 1.0 if np.sum((p / axes) ** 2) > 1.0 else -1.0
     return side * float(np.linalg.norm(p - foot))
+
+
+def mesh_distance(semi_axes, centre, q, vertices, faces, spacing):
+    """Distance of an ellipsoid to a mesh that it does not touch, and the normal towards the mesh; 0.0 where it does.
+
+    The nearest of samples of all triangles, `spacing` apart [m], then of ever finer ones about it in its triangle.
+    """
+    turn, axes = rotation(q), np.atleast_2d(semi_axes)[0]
+    triangles = (vertices[faces] - centre) @ turn
+    which, u, v = [], [], []
+    for k, (a, b, c) in enumerate(triangles):
+        n = int(np.ceil(max(np.linalg.norm(b - a), np.linalg.norm(c - a)) / spacing))
+        i, j = (w.ravel() / n for w in np.meshgrid(np.arange(n + 1), np.arange(n + 1)))
+        keep = i + j <= 1.0 + 1e-9
+        which.append(np.full(keep.sum(), k))
+        u.append(i[keep])
+        v.append(j[keep])
+    which, u, v = (np.concatenate(parts) for parts in (which, u, v))
+    a, b, c = (triangles[which, k] for k in range(3))
+    points = a + u[:, None] * (b - a) + v[:, None] * (c - a)
+    level = np.linalg.norm(points / axes, axis=1)
+    if level.min() <= 1.0:
+        return 0.0, None
+    # the distance is at least (level - 1) times the shortest and at most that times the longest semi-axis
+    near = (level - 1.0) * axes.min() <= (level.min() - 1.0) * axes.max() + spacing
+    which, u, v = which[near], u[near], v[near]
+    distances, _ = _points_to_ellipsoid(points[near], axes)
+    best, foot = np.inf, None
+    for t in np.unique(which[distances < distances.min() + 0.5 * spacing]):
+        k = np.flatnonzero(which == t)[distances[which == t].argmin()]
+        distance, place = _finest(triangles[t], u[k], v[k], axes, spacing)
+        if distance < best:
+            best, foot = distance, place
+    if best == 0.0:
+        return 0.0, None
+    normal = foot / axes**2
+    return best, turn @ normal / np.linalg.norm(normal)
+
+
+def _finest(triangle, u, v, axes, width):
+    """Least distance of a triangle's points to an ellipsoid and the point there, by ever smaller grids about (u, v)."""
+    a, b, c = triangle
+    for _ in range(20):
+        n = np.linspace(-width, width, 13)
+        du, dv = (w.ravel() for w in np.meshgrid(n / np.linalg.norm(b - a), n / np.linalg.norm(c - a)))
+        us, vs = np.clip(u + du, 0.0, 1.0), np.clip(v + dv, 0.0, 1.0)
+        over = np.maximum(us + vs - 1.0, 0.0)
+        us = np.maximum(us - 0.5 * over, 0.0)
+        vs = np.minimum(np.maximum(vs - 0.5 * over, 0.0), 1.0 - us)
+        points = a + us[:, None] * (b - a) + vs[:, None] * (c - a)
+        if np.any(np.sum((points / axes) ** 2, axis=1) <= 1.0):
+            return 0.0, None
+        distances, feet = _points_to_ellipsoid(points, axes)
+        k = distances.argmin()
+        u, v = us[k], vs[k]
+        width *= 0.6
+    return float(distances[k]), feet[k]
+
+
+def _points_to_ellipsoid(points, axes):
+    """Distances of points outside an ellipsoid, and their nearest points on it, by bisection as above."""
+    low, high = np.zeros(len(points)), np.linalg.norm(points, axis=1) * axes.max()
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        far = np.sum((axes * points / (axes**2 + middle[:, None])) ** 2, axis=1) > 1.0
+        low, high = np.where(far, middle, low), np.where(far, high, middle)
+    feet = axes**2 * points / (axes**2 + low[:, None])
+    return np.linalg.norm(points - feet, axis=1), feet

@@ -4,7 +4,7 @@ from .materials import Contact, Material
 from .recorder import Recorder
 from .shapes import Shape
 from .simulation import Simulation, rotation_matrix
-from .surfaces import Cone, Cylinder, Motion, Plane, RingEdge
+from .surfaces import Cone, Cylinder, Mesh, Motion, Plane, RingEdge
 from .vtk import VtkSeries, write_vtk
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "Contact",
     "Cylinder",
     "Material",
+    "Mesh",
     "Motion",
     "Plane",
     "Recorder",

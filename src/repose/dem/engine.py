@@ -4,6 +4,7 @@ from . import state as st
 from . import tile as tl
 from .frames import move_plane_contacts, move_walls, surface_velocity
 from .jit import inlined, kernel
+from .meshes import follow_mesh, update_meshes
 from .neighbours import add_dormant, drop_contact, renew_pairs, wake
 from .rigid import act_on_events, integrate, take_away
 from .simd import WIDTH, add_lanes_to_rows, rows_to_lanes
@@ -215,7 +216,41 @@ def curved_forces(bodies, curved, walls, counts, physics, t, out, local, ghost):
 
 
 @kernel
-def drop_gone(bodies, pairs, flat, curved, counts, grid, ghost):
+def mesh_forces(bodies, meshed, walls, meshes, counts, physics, t, out, other, local, ghost):
+    """Forces of all contacts with meshes."""
+    n = counts[st.N_MESHED]
+    first_wall = walls.planes.shape[0] + walls.cones.shape[0] + walls.rings.shape[0]
+    ended = 0
+    for base in range(0, n, L):
+        lanes = min(L, n - base)
+        contacts = meshed.data[base // L]
+        gather(bodies.rows, meshed.body, base, t, tl.A)
+        for lane in range(lanes):
+            k = base + lane
+            touching = follow_mesh(bodies, physics.parts, walls, meshes, meshed, n, k, out, other, local)
+            for c in range(3):
+                contacts[tl.N + c * L + lane] = out[c]
+                t[tl.RA + c * L + lane] = out[5 + c]
+            contacts[st.MESH_GAP + lane] = out[3]
+            t[tl.GAP + lane] = out[3]
+            t[tl.RADIUS + lane] = out[4]
+            if not touching:
+                meshed.ended[ended] = k
+                ended += 1
+                t[tl.GAP + lane] = 1.0
+        wall_tile(bodies, meshed, walls, physics, first_wall, base, n, t)
+        tl.forces(t, contacts, physics.dt, physics.tension)
+        for lane in range(lanes):
+            if t[tl.GAP + lane] > 0.0:
+                mute_lane(t, lane)
+                meshed.limit[meshed.wall[base + lane], meshed.body[base + lane]] = -1.0
+        scatter(bodies.load[0], meshed.body, base, t, tl.TO_A)
+    for e in range(ended - 1, -1, -1):
+        drop_wall_contact(meshed, counts, st.N_MESHED, meshed.ended[e], ghost)
+
+
+@kernel
+def drop_gone(bodies, pairs, flat, curved, meshed, counts, grid, ghost):
     """Drop all contacts of the bodies that went below the floor in the last step."""
     presence = bodies.presence
     for k in range(counts[st.N_PAIRS] - 1, -1, -1):
@@ -227,6 +262,9 @@ def drop_gone(bodies, pairs, flat, curved, counts, grid, ghost):
     for k in range(counts[st.N_CURVED] - 1, -1, -1):
         if presence[curved.body[k]] != st.PRESENT:
             drop_wall_contact(curved, counts, st.N_CURVED, k, ghost)
+    for k in range(counts[st.N_MESHED] - 1, -1, -1):
+        if presence[meshed.body[k]] != st.PRESENT:
+            drop_wall_contact(meshed, counts, st.N_MESHED, k, ghost)
     for m in range(counts[st.N_MOVED]):
         if presence[grid.moved_list[m]] != st.PRESENT:
             take_away(bodies, grid.moved_list[m])
@@ -234,55 +272,64 @@ def drop_gone(bodies, pairs, flat, curved, counts, grid, ghost):
 
 
 @inlined
-def has_room(pairs, flat, curved, counts):
+def has_room(pairs, flat, curved, meshed, counts):
     """Whether every list is less than three quarters full."""
     return (
         counts[st.N_PAIRS] * 4 <= pairs.first.shape[0] * 3
         and counts[st.N_DORMANT] * 4 <= pairs.dormant_limit.shape[0] * 3
         and counts[st.N_PLANE] * 4 <= flat.body.shape[0] * 3
         and counts[st.N_CURVED] * 4 <= curved.body.shape[0] * 3
+        and counts[st.N_MESHED] * 4 <= meshed.body.shape[0] * 3
     )
 
 
 @inlined
-def begin_step(bodies, pairs, flat, curved, grid, walls, counts, physics, ghost):
+def begin_step(bodies, pairs, flat, curved, meshed, grid, walls, counts, physics, ghost):
     """What comes before the search for contacts: bodies that went and walls that move."""
     if counts[st.N_GONE] > 0:
-        drop_gone(bodies, pairs, flat, curved, counts, grid, ghost)
+        drop_gone(bodies, pairs, flat, curved, meshed, counts, grid, ghost)
     if walls.creep[2] > 0.0:
         move_walls(walls, physics.dt)
         move_plane_contacts(flat, walls, counts[st.N_PLANE])
 
 
 @inlined
-def wall_contacts_and_forces(bodies, flat, curved, walls, counts, physics, t, scratch, ghost):
+def wall_contacts_and_forces(bodies, flat, curved, meshed, walls, meshes, counts, physics, t, scratch, ghost):
     """Find the contacts with walls and add their forces."""
-    out, local, profile = scratch[8:16], scratch[16:48], scratch[48:]
-    update_walls(
-        bodies, flat, curved, walls, counts, physics.parts, physics.funnel_floor, profile, out, local
-    )
+    out, local, other, profile = scratch[8:16], scratch[16:48], scratch[48:56], scratch[64:]
+    parts = physics.parts
+    has_meshes = meshes.box.shape[0] > 0
+    update_walls(bodies, flat, curved, walls, counts, parts, physics.funnel_floor, profile, out, local)
+    if has_meshes:
+        update_meshes(bodies, meshed, walls, meshes, counts, parts, out, other, local)
     still_wall(t)
     tl.fill_law(t, physics.laws[0, physics.laws.shape[0] - 1])
     plane_forces(bodies, flat, walls, counts, physics, t, ghost)
     curved_forces(bodies, curved, walls, counts, physics, t, out, local, ghost)
+    if has_meshes:
+        mesh_forces(bodies, meshed, walls, meshes, counts, physics, t, out, other, local, ghost)
 
 
 @kernel
-def advance(bodies, pairs, flat, curved, grid, walls, counts, physics, t, bodies_tile, scratch, steps):
+def advance(
+    bodies, pairs, flat, curved, meshed, grid, walls, meshes, counts, physics, t, bodies_tile, scratch, steps
+):  # fmt: skip
     """Advance the simulation by a number of steps; stops before a step for which a list may be too short.
 
     Returns the steps made.
     """
     ghost = grid.cell.shape[0]
     for step in range(steps):
-        if not has_room(pairs, flat, curved, counts):
+        if not has_room(pairs, flat, curved, meshed, counts):
             return step
-        begin_step(bodies, pairs, flat, curved, grid, walls, counts, physics, ghost)
+        begin_step(bodies, pairs, flat, curved, meshed, grid, walls, counts, physics, ghost)
         wake(bodies, pairs, counts, grid, physics.parts, scratch[0:3])
         renew_pairs(bodies, pairs, counts, grid, physics.parts, scratch[0:3])
         ended = pair_forces(bodies, pairs, counts, physics, t, 0, 0, counts[st.N_PAIRS])
         retire_pairs(bodies, pairs, counts, grid, 0, ended, ghost)
-        wall_contacts_and_forces(bodies, flat, curved, walls, counts, physics, t, scratch, ghost)
+        wall_contacts_and_forces(
+            bodies, flat, curved, meshed, walls, meshes, counts, physics, t, scratch, ghost
+        )
         counts[st.STEPS] += 1
         n = integrate(bodies, counts, physics, bodies_tile, 0, counts[st.N_BODIES])
         act_on_events(bodies, grid, counts, 0, n, counts[st.STEPS] * physics.dt)

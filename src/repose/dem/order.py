@@ -47,7 +47,7 @@ def _permute_lanes(tiles, order):
     tiles[:] = flat.reshape(-1, L, rows).transpose(0, 2, 1).reshape(tiles.shape)
 
 
-def reorder(bodies, grid, pairs, flat, curved, counts):
+def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
     """Number the bodies along the Morton curve; returns the old number of each (n,). Between steps only."""
     n = int(counts[st.N_BODIES])
     order = np.argsort(morton(grid.cell[:n], grid.shape), kind="stable")
@@ -58,7 +58,7 @@ def reorder(bodies, grid, pairs, flat, curved, counts):
         grid.cell, grid.moved, grid.touching, grid.dormant,
     ):  # fmt: skip
         array[:n] = array[:n][order]
-    for contacts in (flat, curved):
+    for contacts in (flat, curved, meshed):
         contacts.limit[:, :n] = contacts.limit[:, :n][:, order]
     _permute_lanes(bodies.motion, order)
     bodies.resting[:] = 0
@@ -72,6 +72,7 @@ def reorder(bodies, grid, pairs, flat, curved, counts):
         (pairs.dormant_second, st.N_DORMANT),
         (flat.body, st.N_PLANE),
         (curved.body, st.N_CURVED),
+        (meshed.body, st.N_MESHED),
     ):
         numbers[: counts[used]] = place[numbers[: counts[used]]]
     sort_contacts(pairs, int(counts[st.N_PAIRS]))

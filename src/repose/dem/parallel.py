@@ -70,7 +70,8 @@ def wake_shares(pairs, counts, grid, due, n_due, begins):
 
 @kernel_without_gil
 def advance_shared(
-    bodies, pairs, flat, curved, grid, walls, counts, physics, tiles, body_tiles, scratches, shared, thread, steps
+    bodies, pairs, flat, curved, meshed, grid, walls, meshes, counts, physics, tiles, body_tiles, scratches, shared,
+    thread, steps
 ):  # fmt: skip
     """What one thread does of a number of steps; see `engine.advance`. Returns the steps made.
 
@@ -83,9 +84,9 @@ def advance_shared(
     begins, numbers = shared.begins, shared.numbers
     for step in range(steps):
         if lead:
-            shared.orders[STOP] = 0 if has_room(pairs, flat, curved, counts) else 1
+            shared.orders[STOP] = 0 if has_room(pairs, flat, curved, meshed, counts) else 1
             if shared.orders[STOP] == 0:
-                begin_step(bodies, pairs, flat, curved, grid, walls, counts, physics, ghost)
+                begin_step(bodies, pairs, flat, curved, meshed, grid, walls, counts, physics, ghost)
         wait_for_all(shared.counters, threads)
         if shared.orders[STOP] != 0:
             return step
@@ -100,7 +101,9 @@ def advance_shared(
         if lead:
             wake_shares(pairs, counts, grid, shared.due, numbers, begins)
             renew_pairs(bodies, pairs, counts, grid, physics.parts, scratch[0:3])
-            wall_contacts_and_forces(bodies, flat, curved, walls, counts, physics, t, scratch, ghost)
+            wall_contacts_and_forces(
+                bodies, flat, curved, meshed, walls, meshes, counts, physics, t, scratch, ghost
+            )
         wait_for_all(shared.counters, threads)
 
         for share in range(thread, SHARES, threads):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from . import checkpoint as checkpoints
-from . import parallel, running
+from . import features, parallel, running
 from . import state as st
 from . import tile as tl
 from .atomics import BARRIER_SIZE
@@ -15,7 +15,7 @@ from .materials import Contact, Material, contact_law, effective_moduli
 from .order import reorder
 from .rigid import TILE_ROWS, place_shape
 from .shapes import Shape
-from .surfaces import Cone, Motion, Plane, RingEdge, WallSet, frame_of
+from .surfaces import Cone, Mesh, Motion, Plane, RingEdge, WallSet, frame_of
 from .walls import STARTS
 
 # Room for the lists of a simulation, per body; they grow when needed.
@@ -33,13 +33,13 @@ class Simulation:
     `Contact`, for every pair of materials that can meet.
     time_step_s: above 0, at most `longest_time_step()`. capacity: most bodies. lower, upper (3,): a box in which most
     bodies stay [m]; it only steers the search for neighbours.
-    walls: names to `Plane`, `Cone`, `Cylinder`, `RingEdge`. gravity_m_s2 (3,).
+    walls: names to `Plane`, `Cone`, `Cylinder`, `RingEdge`, `Mesh`. gravity_m_s2 (3,).
     tension: "keep" lets the damped normal force pull at the end of an impact, so that a body leaves with the
     restitution asked for; "cut" limits it to pushing.
     largest_scale: the largest scale that `add` will be given.
     threads: for a simulation of 4096 bodies or more; the result is the same for any number.
     exit_height_m: falling through this height sets a body's exit time. funnel_floor_m: a body below it never meets a
-    curved wall again. floor_height_m: below it a body is gone.
+    cone, cylinder or ring again. floor_height_m: below it a body is gone.
     Raises ValueError naming the argument, the value and what is allowed.
     """
 
@@ -94,11 +94,15 @@ class Simulation:
         self.pairs = st.new_pairs(
             CONTACTS_PER_BODY * self.capacity + 64, DORMANT_PER_BODY * self.capacity + 256, self.capacity
         )
-        n_planes, n_curved = len(self.walls.planes), len(self.walls.frames)
-        self.flat = st.new_wall_contacts(
-            n_planes * self.capacity + 64, n_planes, self.capacity, self.capacity
-        )
-        self.curved = st.new_wall_contacts(self.capacity + 64, n_curved, self.capacity, self.capacity)
+        n_planes, n_curved = len(self.walls.planes), len(self.walls.cones) + len(self.walls.rings)
+        surfaces = self.wall_set.of(Mesh)
+        self.meshes = features.join([mesh.part for mesh in surfaces], self._slide())
+        for name, walls_of_kind, most in (
+            ("flat", n_planes, n_planes * self.capacity + 64),
+            ("curved", n_curved, self.capacity + 64),
+            ("meshed", len(surfaces), self.capacity + 64 if surfaces else 1),
+        ):
+            setattr(self, name, st.new_wall_contacts(most, walls_of_kind, self.capacity, self.capacity))
         self.counts = np.zeros(st.COUNTS, np.int64)
         wall_kinds = {surface.material for surface in self.wall_set.surfaces.values()}
         self.physics = st.Physics(
@@ -140,9 +144,9 @@ class Simulation:
 
     def _wall_arrays(self, size):
         """The walls as the kernels take them; size: of the box the bodies stay in [m]."""
-        planes, cones, rings = (self.wall_set.of(kind) for kind in (Plane, Cone, RingEdge))
-        surfaces = [*planes, *cones, *rings]
-        frames = np.array([frame_of(surface) for surface in (*cones, *rings)]).reshape(-1, 12)
+        planes, cones, rings, meshes = (self.wall_set.of(kind) for kind in (Plane, Cone, RingEdge, Mesh))
+        surfaces = [*planes, *cones, *rings, *meshes]
+        frames = np.array([frame_of(surface) for surface in (*cones, *rings, *meshes)]).reshape(-1, 12)
         motion = np.array([surface.motion.row() for surface in surfaces]).reshape(-1, 9)
         moves = np.any(motion[:, :6] != 0.0, axis=1)
         speeds = [
@@ -359,7 +363,8 @@ class Simulation:
     def _advance(self, steps):
         """Advance by at most so many steps, less where a list has to grow; returns the steps made."""
         arrays = (
-            self.bodies, self.pairs, self.flat, self.curved, self.grid, self.walls, self.counts, self.physics,
+            self.bodies, self.pairs, self.flat, self.curved, self.meshed, self.grid, self.walls, self.meshes,
+            self.counts, self.physics,
         )  # fmt: skip
         if not self._shared:
             return advance(*arrays, self._tiles[0], self._body_tiles[0], self._scratches[0], steps)
@@ -379,7 +384,7 @@ class Simulation:
     def _reorder(self):
         """Number the bodies in the order of space; what users see keeps their numbers."""
         n = self.n_bodies
-        order = reorder(self.bodies, self.grid, self.pairs, self.flat, self.curved, self.counts)
+        order = reorder(self.bodies, self.grid, self.pairs, self.flat, self.curved, self.meshed, self.counts)
         self._outer[:n] = self._outer[:n][order]
         self._inner[self._outer[:n]] = np.arange(n)
 
@@ -436,6 +441,7 @@ class Simulation:
         self.pairs = bigger
         self.flat = _grown(self.flat, self.counts[st.N_PLANE], self.capacity)
         self.curved = _grown(self.curved, self.counts[st.N_CURVED], self.capacity)
+        self.meshed = _grown(self.meshed, self.counts[st.N_MESHED], self.capacity)
 
     def kinetic_energies(self):
         """Kinetic energy of each body, translation and rotation (N,) [J]."""
@@ -466,6 +472,31 @@ class Simulation:
             rows[:, 6].copy(),
         )
 
+    def mesh_contacts(self):
+        """Contacts with meshes: body (M,), mesh (M,), feature (M,), normal into the wall (M, 3), overlap (M,) [m].
+
+        Meshes and features are numbered in the order of the walls: of each mesh its triangles, then its edges and
+        vertices that can be touched. A contact is found before it bears: the overlap is that of the last step.
+        """
+        n = self.counts[st.N_MESHED]
+        rows = st.contact_rows(self.meshed.data, n)
+        wall, feature = (getattr(self.meshed, name)[:n].copy() for name in ("wall", "feature"))
+        return (
+            self._outer[self.meshed.body[:n]],
+            wall,
+            feature,
+            rows[:, :3].copy(),
+            -rows[:, st.MESH_GAP // st.LANES],
+        )
+
+    def _slide(self):
+        """How far the point that touches a plane may slide over a body that turns, over the path of its odometer."""
+        return max(
+            float(np.sum(shape.semi_axes_m.max(axis=1) ** 2 / shape.semi_axes_m.min(axis=1)))
+            / shape.bounding_radius_m
+            for shape in self.shapes.values()
+        )
+
 
 def _grown(contacts, used, ghost):
     """Twice the room for wall contacts when three quarters are used."""
@@ -473,7 +504,7 @@ def _grown(contacts, used, ghost):
         return contacts
     bigger = st.new_wall_contacts(2 * len(contacts.body), *contacts.limit.shape, ghost)
     bigger.limit[:] = contacts.limit
-    for name in ("body", "wall"):
+    for name in ("body", "wall", "feature"):
         getattr(bigger, name)[:used] = getattr(contacts, name)[:used]
     bigger.data[: len(contacts.data)] = contacts.data
     return bigger
@@ -516,6 +547,11 @@ def _approach(surface, motion, frame, size):
     speed = float(np.linalg.norm(velocity))
     if not turning.any():
         return speed
+    if isinstance(surface, Mesh):
+        axis = turning / np.linalg.norm(turning)
+        offset = surface.vertices_m - pivot
+        across = np.linalg.norm(offset - np.outer(offset @ axis, axis), axis=1)
+        return speed + float(np.linalg.norm(turning) * across.max())
     if frame is None:  # a plane turns in itself about its normal only, and a disc about its middle
         axis, place = surface.row()[3:6], np.asarray(surface.point_m, float)
     else:

@@ -20,13 +20,13 @@ LOAD_COLUMNS = 8
 QUATERNION, SPIN, RENEWAL, MOBILITY, SQUARES, RADIUS = (k * LANES for k in (0, 4, 7, 8, 11, 20))
 MOTION_ROWS = 21
 # Rows of a tile of contacts: normal, tangential spring, and for a wall its azimuth (curved) or its offset, middle and
-# squared radius (plane).
+# squared radius (plane). Of a mesh: the azimuth about an edge, the gap.
 PAIR_ROWS, WALL_ROWS = 6, 11
-NORMAL, SPRING, AZIMUTH, OFFSET, MIDDLE, RADIUS2 = (k * LANES for k in (0, 3, 6, 6, 7, 10))
+NORMAL, SPRING, AZIMUTH, OFFSET, MIDDLE, MESH_GAP, RADIUS2 = (k * LANES for k in (0, 3, 6, 6, 7, 7, 10))
 
 # Slots of `counts`.
-N_BODIES, N_PAIRS, N_DORMANT, N_PLANE, N_CURVED, N_MOVED, STEPS, FULL, N_GONE = range(9)
-COUNTS = 9
+N_BODIES, N_PAIRS, N_DORMANT, N_PLANE, N_CURVED, N_MOVED, STEPS, FULL, N_GONE, N_MESHED = range(10)
+COUNTS = 10
 
 ABSENT, PRESENT, GONE = 0, 1, 2
 
@@ -41,7 +41,7 @@ Pairs = namedtuple(
     "Pairs",
     "first second data dormant_first dormant_second dormant_limit dormant_normal ended gap partner link",
 )
-WallContacts = namedtuple("WallContacts", "body wall data limit ended")
+WallContacts = namedtuple("WallContacts", "body wall feature data limit ended")
 Shared = namedtuple("Shared", "counters orders begins numbers due")
 Walls = namedtuple("Walls", "planes cones rings frames turned motion moves material creep")
 Physics = namedtuple(
@@ -49,11 +49,11 @@ Physics = namedtuple(
     "parts gravity laws mixed_pairs mixed_walls dt tension rolling_frame exit_height funnel_floor floor_height",
 )
 
-# Walls are numbered planes first, then cones, then rings; cones and rings together are the curved walls.
-# Walls.frames (curved, 12): origin and rotation, frame to world; turned: whether that is more than nothing. motion
-# (walls, 9): velocity, angular velocity, pivot. moves: whether it is more than nothing. material: of each wall, as
-# bodies.kind. creep: how far any wall may have come nearer up to now, how fast the fastest comes [m, m/s], whether any
-# moves.
+# Walls are numbered planes first, then cones, then rings, then meshes; cones and rings together are the curved walls.
+# Walls.frames (curved and meshes, 12): origin and rotation, frame to world; turned: whether that is more than nothing.
+# motion (walls, 9): velocity, angular velocity, pivot. moves: whether it is more than nothing. material: of each wall,
+# as bodies.kind. creep: how far any wall may have come nearer up to now, how fast the fastest comes [m, m/s], whether
+# any moves.
 # Columns of Walls.planes: point (3), normal from the inside into the wall (3), radius of the disc.
 # Columns of Walls.cones: m_r, m_z (normal into the wall), offset k, s_min, s_max, e_r, e_z (up along the wall), radius.
 # Columns of Walls.rings: core radius, height, edge radius, two gates (g_r, g_z) that the normal must not oppose.
@@ -166,13 +166,17 @@ def new_pairs(n_contacts, n_dormant, ghost):
 
 
 def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost):
-    """Room for contacts with walls of one kind; `limit` is the odometer reading that calls for a new look."""
+    """Room for contacts with walls of one kind; `limit` is the odometer reading that calls for a new look.
+
+    feature: for walls that are meshes, which of their features.
+    """
     n_contacts = _whole_tiles(n_contacts)
     data = new_contacts(n_contacts, WALL_ROWS)
     data[:, RADIUS2:] = np.inf
     return WallContacts(
         body=np.full(n_contacts, ghost, np.uint32),
         wall=np.zeros(n_contacts, np.uint32),
+        feature=np.zeros(n_contacts, np.uint32),
         data=data,
         limit=np.full((n_walls, n_bodies), -1.0),
         ended=np.zeros(n_contacts, np.int64),

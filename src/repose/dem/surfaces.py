@@ -1,14 +1,18 @@
-"""Walls as a user states them: planes, insides of cones and cylinders, rounded ring edges, at rest or moving."""
+"""Walls as a user states them: planes, cones and cylinders, rounded ring edges, meshes, at rest or moving."""
 
 import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import trimesh
+
+from repose.errors import InputError
 
 from .checks import array, mapping, name_of, not_negative, number
 from .checks import direction as _direction
 from .checks import positive as _positive
 from .checks import vector as _vector
+from .features import split
 
 ORIGIN = (0.0, 0.0, 0.0)
 UP = (0.0, 0.0, 1.0)
@@ -171,6 +175,79 @@ class RingEdge:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A wall of triangles, touched from the side of their outward normals: the surface of a solid obstacle.
+
+    vertices_m (V, 3) [m]; faces (F, 3): indices of a triangle's vertices, counter-clockwise seen from the bodies;
+    edge_radius_m: convex edges and vertices are rounded with it, tangent to the faces, which stay where they are, and
+    so are open borders. It must leave every triangle some room. Bodies that come from behind a face pass through it.
+    Of faces that meet in a concave kink below 20 degrees a body touches the one that it overlaps most.
+    Raises ValueError naming the argument and what is allowed: no degenerate triangle, at most two triangles at an edge,
+    wound alike.
+    """
+
+    vertices_m: np.ndarray
+    faces: np.ndarray
+    material: str
+    edge_radius_m: float = 0.0005
+    motion: Motion = STILL
+
+    origin_m = ORIGIN
+    axis = UP
+
+    def __post_init__(self):
+        vertices = np.asarray(self.vertices_m, float)
+        if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.all(np.isfinite(vertices)):
+            raise ValueError(f"vertices_m is {self.vertices_m!r}; allowed: (V, 3) finite numbers")
+        faces = np.asarray(self.faces)
+        if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces) or faces.dtype.kind not in "iu":
+            raise ValueError(f"faces is {self.faces!r}; allowed: (F, 3) whole numbers, at least one triangle")
+        if faces.min() < 0 or faces.max() >= len(vertices):
+            raise ValueError(
+                f"faces has {faces.min()} to {faces.max()}; allowed: 0 to {len(vertices) - 1}, rows of vertices_m"
+            )
+        if not (math.isfinite(self.edge_radius_m) and self.edge_radius_m > 0.0):
+            raise ValueError(f"edge_radius_m is {self.edge_radius_m!r}; allowed: above 0")
+        corners = vertices[faces]
+        sides = corners[:, 1:] - corners[:, :1]
+        thin = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+        thin = np.flatnonzero(thin <= 1e-12 * np.max(np.sum(np.ptp(vertices, axis=0) ** 2)))
+        if len(thin):
+            raise ValueError(
+                f"faces has {faces[thin[0]].tolist()}, a triangle without area; allowed: triangles with an area"
+            )
+        if not isinstance(self.motion, Motion):
+            raise ValueError(f"motion is {self.motion!r}; allowed: a Motion")
+        object.__setattr__(self, "vertices_m", vertices)
+        object.__setattr__(self, "faces", faces.astype(np.int64))
+        object.__setattr__(self, "part", split(vertices, self.faces, float(self.edge_radius_m)))
+
+    @classmethod
+    def from_stl(cls, path, material, scale=1.0, edge_radius_m=0.0005, motion=STILL):
+        """A mesh from an STL file (or what else trimesh reads); scale: metres of one unit of the file.
+
+        Raises InputError, a ValueError, naming the file and what is wrong with it.
+        """
+        if not (math.isfinite(scale) and scale > 0.0):
+            raise ValueError(f"scale is {scale!r}; allowed: above 0")
+        try:
+            mesh = trimesh.load(path, force="mesh")
+        except Exception as error:  # trimesh's readers raise whatever their parsers do
+            raise InputError(
+                path, "file", str(error), "a mesh that trimesh can read, such as an STL"
+            ) from None
+        if not len(mesh.faces):
+            raise InputError(path, "triangles", 0, "at least one")
+        mesh.merge_vertices()
+        # corners that fall together when merged leave lines, which are no triangles
+        mesh.update_faces(np.array([len(set(face)) == 3 for face in mesh.faces.tolist()]))
+        try:
+            return cls(scale * mesh.vertices, np.array(mesh.faces), material, edge_radius_m, motion)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+
+
 def frame_of(surface):
     """Origin and rotation (frame to world, by rows) of a curved surface as the kernels take them (12,)."""
     z = _direction("axis", surface.axis)
@@ -184,13 +261,13 @@ def frame_of(surface):
 
 @dataclass
 class WallSet:
-    """Named walls, sorted into the order of the kernels: planes, cones, rings."""
+    """Named walls, sorted into the order of the kernels: planes, cones, rings, meshes."""
 
     surfaces: dict = field(default_factory=dict)
 
     def __post_init__(self):
-        kinds = (Plane, Cone, RingEdge)
-        self.surfaces = mapping("walls", self.surfaces, kinds, "Plane, Cone, Cylinder or RingEdge")
+        kinds = (Plane, Cone, RingEdge, Mesh)
+        self.surfaces = mapping("walls", self.surfaces, kinds, "Plane, Cone, Cylinder, RingEdge or Mesh")
         self.names = [
             n for kind in kinds for n, surface in self.surfaces.items() if isinstance(surface, kind)
         ]

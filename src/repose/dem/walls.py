@@ -269,6 +269,7 @@ def drop_wall_contact(contacts, counts, slot, k, ghost):
     counts[slot] = last
     contacts.body[k] = contacts.body[last]
     contacts.wall[k] = contacts.wall[last]
+    contacts.feature[k] = contacts.feature[last]
     move_contact(contacts.data, last, k)
     contacts.body[last] = ghost
     tile = contacts.data[last // st.LANES]
