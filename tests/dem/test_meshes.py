@@ -255,6 +255,30 @@ def test_a_turntable_carries_a_berry():
     assert turned == pytest.approx(angle % (2.0 * math.pi), abs=0.1)
 
 
+def test_a_berry_in_a_tessellated_bowl_touches_one_face_at_a_time():
+    """Over gentle concave kinks, where its overlap reaches into several faces at once."""
+    solid = trimesh.creation.icosphere(subdivisions=3, radius=0.06)
+    solid.invert()
+    bowl, rng = mesh_of(solid), np.random.default_rng(51)
+    for _ in range(10):
+        s = simulation(
+            LONG,
+            Contact(0.3, 0.4, 0.0),
+            walls={"bowl": bowl},
+            gravity_m_s2=(0, 0, -9.81),
+            dt=5e-5,
+            capacity=1,
+        )
+        s.add((0.0, 0.0, 0.0), random_quaternion(rng), 0.5 * rng.normal(size=3))
+        weight = s.mass_kg * 9.81
+        first = s.kinetic_energies()[0] + 0.06 * weight
+        for _ in range(100):
+            s.run_steps(100)
+            assert len(s.mesh_contacts()[0]) <= 1
+            assert s.kinetic_energies()[0] + weight * (s.positions[0, 2] + 0.06) < first
+        assert np.linalg.norm(s.positions[0]) < 0.06
+
+
 def test_a_mesh_from_a_file_is_the_mesh(tmp_path):
     path = tmp_path / "cube.stl"
     trimesh.creation.box((20.0, 20.0, 20.0)).export(path)
