@@ -147,7 +147,7 @@ def mesh_distance(semi_axes, centre, q, vertices, faces, spacing):
     which, u, v = which[near], u[near], v[near]
     distances, _ = _points_to_ellipsoid(points[near], axes)
     best, foot = np.inf, None
-    for t in np.unique(which[distances < distances.min() + 0.5 * spacing]):
+    for t in np.unique(which[distances < distances.min() + 0.15 * spacing]):
         k = np.flatnonzero(which == t)[distances[which == t].argmin()]
         distance, place = _finest(triangles[t], u[k], v[k], axes, spacing)
         if distance < best:
@@ -161,8 +161,8 @@ def mesh_distance(semi_axes, centre, q, vertices, faces, spacing):
 def _finest(triangle, u, v, axes, width):
     """Least distance of a triangle's points to an ellipsoid and the point there, by ever smaller grids about (u, v)."""
     a, b, c = triangle
-    for _ in range(20):
-        n = np.linspace(-width, width, 13)
+    for _ in range(14):
+        n = np.linspace(-width, width, 11)
         du, dv = (w.ravel() for w in np.meshgrid(n / np.linalg.norm(b - a), n / np.linalg.norm(c - a)))
         us, vs = np.clip(u + du, 0.0, 1.0), np.clip(v + dv, 0.0, 1.0)
         over = np.maximum(us + vs - 1.0, 0.0)
@@ -174,14 +174,14 @@ def _finest(triangle, u, v, axes, width):
         distances, feet = _points_to_ellipsoid(points, axes)
         k = distances.argmin()
         u, v = us[k], vs[k]
-        width *= 0.6
+        width *= 0.5
     return float(distances[k]), feet[k]
 
 
 def _points_to_ellipsoid(points, axes):
     """Distances of points outside an ellipsoid, and their nearest points on it, by bisection as above."""
     low, high = np.zeros(len(points)), np.linalg.norm(points, axis=1) * axes.max()
-    for _ in range(60):
+    for _ in range(45):
         middle = 0.5 * (low + high)
         far = np.sum((axes * points / (axes**2 + middle[:, None])) ** 2, axis=1) > 1.0
         low, high = np.where(far, middle, low), np.where(far, high, middle)

@@ -88,10 +88,13 @@ def test_rounded_features_are_tangent_to_the_faces():
 
 def place_near(rng, solid, q):
     """A random place about a solid where a body of this orientation nearly touches it."""
-    samples = trimesh.sample.sample_surface(solid, 4000, seed=rng.integers(1 << 31))[0]
+    samples = trimesh.sample.sample_surface(solid, 1500, seed=rng.integers(1 << 31))[0]
     middle, half = solid.bounds.mean(axis=0), 0.5 * np.ptp(solid.bounds, axis=0)
-    target, direction = middle + half * rng.choice([-1.0, -0.5, 0.3, 1.0], 3), random_direction(rng)
-    for out in np.linspace(0.08, 0.0, 400):
+    target, direction = (
+        middle + half * rng.choice([-1.0, -1.0, -1.0, 0.3, 1.0, 1.0, 1.0], 3),
+        random_direction(rng),
+    )
+    for out in np.linspace(0.06, 0.0, 150):
         place = target + out * direction
         if np.any(np.linalg.norm((samples - place) @ rotation(q) / LONG[0], axis=1) < 1.0):
             return place + rng.uniform(-5e-4, 5e-4) * direction
@@ -124,7 +127,7 @@ def test_gaps_and_normals_are_those_of_a_dense_search(solid):
     assert missed > 15
     assert met[FACE] > 15
     assert met[EDGE] > 15
-    assert met[VERTEX] > 5
+    assert met[VERTEX] > 2
 
 
 def test_a_berry_on_a_tessellated_plane_moves_as_on_a_plane():
@@ -250,6 +253,30 @@ def test_a_turntable_carries_a_berry():
     assert math.hypot(x, y) == pytest.approx(0.03, rel=0.1)
     turned = math.atan2(-x, y) % (2.0 * math.pi)
     assert turned == pytest.approx(angle % (2.0 * math.pi), abs=0.1)
+
+
+def test_a_berry_in_a_tessellated_bowl_touches_one_face_at_a_time():
+    """Over gentle concave kinks, where its overlap reaches into several faces at once."""
+    solid = trimesh.creation.icosphere(subdivisions=3, radius=0.06)
+    solid.invert()
+    bowl, rng = mesh_of(solid), np.random.default_rng(51)
+    for _ in range(10):
+        s = simulation(
+            LONG,
+            Contact(0.3, 0.4, 0.0),
+            walls={"bowl": bowl},
+            gravity_m_s2=(0, 0, -9.81),
+            dt=5e-5,
+            capacity=1,
+        )
+        s.add((0.0, 0.0, 0.0), random_quaternion(rng), 0.5 * rng.normal(size=3))
+        weight = s.mass_kg * 9.81
+        first = s.kinetic_energies()[0] + 0.06 * weight
+        for _ in range(100):
+            s.run_steps(100)
+            assert len(s.mesh_contacts()[0]) <= 1
+            assert s.kinetic_energies()[0] + weight * (s.positions[0, 2] + 0.06) < first
+        assert np.linalg.norm(s.positions[0]) < 0.06
 
 
 def test_a_mesh_from_a_file_is_the_mesh(tmp_path):

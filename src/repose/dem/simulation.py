@@ -15,12 +15,12 @@ from .materials import Contact, Material, contact_law, effective_moduli
 from .order import reorder
 from .rigid import TILE_ROWS, place_shape
 from .shapes import Shape
-from .surfaces import Cone, Mesh, Motion, Plane, RingEdge, WallSet, frame_of
+from .surfaces import Mesh, Motion, WallSet
+from .wall_arrays import wall_arrays
 from .walls import STARTS
 
 # Room for the lists of a simulation, per body; they grow when needed.
 CONTACTS_PER_BODY, DORMANT_PER_BODY = 6, 6
-HOME = np.concatenate([np.zeros(3), np.eye(3).ravel()])  # the frame of a curved wall that is the world
 SKIN_SHARE = 0.45  # skin of the neighbour list over the largest bounding radius
 STEPS_PER_CONTACT = 15  # the longest time step is this share of a head-on impact's contact time
 FASTEST_IMPACT_M_S = 2.0
@@ -90,7 +90,7 @@ class Simulation:
         self._scales = np.ones(self.capacity)
         self.grid = st.new_grid(self.capacity, self.lower, self.upper, 2.0 * self.radius + skin)
         self.grid.lengths[1:] = 2.0 * self.radius, skin
-        self.walls = self._wall_arrays(np.linalg.norm(self.upper - self.lower))
+        self.walls = self._wall_arrays()
         self.pairs = st.new_pairs(
             CONTACTS_PER_BODY * self.capacity + 64, DORMANT_PER_BODY * self.capacity + 256, self.capacity
         )
@@ -142,43 +142,20 @@ class Simulation:
                 self._laws[self._wall_kinds[b], self._kinds[a]] = law
                 self._meetings.append((a, b))
 
-    def _wall_arrays(self, size):
-        """The walls as the kernels take them; size: of the box the bodies stay in [m]."""
-        planes, cones, rings, meshes = (self.wall_set.of(kind) for kind in (Plane, Cone, RingEdge, Mesh))
-        surfaces = [*planes, *cones, *rings, *meshes]
-        frames = np.array([frame_of(surface) for surface in (*cones, *rings, *meshes)]).reshape(-1, 12)
-        motion = np.array([surface.motion.row() for surface in surfaces]).reshape(-1, 9)
-        moves = np.any(motion[:, :6] != 0.0, axis=1)
-        speeds = [
-            _approach(surface, row, frame, size)
-            for surface, row, frame in zip(surfaces, motion, [*[None] * len(planes), *frames], strict=True)
-        ]
-        return st.Walls(
-            planes=np.array([wall.row() for wall in planes]).reshape(-1, st.PLANE_COLUMNS),
-            cones=np.array([wall.row() for wall in cones]).reshape(-1, st.CONE_COLUMNS),
-            rings=np.array([wall.row() for wall in rings]).reshape(-1, st.RING_COLUMNS),
-            frames=frames,
-            turned=(np.any(frames != HOME, axis=1) | moves[len(planes) :]).astype(np.uint8),
-            motion=motion,
-            moves=moves.astype(np.uint8),
-            material=np.array([self._wall_kinds[s.material] for s in surfaces], np.uint8),
-            creep=np.array([0.0, max(speeds, default=0.0), float(moves.any())]),
-        )
+    def _wall_arrays(self, old=None):
+        """The walls as the kernels take them, where they are now."""
+        size = float(np.linalg.norm(self.upper - self.lower))
+        return wall_arrays(self.wall_set, self._wall_kinds, size, old)
 
     def set_motion(self, wall, motion):
         """Give a wall another `Motion` from now on. Raises ValueError for a name that is not a wall's."""
         if not isinstance(motion, Motion):
             raise ValueError(f"motion is {motion!r}; allowed: a Motion")
         self.wall_set = self.wall_set.with_motion(wall, motion)
-        old, size = self.walls, float(np.linalg.norm(self.grid.shape * self.grid.lengths[0]))
-        new = self._wall_arrays(size)
-        # walls stay where their motion has brought them; so do the pivots of the others
-        new.planes[:], new.frames[:] = old.planes, old.frames
-        k = self.wall_set.names.index(wall)
-        others = np.arange(len(old.motion)) != k
+        old, new = self.walls, self._wall_arrays(self.walls)
+        # the pivots of the other walls stay where their motion has brought them
+        others = np.arange(len(old.motion)) != self.wall_set.names.index(wall)
         new.motion[others] = old.motion[others]
-        new.creep[0] = old.creep[0]
-        new.turned[:] |= old.turned
         self.walls = new
         present = self.bodies.presence[: self.n_bodies] == st.PRESENT
         self.bodies.alarm[: self.n_bodies][present] = -1.0
@@ -539,26 +516,3 @@ def _pairs_of(contacts, materials):
             )
         both[pair] = both[pair[::-1]] = contact
     return both
-
-
-def _approach(surface, motion, frame, size):
-    """How fast any point of a wall may come nearer to a body [m/s]; nothing for one that turns about its own axis."""
-    velocity, turning, pivot = motion[:3], motion[3:6], motion[6:]
-    speed = float(np.linalg.norm(velocity))
-    if not turning.any():
-        return speed
-    if isinstance(surface, Mesh):
-        axis = turning / np.linalg.norm(turning)
-        offset = surface.vertices_m - pivot
-        across = np.linalg.norm(offset - np.outer(offset @ axis, axis), axis=1)
-        return speed + float(np.linalg.norm(turning) * across.max())
-    if frame is None:  # a plane turns in itself about its normal only, and a disc about its middle
-        axis, place = surface.row()[3:6], np.asarray(surface.point_m, float)
-    else:
-        axis, place = frame[3:].reshape(3, 3)[:, 2], frame[:3]
-    rate = np.linalg.norm(turning)
-    aligned = abs(abs(axis @ turning) - rate) < 1e-12 * rate
-    offset = place - pivot
-    if aligned and np.linalg.norm(offset - (offset @ axis) * axis) < 1e-12:
-        return speed
-    return speed + float(rate * (size + np.linalg.norm(offset)))

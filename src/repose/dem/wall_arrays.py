@@ -1,0 +1,60 @@
+"""Walls from the words of a user to the arrays of the kernels."""
+
+import numpy as np
+
+from . import state as st
+from .surfaces import Cone, Mesh, Plane, RingEdge, frame_of
+
+HOME = np.concatenate([np.zeros(3), np.eye(3).ravel()])  # the frame that is the world
+
+
+def wall_arrays(wall_set, kinds, size_m, old=None):
+    """The walls as the kernels take them (`state.Walls`).
+
+    kinds: number of each material's name; size_m: of the box the bodies stay in; old: arrays of the same walls, whose
+    places are taken over.
+    """
+    planes, cones, rings, meshes = (wall_set.of(kind) for kind in (Plane, Cone, RingEdge, Mesh))
+    surfaces = [*planes, *cones, *rings, *meshes]
+    flat = np.array([wall.row() for wall in planes]).reshape(-1, st.PLANE_COLUMNS)
+    frames = np.array([frame_of(surface) for surface in (*cones, *rings, *meshes)]).reshape(-1, 12)
+    if old is not None:
+        flat, frames = old.planes.copy(), old.frames.copy()
+    motion = np.array([surface.motion.row() for surface in surfaces]).reshape(-1, 9)
+    moves = np.any(motion[:, :6] != 0.0, axis=1)
+    axes = [*flat[:, 3:6], *frames[:, 3:].reshape(-1, 3, 3)[:, :, 2]]
+    places = [*flat[:, :3], *frames[:, :3]]
+    speeds = [_approach(*wall, size_m) for wall in zip(surfaces, axes, places, motion, strict=True)]
+    turned = np.any(frames != HOME, axis=1) | moves[len(planes) :]
+    return st.Walls(
+        planes=flat,
+        cones=np.array([wall.row() for wall in cones]).reshape(-1, st.CONE_COLUMNS),
+        rings=np.array([wall.row() for wall in rings]).reshape(-1, st.RING_COLUMNS),
+        frames=frames,
+        turned=(turned if old is None else turned | (old.turned > 0)).astype(np.uint8),
+        motion=motion,
+        moves=moves.astype(np.uint8),
+        material=np.array([kinds[s.material] for s in surfaces], np.uint8),
+        creep=np.array([0.0 if old is None else old.creep[0], max(speeds, default=0.0), float(moves.any())]),
+    )
+
+
+def _approach(surface, axis, place, motion, size_m):
+    """How fast any point of a wall may come nearer to a body [m/s]; nothing for one that turns about its own axis.
+
+    axis, place: of the wall now; a plane's normal and middle, else the axis and origin of its frame.
+    """
+    velocity, turning, pivot = motion[:3], motion[3:6], motion[6:]
+    speed = float(np.linalg.norm(velocity))
+    rate = float(np.linalg.norm(turning))
+    if rate == 0.0:
+        return speed
+    offset = place - pivot
+    if isinstance(surface, Mesh):
+        # vertices are told in the mesh's frame: no farther from the pivot than its origin and they from the origin
+        reach = np.linalg.norm(surface.vertices_m, axis=1).max()
+        return speed + rate * float(reach + np.linalg.norm(offset))
+    aligned = abs(abs(axis @ turning) - rate) < 1e-12 * rate
+    if aligned and np.linalg.norm(offset - (offset @ axis) * axis) < 1e-9 * size_m:
+        return speed
+    return speed + rate * float(size_m + np.linalg.norm(offset))
