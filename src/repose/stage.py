@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .dem.surfaces import Cone
+from .dem.surfaces import Cone, Mesh
 from .dem.tessellation import cone_circles, endless, in_world, plane_polygon
 from .scenes import Funnel
 
@@ -152,7 +152,13 @@ def setting_of(simulation, planes=None, wall_frames=None):
             panels.append(Panel(corners))
     frusta = []
     cones = simulation.wall_set.of(Cone)
+    n_meshes = len(simulation.wall_set.of(Mesh))
     for cone, frame in zip(cones, wall_frames, strict=False):
         (r_low, z_low), (r_high, z_high) = cone_circles(cone.line)
         frusta.append(Frustum(z_low, r_low, z_high, r_high, tuple(frame)))
+    for mesh, frame in zip(
+        simulation.wall_set.of(Mesh), wall_frames[len(wall_frames) - n_meshes :], strict=True
+    ):
+        corners = in_world(np.asarray(frame, float), mesh.vertices_m)
+        panels += [Panel(corners[face]) for face in mesh.faces]
     return Setting(plate, tuple(panels), tuple(frusta))

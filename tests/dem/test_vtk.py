@@ -11,6 +11,7 @@ from repose.dem import (
     Contact,
     Cylinder,
     Material,
+    Mesh,
     Motion,
     Plane,
     Recorder,
@@ -22,6 +23,7 @@ from repose.dem import (
     write_vtk,
 )
 from repose.dem.tessellation import triangulated_walls
+from repose.stage import setting_of
 
 NUMPY_TYPES = {"Float64": "<f8", "Int64": "<i8", "Int32": "<i4"}
 
@@ -179,3 +181,27 @@ def test_wrong_names_are_told(tmp_path):
         write_vtk(tmp_path / "a.vtp", None, "bodies")
     with pytest.raises(ValueError, match=r"allowed: a file that ends in \.pvd"):
         VtkSeries(tmp_path / "a.vtp")
+
+
+def test_a_mesh_is_written_and_drawn_where_its_motion_has_brought_it(tmp_path):
+    corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]], float)
+    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    simulation = Simulation(
+        {"ball": Shape.sphere(0.005, 1000.0, "wood")},
+        {"wood": Material(1e6, 0.3)},
+        {("wood", "wood"): Contact(0.5, 0.3, 0.0)},
+        1e-5,
+        capacity=1,
+        lower=(-0.5, -0.5, -0.5),
+        upper=(0.5, 0.5, 0.5),
+        walls={"wedge": Mesh(corners, faces, "wood", motion=Motion((1.0, 0.0, 0.0)))},
+    )
+    simulation.add("ball", (0.0, 0.0, 0.4))
+    simulation.run_steps(1000)
+    shift = np.array([0.01, 0.0, 0.0])
+    points, triangles = triangulated_walls(simulation)["wedge"]
+    assert np.allclose(points, corners + shift)
+    assert np.array_equal(triangles, faces)
+    panels = setting_of(simulation).panels
+    assert np.allclose(panels[3].corners_m, corners[faces[3]] + shift)
+    assert panels[3].normal @ np.ones(3) > 1.7

@@ -162,7 +162,8 @@ def triangulated_walls(simulation):
             points, triangles = _turned_profile(profile)
             points = in_world(simulation.walls.frames[k - len(planes)], points)
         else:
-            continue
+            points = in_world(simulation.walls.frames[k - len(planes)], surface.vertices_m)
+            triangles = surface.faces
         found[name] = points, triangles
     return found
 
