@@ -11,49 +11,12 @@ import resource
 import time
 
 import numpy as np
+from beds import DENSITY_KG_M3, SEMI_AXES_M, bed
 
-from repose.dem import Contact, Material, Plane, Shape, Simulation
+from repose.dem import Shape
 
-SEMI_AXES_M = np.array([0.02114, 0.01137, 0.00988]) / 2.0
-DENSITY_KG_M3 = 840.47
-LAYERS = 12
-SPACING_M = 0.0215
 SETTLE_STEPS, TIMED_STEPS, REPEATS = 4000, 200, 5
 TIME_STEP_S = 2e-4
-
-
-def bed(berries, threads, seed=1):
-    """A box of berries at rest."""
-    side = np.sqrt(berries / LAYERS * SPACING_M**2)
-    columns = int(np.ceil(np.sqrt(berries / LAYERS)))
-    top = SPACING_M * (LAYERS + 2)
-    walls = {"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")}
-    for name, k, sign in (("left", 0, 1), ("right", 0, -1), ("front", 1, 1), ("back", 1, -1)):
-        normal, point = np.zeros(3), np.zeros(3)
-        normal[k], point[k] = sign, 0.0 if sign > 0 else side + 1e-3
-        walls[name] = Plane(point, normal, "wall")
-    simulation = Simulation(
-        {"berry": Shape.ellipsoid(SEMI_AXES_M, DENSITY_KG_M3, "berry")},
-        {"berry": Material(4.3e4, 0.32), "wall": Material(1.12e9, 0.4)},
-        {("berry", "berry"): Contact(0.2, 0.6, 0.04), ("berry", "wall"): Contact(0.25, 0.5, 0.18)},
-        TIME_STEP_S,
-        capacity=berries,
-        lower=(0.0, 0.0, 0.0),
-        upper=(side, side, top),
-        walls=walls,
-        threads=threads,
-    )
-    rng = np.random.default_rng(seed)
-    for k in range(berries):
-        layer, rest = divmod(k, columns * columns)
-        place = (np.array([*divmod(rest, columns), layer]) + 0.5) * [
-            side / columns,
-            side / columns,
-            SPACING_M,
-        ]
-        simulation.add("berry", place, rng.normal(size=4))
-    simulation.run_steps(SETTLE_STEPS)
-    return simulation
 
 
 def time_step_us(simulation):
@@ -75,8 +38,9 @@ def main():
     arguments = parser.parse_args()
     print("berries  threads  contacts/berry  us/step  ns/contact  ratio  peak MB")
     first = None
+    berry = Shape.ellipsoid(SEMI_AXES_M, DENSITY_KG_M3, "berry")
     for berries in arguments.berries:
-        simulation = bed(berries, arguments.threads[0])
+        simulation = bed(berry, berries, TIME_STEP_S, SETTLE_STEPS, arguments.threads[0])
         for threads in arguments.threads:
             simulation.threads = threads
             us = time_step_us(simulation)
