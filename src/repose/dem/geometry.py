@@ -1,35 +1,14 @@
-"""Rotations and support functions of one body, as scalars.
+"""Directions and support functions of one body, as scalars.
 
 A body is a sum of K ellipsoids with common axes (a Minkowski sum): its support function is
 h(n) = sum_k sqrt(n' S_k n) with S_k = R diag(a_k^2) R', smooth and convex for any K. The S_k of a body stand in its row
 (see `state`), in the world frame, so no kernel turns a vector into the body's frame.
-Quaternions are (w, x, y, z), body to world.
 """
 
 import math
 
 from .jit import inlined
 from .state import PART, SHAPE
-
-
-@inlined
-def to_body(qw, qx, qy, qz, x, y, z):
-    """Rotate a world vector into the body frame."""
-    # v' = v + 2 q x (q x v - w v): Rodrigues with the conjugate quaternion
-    ax = z * qy - y * qz - qw * x
-    ay = x * qz - z * qx - qw * y
-    az = y * qx - x * qy - qw * z
-    return (
-        x + 2.0 * (az * qy - ay * qz),
-        y + 2.0 * (ax * qz - az * qx),
-        z + 2.0 * (ay * qx - ax * qy),
-    )
-
-
-@inlined
-def to_world(qw, qx, qy, qz, x, y, z):
-    """Rotate a body vector into the world frame."""
-    return to_body(qw, -qx, -qy, -qz, x, y, z)
 
 
 @inlined
