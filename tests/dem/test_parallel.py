@@ -68,6 +68,31 @@ def test_shares_move_bodies_as_one_does(small_is_shared, monkeypatch):
     assert np.allclose(shared.positions, plain.positions, atol=1e-9)
 
 
+def test_pairs_that_are_left_alone_still_meet_in_time(small_is_shared, monkeypatch):
+    # a lattice that creeps together so slowly that its pairs are left alone for most of the steps
+    def creeping():
+        s = simulation(
+            BERRY, Contact(0.3, 0.5, 0.05), dt=2e-4, capacity=64, lower=(-0.2,) * 3, upper=(0.2,) * 3
+        )
+        for x, y, z in itertools.product((-0.033, -0.011, 0.011, 0.033), repeat=3):
+            s.add((x, 0.55 * y, 0.5 * z), velocity_m_s=(-0.08 * x, -0.08 * y, -0.08 * z))
+        return s
+
+    met = []
+    for fewest in (1, 1000):
+        monkeypatch.setattr(parallel, "FEWEST_BODIES", fewest)
+        s = creeping()
+        found, left_alone = [], 0
+        for _ in range(100):
+            s.run_steps(50)
+            found.append(s.contacts())
+            left_alone += int(s.grid.lengths[st.APPROACH] < s.pairs.dormant_look[0])
+        met.append(found)
+        assert (left_alone > 50) == (fewest == 1)
+    assert len(met[0][0]) == 0 and len(met[0][-1]) > 50
+    assert all(np.array_equal(one, two) for one, two in zip(*met, strict=True))
+
+
 def test_new_numbers_change_nothing_that_users_see(small_is_shared):
     s = falling(1)
     s.run_steps(STEPS - 1)

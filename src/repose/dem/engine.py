@@ -7,7 +7,7 @@ from .jit import inlined, kernel
 from .meshes import follow_mesh, update_meshes
 from .neighbours import add_dormant, drop_contact, renew_pairs, wake
 from .rigid import act_on_events, integrate, take_away
-from .simd import WIDTH, add_lanes_to_rows, rows_to_lanes
+from .simd import WIDTH, add_lanes_to_rows, prefetch, rows_to_lanes
 from .walls import (
     SAME_AZIMUTH,
     angle_between,
@@ -36,6 +36,33 @@ def scatter(load, index, base, t, at):
 
 
 @inlined
+def mark_touched(bodies, share, index, base):
+    """Note that a share of the loads of a tile's bodies is no longer zero."""
+    for k in range(base, base + L):
+        bodies.touched[share, index[k] // L] = 1
+
+
+@inlined
+def fetch_bodies(rows, load, index, base):
+    """Ask for what a tile of contacts will gather and scatter."""
+    for k in range(base, base + L):
+        for column in range(0, rows.shape[1], WIDTH):
+            prefetch(rows, index[k], column)
+        prefetch(load, index[k], 0)
+
+
+@inlined
+def fetch_contacts(pairs, load, rows, base):
+    """Ask for the next tile but one of contacts and the next one's bodies, which in a large simulation are far off."""
+    if base + 2 * L < pairs.first.shape[0]:
+        for column in range(0, st.PAIR_ROWS * L, WIDTH):
+            prefetch(pairs.data, base // L + 2, column)
+    if base + L < pairs.first.shape[0]:
+        fetch_bodies(rows, load, pairs.first, base + L)
+        fetch_bodies(rows, load, pairs.second, base + L)
+
+
+@inlined
 def mute_lane(t, lane):
     """Take back the forces of a lane."""
     for c in range(st.LOAD_COLUMNS):
@@ -60,8 +87,11 @@ def pair_forces(bodies, pairs, counts, physics, t, share, begin, end):
     load = bodies.load[share]
     ended = 0
     tl.fill_law(t, physics.laws[0, 0])
+    large = bodies.load.shape[0] > 1
     for base in range(begin, n, L):
         contacts = pairs.data[base // L]
+        if large:
+            fetch_contacts(pairs, load, bodies.rows, base)
         if physics.mixed_pairs:
             for lane in range(L):
                 k = base + lane
@@ -82,10 +112,9 @@ def pair_forces(bodies, pairs, counts, physics, t, share, begin, end):
                     ended += 1
         scatter(load, pairs.first, base, t, tl.TO_A)
         scatter(load, pairs.second, base, t, tl.TO_B)
-        if share > 0:
-            for k in range(base, base + L):
-                bodies.touched[share, pairs.first[k] // L] = 1
-                bodies.touched[share, pairs.second[k] // L] = 1
+        if large:
+            mark_touched(bodies, share, pairs.first, base)
+            mark_touched(bodies, share, pairs.second, base)
     return ended
 
 
@@ -146,9 +175,12 @@ def look_soon(bodies, contacts, walls, wall, i, gap):
 def plane_forces(bodies, flat, walls, counts, physics, t, ghost):
     """Forces of all contacts with planes."""
     n = counts[st.N_PLANE]
+    large = bodies.load.shape[0] > 1
     ended = 0
     for base in range(0, n, L):
         contacts = flat.data[base // L]
+        if large and base + L < n:
+            fetch_bodies(bodies.rows, bodies.load[0], flat.body, base + L)
         gather(bodies.rows, flat.body, base, t, tl.A)
         tl.tangent_rows(t, contacts)
         tl.body_a(t, contacts, physics.parts)
@@ -167,6 +199,7 @@ def plane_forces(bodies, flat, walls, counts, physics, t, ghost):
                     flat.ended[ended] = k
                     ended += 1
         scatter(bodies.load[0], flat.body, base, t, tl.TO_A)
+        mark_touched(bodies, 0, flat.body, base)
     for e in range(ended - 1, -1, -1):
         drop_wall_contact(flat, counts, st.N_PLANE, flat.ended[e], ghost)
 
@@ -211,6 +244,7 @@ def curved_forces(bodies, curved, walls, counts, physics, t, out, local, ghost):
                 mute_lane(t, lane)
                 look_soon(bodies, curved, walls, curved.wall[base + lane], curved.body[base + lane], 0.0)
         scatter(bodies.load[0], curved.body, base, t, tl.TO_A)
+        mark_touched(bodies, 0, curved.body, base)
     for e in range(ended - 1, -1, -1):
         drop_wall_contact(curved, counts, st.N_CURVED, curved.ended[e], ghost)
 
@@ -245,6 +279,7 @@ def mesh_forces(bodies, meshed, walls, meshes, counts, physics, t, out, other, l
                 mute_lane(t, lane)
                 meshed.limit[meshed.wall[base + lane], meshed.body[base + lane]] = -1.0
         scatter(bodies.load[0], meshed.body, base, t, tl.TO_A)
+        mark_touched(bodies, 0, meshed.body, base)
     for e in range(ended - 1, -1, -1):
         drop_wall_contact(meshed, counts, st.N_MESHED, meshed.ended[e], ghost)
 

@@ -25,7 +25,7 @@ L = st.LANES
 @inlined
 def cell_of(grid, x, y, z):
     """Index of the cell of a point; points outside the box belong to its nearest cell."""
-    edge = grid.lengths[0]
+    edge = grid.lengths[st.CELL]
     i = math.floor((x - grid.origin[0]) / edge)
     j = math.floor((y - grid.origin[1]) / edge)
     k = math.floor((z - grid.origin[2]) / edge)
@@ -57,7 +57,7 @@ def link(grid, bodies, i):
     """Put body i into the cell of its present position and note when its neighbours are to be found anew."""
     x, y, z = bodies.rows[i, 0], bodies.rows[i, 1], bodies.rows[i, 2]
     cell = cell_of(grid, x, y, z)
-    bodies.motion[i // L, st.RENEWAL + i % L] = bodies.odometer[i] + 0.5 * grid.lengths[2]
+    bodies.motion[i // L, st.RENEWAL + i % L] = bodies.odometer[i] + 0.5 * grid.lengths[st.SKIN]
     grid.cell[i] = cell
     grid.preceding[i] = -1
     grid.following[i] = grid.head[cell]
@@ -85,6 +85,7 @@ def drop_dormant(pairs, counts, grid, k):
     pairs.dormant_first[k] = pairs.dormant_first[last]
     pairs.dormant_second[k] = pairs.dormant_second[last]
     pairs.dormant_limit[k] = pairs.dormant_limit[last]
+    pairs.dormant_look[k // st.BLOCK] = 0.0
     for c in range(3):
         pairs.dormant_normal[k, c] = pairs.dormant_normal[last, c]
 
@@ -102,6 +103,7 @@ def add_dormant(pairs, counts, grid, i, j, limit, nx, ny, nz):
     pairs.dormant_first[k] = i
     pairs.dormant_second[k] = j
     pairs.dormant_limit[k] = limit
+    pairs.dormant_look[k // st.BLOCK] = 0.0
     pairs.dormant_normal[k, 0] = nx
     pairs.dormant_normal[k, 1] = ny
     pairs.dormant_normal[k, 2] = nz
@@ -143,7 +145,7 @@ def look_at_dormant(bodies, pairs, counts, grid, parts, k, normal):
     j = pairs.dormant_second[k]
     for c in range(3):
         normal[c] = pairs.dormant_normal[k, c]
-    gap = solve_gap(bodies.rows, parts, i, j, normal, TOLERANCE, EARLY * grid.lengths[2])
+    gap = solve_gap(bodies.rows, parts, i, j, normal, TOLERANCE, EARLY * grid.lengths[st.SKIN])
     if gap <= 0.0:
         drop_dormant(pairs, counts, grid, k)
         add_contact(pairs, counts, grid, i, j, normal)
@@ -235,7 +237,7 @@ def bounding_radius(bodies, i):
 def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
     """List a pair anew: touching, dormant with the gap found, or not at all where the gap is a skin or more."""
     rows = bodies.rows
-    skin = grid.lengths[2]
+    skin = grid.lengths[st.SKIN]
     dx = rows[b, 0] - rows[a, 0]
     dy = rows[b, 1] - rows[a, 1]
     dz = rows[b, 2] - rows[a, 2]

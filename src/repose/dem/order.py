@@ -93,3 +93,4 @@ def sort_dormant(pairs, n):
     order = np.argsort(np.minimum(pairs.dormant_first[:n], pairs.dormant_second[:n]), kind="stable")
     for array in (pairs.dormant_first, pairs.dormant_second, pairs.dormant_limit, pairs.dormant_normal):
         array[:n] = array[:n][order]
+    pairs.dormant_look[:] = 0.0

@@ -6,6 +6,7 @@ threads. What changes lists (pairs that meet, part or move on) is done by one th
 Every thread runs `advance_shared`; they meet at barriers.
 """
 
+import math
 import threading
 
 import numpy as np
@@ -14,13 +15,15 @@ from . import state as st
 from .atomics import wait_for_all
 from .contact import solve_gap
 from .engine import begin_step, has_room, pair_forces, retire_pairs, wall_contacts_and_forces
-from .jit import inlined, kernel_without_gil
+from .jit import inlined, kernel, kernel_without_gil
 from .neighbours import EARLY, TOLERANCE, add_contact, drop_dormant, next_due, renew_pairs
 from .rigid import act_on_events, integrate
 
 SHARES = 8
 FEWEST_BODIES = 4096  # smaller simulations have one share: they gain nothing from threads
 REORDER_EVERY = 1000  # steps after which bodies are numbered anew (see `order`)
+CALM = 1e-3  # of the skin: an approach of two bodies in one step below which whole blocks of pairs can be left alone
+ROUNDING = 1e-12  # sums of path lengths are exact to this [m]
 STOP = 0  # place in `orders` that ends the run
 L = st.LANES
 
@@ -32,10 +35,23 @@ def share_of(n, share, grain):
     return grains * share // SHARES * grain, min(grains * (share + 1) // SHARES * grain, n)
 
 
+@kernel
+def slack(odometer, first, second, limit, begin, end):
+    """By how much the pairs begin to end may at least come nearer before one is due [m]."""
+    least = math.inf
+    for k in range(begin, end):
+        u = np.uint64(k)
+        least = min(least, limit[u] - (odometer[first[u]] + odometer[second[u]]))
+    return least
+
+
 @inlined
-def look_at_share(bodies, pairs, grid, parts, begin, end, due, normal):
-    """Solve for the gaps of the dormant pairs begin to end that are due; lists those that touch, returns how many."""
-    early = EARLY * grid.lengths[2]
+def look_at_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
+    """Solve for the gaps of the dormant pairs begin to end that are due; lists those that touch from a place on.
+
+    Returns how many.
+    """
+    early = EARLY * grid.lengths[st.SKIN]
     first, second, limit = pairs.dormant_first, pairs.dormant_second, pairs.dormant_limit
     found = 0
     k = next_due(bodies.odometer, first, second, limit, begin, end)
@@ -48,11 +64,34 @@ def look_at_share(bodies, pairs, grid, parts, begin, end, due, normal):
         for c in range(3):
             pairs.dormant_normal[k, c] = normal[c]
         if gap <= 0.0:
-            due[begin + found] = k
+            due[place + found] = k
             found += 1
         else:
             limit[k] = bodies.odometer[i] + bodies.odometer[j] + gap
         k = next_due(bodies.odometer, first, second, limit, k + 1, end)
+    return found
+
+
+@inlined
+def look_at_share(bodies, pairs, grid, parts, begin, end, due, normal):
+    """Solve for the gaps of the dormant pairs begin to end that are due; lists those that touch, returns how many.
+
+    Where everything is nearly at rest whole blocks are left alone until the two fastest bodies, had they been one of
+    its pairs, could have used up its slack.
+    """
+    first, second, limit = pairs.dormant_first, pairs.dormant_second, pairs.dormant_limit
+    approach = grid.lengths[st.APPROACH]
+    calm = grid.lengths[st.LAST_APPROACH] < CALM * grid.lengths[st.SKIN]
+    found = 0
+    for at in range(begin, end, st.BLOCK):
+        block = at // st.BLOCK
+        if approach < pairs.dormant_look[block]:
+            continue
+        last = min(at + st.BLOCK, end)
+        found += look_at_block(bodies, pairs, grid, parts, at, last, due, begin + found, normal)
+        if calm:
+            free = slack(bodies.odometer, first, second, limit, at, last)
+            pairs.dormant_look[block] = approach + free - ROUNDING
     return found
 
 
@@ -92,7 +131,7 @@ def advance_shared(
             return step
 
         for share in range(thread, SHARES, threads):
-            begin, end = share_of(counts[st.N_DORMANT], share, L)
+            begin, end = share_of(counts[st.N_DORMANT], share, st.BLOCK)
             begins[share] = begin
             numbers[share] = look_at_share(
                 bodies, pairs, grid, physics.parts, begin, end, shared.due, scratch[0:3]
@@ -123,10 +162,14 @@ def advance_shared(
             numbers[share] = integrate(bodies, counts, physics, m, begin, end)
         wait_for_all(shared.counters, threads)
         if lead:
+            longest = 0.0
             for share in range(SHARES):
+                longest = max(longest, bodies.longest[begins[share] // L])
                 act_on_events(
                     bodies, grid, counts, begins[share], numbers[share], counts[st.STEPS] * physics.dt
                 )
+            grid.lengths[st.LAST_APPROACH] = 2.0 * longest
+            grid.lengths[st.APPROACH] += 2.0 * longest
     return steps
 
 

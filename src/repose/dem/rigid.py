@@ -9,7 +9,7 @@ import math
 from . import state as st
 from .jit import inlined, kernel
 from .neighbours import mark_moved
-from .simd import WIDTH, lanes_to_rows, rows_to_lanes
+from .simd import WIDTH, lanes_to_rows, prefetch, rows_to_lanes
 from .state import LANES, MOBILITY, PART, QUATERNION, SHAPE, SPIN, SQUARES
 
 L = LANES  # short, for the index arithmetic below
@@ -280,6 +280,17 @@ def noteworthy(m, c, odometer, base, exit_height, floor):
 
 
 @inlined
+def longest_path(m):
+    """Longest path of a tile's bodies in this step; the paths are used up."""
+    half = L // 2
+    while half > 0:
+        for k in range(half):
+            m[PATH + k] = max(m[PATH + k], m[PATH + half + k])
+        half //= 2
+    return m[PATH]
+
+
+@inlined
 def event_of(bodies, physics, m, c, lane, i):
     """What happened to a body: fell through the exit, needs new neighbours, went below the floor."""
     z = m[ROWS + 2 * L + lane]
@@ -309,10 +320,12 @@ def act_on_events(bodies, grid, counts, begin, n, time):
 
 
 @inlined
-def add_loads(bodies, tile, m):
-    """Add the other shares of a tile's loads to the first, and clear them."""
+def take_loads(bodies, tile, m):
+    """Add up the shares of a tile's loads, and clear them; what no contact has touched is zero and not looked at."""
     base = tile * L
-    for share in range(1, bodies.load.shape[0]):
+    for k in range(st.LOAD_COLUMNS * L):
+        m[LOAD + k] = 0.0
+    for share in range(bodies.load.shape[0]):
         if bodies.touched[share, tile]:
             bodies.touched[share, tile] = 0
             load = bodies.load[share]
@@ -323,20 +336,55 @@ def add_loads(bodies, tile, m):
             load[base : base + L] = 0.0
 
 
+@inlined
+def take_only_load(bodies, tile, m):
+    """Take a tile's loads where there is one share of them, and clear them."""
+    base = tile * L
+    load = bodies.load[0]
+    for k in range(0, L, WIDTH):
+        rows_to_lanes(load, 0, bodies.every, base + k, m, LOAD + k, L)
+    load[base : base + L] = 0.0
+
+
+@inlined
+def fetch_next(bodies, tile):
+    """Ask for the loads, rows and motion of the next tile but one, which in a large simulation are far from hand."""
+    following = tile + 2
+    if following >= bodies.resting.shape[0]:
+        return
+    turning = bodies.resting[following] == 0
+    base = following * L
+    for k in range(base, base + L):
+        prefetch(bodies.rows, k, 0)
+        if turning:
+            for column in range(WIDTH, bodies.rows.shape[1], WIDTH):
+                prefetch(bodies.rows, k, column)
+    for share in range(bodies.load.shape[0]):
+        if bodies.touched[share, following]:
+            for k in range(base, base + L):
+                prefetch(bodies.load[share], k, 0)
+    first = QUATERNION if turning else SPIN
+    last = st.RADIUS + L if turning else SQUARES
+    for column in range(first, last, WIDTH):
+        prefetch(bodies.motion, following, column)
+
+
 @kernel
 def integrate(bodies, counts, physics, m, begin, end):
     """Advance bodies begin (a whole tile's first) to end by one time step and clear their loads.
 
     m: scratch tile of TILE_ROWS x LANES. Bodies to which something happened are listed in bodies.events from place
-    `begin` on; returns how many.
+    `begin` on; returns how many. Where loads have several shares the longest path goes to the first tile's
+    bodies.longest.
     """
     dt = physics.dt
     gx, gy, gz = physics.gravity[0], physics.gravity[1], physics.gravity[2]
     fx, fy, fz = physics.rolling_frame[0], physics.rolling_frame[1], physics.rolling_frame[2]
     columns = bodies.rows.shape[1]
     n = min(counts[st.N_BODIES], end)
-    load = bodies.load[0]
+    shares = bodies.load.shape[0]
     found = 0
+    longest = 0.0
     for base in range(begin, n, L):
         tile = base // L
         c = bodies.motion[tile]
@@ -345,9 +393,11 @@ def integrate(bodies, counts, physics, m, begin, end):
         for k in range(0, L, WIDTH):
             for column in range(0, read, WIDTH):
                 rows_to_lanes(bodies.rows, column, bodies.every, base + k, m, ROWS + column * L + k, L)
-            rows_to_lanes(load, 0, bodies.every, base + k, m, LOAD + k, L)
-        load[base : base + L] = 0.0
-        add_loads(bodies, tile, m)
+        if shares > 1:
+            fetch_next(bodies, tile)
+            take_loads(bodies, tile, m)
+        else:
+            take_only_load(bodies, tile, m)
         move_lanes(m, gx, gy, gz, dt)
         turns = rotate_lanes(m, c, dt, physics.parts, fx, fy, fz)
         write = columns if turns else read
@@ -362,6 +412,10 @@ def integrate(bodies, counts, physics, m, begin, end):
                     bodies.event[base + lane] = event
                     bodies.events[begin + found] = base + lane
                     found += 1
+        if shares > 1:
+            longest = max(longest, longest_path(m))
+    if begin < n:
+        bodies.longest[begin // L] = longest
     return found
 
 

@@ -13,7 +13,8 @@ from numba.extending import intrinsic
 from .jit import inlined
 
 WIDTH = 8  # numbers moved at once
-DOUBLE, INT64 = ir.DoubleType(), ir.IntType(64)
+DOUBLE, INT64, INT32, BYTE = ir.DoubleType(), ir.IntType(64), ir.IntType(32), ir.IntType(8)
+FOR_READING, TO_ALL_CACHES, DATA = 0, 3, 1  # what llvm.prefetch is told
 VECTOR = ir.VectorType(DOUBLE, WIDTH)
 
 
@@ -134,6 +135,26 @@ def add_lanes_to_rows(typingctx, table, column, index, k, tile, at, stride):
         for lane, row in enumerate(_transposed(builder, lanes)):
             place = call.body(lane)
             _store(builder, builder.fadd(_load(builder, place), row), place)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+@intrinsic
+def prefetch(typingctx, table, row, column):
+    """Ask for the cache line of table[row, column], which will be read and written soon."""
+    signature = types.void(table, row, column)
+
+    def generate(context, builder, sig, values):
+        array = context.make_array(sig.args[0])(context, builder, values[0])
+        row, column = (context.cast(builder, values[k], sig.args[k], types.int64) for k in (1, 2))
+        offset = builder.mul(row, builder.extract_value(array.strides, 0))
+        offset = builder.add(offset, builder.mul(column, builder.extract_value(array.strides, 1)))
+        place = builder.gep(builder.bitcast(array.data, BYTE.as_pointer()), [offset])
+        kind = ir.FunctionType(ir.VoidType(), [BYTE.as_pointer(), *3 * [INT32]])
+        name = "llvm.prefetch.p0i8"
+        function = builder.module.globals.get(name) or ir.Function(builder.module, kind, name)
+        builder.call(function, [place, *(INT32(value) for value in (FOR_READING, TO_ALL_CACHES, DATA))])
         return context.get_dummy_value()
 
     return signature, generate

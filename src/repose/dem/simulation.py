@@ -89,7 +89,7 @@ class Simulation:
         self._shape_ids = np.zeros(self.capacity, np.int32)
         self._scales = np.ones(self.capacity)
         self.grid = st.new_grid(self.capacity, self.lower, self.upper, 2.0 * self.radius + skin)
-        self.grid.lengths[1:] = 2.0 * self.radius, skin
+        self.grid.lengths[st.REACH : st.APPROACH] = 2.0 * self.radius, skin
         self.walls = self._wall_arrays()
         self.pairs = st.new_pairs(
             CONTACTS_PER_BODY * self.capacity + 64, DORMANT_PER_BODY * self.capacity + 256, self.capacity

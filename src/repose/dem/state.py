@@ -7,6 +7,9 @@ import numpy as np
 # Contacts and bodies lie in tiles of LANES, a row a quantity: number k is lane k % LANES of tile k // LANES.
 LANES = 32
 CACHE_LINE = 8  # numbers
+BLOCK = 256  # dormant pairs of a large simulation that are looked at together
+# Places of `Grid.lengths`.
+CELL, REACH, SKIN, APPROACH, LAST_APPROACH = range(5)
 # Columns of `rows` (N, a multiple of 8): what a contact needs of a body, one body after another.
 # The first eight are all that changes of a body that does not turn.
 POSITION, VELOCITY, INVERSE_MASS, TURNING, SHAPE = 0, 3, 6, 7, 10
@@ -32,14 +35,14 @@ ABSENT, PRESENT, GONE = 0, 1, 2
 
 Bodies = namedtuple(
     "Bodies",
-    "rows load touched motion odometer alarm presence passed exit_time every resting kind event events",
+    "rows load touched motion odometer alarm presence passed exit_time every resting kind event events longest",
 )
 Grid = namedtuple(
     "Grid", "cell following preceding head moved moved_list chain mark touching dormant shape origin lengths"
 )
 Pairs = namedtuple(
     "Pairs",
-    "first second data dormant_first dormant_second dormant_limit dormant_normal ended gap partner link",
+    "first second data dormant_first dormant_second dormant_limit dormant_normal dormant_look ended gap partner link",
 )
 WallContacts = namedtuple("WallContacts", "body wall feature data limit ended")
 Shared = namedtuple("Shared", "counters orders begins numbers due")
@@ -95,6 +98,7 @@ def new_bodies(n, parts, shares=1):
         kind=np.zeros(padded, np.uint8),
         event=np.zeros(padded, np.uint8),
         events=np.zeros(padded, np.int64),
+        longest=np.zeros(padded // LANES),
     )
 
 
@@ -109,7 +113,8 @@ def new_grid(n, lower, upper, cell):
     """Cells of edge `cell` [m] over a box; what lies outside belongs to the nearest cell of the box.
 
     touching, dormant: how many pairs of either list a body has; lengths: edge of a cell, largest distance of two
-    centres that may touch, skin.
+    centres that may touch, skin; and in simulations that threads may share by how much any two bodies can have come
+    nearer up to now, and in the last step.
     """
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
     shape = np.maximum(1, np.ceil((upper - lower) / cell)).astype(np.int64)
@@ -126,7 +131,7 @@ def new_grid(n, lower, upper, cell):
         dormant=np.zeros(n, np.int64),
         shape=shape,
         origin=lower.copy(),
-        lengths=np.array([cell, 0.0, 0.0]),
+        lengths=np.array([cell, 0.0, 0.0, 0.0, 0.0]),
     )
 
 
@@ -158,6 +163,7 @@ def new_pairs(n_contacts, n_dormant, ghost):
         dormant_second=np.zeros(n_dormant, np.uint32),
         dormant_limit=np.zeros(n_dormant),
         dormant_normal=np.zeros((n_dormant, 3)),
+        dormant_look=np.zeros(n_dormant // BLOCK + 1),
         ended=np.zeros(n_contacts, np.int64),
         gap=np.zeros(n_contacts),
         partner=np.zeros(2 * n_contacts, np.int64),
