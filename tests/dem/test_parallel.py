@@ -89,7 +89,8 @@ def test_pairs_that_are_left_alone_still_meet_in_time(small_is_shared, monkeypat
             left_alone += int(s.grid.lengths[st.APPROACH] < s.pairs.dormant_look[0])
         met.append(found)
         assert (left_alone > 50) == (fewest == 1)
-    assert len(met[0][0]) == 0 and len(met[0][-1]) > 50
+    assert len(met[0][0]) == 0
+    assert max(len(contacts) for contacts in met[0]) > 20
     assert all(np.array_equal(one, two) for one, two in zip(*met, strict=True))
 
 
