@@ -3,9 +3,10 @@ import math
 import numpy as np
 import pytest
 from dem.common import BERRY, GOJI, PVC, random_direction, random_quaternion, simulation
+from scipy.integrate import solve_ivp
 
 from repose.dem import Contact, Plane, Shape
-from repose.dem.materials import effective_moduli
+from repose.dem.materials import damping_ratio, effective_moduli
 
 SPHERE = np.full((1, 3), 0.006)
 FLOOR = {"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")}
@@ -19,12 +20,36 @@ def head_on(e, speed=0.5, dt=2e-6, **keywords):
     return s
 
 
+@pytest.mark.parametrize("tension", ["keep", "release"])
 @pytest.mark.parametrize("e", [0.1, 0.2, 0.4, 0.6, 0.8, 0.95])
-def test_spheres_part_with_the_restitution_asked_for(e):
-    s = head_on(e)
+def test_spheres_part_with_the_restitution_asked_for(e, tension):
+    s = head_on(e, tension=tension)
     s.run_steps(40000)
     left = s.velocities[1, 0] - s.velocities[0, 0]
     assert left == pytest.approx(e * 1.0, rel=5e-3)
+
+
+def test_damping_of_a_released_contact_against_its_differential_equation():
+    # delta'' = -delta^1.5 - sqrt(5) b delta^0.25 delta' until the force vanishes, in units of mass, stiffness and speed
+    for e in (0.05, 0.2, math.exp(-2.0), 0.7, 0.99):
+        b = damping_ratio(e, "release")
+
+        def force(_t, state, b=b):
+            return max(state[0], 0.0) ** 1.5 + math.sqrt(5.0) * b * max(state[0], 0.0) ** 0.25 * state[1]
+
+        def vanishes(t, state, b=b):
+            return max(state[0], 0.0) ** 1.25 + math.sqrt(5.0) * b * state[1]
+
+        vanishes.terminal, vanishes.direction = True, -1
+        found = solve_ivp(
+            lambda t, state: (state[1], -force(t, state)),
+            (0.0, 500.0),
+            (0.0, 1.0),
+            events=vanishes,
+            rtol=1e-10,
+            atol=1e-12,
+        )
+        assert -found.y[1, -1] == pytest.approx(e, rel=1e-4)
 
 
 def test_cutting_the_tension_raises_the_effective_restitution():

@@ -116,7 +116,7 @@ def _description(simulation):
             "lower": _plain(simulation.lower),
             "upper": _plain(simulation.upper),
             "gravity_m_s2": _plain(physics.gravity),
-            "tension": "keep" if physics.tension else "cut",
+            "tension": simulation.tension,
             "largest_scale": simulation.largest_scale,
             "threads": simulation.threads,
             "exit_height_m": physics.exit_height,

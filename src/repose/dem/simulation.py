@@ -24,6 +24,7 @@ CONTACTS_PER_BODY, DORMANT_PER_BODY = 6, 6
 SKIN_SHARE = 0.45  # skin of the neighbour list over the largest bounding radius
 STEPS_PER_CONTACT = 15  # the longest time step is this share of a head-on impact's contact time
 FASTEST_IMPACT_M_S = 2.0
+TENSIONS = ("keep", "release", "cut")
 
 
 class Simulation:
@@ -35,7 +36,8 @@ class Simulation:
     bodies stay [m]; it only steers the search for neighbours.
     walls: names to `Plane`, `Cone`, `Cylinder`, `RingEdge`, `Mesh`. gravity_m_s2 (3,).
     tension: "keep" lets the damped normal force pull at the end of an impact, so that a body leaves with the
-    restitution asked for; "cut" limits it to pushing.
+    restitution asked for; "release" ends the contact when the force vanishes, with a damping that gives the restitution
+    asked for all the same; "cut" ends it too and keeps the first's damping, so that bodies leave faster than asked for.
     largest_scale: the largest scale that `add` will be given.
     threads: for a simulation of 4096 bodies or more; the result is the same for any number.
     exit_height_m: falling through this height sets a body's exit time. funnel_floor_m: a body below it never meets a
@@ -66,8 +68,9 @@ class Simulation:
         self.materials = mapping("materials", materials, Material, "Material")
         if not self.shapes:
             raise ValueError("shapes is empty; allowed: names, each with a Shape, at least one")
-        if tension not in ("keep", "cut"):
-            raise ValueError(f"tension is {tension!r}; allowed: 'keep', 'cut'")
+        if tension not in TENSIONS:
+            raise ValueError(f"tension is {tension!r}; allowed: {', '.join(map(repr, TENSIONS))}")
+        self.tension = tension
         self.capacity = whole_number("capacity", capacity, 1)
         self.largest_scale = positive("largest_scale", largest_scale)
         self.lower, self.upper = vector("lower", lower), vector("upper", upper)
@@ -137,7 +140,7 @@ class Simulation:
                     raise ValueError(
                         f"contacts has no pair ({a!r}, {b!r}); every pair of materials that can meet needs one"
                     )
-                law = contact_law(self.materials[a], self.materials[b], contacts[a, b])
+                law = contact_law(self.materials[a], self.materials[b], contacts[a, b], self.tension)
                 self._laws[self._kinds[a], self._wall_kinds[b]] = law
                 self._laws[self._wall_kinds[b], self._kinds[a]] = law
                 self._meetings.append((a, b))

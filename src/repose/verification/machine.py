@@ -112,7 +112,7 @@ def rigid(material):
     return Material(RIGID * material.shear_modulus_pa, material.poisson_ratio)
 
 
-def sphere_over_plane(solid, radius_m, contact, velocity_m_s, spin_rad_s=(0.0, 0.0, 0.0)):
+def sphere_over_plane(solid, radius_m, contact, velocity_m_s, spin_rad_s=(0.0, 0.0, 0.0), tension="keep"):
     """A sphere just above a rigid plane; returns the simulation and the steps until it has surely left.
 
     velocity_m_s (3,): towards the plane, z negative; no gravity.
@@ -130,6 +130,7 @@ def sphere_over_plane(solid, radius_m, contact, velocity_m_s, spin_rad_s=(0.0, 0
         upper=(box, box, box),
         walls={"floor": Plane(FLOOR, UP, "wall")},
         gravity_m_s2=(0.0, 0.0, 0.0),
+        tension=tension,
     )
     gap = 3.5 * step * hertz.speed
     simulation.add(
@@ -138,15 +139,15 @@ def sphere_over_plane(solid, radius_m, contact, velocity_m_s, spin_rad_s=(0.0, 0
         velocity_m_s=velocity_m_s,
         angular_velocity_rad_s=spin_rad_s,
     )
-    return simulation, steps_of_impact(contact.restitution)
+    return simulation, steps_of_impact(contact.restitution, tension)
 
 
-def steps_of_impact(restitution):
+def steps_of_impact(restitution, tension="keep"):
     """Time steps after which an impact is over: a damped contact lasts longer than an elastic one."""
-    return int(STEPS_PER_CONTACT * (1.3 + 1.5 * damping_ratio(restitution)))
+    return int(STEPS_PER_CONTACT * (1.3 + 1.5 * damping_ratio(restitution, tension)))
 
 
-def spheres(solids, radii_m, contact, places_m, velocities_m_s, spins_rad_s, step_s):
+def spheres(solids, radii_m, contact, places_m, velocities_m_s, spins_rad_s, step_s, tension="keep"):
     """Two spheres in space, each of its own solid and radius."""
     names = ("a", "b")
     reach = 4.0 * max(radii_m)
@@ -159,6 +160,7 @@ def spheres(solids, radii_m, contact, places_m, velocities_m_s, spins_rad_s, ste
         lower=(-reach, -reach, -reach),
         upper=(reach, reach, reach),
         gravity_m_s2=(0.0, 0.0, 0.0),
+        tension=tension,
     )
     for name, place, velocity, spin in zip(names, places_m, velocities_m_s, spins_rad_s, strict=True):
         simulation.add(name, place, velocity_m_s=velocity, angular_velocity_rad_s=spin)

@@ -39,9 +39,9 @@ LAW = "law of the engine integrated by scipy: mu times |F_n| over the impact"
 SLIDES = 1.25  # how far beyond the limit of sliding a case counts as gross sliding
 
 
-def impact(solid, radius_m, contact, velocity_m_s, spin_rad_s):
+def impact(solid, radius_m, contact, velocity_m_s, spin_rad_s, tension="keep"):
     """Velocity (3,) [m/s] and spin (3,) [rad/s] after an impact on the rigid plane."""
-    simulation, steps = sphere_over_plane(solid, radius_m, contact, velocity_m_s, spin_rad_s)
+    simulation, steps = sphere_over_plane(solid, radius_m, contact, velocity_m_s, spin_rad_s, tension)
     simulation.run_steps(steps)
     return simulation.velocities[0].copy(), simulation.angular_velocities[0].copy()
 
@@ -164,19 +164,20 @@ def tangential_speeds(_effort):
 
 
 SPINS = np.array([0.175, 0.5, 1.0, 1.75, 2.5, 3.5, 4.5, 6.0, 9.0, 13.0, 17.0, 21.0])
+SLIDING = [7, 9, 11]  # places of the spins that slide through the whole impact
 SPIN_CONTACT, SPIN_RADIUS, SPIN_NORMAL = Contact(0.5, 0.4, 0.0), 0.1, 0.2
 
 
-def _plane_spins(solid, spins):
+def _plane_spins(solid, spins, tension="keep"):
     """Tangential velocity and spin after test 6's impacts, each (len(spins),)."""
     found = [
-        impact(solid, SPIN_RADIUS, SPIN_CONTACT, (0.0, 0.0, -SPIN_NORMAL), (0.0, float(w), 0.0))
+        impact(solid, SPIN_RADIUS, SPIN_CONTACT, (0.0, 0.0, -SPIN_NORMAL), (0.0, float(w), 0.0), tension)
         for w in spins
     ]
     return np.array([v[0] for v, _ in found]), np.array([w[1] for _, w in found])
 
 
-def _pair_spins(solid, spins, sense=1.0, radius=SPIN_RADIUS, factor=1.0):
+def _pair_spins(solid, spins, sense=1.0, radius=SPIN_RADIUS, factor=1.0, tension="keep"):
     """The same for two spheres: of the first, which is above; the second spins with `sense` times the first's spin.
 
     radius, factor: of the second sphere, and how many times stiffer and denser it is; with a factor it is at rest.
@@ -197,18 +198,33 @@ def _pair_spins(solid, spins, sense=1.0, radius=SPIN_RADIUS, factor=1.0):
             ((0.0, 0.0, -SPIN_NORMAL), (0.0, 0.0, moves)),
             ((0.0, w, 0.0), (0.0, sense * w if factor == 1.0 else 0.0, 0.0)),
             step,
+            tension,
         )
-        simulation.run_steps(2 * steps_of_impact(SPIN_CONTACT.restitution))
+        simulation.run_steps(2 * steps_of_impact(SPIN_CONTACT.restitution, tension))
         tangential.append(simulation.velocities[0, 0])
         turning.append(simulation.angular_velocities[0, 1])
     return np.array(tangential), np.array(turning)
+
+
+def _released_rows(solid, spins_after):
+    """Rows of impacts whose contact ends when its force vanishes, beside rigid bodies.
+
+    spins_after: gives velocities and spins after the impacts at some spins before.
+    """
+    spins = SPINS[SLIDING]
+    rigid, rows = sliding_impulse(SPIN_CONTACT, SPIN_NORMAL), []
+    for before, velocity, spin in zip(spins, *spins_after(solid, spins, tension="release"), strict=True):
+        at = f"{solid.name}, {before:g} rad/s, released"
+        rows.append(close(f"{at}: change of tangential velocity", "m/s", abs(velocity), rigid))
+        rows.append(close(f"{at}: change of spin", "rad/s", before - spin, 2.5 * rigid / SPIN_RADIUS))
+    return rows
 
 
 def _spin_rows(solid, tangential, turning):
     """Rows of the spins that slide through the whole impact."""
     hertz = hertz_on_plane(solid, SPIN_RADIUS, SPIN_NORMAL)
     rows = []
-    for k in (7, 9, 11):
+    for k in SLIDING:
         at = f"{solid.name}, {SPINS[k]:g} rad/s"
         found, before = (tangential[k], turning[k]), (0.0, SPINS[k])
         rows += sliding_rows(at, SPIN_CONTACT, hertz, SPIN_RADIUS, found, before)
@@ -233,7 +249,7 @@ def plane_spins(_effort):
     rows, velocities, spins = [], [], []
     for solid in (ALUMINIUM, NYLON):
         v, w = _plane_spins(solid, SPINS)
-        rows += _spin_rows(solid, v, w)
+        rows += _released_rows(solid, _plane_spins) + _spin_rows(solid, v, w)
         velocities.append(Curve(f"{solid.name}, repose", SPINS, v))
         spins.append(Curve(f"{solid.name}, repose", SPINS, w))
     return Result(
@@ -253,7 +269,7 @@ def equal_spheres(_effort):
     rows, velocities, spins = [], [], []
     for solid in (ALUMINIUM, NYLON):
         v, w = _pair_spins(solid, SPINS)
-        rows += _spin_rows(solid, v, w)
+        rows += _released_rows(solid, _pair_spins) + _spin_rows(solid, v, w)
         velocities.append(Curve(f"{solid.name}, repose", SPINS, v))
         spins.append(Curve(f"{solid.name}, repose", SPINS, w))
         v, w = _pair_spins(solid, SPINS[[3, -1]], sense=-1.0)
