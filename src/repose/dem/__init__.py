@@ -2,12 +2,13 @@
 
 from .materials import Contact, Material
 from .recorder import Recorder
-from .shapes import Shape
+from .shapes import Clump, Shape
 from .simulation import Simulation, rotation_matrix
 from .surfaces import Cone, Cylinder, Mesh, Motion, Plane, RingEdge
 from .vtk import VtkSeries, write_vtk
 
 __all__ = [
+    "Clump",
     "Cone",
     "Contact",
     "Cylinder",

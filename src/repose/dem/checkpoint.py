@@ -14,7 +14,7 @@ from . import surfaces
 from .cache import source_hash
 from .files import write_whole
 from .materials import Contact, Material
-from .shapes import Shape
+from .shapes import Clump, Shape
 from .surfaces import Motion
 
 FORMAT = 1
@@ -133,12 +133,17 @@ def _arguments(about):
         motion = Motion(**_tuples(fields["motion"]))
         walls[name] = getattr(surfaces, kind)(**{**_tuples(fields), "motion": motion})
     return {
-        "shapes": {name: Shape(**fields) for name, fields in about["shapes"].items()},
+        "shapes": {name: _shape(fields) for name, fields in about["shapes"].items()},
         "materials": {name: Material(**fields) for name, fields in about["materials"].items()},
         "contacts": {(a, b): Contact(**fields) for a, b, fields in about["contacts"]},
         "walls": walls,
         **about["arguments"],
     }
+
+
+def _shape(fields):
+    """The shape that has these fields."""
+    return Clump(**fields) if "spheres_m" in fields else Shape(**fields)
 
 
 def _plain(value):

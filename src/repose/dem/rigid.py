@@ -232,7 +232,11 @@ def inertia_lanes(m, c):
 
 @kernel
 def shape_lanes(m, c, parts):
-    """The shapes of the bodies of a tile as they are turned now."""
+    """The shapes of the bodies of a tile as they are turned now; clumps (no parts) have their quaternions there."""
+    if parts == 0:
+        for k in range(4 * L):
+            m[ROWS + SHAPE * L + k] = c[QUATERNION + k]
+        return
     rotated_diagonal(m, ROWS + SHAPE * L, c, c, SQUARES)
     if parts > 1:
         rotated_diagonal(m, ROWS + (SHAPE + PART) * L, c, c, SQUARES + 3 * L)
@@ -424,7 +428,7 @@ def place_shape(bodies, i, parts, m):
     """Write the shape of body i as it is turned now, without moving anything."""
     base = i // L * L
     shape_lanes(m, bodies.motion[i // L], parts)
-    for c in range(SHAPE, SHAPE + PART * parts):
+    for c in range(SHAPE, SHAPE + max(PART * parts, 4)):
         bodies.rows[i, c] = m[ROWS + c * L + i - base]
 
 

@@ -1,4 +1,4 @@
-"""Shapes of bodies: sums of ellipsoids with their mass and moments."""
+"""Shapes of bodies, sums of ellipsoids or clumps of spheres, with their mass and moments."""
 
 import math
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .checks import name_of, positive, vector
-from .state import MOST_PARTS
+from .state import MOST_PARTS, MOST_SPHERES
 
 
 def _semi_axes(value):
@@ -19,6 +19,16 @@ def _semi_axes(value):
     if not (good and np.all(np.isfinite(axes)) and np.all(axes > 0.0)):
         raise ValueError(f"semi_axes_m is {value!r}; allowed: (1 to {MOST_PARTS}, 3) lengths above 0")
     return axes
+
+
+def _inertia(value):
+    """Principal moments (3,) that a body can have, or ValueError."""
+    inertia = vector("inertia_kg_m2", value)
+    if not (np.all(inertia > 0.0) and 2.0 * inertia.max() <= (1.0 + 1e-9) * inertia.sum()):
+        raise ValueError(
+            f"inertia_kg_m2 is {value!r}; allowed: three moments above 0, each at most the sum of the others"
+        )
+    return inertia
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,12 +48,7 @@ class Shape:
     def __post_init__(self):
         axes = _semi_axes(self.semi_axes_m)
         positive("mass_kg", self.mass_kg)
-        inertia = vector("inertia_kg_m2", self.inertia_kg_m2)
-        if not (np.all(inertia > 0.0) and 2.0 * inertia.max() <= (1.0 + 1e-9) * inertia.sum()):
-            raise ValueError(
-                f"inertia_kg_m2 is {self.inertia_kg_m2!r}; "
-                "allowed: three moments above 0, each at most the sum of the others"
-            )
+        inertia = _inertia(self.inertia_kg_m2)
         name_of("material", self.material)
         object.__setattr__(self, "semi_axes_m", axes)
         object.__setattr__(self, "inertia_kg_m2", inertia)
@@ -84,3 +89,83 @@ class Shape:
     def smallest_radius_m(self):
         """Half the smallest extent [m]: what the time step has to resolve."""
         return float(self.semi_axes_m.sum(axis=0).min())
+
+    @property
+    def half_extents_m(self):
+        """Largest extents along the body's axes (3,) [m]."""
+        return self.semi_axes_m.sum(axis=0)
+
+    @property
+    def slide(self):
+        """How far the point that touches a plane may slide over the body as it turns, over its odometer's path."""
+        axes = self.semi_axes_m
+        return float(np.sum(axes.max(axis=1) ** 2 / axes.min(axis=1))) / self.bounding_radius_m
+
+
+def _spheres(value):
+    """Centres and radii (M, 4) of M spheres, or ValueError."""
+    try:
+        spheres = np.array(value, float)
+    except (TypeError, ValueError):
+        spheres = np.zeros(0)
+    good = spheres.ndim == 2 and spheres.shape[1] == 4 and 1 <= len(spheres) <= MOST_SPHERES
+    if not (good and np.all(np.isfinite(spheres)) and np.all(spheres[:, 3] > 0.0)):
+        raise ValueError(
+            f"spheres_m is {value!r}; allowed: (1 to {MOST_SPHERES}, 4) finite lengths, the last of each row above 0"
+        )
+    return spheres
+
+
+@dataclass(frozen=True, eq=False)
+class Clump:
+    """A rigid body of M spheres, which may overlap; it need not be convex.
+
+    spheres_m (M, 4): centre x, y, z and radius of each [m] in the body's frame, whose axes are the principal ones and
+    whose origin is the centre of mass, M at most 64; mass_kg, inertia_kg_m2 (3,): of the whole body, principal moments
+    about the axes, each at most the sum of the others; material: a name that the simulation knows.
+    Each sphere that touches something has the whole contact force of a sphere of its radius, with the mass of the
+    whole body: a body that lies on k spheres is about k times as stiff as on one, and its restitution differs.
+    Raises ValueError naming the value that is out of range.
+    """
+
+    spheres_m: np.ndarray
+    mass_kg: float
+    inertia_kg_m2: np.ndarray
+    material: str
+
+    def __post_init__(self):
+        spheres = _spheres(self.spheres_m)
+        positive("mass_kg", self.mass_kg)
+        inertia = _inertia(self.inertia_kg_m2)
+        name_of("material", self.material)
+        object.__setattr__(self, "spheres_m", spheres)
+        object.__setattr__(self, "inertia_kg_m2", inertia)
+
+    def support(self, n):
+        """Largest extents (...) [m] along unit vectors n (..., 3) of the body frame."""
+        return (n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]).max(axis=-1)
+
+    def support_point(self, n):
+        """Points (..., 3) [m] of the convex hull's surface farthest along the unit vectors n (..., 3)."""
+        farthest = np.argmax(n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3], axis=-1)
+        return self.spheres_m[farthest, :3] + self.spheres_m[farthest, 3, None] * n
+
+    @property
+    def bounding_radius_m(self):
+        """Largest distance of a point from the centre of mass [m]."""
+        return float(np.max(np.linalg.norm(self.spheres_m[:, :3], axis=1) + self.spheres_m[:, 3]))
+
+    @property
+    def smallest_radius_m(self):
+        """Radius of the smallest sphere [m]: what the time step has to resolve."""
+        return float(self.spheres_m[:, 3].min())
+
+    @property
+    def half_extents_m(self):
+        """Largest extents along the body's axes, to either side (3,) [m]."""
+        return np.max(np.abs(self.spheres_m[:, :3]) + self.spheres_m[:, 3:], axis=0)
+
+    @property
+    def slide(self):
+        """How far a sphere's point that touches a plane may slide over it as the sphere's centre moves: nothing."""
+        return 0.0

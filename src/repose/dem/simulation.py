@@ -5,22 +5,27 @@ import math
 import numpy as np
 
 from . import checkpoint as checkpoints
+from . import clump_tile as ct
+from . import clumps as cl
 from . import features, parallel, running
 from . import state as st
 from . import tile as tl
 from .atomics import BARRIER_SIZE
 from .checks import height, is_name, is_number, mapping, number, positive, vector, whole_number
+from .clump_engine import advance_clumps
 from .engine import advance
 from .materials import Contact, Material, contact_law, effective_moduli
 from .order import reorder
 from .rigid import TILE_ROWS, place_shape
-from .shapes import Shape
+from .shapes import Clump, Shape
 from .surfaces import Mesh, Motion, WallSet
+from .tessellation import rotation_matrices
 from .wall_arrays import wall_arrays
 from .walls import STARTS
 
 # Room for the lists of a simulation, per body; they grow when needed.
 CONTACTS_PER_BODY, DORMANT_PER_BODY = 6, 6
+SPHERE_CONTACTS_PER_BODY, MOST_NEW = 20, 4096
 SKIN_SHARE = 0.45  # skin of the neighbour list over the largest bounding radius
 STEPS_PER_CONTACT = 15  # the longest time step is this share of a head-on impact's contact time
 FASTEST_IMPACT_M_S = 2.0
@@ -28,10 +33,11 @@ TENSIONS = ("keep", "release", "cut")
 
 
 class Simulation:
-    """Convex bodies of given shapes among walls.
+    """Bodies of given shapes among walls, all of them smooth and convex or all of them clumps of spheres.
 
-    shapes: names to `Shape`; materials: names to `Material`; contacts: pairs of material names, in any order, to
-    `Contact`, for every pair of materials that can meet.
+    shapes: names to `Shape`, or names to `Clump` (a sphere among clumps is a clump of one); materials: names to
+    `Material`; contacts: pairs of material names, in any order, to `Contact`, for every pair of materials that can
+    meet.
     time_step_s: above 0, at most `longest_time_step()`. capacity: most bodies. lower, upper (3,): a box in which most
     bodies stay [m]; it only steers the search for neighbours.
     walls: names to `Plane`, `Cone`, `Cylinder`, `RingEdge`, `Mesh`. gravity_m_s2 (3,).
@@ -39,7 +45,7 @@ class Simulation:
     restitution asked for; "release" ends the contact when the force vanishes, with a damping that gives the restitution
     asked for all the same; "cut" ends it too and keeps the first's damping, so that bodies leave faster than asked for.
     largest_scale: the largest scale that `add` will be given.
-    threads: for a simulation of 4096 bodies or more; the result is the same for any number.
+    threads: for a simulation of 4096 smooth bodies or more; the result is the same for any number. Clumps have one.
     exit_height_m: falling through this height sets a body's exit time. funnel_floor_m: a body below it never meets a
     cone, cylinder or ring again. floor_height_m: below it a body is gone.
     Raises ValueError naming the argument, the value and what is allowed.
@@ -64,10 +70,16 @@ class Simulation:
         funnel_floor_m=-math.inf,
         floor_height_m=-math.inf,
     ):
-        self.shapes = mapping("shapes", shapes, Shape, "Shape")
+        self.shapes = mapping("shapes", shapes, Shape | Clump, "Shape or Clump")
         self.materials = mapping("materials", materials, Material, "Material")
         if not self.shapes:
-            raise ValueError("shapes is empty; allowed: names, each with a Shape, at least one")
+            raise ValueError("shapes is empty; allowed: names, each with a Shape or Clump, at least one")
+        self._of_clumps = isinstance(next(iter(self.shapes.values())), Clump)
+        if any(isinstance(shape, Clump) != self._of_clumps for shape in self.shapes.values()):
+            raise ValueError(
+                f"shapes has {', '.join(f'{k!r}: {type(v).__name__}' for k, v in self.shapes.items())}; "
+                "allowed: all of them a Shape or all of them a Clump (a sphere is a clump of one)"
+            )
         if tension not in TENSIONS:
             raise ValueError(f"tension is {tension!r}; allowed: {', '.join(map(repr, TENSIONS))}")
         self.tension = tension
@@ -84,9 +96,9 @@ class Simulation:
         self._set_materials(self.contact_pairs)
         limit = self.longest_time_step()
         dt = number("time_step_s", time_step_s, f"above 0, at most {limit:.3g}", lambda dt: 0.0 < dt <= limit)
-        parts = max(len(shape.semi_axes_m) for shape in self.shapes.values())
+        parts = 0 if self._of_clumps else max(len(shape.semi_axes_m) for shape in self.shapes.values())
         skin = SKIN_SHARE * self.radius
-        self._shared = self.capacity >= parallel.FEWEST_BODIES
+        self._shared = self.capacity >= parallel.FEWEST_BODIES and not self._of_clumps
         self._inner, self._outer = np.arange(self.capacity), np.arange(self.capacity)
         self.bodies = st.new_bodies(self.capacity, parts, parallel.SHARES if self._shared else 1)
         self._shape_ids = np.zeros(self.capacity, np.int32)
@@ -94,18 +106,10 @@ class Simulation:
         self.grid = st.new_grid(self.capacity, self.lower, self.upper, 2.0 * self.radius + skin)
         self.grid.lengths[st.REACH : st.APPROACH] = 2.0 * self.radius, skin
         self.walls = self._wall_arrays()
-        self.pairs = st.new_pairs(
-            CONTACTS_PER_BODY * self.capacity + 64, DORMANT_PER_BODY * self.capacity + 256, self.capacity
-        )
-        n_planes, n_curved = len(self.walls.planes), len(self.walls.cones) + len(self.walls.rings)
         surfaces = self.wall_set.of(Mesh)
-        self.meshes = features.join([mesh.part for mesh in surfaces], self._slide())
-        for name, walls_of_kind, most in (
-            ("flat", n_planes, n_planes * self.capacity + 64),
-            ("curved", n_curved, self.capacity + 64),
-            ("meshed", len(surfaces), self.capacity + 64 if surfaces else 1),
-        ):
-            setattr(self, name, st.new_wall_contacts(most, walls_of_kind, self.capacity, self.capacity))
+        slide = max(shape.slide for shape in self.shapes.values())
+        self.meshes = features.join([mesh.part for mesh in surfaces], slide)
+        self._make_lists(len(self.walls.planes), len(self.walls.cones) + len(self.walls.rings), len(surfaces))
         self.counts = np.zeros(st.COUNTS, np.int64)
         wall_kinds = {surface.material for surface in self.wall_set.surfaces.values()}
         self.physics = st.Physics(
@@ -122,6 +126,37 @@ class Simulation:
             floor_height=height("floor_height_m", floor_height_m),
         )
         self.threads = threads
+
+    def _make_lists(self, n_planes, n_curved, n_meshes):
+        """Room for contacts, and for clumps their spheres."""
+        ghost = self.capacity
+        if self._of_clumps:
+            self._most_spheres = max(len(shape.spheres_m) for shape in self.shapes.values())
+            self.pairs = cl.new_sphere_pairs(
+                SPHERE_CONTACTS_PER_BODY * ghost + MOST_NEW,
+                DORMANT_PER_BODY * ghost + 256,
+                self._most_spheres,
+                ghost,
+            )
+            spare, rows = 64 * st.MOST_SPHERES, ct.WALL_ROWS
+        else:
+            self.pairs = st.new_pairs(CONTACTS_PER_BODY * ghost + 64, DORMANT_PER_BODY * ghost + 256, ghost)
+            spare, rows = 64, st.WALL_ROWS
+        for name, walls, most in (
+            ("flat", n_planes, n_planes * ghost + spare),
+            ("curved", n_curved, ghost + spare),
+            ("meshed", n_meshes, ghost + spare if n_meshes else 1),
+        ):
+            setattr(self, name, st.new_wall_contacts(most, walls, ghost, ghost, rows))
+        if self._of_clumps:
+            self.clumps = cl.new_clumps(
+                list(self.shapes.values()),
+                self._shape_ids,
+                self._scales,
+                (n_planes, n_curved),
+                len(self.meshed.body),
+            )
+            self._clump_scratch = st.zeros(cl.SCRATCH)
 
     def _set_materials(self, contacts):
         """Number the materials, those of bodies first, and make the table of force laws."""
@@ -297,7 +332,8 @@ class Simulation:
         turn = rotation_matrix(quaternion)
         spin = turn @ (inertia * (turn.T @ row[st.TURNING : st.TURNING + 3]))
         squares = np.zeros(3 * st.MOST_PARTS)
-        squares[: kind.semi_axes_m.size] = ((kind.semi_axes_m * scale) ** 2).ravel()
+        if not self._of_clumps:
+            squares[: kind.semi_axes_m.size] = ((kind.semi_axes_m * scale) ** 2).ravel()
         lanes = self.bodies.motion[i // st.LANES, i % st.LANES :: st.LANES]
         for first, values in (
             (st.QUATERNION, quaternion),
@@ -342,6 +378,13 @@ class Simulation:
 
     def _advance(self, steps):
         """Advance by at most so many steps, less where a list has to grow; returns the steps made."""
+        if self._of_clumps:
+            return advance_clumps(
+                self.bodies, self.pairs, self.flat, self.curved, self.meshed,
+                self.meshed._replace(body=self.clumps.mesh_sphere), self.clumps, self.grid, self.walls, self.meshes,
+                self.counts, self.physics, self._tiles[0], self._body_tiles[0], self._clump_scratch,
+                self._scratches[0], steps,
+            )  # fmt: skip
         arrays = (
             self.bodies, self.pairs, self.flat, self.curved, self.meshed, self.grid, self.walls, self.meshes,
             self.counts, self.physics,
@@ -406,7 +449,19 @@ class Simulation:
         return checkpoints.load(cls, path)
 
     def _grow(self):
-        """Double the lists that are filling up."""
+        """Double the lists that are filling up; each in one move, or an interrupt could leave half of one."""
+        self.pairs = self._grown_pairs()
+        self.flat = _grown(self.flat, self.counts[st.N_PLANE], self.capacity)
+        self.curved = _grown(self.curved, self.counts[st.N_CURVED], self.capacity)
+        meshed = _grown(self.meshed, self.counts[st.N_MESHED], self.capacity)
+        if self._of_clumps:
+            self.clumps = cl.with_room(self.clumps, len(meshed.body))
+        self.meshed = meshed
+
+    def _grown_pairs(self):
+        """The lists of pairs with twice the room where they are filling up."""
+        if self._of_clumps:
+            return cl.grown_sphere_pairs(self.pairs, self.counts, self._most_spheres, self.capacity)
         n_pairs, n_dormant = self.counts[st.N_PAIRS], self.counts[st.N_DORMANT]
         old = self.pairs
         contacts = len(old.first) * (2 if n_pairs * 4 > len(old.first) * 3 else 1)
@@ -417,11 +472,7 @@ class Simulation:
             getattr(bigger, name)[:n_pairs] = getattr(old, name)[:n_pairs]
         for name in ("dormant_first", "dormant_second", "dormant_limit", "dormant_normal"):
             getattr(bigger, name)[:n_dormant] = getattr(old, name)[:n_dormant]
-        # in one move: an interrupt between two lines must not leave half a list
-        self.pairs = bigger
-        self.flat = _grown(self.flat, self.counts[st.N_PLANE], self.capacity)
-        self.curved = _grown(self.curved, self.counts[st.N_CURVED], self.capacity)
-        self.meshed = _grown(self.meshed, self.counts[st.N_MESHED], self.capacity)
+        return bigger
 
     def kinetic_energies(self):
         """Kinetic energy of each body, translation and rotation (N,) [J]."""
@@ -436,7 +487,19 @@ class Simulation:
         n = self.counts[st.N_PAIRS]
         pairs = self._outer[np.column_stack([self.pairs.first[:n], self.pairs.second[:n]])]
         pairs.sort(axis=1)
+        if self._of_clumps:  # of two clumps several spheres may touch
+            return np.unique(pairs, axis=0)
         return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+
+    def sphere_contacts(self):
+        """Touching spheres of two clumps: bodies (M, 2), the smaller first, their spheres (M, 2), normals (M, 3).
+
+        The normal points from the first body to the second. Empty for smooth bodies.
+        """
+        n = int(self.counts[st.N_PAIRS]) if self._of_clumps else 0
+        bodies = np.column_stack([self.pairs.first[:n], self.pairs.second[:n]]).astype(np.int64)
+        spheres = self.pairs.spheres[:n].astype(np.int64) if n else np.zeros((0, 2), np.int64)
+        return bodies, spheres, st.contact_rows(self.pairs.data, n)[:, :3].copy()
 
     def curved_contacts(self):
         """Contacts with cones, tubes and rings: body (M,), wall (M,), normal (M, 3), azimuth (M,) [rad].
@@ -445,12 +508,19 @@ class Simulation:
         """
         n = self.counts[st.N_CURVED]
         rows = st.contact_rows(self.curved.data, n)
-        return (
-            self._outer[self.curved.body[:n]],
-            self.curved.wall[:n].copy(),
-            rows[:, :3].copy(),
-            rows[:, 6].copy(),
-        )
+        body, wall = self._outer[self.curved.body[:n]], self.curved.wall[:n].copy()
+        azimuth = rows[:, st.AZIMUTH // st.LANES].copy()
+        if self._of_clumps:
+            azimuth = self._sphere_azimuths(body, wall, rows[:, ct.CENTRE // st.LANES :][:, :3])
+        return body, wall, rows[:, :3].copy(), azimuth
+
+    def _sphere_azimuths(self, body, wall, centres):
+        """Azimuths (M,) in the frames of curved walls of spheres with these centres (M, 3) in their bodies."""
+        turn = rotation_matrices(self.quaternions[body])
+        places = self.positions[body] + np.einsum("nij,nj->ni", turn, centres)
+        frames = self.walls.frames[wall]
+        local = np.einsum("nji,nj->ni", frames[:, 3:].reshape(-1, 3, 3), places - frames[:, :3])
+        return np.arctan2(local[:, 1], local[:, 0])
 
     def mesh_contacts(self):
         """Contacts with meshes: body (M,), mesh (M,), feature (M,), normal into the wall (M, 3), overlap (M,) [m].
@@ -469,20 +539,13 @@ class Simulation:
             -rows[:, st.MESH_GAP // st.LANES],
         )
 
-    def _slide(self):
-        """How far the point that touches a plane may slide over a body that turns, over the path of its odometer."""
-        return max(
-            float(np.sum(shape.semi_axes_m.max(axis=1) ** 2 / shape.semi_axes_m.min(axis=1)))
-            / shape.bounding_radius_m
-            for shape in self.shapes.values()
-        )
-
 
 def _grown(contacts, used, ghost):
     """Twice the room for wall contacts when three quarters are used."""
     if used * 4 <= len(contacts.body) * 3:
         return contacts
-    bigger = st.new_wall_contacts(2 * len(contacts.body), *contacts.limit.shape, ghost)
+    rows = contacts.data.shape[1] // st.LANES
+    bigger = st.new_wall_contacts(2 * len(contacts.body), *contacts.limit.shape, ghost, rows)
     bigger.limit[:] = contacts.limit
     for name in ("body", "wall", "feature"):
         getattr(bigger, name)[:used] = getattr(contacts, name)[:used]

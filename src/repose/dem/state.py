@@ -11,10 +11,11 @@ BLOCK = 256  # dormant pairs of a large simulation that are looked at together
 # Places of `Grid.lengths`.
 CELL, REACH, SKIN, APPROACH, LAST_APPROACH = range(5)
 # Columns of `rows` (N, a multiple of 8): what a contact needs of a body, one body after another.
-# The first eight are all that changes of a body that does not turn.
+# The first eight are all that changes of a body that does not turn. Clumps have their quaternion for a shape.
 POSITION, VELOCITY, INVERSE_MASS, TURNING, SHAPE = 0, 3, 6, 7, 10
 PART = 6  # columns a part of the shape: the symmetric matrix R diag(a2, b2, c2) R' as xx, xy, xz, yy, yz, zz
 MOST_PARTS = 3
+MOST_SPHERES = 64  # of a clump
 # Columns of `load` (shares, N, 8), to be added up over the shares: force, torque, budget of the rolling torque.
 ROLL = 6
 LOAD_COLUMNS = 8
@@ -28,8 +29,8 @@ PAIR_ROWS, WALL_ROWS = 6, 11
 NORMAL, SPRING, AZIMUTH, OFFSET, MIDDLE, MESH_GAP, RADIUS2 = (k * LANES for k in (0, 3, 6, 6, 7, 7, 10))
 
 # Slots of `counts`.
-N_BODIES, N_PAIRS, N_DORMANT, N_PLANE, N_CURVED, N_MOVED, STEPS, FULL, N_GONE, N_MESHED = range(10)
-COUNTS = 10
+N_BODIES, N_PAIRS, N_DORMANT, N_PLANE, N_CURVED, N_MOVED, STEPS, FULL, N_GONE, N_MESHED, N_FREE = range(11)
+COUNTS = 11
 
 ABSENT, PRESENT, GONE = 0, 1, 2
 
@@ -171,14 +172,14 @@ def new_pairs(n_contacts, n_dormant, ghost):
     )
 
 
-def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost):
+def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows=WALL_ROWS):
     """Room for contacts with walls of one kind; `limit` is the odometer reading that calls for a new look.
 
-    feature: for walls that are meshes, which of their features.
+    feature: for walls that are meshes, which of their features, else for clumps which of their spheres.
     """
     n_contacts = _whole_tiles(n_contacts)
-    data = new_contacts(n_contacts, WALL_ROWS)
-    data[:, RADIUS2:] = np.inf
+    data = new_contacts(n_contacts, rows)
+    data[:, RADIUS2 : RADIUS2 + LANES] = np.inf
     return WallContacts(
         body=np.full(n_contacts, ghost, np.uint32),
         wall=np.zeros(n_contacts, np.uint32),

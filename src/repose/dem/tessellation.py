@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from .shapes import Clump
 from .surfaces import Cone, Plane, RingEdge
 
 SECTORS = 48  # of a full turn of a wall
@@ -13,7 +14,8 @@ TUBE_SECTORS = 24  # of a full turn about a rounded edge
 def tessellate(body, rings=18, sectors=36):
     """Support points and normals of a body on a latitude-longitude grid about its first axis.
 
-    body: what has `support` and `support_point`, such as a `Shape`.
+    body: a `Clump`, or what has `support` and `support_point`, such as a `Shape`. Of a clump there is what is seen from
+    its centre of mass.
     Returns points (V, 3) m, normals (V, 3), triangles (T, 3) that run anticlockwise seen from outside; V and T are the
     same for all bodies.
     """
@@ -27,7 +29,22 @@ def tessellate(body, rings=18, sectors=36):
     extent = np.array([body.support(axis) for axis in np.eye(3)])
     normals = (sphere / extent).reshape(-1, 3)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    if isinstance(body, Clump):
+        return *_seen_from_inside(body, normals), _grid_triangles(rings, sectors)
     return body.support_point(normals), normals, _grid_triangles(rings, sectors)
+
+
+def _seen_from_inside(clump, rays):
+    """The farthest points of a clump's spheres along unit vectors (V, 3) from its origin, and the normals there."""
+    centres, radii = clump.spheres_m[:, :3], clump.spheres_m[:, 3]
+    along = rays @ centres.T
+    square = along**2 - np.sum(centres**2, axis=1) + radii**2
+    reach = np.where(square >= 0.0, along + np.sqrt(np.maximum(square, 0.0)), 0.0)
+    farthest = np.argmax(reach, axis=1)
+    distance = np.maximum(reach[np.arange(len(rays)), farthest], 0.0)
+    points = distance[:, None] * rays
+    normals = np.where(distance[:, None] > 0.0, (points - centres[farthest]) / radii[farthest, None], rays)
+    return points, normals
 
 
 def _grid_triangles(rows, columns):
@@ -168,15 +185,34 @@ def triangulated_walls(simulation):
     return found
 
 
+def _all_spheres(clump, rings, sectors):
+    """Every sphere of a clump as triangles: points (V, 3) m, triangles (T, 3)."""
+    ball, _normals, triangles = tessellate(
+        Clump([[0.0, 0.0, 0.0, 1.0]], 1.0, np.ones(3), "any"), rings, sectors
+    )
+    points = clump.spheres_m[:, None, :3] + clump.spheres_m[:, None, 3:] * ball
+    first = len(ball) * np.arange(len(points))
+    return points.reshape(-1, 3), (first[:, None, None] + triangles).reshape(-1, 3)
+
+
 def triangulated_bodies(simulation, rings=8, sectors=16):
-    """All bodies that are there as triangles: points (V, 3) m, triangles (T, 3), the body of each triangle (T,)."""
+    """All bodies that are there as triangles: points (V, 3) m, triangles (T, 3), the body of each triangle (T,).
+
+    Clumps with all their spheres, also where these lie inside each other.
+    """
     here = np.flatnonzero(simulation.present)
-    shapes = [tessellate(shape, rings, sectors) for shape in simulation.shapes.values()]
-    own = np.array([points for points, _normals, _triangles in shapes])[simulation.shape_ids[here]]
     turn = rotation_matrices(simulation.quaternions[here])
-    own = simulation.scales[here, None, None] * np.einsum("nij,nvj->nvi", turn, own)
-    points = simulation.positions[here, None] + own
-    triangles = shapes[0][2]
-    first = points.shape[1] * np.arange(len(here))
-    numbered = first[:, None, None] + triangles
-    return points.reshape(-1, 3), numbered.reshape(-1, 3), np.repeat(here, len(triangles))
+    made = [
+        _all_spheres(shape, rings, sectors)
+        if isinstance(shape, Clump)
+        else tessellate(shape, rings, sectors)[::2]
+        for shape in simulation.shapes.values()
+    ]
+    points, triangles, n = [np.zeros((0, 3))], [np.zeros((0, 3), int)], 0
+    for k, i in enumerate(here):
+        corners, faces = made[simulation.shape_ids[i]]
+        points.append(simulation.positions[i] + simulation.scales[i] * corners @ turn[k].T)
+        triangles.append(faces + n)
+        n += len(corners)
+    numbers = [len(made[simulation.shape_ids[i]][1]) for i in here]
+    return np.concatenate(points), np.concatenate(triangles), np.repeat(here, numbers)

@@ -46,7 +46,7 @@ def write_vtk(path, simulation, content="points"):
 def _body_points(simulation):
     """Points, cells, point data and cell data of the bodies as points."""
     here = np.flatnonzero(simulation.present)
-    extents = np.array([shape.semi_axes_m.sum(axis=0) for shape in simulation.shapes.values()])
+    extents = np.array([shape.half_extents_m for shape in simulation.shapes.values()])
     semi_axes = simulation.scales[here, None] * extents[simulation.shape_ids[here]]
     turn = rotation_matrices(simulation.quaternions[here])
     data = {

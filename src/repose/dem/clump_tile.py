@@ -1,0 +1,106 @@
+"""The hot loops of clumps: contacts of one sphere of a body with one sphere of another, or with a plane, 32 at a time.
+
+As in `tile`, whose force law takes over from here. What a contact knows of its spheres, their places in their bodies
+and their radii, does not change as long as it lasts and persists with it; the bodies' rows hold where they are and, in
+the columns of the shape, their quaternions. Two spheres have a closed form, so nothing is iterated.
+"""
+
+import math
+
+from . import state as st
+from . import tile as tl
+from .jit import inlined
+from .state import LANES, OFFSET, SHAPE
+
+L = LANES  # short, for the index arithmetic below
+
+N = st.NORMAL
+# Rows of what persists of a pair of spheres, after those of any pair: centres in their bodies' frames, radius of the
+# first, sum of the radii, effective radius.
+CENTRE_A, CENTRE_B, RADIUS_A, REACH, CURVATURE = (k * L for k in (6, 9, 12, 13, 14))
+PAIR_ROWS = 15
+# Rows of what persists of a sphere on a wall, after those of any contact with a wall: centre, radius.
+CENTRE, RADIUS = (k * L for k in (11, 14))
+WALL_ROWS = 15
+# Rows of the scratch tile: the centres of the spheres relative to those of the bodies, turned into the world.
+TURNED_A, TURNED_B = tl.U, tl.W
+# Two centres are never nearer than this for a direction [m].
+NEAREST = 1e-30
+
+
+@inlined
+def turned(w, x, y, z, px, py, pz):
+    """A vector (px, py, pz) turned by a unit quaternion (w, x, y, z)."""
+    ux = 2.0 * (y * pz - z * py)
+    uy = 2.0 * (z * px - x * pz)
+    uz = 2.0 * (x * py - y * px)
+    return (
+        px + w * ux + (y * uz - z * uy),
+        py + w * uy + (z * ux - x * uz),
+        pz + w * uz + (x * uy - y * ux),
+    )
+
+
+@inlined
+def turned_centres(t, c, body, centre, to):
+    """Turn each lane's sphere centre with its body."""
+    for k in range(L):
+        w, x = t[body + SHAPE * L + k], t[body + (SHAPE + 1) * L + k]
+        y, z = t[body + (SHAPE + 2) * L + k], t[body + (SHAPE + 3) * L + k]
+        px, py, pz = turned(w, x, y, z, c[centre + k], c[centre + L + k], c[centre + 2 * L + k])
+        t[to + k] = px
+        t[to + L + k] = py
+        t[to + 2 * L + k] = pz
+
+
+@inlined
+def sphere_pair_geometry(t, c):
+    """Normal, gap, effective radius and contact point of each lane's pair of spheres."""
+    turned_centres(t, c, tl.A, CENTRE_A, TURNED_A)
+    turned_centres(t, c, tl.B, CENTRE_B, TURNED_B)
+    for k in range(L):
+        dx = t[tl.B + k] - t[tl.A + k]
+        dy = t[tl.B + L + k] - t[tl.A + L + k]
+        dz = t[tl.B + 2 * L + k] - t[tl.A + 2 * L + k]
+        ax, ay, az = t[TURNED_A + k], t[TURNED_A + L + k], t[TURNED_A + 2 * L + k]
+        sx = dx + t[TURNED_B + k] - ax
+        sy = dy + t[TURNED_B + L + k] - ay
+        sz = dz + t[TURNED_B + 2 * L + k] - az
+        distance = math.sqrt(sx * sx + sy * sy + sz * sz)
+        inv = 1.0 / (distance if distance > NEAREST else NEAREST)
+        nx, ny, nz = inv * sx, inv * sy, inv * sz
+        gap = distance - c[REACH + k]
+        reach = c[RADIUS_A + k] + 0.5 * gap
+        rx, ry, rz = ax + reach * nx, ay + reach * ny, az + reach * nz
+        c[N + k] = nx
+        c[N + L + k] = ny
+        c[N + 2 * L + k] = nz
+        t[tl.GAP + k] = gap
+        t[tl.RADIUS + k] = c[CURVATURE + k]
+        t[tl.RA + k] = rx
+        t[tl.RA + L + k] = ry
+        t[tl.RA + 2 * L + k] = rz
+        t[tl.RB + k] = rx - dx
+        t[tl.RB + L + k] = ry - dy
+        t[tl.RB + 2 * L + k] = rz - dz
+
+
+@inlined
+def sphere_plane_geometry(t, c):
+    """Gap, effective radius and contact point of each lane's sphere against a plane; see `tile.plane_geometry`."""
+    turned_centres(t, c, tl.A, CENTRE, TURNED_A)
+    for k in range(L):
+        nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
+        ax, ay, az = t[TURNED_A + k], t[TURNED_A + L + k], t[TURNED_A + 2 * L + k]
+        x, y, z = t[tl.A + k] + ax, t[tl.A + L + k] + ay, t[tl.A + 2 * L + k] + az
+        radius = c[RADIUS + k]
+        f = c[OFFSET + k] - nx * x - ny * y - nz * z - radius
+        reach = radius + 0.5 * f
+        t[tl.RADIUS + k] = radius
+        t[tl.RA + k] = ax + reach * nx
+        t[tl.RA + L + k] = ay + reach * ny
+        t[tl.RA + 2 * L + k] = az + reach * nz
+        dx, dy, dz = x - c[st.MIDDLE + k], y - c[st.MIDDLE + L + k], z - c[st.MIDDLE + 2 * L + k]
+        across = dx * nx + dy * ny + dz * nz
+        on_disc = dx * dx + dy * dy + dz * dz - across * across <= c[st.RADIUS2 + k]
+        t[tl.GAP + k] = f if on_disc else tl.BEYOND

@@ -1,0 +1,323 @@
+"""Clumps against walls: contacts of single spheres, in closed form but for meshes.
+
+A sphere touches a plane, the inside of a cone or a ring edge in one place at most, so a bit says whether it does and
+nothing is followed from step to step. The limits are those of `walls`, one for a wall and a body: the shortest way to
+a contact of any of its spheres that do not touch.
+"""
+
+import math
+
+import numpy as np
+
+from . import clump_tile as ct
+from . import state as st
+from .clumps import PLACES_A, is_set, place_spheres, set_bit
+from .features import FACE
+from .frames import into_frame, turn_place, write_plane
+from .jit import inlined, kernel
+from .meshes import deepest_near, hand_over, search_mesh, track
+from .state import LANES, MOST_SPHERES, SHAPE
+from .walls import add_wall_contact, drop_wall_contact, effective_radius
+
+L = LANES
+OFFSET = 16  # place in a row of scratch for a sphere's centre relative to its body's
+NEAREST = 1e-30  # of two points, for a direction [m]
+
+
+@inlined
+def turned_centre(row, tile, lane):
+    """The centre of a contact's sphere relative to its body's, in the world."""
+    return ct.turned(
+        row[SHAPE],
+        row[SHAPE + 1],
+        row[SHAPE + 2],
+        row[SHAPE + 3],
+        tile[ct.CENTRE + lane],
+        tile[ct.CENTRE + L + lane],
+        tile[ct.CENTRE + 2 * L + lane],
+    )
+
+
+@inlined
+def fill_contact(out, nx, ny, nz, gap, curvature, radius):
+    """Write normal (3), gap, R* and the contact point relative to the sphere's centre (3)."""
+    reach = radius + 0.5 * gap
+    out[0], out[1], out[2] = nx, ny, nz
+    out[3], out[4] = gap, curvature
+    out[5], out[6], out[7] = reach * nx, reach * ny, reach * nz
+
+
+@inlined
+def sphere_on_plane(x, y, z, radius, plane, out):
+    """Contact of a sphere with a plane: fills `out`; returns how far beyond the disc's edge its centre is [m]."""
+    nx, ny, nz = plane[3], plane[4], plane[5]
+    dx, dy, dz = plane[0] - x, plane[1] - y, plane[2] - z
+    along = nx * dx + ny * dy + nz * dz
+    fill_contact(out, nx, ny, nz, along - radius, radius, radius)
+    return math.sqrt(max(dx * dx + dy * dy + dz * dz - along * along, 0.0)) - plane[6]
+
+
+@inlined
+def sphere_on_cone(x, y, z, radius, cone, out):
+    """Contact of a sphere with the inside of a cone, in its frame: fills `out`.
+
+    Returns how far the point projected onto the wall lies beyond the wall's ends [m]; up to 0 it is on the wall.
+    """
+    across = math.sqrt(x * x + y * y)
+    inv = 1.0 / max(across, NEAREST)
+    cos, sin = (x * inv, y * inv) if across > NEAREST else (1.0, 0.0)
+    mr, mz = cone[0], cone[1]
+    gap = cone[2] - mr * across - mz * z - radius
+    # a cone curves towards the body with the radius of its circle over m_r
+    circle = max(across + (radius + 0.5 * gap) * mr, 1e-6)
+    curvature = effective_radius(radius, 0.0, radius, -mr / circle, 0.0)
+    fill_contact(out, mr * cos, mr * sin, mz, gap, curvature, radius)
+    along = across * cone[5] + z * cone[6]
+    return max(cone[3] - along, along - cone[4])
+
+
+@inlined
+def sphere_on_ring(x, y, z, radius, ring, out):
+    """Contact of a sphere with a ring edge, in its frame: fills `out`.
+
+    Returns how far it is from where the edge is not hidden behind the adjoining walls [m], at least.
+    """
+    across = math.sqrt(x * x + y * y)
+    inv = 1.0 / max(across, NEAREST)
+    cos, sin = (x * inv, y * inv) if across > NEAREST else (1.0, 0.0)
+    dr, dz = ring[0] - across, ring[1] - z
+    distance = math.sqrt(dr * dr + dz * dz)
+    inv = 1.0 / max(distance, NEAREST)
+    nr, nz = dr * inv, dz * inv
+    edge = ring[2]
+    curvature = effective_radius(radius, 0.0, radius, -nr / max(ring[0] - edge * nr, edge), 1.0 / edge)
+    fill_contact(out, nr * cos, nr * sin, nz, distance - radius - edge, curvature, radius)
+    return -min(dr * ring[3] + dz * ring[4], dr * ring[5] + dz * ring[6])
+
+
+@inlined
+def sphere_on_curved(walls, wall, x, y, z, radius, out):
+    """Contact of a sphere with a cone or ring: fills `out` in the world; returns what the functions above do."""
+    turned = walls.turned[wall]
+    if turned:
+        frame = walls.frames[wall]
+        x, y, z = into_frame(frame, x - frame[0], y - frame[1], z - frame[2])
+    n_cones = walls.cones.shape[0]
+    if wall < n_cones:
+        beyond = sphere_on_cone(x, y, z, radius, walls.cones[wall], out)
+    else:
+        beyond = sphere_on_ring(x, y, z, radius, walls.rings[wall - n_cones], out)
+    if turned:
+        turn_place(walls.frames[wall], out, 0)
+        turn_place(walls.frames[wall], out, 5)
+    return beyond
+
+
+@inlined
+def write_sphere(contacts, clumps, k, i, sphere):
+    """Give contact k the sphere of a body."""
+    tile, lane = contacts.data[k // L], k % L
+    spheres, scale = clumps.spheres[clumps.shape[i]], clumps.scale[i]
+    for c in range(3):
+        tile[ct.CENTRE + c * L + lane] = scale * spheres[c, sphere]
+    tile[ct.RADIUS + lane] = scale * spheres[3, sphere]
+
+
+@inlined
+def add_sphere(contacts, counts, slot, clumps, known, i, wall, sphere, out):
+    """Append the contact of a sphere with a plane, cone or ring; returns its number, or -1 where there is no room."""
+    k = add_wall_contact(contacts, counts, slot, i, wall, out)
+    if k >= 0:
+        contacts.feature[k] = sphere
+        write_sphere(contacts, clumps, k, i, sphere)
+        set_bit(known[wall, i : i + 1], sphere)
+    return k
+
+
+@inlined
+def drop_sphere(contacts, counts, slot, known, k, ghost):
+    """Remove the contact of a sphere with a plane, cone or ring."""
+    bit = np.uint64(1) << np.uint64(contacts.feature[k])
+    known[contacts.wall[k], contacts.body[k]] &= ~bit
+    drop_wall_contact(contacts, counts, slot, k, ghost)
+
+
+@inlined
+def free_way(gap, beyond, radius, one_sided):
+    """How far a sphere may move before it can touch a wall, from its gap and its way to the wall's end.
+
+    Against a one-sided wall a sphere whose centre lies beyond the surface came from outside. 0.0: it touches.
+    """
+    free = max(max(gap, beyond), 0.0)
+    return max(free, -gap - radius) if one_sided else free
+
+
+@kernel
+def look_at_planes(bodies, flat, clumps, walls, counts, wall, i, s, out):
+    """Find the spheres of body i that have come to a plane; returns how far it may move before the next look."""
+    nearest = math.inf
+    for k in range(clumps.sizes[clumps.shape[i]]):
+        if is_set(clumps.flat_known[wall, i : i + 1], k):
+            continue
+        x, y, z = s[PLACES_A + k], s[PLACES_A + MOST_SPHERES + k], s[PLACES_A + 2 * MOST_SPHERES + k]
+        radius = s[PLACES_A + 3 * MOST_SPHERES + k]
+        beyond = sphere_on_plane(x, y, z, radius, walls.planes[wall], out)
+        free = free_way(out[3], beyond, radius, False)
+        if free > 0.0:
+            nearest = min(nearest, free)
+            continue
+        m = add_sphere(flat, counts, st.N_PLANE, clumps, clumps.flat_known, i, wall, k, out)
+        if m >= 0:
+            write_plane(flat.data[m // L], m % L, walls.planes[wall])
+    return nearest
+
+
+@kernel
+def look_at_curved(bodies, curved, clumps, walls, counts, wall, i, s, out):
+    """Find the spheres of body i that have come to a cone or ring, as `look_at_planes`."""
+    nearest = math.inf
+    for k in range(clumps.sizes[clumps.shape[i]]):
+        if is_set(clumps.curved_known[wall, i : i + 1], k):
+            continue
+        x, y, z = s[PLACES_A + k], s[PLACES_A + MOST_SPHERES + k], s[PLACES_A + 2 * MOST_SPHERES + k]
+        radius = s[PLACES_A + 3 * MOST_SPHERES + k]
+        beyond = sphere_on_curved(walls, wall, x, y, z, radius, out)
+        free = free_way(out[3], beyond, radius, True)
+        if free > 0.0:
+            nearest = min(nearest, free)
+            continue
+        add_sphere(curved, counts, st.N_CURVED, clumps, clumps.curved_known, i, wall, k, out)
+    return nearest
+
+
+@inlined
+def place_clump(bodies, clumps, i, s):
+    """Write the spheres of body i, in the world, to rows of the scratch."""
+    shape = clumps.shape[i]
+    place_spheres(
+        bodies.rows[i],
+        clumps.spheres[shape],
+        clumps.sizes[shape],
+        clumps.scale[i],
+        0.0,
+        0.0,
+        0.0,
+        s,
+        PLACES_A,
+    )
+
+
+@kernel
+def look_at_clump(bodies, flat, curved, clumps, walls, counts, i, reading, lowest, s, out):
+    """Find new contacts of body i with walls; returns the reading that calls for the next look."""
+    place_clump(bodies, clumps, i, s)
+    alarm = math.inf
+    for w in range(walls.planes.shape[0]):
+        if reading >= flat.limit[w, i]:
+            flat.limit[w, i] = reading + look_at_planes(bodies, flat, clumps, walls, counts, w, i, s, out)
+        alarm = min(alarm, flat.limit[w, i])
+    if bodies.rows[i, 2] + bodies.motion[i // L, st.RADIUS + i % L] < lowest:
+        bodies.passed[i] = 1
+    if bodies.passed[i]:
+        return alarm
+    for w in range(walls.cones.shape[0] + walls.rings.shape[0]):
+        if reading >= curved.limit[w, i]:
+            curved.limit[w, i] = reading + look_at_curved(bodies, curved, clumps, walls, counts, w, i, s, out)
+        alarm = min(alarm, curved.limit[w, i])
+    return alarm
+
+
+@kernel
+def update_clump_walls(bodies, flat, curved, clumps, walls, counts, lowest, s, out):
+    """Find new contacts with planes, cones and rings, as `walls.update_walls`."""
+    creep = walls.creep[0]
+    for i in range(counts[st.N_BODIES]):
+        reading = bodies.odometer[i] + creep
+        if reading >= bodies.alarm[i]:
+            bodies.alarm[i] = look_at_clump(
+                bodies, flat, curved, clumps, walls, counts, i, reading, lowest, s, out
+            )
+
+
+@inlined
+def sphere_row(walls, frame, x, y, z, radius, local):
+    """Write the row of a sphere, as `meshes` knows bodies, in a frame."""
+    if walls.turned[frame]:
+        home = walls.frames[frame]
+        x, y, z = into_frame(home, x - home[0], y - home[1], z - home[2])
+    local[0], local[1], local[2] = x, y, z
+    square = radius * radius
+    for c in range(st.PART):
+        local[SHAPE + c] = 0.0
+    local[SHAPE] = local[SHAPE + 3] = local[SHAPE + 5] = square
+
+
+@inlined
+def follow_sphere(bodies, walls, meshes, meshed, touches, n, k, out, other, local):
+    """Track contact k of a sphere with a mesh through one step, as `meshes.follow_mesh`.
+
+    The sphere's centre relative to its body's is left in `local` from OFFSET on. touches: `meshed` with the numbers
+    of spheres for bodies.
+    """
+    mesh = meshed.wall[k]
+    frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
+    tile, lane = meshed.data[k // L], k % L
+    row = bodies.rows[meshed.body[k]]
+    x, y, z = turned_centre(row, tile, lane)
+    local[OFFSET], local[OFFSET + 1], local[OFFSET + 2] = x, y, z
+    radius = tile[ct.RADIUS + lane]
+    sphere_row(walls, frame, row[0] + x, row[1] + y, row[2] + z, radius, local)
+    at = st.NORMAL + lane
+    nx, ny, nz = tile[at], tile[at + L], tile[at + 2 * L]
+    if walls.turned[frame]:
+        nx, ny, nz = into_frame(walls.frames[frame], nx, ny, nz)
+    touching = track(local, 1, meshes, tile, lane, meshed.feature[k], nx, ny, nz, out) >= 0.0
+    if not touching:
+        touching = hand_over(local, 1, meshes, touches, n, k, radius, out, other)
+    if touching and out[3] < 0.0 and meshes.kind[meshed.feature[k]] == FACE:
+        deepest_near(local, 1, meshes, touches, k, out, other)
+    if walls.turned[frame]:
+        turn_place(walls.frames[frame], out, 0)
+        turn_place(walls.frames[frame], out, 5)
+    return touching and out[3] <= 0.0
+
+
+@inlined
+def look_at_mesh(bodies, meshed, touches, clumps, walls, meshes, counts, mesh, i, s, out, other, local):
+    """Find the spheres of body i that have come to a mesh; returns how far it may move before the next look."""
+    n = counts[st.N_MESHED]
+    for k in range(n):
+        if meshed.body[k] == i and meshed.wall[k] == mesh:
+            follow_sphere(bodies, walls, meshes, meshed, touches, n, k, out, other, local)
+            for c in range(3):
+                meshed.data[k // L, st.NORMAL + c * L + k % L] = out[c]
+    place_clump(bodies, clumps, i, s)
+    frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
+    nearest = math.inf
+    for sphere in range(clumps.sizes[clumps.shape[i]]):
+        at = PLACES_A + sphere
+        radius = s[at + 3 * MOST_SPHERES]
+        sphere_row(walls, frame, s[at], s[at + MOST_SPHERES], s[at + 2 * MOST_SPHERES], radius, local)
+        before = counts[st.N_MESHED]
+        number = MOST_SPHERES * i + sphere
+        nearest = min(
+            nearest, search_mesh(local, touches, counts, 1, walls, meshes, mesh, number, radius, out)
+        )
+        for k in range(before, counts[st.N_MESHED]):
+            meshed.body[k] = i
+            write_sphere(meshed, clumps, k, i, sphere)
+    return nearest
+
+
+@kernel
+def update_clump_meshes(bodies, meshed, touches, clumps, walls, meshes, counts, s, out, other, local):
+    """Find new contacts with meshes, as `meshes.update_meshes`."""
+    creep = walls.creep[0]
+    for mesh in range(meshes.box.shape[0]):
+        for i in range(counts[st.N_BODIES]):
+            reading = bodies.odometer[i] + creep
+            if reading < meshed.limit[mesh, i] or bodies.presence[i] != st.PRESENT:
+                continue
+            meshed.limit[mesh, i] = reading + look_at_mesh(
+                bodies, meshed, touches, clumps, walls, meshes, counts, mesh, i, s, out, other, local
+            )

@@ -1,0 +1,418 @@
+"""Which spheres of which clumps touch: pairs of bodies with an odometer limit each, and their spheres when it is due.
+
+A pair of clumps of which no two free spheres are farther apart than the skin has an entry, with the odometer limit of
+`neighbours`: odometers at the last look plus the smallest gap of two spheres that do not touch. An odometer bounds the
+motion of every point of a body, so of every sphere. When an entry is due, all its pairs of spheres are looked at; those
+that touch become contacts. A contact that ends lowers the limit of its entry to its own gap. Contacts name their entry,
+so entries stay where they are and leave holes, which are used again.
+"""
+
+import math
+from collections import namedtuple
+
+import numpy as np
+
+from . import clump_tile as ct
+from . import state as st
+from .jit import inlined, kernel
+from .lists import move_contact, put_contact
+from .neighbours import bounding_radius, link, listed, next_due, unlink
+from .state import LANES, MOST_SPHERES
+
+L = LANES
+WORD = 64  # bits of a word of flags
+# Rows of MOST_SPHERES numbers of the scratch for a look: x, y, z, radius and number of the spheres of either body.
+PLACES_A, PLACES_B = (k * MOST_SPHERES for k in (0, 5))
+SCRATCH = 10 * MOST_SPHERES
+
+# spheres (S, 4, MOST_SPHERES): centres and radii of each shape's spheres; sizes (S,): how many. shape, scale (N,): of
+# each body. flat_known, curved_known (walls, N): which spheres of a body touch a wall, a bit each. mesh_sphere: of each
+# contact with a mesh, body * MOST_SPHERES + sphere.
+Clumps = namedtuple("Clumps", "spheres sizes shape scale flat_known curved_known mesh_sphere")
+# Contacts: bodies first and second, entry; spheres (n, 2). Entries: bodies dormant_first and dormant_second (a hole
+# has those of the ghost), dormant_limit, how many contacts are live, which pairs of spheres those are (known, a bit
+# each), the holes (free).
+SpherePairs = namedtuple(
+    "SpherePairs",
+    "first second entry spheres data ended gap dormant_first dormant_second dormant_limit live known free partner link",
+)
+
+
+def new_clumps(shapes, shape, scale, walls, n_meshed):
+    """The spheres of shapes, and which shape and scale each body has.
+
+    walls: how many planes, and how many cones and rings; n_meshed: room for contacts with meshes.
+    """
+    spheres = np.zeros((len(shapes), 4, MOST_SPHERES))
+    for k, clump in enumerate(shapes):
+        spheres[k, :, : len(clump.spheres_m)] = clump.spheres_m.T
+    return Clumps(
+        spheres=spheres,
+        sizes=np.array([len(clump.spheres_m) for clump in shapes]),
+        shape=shape,
+        scale=scale,
+        flat_known=np.zeros((walls[0], len(shape)), np.uint64),
+        curved_known=np.zeros((walls[1], len(shape)), np.uint64),
+        mesh_sphere=np.zeros(n_meshed, np.uint32),
+    )
+
+
+def with_room(clumps, n_meshed):
+    """The same with room for so many contacts with meshes."""
+    if n_meshed == len(clumps.mesh_sphere):
+        return clumps
+    bigger = np.zeros(n_meshed, np.uint32)
+    bigger[: len(clumps.mesh_sphere)] = clumps.mesh_sphere
+    return clumps._replace(mesh_sphere=bigger)
+
+
+def new_sphere_pairs(n_contacts, n_entries, most, ghost):
+    """Room for contacts of spheres and entries of bodies of at most `most` spheres, as `state.new_pairs`."""
+    n_contacts = L * -(-n_contacts // L)
+    data = st.new_contacts(n_contacts, ct.PAIR_ROWS)
+    return SpherePairs(
+        first=np.full(n_contacts, ghost, np.uint32),
+        second=np.full(n_contacts, ghost, np.uint32),
+        entry=np.zeros(n_contacts, np.uint32),
+        spheres=np.zeros((n_contacts, 2), np.uint8),
+        data=data,
+        ended=np.zeros(n_contacts, np.int64),
+        gap=np.zeros(n_contacts),
+        dormant_first=np.full(n_entries, ghost, np.uint32),
+        dormant_second=np.full(n_entries, ghost, np.uint32),
+        dormant_limit=np.full(n_entries, np.inf),
+        live=np.zeros(n_entries, np.int64),
+        known=np.zeros((n_entries, -(-most * most // WORD)), np.uint64),
+        free=np.zeros(n_entries, np.int64),
+        partner=np.zeros(2 * n_entries, np.int64),
+        link=np.zeros(2 * n_entries, np.int64),
+    )
+
+
+def grown_sphere_pairs(old, counts, most, ghost):
+    """The same with twice the room where a list is filling up; see `engine.has_room`."""
+    n, m = int(counts[st.N_PAIRS]), int(counts[st.N_DORMANT])
+    contacts, entries = len(old.first), len(old.dormant_limit)
+    bigger = new_sphere_pairs(
+        contacts * (2 if n * 4 > contacts * 3 else 1),
+        entries * (2 if m * 4 > entries * 3 else 1),
+        most,
+        ghost,
+    )
+    for name in ("first", "second", "entry", "spheres"):
+        getattr(bigger, name)[:n] = getattr(old, name)[:n]
+    bigger.data[: len(old.data)] = old.data
+    for name in ("dormant_first", "dormant_second", "dormant_limit", "live", "known", "free"):
+        getattr(bigger, name)[:m] = getattr(old, name)[:m]
+    return bigger
+
+
+@inlined
+def is_set(words, bit):
+    """Whether a bit of a row of words is set."""
+    return (words[bit // WORD] >> np.uint64(bit % WORD)) & np.uint64(1) != np.uint64(0)
+
+
+@inlined
+def set_bit(words, bit):
+    """Set a bit of a row of words."""
+    words[bit // WORD] |= np.uint64(1) << np.uint64(bit % WORD)
+
+
+@inlined
+def clear_bit(words, bit):
+    """Clear a bit of a row of words."""
+    words[bit // WORD] &= ~(np.uint64(1) << np.uint64(bit % WORD))
+
+
+@inlined
+def most_spheres(clumps):
+    """How many spheres the largest clump has."""
+    most = 0
+    for size in clumps.sizes:
+        most = max(most, size)
+    return most
+
+
+@inlined
+def place_spheres(row, spheres, n, scale, x0, y0, z0, s, at):
+    """Write the n spheres of a body, relative to a place in the world, to rows of the scratch; see PLACES_A."""
+    w, x, y, z = row[st.SHAPE], row[st.SHAPE + 1], row[st.SHAPE + 2], row[st.SHAPE + 3]
+    dx, dy, dz = row[0] - x0, row[1] - y0, row[2] - z0
+    for k in range(n):
+        px, py, pz = ct.turned(w, x, y, z, spheres[0, k], spheres[1, k], spheres[2, k])
+        s[at + k] = dx + scale * px
+        s[at + MOST_SPHERES + k] = dy + scale * py
+        s[at + 2 * MOST_SPHERES + k] = dz + scale * pz
+        s[at + 3 * MOST_SPHERES + k] = scale * spheres[3, k]
+
+
+@inlined
+def keep_near(s, at, n, x, y, z, reach):
+    """Keep the placed spheres that come as near as `reach` to a point, with their numbers; returns how many."""
+    kept = 0
+    for k in range(n):
+        dx, dy, dz = s[at + k] - x, s[at + MOST_SPHERES + k] - y, s[at + 2 * MOST_SPHERES + k] - z
+        radius = s[at + 3 * MOST_SPHERES + k]
+        far = reach + radius
+        if dx * dx + dy * dy + dz * dz < far * far:
+            s[at + kept] = s[at + k]
+            s[at + MOST_SPHERES + kept] = s[at + MOST_SPHERES + k]
+            s[at + 2 * MOST_SPHERES + kept] = s[at + 2 * MOST_SPHERES + k]
+            s[at + 3 * MOST_SPHERES + kept] = radius
+            s[at + 4 * MOST_SPHERES + kept] = k
+            kept += 1
+    return kept
+
+
+@inlined
+def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
+    """Append the contact of sphere a of body i with sphere b of body j, with a relaxed spring."""
+    k = counts[st.N_PAIRS]
+    if k >= pairs.first.shape[0]:
+        counts[st.FULL] = 1
+        return
+    counts[st.N_PAIRS] = k + 1
+    pairs.first[k] = i
+    pairs.second[k] = j
+    pairs.entry[k] = entry
+    pairs.spheres[k, 0] = a
+    pairs.spheres[k, 1] = b
+    pairs.live[entry] += 1
+    set_bit(pairs.known[entry], a * most_spheres(clumps) + b)
+    put_contact(pairs.data, k, 0.0, 0.0, 1.0)
+    tile, lane = pairs.data[k // L], k % L
+    of_a, of_b = clumps.spheres[clumps.shape[i]], clumps.spheres[clumps.shape[j]]
+    scale_a, scale_b = clumps.scale[i], clumps.scale[j]
+    for c in range(3):
+        tile[ct.CENTRE_A + c * L + lane] = scale_a * of_a[c, a]
+        tile[ct.CENTRE_B + c * L + lane] = scale_b * of_b[c, b]
+    radius_a, radius_b = scale_a * of_a[3, a], scale_b * of_b[3, b]
+    tile[ct.RADIUS_A + lane] = radius_a
+    tile[ct.REACH + lane] = radius_a + radius_b
+    tile[ct.CURVATURE + lane] = radius_a * radius_b / (radius_a + radius_b)
+
+
+@inlined
+def drop_sphere_contact(pairs, counts, clumps, k, ghost):
+    """Remove contact k from its entry and the list; the last one takes its place, body `ghost` that of the last."""
+    entry = pairs.entry[k]
+    pairs.live[entry] -= 1
+    a, b = np.int64(pairs.spheres[k, 0]), np.int64(pairs.spheres[k, 1])
+    clear_bit(pairs.known[entry], a * most_spheres(clumps) + b)
+    last = counts[st.N_PAIRS] - 1
+    counts[st.N_PAIRS] = last
+    pairs.first[k] = pairs.first[last]
+    pairs.second[k] = pairs.second[last]
+    pairs.entry[k] = pairs.entry[last]
+    pairs.spheres[k, 0] = pairs.spheres[last, 0]
+    pairs.spheres[k, 1] = pairs.spheres[last, 1]
+    move_contact(pairs.data, last, k)
+    pairs.first[last] = ghost
+    pairs.second[last] = ghost
+    # two ghosts are in the same place: without radii they do not overlap
+    pairs.data[last // L, ct.REACH + last % L] = 0.0
+
+
+@inlined
+def add_entry(pairs, counts, grid, i, j):
+    """An entry of two bodies, in a hole or behind the last one; returns its place, or -1 where there is no room."""
+    if counts[st.N_FREE] > 0:
+        counts[st.N_FREE] -= 1
+        k = pairs.free[counts[st.N_FREE]]
+    else:
+        k = counts[st.N_DORMANT]
+        if k >= pairs.dormant_limit.shape[0]:
+            counts[st.FULL] = 1
+            return -1
+        counts[st.N_DORMANT] = k + 1
+    grid.dormant[i] += 1
+    grid.dormant[j] += 1
+    pairs.dormant_first[k] = i
+    pairs.dormant_second[k] = j
+    return k
+
+
+@inlined
+def drop_entry(pairs, counts, grid, k, ghost):
+    """Make a hole of an entry without contacts."""
+    grid.dormant[pairs.dormant_first[k]] -= 1
+    grid.dormant[pairs.dormant_second[k]] -= 1
+    pairs.dormant_first[k] = ghost
+    pairs.dormant_second[k] = ghost
+    pairs.dormant_limit[k] = math.inf
+    pairs.free[counts[st.N_FREE]] = k
+    counts[st.N_FREE] += 1
+
+
+@kernel
+def look_at_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, s):
+    """Add the contacts of two bodies that are new, to an entry, or to one that is made if `entry` is -1.
+
+    Returns the smallest gap of two spheres that do not touch, or the skin where none is smaller, and the entry: still
+    -1 where no contact called for one.
+    """
+    rows = bodies.rows
+    skin = grid.lengths[2]
+    shape_a, shape_b = clumps.shape[i], clumps.shape[j]
+    x, y, z = rows[i, 0], rows[i, 1], rows[i, 2]
+    n_a, n_b = clumps.sizes[shape_a], clumps.sizes[shape_b]
+    place_spheres(rows[i], clumps.spheres[shape_a], n_a, clumps.scale[i], x, y, z, s, PLACES_A)
+    place_spheres(rows[j], clumps.spheres[shape_b], n_b, clumps.scale[j], x, y, z, s, PLACES_B)
+    x, y, z = rows[j, 0] - x, rows[j, 1] - y, rows[j, 2] - z
+    n_b = keep_near(s, PLACES_B, n_b, 0.0, 0.0, 0.0, bounding_radius(bodies, i) + skin)
+    n_a = keep_near(s, PLACES_A, n_a, x, y, z, bounding_radius(bodies, j) + skin)
+    most = most_spheres(clumps)
+    nearest = skin
+    for p in range(n_a):
+        x, y, z = s[PLACES_A + p], s[PLACES_A + MOST_SPHERES + p], s[PLACES_A + 2 * MOST_SPHERES + p]
+        radius = s[PLACES_A + 3 * MOST_SPHERES + p]
+        for q in range(n_b):
+            dx = s[PLACES_B + q] - x
+            dy = s[PLACES_B + MOST_SPHERES + q] - y
+            dz = s[PLACES_B + 2 * MOST_SPHERES + q] - z
+            reach = radius + s[PLACES_B + 3 * MOST_SPHERES + q]
+            square = dx * dx + dy * dy + dz * dz
+            if square >= (reach + nearest) * (reach + nearest):
+                continue
+            gap = math.sqrt(square) - reach
+            if gap > 0.0:
+                nearest = min(nearest, gap)
+                continue
+            a = np.int64(s[PLACES_A + 4 * MOST_SPHERES + p])
+            b = np.int64(s[PLACES_B + 4 * MOST_SPHERES + q])
+            if entry < 0:
+                entry = add_entry(pairs, counts, grid, i, j)
+            if entry >= 0 and not is_set(pairs.known[entry], a * most + b):
+                add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b)
+    return nearest, entry
+
+
+@kernel
+def wake_clumps(bodies, pairs, counts, grid, clumps, s, ghost):
+    """Look at the entries whose odometers have used up their gap; those with a skin or more left are dropped."""
+    first, second, limit = pairs.dormant_first, pairs.dormant_second, pairs.dormant_limit
+    n = counts[st.N_DORMANT]
+    k = next_due(bodies.odometer, first, second, limit, 0, n)
+    while k < n:
+        i, j = np.int64(first[k]), np.int64(second[k])
+        gap, _entry = look_at_spheres(bodies, pairs, counts, grid, clumps, k, i, j, s)
+        if gap < grid.lengths[2] or pairs.live[k] > 0:
+            limit[k] = bodies.odometer[i] + bodies.odometer[j] + gap
+        else:
+            drop_entry(pairs, counts, grid, k, ghost)
+        k = next_due(bodies.odometer, first, second, limit, k + 1, n)
+
+
+@inlined
+def list_clumps(bodies, pairs, counts, grid, clumps, i, j, s):
+    """Make an entry of two bodies whose surfaces are nearer than the skin."""
+    rows = bodies.rows
+    dx, dy, dz = rows[j, 0] - rows[i, 0], rows[j, 1] - rows[i, 1], rows[j, 2] - rows[i, 2]
+    reach = bounding_radius(bodies, i) + bounding_radius(bodies, j) + grid.lengths[2]
+    if dx * dx + dy * dy + dz * dz >= reach * reach:
+        return
+    gap, entry = look_at_spheres(bodies, pairs, counts, grid, clumps, -1, i, j, s)
+    if entry < 0 and gap < grid.lengths[2]:
+        entry = add_entry(pairs, counts, grid, i, j)
+    if entry >= 0:
+        pairs.dormant_limit[entry] = bodies.odometer[i] + bodies.odometer[j] + gap
+
+
+@kernel
+def find_clumps(bodies, pairs, counts, grid, clumps, i, s):
+    """List the pairs of body i with neighbours that are not marked with i, which have an entry already."""
+    cell = grid.cell[i]
+    kz = cell % grid.shape[2]
+    ky = (cell // grid.shape[2]) % grid.shape[1]
+    kx = cell // (grid.shape[2] * grid.shape[1])
+    for cx in range(max(kx - 1, 0), min(kx + 2, grid.shape[0])):
+        for cy in range(max(ky - 1, 0), min(ky + 2, grid.shape[1])):
+            for cz in range(max(kz - 1, 0), min(kz + 2, grid.shape[2])):
+                j = grid.head[(cx * grid.shape[1] + cy) * grid.shape[2] + cz]
+                while j >= 0:
+                    if j != i and grid.mark[j] != i and not (grid.moved[j] == 1 and j < i):
+                        list_clumps(bodies, pairs, counts, grid, clumps, min(i, j), max(i, j), s)
+                    j = grid.following[j]
+
+
+@kernel
+def chain_entries(pairs, counts, grid, ghost):
+    """Chain the partners in the entries of each body whose neighbours are found anew."""
+    left = listed(grid.dormant, grid, counts)
+    used = 0
+    k = counts[st.N_DORMANT] - 1
+    while used < left:
+        i = pairs.dormant_first[np.uint64(k)]
+        j = pairs.dormant_second[np.uint64(k)]
+        k -= 1
+        if i == ghost:
+            continue
+        if grid.moved[i]:
+            pairs.partner[used] = j
+            pairs.link[used] = grid.chain[i]
+            grid.chain[i] = used
+            used += 1
+        if grid.moved[j]:
+            pairs.partner[used] = i
+            pairs.link[used] = grid.chain[j]
+            grid.chain[j] = used
+            used += 1
+
+
+@inlined
+def mark_partners(pairs, grid, i, mark):
+    """Mark all bodies that have an entry with body i."""
+    k = grid.chain[i]
+    while k >= 0:
+        grid.mark[pairs.partner[k]] = mark
+        k = pairs.link[k]
+
+
+@kernel
+def renew_clumps(bodies, pairs, counts, grid, clumps, s, ghost):
+    """Find the new neighbours of the bodies that moved on; the entries they have stay until they are due."""
+    n_moved = counts[st.N_MOVED]
+    if n_moved == 0:
+        return
+    for m in range(n_moved):
+        i = grid.moved_list[m]
+        unlink(grid, i)
+        if bodies.presence[i] == st.PRESENT:
+            link(grid, bodies, i)
+    chain_entries(pairs, counts, grid, ghost)
+    for m in range(n_moved):
+        i = grid.moved_list[m]
+        if bodies.presence[i] == st.PRESENT:
+            mark_partners(pairs, grid, i, i)
+            find_clumps(bodies, pairs, counts, grid, clumps, i, s)
+            mark_partners(pairs, grid, i, -1)
+    for m in range(n_moved):
+        i = grid.moved_list[m]
+        grid.moved[i] = 0
+        grid.chain[i] = -1
+    counts[st.N_MOVED] = 0
+
+
+@kernel
+def retire_spheres(bodies, pairs, counts, clumps, ended, ghost):
+    """Drop the contacts that ended, the last first; their entries are due when they may have closed their gap."""
+    for e in range(ended - 1, -1, -1):
+        k = pairs.ended[e]
+        entry = pairs.entry[k]
+        limit = bodies.odometer[pairs.first[k]] + bodies.odometer[pairs.second[k]] + pairs.gap[k]
+        pairs.dormant_limit[entry] = min(pairs.dormant_limit[entry], limit)
+        drop_sphere_contact(pairs, counts, clumps, k, ghost)
+
+
+@kernel
+def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
+    """Drop the contacts and entries of the bodies that are gone."""
+    presence = bodies.presence
+    for k in range(counts[st.N_PAIRS] - 1, -1, -1):
+        if presence[pairs.first[k]] != st.PRESENT or presence[pairs.second[k]] != st.PRESENT:
+            drop_sphere_contact(pairs, counts, clumps, k, ghost)
+    for k in range(counts[st.N_DORMANT]):
+        i, j = pairs.dormant_first[k], pairs.dormant_second[k]
+        if i != ghost and (presence[i] != st.PRESENT or presence[j] != st.PRESENT):
+            drop_entry(pairs, counts, grid, k, ghost)

@@ -1,0 +1,447 @@
+"""Clumps of spheres: a clump of one is a sphere, contacts are those of all pairs of spheres, nothing is created."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+import trimesh
+from dem.common import DENSITY, GOJI, PVC, random_direction, random_quaternion
+from oracles import rotation
+
+from repose.dem import (
+    Clump,
+    Cone,
+    Contact,
+    Cylinder,
+    Mesh,
+    Motion,
+    Plane,
+    Recorder,
+    RingEdge,
+    Shape,
+    Simulation,
+    write_vtk,
+)
+from repose.dem import state as st
+from repose.dem.clumps import new_sphere_pairs
+from repose.dem.tessellation import tessellate, triangulated_bodies
+from repose.scenes import Funnel
+
+RADIUS = 0.006
+FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)
+BALL_MASS = DENSITY * 4.0 / 3.0 * math.pi * RADIUS**3
+# a bent body of five spheres of three sizes, none of them in its centre
+BENT = np.array(
+    [
+        [-8.0, -1.5, 0.0, 3.0],
+        [-4.0, 0.8, 0.5, 4.0],
+        [0.5, 1.9, -0.5, 4.0],
+        [4.5, 0.6, 0.6, 3.5],
+        [8.0, -1.8, 0.0, 2.5],
+    ]
+) * 1e-3  # fmt: skip
+BENT_INERTIA = np.array([1.0e-8, 3.5e-8, 3.6e-8])
+MASS = 1.0e-3
+FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")
+CONE = Cone.between((0.0, 0.0, 0.03), (0.0, 0.0, 1.0), 0.09, 0.016, 0.07, "wall")
+
+
+def bent(material="body"):
+    return Clump(BENT, MASS, BENT_INERTIA, material)
+
+
+def ball_of_one(radius=RADIUS, material="body"):
+    """A sphere as a clump."""
+    solid = Shape.sphere(radius, DENSITY, material)
+    return Clump([[0.0, 0.0, 0.0, radius]], solid.mass_kg, solid.inertia_kg_m2, material)
+
+
+def scene(shapes, contact=None, walls=None, dt=1e-5, capacity=2, gravity=(0.0, 0.0, 0.0), **keywords):
+    """A simulation of named shapes of material "body" among walls of material "wall"."""
+    contact = contact or Contact(0.3, 0.5, 0.02)
+    keywords.setdefault("lower", (-0.1, -0.1, -0.1))
+    keywords.setdefault("upper", (0.1, 0.1, 0.2))
+    laws = {("body", "body"): contact, ("body", "wall"): contact}
+    materials = {"body": GOJI, "wall": PVC}
+    return Simulation(
+        shapes, materials, laws, dt, capacity=capacity, walls=walls, gravity_m_s2=gravity, **keywords
+    )
+
+
+def both(**keywords):
+    """The same scene of a sphere and of a clump of one."""
+    return [
+        scene({"body": shape}, **keywords) for shape in (Shape.sphere(RADIUS, DENSITY, "body"), ball_of_one())
+    ]
+
+
+def compare(pair, steps, rounds, tolerance=1e-9):
+    """Run two simulations; their states have to agree relative to how far and how fast bodies moved."""
+    for _ in range(rounds):
+        start = pair[0].positions.copy()
+        for s in pair:
+            s.run_steps(steps)
+        for name in ("positions", "velocities", "angular_velocities"):
+            a, b = (getattr(s, name) for s in pair)
+            size = np.abs(a - start if name == "positions" else a).max()
+            assert np.abs(a - b).max() <= tolerance * size, name
+
+
+def test_a_clump_of_one_falls_and_rests_as_a_sphere():
+    pair = both(walls={"floor": FLOOR}, gravity=(0.0, 0.0, -9.81), dt=2e-5)
+    for s in pair:
+        s.add(
+            "body", (0.0, 0.0, 0.02), velocity_m_s=(0.3, 0.0, -0.5), angular_velocity_rad_s=(5.0, 20.0, 3.0)
+        )
+    compare(pair, 500, 20)
+
+
+def test_a_clump_of_one_hits_obliquely_as_a_sphere():
+    pair = both(dt=1e-6)
+    for s in pair:
+        s.add(
+            "body",
+            (-0.0061, 0.0, 0.0),
+            velocity_m_s=(0.5, 0.1, 0.0),
+            angular_velocity_rad_s=(3.0, -9.0, 20.0),
+        )
+        s.add("body", (0.0061, 0.003, 0.001), velocity_m_s=(-0.5, 0.0, 0.2))
+    compare(pair, 1000, 20)
+    assert np.abs(pair[1].angular_velocities[1]).max() > 1.0
+
+
+@pytest.mark.parametrize("kind", ["disc", "cone", "tilted tube", "edge", "mesh", "moving"])
+def test_clumps_of_one_pile_up_among_walls_as_spheres(kind):
+    wedge = trimesh.creation.box((0.08, 0.08, 0.02))
+    walls = {
+        "disc": {"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", 0.03)},
+        "cone": {"cone": CONE, "floor": FLOOR},
+        "tilted tube": {"tube": Cylinder((0.0, 0.0, 0.02), (0.1, 0.05, 1.0), 0.1, 0.03, "wall"), "floor": FLOOR},
+        "edge": {"edge": RingEdge(0.014, 0.002, "wall", ((0.0, -1.0), (0.0, -1.0)), 0.02), "floor": FLOOR},
+        "mesh": {"block": Mesh(np.array(wedge.vertices), np.array(wedge.faces), "wall", 1e-3)},
+        "moving": {
+            "floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", motion=Motion((0.05, 0.0, 0.1))),
+            "drum": Cylinder((0, 0, -0.1), (0, 0, 1), 0.4, 0.04, "wall", motion=Motion((0, 0, 0), (0, 0, 5))),
+        },
+    }[kind]  # fmt: skip
+    pair = both(walls=walls, gravity=(0.0, 0.0, -9.81), dt=5e-6, capacity=12, floor_height_m=-0.05)
+    rng = np.random.default_rng(4)
+    for k in range(12):
+        x, y = 0.0135 * (np.array(divmod(k % 4, 2)) - 0.5) + 1e-3 * rng.random(2)
+        place, velocity = (x, y, 0.04 + 0.0135 * (k // 4)), 0.1 * rng.normal(size=3) - (0.0, 0.0, 0.5)
+        for s in pair:
+            s.add("body", place, velocity_m_s=velocity)
+    # the smooth body's contact is an expansion, whose error falls with the square of the step; hits amplify it
+    touched = 0
+    for _ in range(20):
+        compare(pair, 1000, 1, 1e-5)
+        touched += s.counts[st.N_PLANE] + s.counts[st.N_CURVED] + s.counts[st.N_MESHED]
+        assert np.array_equal(*(s.contacts() for s in pair))
+    assert touched > 20
+
+
+def all_spheres(s):
+    """Centres (N, 3) and radii (N,) of all spheres in the world, their bodies and numbers."""
+    shapes = list(s.shapes.values())
+    centres, radii, bodies, numbers = [], [], [], []
+    for i in range(s.n_bodies):
+        spheres = s.scales[i] * shapes[s.shape_ids[i]].spheres_m
+        centres.append(s.positions[i] + spheres[:, :3] @ rotation(s.quaternions[i]).T)
+        radii.append(spheres[:, 3])
+        bodies.append(np.full(len(spheres), i))
+        numbers.append(np.arange(len(spheres)))
+    return tuple(np.concatenate(v) for v in (centres, radii, bodies, numbers))
+
+
+def slow_contacts(s):
+    """Gaps of all pairs of spheres of different bodies: (i, j, a, b) to gap, of those below 2 mm."""
+    centres, radii, bodies, numbers = all_spheres(s)
+    gaps = np.linalg.norm(centres[:, None] - centres[None], axis=2) - radii[:, None] - radii[None]
+    near = np.argwhere((gaps < 2e-3) & (bodies[:, None] < bodies[None]))
+    return {(bodies[p], bodies[q], numbers[p], numbers[q]): gaps[p, q] for p, q in near}
+
+
+def fast_contacts(s):
+    bodies, spheres, _normals = s.sphere_contacts()
+    found = [(*pair, *numbers) for pair, numbers in zip(bodies, spheres, strict=True)]
+    assert len(set(found)) == len(found)
+    return set(found)
+
+
+def cloud(capacity=40, seed=2, **keywords):
+    """Clumps of two shapes and many sizes, spinning towards each other in a box."""
+    walls = {
+        f"{axis}{side}": Plane(0.04 * side * np.eye(3)[axis], -side * np.eye(3)[axis], "wall")
+        for axis in range(3)
+        for side in (-1, 1)
+    }
+    s = scene(
+        {"bent": bent(), "pair": Clump(BENT[1:3] - BENT[1:3, :3].mean(0) @ np.eye(3, 4), MASS, BENT_INERTIA, "body")},
+        walls=walls, dt=5e-5, capacity=capacity, largest_scale=1.1, **keywords,
+    )  # fmt: skip
+    rng = np.random.default_rng(seed)
+    places = itertools.product((-0.03, -0.01, 0.01, 0.03), (-0.026, 0.0, 0.026), (-0.03, -0.01, 0.01, 0.03))
+    for k, place in enumerate(itertools.islice(places, capacity)):
+        place = np.array(place)
+        s.add(
+            ("bent", "pair")[k % 2], place, random_quaternion(rng), -20.0 * place + 0.3 * rng.normal(size=3),
+            30.0 * rng.normal(size=3), scale=rng.uniform(0.9, 1.1),
+        )  # fmt: skip
+    return s
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_touching_spheres_are_those_of_all_pairs_at_every_moment(seed):
+    s = cloud(seed=seed)
+    seen = 0
+    for _ in range(150):
+        # contacts are found before a step moves the bodies
+        slow = {pair for pair, gap in slow_contacts(s).items() if gap < 0.0}
+        s.run_steps(1)
+        fast = fast_contacts(s)
+        assert fast == slow
+        assert set(map(tuple, s.contacts())) == {pair[:2] for pair in fast}
+        seen += len(fast)
+        s.run_steps(7)
+    assert seen > 1500
+
+
+def test_entries_are_used_again_and_lists_grow():
+    runs = []
+    for shrink in (False, True):
+        s = cloud()
+        if shrink:
+            s.pairs = new_sphere_pairs(64, 40, 5, s.capacity)
+        s.run_steps(1500)
+        holes, used = int(s.counts[st.N_FREE]), int(s.counts[st.N_DORMANT])
+        listed = s.pairs.dormant_first[:used] < s.capacity
+        assert listed.sum() == used - holes
+        pairs = np.column_stack([s.pairs.dormant_first[:used], s.pairs.dormant_second[:used]])[listed]
+        assert len(np.unique(pairs, axis=0)) == len(pairs)
+        assert s.pairs.live[:used].sum() == s.counts[st.N_PAIRS]
+        bits = np.unpackbits(s.pairs.known[:used].view(np.uint8)).sum()
+        assert bits == s.counts[st.N_PAIRS]
+        runs.append(s.positions.tobytes())
+    assert len(s.pairs.dormant_limit) > 40
+    assert runs[0] == runs[1]
+
+
+def test_momentum_stays_and_hits_create_no_energy():
+    rng = np.random.default_rng(7)
+    hits = 0
+    for _ in range(250):
+        e, mu = rng.uniform(0.2, 0.6), rng.uniform(0.0, 0.8)
+        s = scene({"bent": bent()}, Contact(e, mu, 0.0), dt=2e-5)
+        way = random_direction(rng)
+        s.add("bent", 0.5 * 0.024 * way, random_quaternion(rng), -0.5 * way, 40.0 * rng.normal(size=3))
+        s.add("bent", -0.5 * 0.024 * way, random_quaternion(rng), 0.5 * way + 0.1 * rng.normal(size=3))
+        momentum = s.velocities.sum(axis=0)
+        spin = turning(s)
+        energy = s.kinetic_energies().sum()
+        for _ in range(25):
+            s.run_steps(80)
+            assert s.kinetic_energies().sum() <= energy * (1.0 + 1e-5)
+        hits += s.kinetic_energies().sum() < 0.98 * energy
+        assert np.abs(s.velocities.sum(axis=0) - momentum).max() < 1e-14
+        assert np.abs(turning(s) - spin).max() < 1e-5 * np.abs(spin).max()
+    assert hits > 120
+
+
+def turning(s):
+    """Angular momentum about the origin."""
+    return s.angular_momenta.sum(axis=0) + MASS * np.cross(s.positions, s.velocities).sum(axis=0)
+
+
+@pytest.mark.parametrize("kind", ["cone", "rim", "plane", "mesh"])
+def test_hits_on_walls_create_no_energy(kind):
+    cube = trimesh.creation.box((0.03, 0.03, 0.03))
+    walls = {
+        "cone": {"cone": CONE},
+        "rim": FUNNEL.walls("wall"),
+        "plane": {"floor": FLOOR},
+        "mesh": {"cube": Mesh(np.array(cube.vertices), np.array(cube.faces), "wall", 2e-3)},
+    }[kind]
+    height = {"cone": 0.05, "rim": FUNNEL.outlet_height_m + 0.032, "plane": 0.02, "mesh": 0.05}[kind]
+    rng = np.random.default_rng(8)
+    hits = 0
+    for _ in range(150):
+        s = scene(
+            {"bent": bent()}, Contact(rng.uniform(0.2, 0.5), rng.uniform(0.0, 0.8), 0.0), walls, dt=2e-5
+        )
+        place = np.array([*rng.uniform(-0.006, 0.006, 2), height])
+        velocity = np.array([*rng.uniform(-0.4, 0.4, 2), -rng.uniform(0.4, 1.2)])
+        s.add("bent", place, random_quaternion(rng), velocity, 30.0 * rng.normal(size=3))
+        energy = s.kinetic_energies()[0]
+        for _ in range(25):
+            s.run_steps(80)
+            assert s.kinetic_energies()[0] <= energy * (1.0 + 1e-5)
+        hits += s.kinetic_energies()[0] < 0.98 * energy
+    assert hits > 60
+
+
+@pytest.mark.parametrize("scale", [1.0, 1.3])
+def test_a_clump_at_rest_on_a_plate_weighs_what_it_weighs(scale):
+    contact = Contact(0.2, 0.5, 0.02)
+    s = scene({"bent": bent()}, contact, {"floor": FLOOR}, 5e-5, gravity=(0, 0, -9.81), largest_scale=1.3)
+    s.add("bent", (0.0, 0.0, 0.012), (1.0, 0.3, 0.1, 0.0), scale=scale)
+    s.run_steps(30000)
+    assert s.kinetic_energies()[0] < 1e-15
+    centres, radii, *_ = all_spheres(s)
+    overlaps = np.maximum(radii - centres[:, 2], 0.0)
+    stiffness = s.physics.laws[0, 1, 0]
+    assert 2 <= np.sum(overlaps > 0.0) == s.counts[st.N_PLANE]
+    weight = MASS * scale**3 * 9.81
+    assert np.sum(stiffness * np.sqrt(radii) * overlaps**1.5) == pytest.approx(weight, rel=1e-6)
+
+
+def test_clumps_pass_a_funnel():
+    """They meet its cone and its edge and are neither lost nor shot away."""
+    walls = {**FUNNEL.walls("wall"), "floor": FLOOR}
+    s = scene({"bent": bent()}, Contact(0.2, 0.6, 0.05), walls, 5e-5, gravity=(0, 0, -9.81), capacity=40,
+              upper=(0.1, 0.1, 0.4), funnel_floor_m=FUNNEL.outlet_height_m - 0.001)  # fmt: skip
+    rng = np.random.default_rng(5)
+    touched = set()
+    for k in range(40):
+        s.add("bent", (*rng.uniform(-0.02, 0.02, 2), 0.17 + 0.005 * k), random_quaternion(rng))
+        s.run_steps(300)
+        touched |= set(s.curved_contacts()[1])
+        assert np.linalg.norm(s.velocities, axis=1).max() < 3.0
+    assert touched == {0, 1}
+    assert s.positions[:, 2].min() > 0.0
+    _body, wall, normal, azimuth = s.curved_contacts()
+    assert np.all(np.abs(np.linalg.norm(normal, axis=1) - 1.0) < 1e-12)
+    on_cone = wall == 0
+    # a cone's normal points outwards at its azimuth; the body has moved on by a step
+    assert np.allclose(np.arctan2(normal[on_cone, 1], normal[on_cone, 0]), azimuth[on_cone], atol=0.01)
+
+
+def pouring():
+    """Clumps of two shapes, sizes and materials above a floor that rises and a turning block, in a tube."""
+    block = trimesh.creation.box((0.02, 0.02, 0.02))
+    walls = {
+        "floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", motion=Motion((0.0, 0.0, 0.2))),
+        "tube": Cylinder((0, 0, -0.1), (0, 0, 1), 0.5, 0.04, "wall"),
+        "block": Mesh(np.array(block.vertices), np.array(block.faces), "wall", 1e-3,
+                      motion=Motion((0, 0, 0.2), (0, 0, 20))),
+    }  # fmt: skip
+    laws = {
+        pair: Contact(0.3, 0.5, 0.02) for pair in itertools.combinations_with_replacement(("body", "clay"), 2)
+    }
+    laws |= {("body", "wall"): Contact(0.4, 0.5, 0.02), ("clay", "wall"): Contact(0.2, 0.5, 0.02)}
+    s = Simulation(
+        {"bent": bent(), "ball": ball_of_one(0.005, "clay")}, {"body": GOJI, "clay": GOJI, "wall": PVC}, laws, 5e-5,
+        capacity=31, lower=(-0.04, -0.04, 0.0), upper=(0.04, 0.04, 0.2), walls=walls, largest_scale=1.2,
+    )  # fmt: skip
+    rng = np.random.default_rng(3)
+    for k in range(30):
+        layer, place = divmod(k, 4)
+        x, y = 0.015 * np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)][place])
+        s.add(
+            ("bent", "ball")[k % 3 == 0],
+            (x, y, 0.03 + 0.022 * layer),
+            rng.normal(size=4),
+            scale=rng.uniform(0.9, 1.2),
+        )
+    return s
+
+
+def bits(s):
+    values = (s.positions, s.quaternions, s.velocities, s.angular_momenta, s.walls.frames, s.contacts())
+    return b"".join(np.ascontiguousarray(v).tobytes() for v in values)
+
+
+def test_a_checkpoint_goes_on_with_the_same_bits_and_so_does_the_seed(tmp_path, monkeypatch):
+    s = pouring()
+    s.run_steps(2000)
+    assert s.counts[st.N_MESHED] > 0
+    assert s.counts[st.N_CURVED] > 0
+    assert len(s.contacts()) > 10
+    s.save(tmp_path / "half.npz")
+    s.run_steps(2000)
+    loaded = Simulation.load(tmp_path / "half.npz")
+    loaded.run_steps(2000)
+    assert bits(loaded) == bits(s)
+    # lists that have to grow on the way change nothing, and are saved whole
+    monkeypatch.setattr("repose.dem.simulation.SPHERE_CONTACTS_PER_BODY", 1)
+    monkeypatch.setattr("repose.dem.simulation.MOST_NEW", 0)
+    monkeypatch.setattr("repose.dem.simulation.DORMANT_PER_BODY", -7)
+    grown = pouring()
+    room = len(grown.pairs.first), len(grown.pairs.dormant_limit)
+    grown.run_steps(3000)
+    assert len(grown.pairs.first) > room[0]
+    assert len(grown.pairs.dormant_limit) > room[1]
+    grown.save(tmp_path / "grown.npz")
+    loaded = Simulation.load(tmp_path / "grown.npz")
+    loaded.run_steps(1000)
+    assert bits(loaded) == bits(s)
+
+
+def test_clumps_below_the_floor_are_gone():
+    s = scene({"bent": bent()}, gravity=(0, 0, -9.81), dt=5e-5, capacity=6, floor_height_m=-0.02,
+              walls={"disc": Plane((0, 0, 0), (0, 0, 1), "wall", 0.015)})  # fmt: skip
+    for k in range(6):
+        s.add("bent", (0.004 * k, 0.0, 0.012 + 0.012 * k))
+    s.run_steps(8000)
+    gone = ~s.present
+    assert 0 < gone.sum() < 6
+    assert not np.isin(s.contacts(), np.flatnonzero(gone)).any()
+    used = int(s.counts[st.N_DORMANT])
+    assert not np.isin(s.pairs.dormant_first[:used], np.flatnonzero(gone)).any()
+
+
+def test_pictures_files_and_frames_of_clumps(tmp_path):
+    points, normals, triangles = tessellate(bent())
+    clear = np.linalg.norm(points[:, None] - BENT[None, :, :3], axis=2) - BENT[:, 3]
+    assert np.abs(clear.min(axis=1)).max() < 1e-12
+    assert len(triangles) == len(tessellate(ball_of_one())[2])
+    assert np.allclose(np.linalg.norm(normals, axis=1), 1.0)
+    s = pouring()
+    recorder = Recorder()
+    s.run(0.01, progress=False, record=recorder, record_every_s=0.005)
+    assert recorder.frames()["position"].shape == (3, 30, 3)
+    for content in ("points", "surfaces", "walls"):
+        write_vtk(tmp_path / f"{content}.vtp", s, content)
+    corners, faces, body = triangulated_bodies(s)
+    # the triangles of a body enclose the volumes of its spheres, a little less
+    a, b, c = (corners[faces[body == 1][:, k]] - s.positions[1] for k in range(3))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6.0
+    whole = 4.0 / 3.0 * math.pi * np.sum((s.scales[1] * BENT[:, 3]) ** 3)
+    assert 0.85 * whole < volume < whole
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"spheres_m": []}, r"spheres_m is \[\]; allowed: \(1 to 64, 4\) finite lengths"),
+        ({"spheres_m": [[0, 0, 0]]}, "spheres_m is .*allowed"),
+        ({"spheres_m": [[0, 0, 0, 0.0]]}, "spheres_m is .*the last of each row above 0"),
+        ({"spheres_m": [[0, 0, math.nan, 1.0]]}, "spheres_m is .*allowed"),
+        ({"spheres_m": np.ones((65, 4))}, r"allowed: \(1 to 64, 4\)"),
+        ({"spheres_m": "round"}, "spheres_m is 'round'"),
+        ({"mass_kg": 0.0}, "mass_kg is 0.0; allowed: above 0"),
+        ({"inertia_kg_m2": (1.0, 1.0, 3.0)}, "inertia_kg_m2 is .*each at most the sum"),
+        ({"material": ""}, "material is ''; allowed: a name"),
+    ],
+)
+def test_wrong_clumps_are_refused(changes, words):
+    good = {"spheres_m": BENT, "mass_kg": MASS, "inertia_kg_m2": BENT_INERTIA, "material": "body"}
+    with pytest.raises(ValueError, match=words):
+        Clump(**{**good, **changes})
+
+
+def test_smooth_bodies_and_clumps_do_not_mix():
+    with pytest.raises(
+        ValueError, match=r"shapes has 'a': Clump, 'b': Shape; allowed: all of them a Shape or all"
+    ):
+        scene({"a": bent(), "b": Shape.sphere(RADIUS, DENSITY, "body")})
+
+
+def test_a_clump_knows_its_sizes():
+    clump = bent()
+    assert clump.bounding_radius_m == pytest.approx(math.hypot(8.0, 1.5) * 1e-3 + 3e-3)
+    assert clump.smallest_radius_m == pytest.approx(2.5e-3)
+    assert clump.half_extents_m == pytest.approx([11e-3, 5.9e-3, 4.5e-3])
+    n = np.array([1.0, 0.0, 0.0])
+    assert clump.support(n) == pytest.approx(10.5e-3)
+    assert clump.support_point(n) == pytest.approx([10.5e-3, -1.8e-3, 0.0])
