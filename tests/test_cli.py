@@ -12,6 +12,7 @@ import pytest
 
 from repose import arguments
 from repose.__main__ import VERBS, main
+from repose.angles import MEAN_KEYS
 from repose.parameters import PARAMETERS
 
 ROOT = Path(__file__).parents[1]
@@ -154,8 +155,10 @@ def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(tmp_pa
     cv2.imwrite(str(path), picture)
     assert main(["measure", str(path), "--mm-per-pixel", "0.1", "--json"]) == 0
     values = json.loads(capsys.readouterr().out)
-    assert set(values) == {"left_deg", "right_deg", "aor_deg", "height_mm"}
-    assert values["aor_deg"] == pytest.approx(30, abs=0.5)
+    assert {"left_deg", "right_deg", "aor_deg", "height_mm", *MEAN_KEYS.values()} == set(values)
+    assert values["aor_deg"] == values["aor_flank_deg"] == pytest.approx(30, abs=0.5)
+    # one berry is 13.34 mm here: tan(secant) = tan(30 deg) 20 / (20 - 13.34)
+    assert values["aor_secant_deg"] == pytest.approx(60.0, abs=0.6)
     assert values["height_mm"] == pytest.approx(20, abs=0.3)
     assert (tmp_path / "pile_overlay.png").is_file()
 
