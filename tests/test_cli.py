@@ -131,6 +131,21 @@ def test_heap_pours_and_prints_its_record(short_config, tmp_path, capsys):
         assert frames["position"].shape == (15, 12, 3)
 
 
+def test_pour_and_measure_heap_are_heap_in_two_steps(short_config, tmp_path, capsys):
+    words = ["--config", short_config, "--seed", "7"]
+    assert main(["heap", *words, "--out", str(tmp_path / "whole")]) == 0
+    assert main(["pour", *words, "--out", str(tmp_path / "steps")]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == str(tmp_path / "steps" / "heap.pours.json")
+    assert not (tmp_path / "steps" / "heap.json").exists()
+    out = tmp_path / "measured"
+    pours = str(tmp_path / "steps" / "heap.pours.json")
+    assert main(["measure_heap", pours, "--config", short_config, "--out", str(out)]) == 0
+    whole, steps = (json.loads((folder / "heap.json").read_text()) for folder in (tmp_path / "whole", out))
+    for run in (*whole["runs"], *steps["runs"]):
+        del run["wall_s"], run["us_per_step"]
+    assert steps == whole
+
+
 def test_heap_takes_a_row_of_a_table_and_the_studys_seeds(short_config, tmp_path, capsys):
     samples = tmp_path / "samples.csv"
     samples.write_text("sample," + ",".join(PARAMETERS) + "\n4,0.2,0.5,0.03,0.3,0.6,0.2\n")

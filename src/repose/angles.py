@@ -40,6 +40,7 @@ RESPONSES = (*MAIN_RESPONSES, *EXTRA_RESPONSES)
 
 MIN_LEVELS = 12  # pixel rows in the band: fewer carry no angle
 WALL_SD = 0.5  # points whose distances scatter by less than this are a wall
+WALL = "too few boundary points on the flank, it is a wall"
 FOOT = 1.0  # the whole profile begins here: a column below it shows no pile
 
 
@@ -130,9 +131,11 @@ def steepest(profile, low, high, rule="columns"):
     if window < MIN_LEVELS:
         raise NoFlankError(f"half of the flank is only {window:.0f} pixels high, {MIN_LEVELS} are needed")
     if distance.size < MIN_LEVELS:
-        raise NoFlankError("too few boundary points on the flank, it is a wall")
+        raise NoFlankError(WALL)
     starts = low + np.arange(math.floor(window) + 1)
     slopes = window_slopes(distance, height, starts, starts + window)
+    if np.isnan(slopes).all():
+        raise NoFlankError(WALL)
     if not np.any(slopes > 0):
         raise NoFlankError("no stretch of the boundary rises towards the crest")
     start = float(starts[np.nanargmax(slopes)])
@@ -163,7 +166,7 @@ def fitted(distance, height, low, high):
     """The regression line of height on distance, drawn from low to high."""
     spread = distance - distance.mean() if distance.size else distance
     if distance.size < MIN_LEVELS or spread @ spread < distance.size * WALL_SD**2:
-        raise NoFlankError("too few boundary points on the flank, it is a wall")
+        raise NoFlankError(WALL)
     slope = float(spread @ (height - height.mean()) / (spread @ spread))
     if slope <= 0:
         raise NoFlankError("the boundary does not rise towards the crest")
