@@ -12,6 +12,7 @@ import pytest
 
 from repose import arguments
 from repose.__main__ import VERBS, main
+from repose.angles import MEAN_KEYS
 from repose.parameters import PARAMETERS
 
 ROOT = Path(__file__).parents[1]
@@ -130,6 +131,21 @@ def test_heap_pours_and_prints_its_record(short_config, tmp_path, capsys):
         assert frames["position"].shape == (15, 12, 3)
 
 
+def test_pour_and_measure_heap_are_heap_in_two_steps(short_config, tmp_path, capsys):
+    words = ["--config", short_config, "--seed", "7"]
+    assert main(["heap", *words, "--out", str(tmp_path / "whole")]) == 0
+    assert main(["pour", *words, "--out", str(tmp_path / "steps")]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == str(tmp_path / "steps" / "heap.pours.json")
+    assert not (tmp_path / "steps" / "heap.json").exists()
+    out = tmp_path / "measured"
+    pours = str(tmp_path / "steps" / "heap.pours.json")
+    assert main(["measure_heap", pours, "--config", short_config, "--out", str(out)]) == 0
+    whole, steps = (json.loads((folder / "heap.json").read_text()) for folder in (tmp_path / "whole", out))
+    for run in (*whole["runs"], *steps["runs"]):
+        del run["wall_s"], run["us_per_step"]
+    assert steps == whole
+
+
 def test_heap_takes_a_row_of_a_table_and_the_studys_seeds(short_config, tmp_path, capsys):
     samples = tmp_path / "samples.csv"
     samples.write_text("sample," + ",".join(PARAMETERS) + "\n4,0.2,0.5,0.03,0.3,0.6,0.2\n")
@@ -154,8 +170,10 @@ def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(tmp_pa
     cv2.imwrite(str(path), picture)
     assert main(["measure", str(path), "--mm-per-pixel", "0.1", "--json"]) == 0
     values = json.loads(capsys.readouterr().out)
-    assert set(values) == {"left_deg", "right_deg", "aor_deg", "height_mm"}
-    assert values["aor_deg"] == pytest.approx(30, abs=0.5)
+    assert {"left_deg", "right_deg", "aor_deg", "height_mm", *MEAN_KEYS.values()} == set(values)
+    assert values["aor_deg"] == values["aor_flank_deg"] == pytest.approx(30, abs=0.5)
+    # one berry is 13.34 mm here: tan(secant) = tan(30 deg) 20 / (20 - 13.34)
+    assert values["aor_secant_deg"] == pytest.approx(60.0, abs=0.6)
     assert values["height_mm"] == pytest.approx(20, abs=0.3)
     assert (tmp_path / "pile_overlay.png").is_file()
 

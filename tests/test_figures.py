@@ -34,8 +34,10 @@ CONFIG = {
     "measure": {
         "views": 2,
         "mm_per_pixel": 0.5,
+        "response": "flank",
         "fit_from": 0.1,
         "fit_to": 0.8,
+        "berry_height_mm": None,
         "largest_pile_only": True,
         "flank": "columns",
     },
@@ -173,6 +175,7 @@ def inputs(tmp_path_factory):
     mesh = shape.ellipsoid_mesh([21.14, 11.37, 9.88], subdivisions=3)
     mesh.export(folder / "berry.stl")
     shape.fit_particle(mesh, 840.47).save(folder / "particle.json")
+    (folder / "axes.json").write_text('{"long_mm": 21.14, "major_mm": 11.37, "minor_mm": 9.88}')
     centres, quaternions = cone_of_berries()
     in_pile = np.ones(len(centres), bool)
     np.savez(folder / "heap.npz", position_7=centres, quaternion_7=quaternions, in_pile_7=in_pile)
@@ -194,7 +197,7 @@ def inputs(tmp_path_factory):
 
 def inputs_of(name, inputs):
     """The figure's inputs, optional ones included, out of the made-up files."""
-    files = {"stl": "berry", "dot": "rules"}
+    files = {"stl": "berry", "berry": "axes", "dot": "rules"}
     if name == "figure14":
         files["published"] = "table3"
     if name == "validation":

@@ -18,11 +18,13 @@ STAGES = (
         "shape",
         "design",
         "heap",
+        "measure_heap",
         "dataset",
         "network",
         "miga",
         "solutions",
         "validation_heap",
+        "measure_validation_heap",
         "validate",
     ),
     *("measure", "film", "draw_convergence", "page_table1", "page_table3", "page_table4", "page_published"),
@@ -51,7 +53,7 @@ def snakemake(project, *words):
 
 def planned(project, *words):
     """Rules of a dry run and how many jobs of each."""
-    done = snakemake(project, "-n", *words, "--quiet", "rules")
+    done = snakemake(project, "--quiet", "rules", "-n", *words)
     assert done.returncode == 0, done.stderr
     counts = re.findall(r"^(\w+)\s+(\d+)$", done.stdout + done.stderr, re.MULTILINE)
     return {rule: int(count) for rule, count in counts}
@@ -105,11 +107,49 @@ def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
     assert resolved["design"]["samples"] == 20
 
     target = ("results/quick/heaps/001.json", "--configfile", "config/quick.yaml")
-    assert set(planned(project, *target)) == {"heap", "total"}
+    assert set(planned(project, *target)) == {"heap", "measure_heap", "total"}
     fewer = planned(project, *target, "--config", "design={samples: 25}")
-    assert set(fewer) == {"design", "heap", "total"}
+    assert set(fewer) == {"design", "heap", "measure_heap", "total"}
     heavier = planned(project, *target, "--config", "berry={density_kg_m3: 900}")
-    assert set(heavier) == {"berry", "shape", "heap", "total"}
+    assert set(heavier) == {"berry", "shape", "heap", "measure_heap", "total"}
+
+
+@pytest.fixture(scope="module")
+def finished(project):
+    """The small study with twelve samples as if it were finished: every file is there, empty."""
+    words = ("--configfile", "config/quick.yaml", "--config", "design={samples: 12}")
+    listed = snakemake(project, "-n", "--summary", *words)
+    for line in listed.stdout.splitlines()[1:]:
+        path = project / line.split("\t")[0]
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    done = snakemake(project, "--touch", "--forceall", "--cores", "1", *words, "--", "calibration")
+    assert done.returncode == 0, done.stderr
+    return project, words
+
+
+POURS = ("heap", "validation_heap", "trajectory", "turn")
+
+
+@pytest.mark.parametrize(
+    ("change", "measured", "poured"),
+    [
+        ("measure={response: secant}", ("measure_heap", "measure_validation_heap"), ()),
+        ("measure={mm_per_pixel: 0.3}", ("measure_heap", "measure_validation_heap"), ("turn",)),
+        ("heap={rest_motion_mm: 2}", ("measure_heap", "measure_validation_heap"), POURS),
+        ("validation={seeds: 3}", ("measure_validation_heap",), ("validation_heap",)),
+    ],
+)
+def test_a_changed_measurement_measures_again_and_pours_nothing(finished, change, measured, poured):
+    project, words = finished
+    before = planned(project, *words, change, "--", "dataset")
+    # what the study would pour again because its solution has moved is left out here
+    alone = (*POURS[1:], "measure_validation_heap", "validate", "drum", "film")
+    behind = planned(project, *words, change, "--allowed-rules", *alone, "--", "validate", "drum", "film")
+    jobs = before | behind
+    assert set(jobs) - {"dataset", "validate", "drum", "film", "total"} == {*measured, *poured}
+    for rule, count in (("heap", 12), ("measure_heap", 12), ("measure_validation_heap", 9)):
+        assert jobs.get(rule, count) == count
 
 
 def test_every_figure_and_table_has_a_caption():

@@ -55,7 +55,26 @@ def design(args):
 
 
 def heap(args):
-    """One heap job."""
+    """One heap job: pour and measure."""
+    from repose.heap import run_job
+
+    result = run_job(*_pour_arguments(args))
+    if args.json:
+        print(json.dumps(_flat(result) if len(result["runs"]) == 1 else result, indent=1))
+    else:
+        for run in result["runs"]:
+            print(_run_line(run))
+
+
+def pour(args):
+    """One heap job, not yet measured."""
+    from repose.heap import pour_job
+
+    print(pour_job(*_pour_arguments(args)))
+
+
+def _pour_arguments(args):
+    """The arguments of `heap.pour_job` and `heap.run_job`."""
     config = settings.load(args.config)
     parameters = arguments.parameters(args, config["parameters"])
     seeds = arguments.seeds(args, config["design"]["seed"])
@@ -65,18 +84,25 @@ def heap(args):
     berry_of, particle = _berry_and_particle(args, config)
 
     from repose.dem.progress import display
-    from repose.heap import run_job
 
     def progress(seed):
         return display(0.0, end, step, label=f"seed {seed}")
 
     name = f"{args.sample:03d}" if args.sample is not None else "heap"
-    result = run_job(config, name, parameters, seeds, particle, berry_of, args.out, args.trajectory, progress)
-    if args.json:
-        print(json.dumps(_flat(result) if len(seeds) == 1 else result, indent=1))
-    else:
+    return config, name, parameters, seeds, particle, berry_of, args.out, args.trajectory, progress
+
+
+def measure_heap(args):
+    """Saved pours to measured piles."""
+    config = settings.load(args.config)
+    berry_of, particle = _berry_and_particle(args, config)
+
+    from repose.measuring import measure_job
+
+    for path in args.pours:
+        result = measure_job(config, path, particle, berry_of, args.out)
         for run in result["runs"]:
-            print(_run_line(run))
+            print(f"{path}: {_run_line(run)}")
 
 
 def drum(args):
@@ -109,11 +135,11 @@ def measure(args):
 
     from repose import pile
 
-    section = settings.load(args.config)["measure"]
-    band = {key: section[key] for key in ("fit_from", "fit_to", "largest_pile_only", "flank")}
+    config = settings.load(args.config)
+    how = pile.MeasureSettings.of(config["measure"], _axes(args, config))
     image = pile.read_image(args.picture)
     try:
-        measured = pile.measure_image(image, args.mm_per_pixel, **band)
+        measured = pile.measure_image(image, args.mm_per_pixel, how)
     except pile.NoFlankError as error:
         allowed = "a pile with two flanks, seen from the side"
         raise InputError(args.picture, "pile", str(error), allowed) from None
@@ -121,30 +147,42 @@ def measure(args):
     overlay = Path(args.overlay or source.with_name(f"{source.stem}_overlay.png"))
     overlay.parent.mkdir(parents=True, exist_ok=True)
     cv2.imwrite(str(overlay), pile.overlay(image, measured))
-    values = {
-        key: round(getattr(measured, key), 3) for key in ("left_deg", "right_deg", "aor_deg", "height_mm")
-    }
+    values = measured.record()
     if args.json:
         print(json.dumps(values, indent=1))
-    else:
-        print("left {left_deg:.2f} deg, right {right_deg:.2f} deg".format(**values))
-        print("angle of repose {aor_deg:.2f} deg, Height {height_mm:.2f} mm".format(**values))
-        print(f"fitted lines: {overlay}")
+        return
+    print("left {left_deg:.2f} deg, right {right_deg:.2f} deg".format(**values))
+    print("angle of repose {aor_deg:.2f} deg, Height {height_mm:.2f} mm".format(**values))
+    for name in pile.DEFINITIONS:
+        angle, mark = measured.angles.get(name), "  <- response" if name == how.response else ""
+        print(f"{name:>10}: {f'{angle.aor_deg:.2f} deg{mark}' if angle else measured.reasons[name]}")
+    print(f"fitted lines: {overlay}")
+
+
+def _axes(args, config):
+    """Mean axes of the berry, from the file given or from the sizes of the configuration."""
+    if args.berry is not None:
+        if not Path(args.berry).is_file():
+            raise InputError(args.berry, "file", None, "an existing file, written by `repose berry`")
+        return json.loads(Path(args.berry).read_text())
+    if config["measure"]["berry_height_mm"] is not None:
+        return {}
+    from repose import berry
+
+    sizes = berry.read_sizes(config["berry"]["sizes"])
+    return {column: float(sizes[column].mean()) for column in berry.SIZE_COLUMNS}
 
 
 def silhouette(args):
     """Side view of a simulated pile."""
     import cv2
 
-    from repose.figures.testbench import read_heap
+    from repose.measuring import first_pour, side_view
+    from repose.pile import MeasureSettings
     from repose.shape import Particle
-    from repose.silhouette import silhouette
 
-    scale = settings.load(args.config)["measure"]["mm_per_pixel"]
-    centres, quaternions, in_pile = read_heap(args.heap)
-    picture = silhouette(
-        centres[in_pile], quaternions[in_pile], Particle.load(args.particle), args.azimuth, scale
-    )
+    how = MeasureSettings(**settings.load(args.config)["measure"])
+    picture = side_view(first_pour(args.heap), Particle.load(args.particle), how, args.azimuth)
     Path(args.out).parent.mkdir(parents=True, exist_ok=True)
     cv2.imwrite(args.out, picture)
 
@@ -363,6 +401,8 @@ VERBS = {
         shape,
         design,
         heap,
+        pour,
+        measure_heap,
         drum,
         drum_tables,
         measure,

@@ -82,6 +82,29 @@ def _add_heap(verbs):
         "python -m repose heap --set e_gg=0.203 --set mus_gg=0.642 --seed 1 --out results/try --json",
         out="results/try",
     )
+    _add_pour(sub)
+    sub.add_argument("--json", action="store_true", help="print the result as JSON")
+    sub = _verb(
+        verbs,
+        "pour",
+        "pour as the verb heap does and write where the berries lie, to be measured by measure_heap",
+        "python -m repose pour --set mus_gg=0.642 --seed 1 --out results/try",
+        out="results/try",
+    )
+    _add_pour(sub)
+    sub = _verb(
+        verbs,
+        "measure_heap",
+        "measure the piles of saved pours, without pouring again",
+        "python -m repose measure_heap results/try/heap.pours.json --out results/try",
+    )
+    sub.add_argument("pours", nargs="+", help="NAME.pours.json files of pour or heap, NAME.npz beside them")
+    sub.add_argument("--out", help="folder for NAME.json (that of the pours)")
+    _add_berry(sub)
+
+
+def _add_pour(sub):
+    """What the verbs heap and pour share."""
     _add_parameters(sub)
     sub.add_argument("--seeds", type=int, metavar="N", help="N seeds of the study's own, instead of --seed")
     sub.add_argument(
@@ -91,7 +114,6 @@ def _add_heap(verbs):
         help="which of the study's streams --seeds draws from (design)",
     )
     sub.add_argument("--trajectory", type=float, metavar="S", help="also write positions every S seconds")
-    sub.add_argument("--json", action="store_true", help="print the result as JSON")
 
 
 def _add_parameters(sub):
@@ -108,6 +130,11 @@ def _add_parameters(sub):
     sub.add_argument(
         "--seed", type=int, action="append", help="seed of a run (1); may be given several times"
     )
+    _add_berry(sub)
+
+
+def _add_berry(sub):
+    """The berry and its shape."""
     sub.add_argument("--berry", help="berry.json; made from the configuration if not given")
     sub.add_argument("--particle", help="particle.json; made from the configuration if not given")
 
@@ -145,8 +172,9 @@ def _add_measuring(verbs):
     sub.add_argument("picture", help="side view of a pile: PNG, JPEG, TIFF or BMP")
     sub.add_argument("--mm-per-pixel", type=float, required=True, help="scale of the picture")
     sub.add_argument("--overlay", help="picture with the fitted lines (beside the picture, NAME_overlay.png)")
+    sub.add_argument("--berry", help="berry.json; its axes are those of the configuration if not given")
     sub.add_argument(
-        "--json", action="store_true", help="print left_deg, right_deg, aor_deg, height_mm as JSON"
+        "--json", action="store_true", help="print left_deg, right_deg, aor_deg, height_mm and more as JSON"
     )
     sub = _verb(
         verbs,
@@ -155,7 +183,7 @@ def _add_measuring(verbs):
         "python -m repose silhouette results/try/heap.npz --particle results/berry/particle.json",
         out="silhouette.png",
     )
-    sub.add_argument("heap", help=".npz file that the verb heap wrote; its first seed is shown")
+    sub.add_argument("heap", help=".npz file that the verb pour or heap wrote; its first seed is shown")
     sub.add_argument("--particle", required=True, help="particle.json of that heap")
     sub.add_argument("--azimuth", type=float, default=0.0, help="direction of view in degrees (0)")
 
@@ -165,11 +193,11 @@ def _add_calibration(verbs):
         verbs,
         "dataset",
         "heaps to one table: responses with standard errors, failures with their reasons",
-        "python -m repose dataset results/heaps/*.json --out results",
+        "python -m repose dataset results/heaps/???.json --out results",
         out="results",
         config=False,
     )
-    sub.add_argument("heaps", nargs="+", help="JSON files that the verb heap wrote")
+    sub.add_argument("heaps", nargs="+", help="JSON files that the verb measure_heap or heap wrote")
     sub.add_argument("--samples", default="results/design/samples.csv", help="the design")
     sub = _verb(
         verbs,
@@ -201,10 +229,10 @@ def _add_calibration(verbs):
         verbs,
         "validate",
         "predicted beside simulated: our solutions (Table 4), and the published ones in our simulator",
-        "python -m repose validate results/validation/heaps/*.json",
+        "python -m repose validate results/validation/heaps/???.json",
         out="results/validation",
     )
-    sub.add_argument("heaps", nargs="+", help="JSON files that the verb heap wrote, one for each solution")
+    sub.add_argument("heaps", nargs="+", help="JSON files that measure_heap wrote, one for each solution")
     sub.add_argument("--solutions", default="results/validation/solutions.csv", help="what `solutions` wrote")
 
 

@@ -11,11 +11,20 @@ from pathlib import Path
 
 import numpy as np
 
+from repose.angles import EXTRA_RESPONSES, MAIN_RESPONSES, RESPONSES
 from repose.errors import InputError
 from repose.parameters import PARAMETERS
 from repose.readers import read_table
 
 STATUSES = ("ok", "jammed", "not_at_rest", "no_flank", "left_plate", "unstable")
+
+
+def error_key(key):
+    """Name of a response's standard error: se before the unit."""
+    name, unit = key.rsplit("_", 1)
+    return f"{name}_se_{unit}"
+
+
 SUMMARY_COLUMNS = (
     "status",
     "reason",
@@ -25,6 +34,7 @@ SUMMARY_COLUMNS = (
     "height_mm",
     "height_se_mm",
     "discharge_s",
+    *(column for key in EXTRA_RESPONSES for column in (key, error_key(key))),
 )
 RUN_COLUMNS = (
     "seed",
@@ -36,6 +46,7 @@ RUN_COLUMNS = (
     "berries_on_plate",
     "berries_in_pile",
     "kinetic_energy_J",
+    *EXTRA_RESPONSES,
 )
 
 
@@ -45,7 +56,8 @@ def summarise_runs(runs):
     A sample is ok when at least half of its runs, and at least one, are; otherwise its status is the
     commonest one among the runs that are not (the first met, of equals), and its numbers are None. Means are
     over the ok runs, standard errors sd / sqrt(n) with n - 1 degrees of freedom, None from a single run.
-    n_seeds counts ok runs; reason tells how many runs failed and why, of an ok sample as well. Raises
+    A definition that could not be measured on some of them is averaged over the others. n_seeds counts ok
+    runs; reason tells how many runs failed and why, of an ok sample as well. Raises
     ValueError without any run.
     """
     if not runs:
@@ -59,8 +71,8 @@ def summarise_runs(runs):
     summary["reason"] = _reason(failed, len(runs))
     summary["n_seeds"] = len(ok)
     if usable:
-        summary["aor_deg"], summary["aor_se_deg"] = _mean_and_error(ok, "aor_deg")
-        summary["height_mm"], summary["height_se_mm"] = _mean_and_error(ok, "height_mm")
+        for key in RESPONSES:
+            summary[key], summary[error_key(key)] = _mean_and_error(ok, key)
         summary["discharge_s"] = _mean_and_error(ok, "discharge_s")[0]
     return summary
 
@@ -142,7 +154,7 @@ def read_job(path):
         if not isinstance(one, dict) or one.get("status") not in STATUSES:
             value = one.get("status") if isinstance(one, dict) else one
             raise InputError(path, f"runs[{i}].status", value, ", ".join(STATUSES))
-        for key in ("aor_deg", "height_mm"):
+        for key in MAIN_RESPONSES:
             value = one.get(key)
             finite = isinstance(value, int | float) and math.isfinite(value)
             if one["status"] == "ok" and not finite:

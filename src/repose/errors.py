@@ -1,4 +1,4 @@
-"""The one exception that a user's input can cause."""
+"""The exceptions: what a user's input can cause, and a pile without an angle."""
 
 
 class InputError(ValueError):
@@ -7,3 +7,11 @@ class InputError(ValueError):
     def __init__(self, source, key, value, allowed):
         self.source, self.key, self.value, self.allowed = source, key, value, allowed
         super().__init__(f"{source}: {key} is {value!r}; allowed: {allowed}")
+
+
+class NoFlankError(ValueError):
+    """The picture or the pile has no flank to measure; `reason` says why."""
+
+    def __init__(self, reason):
+        self.reason = reason
+        super().__init__(reason)

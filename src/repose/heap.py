@@ -1,16 +1,14 @@
-"""One heap job: pour the berries with several seeds, measure each pile, and write what came out.
+"""One heap job: pour the berries with several seeds and write where they came to rest, to be measured.
 
 A pour that gives no pile to measure is a result too: it gets a status and a reason instead of a number.
 """
 
-import json
 from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 
-from . import pile, scenes
-from .dataset import summarise_runs
+from . import measuring, pile, scenes
 from .parameters import PARAMETERS
 
 # A pile that has lost more than this share of its berries over the edge of the plate is not the pile poured.
@@ -41,29 +39,14 @@ def status_of(poured, heap):
     return "ok", ""
 
 
-def run_once(config, parameters, seed, particle, berry, trajectory_interval_s=None, progress=None):
-    """Pour and measure once. Returns the record of the run (units in its keys) and the `scenes.Pour`."""
+def pour_once(config, parameters, seed, particle, berry, trajectory_interval_s=None, progress=None):
+    """Pour once. Returns the record of the pour (units in its keys) and the `scenes.Pour`."""
     poured = scenes.pour(config, parameters, seed, particle, berry, trajectory_interval_s, progress)
     status, reason = status_of(poured, config["heap"])
-    aor = height = None
-    if status == "ok":
-        try:
-            measured = pile.measure_pile(
-                poured.centres_m,
-                poured.quaternions,
-                particle,
-                pile.MeasureSettings(**config["measure"]),
-                members=poured.in_pile,
-            )
-            aor, height = float(measured.aor_deg), float(measured.height_mm)
-        except pile.NoFlankError as error:
-            status, reason = "no_flank", str(error)
     record = {
         "seed": int(seed),
         "status": status,
         "reason": reason,
-        "aor_deg": aor,
-        "height_mm": height,
         "discharge_s": poured.discharge_s if np.isfinite(poured.discharge_s) else None,
         "berries_on_plate": int(poured.on_plate.sum()),
         "berries_in_pile": int(poured.in_pile.sum()),
@@ -75,41 +58,67 @@ def run_once(config, parameters, seed, particle, berry, trajectory_interval_s=No
     return record, poured
 
 
-def run_job(
+def run_once(config, parameters, seed, particle, berry, trajectory_interval_s=None, progress=None):
+    """Pour and measure once. Returns the record of the run (units in its keys) and the `scenes.Pour`."""
+    record, poured = pour_once(config, parameters, seed, particle, berry, trajectory_interval_s, progress)
+    settings = pile.MeasureSettings.of(config["measure"], berry)
+    return measuring.measure_pour(record, _arrays(poured), particle, settings), poured
+
+
+def pour_job(
     config, name, parameters, seeds, particle, berry, out_dir, trajectory_interval_s=None, progress=None
 ):
-    """Run one parameter set with all its seeds and write OUT/NAME.json and OUT/NAME.npz.
+    """Pour one parameter set with all its seeds and write OUT/NAME.npz and OUT/NAME.pours.json.
 
     config: whole configuration; name: stem of the files (the sample's number); parameters: the six by name;
     seeds: integers; particle: `shape.Particle`; berry: mapping with shear_modulus_pa and poisson_ratio;
     trajectory_interval_s: also write OUT/NAME_trajectory_SEED.npz with positions at this interval; progress: called
     with each seed, gives a context manager that is called with the simulated time (see `dem.progress.display`).
-    The JSON is written last and in one move, so a file that is there is complete. Returns its content.
+    The .npz holds position_SEED (N, 3) m, quaternion_SEED (N, 4) and in_pile_SEED (N,). The JSON is written last
+    and in one move, so a file that is there is complete. Returns the JSON's path.
     """
     out_dir = Path(out_dir)
     out_dir.mkdir(parents=True, exist_ok=True)
-    runs, finals = [], {}
+    pours, finals = [], {}
     for seed in seeds:
         with progress(seed) if progress else nullcontext() as report:
-            record, poured = run_once(
+            record, poured = pour_once(
                 config, parameters, seed, particle, berry, trajectory_interval_s, report
             )
-        runs.append(record)
-        finals[f"position_{seed}"] = poured.centres_m.astype(np.float32)
-        finals[f"quaternion_{seed}"] = poured.quaternions.astype(np.float32)
-        finals[f"in_pile_{seed}"] = poured.in_pile
+        pours.append(record)
+        finals |= {f"{key}_{seed}": values for key, values in _arrays(poured).items()}
         if poured.frames is not None:
             np.savez_compressed(out_dir / f"{name}_trajectory_{seed}.npz", **poured.frames)
     np.savez_compressed(out_dir / f"{name}.npz", **finals)
-    result = {
+    job = {
         "sample": int(name) if str(name).isdigit() else name,
         "config": config["label"],
         "parameters": {p: float(parameters[p]) for p in PARAMETERS},
         "time_step_s": config["heap"]["time_step_s"],
-        "summary": summarise_runs(runs),
-        "runs": runs,
+        "pours": pours,
     }
-    part = out_dir / f"{name}.json.part"
-    part.write_text(json.dumps(result, indent=1) + "\n")
-    part.replace(out_dir / f"{name}.json")
-    return result
+    path = out_dir / f"{name}{measuring.POURS}"
+    measuring.write_json(path, job)
+    return path
+
+
+def run_job(
+    config, name, parameters, seeds, particle, berry, out_dir, trajectory_interval_s=None, progress=None
+):
+    """Pour one parameter set with all its seeds, measure the piles, and write OUT/NAME.json beside the files
+    of `pour_job`, whose arguments these are. Returns the JSON's content."""
+    path = pour_job(
+        config, name, parameters, seeds, particle, berry, out_dir, trajectory_interval_s, progress
+    )
+    return measuring.measure_job(config, path, particle, berry, out_dir)
+
+
+def _arrays(poured):
+    """What is kept of a pour, in single precision: 0.03 um at the edge of the plate."""
+    arrays = {
+        "position": poured.centres_m.astype(np.float32),
+        "quaternion": poured.quaternions.astype(np.float32),
+        "in_pile": poured.in_pile,
+    }
+    scales = getattr(poured, "scales", None)
+    return arrays if scales is None else arrays | {"scale": np.asarray(scales, np.float32)}

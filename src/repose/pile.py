@@ -5,40 +5,21 @@ the left and one through the right flank; the angle of repose is the mean of the
 that of the highest point over the base. A simulation is projected to a silhouette first and then goes the
 same way.
 
-What the paper leaves open is which points of a lumpy boundary the line goes through. There are three rules,
-each followed by the regression of height on distance; `FLANK_RULES` names them and can take another:
-
-levels   at every height in the band, the middle of the outermost and the innermost place where the boundary
-         crosses it. The heights are not scattered, so the ends of the band bend nothing.
-rows     the outermost crossing alone.
-columns  the top of every pixel column that lies in the band: the plain reading of a linear fit to the boundary,
-         and the default. Lumps cut off at the ends of the band, and the regression on a scattered distance,
-         both flatten the line.
-
-Bias (and root mean square error of one pile), degrees, over piles of 15, 20 ... 45 degrees, band 10 to 80 %
-(30 strewn and 8 filled piles an angle):
-
-                                                          levels        rows          columns
-    discs of 10-20 mm strewn along a triangle, one view   -0.56 (1.55)  -0.78 (1.67)  -1.37 (2.18)
-    500 ellipsoids filling a cone, 18 views               +0.56 (0.86)  +0.86 (1.09)  -1.55 (1.65)
-
-Total least squares, distance on height, and bands cut at a mean crossing were tried on four kinds of drawn
-pile: none was better than levels on all of them. Poured piles (48, ellipsoids) have bent flanks and no true
-angle: there levels reads 0.8 to 1.0 degrees above columns, rows in between, with about the same scatter from
-seed to seed. Numbers from different rules must not be compared; the default is
-the rule that other people's line fits are most likely to have used, not the one of least bias.
+What the paper leaves open is which part of a lumpy boundary the line goes through. Four definitions are
+measured on every pile (`repose.angles`), and the configuration names one of them as the response. Their
+biases and their noise stand in docs/measurement.md.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from repose.errors import InputError
+from repose.angles import DEFINITIONS, FLANK_RULES, MEAN_KEYS, VIEW_KEYS, measure_sides
+from repose.errors import InputError, NoFlankError
 from repose.silhouette import (
-    NoFlankError,
     frame,
     outlines,
     paint,
@@ -49,12 +30,13 @@ from repose.silhouette import (
 )
 
 __all__ = [
+    "DEFINITIONS",
     "FLANK_RULES",
+    "Angle",
     "MeasureSettings",
     "Measurement",
     "NoFlankError",
     "PileResult",
-    "flank_angle",
     "measure_image",
     "measure_pile",
     "overlay",
@@ -63,7 +45,6 @@ __all__ = [
     "silhouette",
 ]
 
-MIN_LEVELS = 12  # pixel rows in the band: fewer carry no angle
 LOWEST_PILE_BERRIES = 1.5  # in equivalent diameters: 20 mm for the mean berry; below, a layer and not a pile
 RED, GREEN, YELLOW, BLUE = (40, 40, 230), (60, 170, 40), (0, 200, 255), (220, 120, 20)  # BGR
 
@@ -71,13 +52,16 @@ RED, GREEN, YELLOW, BLUE = (40, 40, 230), (60, 170, 40), (0, 200, 255), (220, 12
 @dataclass(frozen=True)
 class MeasureSettings:
     """How a pile is measured. `views` side views evenly over half a turn (the other half mirrors them);
-    `fit_from` and `fit_to` bound the flank as fractions of the pile's height; `flank` names the rule. Raises
-    InputError."""
+    `response` is the definition that is the angle of repose; `fit_from` and `fit_to` bound the flank, each a
+    fraction of the pile's height or "berry", one berry's height; `flank` names the rule of the lines;
+    `berry_height_mm` None is that of the particle. Raises InputError."""
 
     views: int = 18
     mm_per_pixel: float = 0.25
-    fit_from: float = 0.1
-    fit_to: float = 0.8
+    response: str = "flank"
+    fit_from: float | str = 0.1
+    fit_to: float | str = 0.8
+    berry_height_mm: float | None = None
     largest_pile_only: bool = True
     flank: str = "columns"
 
@@ -86,160 +70,193 @@ class MeasureSettings:
             raise InputError("measure", "views", self.views, "a whole number from 1 to 360")
         if not isinstance(self.largest_pile_only, bool):
             raise InputError("measure", "largest_pile_only", self.largest_pile_only, "true or false")
-        check_fit(self.mm_per_pixel, self.fit_from, self.fit_to, self.flank)
+        if not _positive(self.mm_per_pixel):
+            raise InputError("measure", "mm_per_pixel", self.mm_per_pixel, "a positive number")
+        if self.berry_height_mm is not None and not _positive(self.berry_height_mm):
+            raise InputError("measure", "berry_height_mm", self.berry_height_mm, "a positive number or null")
+        for key, names in (("response", DEFINITIONS), ("flank", FLANK_RULES)):
+            if getattr(self, key) not in names:
+                raise InputError("measure", key, getattr(self, key), "one of " + ", ".join(names))
+        self._check_band()
+
+    def _check_band(self):
+        """InputError unless the two ends of the flank can be used together."""
+        start, end = self.fit_from, self.fit_to
+        if start != "berry" and not (isinstance(start, int | float) and 0 <= start <= 0.9):
+            raise InputError("measure", "fit_from", start, "berry, or from 0 to 0.9")
+        if "berry" in (start, end):
+            good = start != end and (end == "berry" or (isinstance(end, int | float) and 0.1 <= end <= 1))
+            if not good:
+                raise InputError("measure", "fit_to", end, "from 0.1 to 1, or berry where fit_from is not")
+        elif not (isinstance(end, int | float) and start + 0.1 <= end <= 1):
+            raise InputError("measure", "fit_to", end, "berry, or at least fit_from + 0.1, at most 1")
+
+    @classmethod
+    def of(cls, section, berry):
+        """From a configuration's section and what `repose berry` wrote: a berry's height that is not given
+        is the mean berry's equivalent diameter (Eq. 1), where berry has the keys long_mm, major_mm, minor_mm."""
+        settings = cls(**section)
+        axes = [berry.get(key) for key in ("long_mm", "major_mm", "minor_mm")]
+        if settings.berry_height_mm is None and None not in axes:
+            return replace(settings, berry_height_mm=math.prod(axes) ** (1 / 3))
+        return settings
+
+
+def _positive(value):
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < math.inf
 
 
 @dataclass(frozen=True)
-class Measurement:
-    """One picture's result. `lines` is (left, right), each ((column, row) below, (column, row) above) in
-    pixels; `contour` (M, 2) the boundary's pixels (column, row); `base_row` the plate's row and `top` the
-    highest point's (column, row); `pile_is` "darker" or "brighter" than the background."""
+class Angle:
+    """One definition on one picture, degrees. `lines` is (left, right), each ((column, row) below, (column,
+    row) above) in pixels."""
 
     left_deg: float
     right_deg: float
     aor_deg: float
+    lines: tuple
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One picture's result. `angles` holds an Angle for each definition that could be measured, `reasons` why
+    the others could not; left_deg, right_deg, aor_deg and lines are those of `response`. `contour` (M, 2) are
+    the boundary's pixels (column, row); `base_row` the plate's row and `top` the highest point's (column,
+    row); `pile_is` "darker" or "brighter" than the background."""
+
+    response: str
+    angles: dict
+    reasons: dict
     height_mm: float
     base_row: float
     top: tuple
-    lines: tuple
     contour: np.ndarray
     pile_is: str
+
+    @property
+    def left_deg(self):
+        return self.angles[self.response].left_deg
+
+    @property
+    def right_deg(self):
+        return self.angles[self.response].right_deg
+
+    @property
+    def aor_deg(self):
+        return self.angles[self.response].aor_deg
+
+    @property
+    def lines(self):
+        return self.angles[self.response].lines
+
+    def record(self):
+        """The response's two sides and every definition by name, to 0.001; what could not be measured is None."""
+        sides = {key: round(getattr(self, key), 3) for key in ("left_deg", "right_deg", "aor_deg")}
+        found = {
+            MEAN_KEYS[name]: round(self.angles[name].aor_deg, 3) if name in self.angles else None
+            for name in DEFINITIONS
+        }
+        return sides | {"height_mm": round(self.height_mm, 3)} | found
 
 
 @dataclass(frozen=True)
 class PileResult:
-    """A simulated pile: means over the views, and each view's left and right angle and silhouette height. A
-    view without a flank is NaN; `height_mm` is exact, from the bodies themselves."""
+    """A simulated pile. `height_mm` is exact, from the bodies themselves; `view_height_mm` (V,) the
+    silhouettes'. left, right and aor hold (V,) degrees for each definition, NaN in a view where it could not be
+    measured; `reasons` says why, of the first such view. `aor_deg` is None where the response could not be
+    measured."""
 
-    aor_deg: float
+    response: str
     height_mm: float
-    left_deg: np.ndarray
-    right_deg: np.ndarray
     view_height_mm: np.ndarray
+    left: dict
+    right: dict
+    aor: dict
+    reasons: dict
+
+    def mean_deg(self, name):
+        """Mean of a definition over the views; None where more than half of them have none."""
+        seen = np.isfinite(self.aor[name])
+        return float(self.aor[name][seen].mean()) if 2 * seen.sum() >= seen.size else None
+
+    @property
+    def aor_deg(self):
+        return self.mean_deg(self.response)
+
+    @property
+    def left_deg(self):
+        return self.left[self.response]
+
+    @property
+    def right_deg(self):
+        return self.right[self.response]
+
+    def record(self):
+        """All responses by name; what could not be measured is None."""
+        views = {VIEW_KEYS[name]: _or_none(self.aor[name][0]) for name in DEFINITIONS}
+        means = {MEAN_KEYS[name]: self.mean_deg(name) for name in DEFINITIONS}
+        heights = {"height_mm": self.height_mm, "height_view_mm": _or_none(self.view_height_mm[0])}
+        return {"aor_deg": self.aor_deg, **heights, **means, **views}
 
 
-def check_fit(mm_per_pixel, fit_from, fit_to, flank):
-    """InputError unless the scale, the band and the rule can be used."""
-    if not (isinstance(mm_per_pixel, int | float) and 0 < mm_per_pixel < math.inf):
-        raise InputError("measure", "mm_per_pixel", mm_per_pixel, "a positive number")
-    if not (isinstance(fit_from, int | float) and 0 <= fit_from <= 0.9):
-        raise InputError("measure", "fit_from", fit_from, "from 0 to 0.9")
-    if not (isinstance(fit_to, int | float) and fit_from + 0.1 <= fit_to <= 1):
-        raise InputError("measure", "fit_to", fit_to, "at least fit_from + 0.1, at most 1")
-    if flank not in FLANK_RULES:
-        raise InputError("measure", "flank", flank, "one of " + ", ".join(FLANK_RULES))
-
-
-# --- the flank: profile -> line -------------------------------------------------------------------
-
-
-def levels_between(low, high):
-    """Heights one pixel apart inside a band."""
-    return np.arange(math.ceil(low), math.floor(high) + 1, dtype=float)
-
-
-def crossing(profile, index, heights):
-    """Where the profile rises through `heights` just before `index`, between columns by linear
-    interpolation."""
-    before, after = profile[index - 1], profile[index]
-    return index - (after - heights) / (after - before)
-
-
-def outermost_crossing(profile, heights):
-    """Where, coming from the foot, the profile first reaches each height."""
-    return crossing(profile, np.searchsorted(np.maximum.accumulate(profile), heights), heights)
-
-
-def innermost_crossing(profile, heights):
-    """Where, coming from the foot, the profile last rises through each height."""
-    never_lower = np.minimum.accumulate(profile[::-1])[::-1]
-    return crossing(profile, np.searchsorted(never_lower, heights), heights)
-
-
-def points_by_levels(profile, low, high):
-    """Rule "levels": the middle of outermost and innermost crossing of each height."""
-    heights = levels_between(low, high)
-    return 0.5 * (outermost_crossing(profile, heights) + innermost_crossing(profile, heights)), heights
-
-
-def points_by_rows(profile, low, high):
-    """Rule "rows": the outermost crossing of each height."""
-    heights = levels_between(low, high)
-    return outermost_crossing(profile, heights), heights
-
-
-def points_by_columns(profile, low, high):
-    """Rule "columns": the column tops inside the band."""
-    distance = np.flatnonzero((profile >= low) & (profile <= high))
-    return distance.astype(float), profile[distance]
-
-
-FLANK_RULES = {"levels": points_by_levels, "rows": points_by_rows, "columns": points_by_columns}
-
-
-def flank_angle(profile, low, high, flank="columns"):
-    """Angle (degrees) and line of one flank.
-
-    profile : (M,) heights over the base from outside the foot to the crest, one a pixel column, in pixels,
-    beginning below `low`. low, high : the band, in pixels. Returns angle, slope, intercept of height = slope
-    * index + intercept. Raises NoFlankError.
-    """
-    if levels_between(low, high).size < MIN_LEVELS:
-        raise NoFlankError(f"the flank is only {high - low:.0f} pixels high, {MIN_LEVELS} are needed")
-    if profile[0] >= low:
-        raise NoFlankError("the pile runs out of the picture sideways: its foot is not seen")
-    distance, height = FLANK_RULES[flank](profile, low, high)
-    spread = distance - distance.mean() if distance.size else distance
-    if distance.size < MIN_LEVELS or np.abs(spread).max() < 1.0:
-        raise NoFlankError("too few boundary points on the flank, it is a wall")
-    slope = float(spread @ (height - height.mean()) / (spread @ spread))
-    if slope <= 0:
-        raise NoFlankError("the boundary does not rise towards the crest")
-    return math.degrees(math.atan(slope)), slope, float(height.mean() - slope * distance.mean())
+def _or_none(value):
+    return float(value) if np.isfinite(value) else None
 
 
 # --- one picture ----------------------------------------------------------------------------------
 
 
-def measure_image(
-    image, mm_per_pixel, fit_from=0.1, fit_to=0.8, largest_pile_only=True, *, base_row=None, flank="columns"
-):
+def measure_image(image, mm_per_pixel, settings=None, *, base_row=None):
     """Measure the pile in a picture (section 2.3).
 
     image : (H, W) or (H, W, 3; BGR) uint8, a photograph from the side or a silhouette; the pile may be darker
-    or brighter than the background (see `repose.silhouette.segment`). base_row : the plate's row where the
-    pile's lowest row is not it. Returns a Measurement. Raises InputError (arguments) and NoFlankError
-    (nothing to fit).
+    or brighter than the background (see `repose.silhouette.segment`). mm_per_pixel : of this picture, instead
+    of the settings'. base_row : the plate's row where the pile's lowest row is not it. Returns a Measurement.
+    Raises InputError (arguments) and NoFlankError (the response cannot be measured).
     """
-    check_fit(mm_per_pixel, fit_from, fit_to, flank)
-    return measure_segmented(
-        segment(image, largest_pile_only, base_row), mm_per_pixel, fit_from, fit_to, flank
-    )
+    settings = replace(settings or MeasureSettings(), mm_per_pixel=mm_per_pixel)
+    return with_response(measure_segmented(segment(image, settings.largest_pile_only, base_row), settings))
 
 
-def measure_segmented(pile, mm_per_pixel, fit_from, fit_to, flank):
-    """Measurement of a Segmentation: profile, crest, two flanks."""
+def with_response(measurement):
+    """The measurement, or NoFlankError where it lacks its response."""
+    if measurement.response not in measurement.angles:
+        raise NoFlankError(measurement.reasons[measurement.response])
+    return measurement
+
+
+def profile_of(pile):
+    """Heights (W,) of a Segmentation's upper edge over the base in pixels, and the highest column: the middle
+    one of several."""
     edge = upper_edge(pile.mask, pile.contrast, pile.level)
     profile = np.where(np.isnan(edge), 0.0, np.maximum(pile.base_row - edge, 0.0))
-    height = float(profile.max())
-    highest = np.flatnonzero(profile >= height - 1e-6)
-    crest = int(highest[highest.size // 2])
-    low, high = fit_from * height, fit_to * height
-    angles, lines = [], []
-    for side, flank_profile in ((1, profile[: crest + 1]), (-1, profile[crest:][::-1])):
-        angle, slope, intercept = flank_angle(flank_profile, low, high, flank)
-        angles.append(angle)
-        ends = [((z - intercept) / slope, pile.base_row - z) for z in (low, high)]
-        lines.append(tuple((u if side == 1 else profile.size - 1 - u, row) for u, row in ends))
+    highest = np.flatnonzero(profile >= profile.max() - 1e-6)
+    return profile, int(highest[highest.size // 2])
+
+
+def measure_segmented(pile, settings):
+    """Measurement of a Segmentation, which may lack the response."""
+    profile, crest = profile_of(pile)
+    scale = settings.mm_per_pixel
+    berry = None if settings.berry_height_mm is None else settings.berry_height_mm / scale
+    measured, reasons = measure_sides(
+        profile, crest, settings.fit_from, settings.fit_to, berry, settings.flank
+    )
+    angles = {}
+    for name, (aor_deg, left, right) in measured.items():
+        lines = (
+            tuple((u, pile.base_row - z) for u, z in left.ends),
+            tuple((profile.size - 1 - u, pile.base_row - z) for u, z in right.ends),
+        )
+        angles[name] = Angle(left.angle_deg, right.angle_deg, aor_deg, lines)
     contours = cv2.findContours(pile.mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
     return Measurement(
-        left_deg=angles[0],
-        right_deg=angles[1],
-        aor_deg=sum(angles) / 2,
-        height_mm=height * mm_per_pixel,
+        response=settings.response,
+        angles=angles,
+        reasons=reasons,
+        height_mm=float(profile[crest]) * scale,
         base_row=pile.base_row,
-        top=(float(crest), pile.base_row - height),
-        lines=tuple(lines),
+        top=(float(crest), pile.base_row - float(profile[crest])),
         contour=np.concatenate(contours)[:, 0, :],
         pile_is=pile.pile_is,
     )
@@ -285,14 +302,12 @@ def draw_line(picture, start, end, colour, thickness):
     cv2.line(picture, a, b, colour, thickness, cv2.LINE_AA, 8)
 
 
-def process_panels(
-    image, mm_per_pixel, fit_from=0.1, fit_to=0.8, largest_pile_only=True, *, base_row=None, flank="columns"
-):
+def process_panels(image, mm_per_pixel, settings=None, *, base_row=None):
     """The workflow's pictures in order, {"grey", "binary", "edge", "boundary"}: Figure 6. Arguments and
     errors are those of `measure_image`; "boundary" is the overlay, BGR, the others are (H, W) uint8."""
-    check_fit(mm_per_pixel, fit_from, fit_to, flank)
-    pile = segment(image, largest_pile_only, base_row)
-    measurement = measure_segmented(pile, mm_per_pixel, fit_from, fit_to, flank)
+    settings = replace(settings or MeasureSettings(), mm_per_pixel=mm_per_pixel)
+    pile = segment(image, settings.largest_pile_only, base_row)
+    measurement = with_response(measure_segmented(pile, settings))
     binary = pile.mask * np.uint8(255)
     return {
         "grey": pile.grey,
@@ -305,43 +320,68 @@ def process_panels(
 # --- a simulated pile -----------------------------------------------------------------------------
 
 
-def measure_pile(centres_m, quaternions, particle, settings=None, members=None):
+def measure_pile(centres_m, quaternions, particle, settings=None, members=None, scales=None):
     """Measure simulated bodies on the plate z = 0 from `settings.views` sides.
 
     centres_m : (N, 3). quaternions : (N, 4) w, x, y, z, body -> world. members : (N,) bool, the bodies of the
     largest cluster in contact; used when `settings.largest_pile_only`. Without it the largest connected part
-    of each silhouette is taken, which cannot tell a loose berry in front of the pile from the pile. Returns a
-    PileResult. Raises NoFlankError if there is no pile or if more than half of the views have no flank.
+    of each silhouette is taken, which cannot tell a loose berry in front of the pile from the pile. scales :
+    (N,) sizes of the bodies relative to the particle, where they differ. Returns a PileResult. Raises
+    NoFlankError if there is no pile; a definition that cannot be measured in more than half of the views is
+    None in it.
     """
-    settings = settings or MeasureSettings()
-    centres, quaternions = np.asarray(centres_m, dtype=float), np.asarray(quaternions, dtype=float)
+    settings = with_berry_height(settings or MeasureSettings(), particle)
+    height_m, views = pile_views(centres_m, quaternions, particle, settings, members, scales)
+    left, right, aor = ({name: np.full(settings.views, np.nan) for name in DEFINITIONS} for _ in range(3))
+    height, reasons = np.full(settings.views, np.nan), {}
+    for view, pile in enumerate(views):
+        seen = measure_segmented(pile, settings)
+        height[view] = seen.height_mm
+        for name, angle in seen.angles.items():
+            left[name][view], right[name][view] = angle.left_deg, angle.right_deg
+            aor[name][view] = angle.aor_deg
+        reasons = seen.reasons | reasons
+    return PileResult(settings.response, 1e3 * height_m, height, left, right, aor, reasons)
+
+
+def pile_views(centres_m, quaternions, particle, settings, members=None, scales=None):
+    """The highest point in metres, and an iterator over the views' Segmentations; arguments and errors as in
+    `measure_pile`."""
+    kept = np.ones(len(centres_m), bool)
     if members is not None and settings.largest_pile_only:
-        centres, quaternions = centres[members], quaternions[members]
-    if len(centres) == 0:
+        kept = np.asarray(members, bool)
+    if not kept.any():
         raise NoFlankError("no berry lies in the pile")
-    up_body = rotation_matrices(quaternions)[:, 2, :]
-    height_m = float((centres[:, 2] + (particle.support_point(up_body) * up_body).sum(axis=1)).max())
-    lowest_m = LOWEST_PILE_BERRIES * equivalent_diameter(particle)
+    bodies = np.asarray(centres_m, dtype=float)[kept], np.asarray(quaternions, dtype=float)[kept], particle
+    sizes = {} if scales is None else {"scales": np.asarray(scales, dtype=float)[kept]}
+    height_m = highest_point(*bodies, **sizes)
+    lowest_m = LOWEST_PILE_BERRIES * 1e-3 * settings.berry_height_mm
     if height_m < lowest_m:
         raise NoFlankError(f"the pile is {1e3 * height_m:.1f} mm high; a flank needs {1e3 * lowest_m:.1f} mm")
     azimuths = np.arange(settings.views) * 180.0 / settings.views
-    polygons = outlines(centres, quaternions, particle, azimuths, inset_m=settings.mm_per_pixel * 0.5e-3)
-    left, right, height = np.full((3, settings.views), np.nan)
-    reasons = []
-    for view, bodies in enumerate(polygons):
-        image = paint(bodies, settings.mm_per_pixel, frame(bodies, settings.mm_per_pixel))
-        pile = segment(image, settings.largest_pile_only, base_row=image.shape[0] - 0.5)
-        try:
-            seen = measure_segmented(
-                pile, settings.mm_per_pixel, settings.fit_from, settings.fit_to, settings.flank
-            )
-        except NoFlankError as error:
-            reasons.append(error.reason)
-            continue
-        left[view], right[view], height[view] = seen.left_deg, seen.right_deg, seen.height_mm
-    if len(reasons) > settings.views / 2:
-        raise NoFlankError(f"{len(reasons)} of {settings.views} views have no flank: {reasons[0]}")
-    return PileResult(float(np.nanmean((left + right) / 2)), 1e3 * height_m, left, right, height)
+    scale = settings.mm_per_pixel
+    polygons = outlines(*bodies, azimuths, inset_m=scale * 0.5e-3, **sizes)
+
+    def views():
+        for shown in polygons:
+            image = paint(shown, scale, frame(shown, scale))
+            yield segment(image, settings.largest_pile_only, base_row=image.shape[0] - 0.5)
+
+    return height_m, views()
+
+
+def with_berry_height(settings, particle):
+    """The settings with the particle's equivalent diameter where they have no berry's height."""
+    if settings.berry_height_mm is not None:
+        return settings
+    return replace(settings, berry_height_mm=1e3 * equivalent_diameter(particle))
+
+
+def highest_point(centres_m, quaternions, particle, scales=1.0):
+    """Height of the highest point of any body over z = 0, m."""
+    up_body = rotation_matrices(quaternions)[:, 2, :]
+    reach = (particle.support_point(up_body) * up_body).sum(axis=1)
+    return float((centres_m[:, 2] + scales * reach).max())
 
 
 def equivalent_diameter(particle):

@@ -31,7 +31,7 @@ PURPOSES = {"design": 0, "validation": 1, "drum": 2}
 # Measured on one core of a common server: for the estimate that is shown before a run.
 SECONDS_A_BERRY_STEP = 4.5e-8
 SECONDS_A_VIEW = 0.01
-JOB_START_S = 1.5
+JOB_START_S = 2.5  # of a pour's job and of its measurement's
 TABLE4_COLUMNS = (
     "solution",
     *PARAMETERS,
@@ -367,8 +367,11 @@ def _range_contradictions(config):
             yield f"target.{interval}", _allowed(_subschema(["target", interval]))
         elif not low <= target[value] <= high:
             yield f"target.{value}", f"inside target.{interval}, {low:g} to {high:g}"
-    if config["measure"]["fit_to"] < config["measure"]["fit_from"] + 0.1:
-        yield "measure.fit_to", f"at least 0.1 above measure.fit_from, {config['measure']['fit_from']:g}"
+    start, end = config["measure"]["fit_from"], config["measure"]["fit_to"]
+    if start == end == "berry":
+        yield "measure.fit_to", "a number from 0.1 to 1, as measure.fit_from is berry"
+    elif "berry" not in (start, end) and end < start + 0.1:
+        yield "measure.fit_to", f"at least 0.1 above measure.fit_from, {start:g}"
 
 
 def _heap_contradictions(heap):

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from repose.errors import InputError
+from repose.errors import InputError, NoFlankError
 
 # Simulations run side by side, one a core: OpenCV's own threads would only fight over them.
 cv2.setNumThreads(1)
@@ -19,14 +19,6 @@ OUTLINE_DIRECTIONS = 64  # a berry's outline as a polygon: at most 0.03 mm insid
 SUBPIXEL_BITS = 8
 MARGIN_PX = 8
 PILE_TONE, BACKGROUND_TONE = 40, 255
-
-
-class NoFlankError(ValueError):
-    """The picture or the pile has no flank to fit a line to; `reason` says why."""
-
-    def __init__(self, reason):
-        self.reason = reason
-        super().__init__(reason)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,5 @@
 # What the rules share: the checked configuration, and the Python that runs the verbs.
+import functools
 import os
 import shlex
 import sys
@@ -30,17 +31,17 @@ def as_typed(path):
 
 
 def sections(*names):
-    """Sections of the configuration whose change reruns a rule; as params."""
-    return {name: config[name] for name in names}
+    """Sections of the configuration, or single keys with a dot, whose change reruns a rule; as params."""
+    return {
+        name: functools.reduce(dict.__getitem__, name.split("."), config)
+        for name in names
+    }
 
 
 def pouring_settings():
-    """What a pour and its measurement depend on; the number of seeds is the caller's."""
+    """What a pour depends on, its measurement left out; the number of seeds is the caller's."""
     heap = {key: value for key, value in config["heap"].items() if key != "seeds"}
-    return sections("wall", "measure") | {
-        "heap": heap,
-        "seed": config["design"]["seed"],
-    }
+    return sections("wall") | {"heap": heap, "seed": config["design"]["seed"]}
 
 
 def folder(wildcards, output):

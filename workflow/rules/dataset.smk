@@ -1,7 +1,7 @@
 rule dataset:
     input:
         samples=rules.design.output.samples,
-        heaps=expand(rules.heap.output.result, sample=SAMPLES),
+        heaps=expand(rules.measure_heap.output.result, sample=SAMPLES),
     output:
         dataset=f"{RESULTS}/dataset.csv",
         runs=f"{RESULTS}/runs.csv",

@@ -30,7 +30,7 @@ rule turn:
         folder=folder,
         sample=int(REPRESENTATIVE),
         drum={key: value for key, value in config["drum"].items() if key != "seeds"},
-        depends=pouring_settings(),
+        depends=pouring_settings() | sections("measure.mm_per_pixel"),
     message:
         "Turning the drum, seed {wildcards.seed}"
     shell:

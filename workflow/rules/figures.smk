@@ -8,7 +8,11 @@ FIGURES = {
     ),
     "figure06": (
         "Figure 6",
-        {"heap": rules.measure.input.heap, "particle": rules.shape.output.particle},
+        {
+            "heap": rules.measure.input.heap,
+            "particle": rules.shape.output.particle,
+            "berry": rules.berry.output.berry,
+        },
         ("measure",),
     ),
     "figure07": (
@@ -49,7 +53,7 @@ FIGURES = {
             "states": f"{RESULTS}/drum/turn_{DRUM_SEEDS[0]}.npz",
             "particle": rules.shape.output.particle,
         },
-        ("drum", "measure"),
+        ("drum", "measure.mm_per_pixel"),
     ),
     "drum": (
         "The drum over time",

@@ -12,7 +12,7 @@ rule heap:
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
     output:
-        result=f"{RESULTS}/heaps/{{sample}}.json",
+        pours=f"{RESULTS}/heaps/{{sample}}.pours.json",
         berries=f"{RESULTS}/heaps/{{sample}}.npz",
     log:
         f"{RESULTS}/logs/heaps/{{sample}}.log",
@@ -30,6 +30,32 @@ rule heap:
     message:
         "Pouring sample {wildcards.sample}"
     shell:
-        "python -m repose heap --config {params.config} --samples {input.samples} --sample {wildcards.sample}"
+        "python -m repose pour --config {params.config} --samples {input.samples} --sample {wildcards.sample}"
         " --seeds {params.seeds} --purpose design --berry {input.berry} --particle {input.particle}"
         " --out {params.folder} > {log} 2>&1"
+
+
+rule measure_heap:
+    input:
+        pours=rules.heap.output.pours,
+        berries=rules.heap.output.berries,
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+    output:
+        result=f"{RESULTS}/heaps/{{sample}}.json",
+    log:
+        f"{RESULTS}/logs/heaps/{{sample}}_measured.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/heaps/{{sample}}_measured.tsv"
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("measure"),
+    message:
+        "Measuring the piles of sample {wildcards.sample}"
+    shell:
+        "python -m repose measure_heap {input.pours} --config {params.config} --berry {input.berry}"
+        " --particle {input.particle} --out {params.folder} > {log} 2>&1"

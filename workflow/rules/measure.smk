@@ -9,6 +9,7 @@ rule measure:
     input:
         heap=f"{RESULTS}/validation/heaps/{REPRESENTATIVE}.npz",
         particle=rules.shape.output.particle,
+        berry=rules.berry.output.berry,
     output:
         silhouette=f"{RESULTS}/measure/silhouette.png",
         overlay=f"{RESULTS}/measure/overlay.png",
@@ -30,7 +31,7 @@ rule measure:
         "(python -m repose silhouette {input.heap} --config {params.config} --particle {input.particle}"
         " --out {output.silhouette};"
         " python -m repose measure {output.silhouette} --config {params.config} --mm-per-pixel {params.scale}"
-        " --overlay {output.overlay} --json > {output.result}) 2> {log}"
+        " --berry {input.berry} --overlay {output.overlay} --json > {output.result}) 2> {log}"
 
 
 rule trajectory:
@@ -56,7 +57,7 @@ rule trajectory:
     message:
         "Pouring the representative solution before the camera"
     shell:
-        "python -m repose heap --config {params.config} --samples {input.samples} --sample {params.sample}"
+        "python -m repose pour --config {params.config} --samples {input.samples} --sample {params.sample}"
         " --seeds 1 --purpose validation --berry {input.berry} --particle {input.particle}"
         " --trajectory 0.1 --out {params.folder} > {log} 2>&1"
 

@@ -36,7 +36,7 @@ rule validation_heap:
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
     output:
-        result=f"{RESULTS}/validation/heaps/{{sample}}.json",
+        pours=f"{RESULTS}/validation/heaps/{{sample}}.pours.json",
         berries=f"{RESULTS}/validation/heaps/{{sample}}.npz",
     log:
         f"{RESULTS}/logs/validation/{{sample}}.log",
@@ -54,15 +54,41 @@ rule validation_heap:
     message:
         "Pouring solution {wildcards.sample} with fresh seeds"
     shell:
-        "python -m repose heap --config {params.config} --samples {input.samples} --sample {wildcards.sample}"
+        "python -m repose pour --config {params.config} --samples {input.samples} --sample {wildcards.sample}"
         " --seeds {params.seeds} --purpose validation --berry {input.berry} --particle {input.particle}"
         " --out {params.folder} > {log} 2>&1"
+
+
+rule measure_validation_heap:
+    input:
+        pours=rules.validation_heap.output.pours,
+        berries=rules.validation_heap.output.berries,
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+    output:
+        result=f"{RESULTS}/validation/heaps/{{sample}}.json",
+    log:
+        f"{RESULTS}/logs/validation/{{sample}}_measured.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/validation/{{sample}}_measured.tsv"
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("measure"),
+    message:
+        "Measuring the piles of solution {wildcards.sample}"
+    shell:
+        "python -m repose measure_heap {input.pours} --config {params.config} --berry {input.berry}"
+        " --particle {input.particle} --out {params.folder} > {log} 2>&1"
 
 
 rule validate:
     input:
         solutions=rules.solutions.output.solutions,
-        heaps=expand(rules.validation_heap.output.result, sample=OURS + THEIRS),
+        heaps=expand(rules.measure_validation_heap.output.result, sample=OURS + THEIRS),
     output:
         table4=f"{RESULTS}/validation/table4.csv",
         representative=f"{RESULTS}/validation/representative.csv",

@@ -10,7 +10,7 @@ from . import berries, checks, rotation, samples, search, style, surrogate, test
 FIGURES = {
     "figure02": (berries.sizes_and_sphericity, ("sizes",)),
     "figure05": (testbench.simulated_pile, ("heap", "particle")),
-    "figure06": (testbench.measurement, ("heap", "particle")),
+    "figure06": (testbench.measurement, ("heap", "particle", "berry")),
     "figure07": (berries.particle_and_mesh, ("stl", "particle")),
     "figure08": (testbench.apparatus, ()),
     "figure09": (workflow.rule_graph, ("dot",)),

@@ -1,6 +1,8 @@
 """Figures 5, 6 and 8: the simulated pile, its measurement, and the bench it is poured on."""
 
+import json
 import re
+from pathlib import Path
 
 import numpy as np
 from matplotlib.collections import PolyCollection
@@ -9,6 +11,7 @@ from matplotlib.patches import Circle
 from repose import pile, shape
 from repose.dem.tessellation import rotation_matrices
 from repose.errors import InputError
+from repose.measuring import first_pour, side_view
 from repose.render import render_pile
 from repose.stage import funnel_walls
 
@@ -52,19 +55,13 @@ def simulated_pile(inputs, config):
 
 def measurement(inputs, config):
     """Figure 6: the steps of the measurement; the left flank's line is red, the right one's green."""
-    centres, quaternions, in_pile = read_heap(inputs["heap"])
-    particle = shape.Particle.load(inputs["particle"])
-    settings = pile.MeasureSettings(**config["measure"])
-    kept = in_pile if settings.largest_pile_only else np.ones(len(centres), bool)
-    image = pile.silhouette(centres[kept], quaternions[kept], particle, 0.0, settings.mm_per_pixel)
+    settings = pile.MeasureSettings.of(config["measure"], json.loads(Path(inputs["berry"]).read_text()))
+    image = side_view(first_pour(inputs["heap"]), shape.Particle.load(inputs["particle"]), settings)
     steps = pile.process_panels(
         image,
         settings.mm_per_pixel,
-        settings.fit_from,
-        settings.fit_to,
-        settings.largest_pile_only,
+        settings,
         base_row=image.shape[0] - 0.5,
-        flank=settings.flank,
     )
     figure = style.new_figure(style.PAGE, 2.9)
     panels = figure.subplots(2, 2)
