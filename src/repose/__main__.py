@@ -31,6 +31,9 @@ def main(words=None):
 
 def berry(args):
     """Eq. 1-4."""
+    if args.axes or args.stl:
+        _build(args)
+        return
     from repose import berry
 
     section = settings.load(args.config)["berry"]
@@ -38,11 +41,46 @@ def berry(args):
     berry.run(section["sizes"], section["compression"], args.table1, args.out, *material)
 
 
+def _build(args):
+    """Mesh of a berry from a few numbers."""
+    from repose import crop
+
+    if not (args.axes and args.stl and args.mass_g):
+        raise InputError("command line", "berry --axes", args.axes, "together with --mass-g and --stl")
+    density = args.density or settings.load(args.config)["berry"]["density_kg_m3"]
+    details = (args.taper, args.wrinkles, args.wrinkle_depth_mm)
+    mesh, number = crop.berry_mesh(args.axes, args.mass_g, density, *details, source="command line")
+    Path(args.stl).parent.mkdir(parents=True, exist_ok=True)
+    mesh.export(args.stl, file_type="stl")
+    share = mesh.volume / (args.axes[0] * args.axes[1] * args.axes[2])
+    m, k = crop.profile_exponents(number)
+    print(
+        f"{args.stl}: {mesh.volume:.1f} mm3, {share:.3f} of the box around it, profile (1 - |t|^{m:.3g})^{k:.3g}"
+    )
+
+
 def shape(args):
     """Mesh and particle."""
+    config = settings.load(args.config)
+    _particle(args.berry, config, args.out)
+
+
+def _particle(berry_json, config, out_dir):
+    """The configuration's particle, written to a folder."""
     from repose import shape
 
-    shape.run(args.berry, settings.load(args.config)["berry"]["stl"], args.out)
+    section = config["berry"]
+    return shape.run(
+        berry_json,
+        section["stl"],
+        out_dir,
+        kind=section["particle"],
+        mass_g=section["mass_g"],
+        spheres=section["spheres"],
+        surface=section["surface"],
+        time_step_s=config["heap"]["time_step_s"],
+        restitution=config["parameters"]["e_gp"][0],
+    )
 
 
 def design(args):
@@ -350,12 +388,9 @@ def _berry_and_particle(args, config):
             )
         if not Path(berry_json).is_file():
             raise InputError(berry_json, "file", None, "an existing file, written by `repose berry`")
-        if args.particle is None:
-            from repose import shape
-
-            particle = shape.run(berry_json, section["stl"], folder)
-        else:
-            particle = Particle.load(args.particle)
+        particle = (
+            _particle(berry_json, config, folder) if args.particle is None else Particle.load(args.particle)
+        )
         return json.loads(Path(berry_json).read_text()), particle
 
 

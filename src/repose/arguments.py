@@ -50,13 +50,20 @@ def _add_inputs(verbs):
     sub = _verb(
         verbs,
         "berry",
-        "sizes to sphericity and equivalent diameter, compression tests to moduli (Eq. 1-4)",
-        "python -m repose berry --out results/berry",
+        "sizes to sphericity, compression tests to moduli (Eq. 1-4); or a mesh from three axes and a mass",
+        "python -m repose berry --axes 17.1 11.37 9.88 --mass-g 1.0 --density 840.47 --stl results/crop.stl",
         out="results/berry",
     )
     sub.add_argument(
         "--table1", default=str(PUBLISHED / "table1.csv"), help="published statistics to compare with"
     )
+    sub.add_argument("--axes", type=float, nargs=3, metavar="MM", help="build a mesh instead: its three axes")
+    sub.add_argument("--stl", help="the mesh file to build; with --axes and --mass-g")
+    sub.add_argument("--mass-g", type=float, help="mass of the berry to build, which makes it full or lean")
+    sub.add_argument("--density", type=float, help="its density in kg/m3 (the configuration's)")
+    sub.add_argument("--taper", type=float, default=0.0, help="how much wider at one end, over the width (0)")
+    sub.add_argument("--wrinkles", type=int, default=0, help="grooves along it (0)")
+    sub.add_argument("--wrinkle-depth-mm", type=float, default=0.0, help="their depth (0)")
     sub = _verb(
         verbs,
         "shape",

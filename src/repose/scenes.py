@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from .dem import Cone, Contact, Material, Plane, RingEdge, Shape, Simulation
+from .dem import Cone, Contact, Material, Plane, RingEdge, Simulation
 
 # A berry is dropped at a free place; so many places are tried before the factory waits a step.
 PLACES_TRIED = 200
@@ -159,7 +159,7 @@ def berry_simulation(config, parameters, particle, berry, capacity, **scene):
     """
     wall, heap = config["wall"], config["heap"]
     return Simulation(
-        {"berry": Shape(particle.semi_axes_m, particle.mass_kg, particle.inertia_kg_m2, "berry")},
+        {"berry": particle.dem_shape("berry")},
         {
             "berry": Material(berry["shear_modulus_pa"], berry["poisson_ratio"]),
             "wall": Material(wall["shear_modulus_pa"], wall["poisson_ratio"]),

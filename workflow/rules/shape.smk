@@ -5,6 +5,7 @@ rule shape:
     output:
         stl=f"{RESULTS}/berry/berry.stl",
         particle=f"{RESULTS}/berry/particle.json",
+        comparison=f"{RESULTS}/berry/particles.csv",
     log:
         f"{RESULTS}/logs/shape.log",
     benchmark:
@@ -15,6 +16,8 @@ rule shape:
     params:
         config=CONFIG,
         folder=folder,
+        depends=sections("berry"),
+        time_step_s=config["heap"]["time_step_s"],
     message:
         "Mesh and particle of the berry"
     shell:
