@@ -7,7 +7,7 @@ import pytest
 
 from repose import miga
 from repose.errors import InputError
-from repose.miga import MIGA, Archive, Objective
+from repose.miga import MIGA, Archive, Objective, islands_ga
 from repose.network import ARRAYS
 from repose.parameters import PARAMETERS
 
@@ -167,9 +167,83 @@ def test_the_same_seed_gives_the_same_search_and_another_does_not():
     assert not np.array_equal(one.ask(), minimise(rastrigin, 4, 50, seed=1)[0].ask())
 
 
-def test_a_bad_setting_is_named():
-    with pytest.raises(ValueError, match="population is 1; allowed: at least 2"):
-        MIGA(6, population=1)
+@pytest.mark.parametrize(
+    ("setting", "value", "allowed"),
+    [
+        ("population", 1, "at least 2"),
+        ("tournament", 0, "at least 1"),
+        ("mutation_amplitude", -0.1, "at least 0"),
+        ("mutation_probability", 1.5, "0 to 1"),
+    ],
+)
+def test_a_bad_setting_is_named(setting, value, allowed):
+    with pytest.raises(ValueError, match=f"{setting} is {value}; allowed: {allowed}"):
+        MIGA(6, **{setting: value})
+
+
+BOX = np.array([(-5.0, 5.0), (100.0, 200.0), (-1e-3, 0.0)])
+LOWEST = np.array([1.0, 130.0, -2e-4])
+
+
+def bowl(x):
+    return (((x - LOWEST) / np.ptp(BOX, axis=1)) ** 2).sum(axis=1)
+
+
+def test_islands_ga_finds_the_minimum_in_the_units_of_its_bounds():
+    asked = []
+
+    def watched(x):
+        asked.append(x)
+        return bowl(x)
+
+    result = islands_ga(watched, BOX, rounds=40, seed=1)
+    np.testing.assert_allclose((result.x - LOWEST) / np.ptp(BOX, axis=1), 0.0, atol=3e-3)
+    assert result.fun == bowl(result.x[None])[0] < 1e-5
+    assert (result.nfev, result.nit, result.success) == (80_000, 400, None)
+    asked = np.concatenate(asked)
+    assert (asked >= BOX[:, 0]).all()
+    assert (asked <= BOX[:, 1]).all()
+    assert bowl(asked).min() == result.fun
+    assert (np.diff(result.history) <= 0).all()
+    assert len(result.history) == 400
+
+
+def test_islands_ga_ends_at_its_target():
+    result = islands_ga(bowl, BOX, target=1e-3)
+    assert result.success is True
+    assert result.nfev == 200 * result.nit < 100_000
+    assert result.history[-1] == result.fun <= 1e-3 < result.history[-2]
+    assert islands_ga(bowl, BOX, rounds=1, target=-1.0).success is False
+
+
+def test_islands_ga_walks_past_points_that_are_infinite():
+    result = islands_ga(lambda x: np.where(x[:, 0] > 0.2, x[:, 0], np.inf), [(-1, 1)], rounds=20)
+    assert result.fun == pytest.approx(0.2, abs=5e-3)
+
+
+@pytest.mark.parametrize("dimensions", [2, 6])
+def test_islands_ga_succeeds_from_every_seed_on_easy_functions(dimensions):
+    for seed in range(5):
+        for function in (sphere, rastrigin):
+            assert islands_ga(function, [(-1, 1)] * dimensions, target=0.01, seed=seed).success
+
+
+@pytest.mark.parametrize(
+    ("function", "bounds", "settings", "fault"),
+    [
+        (bowl, [0, 1], {}, r"bounds has shape \(2,\)"),
+        (bowl, [(0, np.inf)], {}, "all finite"),
+        (bowl, [(0, 1), (2, 2)], {}, r"\[2.0, 2.0\]\]; allowed: each lowest below its highest"),
+        (bowl, BOX, {"rounds": 0}, "rounds is 0"),
+        (bowl, BOX, {"islands": 0}, "islands is 0"),
+        (lambda x: x, BOX, {}, r"objective returned shape \(200, 3\)"),
+        (lambda x: np.full(len(x), np.nan), BOX, {}, "with 200 NaN"),
+        (lambda x: np.full(len(x), np.inf), BOX, {"rounds": 1}, "infinite at all 2000 points"),
+    ],
+)
+def test_islands_ga_names_what_is_wrong(function, bounds, settings, fault):
+    with pytest.raises(ValueError, match=fault):
+        islands_ga(function, bounds, **settings)
 
 
 def test_objective_is_eq_11_and_its_target_eq_12():

@@ -1,4 +1,6 @@
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pandas as pd
@@ -6,7 +8,7 @@ import pytest
 
 from repose import network, training
 from repose.errors import InputError
-from repose.network import BayesianBP
+from repose.network import BayesianBP, PlainBayesianBP
 from repose.parameters import PARAMETERS
 
 SETTINGS = {"hidden": 6, "epochs": 200, "goal": 1e-4, "starts": 3, "seed": 2026, "split": [0.7, 0.15, 0.15]}
@@ -165,35 +167,211 @@ def test_weights_draw_the_fit_to_the_exact_samples():
     weight = np.where(errors > 1, 0.01, 1.0)
     fresh = np.random.RandomState(9).uniform(-1, 1, (300, 6))
     plain = BayesianBP(starts=3).fit(X, Y).score(fresh, known_function(fresh))
-    weighted = BayesianBP(starts=3).fit(X, Y, sample_weight=weight).score(fresh, known_function(fresh))
+    weighted = BayesianBP(starts=3).fit(X, Y, precision=weight).score(fresh, known_function(fresh))
     assert 1 - weighted < 0.5 * (1 - plain)
 
 
 def test_equal_weights_change_nothing(fitted):
     model, X, Y = fitted
-    same = BayesianBP(starts=1).fit(X, Y, sample_weight=np.ones(95))
+    same = BayesianBP(starts=1).fit(X, Y, sample_weight=np.ones(95), precision=np.ones(Y.shape))
     assert same.starts_[0] == model.starts_[0]
 
 
+def test_a_sample_weight_of_two_is_the_sample_twice_and_zero_is_none():
+    X, Y = noisy_data(30, 12)
+    count = np.random.RandomState(1).randint(0, 3, 30)
+    settings = {"hidden": 2, "starts": 2, "epochs": 100}
+    weighted = BayesianBP(**settings).fit(X, Y, sample_weight=count)
+    repeated = BayesianBP(**settings).fit(np.repeat(X, count, axis=0), np.repeat(Y, count, axis=0))
+    for a, b in zip(weighted.predict(X, return_std=True), repeated.predict(X, return_std=True), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-5)
+
+
+def test_of_precisions_only_ratios_matter():
+    X, Y = noisy_data(40, 13)
+    precision = np.random.RandomState(2).uniform(0.5, 2, Y.shape)
+    one = BayesianBP(hidden=3, starts=1).fit(X, Y, precision=precision)
+    other = BayesianBP(hidden=3, starts=1).fit(X, Y, precision=7 * precision)
+    np.testing.assert_allclose(one.predict(X), other.predict(X), rtol=1e-4)
+    assert one.gamma_ == pytest.approx(other.gamma_, rel=1e-2)
+    assert one.beta_ == pytest.approx(7 * other.beta_, rel=1e-2)
+
+
 def test_weights_from_errors_by_hand():
-    weight = training.weights_from_errors(np.array([[1.0], [1.0], [3.0], [np.nan]]))
+    weight = network.weights_from_errors(np.array([[1.0], [1.0], [3.0], [np.nan]]))
     # median of 1, 1, 9, 9 is 5: variances 6, 6, 14, 14
     expected = np.array([1 / 6, 1 / 6, 1 / 14, 1 / 14])
     np.testing.assert_allclose(weight[:, 0], expected / expected.mean())
 
 
 @pytest.mark.parametrize(
-    ("X", "y", "weight"),
+    ("X", "y", "weights", "fault"),
     [
-        (np.ones((3, 2)), np.ones(4), None),
-        (np.full((3, 2), np.nan), np.ones(3), None),
-        (np.ones((3, 2)), np.ones(3), np.zeros(3)),
-        (np.ones((3, 2)), np.ones(3), np.ones(2)),
+        (np.ones((3, 2)), np.ones(4), {}, r"y \(4,\); allowed"),
+        (np.full((3, 2), np.nan), np.ones(3), {}, "must be finite"),
+        (np.ones((3, 2)), np.ones(3), {"sample_weight": np.ones(2)}, r"sample_weight has shape \(2,\)"),
+        (np.ones((3, 2)), np.ones(3), {"sample_weight": -np.ones(3)}, "must not be negative"),
+        (np.ones((3, 2)), np.ones(3), {"sample_weight": np.eye(3)[0]}, "1 samples have a weight above zero"),
+        (np.ones((3, 2)), np.ones(3), {"precision": np.zeros(3)}, "precision must be above zero"),
+        (np.ones((3, 2)), np.ones(3), {"precision": np.ones((3, 2))}, r"precision has shape \(3, 2\)"),
     ],
 )
-def test_bad_data_is_refused(X, y, weight):
-    with pytest.raises(ValueError, match=r"allowed|must be finite"):
-        BayesianBP().fit(X, y, weight)
+def test_bad_data_is_refused(X, y, weights, fault):
+    with pytest.raises(ValueError, match=fault):
+        PlainBayesianBP().fit(X, y, **weights)
+
+
+@pytest.mark.parametrize(
+    ("setting", "value", "allowed"),
+    [
+        ("hidden", 0, "at least 1"),
+        ("epochs", 0, "at least 1"),
+        ("starts", 0, "at least 1"),
+        ("goal", -1.0, "at least 0"),
+        ("prior", "two", "one, layers, inputs"),
+        ("scaled_range", (0.9, 0.1), "its first below its second"),
+    ],
+)
+def test_bad_settings_are_named(setting, value, allowed):
+    with pytest.raises(ValueError, match=rf"{setting} is .*allowed: {allowed}"):
+        PlainBayesianBP(**{setting: value}).fit(np.eye(3), np.ones(3))
+
+
+def test_predict_refuses_other_inputs_and_an_unfitted_network(fitted):
+    with pytest.raises(ValueError, match=r"shape \(4, 5\); allowed: \(samples, 6\)"):
+        PlainBayesianBP.predict(fitted[0], np.ones((4, 5)))
+    with pytest.raises(ValueError, match="before fit"):
+        PlainBayesianBP().predict(np.ones((4, 5)))
+
+
+def linear_features(x):
+    """Nine fixed functions of two inputs: a model linear in as many weights as a 2-2-1 network has."""
+    a = np.random.RandomState(20).normal(size=(2, 9))
+    return np.sin(4 * x @ a + np.arange(9))
+
+
+@pytest.fixture
+def linear(monkeypatch):
+    """The training and error bars of this file on a model that is linear in its weights, fitted."""
+    monkeypatch.setattr(
+        network, "jacobian", lambda w, x, outputs: ((p := linear_features(x)) @ w[:, None], p[:, None, :])
+    )
+    monkeypatch.setattr(
+        network, "_residuals", lambda w, x, t, root: (linear_features(x) @ w - t[:, 0]) * root[:, 0]
+    )
+    random = np.random.RandomState(21)
+    X = np.concatenate([[[0, 0], [1, 1]], random.uniform(0, 1, (50, 2))])
+    y = linear_features(X) @ random.normal(size=9) + 0.3 * random.normal(size=52)
+    y = (y - y.min()) / np.ptp(y)
+    model = PlainBayesianBP(hidden=2, starts=1, goal=0.0, scaled_range=(0, 1))
+    return model.fit(X, y), X, y
+
+
+def test_on_a_linear_model_gamma_is_its_closed_form(linear):
+    model, X, _ = linear
+    eigenvalues = np.linalg.eigvalsh(2 * model.beta_ * linear_features(X).T @ linear_features(X))
+    exact = np.sum(eigenvalues / (eigenvalues + 2 * model.alpha_))
+    assert 3 < exact < 8.99
+    assert model.gamma_ == pytest.approx(exact, rel=1e-6)
+
+
+def test_on_a_linear_model_evidence_and_error_bars_are_those_of_bayesian_ridge(linear):
+    from sklearn.linear_model import BayesianRidge
+
+    model, X, y = linear
+    flat = dict.fromkeys(("alpha_1", "alpha_2", "lambda_1", "lambda_2"), 0.0)
+    ridge = BayesianRidge(max_iter=5000, tol=1e-12, fit_intercept=False, **flat).fit(linear_features(X), y)
+    assert 2 * model.beta_ == pytest.approx(ridge.alpha_, rel=1e-5)
+    assert 2 * model.alpha_ == pytest.approx(ridge.lambda_, rel=1e-5)
+    np.testing.assert_allclose(model.posterior_root_ @ model.posterior_root_.T, ridge.sigma_, rtol=1e-4)
+    fresh = np.random.RandomState(22).uniform(0, 2, (40, 2))
+    std = model.predict(fresh, return_std=True)[1]
+    np.testing.assert_allclose(std, ridge.predict(linear_features(fresh), return_std=True)[1], rtol=1e-4)
+
+
+def test_error_bars_of_the_mean_are_those_of_networks_drawn_from_the_posterior():
+    """Brute force: weights from the Laplace approximation, each sent through the whole network.
+
+    Drawn a hundred times closer to the best ones: along directions that the data leave open the network is
+    no longer linear over the whole width of the posterior, a limit of the approximation itself.
+    """
+    X, Y = noisy_data(400, 14, noise=(0.2, 0.4))
+    model = BayesianBP(hidden=4, starts=3).fit(X, Y)
+    fresh = np.random.RandomState(15).uniform(-0.9, 0.9, (30, 6))
+    mean, std = model.predict(fresh, return_std=True, noise=False)
+    w = np.concatenate([model.W1_.ravel(), model.b1_, model.W2_.ravel(), model.b2_])
+    normal = np.random.RandomState(16).normal(size=(4000, w.size))
+    stored, drawn = model.to_dict(), []
+    for one in w + 0.01 * normal @ model.posterior_root_.T:
+        stored["W1"], stored["b1"], stored["W2"], stored["b2"] = network.unpack(one, 6, 4, 2)
+        drawn.append(network.evaluate(stored, fresh))
+    ratio = np.std(drawn, axis=0) / (0.01 * std)
+    assert ratio.mean() == pytest.approx(1.0, abs=0.03)
+    assert np.abs(ratio - 1).max() < 0.1
+    total = model.predict(fresh, return_std=True)[1]
+    np.testing.assert_allclose(total**2, std**2 + model.noise_std_**2)
+    assert mean.shape == std.shape == (30, 2)
+
+
+def test_error_bars_hold_what_they_promise(fitted):
+    """One response, whose noise of 1 the network learns, and two thirds of fresh targets within one std."""
+    X, Y = noisy_data(200, 17)
+    model = BayesianBP(starts=4, hidden=6).fit(X, Y[:, 1])
+    assert model.noise_std_[0] == pytest.approx(1.0, rel=0.25)
+    fresh, targets = noisy_data(2000, 18)
+    mean, std = model.predict(fresh, return_std=True)
+    z = np.abs(targets[:, 1] - mean) / std
+    assert mean.shape == std.shape == (2000,)
+    assert 0.60 < np.mean(z < 1) < 0.75
+    assert 0.91 < np.mean(z < 2) < 0.98
+    mean, std = model.predict(fresh, return_std=True, noise=False)
+    assert 0.4 < np.mean(np.abs(known_function(fresh)[:, 1] - mean) < std) < 0.85
+
+
+def test_classes_of_weights_are_a_partition_and_those_of_the_inputs_their_columns():
+    w = np.arange(3 * 4 + 4 + 2 * 5)
+    for prior, count in (("one", 1), ("layers", 3), ("inputs", 5)):
+        classes = network.weight_classes(prior, 3, 4, 2)
+        assert len(classes) == count
+        assert sorted(np.concatenate([w[c] for c in classes])) == list(w)
+    W1, b1, W2, b2 = network.unpack(w, 3, 4, 2)
+    np.testing.assert_array_equal(classes[1], W1[:, 1])
+    np.testing.assert_array_equal(classes[3], b1)
+    np.testing.assert_array_equal(classes[4], np.concatenate([W2.ravel(), b2]))
+
+
+def test_a_prior_for_each_input_fades_those_without_effect():
+    random = np.random.RandomState(19)
+    X = random.uniform(-1, 1, (95, 6))
+    y = np.sin(2 * X[:, 0]) + X[:, 1] ** 2 + 0.1 * random.normal(size=95)
+    fresh = random.uniform(-1, 1, (500, 6))
+    truth = np.sin(2 * fresh[:, 0]) + fresh[:, 1] ** 2
+    model = BayesianBP(hidden=5, starts=4, epochs=300, goal=0.0, prior="inputs").fit(X, y)
+    assert model.alpha_.shape == (8,)
+    assert model.alpha_[2:6].min() > 30 * model.alpha_[:2].max()
+    one = BayesianBP(hidden=5, starts=4, epochs=300, goal=0.0).fit(X, y)
+    assert 1 - model.score(fresh, truth) < 0.7 * (1 - one.score(fresh, truth))
+
+
+def test_scikit_learn_finds_nothing_to_object_to():
+    from sklearn.utils.estimator_checks import check_estimator
+
+    results = check_estimator(BayesianBP(hidden=3, starts=2, epochs=200), on_skip=None)
+    assert len(results) > 50
+    assert {row["check_name"] for row in results if row["status"] != "passed"} <= {"check_array_api_input"}
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import repose.network, sys; assert 'sklearn' not in sys.modules",
+        "import sys; sys.modules['sklearn'] = None; from repose.network import BayesianBP, PlainBayesianBP;"
+        " assert BayesianBP is PlainBayesianBP",
+    ],
+    ids=["not imported", "not there"],
+)
+def test_scikit_learn_is_asked_for_late_and_may_be_missing(code):
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_json_and_folded_function_are_the_same_network(fitted, tmp_path):

@@ -2,9 +2,13 @@
 
 Section 3.3 of the paper: 5 islands of 40 in normalised parameters [-1, 1], tournaments of three, arithmetic
 crossover, mutation with probability 0.05 and amplitude 0.1, the island's best kept, and sent round the ring
-every 10 generations, 870 times. `MIGA` needs numpy alone and minimises any function of whole populations by
-ask and tell; `Objective` is Eq. 11-12, `Archive` collects solutions met on the way; `run` is the workflow's
-stage around them.
+every 10 generations, 870 times. `islands_ga` minimises any function of whole populations inside bounds:
+
+    from repose.miga import islands_ga
+    result = islands_ga(lambda x: ((x - 1) ** 2).sum(axis=1), bounds=[(-5, 5)] * 6)
+
+`MIGA` is the same by ask and tell, in [-1, 1]; both need numpy alone. `Objective` is Eq. 11-12, `Archive`
+collects solutions met on the way; `run` is the workflow's stage around them.
 
 Where the publication is silent, this is what is done here:
   crossover     always; a child is r a + (1 - r) b with one r, uniform in [0, 1], for all its genes; each
@@ -21,6 +25,7 @@ Where the publication is silent, this is what is done here:
 
 import json
 import math
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -55,9 +60,11 @@ class MIGA:
         seed=2026,
     ):
         least = {"dimensions": 1, "islands": 1, "population": 2, "generations": 1, "tournament": 1}
-        for name, limit in least.items():
-            if locals()[name] < limit:
+        for name, limit in (least | {"mutation_amplitude": 0}).items():
+            if not locals()[name] >= limit:
                 raise ValueError(f"{name} is {locals()[name]!r}; allowed: at least {limit}")
+        if not 0 <= mutation_probability <= 1:
+            raise ValueError(f"mutation_probability is {mutation_probability!r}; allowed: 0 to 1")
         self.shape = (islands, population, dimensions)
         self.generations, self.tournament = generations, tournament
         self.mutation_probability, self.mutation_amplitude = mutation_probability, mutation_amplitude
@@ -86,17 +93,28 @@ class MIGA:
 
         order = self._ranked(fitness)
         if self.generation % self.generations == 0:
-            points, fitness = migrate(points, fitness, order)
+            points, fitness = self._migrate(points, fitness, order)
             order = self._ranked(fitness)
         # rank is all a tournament looks at: the winner of three is the smallest of three random ranks
-        parents = points[np.take_along_axis(order, self._winners[step], axis=1)]
-        a, b = parents[:, :population], parents[:, population:]
-        children = b + self._share[step] * (a - b)  # arithmetic crossover
+        parents = points[order.take(self._winners[step] + self._first)]
+        children = self._cross(parents[:, :population], parents[:, population:], step)
         children += self._mutation[step]
         np.minimum(children, 1.0, out=children)
         np.maximum(children, -1.0, out=children)
-        children[:, 0] = points[order[:, 0]]  # the island's best kept
+        self._keep_best(children, points[order[:, 0]])
         self._points = children.reshape(islands * population, dimensions)
+
+    def _migrate(self, points, fitness, order):
+        """Round the ring."""
+        return migrate(points, fitness, order)
+
+    def _cross(self, a, b, step):
+        """Arithmetic crossover of parents a and b (islands, population, dimensions)."""
+        return b + self._share[step] * (a - b)
+
+    def _keep_best(self, children, best):
+        """Each island's best (islands, dimensions) in place of its first child."""
+        children[:, 0] = best
 
     def _draw(self):
         """All random numbers of one round at once: a call of the generator costs more than its numbers."""
@@ -123,6 +141,61 @@ def migrate(points, fitness, order):
     best, worst_of_next = order[:, 0], np.roll(order[:, -1], -1)
     points[worst_of_next], fitness[worst_of_next] = points[best], fitness[best]
     return points, fitness
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """What `islands_ga` found: x (dimensions,), its value fun, nfev evaluations in nit generations, success
+    (whether fun is at most target; None without one), and history (nit,), the best value so far after each
+    generation."""
+
+    x: np.ndarray
+    fun: float
+    nfev: int
+    nit: int
+    success: bool | None
+    history: np.ndarray
+
+
+def islands_ga(objective, bounds, rounds=50, target=None, **settings):
+    """Minimise a function of whole populations with `MIGA`; return a `Minimum`.
+
+    objective: (points, dimensions) in the bounds' units to (points,); an infinite value is a point to avoid.
+    bounds (dimensions, 2): lowest and highest of each variable. rounds: migrations, so that rounds times
+    generations times islands times population points are evaluated. target: a value at which the search ends
+    early. settings: those of `MIGA`. Raises ValueError for bounds or settings out of their limits and for an
+    objective that returns another shape or no number.
+    """
+    bounds = np.asarray(bounds, dtype=float)
+    if bounds.ndim != 2 or bounds.shape[1] != 2 or not np.isfinite(bounds).all():
+        raise ValueError(f"bounds has shape {bounds.shape}; allowed: (dimensions, 2), all finite")
+    low, high = bounds.T
+    if not (low < high).all():
+        raise ValueError(f"bounds is {bounds.tolist()}; allowed: each lowest below its highest")
+    if rounds < 1:
+        raise ValueError(f"rounds is {rounds!r}; allowed: at least 1")
+    miga = MIGA(len(bounds), **settings)
+    half_width, history = (high - low) / 2, []
+
+    def in_units(points):
+        return np.clip(low + (points + 1) * half_width, low, high)
+
+    for _ in range(rounds * miga.generations):
+        fitness = np.asarray(objective(in_units(miga.ask())), dtype=float)
+        if fitness.shape != (len(miga.ask()),) or np.isnan(fitness).any():
+            raise ValueError(
+                f"objective returned shape {fitness.shape} with {np.isnan(fitness).sum()} NaN; "
+                f"allowed: ({len(miga.ask())},) without"
+            )
+        miga.tell(fitness)
+        history.append(miga.best_fitness)
+        if target is not None and miga.best_fitness <= target:
+            break
+    if miga.best is None:
+        raise ValueError(f"objective is infinite at all {miga.evaluations} points; allowed: finite at one")
+    success = None if target is None else miga.best_fitness <= target
+    x, evaluations = in_units(miga.best), miga.evaluations
+    return Minimum(x, miga.best_fitness, evaluations, miga.generation, success, np.array(history))
 
 
 class Objective:
@@ -196,7 +269,8 @@ def distinct(points, fitness, distance, most):
         kept.append(rows[0])
         apart = ((columns - columns[:, :1]) ** 2).sum(axis=0) >= distance**2
         apart[0] = False
-        rows, columns = rows[apart], columns[:, apart]
+        left = np.flatnonzero(apart)  # twice as fast as the mask itself
+        rows, columns = rows[left], columns.take(left, axis=1)
     return np.array(kept, dtype=int)
 
 

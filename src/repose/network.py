@@ -1,18 +1,26 @@
-"""BP network with Bayesian regularisation: six contact parameters in, AoR and Height out.
+"""BP network with Bayesian regularisation: a few inputs in, a few responses out, error bars with them.
 
 Section 3.2.2 of the paper: 6-12-2, tansig and purelin, inputs and outputs scaled to 0.1-0.9, trained by
-Levenberg-Marquardt on a regularised sum of squares. `BayesianBP` needs numpy alone and knows nothing of
-berries: fit / predict / score as scikit-learn has them. `training.py` is the workflow's stage around it.
+Levenberg-Marquardt on a regularised sum of squares. This file needs numpy alone and knows nothing of berries:
+
+    from repose.network import BayesianBP
+    model = BayesianBP(hidden=6).fit(X, y)
+    mean, std = model.predict(X_new, return_std=True)
+
+`BayesianBP` is `PlainBayesianBP` below as an estimator of scikit-learn, where that is installed
+(`repose.estimator`; imported when the name is first asked for). `training.py` is the workflow's stage.
 
 Sources of the lines, named where they are used
   (Eq. n)   the paper
   (FH n)    Foresee & Hagan 1997, Gauss-Newton approximation to Bayesian learning, step n of section 4
   (M92)     MacKay 1992, Bayesian interpolation / A practical Bayesian framework, Neural Computation 4
+  (M94)     MacKay 1994, Bayesian non-linear modeling for the prediction competition: a prior for each input
   (HM94)    Hagan & Menhaj 1994, training feedforward networks with the Marquardt algorithm
   (NW90)    Nguyen & Widrow 1990, improving the learning speed of two-layer networks
 
 Notation: D the data, w all N weights, n residuals (samples times outputs), E_d and E_w plain sums of squares,
-so the noise variance is 1 / (2 beta) and the prior variance of a weight 1 / (2 alpha).
+so the noise variance is 1 / (2 beta) and the prior variance of a weight 1 / (2 alpha). Weights may fall into
+classes c with an alpha_c each; then E_w and alpha are vectors and alpha E_w their scalar product.
 """
 
 import json
@@ -27,7 +35,7 @@ from repose.parameters import PARAMETERS
 RESPONSES = ("aor_deg", "height_mm")
 
 
-class BayesianBP:
+class PlainBayesianBP:
     """Two-layer network trained by Bayesian regularisation from several starts; the best by evidence is kept.
 
     hidden: neurons of the hidden layer. epochs: most accepted steps of a start. goal: mean squared error of
@@ -35,11 +43,15 @@ class BayesianBP:
     mu_increase, mu_max: Marquardt's damping; min_gradient: norm of the gradient of the objective at which a
     start has converged. scaled_range: interval onto which each input and output is mapped by its minimum and
     maximum in the training data. seed: of numpy's RandomState; start k draws from RandomState([seed, k]), so
-    it is the same start however many others there are.
+    it is the same start however many others there are. prior: "one" alpha for all weights, as published
+    (FH); "layers", one each for input weights, hidden biases, and output weights with their biases (M92); or
+    "inputs", as "layers" but with one for each input's weights, so that an input without effect fades (M94).
 
     After fit: W1_ (hidden, inputs), b1_ (hidden,), W2_ (outputs, hidden), b2_ (outputs,), input_min_,
-    input_max_, output_min_, output_max_, alpha_, beta_, gamma_, log_evidence_, epochs_, stop_reason_,
-    best_start_, and starts_, a list with one dict per start.
+    input_max_, output_min_, output_max_, alpha_ (a vector unless prior is "one"), beta_, gamma_,
+    log_evidence_, epochs_, stop_reason_, best_start_, noise_std_ (outputs,) in units of y,
+    posterior_root_ (N, N) whose product with its transpose is the weights' covariance, and starts_, a list
+    with one dict per start.
     """
 
     def __init__(
@@ -55,29 +67,36 @@ class BayesianBP:
         min_gradient=1e-7,
         scaled_range=(0.1, 0.9),
         seed=2026,
+        prior="one",
     ):
         self.hidden, self.epochs, self.goal, self.starts = hidden, epochs, goal, starts
         self.mu, self.mu_decrease, self.mu_increase, self.mu_max = mu, mu_decrease, mu_increase, mu_max
         self.min_gradient, self.scaled_range, self.seed = min_gradient, scaled_range, seed
+        self.prior = prior
 
-    def fit(self, X, y, sample_weight=None):
+    def fit(self, X, y, sample_weight=None, precision=None):
         """Train on X (samples, inputs) and y (samples,) or (samples, outputs); return self.
 
-        sample_weight (samples,) or (samples, outputs): residuals count by it, as if their noise variance were
-        1 / (2 beta weight). Raises ValueError for other shapes, values that are not finite, weights not above
-        zero, and when no start ends with a finite evidence.
+        sample_weight (samples,): how often a sample counts, as in scikit-learn: 2 is the sample twice, 0 not
+        at all. precision (samples,) or (samples, outputs): how exact a target is beside the others; the noise
+        variance of its residual is 1 / (2 beta precision), and only ratios matter (`weights_from_errors`
+        makes them from standard errors; log_evidence_ leaves out their constant, sum log precision / 2).
+        Raises ValueError for a setting out of its limits, other shapes, values that are not finite, negative
+        weights, precisions not above zero, and when no start ends with a finite evidence.
         """
-        X, Y, weight = _checked(X, y, sample_weight)
+        self._check_settings()
+        X, Y, count, precision = _checked(X, y, sample_weight, precision)
         self.one_output_ = np.ndim(y) == 1
         self.input_min_, self.input_max_ = X.min(axis=0), X.max(axis=0)
         self.output_min_, self.output_max_ = Y.min(axis=0), Y.max(axis=0)
         x = _scale(X, self.input_min_, self.input_max_, self.scaled_range)
         t = _scale(Y, self.output_min_, self.output_max_, self.scaled_range)
 
+        root_weight, n = np.sqrt(count[:, None] * precision), float(count.sum() * t.shape[1])
         ends = []
         for k in range(self.starts):
             w = nguyen_widrow(x.shape[1], self.hidden, t.shape[1], self.scaled_range, (self.seed, k))
-            ends.append(self._train(w, x, t, np.sqrt(weight)))
+            ends.append(self._train(w, x, t, root_weight, n))
         self.starts_ = [{"start": k} | {key: end[key] for key in STATISTICS} for k, end in enumerate(ends)]
         self.best_start_ = max(range(self.starts), key=lambda k: ends[k]["log_evidence"])
         best = ends[self.best_start_]
@@ -87,15 +106,32 @@ class BayesianBP:
         self.alpha_, self.beta_, self.gamma_ = best["alpha"], best["beta"], best["gamma"]
         self.log_evidence_, self.epochs_ = best["log_evidence"], best["epochs"]
         self.stop_reason_, self.n_residuals_ = best["stop_reason"], t.size
+        self.posterior_root_ = posterior_root(best["alpha_of_weight"], self.beta_, best["JJ"])
+        self.noise_std_ = self._stretch() / math.sqrt(2 * self.beta_)
         return self
 
-    def predict(self, X):
-        """Responses (samples, outputs), or (samples,) when fitted on such, for X (samples, inputs)."""
+    def predict(self, X, return_std=False, noise=True):
+        """Responses (samples, outputs), or (samples,) when fitted on such, for X (samples, inputs).
+
+        With return_std also their standard deviations, of the same shape: sqrt(1 / (2 beta) + g' H^-1 g)
+        with g the output's gradient by the weights (M92), in units of y. The first term is the noise of a
+        single target of precision 1; noise=False leaves it out, and the uncertainty of the mean remains.
+        """
+        if not hasattr(self, "W1_"):
+            raise ValueError("predict was called before fit")
         X = np.asarray(X, dtype=float)
         if X.ndim != 2 or X.shape[1] != len(self.input_min_):
             raise ValueError(f"X has shape {X.shape}; allowed: (samples, {len(self.input_min_)})")
         Y = evaluate(self.to_dict(), X)
-        return Y[:, 0] if self.one_output_ else Y
+        Y = Y[:, 0] if self.one_output_ else Y
+        if not return_std:
+            return Y
+        w = np.concatenate([self.W1_.ravel(), self.b1_, self.W2_.ravel(), self.b2_])
+        x = _scale(X, self.input_min_, self.input_max_, self.scaled_range)
+        _, J = jacobian(w, x, len(self.b2_))
+        variance = ((J @ self.posterior_root_) ** 2).sum(axis=2) + noise / (2 * self.beta_)
+        std = np.sqrt(variance) * self._stretch()
+        return Y, std[:, 0] if self.one_output_ else std
 
     def score(self, X, y, sample_weight=None):
         """R2 (Eq. 13), the mean over the outputs; sample_weight (samples,) as scikit-learn takes it."""
@@ -120,18 +156,39 @@ class BayesianBP:
         """Write the network as JSON to path."""
         Path(path).write_text(json.dumps(self.to_dict(inputs, outputs), indent=1) + "\n")
 
-    def _train(self, w, x, t, root_weight):
+    def _check_settings(self):
+        for name, least in (("hidden", 1), ("epochs", 1), ("starts", 1), ("goal", 0)):
+            if not getattr(self, name) >= least:
+                raise ValueError(f"{name} is {getattr(self, name)!r}; allowed: at least {least}")
+        if self.prior not in PRIORS:
+            raise ValueError(f"prior is {self.prior!r}; allowed: {', '.join(PRIORS)}")
+        low, high = self.scaled_range
+        if not low < high:
+            raise ValueError(f"scaled_range is {self.scaled_range!r}; allowed: its first below its second")
+
+    def _stretch(self):
+        """Units of y in one unit of a scaled output, (outputs,)."""
+        low, high = self.scaled_range
+        return _width(self.output_min_, self.output_max_) / (high - low)
+
+    def _train(self, w, x, t, root_weight, n):
         """One start from the weights w: Levenberg-Marquardt on F = beta E_d + alpha E_w (FH 1-4)."""
-        N, n = w.size, t.size
-        identity = np.eye(N)
+        N, identity = w.size, np.eye(w.size)
+        classes = weight_classes(self.prior, x.shape[1], self.hidden, t.shape[1])
+        size = np.array([w[c].size for c in classes], dtype=float)
+
+        def square_sums(w):
+            return np.array([w[c] @ w[c] for c in classes])
+
         # FH 0 sets alpha = 0, with which gamma is N and beta negative as soon as n < N; any small prior
         # avoids it
-        alpha, beta, gamma, mu = 0.01, 1.0, float(N), self.mu
+        alpha, beta, gamma, mu = np.full(len(classes), 0.01), 1.0, size, self.mu
+        alpha_of_weight = _spread(alpha, classes, N)
         e, J = _linearise(w, x, t, root_weight)
-        Ed, Ew, JJ, Je = e @ e, w @ w, J.T @ J, J.T @ e
+        Ed, Ew, JJ, Je = e @ e, square_sums(w), J.T @ J, J.T @ e
         epoch, reason = 0, "epochs"
         while epoch < self.epochs:
-            half_gradient = beta * Je + alpha * w
+            half_gradient = beta * Je + alpha_of_weight * w
             if Ed / n <= self.goal:
                 reason = "goal"
                 break
@@ -140,9 +197,10 @@ class BayesianBP:
                 break
             # (HM94): damp until F falls
             while mu <= self.mu_max:
-                candidate = w - np.linalg.solve(beta * JJ + (alpha + mu) * identity, half_gradient)
+                damped = beta * JJ + (alpha_of_weight + mu) * identity
+                candidate = w - np.linalg.solve(damped, half_gradient)
                 e = _residuals(candidate, x, t, root_weight)
-                if beta * (e @ e) + alpha * (candidate @ candidate) < beta * Ed + alpha * Ew:
+                if beta * (e @ e) + alpha @ square_sums(candidate) < beta * Ed + alpha @ Ew:
                     break
                 mu *= self.mu_increase
             else:
@@ -151,25 +209,34 @@ class BayesianBP:
             mu *= self.mu_decrease
             w = candidate
             e, J = _linearise(w, x, t, root_weight)
-            Ed, Ew, JJ, Je = e @ e, w @ w, J.T @ J, J.T @ e
-            # gamma = N - 2 alpha tr(H^-1), H = 2 beta J'J + 2 alpha I  (FH 2)
-            gamma = N - alpha * np.trace(np.linalg.inv(beta * JJ + alpha * identity))
-            alpha, beta = gamma / (2 * Ew), (n - gamma) / (2 * max(Ed, SMALLEST))  # (FH 3)
+            Ed, Ew, JJ, Je = e @ e, square_sums(w), J.T @ J, J.T @ e
+            # gamma = N - 2 alpha tr(H^-1), H = 2 beta J'J + 2 alpha I, class by class  (FH 2), (M92)
+            inverse = np.diagonal(np.linalg.inv(beta * JJ + alpha_of_weight * identity))
+            gamma = size - alpha * np.array([inverse[c].sum() for c in classes])
+            # (FH 3); gamma of a class that has faded may be lost in rounding
+            alpha = np.where(gamma > 0, gamma / (2 * np.maximum(Ew, SMALLEST)), alpha)
+            alpha = np.minimum(alpha, LARGEST_ALPHA)
+            alpha_of_weight = _spread(alpha, classes, N)
+            beta = (n - gamma.sum()) / (2 * max(Ed, SMALLEST))
             epoch += 1
         return {
             "w": w,
-            "log_evidence": log_evidence(alpha, beta, Ed, Ew, JJ, n),
-            "gamma": gamma,
-            "alpha": alpha,
-            "beta": beta,
+            "JJ": JJ,
+            "alpha_of_weight": alpha_of_weight,
+            "log_evidence": log_evidence(alpha, beta, Ed, Ew, JJ, n, classes),
+            "gamma": float(gamma.sum()),
+            "alpha": float(alpha[0]) if self.prior == "one" else alpha,
+            "beta": float(beta),
             "mse": Ed / n,
             "epochs": epoch,
             "stop_reason": reason,
         }
 
 
+PRIORS = ("one", "layers", "inputs")
 ARRAYS = ("input_min", "input_max", "output_min", "output_max", "W1", "b1", "W2", "b2")
 STATISTICS = ("log_evidence", "gamma", "alpha", "beta", "mse", "epochs", "stop_reason")
+LARGEST_ALPHA = 1e6  # weights of 0.0007 in scaled units: an input that has faded
 SMALLEST = 1e-30  # E_d of outputs that a network meets exactly
 
 
@@ -233,6 +300,17 @@ def unpack(w, inputs, hidden, outputs):
     return W1.reshape(hidden, inputs), b1, W2.reshape(outputs, hidden), b2
 
 
+def weight_classes(prior, inputs, hidden, outputs):
+    """Which of the N weights share an alpha: a list of index arrays into w, or of the slice of all of it."""
+    if prior == "one":
+        return [slice(None)]
+    w = np.arange(hidden * (inputs + 1) + outputs * (hidden + 1))
+    first, second = hidden * inputs, hidden * (inputs + 1)
+    W1 = w[:first].reshape(hidden, inputs)
+    input_weights = list(W1.T) if prior == "inputs" else [W1.ravel()]
+    return [*input_weights, w[first:second], w[second:]]
+
+
 def jacobian(w, x, outputs):
     """Scaled outputs y (samples, outputs) and dy/dw (samples, outputs, N) at inputs x (samples, inputs).
 
@@ -255,22 +333,46 @@ def jacobian(w, x, outputs):
     return y, J
 
 
-def log_evidence(alpha, beta, Ed, Ew, JJ, n):
+def log_evidence(alpha, beta, Ed, Ew, JJ, n, classes=(slice(None),)):
     """log p(D | alpha, beta) by Laplace's approximation at the most probable weights (M92).
 
     Likelihood (beta/pi)^(n/2) exp(-beta E_d), prior (alpha/pi)^(N/2) exp(-alpha E_w),
     H = 2 beta J'J + 2 alpha I:
-    log p = n/2 log(beta/pi) + N/2 log(2 alpha) - 1/2 log det H - beta E_d - alpha E_w.
+    log p = n/2 log(beta/pi) + N/2 log(2 alpha) - 1/2 log det H - beta E_d - alpha E_w,
+    with N/2 log(2 alpha) summed over the classes of weights where there are several.
     -inf where that is no number, so such a start is never the best.
     """
-    if not (alpha > 0 and beta > 0):
+    alpha, Ew = np.atleast_1d(alpha), np.atleast_1d(Ew)
+    if not (np.all(alpha > 0) and beta > 0):
         return -math.inf
-    N = len(JJ)
-    _, log_det = np.linalg.slogdet(2 * beta * JJ + 2 * alpha * np.eye(N))
-    value = (
-        n / 2 * math.log(beta / math.pi) + N / 2 * math.log(2 * alpha) - log_det / 2 - beta * Ed - alpha * Ew
-    )
+    each = np.arange(len(JJ))
+    prior = sum(len(each[c]) / 2 * math.log(2 * a) for a, c in zip(alpha, classes, strict=True))
+    _, log_det = np.linalg.slogdet(2 * beta * JJ + np.diag(2 * _spread(alpha, classes, len(JJ))))
+    value = n / 2 * math.log(beta / math.pi) + prior - log_det / 2 - beta * Ed - alpha @ Ew
     return float(value) if math.isfinite(value) else -math.inf
+
+
+def posterior_root(alpha, beta, JJ):
+    """A root R (N, N), R R' = H^-1, of the weights' covariance about the most probable ones (M92).
+
+    alpha (N,): each weight's own. H = 2 beta J'J + 2 diag(alpha), made symmetric about its prior first, so
+    that rounding can make no variance negative.
+    """
+    prior_root = 1 / np.sqrt(2 * alpha)
+    eigenvalues, vectors = np.linalg.eigh(2 * beta * prior_root[:, None] * JJ * prior_root)
+    return prior_root[:, None] * vectors / np.sqrt(1 + np.maximum(eigenvalues, 0.0))
+
+
+def weights_from_errors(errors):
+    """Precisions (samples, outputs) of mean one from standard errors of the same shape, for `fit`.
+
+    A sample's variance about the network is its own se^2 plus what the network cannot follow, taken as large
+    as the median se^2; the sum also keeps a standard error that is small by luck, out of few seeds, from
+    ruling. A sample without one (a single seed) counts as the noisiest.
+    """
+    known = np.where(np.isfinite(errors), errors, np.nanmax(errors, axis=0))
+    variance = known**2 + np.median(known**2, axis=0)
+    return (1 / variance) / np.mean(1 / variance, axis=0)
 
 
 def _residuals(w, x, t, root_weight):
@@ -295,26 +397,56 @@ def _width(minimum, maximum):
     return np.where(maximum > minimum, maximum - minimum, 1.0)
 
 
-def _checked(X, y, sample_weight):
-    """X (samples, inputs), Y and weight (samples, outputs) as finite float arrays, or ValueError."""
+def _spread(alpha, classes, N):
+    """alpha of each class (classes,) to alpha of each weight (N,)."""
+    of_weight = np.empty(N)
+    for value, c in zip(alpha, classes, strict=True):
+        of_weight[c] = value
+    return of_weight
+
+
+def _checked(X, y, sample_weight, precision):
+    """X (samples, inputs), Y and precision (samples, outputs), count (samples,): finite, of samples that
+    count, or ValueError."""
     X, Y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
     Y = Y[:, None] if Y.ndim == 1 else Y
-    if X.ndim != 2 or Y.ndim != 2 or len(X) != len(Y) or len(X) < 2:
+    if X.ndim != 2 or Y.ndim != 2 or len(X) != len(Y) or X.size == 0 or Y.size == 0:
+        raise ValueError(f"X has shape {X.shape}, y {np.shape(y)}; allowed: two tables of as many samples")
+    count = np.ones(len(X)) if sample_weight is None else np.asarray(sample_weight, dtype=float)
+    precision = np.ones(len(X)) if precision is None else np.asarray(precision, dtype=float)
+    if count.shape != (len(X),):
+        raise ValueError(f"sample_weight has shape {count.shape}; allowed: {(len(X),)}")
+    if precision.shape not in ((len(X),), Y.shape):
+        raise ValueError(f"precision has shape {precision.shape}; allowed: {(len(X),)} or {Y.shape}")
+    if not all(np.isfinite(values).all() for values in (X, Y, count, precision)):
+        raise ValueError("X, y, sample_weight and precision must be finite")
+    if (count < 0).any() or (precision <= 0).any():
+        raise ValueError("sample_weight must not be negative, precision must be above zero")
+    precision = np.broadcast_to(precision.reshape(len(X), -1), Y.shape)
+    counts = count > 0
+    if np.count_nonzero(counts) < 2:
         raise ValueError(
-            f"X has shape {X.shape}, y {np.shape(y)}; allowed: at least 2 samples, as many in both"
+            f"{np.count_nonzero(counts)} samples have a weight above zero; allowed: at least 2 (n_samples = {len(X)})"
         )
-    weight = np.ones(len(X)) if sample_weight is None else np.asarray(sample_weight, dtype=float)
-    if weight.shape not in ((len(X),), Y.shape):
-        raise ValueError(f"sample_weight has shape {weight.shape}; allowed: {(len(X),)} or {Y.shape}")
-    weight = np.broadcast_to(weight.reshape(len(X), -1), Y.shape)
-    if not (
-        np.isfinite(X).all() and np.isfinite(Y).all() and np.isfinite(weight).all() and (weight > 0).all()
-    ):
-        raise ValueError("X, y and sample_weight must be finite, sample_weight above zero")
-    return X, Y, weight
+    return X[counts], Y[counts], count[counts], precision[counts]
 
 
 def r2(y, predicted):
     """Eq. 13, or None where y (samples,) does not vary."""
     total = np.sum((y - np.mean(y)) ** 2)
     return float(1 - np.sum((y - predicted) ** 2) / total) if total > 0 else None
+
+
+def __getattr__(name):
+    """`BayesianBP`, made when first asked for: importing scikit-learn takes a second that a simulation's job
+    need not spend."""
+    if name != "BayesianBP":
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    try:
+        from repose.estimator import BayesianBP
+    except ModuleNotFoundError as error:
+        if (error.name or "").split(".")[0] != "sklearn":
+            raise
+        BayesianBP = PlainBayesianBP
+    globals()[name] = BayesianBP
+    return BayesianBP

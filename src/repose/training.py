@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from repose.errors import InputError
-from repose.network import RESPONSES, BayesianBP, r2
+from repose.network import RESPONSES, PlainBayesianBP, r2, weights_from_errors
 from repose.parameters import PARAMETERS
 from repose.readers import read_table
 
@@ -40,8 +40,10 @@ def run(dataset_csv, runs_csv, settings, out_dir):
     weight = None
     if settings.get("weights_from_errors", False) and np.isfinite(errors).any(axis=0).all():
         weight = weights_from_errors(errors)[rows["train"]]
-    network = BayesianBP(**{key: settings[key] for key in ("hidden", "epochs", "goal", "starts", "seed")})
-    network.fit(X[rows["train"]], Y[rows["train"]], sample_weight=weight)
+    network = PlainBayesianBP(
+        **{key: settings[key] for key in ("hidden", "epochs", "goal", "starts", "seed")}
+    )
+    network.fit(X[rows["train"]], Y[rows["train"]], precision=weight)
     P = network.predict(X)
 
     metrics = {"n_samples": len(X), "left_out": len(table) - len(X)}
@@ -94,18 +96,6 @@ def split(samples, shares, seed):
     train, validation = (math.floor(share * samples + 1e-9) for share in shares[:2])
     order = np.random.RandomState(seed).permutation(samples)
     return dict(zip(SPLITS, np.split(order, [train, train + validation]), strict=True))
-
-
-def weights_from_errors(errors):
-    """Weights (samples, outputs) of mean one from standard errors of the same shape.
-
-    A sample's variance about the network is its own se^2 plus what the network cannot follow, taken as large
-    as the median se^2; the sum also keeps a standard error that is small by luck, out of few seeds, from
-    ruling. A sample without one (a single seed) counts as the noisiest.
-    """
-    known = np.where(np.isfinite(errors), errors, np.nanmax(errors, axis=0))
-    variance = known**2 + np.median(known**2, axis=0)
-    return (1 / variance) / np.mean(1 / variance, axis=0)
 
 
 def r2_noise_corrected(y, predicted, errors):
