@@ -179,10 +179,9 @@ def silhouette(args):
     from repose.silhouette import silhouette
 
     scale = settings.load(args.config)["measure"]["mm_per_pixel"]
-    centres, quaternions, in_pile = read_heap(args.heap)
-    picture = silhouette(
-        centres[in_pile], quaternions[in_pile], Particle.load(args.particle), args.azimuth, scale
-    )
+    centres, quaternions, in_pile, scales = read_heap(args.heap)
+    shown = centres[in_pile], quaternions[in_pile], Particle.load(args.particle), args.azimuth, scale
+    picture = silhouette(*shown, scales=scales[in_pile])
     Path(args.out).parent.mkdir(parents=True, exist_ok=True)
     cv2.imwrite(args.out, picture)
 

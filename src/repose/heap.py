@@ -54,6 +54,7 @@ def run_once(config, parameters, seed, particle, berry, trajectory_interval_s=No
                 particle,
                 pile.MeasureSettings(**config["measure"]),
                 members=poured.in_pile,
+                scales=poured.scales,
             )
             aor, height = float(measured.aor_deg), float(measured.height_mm)
         except pile.NoFlankError as error:
@@ -97,6 +98,7 @@ def run_job(
         runs.append(record)
         finals[f"position_{seed}"] = poured.centres_m.astype(np.float32)
         finals[f"quaternion_{seed}"] = poured.quaternions.astype(np.float32)
+        finals[f"scale_{seed}"] = poured.scales.astype(np.float32)
         finals[f"in_pile_{seed}"] = poured.in_pile
         if poured.frames is not None:
             np.savez_compressed(out_dir / f"{name}_trajectory_{seed}.npz", **poured.frames)

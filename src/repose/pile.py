@@ -42,9 +42,9 @@ from repose.silhouette import (
     frame,
     outlines,
     paint,
-    rotation_matrices,
     segment,
     silhouette,
+    top_of,
     upper_edge,
 )
 
@@ -305,11 +305,12 @@ def process_panels(
 # --- a simulated pile -----------------------------------------------------------------------------
 
 
-def measure_pile(centres_m, quaternions, particle, settings=None, members=None):
+def measure_pile(centres_m, quaternions, particle, settings=None, members=None, scales=None):
     """Measure simulated bodies on the plate z = 0 from `settings.views` sides.
 
     centres_m : (N, 3). quaternions : (N, 4) w, x, y, z, body -> world. members : (N,) bool, the bodies of the
-    largest cluster in contact; used when `settings.largest_pile_only`. Without it the largest connected part
+    largest cluster in contact; used when `settings.largest_pile_only`. scales : (N,), by default 1. Without
+    members the largest connected part
     of each silhouette is taken, which cannot tell a loose berry in front of the pile from the pile. Returns a
     PileResult. Raises NoFlankError if there is no pile or if more than half of the views have no flank.
     """
@@ -317,15 +318,16 @@ def measure_pile(centres_m, quaternions, particle, settings=None, members=None):
     centres, quaternions = np.asarray(centres_m, dtype=float), np.asarray(quaternions, dtype=float)
     if members is not None and settings.largest_pile_only:
         centres, quaternions = centres[members], quaternions[members]
+        scales = None if scales is None else scales[members]
     if len(centres) == 0:
         raise NoFlankError("no berry lies in the pile")
-    up_body = rotation_matrices(quaternions)[:, 2, :]
-    height_m = float((centres[:, 2] + (particle.support_point(up_body) * up_body).sum(axis=1)).max())
+    height_m = top_of(centres, quaternions, particle, scales)
     lowest_m = LOWEST_PILE_BERRIES * equivalent_diameter(particle)
     if height_m < lowest_m:
         raise NoFlankError(f"the pile is {1e3 * height_m:.1f} mm high; a flank needs {1e3 * lowest_m:.1f} mm")
     azimuths = np.arange(settings.views) * 180.0 / settings.views
-    polygons = outlines(centres, quaternions, particle, azimuths, inset_m=settings.mm_per_pixel * 0.5e-3)
+    inset_m = settings.mm_per_pixel * 0.5e-3
+    polygons = outlines(centres, quaternions, particle, azimuths, inset_m, scales)
     left, right, height = np.full((3, settings.views), np.nan)
     reasons = []
     for view, bodies in enumerate(polygons):
