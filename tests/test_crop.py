@@ -35,7 +35,7 @@ def test_taper_and_wrinkles_keep_mass_and_axes():
     np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), GOJI_MM, rtol=2e-3)
     assert mesh.center_mass[0] > 0.1
     # Grooves: the belly's radius swings by their depth, eight times round.
-    ring = mesh.vertices[np.abs(mesh.vertices[:, 0] - 1.0).argsort()[:160]]
+    ring = mesh.vertices[np.abs(mesh.vertices[:, 0] - 1.0).argsort()[: crop.SECTORS]]
     size = np.hypot(ring[:, 1] / GOJI_MM[1], ring[:, 2] / GOJI_MM[2]) * 2
     assert np.ptp(size) == pytest.approx(0.2 / (GOJI_MM[2] / 2), rel=0.05)
 

@@ -37,16 +37,17 @@ class Slip:
     ends: int
 
 
-def measure_surface(centres_m, quaternions, particle, radius_m, mm_per_pixel, fit_share):
+def measure_surface(centres_m, quaternions, particle, radius_m, mm_per_pixel, fit_share, scales=None):
     """`Surface` of berries in a drum of inner radius `radius_m`.
 
-    centres_m (N, 3), quaternions (N, 4) w, x, y, z. The edge is that of the silhouette: in each pixel column the
+    centres_m (N, 3), quaternions (N, 4) w, x, y, z, scales (N,), by default 1. The edge is that of the silhouette: in
+    each pixel column the
     highest point of any berry. The line is the least-squares one through the middle `fit_share` of the edge's width, so
     that berries lifted along the wall do not count. Raises ValueError where there are too few columns.
     """
     lifted = np.asarray(centres_m, float) + np.array([0.0, 0.0, radius_m])
     image = silhouette.silhouette(
-        lifted, quaternions, particle, 0.0, mm_per_pixel, (-radius_m, radius_m, 2.0 * radius_m)
+        lifted, quaternions, particle, 0.0, mm_per_pixel, (-radius_m, radius_m, 2.0 * radius_m), scales
     )
     filled = image == silhouette.PILE_TONE
     columns = np.flatnonzero(filled.any(axis=0))
@@ -77,16 +78,17 @@ def bed_angle(centres_m):
     return math.degrees(math.atan2(x, -z))
 
 
-def relative_energy(centres_m, quaternions, velocities_m_s, turning_rad_s, particle, frame_rad_s):
+def relative_energy(centres_m, quaternions, velocities_m_s, turning_rad_s, particle, frame_rad_s, scales=1.0):
     """Mean kinetic energy of a berry (J), translation and rotation, in a frame that turns about the origin.
 
     All arrays are in the world frame: centres (N, 3), quaternions (N, 4), velocities (N, 3), angular velocities (N, 3)
-    of the berries, angular velocity (3,) of the frame.
+    of the berries, angular velocity (3,) of the frame; scales (N,): of the berries.
     """
     drift = velocities_m_s - np.cross(frame_rad_s, centres_m)
     turn = silhouette.rotation_matrices(quaternions)
     spin = np.einsum("nij,ni->nj", turn, turning_rad_s - frame_rad_s)
-    energy = particle.mass_kg * np.sum(drift**2, axis=1) + spin**2 @ particle.inertia_kg_m2
+    energy = scales**3 * particle.mass_kg * np.sum(drift**2, axis=1)
+    energy += scales**5 * (spin**2 @ particle.inertia_kg_m2)
     return 0.5 * float(energy.mean())
 
 

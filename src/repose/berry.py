@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from repose import scales
 from repose.errors import InputError
 
 SIZE_COLUMNS = ("long_mm", "major_mm", "minor_mm")
@@ -173,13 +174,25 @@ def run(
     # Ten digits: a mean of measurements should not read 21.139999999999997.
     berry = {key: float(f"{value:.10g}") for key, value in values.items()}
     berry |= {"n": len(sizes), "reconstruction": bool(reconstruction)}
-    summary = summarise(sizes, pd.read_csv(table1_csv))
+    published = pd.read_csv(table1_csv)
+    spread = _spread(sizes, published)
+    berry |= {key: float(f"{value:.10g}") for key, value in zip(scales.KEYS, spread, strict=True)}
+    summary = summarise(sizes, published)
 
     out_dir = Path(out_dir)
     out_dir.mkdir(parents=True, exist_ok=True)
     summary.to_csv(out_dir / "summary.csv", index=False, float_format="%.4f")
     (out_dir / "berry.json").write_text(json.dumps(berry, indent=2) + "\n")
     return summary, berry
+
+
+def _spread(sizes, published):
+    """Relative standard deviation and extremes of the equivalent diameter: of the sizes, or where they are a
+    reconstruction inferred from the published range."""
+    if not sizes.attrs["reconstruction"]:
+        return scales.of_sizes(equivalent_diameter(*(sizes[column] for column in SIZE_COLUMNS)))
+    row = published.set_index("dimension").loc["equivalent_diameter_mm"]
+    return scales.of_range(row["maximum"], row["minimum"], row["mean"])
 
 
 def check_material(density_kg_m3, poisson_ratio=None, shear_modulus_pa=None, source="berry"):

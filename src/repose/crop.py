@@ -19,7 +19,7 @@ from repose.mesh import MM
 SHAPE_LIMITS = (1.0, 30.0)
 LARGEST_TAPER, LARGEST_GROOVE = 0.5, 0.15
 WRINKLES = (3, 40)
-RINGS, SECTORS = 96, 160
+RINGS, SECTORS = 64, 96
 
 
 def profile_exponents(shape):

@@ -15,6 +15,7 @@ import numpy as np
 from . import bed
 from .dem import Cylinder, Motion, Plane
 from .parameters import PARAMETERS
+from .scales import of_pour
 from .scenes import Strip, berry_simulation, fill
 
 WALLS = ("shell", "near_cap", "far_cap")
@@ -69,13 +70,15 @@ class Turn:
     """One run: the record (T,) by name, the frames at its times, the slip, and what judges the run.
 
     record: time_s since the rotation began, turned_deg of the drum, surface_deg, bed_deg of the centre of mass,
-    energy_j of a berry in the drum's frame. centres_m (T, N, 3), quaternions (T, N, 4). report: row of the record
-    at the configured time of the report. rest_energy_j: of a berry when the rotation began; rotation_from_s: when.
+    energy_j of a berry in the drum's frame. centres_m (T, N, 3), quaternions (T, N, 4), scales (N,). report: row of
+    the record at the configured time of the report. rest_energy_j: of a berry when the rotation began;
+    rotation_from_s: when.
     """
 
     record: dict
     centres_m: np.ndarray
     quaternions: np.ndarray
+    scales: np.ndarray
     slip: bed.Slip | None
     report: int
     rotation_from_s: float
@@ -114,7 +117,13 @@ class _Watch:
         centres, quaternions = self.centres[row], self.quaternions[row]
         radius_m = self.drum.radius_m
         return bed.measure_surface(
-            centres, quaternions, self.particle, radius_m, self.mm_per_pixel, self.fit_share
+            centres,
+            quaternions,
+            self.particle,
+            radius_m,
+            self.mm_per_pixel,
+            self.fit_share,
+            self.simulation.scales,
         )
 
     def keep(self):
@@ -129,6 +138,7 @@ class _Watch:
             s.angular_velocities,
             self.particle,
             s.rolling_frame_rad_s,
+            s.scales,
         )
         try:
             angle = self.surface(-1).angle_deg
@@ -160,6 +170,7 @@ def turn(config, parameters, seed, particle, berry, progress=None):
     section, dt = config["drum"], config["heap"]["time_step_s"]
     began = time.perf_counter()
     drum = Drum.of(section)
+    scales, largest = of_pour(config["berry"]["size_distribution"], berry, seed, section["berries"])
     half = np.array([drum.radius_m, 0.5 * drum.length_m, drum.radius_m])
     simulation = berry_simulation(
         config,
@@ -170,10 +181,11 @@ def turn(config, parameters, seed, particle, berry, progress=None):
         walls=drum.walls("wall"),
         lower=-half,
         upper=half,
+        largest_scale=largest,
     )
     latest = round(2.0 * section["rotate_from_s"] / dt)
     every = max(1, round(section["record_s"] / dt))
-    factory = drum.factory(1e-3 * section["factory_height_mm"], particle.bounding_radius_m)
+    factory = drum.factory(1e-3 * section["factory_height_mm"], largest * particle.bounding_radius_m)
 
     def run_to(step):
         simulation.run_steps(max(0, step - simulation.steps))
@@ -186,6 +198,7 @@ def turn(config, parameters, seed, particle, berry, progress=None):
         section["rate_per_s"],
         latest,
         run_to,
+        scales,
     )
     run_to(max(simulation.steps, round(section["rotate_from_s"] / dt)))
     calm = config["heap"]["rest_energy_j"]
@@ -200,6 +213,7 @@ def turn(config, parameters, seed, particle, berry, progress=None):
         record=record,
         centres_m=np.array(watch.centres),
         quaternions=np.array(watch.quaternions),
+        scales=simulation.scales.copy(),
         slip=slip,
         report=int(np.argmin(late)) if len(late) else 0,
         rotation_from_s=watch.began_s,
@@ -283,6 +297,7 @@ def _slip(turned, section, particle, mm_per_pixel):
         drum.radius_m,
         mm_per_pixel,
         section["fit_share"],
+        turned.scales,
     )
     turned_rad = math.radians(record["turned_deg"][slip.ends] - record["turned_deg"][slip.begins])
     depth, moved = bed.slip_displacement(
@@ -319,11 +334,13 @@ def run_job(config, parameters, seeds, particle, berry, out_dir, trajectory=Fals
         for state, row in turned.rows().items() if len(turned.centres_m) else ():
             states |= {f"position_{state}": frames[0][row], f"quaternion_{state}": frames[1][row]}
             states[f"turned_{state}_deg"] = turned.record["turned_deg"][row]
-        np.savez_compressed(out / f"turn_{seed}.npz", profile=profile, **turned.record, **states)
+        np.savez_compressed(
+            out / f"turn_{seed}.npz", profile=profile, scale=turned.scales, **turned.record, **states
+        )
         if trajectory:
             path = out / f"turn_{seed}_trajectory.npz"
             shown = {key: turned.record[key] for key in ("time_s", "turned_deg")}
-            np.savez_compressed(path, position=frames[0], quaternion=frames[1], **shown)
+            np.savez_compressed(path, position=frames[0], quaternion=frames[1], scale=turned.scales, **shown)
         result = {
             "config": config["label"],
             "parameters": {p: float(parameters[p]) for p in PARAMETERS},

@@ -90,9 +90,10 @@ def _inside(mesh, points):
     ]
     grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
     hull = mesh.convex_hull
-    inwards = (
-        np.einsum("fi,fi->f", hull.face_normals, hull.triangles[:, 0])[None] - grid @ hull.face_normals.T
-    ).min(axis=1)
+    offsets = np.einsum("fi,fi->f", hull.face_normals, hull.triangles[:, 0])
+    # In chunks: all centres times all faces of a scan would fill gigabytes.
+    parts = np.array_split(grid, 1 + len(grid) * len(offsets) // 2_000_000)
+    inwards = np.concatenate([(offsets - part @ hull.face_normals.T).min(axis=1) for part in parts])
     grid, inwards = grid[inwards > 0], inwards[inwards > 0]
     # Where the surface lies below its hull, the hull's distance is too large.
     return grid, np.minimum(inwards, cKDTree(points).query(grid)[0])

@@ -28,16 +28,17 @@ def animate_pour(
 ):
     """A short endless animation (GIF or WebP by the file's ending) of a pour.
 
-    trajectory: path of a .npz with time_s (T,), position (T, N, 3) m, NaN for berries not yet there, and
-    quaternion (T, N, 4). frames: pictures, evenly spread over the time, shown frame_s seconds each, the last
-    one longer. Colours are reduced until the file has at most max_bytes; raises InputError for another ending
-    or where that is not enough.
+    trajectory: path of a .npz with time_s (T,), position (T, N, 3) m, NaN for berries not yet there, quaternion (T,
+    N, 4) and scale (N,), 1 where it is missing. frames: pictures, evenly spread over the time, shown frame_s seconds
+    each, the last one longer. Colours are reduced until the file has at most max_bytes; raises InputError for another
+    ending or where that is not enough.
     """
     out_path = _checked(out_path)
     with np.load(trajectory) as record:
         times, positions, quaternions = record["time_s"], record["position"], record["quaternion"]
+        scales = record["scale"] if "scale" in record else np.ones(positions.shape[1])
     resting = positions[-1][np.isfinite(positions[-1]).all(axis=1)].astype(float)
-    reach = particle.bounding_radius_m
+    reach = particle.bounding_radius_m * float(scales.max(initial=0.0))
     # Berries that rolled far away may leave the picture; the pile and the funnel may not.
     near = resting[
         np.hypot(resting[:, 0], resting[:, 1]) < 2 * np.median(np.hypot(resting[:, 0], resting[:, 1]))
@@ -55,6 +56,7 @@ def animate_pour(
             height,
             walls,
             frame_m=frame,
+            scales=scales,
         )
         for k in _spread(times, frames)
     ]
@@ -108,6 +110,7 @@ def animate_drum(
     out_path = _checked(out_path)
     with np.load(trajectory) as record:
         times, positions, quaternions = record["time_s"], record["position"], record["quaternion"]
+        scales = record["scale"] if "scale" in record else np.ones(positions.shape[1])
         turned = np.radians(record["turned_deg"])
     pictures = []
     for k in _spread(times, frames):
@@ -122,6 +125,7 @@ def animate_drum(
             width,
             frame_m=inside.outline(),
             backdrop=inside,
+            scales=scales,
         )
         pictures.append(picture)
     _save_within(pictures, frame_s, out_path, max_bytes)

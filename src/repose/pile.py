@@ -23,9 +23,9 @@ from repose.silhouette import (
     frame,
     outlines,
     paint,
-    rotation_matrices,
     segment,
     silhouette,
+    top_of,
     upper_edge,
 )
 
@@ -353,14 +353,14 @@ def pile_views(centres_m, quaternions, particle, settings, members=None, scales=
     if not kept.any():
         raise NoFlankError("no berry lies in the pile")
     bodies = np.asarray(centres_m, dtype=float)[kept], np.asarray(quaternions, dtype=float)[kept], particle
-    sizes = {} if scales is None else {"scales": np.asarray(scales, dtype=float)[kept]}
-    height_m = highest_point(*bodies, **sizes)
+    sizes = None if scales is None else np.asarray(scales, dtype=float)[kept]
+    height_m = top_of(*bodies, sizes)
     lowest_m = LOWEST_PILE_BERRIES * 1e-3 * settings.berry_height_mm
     if height_m < lowest_m:
         raise NoFlankError(f"the pile is {1e3 * height_m:.1f} mm high; a flank needs {1e3 * lowest_m:.1f} mm")
     azimuths = np.arange(settings.views) * 180.0 / settings.views
     scale = settings.mm_per_pixel
-    polygons = outlines(*bodies, azimuths, inset_m=scale * 0.5e-3, **sizes)
+    polygons = outlines(*bodies, azimuths, inset_m=scale * 0.5e-3, scales=sizes)
 
     def views():
         for shown in polygons:
@@ -375,13 +375,6 @@ def with_berry_height(settings, particle):
     if settings.berry_height_mm is not None:
         return settings
     return replace(settings, berry_height_mm=1e3 * equivalent_diameter(particle))
-
-
-def highest_point(centres_m, quaternions, particle, scales=1.0):
-    """Height of the highest point of any body over z = 0, m."""
-    up_body = rotation_matrices(quaternions)[:, 2, :]
-    reach = (particle.support_point(up_body) * up_body).sum(axis=1)
-    return float((centres_m[:, 2] + scales * reach).max())
 
 
 def equivalent_diameter(particle):

@@ -176,7 +176,9 @@ def _look(camera, bodies, setting):
     own /= np.linalg.norm(own, axis=1, keepdims=True)
     normal[hit] = np.einsum("mij,mj->mi", bodies.turn[which[hit]], own)
     places = bodies.points[shape[:, None], corners][..., 0]
+    part = which[hit]
     along = np.einsum("mk,mk->m", share, places) / bodies.points[shape, :, 0].max(axis=1)
+    along = bodies.middle[part] + bodies.share[part] * along
     behind = np.zeros(which.shape, bool)
     if setting.backdrop is not None:
         reached, facing = setting.backdrop.meet(camera.eye_m, rays)
@@ -197,15 +199,64 @@ class _Bodies:
     shape_ids: np.ndarray  # (N,)
     turn: np.ndarray  # (N, 3, 3)
     vertices: np.ndarray  # (N, V, 3) m, in the world
+    owner: np.ndarray  # (N,): the body to which a part belongs, itself for a body of one part
+    middle: np.ndarray  # (N,): place of the part along the body's long axis, -1 to 1
+    share: np.ndarray  # (N,): half length of the part over that of the body
+
+
+class _Ball:
+    """A sphere of radius 1, of which bodies of spheres are made up."""
+
+    def support(self, n):
+        return np.ones(np.shape(n)[:-1])
+
+    def support_point(self, n):
+        return n
 
 
 def _place_bodies(centres, quaternions, shapes, shape_ids, scales):
-    """The `_Bodies` at these places."""
+    """The `_Bodies` at these places: each sphere of a body of spheres is a part of its own."""
+    if any(_spheres(shape) is not None for shape in shapes):
+        return _place_parts(centres, quaternions, shapes, shape_ids, scales)
+    whole = np.arange(len(centres)), np.zeros(len(centres)), np.ones(len(centres))
+    return _tessellated(centres, quaternions, shapes, shape_ids, scales, whole)
+
+
+def _spheres(shape):
+    """Spheres (M, 4) of a shape that is made of them, or None."""
+    spheres = getattr(shape, "spheres_m", None)
+    return spheres if spheres is not None and len(spheres) else None
+
+
+def _place_parts(centres, quaternions, shapes, shape_ids, scales):
+    """The same where a shape consists of spheres."""
+    turn = rotation_matrices(quaternions)
+    parts = []
+    for kind, shape in enumerate(shapes):
+        members, spheres = np.flatnonzero(shape_ids == kind), _spheres(shape)
+        if spheres is None:
+            sizes, ids = scales[members], np.full(len(members), kind)
+            parts.append((centres[members], sizes, ids, members, 0.0 * sizes, 0.0 * sizes + 1.0))
+            continue
+        own = np.tile(spheres, (len(members), 1))
+        owner = np.repeat(members, len(spheres))
+        places = centres[owner] + scales[owner, None] * np.einsum("nij,nj->ni", turn[owner], own[:, :3])
+        length = (np.abs(spheres[:, 0]) + spheres[:, 3]).max()
+        ids = np.full(len(owner), len(shapes))
+        parts.append((places, scales[owner] * own[:, 3], ids, owner, own[:, 0] / length, own[:, 3] / length))
+    places, sizes, ids, owner, middle, share = (np.concatenate(column) for column in zip(*parts, strict=True))
+    drawn = [_Ball() if _spheres(shape) is not None else shape for shape in shapes] + [_Ball()]
+    whole = owner, middle, share
+    return _tessellated(places, quaternions[owner], drawn, ids, sizes, whole)
+
+
+def _tessellated(centres, quaternions, shapes, shape_ids, scales, whole):
+    """`_Bodies` of convex parts; whole: the last three fields."""
     points, normals, triangles = zip(*(tessellate(shape) for shape in shapes), strict=True)
     points, normals = np.array(points), np.array(normals)
     turn = rotation_matrices(quaternions)
     vertices = np.einsum("nij,nvj->nvi", turn, scales[:, None, None] * points[shape_ids])
-    return _Bodies(points, normals, triangles[0], shape_ids, turn, centres[:, None, :] + vertices)
+    return _Bodies(points, normals, triangles[0], shape_ids, turn, centres[:, None, :] + vertices, *whole)
 
 
 def render_pile(
@@ -221,15 +272,16 @@ def render_pile(
     supersample=2,
     backdrop=None,
     field_of_view_deg=FIELD_OF_VIEW_DEG,
+    scales=None,
 ):
-    """A shaded picture of berries of one shape and size; see `render_bodies`.
+    """A shaded picture of berries of one shape; see `render_bodies`.
 
     particle: `repose.shape.Particle`; walls: sequence of `Frustum`, drawn translucent; backdrop: what stands behind
-    the berries instead of a plate at z = 0, such as `repose.backdrop.DrumInside`.
+    the berries instead of a plate at z = 0, such as `repose.backdrop.DrumInside`; scales (N,), by default 1.
     """
     setting = Setting(None if backdrop else 0.0, frusta=tuple(walls or ()), backdrop=backdrop)
     view = (elevation_deg, azimuth_deg, width, height, frame_m, supersample, field_of_view_deg)
-    return render_bodies(centres_m, quaternions, [particle], None, None, setting, *view)
+    return render_bodies(centres_m, quaternions, [particle], None, scales, setting, *view)
 
 
 def render_bodies(
@@ -250,11 +302,11 @@ def render_bodies(
     """A shaded picture of bodies of several shapes and sizes.
 
     centres_m: (N, 3) m; quaternions: (N, 4) w, x, y, z, body to world; shapes: sequence of `repose.dem.Shape` or
-    `repose.shape.Particle`, the first drawn as berries, each of the others in a colour of its own; shape_ids (N,):
-    place in that sequence, by default the first; scales (N,), by default 1; bodies with a NaN centre are not drawn.
-    setting: a `Setting`, by default a plate at z = 0. frame_m: points (M, 3) that the picture has to hold, by
-    default what is there. width, height: pixels (height by default 0.6 of the width).
-    Returns RGB uint8 of shape (height, width, 3). The same input gives the same picture.
+    `repose.shape.Particle`, convex or of spheres, the first drawn as berries, each of the others in a colour of its
+    own; shape_ids (N,): place in that sequence, by default the first; scales (N,), by default 1; bodies with a NaN
+    centre are not drawn. setting: a `Setting`, by default a plate at z = 0. frame_m: points (M, 3) that the picture
+    has to hold, by default what is there. width, height: pixels (height by default 0.6 of the width). Returns RGB
+    uint8 of shape (height, width, 3). The same input gives the same picture.
     """
     setting = setting or Setting()
     height = height or round(0.6 * width)
@@ -283,7 +335,8 @@ def render_bodies(
     hit, rays = view.hit, view.rays
     sight = rays[hit] / np.linalg.norm(rays[hit], axis=1, keepdims=True)
     skins = np.array([SKIN, *(OTHER_SKINS[k % len(OTHER_SKINS)] for k in range(len(shapes) - 1))])
-    skin = _skin(shown[view.body[hit]], view.along, kinds[view.body[hit]], count, skins)
+    owner = bodies.owner[view.body[hit]]
+    skin = _skin(shown[owner], view.along, kinds[owner], count, skins)
     towards = _light_axes(camera)[2]
     image[hit] = _shade_berries(skin, view.normal[hit], sight, towards, lit[hit], sky[hit])
     _blend_walls(image, setting.frusta, camera, rays, view.depth)

@@ -9,6 +9,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from .dem import Cone, Contact, Material, Plane, RingEdge, Simulation
+from .scales import of_pour
 
 # A berry is dropped at a free place; so many places are tried before the factory waits a step.
 PLACES_TRIED = 200
@@ -130,11 +131,11 @@ def free_place(rng, simulation, factory):
     return None
 
 
-def fill(simulation, rng, factory, berries, rate_per_s, last_step, run_to):
+def fill(simulation, rng, factory, berries, rate_per_s, last_step, run_to, scales=None):
     """Add berries one by one at a rate, at rest, at free random places of the factory and in random orientations.
 
     A place where a new berry would touch another is not used; when there is none the factory waits a step. None is
-    added from `last_step` on. run_to: advances the simulation to a step.
+    added from `last_step` on. run_to: advances the simulation to a step; scales (N,): of the berries, by default 1.
     """
     for k in range(berries):
         due = round(k / rate_per_s / simulation.physics.dt)
@@ -147,7 +148,7 @@ def fill(simulation, rng, factory, berries, rate_per_s, last_step, run_to):
             place = free_place(rng, simulation, factory)
         if place is None:
             return
-        simulation.add("berry", place, random_quaternion(rng))
+        simulation.add("berry", place, random_quaternion(rng), scale=1.0 if scales is None else scales[k])
 
 
 def berry_simulation(config, parameters, particle, berry, capacity, **scene):
@@ -182,6 +183,7 @@ class Pour:
 
     centres_m: np.ndarray
     quaternions: np.ndarray
+    scales: np.ndarray
     on_plate: np.ndarray
     in_pile: np.ndarray
     in_funnel: int
@@ -194,11 +196,12 @@ class Pour:
     frames: dict | None
 
 
-def heap_simulation(config, parameters, particle, berry):
+def heap_simulation(config, parameters, particle, berry, largest_scale=1.0):
     """The funnel, the plate and an empty simulation.
 
     config: the whole configuration; parameters: the six contact parameters by name; particle: `shape.Particle`;
-    berry: mapping with shear_modulus_pa and poisson_ratio. Returns the simulation and the funnel.
+    berry: mapping with shear_modulus_pa and poisson_ratio; largest_scale: of a berry. Returns the simulation and the
+    funnel.
     """
     heap = config["heap"]
     funnel = Funnel(
@@ -211,7 +214,8 @@ def heap_simulation(config, parameters, particle, berry):
     )
     plate_radius = 0.5e-3 * heap["plate_diameter_mm"]
     plate = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", plate_radius)
-    half = max(plate_radius, 0.5 * funnel.inlet_diameter_m) + 2.0 * particle.bounding_radius_m
+    reach = largest_scale * particle.bounding_radius_m
+    half = max(plate_radius, 0.5 * funnel.inlet_diameter_m) + 2.0 * reach
     simulation = berry_simulation(
         config,
         parameters,
@@ -220,7 +224,8 @@ def heap_simulation(config, parameters, particle, berry):
         heap["berries"],
         walls={"plate": plate, **funnel.walls("wall")},
         lower=(-half, -half, 0.0),
-        upper=(half, half, funnel.inlet_height_m + 4.0 * particle.bounding_radius_m),
+        upper=(half, half, funnel.inlet_height_m + 4.0 * reach),
+        largest_scale=largest_scale,
         exit_height_m=funnel.outlet_height_m,
         funnel_floor_m=funnel.outlet_height_m - funnel.rim_radius_m,
         floor_height_m=-0.05,
@@ -261,10 +266,13 @@ class Recorder:
         self.quaternions.append(quaternions)
 
     def frames(self):
-        """Recorded frames as arrays time_s (T,), position (T, N, 3) [m], quaternion (T, N, 4), or None."""
+        """Recorded frames as arrays time_s (T,), position (T, N, 3) [m], quaternion (T, N, 4), scale (N,), or None."""
         if self.every is None:
             return None
+        scales = np.ones(self.berries)
+        scales[: self.simulation.n_bodies] = self.simulation.scales
         return {
+            "scale": scales,
             "time_s": np.array(self.times),
             "position": np.array(self.centres),
             "quaternion": np.array(self.quaternions),
@@ -280,16 +288,17 @@ def pour(config, parameters, seed, particle, berry, trajectory_interval_s=None, 
     """
     heap = config["heap"]
     began = time.perf_counter()
-    simulation, funnel = heap_simulation(config, parameters, particle, berry)
+    scales, largest = of_pour(config["berry"]["size_distribution"], berry, seed, heap["berries"])
+    simulation, funnel = heap_simulation(config, parameters, particle, berry, largest)
     rng = np.random.default_rng(seed)
     height = funnel.inlet_height_m + 1e-3 * heap["factory_height_mm"]
-    factory = Disc(0.5e-3 * heap["factory_diameter_mm"] - particle.bounding_radius_m, height)
+    factory = Disc(0.5e-3 * heap["factory_diameter_mm"] - largest * particle.bounding_radius_m, height)
     dt = heap["time_step_s"]
     last_step = round(heap["duration_s"] / dt)
     rest_step = last_step - round(heap["rest_window_s"] / dt)
     timed_step = max(0, min(rest_step, last_step - round(1.0 / dt)))
     recorder = Recorder(simulation, heap["berries"], trajectory_interval_s, progress)
-    fill(simulation, rng, factory, heap["berries"], heap["rate_per_s"], rest_step, recorder.run_to)
+    fill(simulation, rng, factory, heap["berries"], heap["rate_per_s"], rest_step, recorder.run_to, scales)
     timed_step = max(timed_step, simulation.steps)
     recorder.run_to(timed_step)
     clock = time.perf_counter()
@@ -315,6 +324,7 @@ def _judge(simulation, funnel, before, frames, wall_s, us_per_step):
     return Pour(
         centres_m=centres,
         quaternions=simulation.quaternions.copy(),
+        scales=simulation.scales.copy(),
         on_plate=on_plate,
         in_pile=in_pile,
         in_funnel=int(in_funnel.sum()),

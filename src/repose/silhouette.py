@@ -51,27 +51,54 @@ def rotation_matrices(quaternions):
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def outlines(centres_m, quaternions, particle, azimuths_deg, inset_m=0.0):
-    """Outline polygons of convex bodies in orthographic side views.
+def outlines(centres_m, quaternions, particle, azimuths_deg, inset_m=0.0, scales=None):
+    """Outline polygons of bodies in orthographic side views.
 
     The view from azimuth a shows u = x cos a + y sin a to the right and z up. A convex body's outline is the
-    curve of its support points in the directions of the picture plane, so each vertex is exact. `inset_m`
-    moves the outline inwards along its normals. Returns (views, N, OUTLINE_DIRECTIONS, 2) in metres (u, z).
+    curve of its support points in the directions of the picture plane, so each vertex is exact. A body of M
+    spheres (particle.spheres_m) has M outlines, a circle each. `inset_m` moves the outlines inwards along
+    their normals; scales (N,): of the bodies, by default 1. Returns (views, N or N * M, OUTLINE_DIRECTIONS, 2)
+    in metres (u, z).
     """
     azimuth = np.radians(np.asarray(azimuths_deg, dtype=float))
     right = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=-1)
+    turn = np.arange(OUTLINE_DIRECTIONS) * (2 * math.pi / OUTLINE_DIRECTIONS)
+    circle = np.column_stack([np.cos(turn), np.sin(turn)])
+    centres = np.asarray(centres_m, dtype=float)
+    sizes = np.ones(len(centres)) if scales is None else np.asarray(scales, dtype=float)
+    spheres = spheres_of(centres, quaternions, particle, sizes)
+    if spheres is not None:
+        middles = np.stack(np.broadcast_arrays(right @ spheres[:, :3].T, spheres[:, 2]), axis=-1)
+        return middles[:, :, None, :] + (spheres[:, 3, None, None] - inset_m) * circle
     rotation = rotation_matrices(quaternions)
     right_body = np.einsum("nij,vi->vnj", rotation, right)
     up_body = np.broadcast_to(rotation[:, 2, :], right_body.shape)
-    turn = np.arange(OUTLINE_DIRECTIONS) * (2 * math.pi / OUTLINE_DIRECTIONS)
-    cos, sin = np.cos(turn)[:, None], np.sin(turn)[:, None]
+    cos, sin = circle[:, :1], circle[:, 1:]
     touching = particle.support_point(cos * right_body[:, :, None, :] + sin * up_body[:, :, None, :])
-    centres = np.asarray(centres_m, dtype=float)
-    plane = np.stack([right_body, up_body], axis=-1)
-    points = touching @ plane
-    points[..., 0] += (right @ centres.T)[:, :, None] - inset_m * cos[:, 0]
-    points[..., 1] += centres[:, 2][None, :, None] - inset_m * sin[:, 0]
-    return points
+    points = sizes[:, None, None] * (touching @ np.stack([right_body, up_body], axis=-1))
+    points[..., 0] += (right @ centres.T)[:, :, None]
+    points[..., 1] += centres[:, 2][None, :, None]
+    return points - inset_m * circle
+
+
+def spheres_of(centres_m, quaternions, particle, scales):
+    """Spheres (N * M, 4), centre and radius in m, of N bodies of M spheres each; None for a body of none."""
+    own = getattr(particle, "spheres_m", None)
+    if own is None or not len(own):
+        return None
+    away = np.einsum("nij,mj->nmi", rotation_matrices(quaternions), own[:, :3])
+    places = np.asarray(centres_m)[:, None, :] + scales[:, None, None] * away
+    radii = scales[:, None] * own[:, 3]
+    return np.concatenate([places, radii[..., None]], axis=-1).reshape(-1, 4)
+
+
+def top_of(centres_m, quaternions, particle, scales=None):
+    """Height (m) of the highest point of N bodies over z = 0; exact, from the bodies themselves."""
+    up_body = rotation_matrices(quaternions)[:, 2, :]
+    reach = (particle.support_point(up_body) * up_body).sum(axis=1)
+    return float(
+        (np.asarray(centres_m)[:, 2] + (1.0 if scales is None else np.asarray(scales)) * reach).max()
+    )
 
 
 def paint(polygons_m, mm_per_pixel, extent):
@@ -104,15 +131,17 @@ def frame(polygons_m, mm_per_pixel):
     )
 
 
-def silhouette(centres_m, quaternions, particle, azimuth_deg=0.0, mm_per_pixel=0.25, extent=None):
+def silhouette(
+    centres_m, quaternions, particle, azimuth_deg=0.0, mm_per_pixel=0.25, extent=None, scales=None
+):
     """Exact orthographic side view of bodies on the plate z = 0, the pile dark on a light background.
 
     centres_m : (N, 3), z up. quaternions : (N, 4) w, x, y, z, body -> world. particle : anything with
     `support_point(directions (..., 3)) -> (..., 3)` in the body frame, metres. extent : (left_m, right_m,
-    top_m) of the view; by default all bodies and a margin. Returns (H, W) uint8 whose lower border is the
-    plate.
+    top_m) of the view; by default all bodies and a margin. scales : (N,), by default 1.
+    Returns (H, W) uint8 whose lower border is the plate.
     """
-    polygons = outlines(centres_m, quaternions, particle, [azimuth_deg], inset_m=mm_per_pixel * 0.5e-3)[0]
+    polygons = outlines(centres_m, quaternions, particle, [azimuth_deg], mm_per_pixel * 0.5e-3, scales)[0]
     return paint(polygons, mm_per_pixel, extent or frame(polygons, mm_per_pixel))
 
 

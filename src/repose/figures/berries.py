@@ -1,12 +1,15 @@
 """Figures 2 and 7: the berries' sizes, and the particle made from the mesh."""
 
 import math
+import textwrap
 
 import numpy as np
 import trimesh
 
 from repose import berry, shape
 from repose.dem.tessellation import tessellate
+from repose.errors import InputError
+from repose.filling import distances
 
 from . import style
 
@@ -50,24 +53,73 @@ def _histogram(panel, values, label, colour, unit):
 
 
 def particle_and_mesh(inputs, config):
-    """Figure 7: the mesh and the particle fitted to it, side by side on axes of the same scale."""
+    """Figure 7: the mesh and every particle made from it, side by side on axes of the same scale."""
+    chosen = shape.Particle.load(inputs["particle"])
     mesh = shape.load_mesh(inputs["stl"])
-    particle = shape.Particle.load(inputs["particle"])
-    points, _, triangles = tessellate(particle, 36, 72)
-    figure = style.new_figure(style.PAGE * 0.9, 3.1)
-    panels = figure.subplots(1, 2, subplot_kw={"projection": "3d"})
-    figure.get_layout_engine().set(w_pad=0.22, h_pad=0.12)
-    half = 1.02 * max(np.abs(mesh.vertices).max(axis=0).max(), 1e3 * np.abs(points).max())
-    _surface(panels[0], np.asarray(mesh.vertices), np.asarray(mesh.faces), half, edges=True)
-    _surface(panels[1], 1e3 * points, triangles, half, edges=False)
-    panels[0].set_title(f"a  mesh: {len(mesh.faces)} triangles, {mesh.volume:.0f} mm³", loc="center", pad=2)
-    components = len(particle.semi_axes_m)
-    kind = "ellipsoid" if components == 1 else f"sum of {components} ellipsoids"
-    volume, mass = 1e9 * particle.volume_m3, 1e3 * particle.mass_kg
-    panels[1].set_title(f"b  particle: {kind}, {volume:.0f} mm³, {mass:.2f} g", loc="center", pad=2)
-    deviation = 1e3 * particle.deviation_max_m
-    figure.supxlabel(f"largest deviation of the particle from the mesh: {deviation:.3f} mm", fontsize=7)
+    section = config["berry"]
+    figure = style.new_figure(style.PAGE, 2.75)
+    panels = figure.subplots(1, 4, subplot_kw={"projection": "3d"})
+    figure.get_layout_engine().set(w_pad=0.05, h_pad=0.05)
+    half = 1.04 * np.ptp(mesh.vertices, axis=0) / 2
+    _surface(panels[0], np.asarray(mesh.vertices), np.asarray(mesh.faces), half, edges=len(mesh.faces) < 8000)
+    _caption(panels[0], "a  mesh", chosen.mesh, f"{len(mesh.faces)} triangles")
+    for panel, kind, letter in zip(panels[1:], shape.KINDS, "bcd", strict=True):
+        try:
+            particle = _made(mesh, kind, chosen, section)
+        except InputError as error:
+            panel.set_axis_off()
+            _caption(panel, f"{letter}  {kind}", None, "\n".join(textwrap.wrap(str(error), 34)))
+            continue
+        vertices, triangles = _triangles(particle)
+        _surface(panel, 1e3 * vertices, triangles, half, edges=False)
+        off = f"off by {1e3 * particle.deviation_max_m:.2f} mm at most,\n{1e3 * particle.deviation_rms_m:.3f} mm rms"
+        mark = " (poured)" if kind == chosen.kind else ""
+        _caption(panel, f"{letter}  {kind}{mark}", particle, f"{_parts(particle)}\n{off}")
     return figure
+
+
+def _made(mesh, kind, chosen, section):
+    """The chosen particle, or one of another kind from the same mesh."""
+    if kind == chosen.kind:
+        return chosen
+    return shape.make_particle(mesh, chosen.density_kg_m3, kind, section["spheres"], section["surface"])
+
+
+def _parts(particle):
+    """What a particle consists of, in words."""
+    if particle.is_clump:
+        return f"{len(particle.spheres_m)} spheres"
+    count = len(particle.semi_axes_m)
+    return "one ellipsoid" if count == 1 else f"sum of {count} ellipsoids"
+
+
+def _triangles(particle):
+    """Vertices (V, 3) m and triangles of a particle's surface; of spheres, of those parts that lie outside."""
+    if not particle.is_clump:
+        points, _, triangles = tessellate(particle, 36, 72)
+        return points, triangles
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    vertices, triangles = [], []
+    for k, sphere in enumerate(particle.spheres_m):
+        points = sphere[:3] + sphere[3] * np.asarray(ball.vertices)
+        others = np.delete(particle.spheres_m, k, axis=0)
+        middle = points[ball.faces].mean(axis=1)
+        seen = distances(others, middle) > -0.05 * sphere[3] if len(others) else np.ones(len(middle), bool)
+        triangles.append(ball.faces[seen] + k * len(points))
+        vertices.append(points)
+    return np.concatenate(vertices), np.concatenate(triangles)
+
+
+def _caption(panel, title, body, words):
+    """Name, volume, mass, moments and what else is to be said of a body."""
+    panel.set_title(title, loc="center", pad=0, fontsize=8, fontweight="bold")
+    if body is not None:
+        moments = ", ".join(f"{1e9 * value:.1f}" for value in body.inertia_kg_m2)
+        axes = " × ".join(f"{1e3 * value:.1f}" for value in body.axes_m)
+        words = (
+            f"{1e9 * body.volume_m3:.0f} mm³, {1e3 * body.mass_kg:.3f} g\n{moments} g mm²\n{axes} mm\n{words}"
+        )
+    panel.text2D(0.5, -0.02, words, transform=panel.transAxes, ha="center", va="top", fontsize=6.5)
 
 
 def _surface(panel, vertices_mm, triangles, half, edges):
@@ -82,10 +134,8 @@ def _surface(panel, vertices_mm, triangles, half, edges):
 
     line = {"edgecolor": (0.2, 0.05, 0.03, 0.35), "linewidth": 0.15} if edges else {"edgecolor": colour}
     panel.add_collection3d(Poly3DCollection(corners, facecolor=colour, linewidths=0.15, **line))
-    panel.set(xlim=(-half, half), ylim=(-half, half), zlim=(-half, half), box_aspect=(1, 1, 1))
+    panel.set_proj_type("ortho")
+    panel.set(xlim=(-half[0], half[0]), ylim=(-half[1], half[1]), zlim=(-half[2], half[2]))
+    panel.set_box_aspect(tuple(half), zoom=1.2)
     panel.view_init(elev=22, azim=-58)
-    panel.set(xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)")
-    for axis in (panel.xaxis, panel.yaxis, panel.zaxis):
-        axis.labelpad = -4
-        axis.set_tick_params(pad=-2)
-        axis.set_pane_color((0.97, 0.97, 0.97))
+    panel.set_axis_off()

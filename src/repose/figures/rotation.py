@@ -24,7 +24,7 @@ def states(inputs, config):
     """Figure 15: side views along the axis with the line fitted to the upper edge, in the states there are."""
     with np.load(inputs["states"]) as file:
         arrays = dict(file)
-    particle = shape.Particle.load(inputs["particle"])
+    particle, scales = shape.Particle.load(inputs["particle"]), arrays.get("scale")
     slipped = "position_before" in arrays
     shown = ("start", "before", "after") if slipped else ("start", "report")
     figure = style.new_figure(style.PAGE, style.PAGE / len(shown) + 0.3)
@@ -32,7 +32,7 @@ def states(inputs, config):
     for panel, state, letter in zip(figure.subplots(1, len(shown)), shown, "abc", strict=False):
         turned_deg = float(arrays[f"turned_{state}_deg"])
         place = (arrays[f"{key}_{state}"].astype(float) for key in ("position", "quaternion"))
-        angle = _side_view(panel, *place, particle, turned_deg, config)
+        angle = _side_view(panel, *place, scales, particle, turned_deg, config)
         panel.set_title(f"{letter}  {TITLES[state]}: surface {angle:.1f}°")
         panel.set_xlabel(f"drum turned by {turned_deg:.1f}°")
     if not slipped:
@@ -40,7 +40,7 @@ def states(inputs, config):
     return figure
 
 
-def _side_view(panel, centres, quaternions, particle, turned_deg, config):
+def _side_view(panel, centres, quaternions, scales, particle, turned_deg, config):
     """Draw one state with its fitted line; returns the line's angle (degrees)."""
     section = config["drum"]
     inside = drum_inside(section, np.radians(turned_deg))
@@ -55,6 +55,7 @@ def _side_view(panel, centres, quaternions, particle, turned_deg, config):
         frame_m=inside.outline(),
         backdrop=inside,
         field_of_view_deg=TELEPHOTO_DEG,
+        scales=scales,
     )
     camera = look_at(inside.outline(), PIXELS, PIXELS, 0.0, -90.0, field_of_view_deg=TELEPHOTO_DEG)
     surface = bed.measure_surface(
@@ -64,6 +65,7 @@ def _side_view(panel, centres, quaternions, particle, turned_deg, config):
         inside.radius_m,
         config["measure"]["mm_per_pixel"],
         section["fit_share"],
+        scales,
     )
     panel.imshow(picture)
     ends = np.column_stack([surface.line_m[:, 0], np.zeros(2), surface.line_m[:, 1]])

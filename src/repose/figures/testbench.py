@@ -1,7 +1,6 @@
 """Figures 5, 6 and 8: the simulated pile, its measurement, and the bench it is poured on."""
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +8,9 @@ from matplotlib.collections import PolyCollection
 from matplotlib.patches import Circle
 
 from repose import pile, shape
-from repose.dem.tessellation import rotation_matrices
-from repose.errors import InputError
 from repose.measuring import first_pour, side_view
 from repose.render import render_pile
+from repose.silhouette import outlines
 from repose.stage import funnel_walls
 
 from . import style
@@ -22,26 +20,24 @@ PILE_PIXELS = 1300
 SNAPSHOT_S = 9.0
 
 
-def read_heap(path):
-    """Centres (N, 3) m, quaternions (N, 4), pile membership (N,) of the first seed in a heap's .npz."""
-    with np.load(path) as arrays:
-        seeds = [match.group(1) for key in arrays if (match := re.fullmatch(r"position_(.+)", key))]
-        if not seeds:
-            raise InputError(path, "arrays", sorted(arrays), "position_SEED, quaternion_SEED, in_pile_SEED")
-        names = ("position", "quaternion", "in_pile")
-        return tuple(arrays[f"{name}_{seeds[0]}"] for name in names)
-
-
 def simulated_pile(inputs, config):
     """Figure 5's counterpart: a shaded picture of a simulated pile."""
-    centres, quaternions, in_pile = read_heap(inputs["heap"])
+    poured = first_pour(inputs["heap"])
+    centres, quaternions, in_pile = (poured[name] for name in ("position", "quaternion", "in_pile"))
+    scales = poured.get("scale", np.ones(len(centres))).astype(float)
     particle = shape.Particle.load(inputs["particle"])
-    reach = particle.bounding_radius_m
+    reach = particle.bounding_radius_m * scales.max(initial=0.0)
     near = centres[in_pile].astype(float)
     corners = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
     frame = (near[:, None] + corners).reshape(-1, 3)
     picture = render_pile(
-        centres, quaternions, particle, width=PILE_PIXELS, height=PILE_PIXELS // 2, frame_m=frame
+        centres,
+        quaternions,
+        particle,
+        width=PILE_PIXELS,
+        height=PILE_PIXELS // 2,
+        frame_m=frame,
+        scales=scales,
     )
     figure = style.new_figure(style.PAGE, style.PAGE / 2)
     figure.get_layout_engine().set(w_pad=0, h_pad=0)
@@ -175,16 +171,15 @@ def _berries(panel, inputs):
         frame = int(np.argmin(np.abs(record["time_s"] - SNAPSHOT_S)))
         time_s = float(record["time_s"][frame])
         centres, quaternions = record["position"][frame], record["quaternion"][frame]
+        scales = record["scale"] if "scale" in record else np.ones(len(centres))
     here = np.isfinite(centres).all(axis=1)
-    centres, turn = centres[here].astype(float), rotation_matrices(quaternions[here].astype(float))
-    angle = np.linspace(0, 2 * np.pi, 48, endpoint=False)
-    sight = np.column_stack([np.cos(angle), np.zeros(48), np.sin(angle)])
-    # The outline seen along y is made of the touching points in the directions across y.
-    touching = particle.support_point(np.einsum("nji,mj->nmi", turn, sight))
-    outline = centres[:, None, :] + np.einsum("nij,nmj->nmi", turn, touching)
-    order = np.argsort(-centres[:, 1])
+    order = np.flatnonzero(here)[np.argsort(-centres[here, 1])]
+    # Seen along y, x points right.
+    outline = outlines(
+        centres[order].astype(float), quaternions[order], particle, [0.0], scales=scales[order]
+    )[0]
     collection = PolyCollection(
-        1e3 * outline[order][..., [0, 2]],
+        1e3 * outline,
         facecolors=style.BERRY,
         edgecolors="#6B150B",
         linewidths=0.25,
