@@ -167,6 +167,22 @@ def drum_tables(args):
     drum_tables.run(args.runs, args.out)
 
 
+def shape_cell(args):
+    """One cell of the shape study."""
+    from repose import shape_study
+
+    config = settings.load(args.config)
+    shape_study.check(config, args.config)
+    shape_study.run_cell(config, args.cell, args.berry, args.samples, args.out)
+
+
+def shape_study(args):
+    """Tables of the shape study."""
+    from repose import shape_study
+
+    shape_study.tables(settings.load(args.config), args.cells, args.out)
+
+
 def measure(args):
     """Image measurement."""
     import cv2
@@ -447,6 +463,8 @@ VERBS = {
         miga,
         solutions,
         validate,
+        shape_cell,
+        shape_study,
         figure,
         film,
         table,

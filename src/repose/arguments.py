@@ -24,6 +24,7 @@ def parser():
     _add_inputs(verbs)
     _add_heap(verbs)
     _add_drum(verbs)
+    _add_shape_study(verbs)
     _add_measuring(verbs)
     _add_calibration(verbs)
     _add_pictures(verbs)
@@ -167,6 +168,27 @@ def _add_drum(verbs):
         config=False,
     )
     sub.add_argument("runs", nargs="+", help="JSON files that the verb drum wrote")
+
+
+def _add_shape_study(verbs):
+    sub = _verb(
+        verbs,
+        "shape_cell",
+        "pour and measure one combination of particle and filling at the published or the designed parameters",
+        "python -m repose shape_cell --cell published-smooth-open_cone",
+        out="results/shape/cells",
+    )
+    sub.add_argument("--cell", required=True, help="KIND-PARTICLE-FILLING of the section shape_study")
+    sub.add_argument("--berry", default="results/berry/berry.json", help="what the verb berry wrote")
+    sub.add_argument("--samples", default="results/design/samples.csv", help="what the verb design wrote")
+    sub = _verb(
+        verbs,
+        "shape_study",
+        "particles, fillings and definitions of the angle beside the published piles: tables and the choice",
+        "python -m repose shape_study results/shape/cells/*.csv",
+        out="results/shape",
+    )
+    sub.add_argument("cells", nargs="+", help="CSV files of shape_cell")
 
 
 def _add_measuring(verbs):

@@ -131,8 +131,23 @@ def free_place(rng, simulation, factory):
     return None
 
 
-def fill(simulation, rng, factory, berries, rate_per_s, last_step, run_to, scales=None):
-    """Add berries one by one at a rate, at rest, at free random places of the factory and in random orientations.
+def turned_as(orientation, rng):
+    """A quaternion (w, x, y, z) of a new berry: "random", "lying" (long axis level) or "upright"; the rest random."""
+    if orientation == "random":
+        return random_quaternion(rng)
+    axis, about = rng.uniform(0.0, 2.0 * math.pi, 2)
+    # about the long axis x, then for "upright" up, then about the vertical
+    q = np.array([math.cos(about / 2), math.sin(about / 2), 0.0, 0.0])
+    if orientation == "upright":
+        half = math.sqrt(0.5)
+        q = half * np.array([q[0], q[1], -q[0], q[1]])
+    c, s = math.cos(axis / 2), math.sin(axis / 2)
+    w, x, y, z = q
+    return np.array([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w])
+
+
+def fill(simulation, rng, factory, berries, rate_per_s, last_step, run_to, scales=None, orientation="random"):
+    """Add berries one by one at a rate, at rest, at free random places of the factory, oriented as `turned_as` says.
 
     A place where a new berry would touch another is not used; when there is none the factory waits a step. None is
     added from `last_step` on. run_to: advances the simulation to a step; scales (N,): of the berries, by default 1.
@@ -148,7 +163,9 @@ def fill(simulation, rng, factory, berries, rate_per_s, last_step, run_to, scale
             place = free_place(rng, simulation, factory)
         if place is None:
             return
-        simulation.add("berry", place, random_quaternion(rng), scale=1.0 if scales is None else scales[k])
+        simulation.add(
+            "berry", place, turned_as(orientation, rng), scale=1.0 if scales is None else scales[k]
+        )
 
 
 def berry_simulation(config, parameters, particle, berry, capacity, **scene):
@@ -298,7 +315,17 @@ def pour(config, parameters, seed, particle, berry, trajectory_interval_s=None, 
     rest_step = last_step - round(heap["rest_window_s"] / dt)
     timed_step = max(0, min(rest_step, last_step - round(1.0 / dt)))
     recorder = Recorder(simulation, heap["berries"], trajectory_interval_s, progress)
-    fill(simulation, rng, factory, heap["berries"], heap["rate_per_s"], rest_step, recorder.run_to, scales)
+    fill(
+        simulation,
+        rng,
+        factory,
+        heap["berries"],
+        heap["rate_per_s"],
+        rest_step,
+        recorder.run_to,
+        scales,
+        heap["orientation"],
+    )
     timed_step = max(timed_step, simulation.steps)
     recorder.run_to(timed_step)
     clock = time.perf_counter()

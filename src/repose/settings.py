@@ -27,7 +27,14 @@ OUR_OWN_FOLDERS = ("src", "config", "resources", "workflow", "profiles", "tests"
 # AoR and Height hold to 13 % of the berry's Rayleigh time and break at 32 %.
 LARGEST_RAYLEIGH_SHARE = 0.2
 # What the random numbers of a pour are for: one stream each, so that no check reuses the pours it checks.
-PURPOSES = {"design": 0, "validation": 1, "drum": 2}
+PURPOSES = {
+    "design": 0,
+    "validation": 1,
+    "drum": 2,
+    "shape_published": 3,
+    "shape_sensitivity": 4,
+    "shape_design": 5,
+}
 # Measured on one core of a common server: for the estimate that is shown before a run.
 SECONDS_A_BERRY_STEP = 4.5e-8
 SECONDS_A_VIEW = 0.01
