@@ -43,7 +43,7 @@ def test_taper_and_wrinkles_keep_mass_and_axes():
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ({"mass_g": 2.0}, "0.836 to 1.56"),
+        ({"mass_g": 2.0}, "to 1.56 for these axes"),
         ({"mass_g": 0.5}, "0.42 to 0.78 of the box"),
         ({"axes_mm": (9.0, 12.0, 20.0)}, "longest first"),
         ({"taper": 2.0}, "-0.5 to 0.5"),

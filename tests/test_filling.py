@@ -45,7 +45,7 @@ def test_a_filled_berry_has_the_meshs_mass_moments_and_volume(goji, clump):
     assert len(clump.spheres_m) == 14
     assert clump.deviation_max_m < 0.5e-3
     assert clump.deviation_rms_m < 0.15e-3
-    np.testing.assert_allclose(clump.axes_m * 1e3, (21.14, 11.37, 9.88), rtol=0.03)
+    np.testing.assert_allclose(clump.axes_m * 1e3, (21.14, 11.37, 9.88), rtol=0.05)
 
 
 def test_a_rough_surface_has_bumps(goji, clump):

@@ -186,3 +186,14 @@ def test_measured_piles_are_those_of_the_pile_module():
             poured.centres_m, poured.quaternions, particle(), pile.MeasureSettings(), members=poured.in_pile
         )
         assert again.aor_deg == pytest.approx(record["aor_deg"])
+
+
+def test_berries_of_measured_sizes_keep_them():
+    settings = small()
+    settings["berry"] = settings["berry"] | {"size_distribution": "measured"}
+    berry = BERRY | {"scale_sd": 0.083, "scale_low": 0.78, "scale_high": 1.16}
+    poured = scenes.pour(settings, named(CENTRE), 3, particle(), berry)
+    assert len(poured.scales) == len(poured.centres_m)
+    assert 0.05 < poured.scales.std() < 0.11
+    alike = scenes.pour(small(), named(CENTRE), 3, particle(), BERRY)
+    assert np.all(alike.scales == 1.0)
