@@ -99,6 +99,15 @@ def cell_settings(config, cell):
     return kind, particle, filling, changed(config, "heap", fillings[filling])
 
 
+def dependencies(config, cell):
+    """What a cell's pours and measurements depend on."""
+    kind, _, _, own = cell_settings(config, cell)
+    seeds = ("design_samples", "design_seeds") if kind == "design" else ("seeds",)
+    found = {key: own["shape_study"][key] for key in seeds} | {"seed": own["design"]["seed"]}
+    heap = {key: value for key, value in own["heap"].items() if key != "seeds"}
+    return found | {"heap": heap} | {key: own[key] for key in ("berry", "wall", "measure", "target")}
+
+
 def run_cell(config, cell, berry_json, samples_csv, out_dir):
     """Pour and measure one cell of the study; write OUT/CELL.csv (RUN_COLUMNS) and OUT/CELL.json of its particle."""
     from repose import heap, shape

@@ -4,7 +4,7 @@ import os
 import shlex
 import sys
 
-from repose import settings
+from repose import settings, shape_study
 from repose.errors import InputError
 
 # The verbs run under the Python that runs snakemake, whether its environment is activated or not.
@@ -15,7 +15,9 @@ def checked_config(workflow, default):
     """The configuration after every check, or one message and no work."""
     given = [as_typed(path) for path in workflow.overwrite_configfiles]
     try:
-        return settings.resolve([default, *given], workflow.config_settings.config)
+        config = settings.resolve([default, *given], workflow.config_settings.config)
+        shape_study.check(config)
+        return config
     except InputError as error:
         sys.exit(f"repose: error: {error}")
 

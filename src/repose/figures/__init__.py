@@ -4,7 +4,18 @@ from pathlib import Path
 
 from repose.errors import InputError
 
-from . import berries, checks, rotation, samples, search, style, surrogate, testbench, workflow
+from . import (
+    berries,
+    checks,
+    representations,
+    rotation,
+    samples,
+    search,
+    style,
+    surrogate,
+    testbench,
+    workflow,
+)
 
 # Name of a figure: the function that draws it and the inputs it needs; inputs in OPTIONAL may be left out.
 FIGURES = {
@@ -20,6 +31,7 @@ FIGURES = {
     "figure15": (rotation.states, ("states", "particle")),
     "drum": (rotation.course, ("record", "profile", "runs")),
     "convergence": (search.convergence, ("history",)),
+    "shape_study": (representations.study, ("combinations", "sets")),
     "design": (samples.design_matrix, ("samples",)),
     "dataset": (samples.responses_over_parameters, ("dataset",)),
     "validation": (checks.validation, ("table4",)),
