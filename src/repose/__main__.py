@@ -159,6 +159,22 @@ def measure(args):
     print(f"fitted lines: {overlay}")
 
 
+def measurement_study(args):
+    """The definitions compared."""
+    if args.shapes < 1:
+        raise InputError("command line", "--shapes", args.shapes, "at least 1")
+    config = settings.load(args.config)
+    berry_of, particle = _berry_and_particle(args, config)
+
+    from repose import measurement_study
+
+    tables = measurement_study.run(
+        args.heaps, args.representative, particle, config["measure"], berry_of, args.out, args.shapes
+    )
+    for table in tables.values():
+        print(table.round(2).to_string(index=table.index.dtype == object))
+
+
 def _axes(args, config):
     """Mean axes of the berry, from the file given or from the sizes of the configuration."""
     if args.berry is not None:
@@ -407,6 +423,7 @@ VERBS = {
         drum_tables,
         measure,
         silhouette,
+        measurement_study,
         dataset,
         network,
         miga,

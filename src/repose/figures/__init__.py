@@ -4,7 +4,7 @@ from pathlib import Path
 
 from repose.errors import InputError
 
-from . import berries, checks, rotation, samples, search, style, surrogate, testbench, workflow
+from . import berries, checks, measuring, rotation, samples, search, style, surrogate, testbench, workflow
 
 # Name of a figure: the function that draws it and the inputs it needs; inputs in OPTIONAL may be left out.
 FIGURES = {
@@ -18,6 +18,7 @@ FIGURES = {
     "figure13": (surrogate.predicted_against_simulated, ("predictions", "dataset")),
     "figure14": (search.feasible_solutions, ("feasible", "summary")),
     "figure15": (rotation.states, ("states", "particle")),
+    "definitions": (measuring.definitions, ("heap", "particle", "berry")),
     "drum": (rotation.course, ("record", "profile", "runs")),
     "convergence": (search.convergence, ("history",)),
     "design": (samples.design_matrix, ("samples",)),
