@@ -172,7 +172,7 @@ def measurement_study(args):
         args.heaps, args.representative, particle, config["measure"], berry_of, args.out, args.shapes
     )
     for table in tables.values():
-        print(table.round(2).to_string(index=table.index.dtype == object))
+        print(table.round(2).to_string(index="measured" not in table))
 
 
 def _axes(args, config):
