@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "results" / "quick"
 FIGURES = (
     *(f"figure{number:02d}" for number in (2, 5, 6, 7, 8, 9, 10, 13, 14, 15)),
-    *("convergence", "design", "dataset", "validation", "published", "drum"),
+    *("convergence", "design", "dataset", "validation", "published", "drum", "definitions"),
 )
 TABLES = (
     "table1",

@@ -249,7 +249,8 @@ def test_seeds_are_stable_distinct_and_fresh_for_validation():
 
 def test_work_counts_every_pour(config):
     work = settings.work(config)
-    assert work["pours"] == (("design", 150, 8), ("validation", 6, 8), ("published", 6, 8))
+    solutions = (("representative", 1, 32), ("validation", 5, 16), ("published", 6, 16))
+    assert work["pours"] == (("design", 150, 8), *solutions)
     config["heap"]["time_step_s"] /= 2
     assert settings.work(config)["total_s"] > 1.7 * work["total_s"]
 

@@ -152,6 +152,11 @@ def test_a_changed_measurement_measures_again_and_pours_nothing(finished, change
         assert jobs.get(rule, count) == count
 
 
+def test_the_study_of_the_measurement_takes_the_piles_that_are_there(finished):
+    project, words = finished
+    assert set(planned(project, *words, "--", "measurement_study")) == {"measurement_study", "total"}
+
+
 def test_every_figure_and_table_has_a_caption():
     text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").glob("*.smk"))
     captions = {path.stem for path in (ROOT / "workflow" / "report").glob("*.rst")}

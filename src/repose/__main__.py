@@ -213,6 +213,22 @@ def measure(args):
     print(f"fitted lines: {overlay}")
 
 
+def measurement_study(args):
+    """The definitions compared."""
+    if args.shapes < 1:
+        raise InputError("command line", "--shapes", args.shapes, "at least 1")
+    config = settings.load(args.config)
+    berry_of, particle = _berry_and_particle(args, config)
+
+    from repose import measurement_study
+
+    tables = measurement_study.run(
+        args.heaps, args.representative, particle, config["measure"], berry_of, args.out, args.shapes
+    )
+    for table in tables.values():
+        print(table.round(2).to_string(index="measured" not in table))
+
+
 def _axes(args, config):
     """Mean axes of the berry, from the file given or from the sizes of the configuration."""
     if args.berry is not None:
@@ -344,7 +360,7 @@ def check(args):
     work = settings.work(config)
     print(f"{args.config}: {config['label']}, good; results go to {config['results_dir']}")
     for purpose, sets, seeds in work["pours"]:
-        print(f"{purpose:>12}: {sets} parameter sets x {seeds} seeds = {sets * seeds} pours")
+        print(f"{purpose:>14}: {sets} parameter sets x {seeds} seeds = {sets * seeds} pours")
     minutes = work["total_s"] / args.cores / 60
     print(f"about {work['pour_s']:.1f} s a pour, {minutes:.0f} min on {args.cores} cores")
 
@@ -458,6 +474,7 @@ VERBS = {
         drum_tables,
         measure,
         silhouette,
+        measurement_study,
         dataset,
         network,
         miga,

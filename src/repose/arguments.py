@@ -216,6 +216,21 @@ def _add_measuring(verbs):
     sub.add_argument("--particle", required=True, help="particle.json of that heap")
     sub.add_argument("--azimuth", type=float, default=0.0, help="direction of view in degrees (0)")
 
+    sub = _verb(
+        verbs,
+        "measurement_study",
+        "compare the definitions of the angle: bias on known shapes, noise, signal over the design",
+        "python -m repose measurement_study results/heaps/???.npz"
+        " --representative results/validation/heaps/106.npz",
+        out="results/measurement_study",
+    )
+    sub.add_argument("heaps", nargs="+", help=".npz files of the design's pours, NAME.pours.json beside them")
+    sub.add_argument(
+        "--representative", required=True, help=".npz file of the published representative solution"
+    )
+    sub.add_argument("--shapes", type=int, default=8, help="piles of each known shape and angle (8)")
+    _add_berry(sub)
+
 
 def _add_calibration(verbs):
     sub = _verb(

@@ -172,7 +172,8 @@ def work(config):
     heap, validation = config["heap"], config["validation"]
     pours = (
         ("design", config["design"]["samples"], heap["seeds"]),
-        ("validation", validation["solutions"] + 1, validation["seeds"]),
+        ("representative", 1, validation["representative_seeds"]),
+        ("validation", validation["solutions"], validation["seeds"]),
         ("published", published_count(validation["published"]), validation["seeds"]),
     )
     pour_s = SECONDS_A_BERRY_STEP * heap["berries"] * heap["duration_s"] / heap["time_step_s"]

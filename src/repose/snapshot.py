@@ -14,6 +14,7 @@ KEPT = {
     "miga": ("*.csv", "*.json"),
     "validation": ("*.csv",),
     "measure": ("*.json", "*.png"),
+    "measurement_study": ("noise.csv", "correlation.csv", "bias.csv"),
     "figures": ("*.png",),
     "film": ("*.gif",),
     "drum": ("*.csv", "*.gif"),

@@ -15,6 +15,15 @@ FIGURES = {
         },
         ("measure",),
     ),
+    "definitions": (
+        "Definitions of the angle",
+        {
+            "heap": rules.measure.input.heap,
+            "particle": rules.shape.output.particle,
+            "berry": rules.berry.output.berry,
+        },
+        ("measure",),
+    ),
     "figure07": (
         "Figure 7",
         {"stl": rules.shape.output.stl, "particle": rules.shape.output.particle},

@@ -6,6 +6,12 @@ THEIRS = [
 ]
 
 
+def validation_seeds(wildcards):
+    """Pours of a solution; our representative one gets more."""
+    ours = wildcards.sample == OURS[0]
+    return config["validation"]["representative_seeds" if ours else "seeds"]
+
+
 rule solutions:
     input:
         feasible=rules.miga.output.feasible,
@@ -49,7 +55,7 @@ rule validation_heap:
     params:
         config=CONFIG,
         folder=folder,
-        seeds=config["validation"]["seeds"],
+        seeds=validation_seeds,
         depends=pouring_settings(),
     message:
         "Pouring solution {wildcards.sample} with fresh seeds"

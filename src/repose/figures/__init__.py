@@ -7,6 +7,7 @@ from repose.errors import InputError
 from . import (
     berries,
     checks,
+    measuring,
     representations,
     rotation,
     samples,
@@ -29,6 +30,7 @@ FIGURES = {
     "figure13": (surrogate.predicted_against_simulated, ("predictions", "dataset")),
     "figure14": (search.feasible_solutions, ("feasible", "summary")),
     "figure15": (rotation.states, ("states", "particle")),
+    "definitions": (measuring.definitions, ("heap", "particle", "berry")),
     "drum": (rotation.course, ("record", "profile", "runs")),
     "convergence": (search.convergence, ("history",)),
     "shape_study": (representations.study, ("combinations", "sets")),
