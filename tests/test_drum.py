@@ -159,7 +159,7 @@ def test_a_small_bed_turns_with_the_drum_and_no_berry_leaves(small_turn):
 
 
 def test_shell_and_caps_hold_every_point_of_every_berry(small_turn):
-    from repose.silhouette import rotation_matrices
+    from repose.dem.rotations import rotation_matrices
 
     rng = np.random.default_rng(0)
     directions = rng.normal(size=(400, 3))

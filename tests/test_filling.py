@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from repose import crop, filling, shape, silhouette
+from repose.dem.rotations import rotation_matrices
 from repose.errors import InputError
 from repose.mesh import body_of, ellipsoid_mesh, principal_pose
 from repose.particle import Particle
@@ -112,7 +113,7 @@ def test_outlines_and_top_of_clumps_against_a_cloud_of_points(clump):
     n = rng.normal(size=(4000, 3))
     n /= np.linalg.norm(n, axis=1, keepdims=True)
     tops = []
-    for k, turn in enumerate(silhouette.rotation_matrices(turns)):
+    for k, turn in enumerate(rotation_matrices(turns)):
         cloud = (clump.spheres_m[:, None, :3] + clump.spheres_m[:, None, 3:] * n).reshape(-1, 3)
         cloud = centres[k] + scales[k] * cloud @ turn.T
         tops.append(cloud[:, 2].max())

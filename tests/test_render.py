@@ -5,7 +5,8 @@ import pytest
 from PIL import Image
 
 from repose import film, shape
-from repose.dem.tessellation import rotation_matrices, tessellate
+from repose.dem.rotations import rotation_matrices
+from repose.dem.tessellation import tessellate
 from repose.errors import InputError
 from repose.render import render_pile
 from repose.stage import Frustum, funnel_walls, look_at, outline

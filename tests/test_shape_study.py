@@ -7,8 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from repose import scenes, settings, shape_study, silhouette
+from repose import scenes, settings, shape_study
 from repose.angles import MEAN_KEYS
+from repose.dem.rotations import rotation_matrices
 from repose.errors import InputError
 
 ROOT = Path(__file__).parents[1]
@@ -178,7 +179,7 @@ def test_new_berries_lie_or_stand_as_told(orientation, level):
     rng = np.random.default_rng(6)
     quaternions = np.array([scenes.turned_as(orientation, rng) for _ in range(300)])
     assert np.allclose(np.linalg.norm(quaternions, axis=1), 1.0)
-    turned = silhouette.rotation_matrices(quaternions)
+    turned = rotation_matrices(quaternions)
     assert np.allclose(np.abs(turned[:, 2, 0]), level, atol=1e-12)
     # what is left free is uniform: no direction is preferred
     other = turned[:, :2, 0] if orientation == "lying" else turned[:, :2, 1]

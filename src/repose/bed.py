@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import silhouette
+from .dem.rotations import rotation_matrices
 from .pile import equivalent_diameter
 
 SMALLEST_FIT = 8  # pixel columns that a line needs
@@ -85,7 +86,7 @@ def relative_energy(centres_m, quaternions, velocities_m_s, turning_rad_s, parti
     of the berries, angular velocity (3,) of the frame; scales (N,): of the berries.
     """
     drift = velocities_m_s - np.cross(frame_rad_s, centres_m)
-    turn = silhouette.rotation_matrices(quaternions)
+    turn = rotation_matrices(quaternions)
     spin = np.einsum("nij,ni->nj", turn, turning_rad_s - frame_rad_s)
     energy = scales**3 * particle.mass_kg * np.sum(drift**2, axis=1)
     energy += scales**5 * (spin**2 @ particle.inertia_kg_m2)

@@ -12,7 +12,8 @@ import numpy as np
 from scipy.ndimage import maximum_filter
 
 from . import raster
-from .dem.tessellation import rotation_matrices, tessellate
+from .dem.rotations import rotation_matrices
+from .dem.tessellation import tessellate
 from .stage import FIELD_OF_VIEW_DEG, Setting, look_at, outline, setting_of
 
 BACKGROUND = np.array([0.975, 0.977, 0.980])

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from repose.dem.rotations import rotation_matrices
 from repose.errors import InputError, NoFlankError
 
 # Simulations run side by side, one a core: OpenCV's own threads would only fight over them.
@@ -37,18 +38,6 @@ class Segmentation:
     mask: np.ndarray
     base_row: float
     pile_is: str
-
-
-def rotation_matrices(quaternions):
-    """Rotations body -> world (N, 3, 3) of quaternions (N, 4) ordered w, x, y, z; normalised here."""
-    q = np.asarray(quaternions, dtype=float)
-    w, x, y, z = (q / np.linalg.norm(q, axis=1, keepdims=True)).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
 
 
 def outlines(centres_m, quaternions, particle, azimuths_deg, inset_m=0.0, scales=None):

@@ -11,8 +11,8 @@ from repose.dem.contact import solve_gap
 from repose.dem.engine import gather, scatter
 from repose.dem.jit import kernel
 from repose.dem.materials import contact_law, damping_ratio, effective_moduli
+from repose.dem.rotations import rotation_matrix
 from repose.dem.simd import rsqrt
-from repose.dem.simulation import rotation_matrix
 
 LANES = st.LANES
 

@@ -2,8 +2,9 @@
 
 from .materials import Contact, Material
 from .recorder import Recorder
+from .rotations import rotation_matrices, rotation_matrix
 from .shapes import Clump, Shape
-from .simulation import Simulation, rotation_matrix
+from .simulation import Simulation
 from .surfaces import Cone, Cylinder, Mesh, Motion, Plane, RingEdge
 from .vtk import VtkSeries, write_vtk
 
@@ -21,6 +22,7 @@ __all__ = [
     "Shape",
     "Simulation",
     "VtkSeries",
+    "rotation_matrices",
     "rotation_matrix",
     "write_vtk",
 ]

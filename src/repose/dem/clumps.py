@@ -253,7 +253,7 @@ def look_at_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, s):
     -1 where no contact called for one.
     """
     rows = bodies.rows
-    skin = grid.lengths[2]
+    skin = grid.lengths[st.SKIN]
     shape_a, shape_b = clumps.shape[i], clumps.shape[j]
     x, y, z = rows[i, 0], rows[i, 1], rows[i, 2]
     n_a, n_b = clumps.sizes[shape_a], clumps.sizes[shape_b]
@@ -297,7 +297,7 @@ def wake_clumps(bodies, pairs, counts, grid, clumps, s, ghost):
     while k < n:
         i, j = np.int64(first[k]), np.int64(second[k])
         gap, _entry = look_at_spheres(bodies, pairs, counts, grid, clumps, k, i, j, s)
-        if gap < grid.lengths[2] or pairs.live[k] > 0:
+        if gap < grid.lengths[st.SKIN] or pairs.live[k] > 0:
             limit[k] = bodies.odometer[i] + bodies.odometer[j] + gap
         else:
             drop_entry(pairs, counts, grid, k, ghost)
@@ -309,11 +309,11 @@ def list_clumps(bodies, pairs, counts, grid, clumps, i, j, s):
     """Make an entry of two bodies whose surfaces are nearer than the skin."""
     rows = bodies.rows
     dx, dy, dz = rows[j, 0] - rows[i, 0], rows[j, 1] - rows[i, 1], rows[j, 2] - rows[i, 2]
-    reach = bounding_radius(bodies, i) + bounding_radius(bodies, j) + grid.lengths[2]
+    reach = bounding_radius(bodies, i) + bounding_radius(bodies, j) + grid.lengths[st.SKIN]
     if dx * dx + dy * dy + dz * dz >= reach * reach:
         return
     gap, entry = look_at_spheres(bodies, pairs, counts, grid, clumps, -1, i, j, s)
-    if entry < 0 and gap < grid.lengths[2]:
+    if entry < 0 and gap < grid.lengths[st.SKIN]:
         entry = add_entry(pairs, counts, grid, i, j)
     if entry >= 0:
         pairs.dormant_limit[entry] = bodies.odometer[i] + bodies.odometer[j] + gap

@@ -17,9 +17,9 @@ from .engine import advance
 from .materials import Contact, Material, contact_law, effective_moduli
 from .order import reorder
 from .rigid import TILE_ROWS, place_shape
+from .rotations import rotation_matrices, rotation_matrix
 from .shapes import Clump, Shape
 from .surfaces import Mesh, Motion, WallSet
-from .tessellation import rotation_matrices
 from .wall_arrays import wall_arrays
 from .walls import STARTS
 
@@ -551,18 +551,6 @@ def _grown(contacts, used, ghost):
         getattr(bigger, name)[:used] = getattr(contacts, name)[:used]
     bigger.data[: len(contacts.data)] = contacts.data
     return bigger
-
-
-def rotation_matrix(quaternion):
-    """Rotation matrix, body to world, of a unit quaternion (w, x, y, z)."""
-    w, x, y, z = quaternion
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
 
 
 def _pairs_of(contacts, materials):

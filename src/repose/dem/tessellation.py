@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from .rotations import rotation_matrices
 from .shapes import Clump
 from .surfaces import Cone, Plane, RingEdge
 
@@ -53,19 +54,6 @@ def _grid_triangles(rows, columns):
     after = (there + 1) % columns
     a, b, c, d = here + there, here + after, here + columns + there, here + columns + after
     return np.concatenate([np.stack([a, c, b], -1).reshape(-1, 3), np.stack([b, c, d], -1).reshape(-1, 3)])
-
-
-def rotation_matrices(quaternions):
-    """Rotation matrices (N, 3, 3), body to world, of quaternions (N, 4) as w, x, y, z."""
-    w, x, y, z = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).T
-    return np.stack(
-        [
-            np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)], -1),
-            np.stack([2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)], -1),
-            np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], -1),
-        ],
-        axis=1,
-    )
 
 
 def plane_polygon(plane, lower, upper, others=()):

@@ -12,7 +12,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from .files import write_whole
-from .tessellation import rotation_matrices, triangulated_bodies, triangulated_walls
+from .rotations import rotation_matrices
+from .tessellation import triangulated_bodies, triangulated_walls
 
 VTK_TYPES = {"f8": "Float64", "i8": "Int64", "i4": "Int32", "u1": "UInt8"}
 CONTENTS = ("points", "surfaces", "walls")

@@ -1,0 +1,20 @@
+"""Rotation matrices of quaternions (w, x, y, z)."""
+
+import numpy as np
+
+
+def rotation_matrices(quaternions):
+    """Rotations body to world (N, 3, 3) of quaternions (N, 4); normalised here."""
+    q = np.asarray(quaternions, dtype=float)
+    w, x, y, z = (q / np.linalg.norm(q, axis=1, keepdims=True)).T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def rotation_matrix(quaternion):
+    """Rotation body to world (3, 3) of one quaternion (4,)."""
+    return rotation_matrices(np.asarray(quaternion, dtype=float)[None])[0]
