@@ -21,7 +21,7 @@ def config(monkeypatch):
     config = copy.deepcopy(settings.load("config/quick.yaml"))
     config["shape_study"]["particles"] = {"egg": {"particle": "smooth"}, "clump": {"particle": "multisphere"}}
     config["shape_study"]["fillings"] = {"here": {}, "there": {"cone_angle_deg": 70.0}}
-    config["shape_study"]["sensitivity_particle"] = "egg"
+    config["shape_study"] |= {"sensitivity_particle": "egg", "sensitivity_filling": "there"}
     return config
 
 
@@ -67,6 +67,7 @@ def test_cells_are_every_combination_the_sensitivities_and_a_design_for_each_par
     assert names[4:] == [
         "sensitivity-egg-outlet_150_mm",
         "sensitivity-egg-rate_60_per_s",
+        "sensitivity-egg-plate_250_mm",
         "design-egg-here",
         "design-clump-here",
     ]
@@ -80,6 +81,11 @@ def test_a_cell_changes_the_sections_it_names_and_nothing_else(config):
     assert {k: v for k, v in own.items() if k not in ("berry", "heap")} == {
         k: v for k, v in config.items() if k not in ("berry", "heap")
     }
+
+
+def test_a_sensitivity_changes_its_filling(config):
+    *_, own = shape_study.cell_settings(config, "sensitivity-egg-outlet_150_mm")
+    assert own["heap"] == config["heap"] | {"cone_angle_deg": 70.0, "outlet_height_mm": 150.0}
 
 
 @pytest.mark.parametrize(

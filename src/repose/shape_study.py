@@ -44,13 +44,10 @@ def cells(config):
 def check(config, source="configuration"):
     """InputError unless every particle, filling and sensitivity of the study is a good configuration."""
     study = config["shape_study"]
-    if study["sensitivity_particle"] not in study["particles"]:
-        raise InputError(
-            source,
-            "shape_study.sensitivity_particle",
-            study["sensitivity_particle"],
-            "one of " + ", ".join(study["particles"]),
-        )
+    for key, section in (("sensitivity_particle", "particles"), ("sensitivity_filling", "fillings")):
+        if study[key] not in study[section]:
+            allowed = "one of " + ", ".join(study[section])
+            raise InputError(source, f"shape_study.{key}", study[key], allowed)
     for section, part in (("particles", "berry"), ("fillings", "heap"), ("sensitivities", "heap")):
         for name, changes in study[section].items():
             settings.check(changed(config, part, changes), f"{source}, shape_study.{section}.{name}")
@@ -94,9 +91,11 @@ def cell_settings(config, cell):
     if cell not in cells(config):
         raise InputError("command line", "--cell", cell, "one of " + ", ".join(cells(config)))
     study = config["shape_study"]
-    fillings = study["sensitivities"] if kind == "sensitivity" else study["fillings"]
+    changes = study["fillings"].get(filling, {})
+    if kind == "sensitivity":
+        changes = study["fillings"][study["sensitivity_filling"]] | study["sensitivities"][filling]
     config = changed(config, "berry", study["particles"][particle])
-    return kind, particle, filling, changed(config, "heap", fillings[filling])
+    return kind, particle, filling, changed(config, "heap", changes)
 
 
 def dependencies(config, cell):
