@@ -127,7 +127,7 @@ def test_a_bad_value_is_told_with_file_key_value_and_what_is_allowed(config, key
 
 def test_a_mistyped_key_is_told_with_the_one_that_was_meant(config):
     config["heap"]["seads"] = config["heap"].pop("seeds")
-    with pytest.raises(InputError, match=r"heap\.seads is 8; .*did you mean seeds"):
+    with pytest.raises(InputError, match=r"heap\.seads is 6; .*did you mean seeds"):
         settings.check(config, "my.yaml")
 
 
@@ -250,7 +250,7 @@ def test_seeds_are_stable_distinct_and_fresh_for_validation():
 def test_work_counts_every_pour(config):
     work = settings.work(config)
     solutions = (("representative", 1, 32), ("validation", 5, 16), ("published", 6, 16))
-    assert work["pours"] == (("design", 150, 8), *solutions)
+    assert work["pours"] == (("design", 150, 6), *solutions)
     config["heap"]["time_step_s"] /= 2
     assert settings.work(config)["total_s"] > 1.7 * work["total_s"]
 
