@@ -21,7 +21,11 @@ def config(monkeypatch):
     config = copy.deepcopy(settings.load("config/quick.yaml"))
     config["shape_study"]["particles"] = {"egg": {"particle": "smooth"}, "clump": {"particle": "multisphere"}}
     config["shape_study"]["fillings"] = {"here": {}, "there": {"cone_angle_deg": 70.0}}
-    config["shape_study"] |= {"sensitivity_particle": "egg", "sensitivity_filling": "there"}
+    config["shape_study"] |= {
+        "sensitivity_particle": "egg",
+        "sensitivity_filling": "there",
+        "design_fillings": ["here"],
+    }
     return config
 
 
@@ -159,7 +163,7 @@ def test_nothing_is_chosen_where_the_signal_is_lost_in_noise(config, tmp_path):
     ]
     files = [
         write_cell(tmp_path, "published", "egg", "here", piles),
-        write_cell(tmp_path, "design", "egg", "here", a_design(rng, 1.0, 1.0)),
+        write_cell(tmp_path, "design", "egg", "here", a_design(rng, 0.7, 1.0)),
     ]
     found = shape_study.tables(config, files, tmp_path / "out")
     assert found["choice"] is None
@@ -171,7 +175,9 @@ def test_signal_and_noise_of_a_known_model(signal, noise):
     rng = np.random.default_rng(5)
     rows = a_design(rng, signal, noise, sets=400, seeds=3)
     runs = pd.DataFrame(rows, columns=["set", "seed", "aor_secant_deg", "height_mm"])
-    runs = runs.assign(particle="egg", **{key: 1.0 for key in MEAN_KEYS.values() if key != "aor_secant_deg"})
+    runs = runs.assign(
+        particle="egg", filling="here", **{key: 1.0 for key in MEAN_KEYS.values() if key != "aor_secant_deg"}
+    )
     table = shape_study.noise_table(runs).set_index("response")
     found = table.loc["secant"]
     assert found["noise"] == pytest.approx(noise, rel=0.06)

@@ -33,12 +33,15 @@ LEAST_SIGNAL_TO_NOISE = 1.3
 def cells(config):
     """Names KIND-PARTICLE-FILLING of the study's jobs."""
     study = config["shape_study"]
-    base = next(iter(study["fillings"]))
     names = [
         f"published-{particle}-{filling}" for particle in study["particles"] for filling in study["fillings"]
     ]
     names += [f"sensitivity-{study['sensitivity_particle']}-{name}" for name in study["sensitivities"]]
-    return names + [f"design-{particle}-{base}" for particle in study["particles"]]
+    return names + [
+        f"design-{particle}-{filling}"
+        for filling in study["design_fillings"]
+        for particle in study["particles"]
+    ]
 
 
 def check(config, source="configuration"):
@@ -48,6 +51,10 @@ def check(config, source="configuration"):
         if study[key] not in study[section]:
             allowed = "one of " + ", ".join(study[section])
             raise InputError(source, f"shape_study.{key}", study[key], allowed)
+    for filling in study["design_fillings"]:
+        if filling not in study["fillings"]:
+            allowed = "some of " + ", ".join(study["fillings"])
+            raise InputError(source, "shape_study.design_fillings", filling, allowed)
     for section, part in (("particles", "berry"), ("fillings", "heap"), ("sensitivities", "heap")):
         for name, changes in study[section].items():
             settings.check(changed(config, part, changes), f"{source}, shape_study.{section}.{name}")
@@ -231,8 +238,7 @@ def combination_table(sets, noise, particles, target):
     ):
         aor, height = group["aor_difference_deg"], group["height_difference_mm"]
         off = (aor / sd_aor) ** 2 + (height / sd_height) ** 2
-        ratio = noise[(noise["particle"] == particle) & (noise["response"] == definition)]
-        signal = float(ratio["signal_to_noise"].iloc[0]) if len(ratio) else math.nan
+        signal, signal_se = _signal_of(noise, particle, filling, definition)
         measured = bool(particles.set_index("particle").at[particle, "measured_berry"])
         count = len(group)
         rows.append(
@@ -248,23 +254,38 @@ def combination_table(sets, noise, particles, target):
                 "sets": count,
                 "distance": math.sqrt(off.mean()),
                 "signal_to_noise": signal,
+                "signal_to_noise_se": signal_se,
                 "measured_berry": measured,
-                "eligible": measured and signal >= LEAST_SIGNAL_TO_NOISE and not math.isnan(off.mean()),
+                "eligible": bool(
+                    measured
+                    and signal + 2 * signal_se >= LEAST_SIGNAL_TO_NOISE
+                    and not math.isnan(off.mean())
+                ),
             }
         )
     table = pd.DataFrame(rows)
     return table.sort_values(["eligible", "distance"], ascending=[False, True], ignore_index=True)
 
 
+def _signal_of(noise, particle, filling, definition):
+    """Signal-to-noise ratio and its standard error; of the first filling that has one where this has none."""
+    rows = noise[(noise["particle"] == particle) & (noise["response"] == definition)]
+    own = rows[rows["filling"] == filling]
+    row = own if len(own) else rows.head(1)
+    if row.empty:
+        return math.nan, math.nan
+    return float(row["signal_to_noise"].iloc[0]), float(row["standard_error"].iloc[0])
+
+
 def noise_table(runs):
-    """Signal and noise of every particle's angle and Height over the designed parameter sets.
+    """Signal and noise of every particle's angle and Height over the designed parameter sets, for each filling.
 
     noise: standard deviation from seed to seed; signal: of the true means, the spread of the sets' means less what the
     noise adds to it; signal_to_noise with a standard error from leaving out one set at a time (jackknife).
     """
     columns = MEAN_KEYS | {"height": "height_mm"}
     rows = []
-    for particle, group in runs.groupby("particle", sort=False):
+    for (particle, filling), group in runs.groupby(["particle", "filling"], sort=False):
         for response, column in columns.items():
             by_set = [one[column].dropna().to_numpy() for _, one in group.groupby("set")]
             by_set = [values for values in by_set if len(values) > 1]
@@ -274,6 +295,7 @@ def noise_table(runs):
             rows.append(
                 {
                     "particle": particle,
+                    "filling": filling,
                     "response": response,
                     "signal": signal,
                     "noise": noise,
@@ -283,7 +305,17 @@ def noise_table(runs):
                 }
             )
     return pd.DataFrame(
-        rows, columns=["particle", "response", "signal", "noise", "signal_to_noise", "standard_error", "sets"]
+        rows,
+        columns=[
+            "particle",
+            "filling",
+            "response",
+            "signal",
+            "noise",
+            "signal_to_noise",
+            "standard_error",
+            "sets",
+        ],
     )
 
 

@@ -17,6 +17,7 @@ KEPT = {
     "measurement_study": ("noise.csv", "correlation.csv", "bias.csv"),
     "figures": ("*.png",),
     "film": ("*.gif",),
+    "shape": ("*.csv", "*.json", "*.png"),
     "drum": ("*.csv", "*.gif"),
 }
 LARGEST_FILE = 5_000_000  # bytes
