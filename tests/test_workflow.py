@@ -152,6 +152,16 @@ def test_a_changed_measurement_measures_again_and_pours_nothing(finished, change
         assert jobs.get(rule, count) == count
 
 
+def test_uncertainty_is_a_target_of_its_own(finished):
+    project, words = finished
+    own = ("noise_tables", "posterior_tables", "sensitivity_tables")
+    drawn = ("draw_noise", "draw_corner", "draw_intervals", "draw_sobol", "draw_main_effects")
+    jobs = planned(project, *words, "--", "uncertainty")
+    # of the finished study only empty files are there, so nothing before the tables has to run
+    assert set(jobs) == {*own, *drawn, "uncertainty", "total"}
+    assert not {*own, *drawn} & set(planned(project, *words, "--forceall"))
+
+
 def test_every_figure_and_table_has_a_caption():
     text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").glob("*.smk"))
     captions = {path.stem for path in (ROOT / "workflow" / "report").glob("*.rst")}
