@@ -102,7 +102,9 @@ def test_r_hat_of_known_chains():
     assert posterior.split_r_hat(apart) == pytest.approx(math.sqrt(1 + (18 - 4.5) / 7), rel=0.02)
     drifting = good + np.linspace(0, 3, 2000)[None, :, None]
     # halves' means 0.75 and 2.25 four times each, and a ramp of 1.5 within each
-    assert posterior.split_r_hat(drifting) == pytest.approx(math.sqrt(1 + 4.5 / 7 / (1 + 1.5**2 / 12)), rel=0.02)
+    assert posterior.split_r_hat(drifting) == pytest.approx(
+        math.sqrt(1 + 4.5 / 7 / (1 + 1.5**2 / 12)), rel=0.02
+    )
     with pytest.raises(ValueError, match=r"shape \(4, 3, 1\)"):
         posterior.split_r_hat(good[:, :3])
 
