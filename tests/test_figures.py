@@ -8,9 +8,19 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from repose import figures, shape
+from repose import figures, noise, shape
 from repose.errors import InputError
-from repose.figures import checks, rotation, samples, search, style, surrogate, testbench, workflow
+from repose.figures import (
+    checks,
+    rotation,
+    samples,
+    search,
+    style,
+    surrogate,
+    testbench,
+    uncertainty,
+    workflow,
+)
 from repose.parameters import PARAMETERS
 
 RANGES = dict(
@@ -193,7 +203,52 @@ def inputs(tmp_path_factory):
     intervals["low"] = [0.199, 0.600, 0.036, 0.202, 0.455, 0.181]
     intervals["high"] = [0.256, 0.659, 0.038, 0.248, 0.529, 0.188]
     intervals.to_csv(folder / "table3.csv", index=False)
+    made_up_uncertainty(folder, rng)
     return {path.stem: path for path in folder.iterdir()} | {"folder": folder}
+
+
+def made_up_uncertainty(folder, rng):
+    """Tables of noise, posterior and sensitivity; the posterior leans to the upper end of every range."""
+    runs = pd.DataFrame({"sample": np.repeat(np.arange(20), 4), "seed": np.tile(np.arange(4), 20)})
+    runs["status"] = np.where(rng.random(80) < 0.05, "jammed", "ok")
+    for column, mean, spread in (("aor_deg", 24.0, 1.5), ("height_mm", 61.0, 3.0)):
+        runs[column] = mean + 1.4 * spread * np.sin(runs["sample"]) + rng.normal(0, spread, 80)
+    runs.to_csv(folder / "noise_runs.csv", index=False)
+    noise.run(folder / "noise_runs.csv", CONFIG["target"], folder / "floor")
+    for name in ("seeds.csv", "noise.json"):
+        (folder / "floor" / name).rename(folder / name)
+    draws = pd.DataFrame(
+        {name: low + (high - low) * rng.beta(3, 1, 500) for name, (low, high) in RANGES.items()}
+    )
+    draws.to_csv(folder / "draws.csv", index=False)
+    rows = pd.DataFrame({"parameter": PARAMETERS, "width_ratio": 0.7, "information_bits": 0.4})
+    low, high = np.array([RANGES[name] for name in PARAMETERS]).T
+    places = {"low": 0, "high": 1, "credible_low": 0.3, "credible_high": 1, "median": 0.8}
+    places |= {"published_low": 0.4, "published_high": 0.5, "miga_low": 0.6, "miga_high": 0.62}
+    for column, place in places.items():
+        rows[column] = low + place * (high - low)
+    rows.to_csv(folder / "posterior.csv", index=False)
+    summary = {
+        "misfit": {"squared_distance": 4.0},
+        "thin_share": 0.98,
+        "converged": False,
+        "largest_r_hat": 1.2,
+    }
+    predicted = {name: {"mean": 30.0, "low": 29.0, "high": 31.0} for name in ("aor_deg", "height_mm")}
+    summary |= {"least_effective_draws": 90.0, "predicted": predicted}
+    (folder / "posterior_summary.json").write_text(json.dumps(summary))
+    sobol = [
+        {"response": response, "parameter": name, "first": 0.15, "first_low": 0.1, "first_high": 0.2}
+        | {"total": 0.2, "total_low": 0.18, "total_high": 0.22}
+        for response in ("aor_deg", "height_mm")
+        for name in PARAMETERS
+    ]
+    pd.DataFrame(sobol).to_csv(folder / "sobol.csv", index=False)
+    effects = pd.concat(
+        pd.DataFrame({"parameter": name, "value": np.linspace(*RANGES[name], 5)}) for name in PARAMETERS
+    )
+    effects["aor_deg"], effects["height_mm"] = np.tile([20, 22, 24, 25, 25.5], 6), 60.0
+    effects.to_csv(folder / "effects.csv", index=False)
 
 
 def inputs_of(name, inputs):
@@ -203,6 +258,10 @@ def inputs_of(name, inputs):
         files["published"] = "table3"
     if name == "validation":
         files["published"] = "table4"
+    if name == "noise":
+        files["runs"] = "noise_runs"
+    if name == "corner":
+        files["summary"] = "posterior_summary"
     keys = figures.FIGURES[name][1] + figures.OPTIONAL.get(name, ())
     return {key: inputs[files.get(key, key)] for key in keys}
 
@@ -266,6 +325,15 @@ def test_reconstructed_sizes_are_called_so(inputs, tmp_path):
         measured = tmp_path / "measured.csv"
         measured.write_text(inputs["sizes"].read_text().replace("# reconstruction\n", ""))
         assert berries.RECONSTRUCTED not in words(berries.sizes_and_sphericity({"sizes": measured}, CONFIG))
+
+
+def test_a_posterior_that_is_not_converged_or_extrapolated_says_so(inputs):
+    files = inputs_of("corner", inputs)
+    with style.applied():
+        text = words(uncertainty.corner(files, CONFIG))
+    assert "NOT CONVERGED" in text
+    assert "EXTRAPOLATED" in text
+    assert "best draw 2.00 standard deviations" in text
 
 
 def test_no_feasible_solution_is_said_in_words(inputs, tmp_path):

@@ -7,6 +7,7 @@ import pytest
 
 from repose import miga
 from repose.errors import InputError
+from repose.extrapolation import Support
 from repose.miga import MIGA, Archive, Objective, islands_ga
 from repose.network import ARRAYS
 from repose.parameters import PARAMETERS
@@ -412,6 +413,19 @@ def test_few_feasible_solutions_are_followed_by_the_nearest(tmp_path):
     assert len(solutions) == 10
     assert 0 < summary["n_solutions"] == solutions["feasible"].sum() < 10
     assert solutions["feasible"].is_monotonic_decreasing
+
+
+def test_solutions_at_the_bounds_carry_a_warning(tmp_path):
+    """Out of reach: every solution sits in a corner, with samples in the middle of the ranges alone."""
+    network_json, table3 = write_inputs(tmp_path, 0.2)
+    support = Support(np.random.RandomState(1).uniform(0.5, 1.5, (60, 6)), np.zeros(6), np.full(6, 2.0))
+    brief = SETTINGS | {"rounds": 5}
+    summary = miga.run(network_json, RANGES, TARGET, brief, table3, tmp_path, support)
+    table = pd.read_csv(tmp_path / "feasible.csv")
+    assert table.columns[-1] == "warning"
+    assert table["warning"].str.contains("nearest sample").all()
+    assert "mur_gg high" in table["warning"].iloc[0]
+    assert summary["message"].endswith(f"Beyond the samples: {table['warning'].iloc[0]}.")
 
 
 def test_a_target_outside_its_box_and_a_bad_table_are_named(tmp_path):

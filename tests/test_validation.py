@@ -6,6 +6,7 @@ import pytest
 
 from repose import validation
 from repose.errors import InputError
+from repose.extrapolation import Support
 from repose.parameters import PARAMETERS
 
 RANGES = dict.fromkeys(PARAMETERS, (0.0, 1.0))
@@ -129,6 +130,23 @@ def test_a_failed_simulation_keeps_its_row_without_numbers(study):
     assert np.isnan(table.loc[3, "aor_error_percent"])
     assert not result["representative"]["within_one_sd"].any()
     assert np.isnan(result["published"].set_index("sample").loc[101, "aor_difference_deg"])
+
+
+def test_solutions_beyond_the_samples_carry_a_warning(study):
+    """Samples fill 0.3 to 0.7 of every range, as our solutions do; the published mur_gg lie far below."""
+    random = np.random.RandomState(2)
+    support = Support(random.uniform(0.3, 0.7, (200, 6)), np.zeros(6), np.ones(6))
+    paths = write_heaps(study, select(study))
+    plain = validation.run(
+        study / "v/solutions.csv", paths, study / "published4.csv", TARGET, study / "v/plain"
+    )
+    told = validation.run(
+        study / "v/solutions.csv", paths, study / "published4.csv", TARGET, study / "v", support
+    )
+    for name in ("table4", "published"):
+        assert told[name].columns.tolist() == [*plain[name].columns, "warning"]
+    assert (told["table4"]["warning"] == "").sum() >= 3
+    assert told["published"]["warning"].str.contains("nearest sample").all()
 
 
 def test_a_missing_simulation_is_named(study):

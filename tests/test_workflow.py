@@ -157,6 +157,16 @@ def test_the_study_of_the_measurement_takes_the_piles_that_are_there(finished):
     assert set(planned(project, *words, "--", "measurement_study")) == {"measurement_study", "total"}
 
 
+def test_uncertainty_is_a_target_of_its_own(finished):
+    project, words = finished
+    own = ("noise_tables", "posterior_tables", "sensitivity_tables")
+    drawn = ("draw_noise", "draw_corner", "draw_intervals", "draw_sobol", "draw_main_effects")
+    jobs = planned(project, *words, "--", "uncertainty")
+    # of the finished study only empty files are there, so nothing before the tables has to run
+    assert set(jobs) == {*own, *drawn, "uncertainty", "total"}
+    assert not {*own, *drawn} & set(planned(project, *words, "--forceall"))
+
+
 def test_every_figure_and_table_has_a_caption():
     text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").glob("*.smk"))
     captions = {path.stem for path in (ROOT / "workflow" / "report").glob("*.rst")}

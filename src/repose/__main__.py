@@ -274,10 +274,12 @@ def network(args):
 def miga(args):
     """Inverse search."""
     from repose import miga
+    from repose.extrapolation import Support
 
     config = settings.load(args.config)
+    support = Support.of_dataset(args.dataset, config["parameters"]) if args.dataset else None
     summary = miga.run(
-        args.network, config["parameters"], config["target"], config["miga"], args.table3, args.out
+        args.network, config["parameters"], config["target"], config["miga"], args.table3, args.out, support
     )
     print(summary["message"])
 
@@ -297,10 +299,38 @@ def solutions(args):
 def validate(args):
     """Table 4."""
     from repose import validation
+    from repose.extrapolation import Support
 
     config = settings.load(args.config)
     published = config["validation"]["published"]
-    validation.run(args.solutions, args.heaps, published, config["target"], args.out)
+    support = Support.of_dataset(args.dataset, config["parameters"]) if args.dataset else None
+    validation.run(args.solutions, args.heaps, published, config["target"], args.out, support)
+
+
+def noise(args):
+    """Noise floor."""
+    from repose import noise
+
+    print(noise.message(noise.run(args.runs, settings.load(args.config)["target"], args.out)))
+
+
+def posterior(args):
+    """Posterior of the six parameters."""
+    from repose import posterior
+
+    config = settings.load(args.config)
+    files = {key: getattr(args, key) for key in arguments.POSTERIOR_FILES}
+    summary = posterior.run(files, config["parameters"], config["target"], config["posterior"], args.out)
+    print(posterior.message(summary))
+
+
+def sensitivity(args):
+    """Sobol indices and main effects."""
+    from repose import sensitivity
+
+    config = settings.load(args.config)
+    table = sensitivity.run(args.network, config["parameters"], config["sensitivity"], args.out)
+    print(sensitivity.message(table))
 
 
 def figure(args):
@@ -482,6 +512,9 @@ VERBS = {
         validate,
         shape_cell,
         shape_study,
+        noise,
+        posterior,
+        sensitivity,
         figure,
         film,
         table,

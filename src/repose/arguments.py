@@ -10,6 +10,16 @@ from repose.parameters import LABELS, PARAMETERS, PHYSICAL_LIMITS
 
 CONFIG = "config/config.yaml"
 PUBLISHED = Path("resources/published")
+# Files that the verb posterior reads, and where they lie.
+POSTERIOR_FILES = {
+    "network": "results/network/network.json",
+    "metrics": "results/network/metrics.json",
+    "predictions": "results/network/predictions.csv",
+    "dataset": "results/dataset.csv",
+    "runs": "results/runs.csv",
+    "feasible": "results/miga/feasible.csv",
+    "table3": str(PUBLISHED / "table3.csv"),
+}
 
 
 def parser():
@@ -27,6 +37,7 @@ def parser():
     _add_shape_study(verbs)
     _add_measuring(verbs)
     _add_calibration(verbs)
+    _add_uncertainty(verbs)
     _add_pictures(verbs)
     _add_services(verbs)
     return top
@@ -261,6 +272,7 @@ def _add_calibration(verbs):
     )
     sub.add_argument("--network", default="results/network/network.json", help="what the verb network wrote")
     sub.add_argument("--table3", default=str(PUBLISHED / "table3.csv"), help="published intervals")
+    _add_support(sub)
     sub = _verb(
         verbs,
         "solutions",
@@ -278,6 +290,40 @@ def _add_calibration(verbs):
     )
     sub.add_argument("heaps", nargs="+", help="JSON files that measure_heap wrote, one for each solution")
     sub.add_argument("--solutions", default="results/validation/solutions.csv", help="what `solutions` wrote")
+    _add_support(sub)
+
+
+def _add_support(sub):
+    """The samples that tell an extrapolation."""
+    sub.add_argument("--dataset", help="dataset.csv; with it solutions beyond its samples carry a warning")
+
+
+def _add_uncertainty(verbs):
+    sub = _verb(
+        verbs,
+        "noise",
+        "variance of both responses within and between samples, what seeds buy, what a predictor can reach",
+        "python -m repose noise --runs results/runs.csv",
+        out="results/noise",
+    )
+    sub.add_argument("--runs", default="results/runs.csv", help="what the verb dataset wrote: single runs")
+    sub = _verb(
+        verbs,
+        "posterior",
+        "posterior of the six parameters given the physical piles, with what they do not determine",
+        "python -m repose posterior --network results/network/network.json",
+        out="results/posterior",
+    )
+    for key, path in POSTERIOR_FILES.items():
+        sub.add_argument(f"--{key}", default=path, help=f"({path})")
+    sub = _verb(
+        verbs,
+        "sensitivity",
+        "Sobol indices of both responses on the network, with intervals, and main effects",
+        "python -m repose sensitivity --network results/network/network.json",
+        out="results/sensitivity",
+    )
+    sub.add_argument("--network", default="results/network/network.json", help="what the verb network wrote")
 
 
 def _add_pictures(verbs):

@@ -313,13 +313,14 @@ def search(responses, objective, settings):
 # The workflow's stage
 
 
-def run(network_json, ranges, target, settings, published_table3_csv, out_dir):
+def run(network_json, ranges, target, settings, published_table3_csv, out_dir, support=None):
     """Search and write feasible.csv, intervals.csv, history.csv, summary.json; return the summary.
 
     ranges: parameter to (low, high). target: aor_deg, height_mm, aor_range_deg, height_range_mm. settings:
     islands, population, rounds, generations, tournament, mutation_probability, mutation_amplitude, solutions,
     distance, seed. feasible.csv: the best distinct feasible solutions; where fewer than 10 were met, the
-    nearest others follow, marked in the column `feasible`. Raises InputError for bad files and for a target
+    nearest others follow, marked in the column `feasible`. support: `repose.extrapolation.Support` of the samples;
+    with it the column `warning` says which solutions lie beyond them. Raises InputError for bad files and for a target
     outside its own box.
     """
     import pandas as pd  # not needed by whoever wants the optimiser alone
@@ -346,6 +347,8 @@ def run(network_json, ranges, target, settings, published_table3_csv, out_dir):
     table["aor_predicted_deg"], table["height_predicted_mm"] = Y[rows].T
     table["objective"], table["violation"], table["feasible"] = F[rows], V[rows], V[rows] == 0
     table["representative"] = table["solution"] == 1  # best first, so the least total deviation
+    if support is not None:
+        table["warning"] = support.warnings(parameters)
 
     summary = {
         "feasible": n_feasible > 0,
@@ -361,6 +364,8 @@ def run(network_json, ranges, target, settings, published_table3_csv, out_dir):
         "target_distance": dict(zip(("aor_deg", "height_mm"), _outside(Y[0], objective.target), strict=True)),
         "message": message(Y[0], target, n_feasible, settings),
     }
+    if support is not None and table["warning"].iloc[0]:
+        summary["message"] += f" Beyond the samples: {table['warning'].iloc[0]}."
     out = Path(out_dir)
     out.mkdir(parents=True, exist_ok=True)
     table.to_csv(out / "feasible.csv", index=False)

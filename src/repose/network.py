@@ -126,12 +126,18 @@ class PlainBayesianBP:
         Y = Y[:, 0] if self.one_output_ else Y
         if not return_std:
             return Y
-        w = np.concatenate([self.W1_.ravel(), self.b1_, self.W2_.ravel(), self.b2_])
-        x = _scale(X, self.input_min_, self.input_max_, self.scaled_range)
-        _, J = jacobian(w, x, len(self.b2_))
-        variance = ((J @ self.posterior_root_) ** 2).sum(axis=2) + noise / (2 * self.beta_)
+        variance = (self._weight_roots(X) ** 2).sum(axis=2) + noise / (2 * self.beta_)
         std = np.sqrt(variance) * self._stretch()
         return Y, std[:, 0] if self.one_output_ else std
+
+    def covariance(self, X):
+        """Covariance (samples, outputs, outputs) of the responses by the uncertainty of the weights alone.
+
+        In units of y squared, for X (samples, inputs); its diagonal is the square of what `predict` gives with
+        return_std=True, noise=False. The outputs share the hidden layer, so their errors are correlated.
+        """
+        roots = self._weight_roots(np.asarray(X, dtype=float)) * self._stretch()[:, None]
+        return roots @ roots.transpose(0, 2, 1)
 
     def score(self, X, y, sample_weight=None):
         """R2 (Eq. 13), the mean over the outputs; sample_weight (samples,) as scikit-learn takes it."""
@@ -155,6 +161,34 @@ class PlainBayesianBP:
     def save(self, path, inputs=PARAMETERS, outputs=RESPONSES):
         """Write the network as JSON to path."""
         Path(path).write_text(json.dumps(self.to_dict(inputs, outputs), indent=1) + "\n")
+
+    @classmethod
+    def restored(cls, network, X, alpha, beta, precision=None, prior="one"):
+        """A fitted network with its error bars, from what was saved of it.
+
+        network: of `load`. X (samples, inputs): the inputs it was trained on, precision as `fit` was given it.
+        alpha, beta: of the end of training. The Hessian is that of the saved weights, so nothing is trained.
+        """
+        arrays = {key: np.asarray(network[key], dtype=float) for key in ARRAYS}
+        model = cls(hidden=len(arrays["b1"]), scaled_range=tuple(network["scaled_range"]), prior=prior)
+        for key, value in arrays.items():
+            setattr(model, f"{key}_", value)
+        model.alpha_, model.beta_, model.one_output_ = alpha, float(beta), False
+        X, _, _, precision = _checked(X, np.zeros((len(X), len(arrays["b2"]))), None, precision)
+        w = np.concatenate([arrays[key].ravel() for key in ("W1", "b1", "W2", "b2")])
+        x = _scale(X, model.input_min_, model.input_max_, model.scaled_range)
+        J = (jacobian(w, x, len(model.b2_))[1] * np.sqrt(precision)[:, :, None]).reshape(-1, w.size)
+        classes = weight_classes(prior, X.shape[1], model.hidden, len(model.b2_))
+        model.posterior_root_ = posterior_root(_spread(np.atleast_1d(alpha), classes, w.size), beta, J.T @ J)
+        model.noise_std_ = model._stretch() / math.sqrt(2 * model.beta_)
+        return model
+
+    def _weight_roots(self, X):
+        """dy/dw times the root of the weights' covariance, (samples, outputs, N), outputs scaled."""
+        w = np.concatenate([self.W1_.ravel(), self.b1_, self.W2_.ravel(), self.b2_])
+        x = _scale(X, self.input_min_, self.input_max_, self.scaled_range)
+        _, J = jacobian(w, x, len(self.b2_))
+        return (J.reshape(-1, w.size) @ self.posterior_root_).reshape(J.shape)  # one large product
 
     def _check_settings(self):
         for name, least in (("hidden", 1), ("epochs", 1), ("starts", 1), ("goal", 0)):

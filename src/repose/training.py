@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from repose.errors import InputError
-from repose.network import RESPONSES, PlainBayesianBP, r2, weights_from_errors
+from repose.network import RESPONSES, PlainBayesianBP, load, r2, weights_from_errors
 from repose.parameters import PARAMETERS
 from repose.readers import read_table
 
 SPLITS = ("train", "validation", "test")
+PREDICTED = ("aor_predicted_deg", "height_predicted_mm")
 FEWEST_SAMPLES = 12  # 8 to train, 1 to validate, 3 to test: below that no R2 means anything
 
 
@@ -76,15 +77,47 @@ def run(dataset_csv, runs_csv, settings, out_dir):
     predictions = pd.DataFrame({"sample": usable["sample"], "split": ""})
     for name in SPLITS:
         predictions.loc[rows[name], "split"] = name
-    for k, (response, predicted) in enumerate(
-        zip(RESPONSES, ("aor_predicted_deg", "height_predicted_mm"), strict=True)
-    ):
+    for k, (response, predicted) in enumerate(zip(RESPONSES, PREDICTED, strict=True)):
         predictions[response], predictions[predicted] = Y[:, k], P[:, k]
     predictions.to_csv(out / "predictions.csv", index=False)
     starts = pd.DataFrame(network.starts_)
     starts["chosen"] = starts["start"] == network.best_start_
     starts.to_csv(out / "starts.csv", index=False)
     return metrics
+
+
+def restore(network_json, metrics_json, predictions_csv, dataset_csv):
+    """The trained network with its error bars, from the files that `run` left and the dataset it read.
+
+    Nothing is trained: the Hessian is that of the saved weights. Raises InputError for a bad file, and where the
+    files are not of one training.
+    """
+    network = load(network_json)
+    try:
+        metrics = json.loads(Path(metrics_json).read_text())
+        alpha, beta, weighted = metrics["alpha"], metrics["beta"], metrics["weighted"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(metrics_json, "metrics", str(error), "what the verb network wrote") from error
+    predictions = read_table(predictions_csv, ("sample", "split", *PREDICTED))
+    table = read_table(
+        dataset_csv, ("sample", *PARAMETERS, "status", *RESPONSES, "aor_se_deg", "height_se_mm")
+    )
+    usable = table[table["status"] == "ok"].set_index("sample")
+    trained = predictions[predictions["split"] == "train"]
+    missing = sorted(set(trained["sample"]) - set(usable.index))
+    if missing or trained.empty:
+        raise InputError(predictions_csv, "samples", missing, f"usable samples of {dataset_csv}")
+    precision = None
+    if weighted:
+        errors = usable[["aor_se_deg", "height_se_mm"]].to_numpy(float)
+        precision = weights_from_errors(errors)[usable.index.get_indexer(trained["sample"])]
+    X = usable.loc[trained["sample"], list(PARAMETERS)].to_numpy(float)
+    model = PlainBayesianBP.restored(network, X, alpha, beta, precision)
+    if not np.allclose(model.predict(X), trained[list(PREDICTED)], rtol=1e-6):
+        raise InputError(
+            predictions_csv, "predictions", "others", f"those of {network_json} on {dataset_csv}"
+        )
+    return model
 
 
 def split(samples, shares, seed):

@@ -47,13 +47,14 @@ def write_solutions(feasible_csv, published_table4_csv, ranges, count, out_csv):
     return both.reset_index(drop=True)
 
 
-def run(solutions_csv, heap_json_paths, published_table4_csv, target, out_dir):
+def run(solutions_csv, heap_json_paths, published_table4_csv, target, out_dir, support=None):
     """Write table4.csv, representative.csv and published.csv into out_dir; return the three tables.
 
     solutions_csv: of `write_solutions`. heap_json_paths: one heap job for each of its samples. target:
     physical_aor_deg, physical_aor_sd_deg, physical_height_mm, physical_height_sd_mm. A solution whose
-    simulation failed keeps its row, with its status and no numbers. Raises InputError for a missing or bad
-    file.
+    simulation failed keeps its row, with its status and no numbers. support: `repose.extrapolation.Support` of the
+    samples; with it the column `warning` of table4.csv and published.csv says which solutions lie beyond them.
+    Raises InputError for a missing or bad file.
     """
     solutions = read_samples(solutions_csv)
     for column in SOLUTION_COLUMNS:
@@ -73,6 +74,9 @@ def run(solutions_csv, heap_json_paths, published_table4_csv, target, out_dir):
         "representative": against_physical(ours[ours["role"] == "representative"].iloc[0], target),
         "published": beside_published(rows[rows["origin"] == "published"], published_table4_csv),
     }
+    if support is not None:
+        for name in ("table4", "published"):
+            tables[name]["warning"] = support.warnings(tables[name][list(PARAMETERS)])
     out = Path(out_dir)
     out.mkdir(parents=True, exist_ok=True)
     for name, table in tables.items():

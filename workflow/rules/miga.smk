@@ -1,6 +1,7 @@
 rule miga:
     input:
         network=rules.network.output.network,
+        dataset=rules.dataset.output.dataset,
         table3="resources/published/table3.csv",
     output:
         feasible=f"{RESULTS}/miga/feasible.csv",
@@ -22,4 +23,4 @@ rule miga:
         "Searching the parameters that give the target pile"
     shell:
         "python -m repose miga --config {params.config} --network {input.network} --table3 {input.table3}"
-        " --out {params.folder} > {log} 2>&1"
+        " --dataset {input.dataset} --out {params.folder} > {log} 2>&1"

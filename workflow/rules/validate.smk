@@ -95,6 +95,7 @@ rule validate:
     input:
         solutions=rules.solutions.output.solutions,
         heaps=expand(rules.measure_validation_heap.output.result, sample=OURS + THEIRS),
+        dataset=rules.dataset.output.dataset,
     output:
         table4=f"{RESULTS}/validation/table4.csv",
         representative=f"{RESULTS}/validation/representative.csv",
@@ -109,9 +110,9 @@ rule validate:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("target"),
+        depends=sections("target", "parameters"),
     message:
         "Predicted beside simulated and published"
     shell:
         "python -m repose validate {input.heaps} --config {params.config} --solutions {input.solutions}"
-        " --out {params.folder} > {log} 2>&1"
+        " --dataset {input.dataset} --out {params.folder} > {log} 2>&1"

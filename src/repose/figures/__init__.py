@@ -15,6 +15,7 @@ from . import (
     style,
     surrogate,
     testbench,
+    uncertainty,
     workflow,
 )
 
@@ -38,6 +39,11 @@ FIGURES = {
     "dataset": (samples.responses_over_parameters, ("dataset",)),
     "validation": (checks.validation, ("table4",)),
     "published": (checks.published_solutions, ("published",)),
+    "noise": (uncertainty.noise_floor, ("runs", "seeds", "noise")),
+    "corner": (uncertainty.corner, ("draws", "posterior", "summary", "feasible")),
+    "intervals": (uncertainty.intervals, ("posterior",)),
+    "sobol": (uncertainty.sobol_indices, ("sobol",)),
+    "main_effects": (uncertainty.main_effects, ("effects", "dataset", "sobol")),
 }
 OPTIONAL = {
     "figure08": ("trajectory", "particle"),

@@ -1,0 +1,169 @@
+# How sure the answer is. Targets of their own: `snakemake --cores 2 uncertainty`, or noise, posterior, sensitivity.
+rule noise_tables:
+    input:
+        runs=rules.dataset.output.runs,
+    output:
+        noise=f"{RESULTS}/noise/noise.csv",
+        seeds=f"{RESULTS}/noise/seeds.csv",
+        summary=f"{RESULTS}/noise/noise.json",
+    log:
+        f"{RESULTS}/logs/noise.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/noise.tsv"
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("target.aor_deg", "target.height_mm"),
+    message:
+        "Noise of the pours within and between samples"
+    shell:
+        "python -m repose noise --config {params.config} --runs {input.runs} --out {params.folder} > {log} 2>&1"
+
+
+rule posterior_tables:
+    input:
+        network=rules.network.output.network,
+        metrics=rules.network.output.metrics,
+        predictions=rules.network.output.predictions,
+        dataset=rules.dataset.output.dataset,
+        runs=rules.dataset.output.runs,
+        feasible=rules.miga.output.feasible,
+        table3="resources/published/table3.csv",
+    output:
+        posterior=f"{RESULTS}/posterior/posterior.csv",
+        draws=f"{RESULTS}/posterior/draws.csv",
+        summary=f"{RESULTS}/posterior/posterior.json",
+    log:
+        f"{RESULTS}/logs/posterior.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/posterior.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("parameters", "target", "posterior"),
+    message:
+        "Posterior of the parameters given the physical piles"
+    shell:
+        "python -m repose posterior --config {params.config} --network {input.network} --metrics {input.metrics}"
+        " --predictions {input.predictions} --dataset {input.dataset} --runs {input.runs}"
+        " --feasible {input.feasible} --table3 {input.table3} --out {params.folder} > {log} 2>&1"
+
+
+rule sensitivity_tables:
+    input:
+        network=rules.network.output.network,
+    output:
+        sobol=f"{RESULTS}/sensitivity/sobol.csv",
+        effects=f"{RESULTS}/sensitivity/main_effects.csv",
+    log:
+        f"{RESULTS}/logs/sensitivity.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/sensitivity.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("parameters", "sensitivity"),
+    message:
+        "Sobol indices and main effects on the network"
+    shell:
+        "python -m repose sensitivity --config {params.config} --network {input.network} --out {params.folder}"
+        " > {log} 2>&1"
+
+
+# Each figure: its folder, and what it shows.
+UNCERTAINTY_FIGURES = {
+    "noise": (
+        "noise",
+        {
+            "runs": rules.dataset.output.runs,
+            "seeds": rules.noise_tables.output.seeds,
+            "noise": rules.noise_tables.output.summary,
+        },
+    ),
+    "corner": (
+        "posterior",
+        {
+            "draws": rules.posterior_tables.output.draws,
+            "posterior": rules.posterior_tables.output.posterior,
+            "summary": rules.posterior_tables.output.summary,
+            "feasible": rules.miga.output.feasible,
+        },
+    ),
+    "intervals": (
+        "posterior",
+        {"posterior": rules.posterior_tables.output.posterior},
+    ),
+    "sobol": ("sensitivity", {"sobol": rules.sensitivity_tables.output.sobol}),
+    "main_effects": (
+        "sensitivity",
+        {
+            "effects": rules.sensitivity_tables.output.effects,
+            "sobol": rules.sensitivity_tables.output.sobol,
+            "dataset": rules.dataset.output.dataset,
+        },
+    ),
+}
+
+
+for figure, (where, shown) in UNCERTAINTY_FIGURES.items():
+
+    rule:
+        name:
+            f"draw_{figure}"
+        input:
+            **shown,
+        output:
+            f"{RESULTS}/{where}/{figure}.png",
+        log:
+            f"{RESULTS}/logs/figures/{figure}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/figures/{figure}.tsv"
+        threads: 1
+        resources:
+            mem_mb=500,
+        params:
+            config=CONFIG,
+            figure=figure,
+            inputs=[f"--input {key}={path}" for key, path in shown.items()],
+            depends=sections("small_run", "parameters"),
+        message:
+            "Drawing {params.figure}"
+        shell:
+            "python -m repose figure {params.figure} --config {params.config} {params.inputs} --out {output}"
+            " > {log} 2>&1"
+
+
+rule noise:
+    input:
+        rules.noise_tables.output,
+        rules.draw_noise.output,
+
+
+rule posterior:
+    input:
+        rules.posterior_tables.output,
+        rules.draw_corner.output,
+        rules.draw_intervals.output,
+
+
+rule sensitivity:
+    input:
+        rules.sensitivity_tables.output,
+        rules.draw_sobol.output,
+        rules.draw_main_effects.output,
+
+
+rule uncertainty:
+    input:
+        rules.noise.input,
+        rules.posterior.input,
+        rules.sensitivity.input,
