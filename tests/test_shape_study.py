@@ -72,6 +72,7 @@ def test_cells_are_every_combination_the_sensitivities_and_a_design_for_each_par
         "sensitivity-egg-outlet_150_mm",
         "sensitivity-egg-rate_60_per_s",
         "sensitivity-egg-plate_250_mm",
+        "sensitivity-egg-tube_20_mm",
         "design-egg-here",
         "design-clump-here",
     ]
