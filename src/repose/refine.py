@@ -305,7 +305,7 @@ def points(proposal, dataset, row):
     )
     table = table.rename(columns={"aor_deg": "aor_simulated_deg", "height_mm": "height_simulated_mm"})
     own = table["role"] == PROPOSAL
-    table = pd.concat([table[own].head(1), table[~own]], ignore_index=True)
+    table = pd.concat([table[own].head(1), table[~own]], ignore_index=True).astype({"reason": object})
     pooled = ["n_seeds"] + [
         f"{name}_{what}_{unit}" for name, unit, _ in NAMES for what in ("simulated", "se")
     ]

@@ -327,7 +327,12 @@ rule draw_approach:
         rounds=rules.refine_tables.output.rounds,
         summary=rules.refine_tables.output.summary,
     output:
-        f"{REFINED}/approach.png",
+        report(
+            f"{REFINED}/approach.png",
+            caption="../report/approach.rst",
+            category="Figures",
+            labels={"figure": "The loop closed"},
+        ),
     log:
         f"{RESULTS}/logs/figures/approach.log",
     benchmark:
