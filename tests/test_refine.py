@@ -179,8 +179,9 @@ def test_a_round_that_misses_says_by_how_much_each_response_is_off():
         "AoR 30.80 deg is 2.67 % (9.8 standard errors) above 30 deg; "
         "Height 59.00 mm is 1.67 % (12.2 standard errors) below 60 mm"
     )
-    alone = judged([30.6, 31.0, 30.8, 30.8], [60.2, 59.8, 60.0, 60.0])
-    assert (alone["outcome"], "Height" in alone["reason"]) == ("not within", False)
+    alone = judged([30.6, 31.0, 30.8, 30.8], [60.2, 59.8, 60.3, 60.3])
+    assert alone["outcome"] == "not within"
+    assert alone["reason"].endswith("Height 60.15 mm is 0.25 % (1.3 standard errors) above 60 mm, within 1 %")
 
 
 def test_a_mean_that_is_near_by_luck_is_not_precise_enough():
@@ -322,8 +323,8 @@ def closed(simulator, out, rounds):
 
 @pytest.fixture(scope="module")
 def loop(tmp_path_factory):
-    out, simulator = tmp_path_factory.mktemp("loop"), Simulator()
-    return out / "refined", simulator, closed(simulator, out, 4)
+    out, simulator = tmp_path_factory.mktemp("loop"), Simulator(hump=1.5)
+    return out / "refined", simulator, closed(simulator, out, 6)
 
 
 def test_the_loop_brings_a_wrong_network_to_the_target(loop):

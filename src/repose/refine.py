@@ -18,7 +18,6 @@ import pandas as pd
 from repose import miga, settings
 from repose.dataset import read_samples, summarise_runs
 from repose.errors import InputError
-from repose.measuring import write_json
 from repose.network import RESPONSES, evaluate, load
 from repose.parameters import PARAMETERS
 from repose.readers import read_table
@@ -169,22 +168,19 @@ def _outcome(row, summary, section):
     words, far, vague = [], False, False
     for name, unit, label in NAMES:
         off, error = row[f"{name}_deviation_percent"], row[f"{name}_se_percent"]
-        misses = abs(off) > section["tolerance_percent"]
+        counted, misses = row[f"{name}_deviation_se"], abs(off) > section["tolerance_percent"]
+        text = f"{label} {row[f'{name}_simulated_{unit}']:.2f} {unit} is {abs(off):.2f} %"
+        text += f" ({abs(counted):.1f} standard errors)" if np.isfinite(counted) else ""
+        text += f" {'above' if off > 0 else 'below'} {row[f'{name}_target_{unit}']:g} {unit}"
+        text += "" if misses else f", within {section['tolerance_percent']:g} %"
         far |= misses
-        if misses or not error < section["standard_error_percent"]:
-            text = f"{label} {row[f'{name}_simulated_{unit}']:.2f} {unit} is {abs(off):.2f} %"
-            counted = row[f"{name}_deviation_se"]
-            text += f" ({abs(counted):.1f} standard errors)" if np.isfinite(counted) else ""
-            text += f" {'above' if off > 0 else 'below'} {row[f'{name}_target_{unit}']:g} {unit}"
-            words.append(text)
         if not error < section["standard_error_percent"]:
             vague = True
             known = f"is {error:.2f} %" if np.isfinite(error) else "is not known"
-            words.append(
-                f"its standard error {known}, not below {section['standard_error_percent']:g} %: more seeds"
-            )
+            text += f", its standard error {known}, not below {section['standard_error_percent']:g} %"
+        words.append(text)
     outcome = "not within" if far else "not precise" if vague else "within"
-    return outcome, "; ".join(words)
+    return outcome, "" if outcome == "within" else "; ".join(words)
 
 
 def goes_on(verdict):
@@ -261,8 +257,7 @@ def search(network_json, dataset_csv, proposal_csv, config, table3_csv, out_dir)
         network, offset, count = corrected(load(network_json), dataset, search_box(ranges, centre, reach))
     except ValueError as error:
         raise InputError(dataset_csv, "samples", str(error), "data of the last round") from None
-    out.mkdir(parents=True, exist_ok=True)
-    write_json(out / "network.json", network)
+    _write_json(network, out / "network.json")
     support = Support.of_dataset(dataset_csv, ranges)
     for share in WIDENING:
         box = search_box(ranges, centre, share * reach)
@@ -272,7 +267,7 @@ def search(network_json, dataset_csv, proposal_csv, config, table3_csv, out_dir)
             break
     summary |= {"reach": share * reach, "offset": dict(zip(RESPONSES, offset.tolist(), strict=True))}
     summary |= {"offset_samples": count}
-    write_json(out / "summary.json", summary)
+    _write_json(summary, out / "summary.json")
     return summary
 
 
@@ -293,7 +288,7 @@ def write_verdict(proposal_csv, dataset_csv, runs_csv, target, section, out_dir)
     round_ = round_of(int(proposal["sample"].iloc[0]))
     row = judge(proposal, runs, target, section, round_) | {"usable": int((dataset["status"] == "ok").sum())}
     _write_table(points(proposal, dataset, row), Path(out_dir) / "round.csv")
-    write_json(Path(out_dir) / "verdict.json", _plain(row))
+    _write_json(_plain(row), Path(out_dir) / "verdict.json")
     return row
 
 
@@ -342,7 +337,7 @@ def write_tables(verdict_jsons, limit, out_dir):
         "claim": claim(last),
         "pours": int(sum(one["poured"] for one in verdicts)),
     }
-    write_json(Path(out_dir) / "summary.json", summary)
+    _write_json(summary, Path(out_dir) / "summary.json")
     return summary
 
 
@@ -371,9 +366,17 @@ def _plain(row):
 
 
 def _write_table(table, path):
-    """Write a table in one move."""
+    _write(table.to_csv(index=False), path)
+
+
+def _write_json(content, path):
+    _write(json.dumps(content, indent=1) + "\n", path)
+
+
+def _write(text, path):
+    """A file in one move, so that one that is there is complete."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f"{path.name}.part")
-    table.to_csv(part, index=False)
+    part.write_text(text)
     part.replace(path)
