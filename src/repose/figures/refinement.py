@@ -66,7 +66,7 @@ def _deviations(panel, rounds, values, tolerance, colour):
     for x, y, seeds in zip(place, simulated, rounds["n_seeds"], strict=True):
         if np.isfinite(y):
             panel.annotate(
-                f"{seeds:g}", (x + 0.06, y), (4, 4), textcoords="offset points", fontsize=6, color=style.GREY
+                f"{seeds:g}", (x + 0.06, y), (6, -7), textcoords="offset points", fontsize=6, color=style.GREY
             )
     panel.set_xlim(place[0] - 0.4, place[-1] + 0.4)
 
