@@ -36,7 +36,9 @@ def trial(prior, told, X, Y, errors, covariance, order):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--dataset", required=True, help="dataset.csv of a study")
-    parser.add_argument("--runs", required=True, help="runs.csv of the same study, two seeds a sample or more")
+    parser.add_argument(
+        "--runs", required=True, help="runs.csv of the same study, two seeds a sample or more"
+    )
     parser.add_argument("--splits", type=int, default=8)
     parser.add_argument("--out", help="markdown file to write the table to")
     args = parser.parse_args()
@@ -56,7 +58,9 @@ def main():
             ]
             mean, error = np.mean(rows, axis=0), np.std(rows, axis=0, ddof=1) / np.sqrt(args.splits)
             cells = [f"{m:.3f} ± {e:.3f}" for m, e in zip(mean[:2], error[:2], strict=True)]
-            lines.append("| " + " | ".join([prior, "told" if told else "not told", *cells, f"{mean[2]:.0f}"]) + " |")
+            lines.append(
+                "| " + " | ".join([prior, "told" if told else "not told", *cells, f"{mean[2]:.0f}"]) + " |"
+            )
     print("\n".join(lines))
     if args.out:
         Path(args.out).write_text("\n".join(lines) + "\n")

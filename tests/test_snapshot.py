@@ -11,6 +11,9 @@ def study(tmp_path):
         "validation/table4.csv",
         "figures/figure13.png",
         "heaps/001.json",
+        "refined/rounds.csv",
+        "refined/round_0/round.csv",
+        "refined/round_0/heaps/1001.json",
         "logs/a.log",
     ):
         path = tmp_path / "results" / name
@@ -26,6 +29,8 @@ def test_tables_and_figures_are_kept_and_pours_are_not(tmp_path):
     assert sorted(p.relative_to(out).as_posix() for p in copied) == [
         "dataset.csv",
         "figures/figure13.png",
+        "refined/round_0/round.csv",
+        "refined/rounds.csv",
         "validation/table4.csv",
     ]
     assert not (out / "old").exists()

@@ -8,6 +8,7 @@ from . import (
     berries,
     checks,
     measuring,
+    refinement,
     representations,
     rotation,
     samples,
@@ -43,9 +44,11 @@ FIGURES = {
     "corner": (uncertainty.corner, ("draws", "posterior", "summary", "feasible")),
     "intervals": (uncertainty.intervals, ("posterior",)),
     "sobol": (uncertainty.sobol_indices, ("sobol",)),
+    "approach": (refinement.approach, ("rounds",)),
     "main_effects": (uncertainty.main_effects, ("effects", "dataset", "sobol")),
 }
 OPTIONAL = {
+    "approach": ("summary",),
     "figure08": ("trajectory", "particle"),
     "figure14": ("published",),
     "convergence": ("summary",),
