@@ -92,6 +92,14 @@ def design(args):
     design.run(config["parameters"], section["samples"], section["method"], section["seed"], args.out)
 
 
+def pool_design(args):
+    """Points of the pool."""
+    from repose import pool
+
+    config = settings.load(args.config)
+    pool.run(config["parameters"], config["pool"], args.out)
+
+
 def heap(args):
     """One heap job: pour and measure."""
     from repose.heap import run_job
@@ -261,7 +269,7 @@ def dataset(args):
     """Heaps to tables."""
     from repose import dataset
 
-    dataset.run(args.samples, args.heaps, args.out)
+    dataset.run(args.samples, args.heaps, args.out, args.prefix)
 
 
 def network(args):
@@ -497,6 +505,7 @@ VERBS = {
         berry,
         shape,
         design,
+        pool_design,
         heap,
         pour,
         measure_heap,

@@ -91,6 +91,13 @@ def _add_inputs(verbs):
         "python -m repose design --out results/design",
         out="results/design",
     )
+    _verb(
+        verbs,
+        "pool_design",
+        "points of the pool that the comparisons share, to train on and to judge by",
+        "python -m repose pool_design --out results/pool",
+        out="results/pool",
+    )
 
 
 def _add_heap(verbs):
@@ -254,6 +261,7 @@ def _add_calibration(verbs):
     )
     sub.add_argument("heaps", nargs="+", help="JSON files that the verb measure_heap or heap wrote")
     sub.add_argument("--samples", default="results/design/samples.csv", help="the design")
+    sub.add_argument("--prefix", default="", help="put before the names of the tables")
     sub = _verb(
         verbs,
         "network",

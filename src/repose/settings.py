@@ -34,6 +34,8 @@ PURPOSES = {
     "shape_published": 3,
     "shape_sensitivity": 4,
     "shape_design": 5,
+    "pool": 6,
+    "fresh": 7,
 }
 # Measured on one core of a common server: for the estimate that is shown before a run.
 SECONDS_A_BERRY_STEP = 4.5e-8

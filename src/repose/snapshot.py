@@ -19,6 +19,8 @@ KEPT = {
     "film": ("*.gif",),
     "shape": ("*.csv", "*.json", "*.png"),
     "drum": ("*.csv", "*.gif"),
+    "pool": ("*.csv", "*.json"),
+    "comparison": ("*.csv", "*.json", "*.png"),
 }
 LARGEST_FILE = 5_000_000  # bytes
 
