@@ -341,6 +341,36 @@ def sensitivity(args):
     print(sensitivity.message(table))
 
 
+def compare_accuracy(args):
+    """Accuracy of the network at fresh points."""
+    from repose.comparison import accuracy
+
+    table = accuracy.run(_comparison_files(args), settings.load(args.config)["network"], args.out)
+    print(accuracy.message(table))
+
+
+def compare_surrogates(args):
+    """Surrogates at equal budgets."""
+    from repose.comparison import surrogates
+
+    config = settings.load(args.config)
+    surrogates.run(_comparison_files(args), config["network"], config["pool"]["seed"], args.out)
+
+
+def compare_sampling(args):
+    """Designs, and points against seeds."""
+    from repose.comparison import sampling
+
+    config = settings.load(args.config)
+    seeds, seed = config["heap"]["seeds"], config["pool"]["seed"]
+    sampling.run(_comparison_files(args), config["parameters"], config["network"], seeds, seed, args.out)
+
+
+def _comparison_files(args):
+    """The files that a comparison on the pool reads, by name."""
+    return {key: getattr(args, key) for key in arguments.COMPARISON_FILES}
+
+
 def figure(args):
     """One figure."""
     from repose import figures
@@ -524,6 +554,9 @@ VERBS = {
         noise,
         posterior,
         sensitivity,
+        compare_accuracy,
+        compare_surrogates,
+        compare_sampling,
         figure,
         film,
         table,

@@ -20,6 +20,12 @@ POSTERIOR_FILES = {
     "feasible": "results/miga/feasible.csv",
     "table3": str(PUBLISHED / "table3.csv"),
 }
+# Files that the comparisons on the pool read, and where they lie.
+COMPARISON_FILES = {
+    f"{points}_{table}": f"results/{place}{table}.csv"
+    for points, place in (("main", ""), ("pool", "pool/"), ("fresh", "pool/fresh_"))
+    for table in ("dataset", "runs")
+}
 
 
 def parser():
@@ -38,6 +44,7 @@ def parser():
     _add_measuring(verbs)
     _add_calibration(verbs)
     _add_uncertainty(verbs)
+    _add_comparisons(verbs)
     _add_pictures(verbs)
     _add_services(verbs)
     return top
@@ -332,6 +339,26 @@ def _add_uncertainty(verbs):
         out="results/sensitivity",
     )
     sub.add_argument("--network", default="results/network/network.json", help="what the verb network wrote")
+
+
+def _add_comparisons(verbs):
+    for name, summary in (
+        (
+            "compare_accuracy",
+            "accuracy of the network at points that no fit has seen, over what it is trained on",
+        ),
+        (
+            "compare_surrogates",
+            "surrogates at equal budgets of simulations, judged at points that no fit has seen",
+        ),
+        (
+            "compare_sampling",
+            "designs, and points against seeds: repetitions emulated from the pool, real ones beside",
+        ),
+    ):
+        sub = _verb(verbs, name, summary, f"python -m repose {name}", out="results/comparison")
+        for key, path in COMPARISON_FILES.items():
+            sub.add_argument(f"--{key.replace('_', '-')}", default=path, help=f"({path})")
 
 
 def _add_pictures(verbs):

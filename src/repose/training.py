@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from repose.errors import InputError
-from repose.noise import within_covariance
 from repose.network import RESPONSES, PlainBayesianBP, load, r2, weights_from_errors
+from repose.noise import within_covariance
 from repose.parameters import PARAMETERS
 from repose.readers import read_table
 

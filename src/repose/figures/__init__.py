@@ -7,6 +7,7 @@ from repose.errors import InputError
 from . import (
     berries,
     checks,
+    comparison,
     measuring,
     representations,
     rotation,
@@ -43,6 +44,9 @@ FIGURES = {
     "corner": (uncertainty.corner, ("draws", "posterior", "summary", "feasible")),
     "intervals": (uncertainty.intervals, ("posterior",)),
     "sobol": (uncertainty.sobol_indices, ("sobol",)),
+    "accuracy": (comparison.accuracy, ("accuracy",)),
+    "surrogates": (comparison.surrogates, ("surrogates",)),
+    "sampling": (comparison.sampling, ("sampling",)),
     "main_effects": (uncertainty.main_effects, ("effects", "dataset", "sobol")),
 }
 OPTIONAL = {
