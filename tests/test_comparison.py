@@ -187,7 +187,8 @@ def test_emulator_has_the_mean_and_the_noise_that_it_was_fitted_to(monkeypatch):
     expected = np.array([1, 2]) * np.exp(np.log(3) * X[:, :1])
     np.testing.assert_allclose(fitted.noise_std(X), expected, rtol=0.35)
     again = fitted.pour(X, 400, np.random.default_rng(14))
-    np.testing.assert_allclose(again.means(), fitted.mean(X), atol=0.6)
+    error = (again.means() - fitted.mean(X)) / (fitted.noise_std(X) / 20)
+    assert np.abs(error).max() < 4.5
     np.testing.assert_allclose(again.values.std(axis=1), fitted.noise_std(X), rtol=0.15)
     assert (fitted.explainable > 0.9).all()
 

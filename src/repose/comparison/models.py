@@ -84,9 +84,7 @@ def gaussian_process(points, settings, seed):
     processes = []
     for y in points.means().T:
         kernel = ConstantKernel(1.0, (1e-2, 1e3)) * RBF(np.ones(len(low)), (0.05, 100.0)) + WhiteKernel(0.1)
-        process = GaussianProcessRegressor(
-            kernel, normalize_y=True, n_restarts_optimizer=2, random_state=seed
-        )
+        process = GaussianProcessRegressor(kernel, normalize_y=True)
         with warnings.catch_warnings():  # a length at its bound is an input without effect
             warnings.simplefilter("ignore", ConvergenceWarning)
             processes.append(process.fit((points.X - low) / width, y))

@@ -68,7 +68,9 @@ def on_few_seeds(values, predicted, seeds):
     groups = values.shape[1] // seeds
     if groups == 0:
         return None
-    means = np.nanmean(values[:, : groups * seeds].reshape(len(values), groups, seeds), axis=2)
+    grouped = values[:, : groups * seeds].reshape(len(values), groups, seeds)
+    counts = np.isfinite(grouped).sum(axis=2)
+    means = np.where(counts > 0, np.nansum(grouped, axis=2) / np.maximum(counts, 1), np.nan)
     found = [r2(y[np.isfinite(y)], predicted[np.isfinite(y)]) for y in means.T]
     return float(np.mean(found))
 
