@@ -189,6 +189,16 @@ def test_the_pool_is_a_target_of_its_own_and_grows_without_pouring_again(project
     assert planned(project, *words[:-1], "pool={fresh_samples: 8}")["pool_heap"] == 3
 
 
+def test_the_comparisons_are_a_target_of_their_own(project):
+    jobs = planned(project, "compare", "--configfile", "config/quick.yaml")
+    own = {
+        f"{verb}_{name}" for verb in ("compare", "draw") for name in ("accuracy", "surrogates", "sampling")
+    }
+    assert own <= set(jobs)
+    assert not {"network", "miga"} & set(jobs)
+    assert not own & set(planned(project))
+
+
 def test_every_figure_and_table_has_a_caption():
     text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").glob("*.smk"))
     captions = {path.stem for path in (ROOT / "workflow" / "report").glob("*.rst")}

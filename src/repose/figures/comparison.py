@@ -47,7 +47,8 @@ def accuracy(inputs, config):
                 panel.errorbar(place, of[key], yerr=bars, label=source, **look)
             panel.axhline(rows[f"{key}_bar"].iloc[0], color=style.BLACK, ls="--", lw=0.8)
             panel.set(xscale="log", ylabel=words if column == 0 else None)
-            panel.grid(True)
+            panel.set_ylim(_limits(table[key]))
+            _plain_ticks(panel, table["simulations"])
         panels[0, column].set_title(label)
         panels[0, column].plot(
             rows["simulations"], rows["reachable_r2"], "_", color=style.GREY, label="reachable"
@@ -76,55 +77,59 @@ def surrogates(inputs, config):
             main = rows[rows["training"] != "pool"]
             panel.plot(main["simulations"], main["explainable"], ls="none", mfc="none", **look)
         panel.set(title=label, xscale="log", xlabel="simulations", ylim=_limits(table["explainable"]))
-        panel.grid(True)
+        _plain_ticks(panel, table["simulations"])
     panels[0].set_ylabel("share of the explainable")
     panels[1].legend(loc="lower right")
     return figure
 
 
 def sampling(inputs, config):
-    """Explainable share of the network by design and size, and of points against seeds; real ones open."""
+    """Explainable share of the network by design and size, and of all fits by seeds a point; real ones open."""
     columns = ("comparison", "design", "data", "fit", "points", "seeds", "response", "explainable")
     table = read_table(inputs["sampling"], columns)
-    table = table[table["fit"] == "network"]
+    designs = table[(table["comparison"] == "designs") & (table["fit"] == "network")]
+    trades = table[table["comparison"] == "points against seeds"]
     figure = style.new_figure(style.PAGE, 5.0)
     panels = figure.subplots(2, 2, sharey="row")
     for column, (response, label, _) in enumerate(style.RESPONSES):
-        rows = table[table["response"] == response]
-        panels[0, column].set_title(label)
-        for panel, comparison, size in (
-            (panels[0, column], "designs", "points"),
-            (panels[1, column], "points against seeds", "seeds"),
-        ):
-            shown = rows[rows["comparison"] == comparison]
-            for k, (design, data) in enumerate(
-                dict.fromkeys(zip(shown["design"], shown["data"], strict=True))
-            ):
-                of = shown[(shown["design"] == design) & (shown["data"] == data)].sort_values(size)
-                panel.errorbar(
-                    of[size] * 1.015**k,
-                    of["explainable"],
-                    yerr=of["explainable_se"],
-                    color=COLOURS[k % len(COLOURS)],
-                    marker=MARKERS[k % len(MARKERS)],
-                    ms=4,
-                    mfc="none" if data == "real" else None,
-                    ls=":" if data == "real" else "-",
-                    label=f"{design}, {data}",
-                )
-            panel.set(
-                xscale="log", xlabel=f"{size}" + (" a point, simulations alike" if size == "seeds" else "")
-            )
-            panel.set_xticks(sorted(set(shown[size])), sorted(set(shown[size])))
-            panel.minorticks_off()
-            panel.set_ylim(_limits(table[table["comparison"] == comparison]["explainable"]))
-            panel.grid(True)
+        _lines(panels[0, column], designs[designs["response"] == response], "design", "points")
+        _lines(panels[1, column], trades[trades["response"] == response], "fit", "seeds")
+        panels[0, column].set(title=label, ylim=_limits(designs["explainable"]))
+        panels[1, column].set(xlabel="seeds a point, simulations alike", ylim=_limits(trades["explainable"]))
     for panel in panels[:, 0]:
         panel.set_ylabel("share of the explainable")
         panel.legend(loc="lower right", fontsize=6)
     return figure
 
 
+def _lines(panel, rows, kind, size):
+    """A line for each kind, emulated or real, over a size."""
+    for k, (name, data) in enumerate(dict.fromkeys(zip(rows[kind], rows["data"], strict=True))):
+        of = rows[(rows[kind] == name) & (rows["data"] == data)].sort_values(size)
+        panel.errorbar(
+            of[size] * 1.015**k,
+            of["explainable"],
+            yerr=of["explainable_se"],
+            color=COLOURS[k % len(COLOURS)],
+            marker=MARKERS[k % len(MARKERS)],
+            ms=4,
+            mfc="none" if data == "real" else None,
+            ls=":" if data == "real" else "-",
+            label=f"{name}, {data}",
+        )
+    panel.set(xscale="log", xlabel=size)
+    _plain_ticks(panel, rows[size])
+
+
+def _plain_ticks(panel, values):
+    """Numbers as they are on a logarithmic axis, at most six of them."""
+    ticks = np.unique(values)
+    ticks = ticks[np.linspace(0, len(ticks) - 1, min(6, len(ticks))).round().astype(int)]
+    panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    panel.minorticks_off()
+    panel.grid(True)
+
+
 def _limits(shares):
     """Ends of the axis of shares: from the smallest, but not below 0, to 1."""
-    return max(0.0, float(shares.min()) - 0.05), 1.02
+    return max(0.0, float(shares.min()) - 0.05), max(1.02, float(shares.max()) + 0.02)
