@@ -14,6 +14,9 @@ def study(tmp_path):
         "refined/rounds.csv",
         "refined/round_0/round.csv",
         "refined/round_0/heaps/1001.json",
+        "pool/fresh_runs.csv",
+        "pool/heaps/fresh/001.json",
+        "comparison/accuracy.csv",
         "logs/a.log",
     ):
         path = tmp_path / "results" / name
@@ -27,10 +30,12 @@ def test_tables_and_figures_are_kept_and_pours_are_not(tmp_path):
     (out / "old").mkdir(parents=True)
     copied = snapshot.take(study(tmp_path), out)
     assert sorted(p.relative_to(out).as_posix() for p in copied) == [
+        "comparison/accuracy.csv",
         "dataset.csv",
         "figures/figure13.png",
         "refined/round_0/round.csv",
         "refined/rounds.csv",
+        "pool/fresh_runs.csv",
         "validation/table4.csv",
     ]
     assert not (out / "old").exists()

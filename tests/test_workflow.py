@@ -206,6 +206,34 @@ def test_a_round_that_misses_is_followed_by_the_next_until_one_is_within_or_the_
     shutil.rmtree(folder.parent)
 
 
+def test_the_pool_is_a_target_of_its_own_and_grows_without_pouring_again(project):
+    words = ("pool", "--configfile", "config/quick.yaml", "--config", "pool={fresh_samples: 5}")
+    jobs = planned(project, *words)
+    assert (jobs["pool_heap"], jobs["measure_pool_heap"]) == (29, 29)
+    assert (jobs["pool_dataset"], jobs["fresh_dataset"]) == (1, 1)
+    assert "heap" not in jobs
+    assert "pool_heap" not in planned(project)
+
+    listed = snakemake(project, "-n", "--summary", *words)
+    for line in listed.stdout.splitlines()[1:]:
+        path = project / line.split("\t")[0]
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    done = snakemake(project, "pool", "--touch", "--cores", "1", *words[1:])
+    assert done.returncode == 0, done.stderr
+    assert planned(project, *words[:-1], "pool={fresh_samples: 8}")["pool_heap"] == 3
+
+
+def test_the_comparisons_are_a_target_of_their_own(project):
+    jobs = planned(project, "compare", "--configfile", "config/quick.yaml")
+    own = {
+        f"{verb}_{name}" for verb in ("compare", "draw") for name in ("accuracy", "surrogates", "sampling")
+    }
+    assert own <= set(jobs)
+    assert not {"network", "miga"} & set(jobs)
+    assert not own & set(planned(project))
+
+
 def test_every_figure_and_table_has_a_caption():
     text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").glob("*.smk"))
     captions = {path.stem for path in (ROOT / "workflow" / "report").glob("*.rst")}

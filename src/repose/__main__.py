@@ -92,6 +92,14 @@ def design(args):
     design.run(config["parameters"], section["samples"], section["method"], section["seed"], args.out)
 
 
+def pool_design(args):
+    """Points of the pool."""
+    from repose import pool
+
+    config = settings.load(args.config)
+    pool.run(config["parameters"], config["pool"], args.out)
+
+
 def heap(args):
     """One heap job: pour and measure."""
     from repose.heap import run_job
@@ -261,7 +269,7 @@ def dataset(args):
     """Heaps to tables."""
     from repose import dataset
 
-    dataset.run(args.samples, args.heaps, args.out)
+    dataset.run(args.samples, args.heaps, args.out, args.prefix)
 
 
 def network(args):
@@ -377,6 +385,36 @@ def refine_tables(args):
     summary = refine.write_tables(args.verdicts, settings.load(args.config)["refine"]["rounds"], args.out)
     print(summary["why"])
     print(summary["claim"])
+
+
+def compare_accuracy(args):
+    """Accuracy of the network at fresh points."""
+    from repose.comparison import accuracy
+
+    table = accuracy.run(_comparison_files(args), settings.load(args.config)["network"], args.out)
+    print(accuracy.message(table))
+
+
+def compare_surrogates(args):
+    """Surrogates at equal budgets."""
+    from repose.comparison import surrogates
+
+    config = settings.load(args.config)
+    surrogates.run(_comparison_files(args), config["network"], config["pool"]["seed"], args.out)
+
+
+def compare_sampling(args):
+    """Designs, and points against seeds."""
+    from repose.comparison import sampling
+
+    config = settings.load(args.config)
+    seeds, seed = config["heap"]["seeds"], config["pool"]["seed"]
+    sampling.run(_comparison_files(args), config["parameters"], config["network"], seeds, seed, args.out)
+
+
+def _comparison_files(args):
+    """The files that a comparison on the pool reads, by name."""
+    return {key: getattr(args, key) for key in arguments.COMPARISON_FILES}
 
 
 def figure(args):
@@ -543,6 +581,7 @@ VERBS = {
         berry,
         shape,
         design,
+        pool_design,
         heap,
         pour,
         measure_heap,
@@ -566,6 +605,9 @@ VERBS = {
         refine_propose,
         refine_judge,
         refine_tables,
+        compare_accuracy,
+        compare_surrogates,
+        compare_sampling,
         figure,
         film,
         table,

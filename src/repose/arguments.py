@@ -20,6 +20,12 @@ POSTERIOR_FILES = {
     "feasible": "results/miga/feasible.csv",
     "table3": str(PUBLISHED / "table3.csv"),
 }
+# Files that the comparisons on the pool read, and where they lie.
+COMPARISON_FILES = {
+    f"{points}_{table}": f"results/{place}{table}.csv"
+    for points, place in (("main", ""), ("pool", "pool/"), ("fresh", "pool/fresh_"))
+    for table in ("dataset", "runs")
+}
 
 
 def parser():
@@ -39,6 +45,7 @@ def parser():
     _add_calibration(verbs)
     _add_uncertainty(verbs)
     _add_refinement(verbs)
+    _add_comparisons(verbs)
     _add_pictures(verbs)
     _add_services(verbs)
     return top
@@ -91,6 +98,13 @@ def _add_inputs(verbs):
         "Latin hypercube design of the six contact parameters",
         "python -m repose design --out results/design",
         out="results/design",
+    )
+    _verb(
+        verbs,
+        "pool_design",
+        "points of the pool that the comparisons share, to train on and to judge by",
+        "python -m repose pool_design --out results/pool",
+        out="results/pool",
     )
 
 
@@ -255,6 +269,7 @@ def _add_calibration(verbs):
     )
     sub.add_argument("heaps", nargs="+", help="JSON files that the verb measure_heap or heap wrote")
     sub.add_argument("--samples", default="results/design/samples.csv", help="the design")
+    sub.add_argument("--prefix", default="", help="put before the names of the tables")
     sub = _verb(
         verbs,
         "network",
@@ -379,6 +394,26 @@ def _add_refinement(verbs):
         out="results/refined",
     )
     sub.add_argument("verdicts", nargs="+", help="JSON files that refine_judge wrote")
+
+
+def _add_comparisons(verbs):
+    for name, summary in (
+        (
+            "compare_accuracy",
+            "accuracy of the network at points that no fit has seen, over what it is trained on",
+        ),
+        (
+            "compare_surrogates",
+            "surrogates at equal budgets of simulations, judged at points that no fit has seen",
+        ),
+        (
+            "compare_sampling",
+            "designs, and points against seeds: repetitions emulated from the pool, real ones beside",
+        ),
+    ):
+        sub = _verb(verbs, name, summary, f"python -m repose {name}", out="results/comparison")
+        for key, path in COMPARISON_FILES.items():
+            sub.add_argument(f"--{key.replace('_', '-')}", default=path, help=f"({path})")
 
 
 def _add_pictures(verbs):

@@ -35,6 +35,8 @@ PURPOSES = {
     "shape_sensitivity": 4,
     "shape_design": 5,
     "refine": 8,
+    "pool": 6,
+    "fresh": 7,
 }
 LARGEST_BLOCKS = 100  # of a refined proposal's pours: jobs of a round have three digits
 # Measured on one core of a common server: for the estimate that is shown before a run.

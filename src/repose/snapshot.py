@@ -20,6 +20,8 @@ KEPT = {
     "shape": ("*.csv", "*.json", "*.png"),
     "drum": ("*.csv", "*.gif"),
     "refined": ("*.csv", "*.json", "*.png", "round_*/round.csv", "round_*/network/metrics.json"),
+    "pool": ("*.csv", "*.json"),
+    "comparison": ("*.csv", "*.json", "*.png"),
 }
 LARGEST_FILE = 5_000_000  # bytes
 

@@ -7,6 +7,7 @@ from repose.errors import InputError
 from . import (
     berries,
     checks,
+    comparison,
     measuring,
     refinement,
     representations,
@@ -45,6 +46,9 @@ FIGURES = {
     "intervals": (uncertainty.intervals, ("posterior",)),
     "sobol": (uncertainty.sobol_indices, ("sobol",)),
     "approach": (refinement.approach, ("rounds",)),
+    "accuracy": (comparison.accuracy, ("accuracy",)),
+    "surrogates": (comparison.surrogates, ("surrogates",)),
+    "sampling": (comparison.sampling, ("sampling",)),
     "main_effects": (uncertainty.main_effects, ("effects", "dataset", "sobol")),
 }
 OPTIONAL = {
