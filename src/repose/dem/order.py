@@ -62,6 +62,7 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
         contacts.limit[:, :n] = contacts.limit[:, :n][:, order]
     _permute_lanes(bodies.motion, order)
     bodies.resting[:] = 0
+    bodies.leeway[:] = 0.0
     moved = int(counts[st.N_MOVED])
     grid.moved_list[:moved] = place[grid.moved_list[:moved]]
     relink(grid, n)

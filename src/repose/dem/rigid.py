@@ -10,7 +10,7 @@ from . import state as st
 from .jit import inlined, kernel
 from .neighbours import mark_moved
 from .simd import WIDTH, lanes_to_rows, prefetch, rows_to_lanes
-from .state import LANES, MOBILITY, PART, QUATERNION, SHAPE, SPIN, SQUARES
+from .state import LANES, MOBILITY, PART, QUATERNION, RENEWAL, ROUNDNESS, SHAPE, SPIN, SQUARES
 
 L = LANES  # short, for the index arithmetic below
 
@@ -100,11 +100,22 @@ def move_lanes(m, gx, gy, gz, dt):
 
 
 @kernel
-def twist_lanes(m, c, dt):
-    """Give each lane's body the angular momentum of its torque; returns how many might turn all the same.
+def might_turn(m, c, dt):
+    """How many bodies of a tile that rests might begin to turn.
 
     A body stands still for sure when its rolling budget outweighs the largest |omega| that |l| allows.
     """
+    n = 0
+    for k in range(L):
+        lx, ly, lz = dt * m[LOAD + 3 * L + k], dt * m[LOAD + 4 * L + k], dt * m[LOAD + 5 * L + k]
+        least = c[ROUNDNESS + k] * dt * m[LOAD + st.ROLL * L + k]
+        n += 1 if least * least < lx * lx + ly * ly + lz * lz else 0
+    return n
+
+
+@kernel
+def twist_lanes(m, c, dt):
+    """Give each lane's body the angular momentum of its torque; returns how many might turn all the same."""
     n = 0
     for k in range(L):
         lx = c[SPIN + k] + dt * m[LOAD + 3 * L + k]
@@ -113,10 +124,8 @@ def twist_lanes(m, c, dt):
         c[SPIN + k] = lx
         c[SPIN + L + k] = ly
         c[SPIN + 2 * L + k] = lz
-        i1, i2, i3 = c[MOBILITY + k], c[MOBILITY + L + k], c[MOBILITY + 2 * L + k]
-        least = min(min(i1, i2), i3) * dt * m[LOAD + st.ROLL * L + k]
-        most = max(max(i1, i2), i3)
-        n += 1 if least * least < most * most * (lx * lx + ly * ly + lz * lz) else 0
+        least = c[ROUNDNESS + k] * dt * m[LOAD + st.ROLL * L + k]
+        n += 1 if least * least < lx * lx + ly * ly + lz * lz else 0
     return n
 
 
@@ -245,13 +254,17 @@ def shape_lanes(m, c, parts):
 
 
 @inlined
-def rotate_lanes(m, c, dt, parts, fx, fy, fz):
+def rotate_lanes(m, c, dt, parts, rests, fx, fy, fz):
     """Turn the bodies of a tile by one time step, what stands still at little cost; returns whether any turns.
 
-    (fx, fy, fz): angular velocity of the frame against which rolling is resisted.
+    rests: whether none turned in the last step. (fx, fy, fz): angular velocity of the frame against which rolling is
+    resisted.
     """
+    framed = fx != 0.0 or fy != 0.0 or fz != 0.0
+    if rests and not framed and might_turn(m, c, dt) == 0:
+        return False
     twisted = twist_lanes(m, c, dt)
-    if fx != 0.0 or fy != 0.0 or fz != 0.0:
+    if framed:
         inertia_lanes(m, c)
         moments(m, c)
         resist_in_frame(m, c, dt, fx, fy, fz)
@@ -367,8 +380,8 @@ def fetch_next(bodies, tile):
         if bodies.touched[share, following]:
             for k in range(base, base + L):
                 prefetch(bodies.load[share], k, 0)
-    first = QUATERNION if turning else SPIN
-    last = st.RADIUS + L if turning else SQUARES
+    first = QUATERNION if turning else RENEWAL
+    last = st.RADIUS + L if turning else MOBILITY
     for column in range(first, last, WIDTH):
         prefetch(bodies.motion, following, column)
 
@@ -378,8 +391,8 @@ def integrate(bodies, counts, physics, m, begin, end):
     """Advance bodies begin (a whole tile's first) to end by one time step and clear their loads.
 
     m: scratch tile of TILE_ROWS x LANES. Bodies to which something happened are listed in bodies.events from place
-    `begin` on; returns how many. Where loads have several shares the longest path goes to the first tile's
-    bodies.longest.
+    `begin` on; returns how many. Where loads have several shares the longest path of each tile goes to bodies.longest
+    and shortens bodies.leeway.
     """
     dt = physics.dt
     gx, gy, gz = physics.gravity[0], physics.gravity[1], physics.gravity[2]
@@ -388,7 +401,6 @@ def integrate(bodies, counts, physics, m, begin, end):
     n = min(counts[st.N_BODIES], end)
     shares = bodies.load.shape[0]
     found = 0
-    longest = 0.0
     for base in range(begin, n, L):
         tile = base // L
         c = bodies.motion[tile]
@@ -403,7 +415,7 @@ def integrate(bodies, counts, physics, m, begin, end):
         else:
             take_only_load(bodies, tile, m)
         move_lanes(m, gx, gy, gz, dt)
-        turns = rotate_lanes(m, c, dt, physics.parts, fx, fy, fz)
+        turns = rotate_lanes(m, c, dt, physics.parts, bodies.resting[tile] == 1, fx, fy, fz)
         write = columns if turns else read
         bodies.resting[tile] = 0 if turns else 1
         for k in range(0, L, WIDTH):
@@ -417,9 +429,9 @@ def integrate(bodies, counts, physics, m, begin, end):
                     bodies.events[begin + found] = base + lane
                     found += 1
         if shares > 1:
-            longest = max(longest, longest_path(m))
-    if begin < n:
-        bodies.longest[begin // L] = longest
+            longest = longest_path(m)
+            bodies.longest[tile] = longest
+            bodies.leeway[tile] -= longest
     return found
 
 

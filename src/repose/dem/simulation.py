@@ -29,6 +29,7 @@ SPHERE_CONTACTS_PER_BODY, MOST_NEW = 20, 4096
 SKIN_SHARE = 0.45  # skin of the neighbour list over the largest bounding radius
 STEPS_PER_CONTACT = 15  # the longest time step is this share of a head-on impact's contact time
 FASTEST_IMPACT_M_S = 2.0
+ROUNDING = 1e-12  # relative, what a comparison leaves to it
 TENSIONS = ("keep", "release", "cut")
 
 
@@ -104,7 +105,7 @@ class Simulation:
         self._shape_ids = np.zeros(self.capacity, np.int32)
         self._scales = np.ones(self.capacity)
         self.grid = st.new_grid(self.capacity, self.lower, self.upper, 2.0 * self.radius + skin)
-        self.grid.lengths[st.REACH : st.APPROACH] = 2.0 * self.radius, skin
+        self.grid.lengths[st.REACH :] = 2.0 * self.radius, skin
         self.walls = self._wall_arrays()
         surfaces = self.wall_set.of(Mesh)
         slide = max(shape.slide for shape in self.shapes.values())
@@ -197,6 +198,7 @@ class Simulation:
         self.walls = new
         present = self.bodies.presence[: self.n_bodies] == st.PRESENT
         self.bodies.alarm[: self.n_bodies][present] = -1.0
+        self.bodies.leeway[:] = 0.0
 
     @property
     def threads(self):
@@ -338,6 +340,7 @@ class Simulation:
         for first, values in (
             (st.QUATERNION, quaternion),
             (st.SPIN, spin),
+            (st.ROUNDNESS, [(1.0 - ROUNDING) * inertia.min() / inertia.max()]),
             (st.MOBILITY, 1.0 / inertia),
             (st.SQUARES, squares),
             (st.RADIUS, [kind.bounding_radius_m * scale]),
@@ -350,6 +353,7 @@ class Simulation:
         self.bodies.presence[i] = st.PRESENT
         self.bodies.alarm[i] = -1.0
         self.bodies.resting[i // st.LANES] = 0
+        self.bodies.leeway[i // st.LANES] = 0.0
         self.counts[st.N_BODIES] = i + 1
         self.grid.moved[i] = 1
         self.grid.moved_list[self.counts[st.N_MOVED]] = i
