@@ -29,7 +29,6 @@ SPHERE_CONTACTS_PER_BODY, MOST_NEW = 20, 4096
 SKIN_SHARE = 0.45  # skin of the neighbour list over the largest bounding radius
 STEPS_PER_CONTACT = 15  # the longest time step is this share of a head-on impact's contact time
 FASTEST_IMPACT_M_S = 2.0
-ROUNDING = 1e-12  # relative, what a comparison leaves to it
 TENSIONS = ("keep", "release", "cut")
 
 
@@ -340,7 +339,6 @@ class Simulation:
         for first, values in (
             (st.QUATERNION, quaternion),
             (st.SPIN, spin),
-            (st.ROUNDNESS, [(1.0 - ROUNDING) * inertia.min() / inertia.max()]),
             (st.MOBILITY, 1.0 / inertia),
             (st.SQUARES, squares),
             (st.RADIUS, [kind.bounding_radius_m * scale]),

@@ -22,10 +22,10 @@ MOST_SPHERES = 64  # of a clump
 ROLL = 6
 LOAD_COLUMNS = 8
 # Rows of a tile of `motion`: what only the body itself needs. Quaternion (w x y z, body to world), angular momentum,
-# odometer reading that calls for new neighbours, smallest over largest principal moment, 1 / principal moments, squared
-# semi-axes of each part, radius. Of a tile that rests a step reads two of these rows.
-QUATERNION, SPIN, RENEWAL, ROUNDNESS, MOBILITY, SQUARES, RADIUS = (k * LANES for k in (0, 4, 7, 8, 9, 12, 21))
-MOTION_ROWS = 22
+# odometer reading that calls for new neighbours, 1 / principal moments, squared semi-axes of each part, radius. A step
+# reads only the readings of a tile that rests.
+QUATERNION, SPIN, RENEWAL, MOBILITY, SQUARES, RADIUS = (k * LANES for k in (0, 4, 7, 8, 11, 20))
+MOTION_ROWS = 21
 # Rows of a tile of contacts: normal, tangential spring, and for a wall its azimuth (curved) or its offset, middle and
 # squared radius (plane). Of a mesh: the azimuth about an edge, the gap.
 PAIR_ROWS, WALL_ROWS = 6, 11
@@ -39,7 +39,8 @@ ABSENT, PRESENT, GONE = 0, 1, 2
 
 Bodies = namedtuple(
     "Bodies",
-    "rows load touched motion odometer alarm presence passed exit_time every resting kind event events longest leeway",
+    "rows load touched motion odometer alarm presence passed exit_time every resting kind event events longest "
+    "leeway doubt",
 )
 Grid = namedtuple(
     "Grid",
@@ -106,6 +107,7 @@ def new_bodies(n, parts, shares=1):
         events=np.zeros(padded, np.int64),
         longest=np.zeros(padded // LANES),
         leeway=np.zeros(padded // LANES),
+        doubt=np.zeros(padded // LANES, np.uint32),
     )
 
 
