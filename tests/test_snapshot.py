@@ -11,6 +11,9 @@ def study(tmp_path):
         "validation/table4.csv",
         "figures/figure13.png",
         "heaps/001.json",
+        "refined/rounds.csv",
+        "refined/round_0/round.csv",
+        "refined/round_0/heaps/1001.json",
         "pool/fresh_runs.csv",
         "pool/heaps/fresh/001.json",
         "comparison/accuracy.csv",
@@ -30,6 +33,8 @@ def test_tables_and_figures_are_kept_and_pours_are_not(tmp_path):
         "comparison/accuracy.csv",
         "dataset.csv",
         "figures/figure13.png",
+        "refined/round_0/round.csv",
+        "refined/rounds.csv",
         "pool/fresh_runs.csv",
         "validation/table4.csv",
     ]

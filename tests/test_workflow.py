@@ -171,6 +171,41 @@ def test_uncertainty_is_a_target_of_its_own(finished):
     assert not {*own, *drawn} & set(planned(project, *words, "--forceall"))
 
 
+REFIT = {"refine_data", "refine_network", "refine_search"}
+ROUND = {"refine_propose", "refine_heap", "measure_refine_heap", "refine_dataset", "refine_round"}
+END = {"refine_tables", "draw_approach", "refined", "total"}
+
+
+def test_the_refinement_is_a_target_of_its_own(finished):
+    project, words = finished
+    jobs = planned(project, *words, "--", "refined")
+    assert set(jobs) == ROUND | END, "until round 0 is judged no other is planned"
+    assert jobs["refine_heap"] == 4, "two blocks of the proposal and two neighbours"
+    more = planned(project, *words, "refine={seeds: 6}", "--", "refined")
+    assert more["refine_heap"] == 5
+    assert not (REFIT | ROUND | END - {"total"}) & set(planned(project, *words, "--forceall"))
+
+
+def test_a_round_that_misses_is_followed_by_the_next_until_one_is_within_or_the_limit_is_met(finished):
+    project, words = finished
+    folder = project / "results/quick/refined/round_0"
+    (folder / "heaps").mkdir(parents=True)
+    names = ["proposal.csv", *(f"heaps/{job}.pours.json" for job in (1001, 1002, 1101, 1102))]
+    names += [f"heaps/{job}.{kind}" for job in (1001, 1002, 1101, 1102) for kind in ("npz", "json")]
+    for name in [*names, "dataset.csv", "runs.csv", "round.csv", "verdict.json"]:
+        (folder / name).touch()
+    for verdict, rules in (
+        ({"outcome": "not within", "usable": 4}, REFIT | ROUND | END),
+        ({"outcome": "within", "usable": 4}, END),
+        ({"outcome": "no pile", "usable": 0}, END),
+    ):
+        (folder / "verdict.json").write_text(json.dumps(verdict))
+        assert set(planned(project, *words, "--", "refined")) == rules, verdict
+    (folder / "verdict.json").write_text('{"outcome": "not within", "usable": 4}')
+    assert set(planned(project, *words, "refine={rounds: 0}", "--", "refined")) == END
+    shutil.rmtree(folder.parent)
+
+
 def test_the_pool_is_a_target_of_its_own_and_grows_without_pouring_again(project):
     words = ("pool", "--configfile", "config/quick.yaml", "--config", "pool={fresh_samples: 5}")
     jobs = planned(project, *words)

@@ -341,6 +341,52 @@ def sensitivity(args):
     print(sensitivity.message(table))
 
 
+def refine_data(args):
+    """Samples of the rounds added to those of the design."""
+    from repose import refine
+
+    refine.write_extended(args.dataset, args.runs, args.rounds, args.out)
+
+
+def refine_search(args):
+    """Inverse search near the last proposal."""
+    from repose import refine
+
+    config = settings.load(args.config)
+    summary = refine.search(args.network, args.dataset, args.near, config, args.table3, args.out)
+    print(summary["message"])
+
+
+def refine_propose(args):
+    """What a round simulates."""
+    from repose import refine
+
+    config = settings.load(args.config)
+    seed, out = config["design"]["seed"], Path(args.out) / "proposal.csv"
+    refine.write_proposal(
+        args.feasible, args.network, config["parameters"], config["refine"], args.round, seed, out
+    )
+
+
+def refine_judge(args):
+    """What a round has shown."""
+    from repose import refine
+
+    config = settings.load(args.config)
+    files = (args.proposal, args.dataset, args.runs)
+    verdict = refine.write_verdict(*files, config["target"], config["refine"], args.out)
+    print(f"round {verdict['round']} {verdict['outcome']}", verdict["reason"], sep=": ")
+
+
+def refine_tables(args):
+    """All rounds in one table."""
+    from repose import refine
+
+    summary = refine.write_tables(args.verdicts, settings.load(args.config)["refine"]["rounds"], args.out)
+    print(summary["why"])
+    print(summary["claim"])
+
+
 def compare_accuracy(args):
     """Accuracy of the network at fresh points."""
     from repose.comparison import accuracy
@@ -554,6 +600,11 @@ VERBS = {
         noise,
         posterior,
         sensitivity,
+        refine_data,
+        refine_search,
+        refine_propose,
+        refine_judge,
+        refine_tables,
         compare_accuracy,
         compare_surrogates,
         compare_sampling,

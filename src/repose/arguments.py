@@ -44,6 +44,7 @@ def parser():
     _add_measuring(verbs)
     _add_calibration(verbs)
     _add_uncertainty(verbs)
+    _add_refinement(verbs)
     _add_comparisons(verbs)
     _add_pictures(verbs)
     _add_services(verbs)
@@ -339,6 +340,60 @@ def _add_uncertainty(verbs):
         out="results/sensitivity",
     )
     sub.add_argument("--network", default="results/network/network.json", help="what the verb network wrote")
+
+
+def _add_refinement(verbs):
+    sub = _verb(
+        verbs,
+        "refine_data",
+        "add the samples of the rounds so far to those of the design, for the next fit",
+        "python -m repose refine_data results/refined/round_0 --out results/refined/round_1",
+        out="results/refined/round_1",
+        config=False,
+    )
+    sub.add_argument("rounds", nargs="+", help="folders of the rounds: dataset.csv and runs.csv of their own")
+    sub.add_argument("--dataset", default="results/dataset.csv", help="of the design")
+    sub.add_argument("--runs", default="results/runs.csv", help="of the design: single runs")
+    sub = _verb(
+        verbs,
+        "refine_search",
+        "set the refitted network right near the last proposal and search there",
+        "python -m repose refine_search --near results/refined/round_0/proposal.csv",
+        out="results/refined/round_1/miga",
+    )
+    refined = "results/refined/round_1"
+    sub.add_argument("--network", default=f"{refined}/network/network.json", help="the refitted network")
+    sub.add_argument("--dataset", default=f"{refined}/data/dataset.csv", help="what it was fitted to")
+    sub.add_argument("--near", default="results/refined/round_0/proposal.csv", help="the last proposal")
+    sub.add_argument("--table3", default=str(PUBLISHED / "table3.csv"), help="published intervals")
+    sub = _verb(
+        verbs,
+        "refine_propose",
+        "list what a round simulates: the representative solution in blocks of seeds, and its neighbours",
+        "python -m repose refine_propose --round 0",
+        out="results/refined/round_0",
+    )
+    sub.add_argument("--round", type=int, required=True, help="its number, from 0")
+    sub.add_argument("--feasible", default="results/miga/feasible.csv", help="what the search wrote")
+    sub.add_argument("--network", default="results/network/network.json", help="the network that it searched")
+    sub = _verb(
+        verbs,
+        "refine_judge",
+        "a round's proposal beside the target: outcome, reason, and all its points predicted beside simulated",
+        "python -m repose refine_judge --out results/refined/round_0",
+        out="results/refined/round_0",
+    )
+    for key in ("proposal", "dataset", "runs"):
+        path = f"results/refined/round_0/{key}.csv"
+        sub.add_argument(f"--{key}", default=path, help=f"of the round ({path})")
+    sub = _verb(
+        verbs,
+        "refine_tables",
+        "all rounds in one table, why the loop stopped, and what may be claimed",
+        "python -m repose refine_tables results/refined/round_0/verdict.json",
+        out="results/refined",
+    )
+    sub.add_argument("verdicts", nargs="+", help="JSON files that refine_judge wrote")
 
 
 def _add_comparisons(verbs):

@@ -34,9 +34,11 @@ PURPOSES = {
     "shape_published": 3,
     "shape_sensitivity": 4,
     "shape_design": 5,
+    "refine": 8,
     "pool": 6,
     "fresh": 7,
 }
+LARGEST_BLOCKS = 100  # of a refined proposal's pours: jobs of a round have three digits
 # Measured on one core of a common server: for the estimate that is shown before a run.
 SECONDS_A_BERRY_STEP = 4.5e-8
 SECONDS_A_VIEW = 0.01
@@ -366,6 +368,11 @@ def _contradictions(config):
             "network.correlated_noise",
             "false where heap.seeds is 1: pours of one sample cannot be compared",
         )
+    refine = config["refine"]
+    if refine["seeds"] > LARGEST_BLOCKS * refine["block"]:
+        yield "refine.block", f"at least refine.seeds / {LARGEST_BLOCKS}"
+    if refine["neighbours"] == 1:
+        yield "refine.neighbours", "0 or at least 2: they fill a Latin hypercube"
     if config["miga"]["tournament"] > config["miga"]["population"]:
         yield "miga.tournament", f"at most miga.population, {config['miga']['population']}"
 

@@ -19,6 +19,7 @@ KEPT = {
     "film": ("*.gif",),
     "shape": ("*.csv", "*.json", "*.png"),
     "drum": ("*.csv", "*.gif"),
+    "refined": ("*.csv", "*.json", "*.png", "round_*/round.csv", "round_*/network/metrics.json"),
     "pool": ("*.csv", "*.json"),
     "comparison": ("*.csv", "*.json", "*.png"),
 }

@@ -9,6 +9,7 @@ from . import (
     checks,
     comparison,
     measuring,
+    refinement,
     representations,
     rotation,
     samples,
@@ -44,12 +45,14 @@ FIGURES = {
     "corner": (uncertainty.corner, ("draws", "posterior", "summary", "feasible")),
     "intervals": (uncertainty.intervals, ("posterior",)),
     "sobol": (uncertainty.sobol_indices, ("sobol",)),
+    "approach": (refinement.approach, ("rounds",)),
     "accuracy": (comparison.accuracy, ("accuracy",)),
     "surrogates": (comparison.surrogates, ("surrogates",)),
     "sampling": (comparison.sampling, ("sampling",)),
     "main_effects": (uncertainty.main_effects, ("effects", "dataset", "sobol")),
 }
 OPTIONAL = {
+    "approach": ("summary",),
     "figure08": ("trajectory", "particle"),
     "figure14": ("published",),
     "convergence": ("summary",),
