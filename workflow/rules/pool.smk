@@ -2,8 +2,8 @@
 POOL = f"{RESULTS}/pool"
 # Each set of points: what its tables' names begin with, and its keys in the configuration.
 POOL_SETS = {
-    "pool": ("", "samples", "seeds"),
-    "fresh": ("fresh_", "fresh_samples", "fresh_seeds"),
+    "pool": ["", "samples", "seeds"],
+    "fresh": ["fresh_", "fresh_samples", "fresh_seeds"],
 }
 
 
