@@ -123,7 +123,8 @@ def test_a_warning_of_the_search_goes_with_the_proposal_alone():
     table = refine.propose(solutions(warning="at a bound: e_gg low"), FLAT, RANGES, SECTION, 0, 7)
     assert set(table.loc[table["role"] == "proposal", "warning"]) == {"at a bound: e_gg low"}
     assert set(table.loc[table["role"] == "neighbour", "warning"]) == {""}
-    silent = refine.propose(solutions(warning=np.nan), FLAT, RANGES, SECTION, 0, 7)
+    among_others = pd.concat([solutions(warning=np.nan), solutions(warning="thin", representative=False)])
+    silent = refine.propose(among_others, FLAT, RANGES, SECTION, 0, 7)
     assert set(silent["warning"]) == {""}
 
 

@@ -83,7 +83,7 @@ def propose(solutions, network, ranges, section, round_, study_seed):
         table.loc[near, list(PARAMETERS)] = box[:, 0] + unit * (box[:, 1] - box[:, 0])
     table[list(PREDICTED)] = evaluate(network, table[list(PARAMETERS)].to_numpy(float))
     warning = best.get("warning", "")
-    table["warning"] = np.where(near | pd.isna(warning), "", warning)
+    table["warning"] = np.where(near, "", "" if pd.isna(warning) else warning)
     return table[["sample", *PARAMETERS, "role", "seeds", *PREDICTED, "warning"]]
 
 

@@ -20,6 +20,10 @@ KEPT = {
     "shape": ("*.csv", "*.json", "*.png"),
     "drum": ("*.csv", "*.gif"),
     "refined": ("*.csv", "*.json", "*.png", "round_*/round.csv", "round_*/network/metrics.json"),
+    "noise": ("*.csv", "*.json", "*.png"),
+    "posterior": ("posterior.csv", "*.json", "*.png"),
+    "sensitivity": ("*.csv", "*.png"),
+    "responses": ("*.csv", "*.json", "*.png"),
     "pool": ("*.csv", "*.json"),
     "comparison": ("*.csv", "*.json", "*.png"),
 }
