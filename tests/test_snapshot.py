@@ -33,9 +33,9 @@ def test_tables_and_figures_are_kept_and_pours_are_not(tmp_path):
         "comparison/accuracy.csv",
         "dataset.csv",
         "figures/figure13.png",
+        "pool/fresh_runs.csv",
         "refined/round_0/round.csv",
         "refined/rounds.csv",
-        "pool/fresh_runs.csv",
         "validation/table4.csv",
     ]
     assert not (out / "old").exists()
