@@ -448,21 +448,14 @@ def table(args):
 
 def bench(args):
     """Speed."""
+    from repose import bench, shape_study
+
     args.berry = args.particle = None
-    config = settings.load(args.config)
-    berry_of, particle = _berry_and_particle(args, config)
-
-    from repose import bench
-
-    result = bench.run(config, particle, berry_of)
-    if args.json:
-        print(json.dumps(result, indent=1))
-    else:
-        print(f"{result['us_per_step']:.1f} us a step, {result['berries']} berries in the settled pile")
-        print(f"{result['job_s']:.2f} s for a whole pour at a time step of {result['time_step_s']:g} s")
-        print(
-            f"{result['reference_us']:.1f} us for the reference kernel; a step is {result['ratio']:.3f} of it"
-        )
+    config, particles = settings.load(args.config), {}
+    for name, changes in config["shape_study"]["particles"].items():
+        berry_of, particles[name] = _berry_and_particle(args, shape_study.changed(config, "berry", changes))
+    result = bench.run(config, particles, berry_of)
+    print(json.dumps(result, indent=1) if args.json else bench.message(result))
 
 
 def check(args):

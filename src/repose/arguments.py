@@ -451,7 +451,8 @@ def _add_services(verbs):
     sub = _verb(
         verbs,
         "bench",
-        "microseconds a step of the settled pile, seconds of a whole pour, and how fast this machine is",
+        "microseconds a step of the settled pile and seconds of a whole pour for the particles of the shape study, "
+        "and how fast this machine is",
         "python -m repose bench --json",
     )
     sub.add_argument("--json", action="store_true", help="print as JSON")
