@@ -152,6 +152,7 @@ def study(tmp_path_factory):
     runs.to_csv(folder / "runs.csv", index=False)
     settings = {"hidden": 3, "epochs": 200, "goal": 0.0, "starts": 3, "seed": 1}
     settings |= {"split": [0.7, 0.15, 0.15], "weights_from_errors": True}
+    settings |= {"correlated_noise": True, "prior": "inputs"}
     training.run(folder / "dataset.csv", folder / "runs.csv", settings, folder)
     cloud = pd.DataFrame(random.uniform(0.4, 0.6, (10, 6)), columns=list(PARAMETERS))
     cloud.to_csv(folder / "feasible.csv", index=False)
@@ -188,8 +189,14 @@ def test_restored_network_has_the_error_bars_it_was_trained_with(study):
     rows = training.split(60, [0.7, 0.15, 0.15], 1)["train"]
     errors = table[["aor_se_deg", "height_se_mm"]].to_numpy()
     X, Y = table[list(PARAMETERS)].to_numpy(), table[["aor_deg", "height_mm"]].to_numpy()
-    trained = training.PlainBayesianBP(hidden=3, epochs=200, goal=0.0, starts=3, seed=1)
-    trained.fit(X[rows], Y[rows], precision=training.weights_from_errors(errors)[rows])
+    metrics = json.loads(study["metrics"].read_text())
+    assert metrics["prior"] == "inputs"
+    assert len(metrics["alpha"]) == 8
+    covariance = np.array(metrics["noise_covariance"])
+    assert covariance == pytest.approx(np.diag([0.25, 1.0]), abs=0.25)
+    precision = training.weights_from_errors(errors)[rows].mean(axis=1)
+    trained = training.PlainBayesianBP(hidden=3, epochs=200, goal=0.0, starts=3, seed=1, prior="inputs")
+    trained.fit(X[rows], Y[rows], precision=precision, noise_covariance=covariance)
     again = training.restore(*(study[key] for key in ("network", "metrics", "predictions", "dataset")))
     for noise in (True, False):
         expected, found = (model.predict(X, return_std=True, noise=noise) for model in (trained, again))

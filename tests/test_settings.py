@@ -139,9 +139,10 @@ def test_a_missing_key_is_told(config):
 
 def test_weights_need_standard_errors(config):
     config["heap"]["seeds"] = 1
-    config["network"]["weights_from_errors"] = True
-    with pytest.raises(InputError, match="weights_from_errors"):
-        settings.check(config)
+    for key in ("weights_from_errors", "correlated_noise"):
+        config["network"] |= {"weights_from_errors": False, "correlated_noise": False, key: True}
+        with pytest.raises(InputError, match=key):
+            settings.check(config)
 
 
 def test_compression_tests_may_be_left_out_only_where_both_moduli_are_given(config):

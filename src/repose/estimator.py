@@ -9,9 +9,9 @@ from repose.network import PlainBayesianBP
 class BayesianBP(RegressorMixin, PlainBayesianBP, BaseEstimator):
     __doc__ = PlainBayesianBP.__doc__
 
-    def fit(self, X, y, sample_weight=None, precision=None):
+    def fit(self, X, y, sample_weight=None, precision=None, noise_covariance=None):
         X, y = validate_data(self, X, y, dtype=float, multi_output=True, y_numeric=True, ensure_min_samples=2)
-        return super().fit(X, y, sample_weight, precision)
+        return super().fit(X, y, sample_weight, precision, noise_covariance)
 
     def predict(self, X, return_std=False, noise=True):
         check_is_fitted(self)

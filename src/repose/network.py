@@ -17,6 +17,8 @@ Sources of the lines, named where they are used
   (M94)     MacKay 1994, Bayesian non-linear modeling for the prediction competition: a prior for each input
   (HM94)    Hagan & Menhaj 1994, training feedforward networks with the Marquardt algorithm
   (NW90)    Nguyen & Widrow 1990, improving the learning speed of two-layer networks
+  (A35)     Aitken 1935, on least squares and linear combination of observations: residuals whose noises are
+            correlated are made independent by a root of their covariance
 
 Notation: D the data, w all N weights, n residuals (samples times outputs), E_d and E_w plain sums of squares,
 so the noise variance is 1 / (2 beta) and the prior variance of a weight 1 / (2 alpha). Weights may fall into
@@ -74,15 +76,20 @@ class PlainBayesianBP:
         self.min_gradient, self.scaled_range, self.seed = min_gradient, scaled_range, seed
         self.prior = prior
 
-    def fit(self, X, y, sample_weight=None, precision=None):
+    def fit(self, X, y, sample_weight=None, precision=None, noise_covariance=None):
         """Train on X (samples, inputs) and y (samples,) or (samples, outputs); return self.
 
         sample_weight (samples,): how often a sample counts, as in scikit-learn: 2 is the sample twice, 0 not
         at all. precision (samples,) or (samples, outputs): how exact a target is beside the others; the noise
         variance of its residual is 1 / (2 beta precision), and only ratios matter (`weights_from_errors`
         makes them from standard errors; log_evidence_ leaves out their constant, sum log precision / 2).
+        noise_covariance (outputs, outputs): of the noise of a sample's targets, up to a factor. Targets of one
+        experiment share its noise; taken as independent, what they share looks like a signal to be learned.
+        With it the network is trained on combinations of the outputs whose noises are independent (A35) and
+        given back in units of y; precision then is one number a sample.
         Raises ValueError for a setting out of its limits, other shapes, values that are not finite, negative
-        weights, precisions not above zero, and when no start ends with a finite evidence.
+        weights, precisions not above zero, a covariance that is none, and when no start ends with a finite
+        evidence.
         """
         self._check_settings()
         X, Y, count, precision = _checked(X, y, sample_weight, precision)
@@ -90,7 +97,8 @@ class PlainBayesianBP:
         self.input_min_, self.input_max_ = X.min(axis=0), X.max(axis=0)
         self.output_min_, self.output_max_ = Y.min(axis=0), Y.max(axis=0)
         x = _scale(X, self.input_min_, self.input_max_, self.scaled_range)
-        t = _scale(Y, self.output_min_, self.output_max_, self.scaled_range)
+        mixing = self._mixing(noise_covariance, precision)
+        t = _scale(Y, self.output_min_, self.output_max_, self.scaled_range) @ mixing
 
         root_weight, n = np.sqrt(count[:, None] * precision), float(count.sum() * t.shape[1])
         ends = []
@@ -102,12 +110,12 @@ class PlainBayesianBP:
         best = ends[self.best_start_]
         if best["log_evidence"] == -math.inf:
             raise ValueError(f"none of {self.starts} starts ended with a finite evidence")
-        self.W1_, self.b1_, self.W2_, self.b2_ = unpack(best["w"], x.shape[1], self.hidden, t.shape[1])
+        w = mix_outputs(best["w"], np.linalg.inv(mixing), self.hidden)
+        self.W1_, self.b1_, self.W2_, self.b2_ = unpack(w, x.shape[1], self.hidden, t.shape[1])
         self.alpha_, self.beta_, self.gamma_ = best["alpha"], best["beta"], best["gamma"]
         self.log_evidence_, self.epochs_ = best["log_evidence"], best["epochs"]
         self.stop_reason_, self.n_residuals_ = best["stop_reason"], t.size
-        self.posterior_root_ = posterior_root(best["alpha_of_weight"], self.beta_, best["JJ"])
-        self.noise_std_ = self._stretch() / math.sqrt(2 * self.beta_)
+        self._set_errors(posterior_root(best["alpha_of_weight"], self.beta_, best["JJ"]), mixing)
         return self
 
     def predict(self, X, return_std=False, noise=True):
@@ -115,7 +123,8 @@ class PlainBayesianBP:
 
         With return_std also their standard deviations, of the same shape: sqrt(1 / (2 beta) + g' H^-1 g)
         with g the output's gradient by the weights (M92), in units of y. The first term is the noise of a
-        single target of precision 1; noise=False leaves it out, and the uncertainty of the mean remains.
+        single target of precision 1 (noise_std_); noise=False leaves it out, and the uncertainty of the mean
+        remains.
         """
         if not hasattr(self, "W1_"):
             raise ValueError("predict was called before fit")
@@ -126,8 +135,8 @@ class PlainBayesianBP:
         Y = Y[:, 0] if self.one_output_ else Y
         if not return_std:
             return Y
-        variance = (self._weight_roots(X) ** 2).sum(axis=2) + noise / (2 * self.beta_)
-        std = np.sqrt(variance) * self._stretch()
+        variance = (self._weight_roots(X) ** 2).sum(axis=2) * self._stretch() ** 2
+        std = np.sqrt(variance + noise * self.noise_std_**2)
         return Y, std[:, 0] if self.one_output_ else std
 
     def covariance(self, X):
@@ -163,11 +172,12 @@ class PlainBayesianBP:
         Path(path).write_text(json.dumps(self.to_dict(inputs, outputs), indent=1) + "\n")
 
     @classmethod
-    def restored(cls, network, X, alpha, beta, precision=None, prior="one"):
+    def restored(cls, network, X, alpha, beta, precision=None, prior="one", noise_covariance=None):
         """A fitted network with its error bars, from what was saved of it.
 
-        network: of `load`. X (samples, inputs): the inputs it was trained on, precision as `fit` was given it.
-        alpha, beta: of the end of training. The Hessian is that of the saved weights, so nothing is trained.
+        network: of `load`. X (samples, inputs): the inputs it was trained on; precision and noise_covariance as
+        `fit` was given them. alpha, beta: of the end of training. The Hessian is that of the saved weights, so
+        nothing is trained.
         """
         arrays = {key: np.asarray(network[key], dtype=float) for key in ARRAYS}
         model = cls(hidden=len(arrays["b1"]), scaled_range=tuple(network["scaled_range"]), prior=prior)
@@ -176,12 +186,41 @@ class PlainBayesianBP:
         model.alpha_, model.beta_, model.one_output_ = alpha, float(beta), False
         X, _, _, precision = _checked(X, np.zeros((len(X), len(arrays["b2"]))), None, precision)
         w = np.concatenate([arrays[key].ravel() for key in ("W1", "b1", "W2", "b2")])
+        mixing = model._mixing(noise_covariance, precision)
+        w = mix_outputs(w, mixing, model.hidden)
         x = _scale(X, model.input_min_, model.input_max_, model.scaled_range)
         J = (jacobian(w, x, len(model.b2_))[1] * np.sqrt(precision)[:, :, None]).reshape(-1, w.size)
         classes = weight_classes(prior, X.shape[1], model.hidden, len(model.b2_))
-        model.posterior_root_ = posterior_root(_spread(np.atleast_1d(alpha), classes, w.size), beta, J.T @ J)
-        model.noise_std_ = model._stretch() / math.sqrt(2 * model.beta_)
+        alpha_of_weight = _spread(np.atleast_1d(alpha), classes, w.size)
+        model._set_errors(posterior_root(alpha_of_weight, beta, J.T @ J), mixing)
         return model
+
+    def _mixing(self, noise_covariance, precision):
+        """Scaled outputs times this (outputs, outputs) have independent noises of one variance; its
+        determinant is one, so that they stay about as wide."""
+        stretch = self._stretch()
+        if noise_covariance is None:
+            return np.eye(len(stretch))
+        covariance = np.asarray(noise_covariance, dtype=float)
+        if covariance.shape != 2 * stretch.shape or not np.allclose(covariance, covariance.T):
+            raise ValueError(
+                f"noise_covariance is {noise_covariance!r}; allowed: symmetric, {2 * stretch.shape}"
+            )
+        if np.ptp(precision, axis=1).any():
+            raise ValueError("precision differs between outputs; allowed with noise_covariance: one a sample")
+        try:
+            root = np.linalg.cholesky(covariance / np.outer(stretch, stretch))
+        except np.linalg.LinAlgError as error:
+            raise ValueError(
+                f"noise_covariance is {noise_covariance!r}; allowed: positive definite"
+            ) from error
+        return np.linalg.inv(root).T * np.prod(np.diagonal(root)) ** (1 / len(root))
+
+    def _set_errors(self, root, mixing):
+        """The weights' posterior and the noise, both of the outputs as they were before mixing."""
+        unmix = np.linalg.inv(mixing)
+        self.posterior_root_ = mix_outputs(root, unmix, self.hidden)
+        self.noise_std_ = np.linalg.norm(unmix, axis=0) * self._stretch() / math.sqrt(2 * self.beta_)
 
     def _weight_roots(self, X):
         """dy/dw times the root of the weights' covariance, (samples, outputs, N), outputs scaled."""
@@ -332,6 +371,16 @@ def unpack(w, inputs, hidden, outputs):
     ends = np.cumsum([hidden * inputs, hidden, outputs * hidden])
     W1, b1, W2, b2 = np.split(w, ends)
     return W1.reshape(hidden, inputs), b1, W2.reshape(outputs, hidden), b2
+
+
+def mix_outputs(w, mixing, hidden):
+    """Weights (N,), or (N, columns), of the network whose outputs are the given one's times mixing."""
+    outputs = len(mixing)
+    first = len(w) - outputs * (hidden + 1)
+    W2 = w[first : len(w) - outputs].reshape(outputs, -1)
+    b2 = w[len(w) - outputs :].reshape(outputs, -1)
+    tail = [(mixing.T @ part).reshape(-1, *w.shape[1:]) for part in (W2, b2)]
+    return np.concatenate([w[:first], *tail])
 
 
 def weight_classes(prior, inputs, hidden, outputs):

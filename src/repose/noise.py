@@ -93,21 +93,32 @@ def variance_components(values, groups):
     return Components(k, n, float(values.mean()), within, *map(float, sigma), between, icc, *ends, float(h))
 
 
+def within_covariance(values, groups):
+    """Covariance (k, k) of responses (n, k) about the means of their groups (n,), and its degrees of freedom.
+
+    Zeros where no group has two values.
+    """
+    values = np.asarray(values, dtype=float)
+    residuals = np.empty_like(values)
+    for k, column in enumerate(values.T):
+        number, size, mean = _groups(column, groups)
+        residuals[:, k] = column - mean[number]
+    freedom = len(values) - len(size)
+    return residuals.T @ residuals / max(freedom, 1), freedom
+
+
 def residual_correlation(first, second, groups):
     """Correlation of two responses (n,) within samples, its interval, and its degrees of freedom n - k.
 
     Products of the deviations from the samples' means; the interval by Fisher's transformation. Raises ValueError
     with fewer than four degrees of freedom or a response that does not vary within samples.
     """
-    first, second, groups = np.asarray(first, float), np.asarray(second, float), np.asarray(groups)
-    number, size, mean = _groups(first, groups)
-    freedom = len(first) - len(size)
+    covariance, freedom = within_covariance(np.column_stack([first, second]), groups)
     if freedom < 4:
         raise ValueError(f"{freedom} degrees of freedom within samples; allowed: at least 4")
-    a, b = first - mean[number], second - _groups(second, groups)[2][number]
-    if not (a @ a > 0 and b @ b > 0):
+    if not (np.diagonal(covariance) > 0).all():
         raise ValueError("a response does not vary within samples; allowed: one that does")
-    correlation = float(a @ b / math.sqrt((a @ a) * (b @ b)))
+    correlation = float(covariance[0, 1] / math.sqrt(covariance[0, 0] * covariance[1, 1]))
     # variance 1 / (n - 3) for n - 1 degrees of freedom
     half = stats.norm.ppf(0.5 + CONFIDENCE / 2) / math.sqrt(freedom - 2)
     centre = math.atanh(min(max(correlation, -1 + 1e-12), 1 - 1e-12))

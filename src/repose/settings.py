@@ -359,6 +359,11 @@ def _contradictions(config):
             "network.weights_from_errors",
             "false where heap.seeds is below 4: there are no standard errors to use",
         )
+    if network["correlated_noise"] and config["heap"]["seeds"] < 2:
+        yield (
+            "network.correlated_noise",
+            "false where heap.seeds is 1: pours of one sample cannot be compared",
+        )
     if config["miga"]["tournament"] > config["miga"]["population"]:
         yield "miga.tournament", f"at most miga.population, {config['miga']['population']}"
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from repose.errors import InputError
+from repose.noise import within_covariance
 from repose.network import RESPONSES, PlainBayesianBP, load, r2, weights_from_errors
 from repose.parameters import PARAMETERS
 from repose.readers import read_table
@@ -20,8 +21,9 @@ def run(dataset_csv, runs_csv, settings, out_dir):
     """Train; write network.json, metrics.json, predictions.csv and starts.csv; return the metrics.
 
     dataset_csv, runs_csv: as `repose.dataset` writes them. settings: hidden, epochs, goal, starts, seed,
-    split (three shares), and weights_from_errors (False unless given): weigh samples by their standard
-    errors, where there are any. Raises InputError for a missing column or fewer than 12 usable samples.
+    split (three shares), prior ("one" unless given), and, both False unless given: weights_from_errors, weigh
+    samples by their standard errors; correlated_noise, reckon with the covariance of the responses within
+    the training samples. Both are left out where the samples have one run each. Raises InputError for a missing column or fewer than 12 usable samples.
     """
     import pandas as pd  # not needed by whoever wants the network alone
 
@@ -38,13 +40,16 @@ def run(dataset_csv, runs_csv, settings, out_dir):
     errors = usable[["aor_se_deg", "height_se_mm"]].to_numpy(float)
     rows = split(len(X), settings["split"], settings["seed"])
 
-    weight = None
-    if settings.get("weights_from_errors", False) and np.isfinite(errors).any(axis=0).all():
-        weight = weights_from_errors(errors)[rows["train"]]
+    weighted = bool(settings.get("weights_from_errors", False) and np.isfinite(errors).any(axis=0).all())
+    covariance = None
+    if settings.get("correlated_noise", False):
+        covariance = _noise_covariance(runs, usable["sample"].iloc[rows["train"]])
+    weight = _precision(errors, covariance is not None)[rows["train"]] if weighted else None
     network = PlainBayesianBP(
-        **{key: settings[key] for key in ("hidden", "epochs", "goal", "starts", "seed")}
+        **{key: settings[key] for key in ("hidden", "epochs", "goal", "starts", "seed")},
+        prior=settings.get("prior", "one"),
     )
-    network.fit(X[rows["train"]], Y[rows["train"]], precision=weight)
+    network.fit(X[rows["train"]], Y[rows["train"]], precision=weight, noise_covariance=covariance)
     P = network.predict(X)
 
     metrics = {"n_samples": len(X), "left_out": len(table) - len(X)}
@@ -58,7 +63,6 @@ def run(dataset_csv, runs_csv, settings, out_dir):
     metrics["r2_three_ways"] = _three_ways(usable, runs, Y, P, errors, rows["test"])
     for key in (
         "gamma",
-        "alpha",
         "beta",
         "log_evidence",
         "epochs",
@@ -68,7 +72,9 @@ def run(dataset_csv, runs_csv, settings, out_dir):
     ):
         metrics[key] = getattr(network, key + "_")
     metrics |= {"n_weights": int(sum(w.size for w in (network.W1_, network.b1_, network.W2_, network.b2_)))}
-    metrics |= {"starts": network.starts, "weighted": weight is not None}
+    metrics |= {"starts": network.starts, "weighted": weighted, "prior": network.prior}
+    metrics["alpha"] = np.asarray(network.alpha_).tolist()
+    metrics["noise_covariance"] = None if covariance is None else covariance.tolist()
 
     out = Path(out_dir)
     out.mkdir(parents=True, exist_ok=True)
@@ -81,6 +87,9 @@ def run(dataset_csv, runs_csv, settings, out_dir):
         predictions[response], predictions[predicted] = Y[:, k], P[:, k]
     predictions.to_csv(out / "predictions.csv", index=False)
     starts = pd.DataFrame(network.starts_)
+    starts["alpha"] = [
+        " ".join(f"{a:.6g}" for a in np.atleast_1d(start["alpha"])) for start in network.starts_
+    ]
     starts["chosen"] = starts["start"] == network.best_start_
     starts.to_csv(out / "starts.csv", index=False)
     return metrics
@@ -95,7 +104,8 @@ def restore(network_json, metrics_json, predictions_csv, dataset_csv):
     network = load(network_json)
     try:
         metrics = json.loads(Path(metrics_json).read_text())
-        alpha, beta, weighted = metrics["alpha"], metrics["beta"], metrics["weighted"]
+        alpha, beta, prior = np.array(metrics["alpha"]), metrics["beta"], metrics["prior"]
+        weighted, covariance = metrics["weighted"], metrics["noise_covariance"]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise InputError(metrics_json, "metrics", str(error), "what the verb network wrote") from error
     predictions = read_table(predictions_csv, ("sample", "split", *PREDICTED))
@@ -110,9 +120,9 @@ def restore(network_json, metrics_json, predictions_csv, dataset_csv):
     precision = None
     if weighted:
         errors = usable[["aor_se_deg", "height_se_mm"]].to_numpy(float)
-        precision = weights_from_errors(errors)[usable.index.get_indexer(trained["sample"])]
+        precision = _precision(errors, covariance is not None)[usable.index.get_indexer(trained["sample"])]
     X = usable.loc[trained["sample"], list(PARAMETERS)].to_numpy(float)
-    model = PlainBayesianBP.restored(network, X, alpha, beta, precision)
+    model = PlainBayesianBP.restored(network, X, alpha, beta, precision, prior, covariance)
     if not np.allclose(model.predict(X), trained[list(PREDICTED)], rtol=1e-6):
         raise InputError(
             predictions_csv, "predictions", "others", f"those of {network_json} on {dataset_csv}"
@@ -144,6 +154,20 @@ def r2_noise_corrected(y, predicted, errors):
     if not between > 0:
         return None
     return float(1 - (np.sum((y - predicted) ** 2) - noise) / between)
+
+
+def _noise_covariance(runs, samples):
+    """Covariance (responses, responses) of single runs about their samples' means, None where it has no rank."""
+    ok = runs[(runs["status"] == "ok") & runs["sample"].isin(samples)]
+    covariance, freedom = within_covariance(ok[list(RESPONSES)], ok["sample"])
+    enough = freedom > len(RESPONSES) and np.linalg.eigvalsh(covariance)[0] > 0
+    return covariance if enough else None
+
+
+def _precision(errors, one_a_sample):
+    """Precisions (samples, responses) of the standard errors; those of a sample alike if one_a_sample."""
+    precision = weights_from_errors(errors)
+    return np.repeat(precision.mean(axis=1, keepdims=True), 2, axis=1) if one_a_sample else precision
 
 
 def _three_ways(usable, runs, Y, P, errors, test):
