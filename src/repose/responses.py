@@ -93,8 +93,8 @@ def of_profile(profiles, mm_per_pixel, height_mm, berry_mm, berries_mm3):
 def of_scatter(centres_m, in_pile, on_plate_mm):
     """Radius that holds 90 % of the berries on the plate, and the share of them outside the pile, by name.
 
-    centres_m (N, 3); in_pile (N,); on_plate_mm: radius of the plate about the axis x = y = 0; centres below the plate or
-    beyond it are left out. Raises NoFlankError where nothing lies on the plate.
+    centres_m (N, 3); in_pile (N,); on_plate_mm: radius of the plate about the axis x = y = 0; centres below the
+    plate or beyond it are left out. Raises NoFlankError where nothing lies on the plate.
     """
     distance = 1e3 * np.hypot(centres_m[:, 0], centres_m[:, 1])
     there = (distance <= on_plate_mm) & (centres_m[:, 2] > 0)
@@ -131,7 +131,9 @@ def run(config, pours_json, runs_csv, particle, berry, out_csv):
     """
     known = (*RESPONSES, *(name for name in HEAP if name not in MEASURED))
     runs = read_table(runs_csv, ("sample", "seed", "status", *known))
-    runs = runs.drop(columns=[column for column in runs if column not in ("sample", "seed", "status", *known)])
+    runs = runs.drop(
+        columns=[column for column in runs if column not in ("sample", "seed", "status", *known)]
+    )
     settings = pile.MeasureSettings.of(config["measure"], berry)
     good = set(map(tuple, runs.loc[runs["status"] == "ok", ["sample", "seed"]].to_numpy()))
     found = {}

@@ -41,7 +41,7 @@ from repose.training import r2_noise_corrected
 BASE = RESPONSES
 CREDIBLE = 0.95
 BINS = 40
-FEWEST_SAMPLES = 20
+FEWEST_SAMPLES = 12
 NOISY = 0.5  # a response with less signal than this share of its noise is not modelled
 FEWEST_EFFECTIVE = 30
 EPOCHS = 300  # of the surrogates, most
@@ -62,8 +62,8 @@ class Known(NamedTuple):
 def over_design(values, groups, samples):
     """Means and errors of a response over the samples, and its signal to noise.
 
-    values (n,), groups (n,): of single runs; NaN values are left out. samples (m,): order of the result. Errors come from
-    the pooled variance within samples, which few runs of one sample do not tell.
+    values (n,), groups (n,): of single runs; NaN values are left out. samples (m,): order of the result. Errors come
+    from the pooled variance within samples, which few runs of one sample do not tell.
     """
     good = np.isfinite(values)
     values, groups = values[good], groups[good]
@@ -158,7 +158,7 @@ def trained(X, known, settings):
 
 
 def left_out(X, known, settings):
-    """Predictions (samples,) of each sample by networks that were trained without it, NaN of one without the response."""
+    """Predictions (samples,) of each sample by networks that were trained without it, NaN where it has none."""
     there = np.flatnonzero(np.isfinite(known.mean))
     fold = np.random.RandomState(settings["seed"]).permutation(len(there)) % settings["folds"]
     predicted = np.full(len(known.mean), np.nan)
@@ -173,8 +173,8 @@ def left_out(X, known, settings):
 def surrogate_covariance(residuals, errors, correlation):
     """S_s (k, k) of cross-validated residuals (samples, k), less the noise of the means, made positive.
 
-    errors (samples, k): standard errors of the means; correlation (k, k): of their noise. Two responses are compared over
-    the samples that have both.
+    errors (samples, k): standard errors of the means; correlation (k, k): of their noise. Two responses are compared
+    over the samples that have both.
     """
     k = residuals.shape[1]
     found = np.zeros((k, k))
@@ -204,21 +204,23 @@ class Prior:
         self.bin = np.minimum((unit * BINS).astype(int), BINS - 1)
         self.order = np.argsort(unit, axis=0)
 
-    def posterior(self, observed, columns, covariance):
-        """What observing some responses tells: joint bits, bits (d,) and width over the prior's (d,) of each parameter,
-        effective points.
-
-        observed (k,), covariance (k, k): of all responses; columns: those observed. Bits as `posterior.information_bits`
-        has them, for weighted points.
-        """
+    def weights(self, observed, columns, covariance):
+        """Posterior probability (n,) of each point."""
         root = np.linalg.cholesky(covariance[np.ix_(columns, columns)])
         off = np.linalg.solve(root, (observed[columns] - self.predicted[:, columns]).T)
         log_weight = -0.5 * (off**2).sum(axis=0)
         weight = np.exp(log_weight - log_weight.max())
-        weight /= weight.sum()
+        return weight / weight.sum()
+
+    def posterior(self, observed, columns, covariance):
+        """What observing some responses tells: joint bits, bits (d,) and widths over the prior's (d,) of the
+        parameters, effective points.
+
+        observed (k,), covariance (k, k): of all responses; columns: those observed. Bits of a parameter as
+        `posterior.information_bits` has them, for weighted points.
+        """
+        weight = self.weights(observed, columns, covariance)
         effective = 1 / (weight**2).sum()
-        positive = weight > 0
-        joint = float(weight[positive] @ np.log2(weight[positive] * len(weight)))
         bits, widths = [], []
         for k in range(self.unit.shape[1]):
             share = np.bincount(self.bin[:, k], weight, BINS)
@@ -230,7 +232,13 @@ class Prior:
             ends = np.searchsorted(np.cumsum(weight[order]), [tail, 1 - tail])
             low, high = self.unit[order[np.minimum(ends, len(order) - 1)], k]
             widths.append((high - low) / CREDIBLE)
-        return joint, np.array(bits), np.array(widths), effective
+        return joint_bits(weight), np.array(bits), np.array(widths), effective
+
+
+def joint_bits(weight):
+    """KL of weighted points (n,) from equal weights, in bits."""
+    positive = weight[weight > 0]
+    return float(positive @ np.log2(positive * len(weight)))
 
 
 def averaged(prior, truths, errors, columns, covariance):
@@ -271,18 +279,22 @@ def sets_of(names):
 
 
 def in_order(prior, truths, errors, names, covariance):
-    """Greedy order of the further responses: rows (response, bits, gain), each the one that adds most to those before."""
-    chosen, rows = list(BASE), []
-    columns = [names.index(name) for name in chosen]
-    before = averaged(prior, truths, errors, columns, covariance)["bits"]
+    """Greedy order of the further responses: rows (response, bits, gain), each the one that adds most."""
+    root, rows = np.linalg.cholesky(covariance), []
+    observed = prior.predicted[truths] + errors @ root.T
+
+    def bits(columns):
+        return np.mean([joint_bits(prior.weights(y, columns, covariance)) for y in observed])
+
+    columns = [names.index(name) for name in BASE]
+    before = bits(columns)
     left = [name for name in names if name not in BASE]
     while left:
-        tried = {
-            name: averaged(prior, truths, errors, [*columns, names.index(name)], covariance)["bits"]
-            for name in left
-        }
+        tried = {name: bits([*columns, names.index(name)]) for name in left}
         best = max(left, key=tried.get)
-        rows.append({"place": len(rows) + 1, "response": best, "bits": tried[best], "gain_bits": tried[best] - before})
+        rows.append(
+            {"place": len(rows) + 1, "response": best, "bits": tried[best], "gain_bits": tried[best] - before}
+        )
         before = tried[best]
         columns.append(names.index(best))
         left.remove(best)
@@ -298,7 +310,7 @@ def run(files, ranges, target, settings, out_dir):
     files: runs (of `responses.run`), dataset, and, for the drum, drum (a list of files of `drum_design`) and drum_runs.
     ranges: parameter to (low, high). target: that section of the configuration. settings: points, truths, folds, seed,
     discrepancy_percent, and hidden, epochs and starts of the surrogates. Raises InputError for a bad file, fewer than
-    20 usable samples, or a target that no point of the prior meets.
+    12 usable samples, or a target that no point of the prior meets.
     """
     import pandas as pd
 
@@ -360,13 +372,16 @@ def _data(files, ranges):
     table = read_table(files["dataset"], ("sample", *PARAMETERS, "status"))
     table = table[table["status"] == "ok"]
     if len(table) < FEWEST_SAMPLES:
-        raise InputError(files["dataset"], "usable samples", len(table), f"at least {FEWEST_SAMPLES} with status ok")
+        raise InputError(
+            files["dataset"], "usable samples", len(table), f"at least {FEWEST_SAMPLES} with status ok"
+        )
     runs = read_table(files["runs"], ("sample", "seed", "status", *BASE, *responses.HEAP))
     runs = runs[(runs["status"] == "ok") & runs["sample"].isin(table["sample"])]
     samples, groups = table["sample"].to_numpy(), runs["sample"].to_numpy()
     try:
         known = {
-            name: over_design(runs[name].to_numpy(float), groups, samples) for name in (*BASE, *responses.HEAP)
+            name: over_design(runs[name].to_numpy(float), groups, samples)
+            for name in (*BASE, *responses.HEAP)
         }
     except ValueError as error:
         raise InputError(files["runs"], "runs", str(error), "two or more of most samples") from None

@@ -34,6 +34,7 @@ PURPOSES = {
     "shape_published": 3,
     "shape_sensitivity": 4,
     "shape_design": 5,
+    "drum_design": 9,
 }
 # Measured on one core of a common server: for the estimate that is shown before a run.
 SECONDS_A_BERRY_STEP = 4.5e-8
@@ -364,6 +365,9 @@ def _contradictions(config):
             "network.correlated_noise",
             "false where heap.seeds is 1: pours of one sample cannot be compared",
         )
+    design, further = config["design"]["samples"], config["second_responses"]
+    if further["drum_samples"] > design:
+        yield "second_responses.drum_samples", f"at most design.samples, {design}"
     if config["miga"]["tournament"] > config["miga"]["population"]:
         yield "miga.tournament", f"at most miga.population, {config['miga']['population']}"
 

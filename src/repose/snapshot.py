@@ -19,6 +19,9 @@ KEPT = {
     "film": ("*.gif",),
     "shape": ("*.csv", "*.json", "*.png"),
     "drum": ("*.csv", "*.gif"),
+    "comparison": ("*.csv", "*.png"),
+    "responses": ("*.csv", "*.json", "*.png"),
+    "responses/with_drum": ("*.csv", "*.json", "*.png"),
 }
 LARGEST_FILE = 5_000_000  # bytes
 

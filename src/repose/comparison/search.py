@@ -36,6 +36,7 @@ from repose.parameters import PARAMETERS
 FEWEST_FEASIBLE = 200  # of the reference sample, or nothing can be said about the region
 CHECKPOINTS_A_DECADE = 8
 CLOUD = 5000  # reference points that coverage is taken over
+DIMENSIONS = len(PARAMETERS)
 STEP = 1e-6  # of the differences
 EXACT = 1e-12  # a smaller objective is rounding, and has no logarithm to speak of
 REFERENCE = "feasible region"
@@ -52,7 +53,7 @@ class Log:
     points (used, d) and fitness (used,) are in the order in which they were asked for.
     """
 
-    def __init__(self, respond, objective, evaluations, dimensions=len(PARAMETERS)):
+    def __init__(self, respond, objective, evaluations, dimensions=DIMENSIONS):
         self.respond, self.objective = respond, objective
         self._points = np.empty((evaluations, dimensions))
         self._fitness = np.empty(evaluations)
@@ -133,7 +134,9 @@ def differential_evolution(log, seed):
 def dual_annealing(log, seed):
     for restart in range(10**6):
         random = np.random.default_rng([seed, restart])
-        optimize.dual_annealing(log.of_one, [(-1, 1)] * len(PARAMETERS), maxiter=10**6, maxfun=1e12, rng=random)
+        optimize.dual_annealing(
+            log.of_one, [(-1, 1)] * len(PARAMETERS), maxiter=10**6, maxfun=1e12, rng=random
+        )
 
 
 def cma_es(log, seed):
@@ -176,7 +179,14 @@ def searches(section):
 
     section: `miga` of the configuration.
     """
-    keys = ("islands", "population", "generations", "tournament", "mutation_probability", "mutation_amplitude")
+    keys = (
+        "islands",
+        "population",
+        "generations",
+        "tournament",
+        "mutation_probability",
+        "mutation_amplitude",
+    )
     own = {key: section[key] for key in keys}
     alone = own | {"islands": 1, "population": section["islands"] * section["population"]}
     whole = section["rounds"] * section["generations"] * alone["population"]
@@ -204,7 +214,7 @@ class Region:
     Raises ValueError where fewer than 200 points are feasible.
     """
 
-    def __init__(self, respond, objective, points, listed, seed, dimensions=len(PARAMETERS)):
+    def __init__(self, respond, objective, points, listed, seed, dimensions=DIMENSIONS):
         unit = 2 * stats.qmc.Sobol(dimensions, rng=seed).random(points) - 1
         _, V = objective(respond(unit))
         self.points = unit[V == 0]
@@ -216,7 +226,9 @@ class Region:
         self.cloud = self.points[:CLOUD]
         self.volume = _volume(self.points)
         random = np.random.default_rng(seed)
-        self.lists = [random.choice(self.points, min(listed, len(self.points)), replace=False) for _ in range(10)]
+        self.lists = [
+            random.choice(self.points, min(listed, len(self.points)), replace=False) for _ in range(10)
+        ]
         self.reach = float(np.median([cKDTree(one).query(self.cloud)[0] for one in self.lists]))
 
     def spread(self, points):

@@ -7,11 +7,13 @@ from repose.errors import InputError
 from . import (
     berries,
     checks,
+    inversion,
     measuring,
     representations,
     rotation,
     samples,
     search,
+    second_look,
     style,
     surrogate,
     testbench,
@@ -43,6 +45,12 @@ FIGURES = {
     "corner": (uncertainty.corner, ("draws", "posterior", "summary", "feasible")),
     "intervals": (uncertainty.intervals, ("posterior",)),
     "sobol": (uncertainty.sobol_indices, ("sobol",)),
+    "search": (inversion.searches, ("curves", "methods")),
+    "whole": (inversion.whole, ("whole",)),
+    "second_responses": (
+        second_look.what_to_measure_next,
+        ("responses", "information", "narrowing", "order"),
+    ),
     "main_effects": (uncertainty.main_effects, ("effects", "dataset", "sobol")),
 }
 OPTIONAL = {
