@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from repose import figures, noise, shape
+from repose import figures, measuring, noise, shape
+from repose.angles import DEFINITIONS
 from repose.errors import InputError
 from repose.figures import (
     checks,
@@ -27,6 +28,10 @@ RANGES = dict(
     zip(PARAMETERS, ([0.1, 0.4], [0.35, 0.75], [0.02, 0.07], [0.2, 0.5], [0.4, 0.8], [0.1, 0.3]), strict=True)
 )
 CONFIG = {
+    "shape_study": {
+        "particles": dict.fromkeys(("ellipsoid", "rough_spheres")),
+        "fillings": dict.fromkeys(("open_cone", "lying")),
+    },
     "berry": {"spheres": 14, "surface": "smooth"},
     "small_run": False,
     "parameters": RANGES,
@@ -204,7 +209,29 @@ def inputs(tmp_path_factory):
     intervals["high"] = [0.256, 0.659, 0.038, 0.248, 0.529, 0.188]
     intervals.to_csv(folder / "table3.csv", index=False)
     made_up_uncertainty(folder, rng)
+    made_up_representations(folder)
     return {path.stem: path for path in folder.iterdir()} | {"folder": folder}
+
+
+def made_up_representations(folder):
+    """Two tables of a shape study in which every combination is off by its own distance."""
+    section, rows = CONFIG["shape_study"], []
+    for i, particle in enumerate(section["particles"]):
+        for j, filling in enumerate(section["fillings"]):
+            for k, definition in enumerate(DEFINITIONS):
+                row = {
+                    "particle": particle,
+                    "filling": filling,
+                    "definition": definition,
+                    "distance": 1.0 + i,
+                }
+                row |= {"aor_difference_deg": i - 2.0 + 3 * k, "height_difference_mm": 4.0 * j - 6.0}
+                rows.append(row | {"aor_se_deg": 0.2, "height_se_mm": 0.5})
+    pd.DataFrame(rows).to_csv(folder / "combinations.csv", index=False)
+    sets = pd.DataFrame({"kind": "published", "definition": "secant", "set": ["2", "15"]})
+    sets["aor_deg"], sets["aor_difference_deg"] = [33.0, 32.0], [-0.7, -0.2]
+    sets["height_mm"], sets["height_difference_mm"] = [65.0, 66.0], [0.2, 1.8]
+    sets.to_csv(folder / "sets.csv", index=False)
 
 
 def made_up_uncertainty(folder, rng):
@@ -399,4 +426,4 @@ def test_a_cycle_in_the_rule_graph_is_refused():
 def test_heap_file_without_positions_is_refused(tmp_path):
     np.savez(tmp_path / "x.npz", other=np.zeros(3))
     with pytest.raises(InputError, match="position_SEED"):
-        testbench.read_heap(tmp_path / "x.npz")
+        measuring.first_pour(tmp_path / "x.npz")

@@ -50,7 +50,7 @@ def saved(tmp_path):
 
 
 def test_a_job_holds_every_response_of_every_run(saved):
-    result = measuring.measure_job(config(), saved, PARTICLE, AXES)
+    result = measuring.measure_job(config(response="flank"), saved, PARTICLE, AXES)
     assert json.loads(saved.with_name("007.json").read_text()) == result
     assert (result["sample"], result["time_step_s"]) == (7, 2e-4)
     assert "pours" not in result

@@ -134,10 +134,14 @@ POURS = ("heap", "validation_heap", "trajectory", "turn")
 @pytest.mark.parametrize(
     ("change", "measured", "poured"),
     [
-        ("measure={response: secant}", ("measure_heap", "measure_validation_heap"), ()),
+        ("measure={response: flank}", ("measure_heap", "measure_validation_heap"), ()),
         ("measure={mm_per_pixel: 0.3}", ("measure_heap", "measure_validation_heap"), ("turn",)),
         ("heap={rest_motion_mm: 2}", ("measure_heap", "measure_validation_heap"), POURS),
-        ("validation={seeds: 3}", ("measure_validation_heap",), ("validation_heap",)),
+        (
+            "validation={seeds: 3, representative_seeds: 3}",
+            ("measure_validation_heap",),
+            ("validation_heap",),
+        ),
     ],
 )
 def test_a_changed_measurement_measures_again_and_pours_nothing(finished, change, measured, poured):

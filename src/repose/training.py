@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from repose.errors import InputError
-from repose.noise import within_covariance
 from repose.network import RESPONSES, PlainBayesianBP, load, r2, weights_from_errors
+from repose.noise import within_covariance
 from repose.parameters import PARAMETERS
 from repose.readers import read_table
 
@@ -23,7 +23,8 @@ def run(dataset_csv, runs_csv, settings, out_dir):
     dataset_csv, runs_csv: as `repose.dataset` writes them. settings: hidden, epochs, goal, starts, seed,
     split (three shares), prior ("one" unless given), and, both False unless given: weights_from_errors, weigh
     samples by their standard errors; correlated_noise, reckon with the covariance of the responses within
-    the training samples. Both are left out where the samples have one run each. Raises InputError for a missing column or fewer than 12 usable samples.
+    the training samples. Both are left out where the samples have one run each. Raises InputError for a missing
+    column or fewer than 12 usable samples.
     """
     import pandas as pd  # not needed by whoever wants the network alone
 

@@ -64,7 +64,12 @@ rule draw_shape_study:
         combinations=rules.shape_tables.output.combinations,
         sets=rules.shape_tables.output.sets,
     output:
-        f"{RESULTS}/shape/shape_study.png",
+        report(
+            f"{RESULTS}/shape/shape_study.png",
+            caption="../report/shape_study.rst",
+            category="Particles",
+            labels={"figure": "Particles, fillings and definitions"},
+        ),
     log:
         f"{RESULTS}/logs/figures/shape_study.log",
     benchmark:

@@ -79,10 +79,11 @@ rule sensitivity_tables:
         " > {log} 2>&1"
 
 
-# Each figure: its folder, and what it shows.
+# Each figure: its folder, its name in the report, and what it shows.
 UNCERTAINTY_FIGURES = {
     "noise": (
         "noise",
+        "Noise floor",
         {
             "runs": rules.dataset.output.runs,
             "seeds": rules.noise_tables.output.seeds,
@@ -91,6 +92,7 @@ UNCERTAINTY_FIGURES = {
     ),
     "corner": (
         "posterior",
+        "Posterior",
         {
             "draws": rules.posterior_tables.output.draws,
             "posterior": rules.posterior_tables.output.posterior,
@@ -100,11 +102,17 @@ UNCERTAINTY_FIGURES = {
     ),
     "intervals": (
         "posterior",
+        "Credible intervals",
         {"posterior": rules.posterior_tables.output.posterior},
     ),
-    "sobol": ("sensitivity", {"sobol": rules.sensitivity_tables.output.sobol}),
+    "sobol": (
+        "sensitivity",
+        "Sobol indices",
+        {"sobol": rules.sensitivity_tables.output.sobol},
+    ),
     "main_effects": (
         "sensitivity",
+        "Main effects",
         {
             "effects": rules.sensitivity_tables.output.effects,
             "sobol": rules.sensitivity_tables.output.sobol,
@@ -114,7 +122,7 @@ UNCERTAINTY_FIGURES = {
 }
 
 
-for figure, (where, shown) in UNCERTAINTY_FIGURES.items():
+for figure, (where, label, shown) in UNCERTAINTY_FIGURES.items():
 
     rule:
         name:
@@ -122,7 +130,12 @@ for figure, (where, shown) in UNCERTAINTY_FIGURES.items():
         input:
             **shown,
         output:
-            f"{RESULTS}/{where}/{figure}.png",
+            report(
+                f"{RESULTS}/{where}/{figure}.png",
+                caption=f"../report/{figure}.rst",
+                category="Uncertainty",
+                labels={"figure": label},
+            ),
         log:
             f"{RESULTS}/logs/figures/{figure}.log",
         benchmark:
