@@ -396,7 +396,7 @@ def test_further_responses_are_in_order_of_what_they_add(inputs):
     with style.applied():
         figure = second_look.what_to_measure_next(inputs_of("second_responses", inputs), CONFIG)
     labels = [text.get_text() for text in figure.axes[0].get_yticklabels()]
-    assert [label.split("  ")[0] for label in labels] == [
+    assert [label.split("\n")[0] for label in labels] == [
         "pile and drum",
         "all of the pile",
         "loose berries",

@@ -43,6 +43,7 @@ CREDIBLE = 0.95
 BINS = 40
 FEWEST_SAMPLES = 12
 NOISY = 0.5  # a response with less signal than this share of its noise is not modelled
+WORST_R2 = 0.2  # nor is one whose surrogate explains less, as after few runs of the drum
 FEWEST_EFFECTIVE = 30
 EPOCHS = 300  # of the surrogates, most
 
@@ -316,9 +317,10 @@ def run(files, ranges, target, settings, out_dir):
 
     X, samples, known, runs = _data(files, ranges)
     names = [name for name in known if name in BASE or known[name].row["signal_to_noise"] >= NOISY]
-    correlation = noise_correlation(runs, names)
     predicted = {name: left_out(X, known[name], settings) for name in names}
-    rows = [_row(name, one, predicted.get(name)) for name, one in known.items()]
+    names = [name for name in names if name in BASE or _r2(known[name], predicted[name]) >= WORST_R2]
+    correlation = noise_correlation(runs, names)
+    rows = [_row(name, one, predicted.get(name), name in names) for name, one in known.items()]
     residuals = np.column_stack([predicted[name] - known[name].mean for name in names])
     errors = np.column_stack([known[name].error for name in names])
     surrogate = surrogate_covariance(residuals, errors, correlation)
@@ -406,14 +408,20 @@ def _truths(predicted, names, target, settings, source):
     return chosen, random.normal(size=(len(chosen), predicted.shape[1]))
 
 
-def _row(name, known, predicted):
+def _r2(known, predicted):
+    """Cross-validated R2."""
+    there = np.isfinite(predicted)
+    return r2(known.mean[there], predicted[there])
+
+
+def _row(name, known, predicted, modelled):
     """The row of responses.csv of one response."""
     row = {"response": name, "source": "drum" if name in responses.DRUM else "pile", **known.row}
-    row |= {"modelled": predicted is not None, "r2": None, "r2_noise_corrected": None, "rmse": None}
+    row |= {"modelled": modelled, "r2": None, "r2_noise_corrected": None, "rmse": None}
     if predicted is not None:
         there = np.isfinite(predicted)
         y, p, error = known.mean[there], predicted[there], known.error[there]
-        row |= {"r2": r2(y, p), "r2_noise_corrected": r2_noise_corrected(y, p, error)}
+        row |= {"r2": _r2(known, predicted), "r2_noise_corrected": r2_noise_corrected(y, p, error)}
         row["rmse"] = float(np.sqrt(np.mean((y - p) ** 2)))
     return row
 
@@ -450,7 +458,8 @@ def message(summary):
         for row in sorted(single, key=lambda row: -row["gain_bits"])
     ]
     if summary["left_out"]:
-        lines.append("more noise than signal: " + ", ".join(summary["left_out"]))
+        names = ", ".join(responses.LABELS[name] for name in summary["left_out"])
+        lines.append(f"left out, too little signal or too few runs for a surrogate: {names}")
     if summary["least_effective_points"] < FEWEST_EFFECTIVE:
         lines.append(
             f"FEW POINTS: a posterior rests on {summary['least_effective_points']:.0f} of the prior's points; raise "

@@ -21,13 +21,13 @@ def what_to_measure_next(inputs, config):
     single = [name for name in first.index if name in LABELS]
     order = sorted(single, key=lambda name: first.loc[name, "gain_bits"])
     order = [*[name for name in TOGETHER if name in first.index][::-1], *order]
-    figure = style.new_figure(style.PAGE, 0.9 + 0.24 * (len(order) + 1))
-    bars, map_ = figure.subplots(1, 2, width_ratios=[1.25, 1])
+    figure = style.new_figure(style.PAGE, 1.1 + 0.26 * (len(order) + 1))
+    bars, map_ = figure.subplots(1, 2)
     _bars(bars, information, order, percents, known)
     _map(map_, narrowing[narrowing["discrepancy_percent"] == percents[0]], [*order, BASE])
     base = first.loc[BASE]
-    text = f"AoR and Height alone: {base['bits']:.1f} ± {base['bits_se']:.1f} bits"
-    style.note(bars, text, x=0.98, y=0.02, ha="right", va="bottom")
+    text = f"AoR and Height alone:\n{base['bits']:.1f} ± {base['bits_se']:.1f} bits"
+    style.note(bars, text, x=0.98, y=0.98, ha="right")
     return figure
 
 
@@ -53,11 +53,11 @@ def _bars(panel, information, order, percents, known):
     for name in order:
         text = TOGETHER.get(name) or LABELS[name]
         if name in known.index:
-            text += f"  (S/N {known.loc[name, 'signal_to_noise']:.1f}, R² {known.loc[name, 'r2']:.2f})"
+            text += f"\nS/N {known.loc[name, 'signal_to_noise']:.1f}, R² {known.loc[name, 'r2']:.2f}"
         names.append(text)
-    panel.set_yticks(place, names)
+    panel.set_yticks(place, names, fontsize=6.3, linespacing=1.05)
     panel.set_xlabel("bits gained beside AoR and Height")
-    panel.legend(loc="center right", fontsize=6.3)
+    panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=2)
     panel.set_title("a", fontweight="bold")
 
 
@@ -81,10 +81,8 @@ def _map(panel, narrowing, order):
                 color="white" if value < 0.6 else style.BLACK,
                 fontstyle="italic" if name == BASE else "normal",
             )
-    panel.set_xticks(range(len(PARAMETERS)), [SYMBOLS[name] for name in PARAMETERS], fontsize=9)
-    labels = [TOGETHER.get(name) or LABELS.get(name) or f"{name}, over the prior" for name in order]
+    panel.set_xticks(range(len(PARAMETERS)), [SYMBOLS[name] for name in PARAMETERS], fontsize=7.5)
+    labels = [TOGETHER.get(name) or LABELS.get(name) or f"{name},\nover the prior" for name in order]
     panel.set_yticks(range(len(order)), labels, fontsize=6)
     panel.tick_params(length=0)
-    panel.set_title(
-        "b   width of the 95 % interval over that of AoR and Height", fontweight="bold", loc="right"
-    )
+    panel.set_title("b   95 % interval: width over that\n     with AoR and Height alone", fontweight="bold")
