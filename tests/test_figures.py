@@ -403,7 +403,7 @@ def test_further_responses_are_in_order_of_what_they_add(inputs):
         "drum, slip",
     ]
     assert "S/N 1.5, R² 0.90" in labels[2]
-    assert "AoR and Height alone: 5.0 ± 0.2 bits" in words(figure)
+    assert "AoR and Height alone:\n5.0 ± 0.2 bits" in words(figure)
 
 
 def test_a_drum_without_a_slip_says_so(inputs, tmp_path, monkeypatch):
