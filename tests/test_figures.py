@@ -15,6 +15,7 @@ from repose.errors import InputError
 from repose.figures import (
     checks,
     inversion,
+    refinement,
     rotation,
     samples,
     search,
@@ -69,6 +70,7 @@ CONFIG = {
         "report_s": 10.0,
         "fit_share": 0.6,
     },
+    "refine": {"tolerance_percent": 1.0, "standard_error_percent": 0.7},
     "target": {
         "aor_deg": 32.87,
         "height_mm": 65.57,
@@ -215,6 +217,7 @@ def inputs(tmp_path_factory):
     made_up_uncertainty(folder, rng)
     made_up_comparisons(folder)
     made_up_representations(folder)
+    made_up_rounds(folder)
     return {path.stem: path for path in folder.iterdir()} | {"folder": folder}
 
 
@@ -343,6 +346,19 @@ def made_up_comparisons(folder):
     pd.DataFrame({"place": [1]}).to_csv(folder / "order.csv", index=False)
 
 
+def made_up_rounds(folder):
+    """Three rounds of a refinement; the second gave no pile, the third is within."""
+    rounds = pd.DataFrame({"round": [0, 1, 2], "n_seeds": [64, 20, 63]})
+    rounds["outcome"] = ["not within", "no pile", "within"]
+    for name, unit, target in (("aor", "deg", 32.87), ("height", "mm", 65.57)):
+        rounds[f"{name}_target_{unit}"] = target
+        rounds[f"{name}_predicted_{unit}"] = target * np.array([1.0, 1.001, 1.0])
+        rounds[f"{name}_simulated_{unit}"] = target * np.array([0.96, np.nan, 1.005])
+        rounds[f"{name}_se_{unit}"] = target * np.array([0.006, np.nan, 0.005])
+    rounds.to_csv(folder / "rounds.csv", index=False)
+    (folder / "refined_summary.json").write_text(json.dumps({"why": "round 2 meets both targets"}))
+
+
 def inputs_of(name, inputs):
     """The figure's inputs, optional ones included, out of the made-up files."""
     files = {"stl": "berry", "berry": "axes", "dot": "rules"}
@@ -354,6 +370,8 @@ def inputs_of(name, inputs):
         files["runs"] = "noise_runs"
     if name == "corner":
         files["summary"] = "posterior_summary"
+    if name == "approach":
+        files["summary"] = "refined_summary"
     keys = figures.FIGURES[name][1] + figures.OPTIONAL.get(name, ())
     return {key: inputs[files.get(key, key)] for key in keys}
 
@@ -447,6 +465,17 @@ def test_a_posterior_that_is_not_converged_or_extrapolated_says_so(inputs):
     assert "NOT CONVERGED" in text
     assert "EXTRAPOLATED" in text
     assert "best draw 2.00 standard deviations" in text
+
+
+def test_the_approach_tells_the_bars_and_why_it_stopped(inputs):
+    with style.applied():
+        figure = refinement.approach(inputs_of("approach", inputs), CONFIG)
+    text = words(figure)
+    assert "bar, ±1 %" in text
+    assert "round 2 meets both targets" in text
+    line = figure.axes[0].get_lines()
+    simulated = next(one for one in line if one.get_marker() == "o").get_ydata()
+    np.testing.assert_allclose(simulated, [-4, np.nan, 0.5], atol=1e-9)
 
 
 def test_no_feasible_solution_is_said_in_words(inputs, tmp_path):

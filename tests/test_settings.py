@@ -73,6 +73,8 @@ def test_no_section_of_the_schema_allows_an_unknown_key_or_forgets_one():
 @pytest.mark.parametrize(
     ("key", "value", "allowed"),
     [
+        ("refine.reach", 0, "a number from 0.01 to 1"),
+        ("refine.block", 0, "an integer from 1 to 1000"),
         ("heap.seeds", 0, "an integer from 1 to 100"),
         ("heap.seeds", 2.0, "an integer"),
         ("heap.seeds", True, "an integer"),
@@ -108,6 +110,7 @@ def test_no_section_of_the_schema_allows_an_unknown_key_or_forgets_one():
         ("heap.rest_window_s", 18.0, "below heap.duration_s"),
         ("heap.duration_s", 16.0, "above 16.8"),
         ("miga.tournament", 41, "at most miga.population"),
+        ("refine.neighbours", 1, "0 or at least 2"),
         ("drum.wall_thickness_mm", 100.0, "below half of drum.outer_diameter_mm"),
         ("drum.factory_height_mm", 95.0, "inside the drum"),
         ("drum.rotate_from_s", 1.7, "above 1.798"),
@@ -146,6 +149,12 @@ def test_weights_need_standard_errors(config):
         config["network"] |= {"weights_from_errors": False, "correlated_noise": False, key: True}
         with pytest.raises(InputError, match=key):
             settings.check(config)
+
+
+def test_a_proposal_is_cut_into_a_hundred_blocks_at_most(config):
+    config["refine"] |= {"seeds": 801, "block": 8}
+    with pytest.raises(InputError, match=r"refine\.block is 8; allowed: at least refine.seeds / 100"):
+        settings.check(config)
 
 
 def test_compression_tests_may_be_left_out_only_where_both_moduli_are_given(config):

@@ -11,6 +11,12 @@ def study(tmp_path):
         "validation/table4.csv",
         "figures/figure13.png",
         "heaps/001.json",
+        "refined/rounds.csv",
+        "refined/round_0/round.csv",
+        "refined/round_0/heaps/1001.json",
+        "pool/fresh_runs.csv",
+        "pool/heaps/fresh/001.json",
+        "comparison/accuracy.csv",
         "logs/a.log",
     ):
         path = tmp_path / "results" / name
@@ -24,8 +30,12 @@ def test_tables_and_figures_are_kept_and_pours_are_not(tmp_path):
     (out / "old").mkdir(parents=True)
     copied = snapshot.take(study(tmp_path), out)
     assert sorted(p.relative_to(out).as_posix() for p in copied) == [
+        "comparison/accuracy.csv",
         "dataset.csv",
         "figures/figure13.png",
+        "pool/fresh_runs.csv",
+        "refined/round_0/round.csv",
+        "refined/rounds.csv",
         "validation/table4.csv",
     ]
     assert not (out / "old").exists()

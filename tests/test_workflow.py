@@ -182,6 +182,69 @@ def test_comparisons_are_targets_of_their_own_and_the_drum_is_asked_for_by_name(
     assert not own & set(planned(project, *words, "--forceall"))
 
 
+REFIT = {"refine_data", "refine_network", "refine_search"}
+ROUND = {"refine_propose", "refine_heap", "measure_refine_heap", "refine_dataset", "refine_round"}
+END = {"refine_tables", "draw_approach", "refined", "total"}
+
+
+def test_the_refinement_is_a_target_of_its_own(finished):
+    project, words = finished
+    jobs = planned(project, *words, "--", "refined")
+    assert set(jobs) == ROUND | END, "until round 0 is judged no other is planned"
+    assert jobs["refine_heap"] == 4, "two blocks of the proposal and two neighbours"
+    more = planned(project, *words, "refine={seeds: 6}", "--", "refined")
+    assert more["refine_heap"] == 5
+    assert not (REFIT | ROUND | END - {"total"}) & set(planned(project, *words, "--forceall"))
+
+
+def test_a_round_that_misses_is_followed_by_the_next_until_one_is_within_or_the_limit_is_met(finished):
+    project, words = finished
+    folder = project / "results/quick/refined/round_0"
+    (folder / "heaps").mkdir(parents=True)
+    names = ["proposal.csv", *(f"heaps/{job}.pours.json" for job in (1001, 1002, 1101, 1102))]
+    names += [f"heaps/{job}.{kind}" for job in (1001, 1002, 1101, 1102) for kind in ("npz", "json")]
+    for name in [*names, "dataset.csv", "runs.csv", "round.csv", "verdict.json"]:
+        (folder / name).touch()
+    for verdict, rules in (
+        ({"outcome": "not within", "usable": 4}, REFIT | ROUND | END),
+        ({"outcome": "within", "usable": 4}, END),
+        ({"outcome": "no pile", "usable": 0}, END),
+    ):
+        (folder / "verdict.json").write_text(json.dumps(verdict))
+        assert set(planned(project, *words, "--", "refined")) == rules, verdict
+    (folder / "verdict.json").write_text('{"outcome": "not within", "usable": 4}')
+    assert set(planned(project, *words, "refine={rounds: 0}", "--", "refined")) == END
+    shutil.rmtree(folder.parent)
+
+
+def test_the_pool_is_a_target_of_its_own_and_grows_without_pouring_again(project):
+    words = ("pool", "--configfile", "config/quick.yaml", "--config", "pool={fresh_samples: 5}")
+    jobs = planned(project, *words)
+    assert (jobs["pool_heap"], jobs["measure_pool_heap"]) == (29, 29)
+    assert (jobs["pool_dataset"], jobs["fresh_dataset"]) == (1, 1)
+    assert "heap" not in jobs
+    assert "pool_heap" not in planned(project)
+
+    listed = snakemake(project, "-n", "--summary", *words)
+    for line in listed.stdout.splitlines()[1:]:
+        path = project / line.split("\t")[0]
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    done = snakemake(project, "pool", "--touch", "--cores", "1", *words[1:])
+    assert done.returncode == 0, done.stderr
+    assert planned(project, *words[:-1], "pool={fresh_samples: 8}")["pool_heap"] == 3
+
+
+def test_the_comparisons_are_a_target_of_their_own(project):
+    jobs = planned(project, "compare", "--configfile", "config/quick.yaml")
+    own = {
+        f"{verb}_{name}" for verb in ("compare", "draw") for name in ("accuracy", "surrogates", "sampling")
+    }
+    assert own <= set(jobs)
+    assert not {"network", "miga"} & set(jobs)
+    assert not own & set(planned(project))
+
+
 def test_every_figure_and_table_has_a_caption():
     text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").glob("*.smk"))
     captions = {path.stem for path in (ROOT / "workflow" / "report").glob("*.rst")}

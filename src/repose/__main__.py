@@ -92,6 +92,14 @@ def design(args):
     design.run(config["parameters"], section["samples"], section["method"], section["seed"], args.out)
 
 
+def pool_design(args):
+    """Points of the pool."""
+    from repose import pool
+
+    config = settings.load(args.config)
+    pool.run(config["parameters"], config["pool"], args.out)
+
+
 def heap(args):
     """One heap job: pour and measure."""
     from repose.heap import run_job
@@ -261,7 +269,7 @@ def dataset(args):
     """Heaps to tables."""
     from repose import dataset
 
-    dataset.run(args.samples, args.heaps, args.out)
+    dataset.run(args.samples, args.heaps, args.out, args.prefix)
 
 
 def network(args):
@@ -397,6 +405,82 @@ def second_responses(args):
         files |= {"drum": args.drum, "drum_runs": args.drum_runs}
     summary = second_responses.run(files, config["parameters"], config["target"], section, args.out)
     print(second_responses.message(summary))
+
+
+def refine_data(args):
+    """Samples of the rounds added to those of the design."""
+    from repose import refine
+
+    refine.write_extended(args.dataset, args.runs, args.rounds, args.out)
+
+
+def refine_search(args):
+    """Inverse search near the last proposal."""
+    from repose import refine
+
+    config = settings.load(args.config)
+    summary = refine.search(args.network, args.dataset, args.near, config, args.table3, args.out)
+    print(summary["message"])
+
+
+def refine_propose(args):
+    """What a round simulates."""
+    from repose import refine
+
+    config = settings.load(args.config)
+    seed, out = config["design"]["seed"], Path(args.out) / "proposal.csv"
+    refine.write_proposal(
+        args.feasible, args.network, config["parameters"], config["refine"], args.round, seed, out
+    )
+
+
+def refine_judge(args):
+    """What a round has shown."""
+    from repose import refine
+
+    config = settings.load(args.config)
+    files = (args.proposal, args.dataset, args.runs)
+    verdict = refine.write_verdict(*files, config["target"], config["refine"], args.out)
+    print(f"round {verdict['round']} {verdict['outcome']}", verdict["reason"], sep=": ")
+
+
+def refine_tables(args):
+    """All rounds in one table."""
+    from repose import refine
+
+    summary = refine.write_tables(args.verdicts, settings.load(args.config)["refine"]["rounds"], args.out)
+    print(summary["why"])
+    print(summary["claim"])
+
+
+def compare_accuracy(args):
+    """Accuracy of the network at fresh points."""
+    from repose.comparison import accuracy
+
+    table = accuracy.run(_comparison_files(args), settings.load(args.config)["network"], args.out)
+    print(accuracy.message(table))
+
+
+def compare_surrogates(args):
+    """Surrogates at equal budgets."""
+    from repose.comparison import surrogates
+
+    config = settings.load(args.config)
+    surrogates.run(_comparison_files(args), config["network"], config["pool"]["seed"], args.out)
+
+
+def compare_sampling(args):
+    """Designs, and points against seeds."""
+    from repose.comparison import sampling
+
+    config = settings.load(args.config)
+    seeds, seed = config["heap"]["seeds"], config["pool"]["seed"]
+    sampling.run(_comparison_files(args), config["parameters"], config["network"], seeds, seed, args.out)
+
+
+def _comparison_files(args):
+    """The files that a comparison on the pool reads, by name."""
+    return {key: getattr(args, key) for key in arguments.COMPARISON_FILES}
 
 
 def figure(args):
@@ -563,6 +647,7 @@ VERBS = {
         berry,
         shape,
         design,
+        pool_design,
         heap,
         pour,
         measure_heap,
@@ -586,6 +671,14 @@ VERBS = {
         measure_responses,
         drum_design,
         second_responses,
+        refine_data,
+        refine_search,
+        refine_propose,
+        refine_judge,
+        refine_tables,
+        compare_accuracy,
+        compare_surrogates,
+        compare_sampling,
         figure,
         film,
         table,

@@ -20,6 +20,12 @@ POSTERIOR_FILES = {
     "feasible": "results/miga/feasible.csv",
     "table3": str(PUBLISHED / "table3.csv"),
 }
+# Files that the comparisons on the pool read, and where they lie.
+COMPARISON_FILES = {
+    f"{points}_{table}": f"results/{place}{table}.csv"
+    for points, place in (("main", ""), ("pool", "pool/"), ("fresh", "pool/fresh_"))
+    for table in ("dataset", "runs")
+}
 
 
 def parser():
@@ -40,6 +46,8 @@ def parser():
     _add_uncertainty(verbs)
     _add_inversion(verbs)
     _add_responses(verbs)
+    _add_refinement(verbs)
+    _add_comparisons(verbs)
     _add_pictures(verbs)
     _add_services(verbs)
     return top
@@ -92,6 +100,13 @@ def _add_inputs(verbs):
         "Latin hypercube design of the six contact parameters",
         "python -m repose design --out results/design",
         out="results/design",
+    )
+    _verb(
+        verbs,
+        "pool_design",
+        "points of the pool that the comparisons share, to train on and to judge by",
+        "python -m repose pool_design --out results/pool",
+        out="results/pool",
     )
 
 
@@ -256,6 +271,7 @@ def _add_calibration(verbs):
     )
     sub.add_argument("heaps", nargs="+", help="JSON files that the verb measure_heap or heap wrote")
     sub.add_argument("--samples", default="results/design/samples.csv", help="the design")
+    sub.add_argument("--prefix", default="", help="put before the names of the tables")
     sub = _verb(
         verbs,
         "network",
@@ -385,6 +401,80 @@ def _add_responses(verbs):
     sub.add_argument("--dataset", default="results/dataset.csv", help="what the verb dataset wrote")
     sub.add_argument("--drum", nargs="+", help="files of drum_design, to judge the drum as well")
     sub.add_argument("--drum-runs", default="results/drum/runs.csv", help="what the verb drum_tables wrote")
+
+
+def _add_refinement(verbs):
+    sub = _verb(
+        verbs,
+        "refine_data",
+        "add the samples of the rounds so far to those of the design, for the next fit",
+        "python -m repose refine_data results/refined/round_0 --out results/refined/round_1",
+        out="results/refined/round_1",
+        config=False,
+    )
+    sub.add_argument("rounds", nargs="+", help="folders of the rounds: dataset.csv and runs.csv of their own")
+    sub.add_argument("--dataset", default="results/dataset.csv", help="of the design")
+    sub.add_argument("--runs", default="results/runs.csv", help="of the design: single runs")
+    sub = _verb(
+        verbs,
+        "refine_search",
+        "set the refitted network right near the last proposal and search there",
+        "python -m repose refine_search --near results/refined/round_0/proposal.csv",
+        out="results/refined/round_1/miga",
+    )
+    refined = "results/refined/round_1"
+    sub.add_argument("--network", default=f"{refined}/network/network.json", help="the refitted network")
+    sub.add_argument("--dataset", default=f"{refined}/data/dataset.csv", help="what it was fitted to")
+    sub.add_argument("--near", default="results/refined/round_0/proposal.csv", help="the last proposal")
+    sub.add_argument("--table3", default=str(PUBLISHED / "table3.csv"), help="published intervals")
+    sub = _verb(
+        verbs,
+        "refine_propose",
+        "list what a round simulates: the representative solution in blocks of seeds, and its neighbours",
+        "python -m repose refine_propose --round 0",
+        out="results/refined/round_0",
+    )
+    sub.add_argument("--round", type=int, required=True, help="its number, from 0")
+    sub.add_argument("--feasible", default="results/miga/feasible.csv", help="what the search wrote")
+    sub.add_argument("--network", default="results/network/network.json", help="the network that it searched")
+    sub = _verb(
+        verbs,
+        "refine_judge",
+        "a round's proposal beside the target: outcome, reason, and all its points predicted beside simulated",
+        "python -m repose refine_judge --out results/refined/round_0",
+        out="results/refined/round_0",
+    )
+    for key in ("proposal", "dataset", "runs"):
+        path = f"results/refined/round_0/{key}.csv"
+        sub.add_argument(f"--{key}", default=path, help=f"of the round ({path})")
+    sub = _verb(
+        verbs,
+        "refine_tables",
+        "all rounds in one table, why the loop stopped, and what may be claimed",
+        "python -m repose refine_tables results/refined/round_0/verdict.json",
+        out="results/refined",
+    )
+    sub.add_argument("verdicts", nargs="+", help="JSON files that refine_judge wrote")
+
+
+def _add_comparisons(verbs):
+    for name, summary in (
+        (
+            "compare_accuracy",
+            "accuracy of the network at points that no fit has seen, over what it is trained on",
+        ),
+        (
+            "compare_surrogates",
+            "surrogates at equal budgets of simulations, judged at points that no fit has seen",
+        ),
+        (
+            "compare_sampling",
+            "designs, and points against seeds: repetitions emulated from the pool, real ones beside",
+        ),
+    ):
+        sub = _verb(verbs, name, summary, f"python -m repose {name}", out="results/comparison")
+        for key, path in COMPARISON_FILES.items():
+            sub.add_argument(f"--{key.replace('_', '-')}", default=path, help=f"({path})")
 
 
 def _add_pictures(verbs):

@@ -77,10 +77,11 @@ def summarise_runs(runs):
     return summary
 
 
-def run(samples_csv, heap_json_paths, out_dir):
+def run(samples_csv, heap_json_paths, out_dir, prefix=""):
     """Write dataset.csv, runs.csv and dataset_summary.json into out_dir; return the summary.
 
     samples_csv: the design. heap_json_paths: one heap job's JSON file for each of its samples, in any order.
+    prefix: put before the three names.
     Raises InputError naming the file that is missing, corrupt, of another sample or of other parameters.
     """
     import pandas as pd  # here and below, not above: each heap job imports this module for summarise_runs
@@ -99,9 +100,9 @@ def run(samples_csv, heap_json_paths, out_dir):
     summary = _counts(dataset, all_runs)
     out = Path(out_dir)
     out.mkdir(parents=True, exist_ok=True)
-    dataset.to_csv(out / "dataset.csv", index=False)
-    all_runs.to_csv(out / "runs.csv", index=False)
-    (out / "dataset_summary.json").write_text(json.dumps(summary, indent=1) + "\n")
+    dataset.to_csv(out / f"{prefix}dataset.csv", index=False)
+    all_runs.to_csv(out / f"{prefix}runs.csv", index=False)
+    (out / f"{prefix}dataset_summary.json").write_text(json.dumps(summary, indent=1) + "\n")
     return summary
 
 

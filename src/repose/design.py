@@ -77,6 +77,16 @@ def optimal_lhs(n, d, seed):
     return best
 
 
+def sobol(n, d, seed):
+    """First n points of a scrambled Sobol sequence, (n, d) in the unit cube; the seed picks the scrambling.
+
+    A longer sequence of the same seed begins with a shorter one. Raises ValueError where n or d is too small.
+    """
+    _check_size(n, d)
+    sequence = qmc.Sobol(d, scramble=True, rng=np.random.default_rng(seed))
+    return sequence.random_base2(math.ceil(math.log2(n)))[:n]
+
+
 def scale(points, ranges):
     """Unit-cube points (n, d) to parameter values (n, d); ranges is a sequence of d pairs (low, high)."""
     low, high = np.array(ranges, dtype=float).T

@@ -35,7 +35,11 @@ PURPOSES = {
     "shape_sensitivity": 4,
     "shape_design": 5,
     "drum_design": 9,
+    "refine": 8,
+    "pool": 6,
+    "fresh": 7,
 }
+LARGEST_BLOCKS = 100  # of a refined proposal's pours: jobs of a round have three digits
 # Measured on one core of a common server: for the estimate that is shown before a run.
 SECONDS_A_BERRY_STEP = 4.5e-8
 SECONDS_A_VIEW = 0.01
@@ -368,6 +372,11 @@ def _contradictions(config):
     design, further = config["design"]["samples"], config["second_responses"]
     if further["drum_samples"] > design:
         yield "second_responses.drum_samples", f"at most design.samples, {design}"
+    refine = config["refine"]
+    if refine["seeds"] > LARGEST_BLOCKS * refine["block"]:
+        yield "refine.block", f"at least refine.seeds / {LARGEST_BLOCKS}"
+    if refine["neighbours"] == 1:
+        yield "refine.neighbours", "0 or at least 2: they fill a Latin hypercube"
     if config["miga"]["tournament"] > config["miga"]["population"]:
         yield "miga.tournament", f"at most miga.population, {config['miga']['population']}"
 

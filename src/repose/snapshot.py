@@ -19,9 +19,14 @@ KEPT = {
     "film": ("*.gif",),
     "shape": ("*.csv", "*.json", "*.png"),
     "drum": ("*.csv", "*.gif"),
-    "comparison": ("*.csv", "*.png"),
-    "responses": ("*.csv", "*.json", "*.png"),
     "responses/with_drum": ("*.csv", "*.json", "*.png"),
+    "refined": ("*.csv", "*.json", "*.png", "round_*/round.csv", "round_*/network/metrics.json"),
+    "noise": ("*.csv", "*.json", "*.png"),
+    "posterior": ("posterior.csv", "*.json", "*.png"),
+    "sensitivity": ("*.csv", "*.png"),
+    "responses": ("*.csv", "*.json", "*.png"),
+    "pool": ("*.csv", "*.json"),
+    "comparison": ("*.csv", "*.json", "*.png"),
 }
 LARGEST_FILE = 5_000_000  # bytes
 

@@ -39,7 +39,7 @@ def run(dataset_csv, runs_csv, settings, out_dir):
         )
     X, Y = usable[list(PARAMETERS)].to_numpy(float), usable[list(RESPONSES)].to_numpy(float)
     errors = usable[["aor_se_deg", "height_se_mm"]].to_numpy(float)
-    rows = split(len(X), settings["split"], settings["seed"])
+    rows = rows_of(usable, settings["split"], settings["seed"])
 
     weighted = bool(settings.get("weights_from_errors", False) and np.isfinite(errors).any(axis=0).all())
     covariance = None
@@ -140,6 +140,18 @@ def split(samples, shares, seed):
     train, validation = (math.floor(share * samples + 1e-9) for share in shares[:2])
     order = np.random.RandomState(seed).permutation(samples)
     return dict(zip(SPLITS, np.split(order, [train, train + validation]), strict=True))
+
+
+def rows_of(samples, shares, seed):
+    """Row numbers of train, validation and test of a table; samples with a `round` (`repose.refine`) all train.
+
+    The others are split as if they were alone, so every round has the same test samples as the design had.
+    """
+    added = samples["round"].notna().to_numpy() if "round" in samples else np.zeros(len(samples), bool)
+    designed = np.flatnonzero(~added)
+    rows = {name: designed[i] for name, i in split(len(designed), shares, seed).items()}
+    rows["train"] = np.concatenate([rows["train"], np.flatnonzero(added)])
+    return rows
 
 
 def r2_noise_corrected(y, predicted, errors):

@@ -1,10 +1,11 @@
 # What the rules share: the checked configuration, and the Python that runs the verbs.
 import functools
+import json
 import os
 import shlex
 import sys
 
-from repose import settings, shape_study
+from repose import refine, settings, shape_study
 from repose.errors import InputError
 
 # The verbs run under the Python that runs snakemake, whether its environment is activated or not.

@@ -1,1 +1,1 @@
-"""The method's parts beside their alternatives, on the study's own data."""
+"""What each part of the method is worth: the parts beside their alternatives, at equal budgets."""

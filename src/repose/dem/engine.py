@@ -171,6 +171,7 @@ def look_soon(bodies, contacts, walls, wall, i, gap):
     limit = bodies.odometer[i] + walls.creep[0] + max(gap, 0.0)
     contacts.limit[wall, i] = limit
     bodies.alarm[i] = min(bodies.alarm[i], limit)
+    bodies.leeway[i // L] = 0.0
 
 
 @kernel

@@ -62,6 +62,8 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
         contacts.limit[:, :n] = contacts.limit[:, :n][:, order]
     _permute_lanes(bodies.motion, order)
     bodies.resting[:] = 0
+    bodies.leeway[:] = 0.0
+    bodies.doubt[:] = 0
     moved = int(counts[st.N_MOVED])
     grid.moved_list[:moved] = place[grid.moved_list[:moved]]
     relink(grid, n)
@@ -76,6 +78,7 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
     ):
         numbers[: counts[used]] = place[numbers[: counts[used]]]
     sort_contacts(pairs, int(counts[st.N_PAIRS]))
+    sort_plane_contacts(flat, int(counts[st.N_PLANE]))
     sort_dormant(pairs, int(counts[st.N_DORMANT]))
     return order
 
@@ -86,6 +89,14 @@ def sort_contacts(pairs, n):
     for numbers in (pairs.first, pairs.second):
         numbers[:n] = numbers[:n][order]
     _permute_lanes(pairs.data, order)
+
+
+def sort_plane_contacts(flat, n):
+    """Put the first n contacts with planes in the order of their bodies."""
+    order = np.argsort(flat.body[:n], kind="stable")
+    for numbers in (flat.body, flat.wall, flat.feature):
+        numbers[:n] = numbers[:n][order]
+    _permute_lanes(flat.data, order)
 
 
 def sort_dormant(pairs, n):

@@ -22,8 +22,9 @@ from .rigid import act_on_events, integrate
 SHARES = 8
 FEWEST_BODIES = 4096  # smaller simulations have one share: they gain nothing from threads
 REORDER_EVERY = 1000  # steps after which bodies are numbered anew (see `order`)
-CALM = 1e-3  # of the skin: an approach of two bodies in one step below which whole blocks of pairs can be left alone
-ROUNDING = 1e-12  # sums of path lengths are exact to this [m]
+CALM = 1e-3  # of the skin: paths of one step below which whole blocks of pairs can be left alone
+CHANGED, DUE = 0.0, -1.0  # of a block of dormant pairs, in place of the path that calls for a look
+UP_TO_NOW, LAST_STEP = 0, 1  # rows of `Grid.paths`
 STOP = 0  # place in `orders` that ends the run
 L = st.LANES
 
@@ -43,6 +44,51 @@ def slack(odometer, first, second, limit, begin, end):
         u = np.uint64(k)
         least = min(least, limit[u] - (odometer[first[u]] + odometer[second[u]]))
     return least
+
+
+@inlined
+def group_bits(bodies):
+    """By how many bits a body's number is shifted to give its group: whole tiles, at most st.MOST_GROUPS groups."""
+    bits = 5
+    while bodies.odometer.shape[0] >> bits >= st.MOST_GROUPS:
+        bits += 1
+    return bits
+
+
+@kernel
+def groups_of(first, second, begin, end, bits):
+    """The groups of all bodies of the pairs begin to end, a bit each."""
+    groups = 0
+    for k in range(begin, end):
+        u = np.uint64(k)
+        groups |= (1 << (np.int64(first[u]) >> bits)) | (1 << (np.int64(second[u]) >> bits))
+    return groups
+
+
+@kernel
+def paths_of(paths, groups):
+    """The sum of the paths of some groups [m]."""
+    total = 0.0
+    group = 0
+    while groups > 0:
+        if groups & 1:
+            total += paths[group]
+        groups >>= 1
+        group += 1
+    return total
+
+
+@kernel
+def note_paths(bodies, counts, grid):
+    """Note the longest path of each group's bodies in this step."""
+    tiles = (counts[st.N_BODIES] + L - 1) // L
+    size = (1 << group_bits(bodies)) // L
+    for begin in range(0, tiles, size):
+        path = 0.0
+        for tile in range(begin, min(begin + size, tiles)):
+            path = max(path, bodies.longest[tile])
+        grid.paths[UP_TO_NOW, begin // size] += path
+        grid.paths[LAST_STEP, begin // size] = path
 
 
 @inlined
@@ -76,22 +122,27 @@ def look_at_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
 def look_at_share(bodies, pairs, grid, parts, begin, end, due, normal):
     """Solve for the gaps of the dormant pairs begin to end that are due; lists those that touch, returns how many.
 
-    Where everything is nearly at rest whole blocks are left alone until the two fastest bodies, had they been one of
-    its pairs, could have used up its slack.
+    A block whose bodies are nearly at rest is left alone until its slack may be used up: two bodies have come nearer by
+    at most twice the sum of the longest paths of all the groups that have bodies in it.
     """
     first, second, limit = pairs.dormant_first, pairs.dormant_second, pairs.dormant_limit
-    approach = grid.lengths[st.APPROACH]
-    calm = grid.lengths[st.LAST_APPROACH] < CALM * grid.lengths[st.SKIN]
+    bits = group_bits(bodies)
+    calm = CALM * grid.lengths[st.SKIN]
     found = 0
     for at in range(begin, end, st.BLOCK):
         block = at // st.BLOCK
-        if approach < pairs.dormant_look[block]:
+        groups = pairs.dormant_groups[block]
+        if paths_of(grid.paths[UP_TO_NOW], groups) < pairs.dormant_look[block]:
             continue
         last = min(at + st.BLOCK, end)
         found += look_at_block(bodies, pairs, grid, parts, at, last, due, begin + found, normal)
-        if calm:
+        if pairs.dormant_look[block] == CHANGED:
+            groups = groups_of(first, second, at, last, bits)
+            pairs.dormant_groups[block] = groups
+        pairs.dormant_look[block] = DUE
+        if 2.0 * paths_of(grid.paths[LAST_STEP], groups) < calm:
             free = slack(bodies.odometer, first, second, limit, at, last)
-            pairs.dormant_look[block] = approach + free - ROUNDING
+            pairs.dormant_look[block] = paths_of(grid.paths[UP_TO_NOW], groups) + 0.5 * free - st.ROUNDING
     return found
 
 
@@ -162,14 +213,11 @@ def advance_shared(
             numbers[share] = integrate(bodies, counts, physics, m, begin, end)
         wait_for_all(shared.counters, threads)
         if lead:
-            longest = 0.0
             for share in range(SHARES):
-                longest = max(longest, bodies.longest[begins[share] // L])
                 act_on_events(
                     bodies, grid, counts, begins[share], numbers[share], counts[st.STEPS] * physics.dt
                 )
-            grid.lengths[st.LAST_APPROACH] = 2.0 * longest
-            grid.lengths[st.APPROACH] += 2.0 * longest
+            note_paths(bodies, counts, grid)
     return steps
 
 

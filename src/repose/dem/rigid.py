@@ -6,11 +6,13 @@ the momentum to the bit and the energy to second order.
 
 import math
 
+import numpy as np
+
 from . import state as st
 from .jit import inlined, kernel
 from .neighbours import mark_moved
 from .simd import WIDTH, lanes_to_rows, prefetch, rows_to_lanes
-from .state import LANES, MOBILITY, PART, QUATERNION, SHAPE, SPIN, SQUARES
+from .state import LANES, MOBILITY, PART, QUATERNION, RENEWAL, SHAPE, SPIN, SQUARES
 
 L = LANES  # short, for the index arithmetic below
 
@@ -28,6 +30,7 @@ TILE_ROWS = 65
 
 FELL, MOVED_ON, LOST = 1, 2, 4  # bits of an event
 
+SURE = 1.0 - 1e-12  # what rounding leaves of a budget
 SLOWEST = 1e-150  # angular speed below which the direction of a rotation means nothing [rad/s]
 
 
@@ -100,11 +103,56 @@ def move_lanes(m, gx, gy, gz, dt):
 
 
 @kernel
-def twist_lanes(m, c, dt):
-    """Give each lane's body the angular momentum of its torque; returns how many might turn all the same.
+def might_turn(m, dt):
+    """How many bodies of a tile that rests might begin to turn.
 
-    A body stands still for sure when its rolling budget outweighs the largest |omega| that |l| allows.
+    A body stands still for sure when its rolling budget B outweighs its angular momentum l: it stops where
+    B o'Jo >= |o|^3 with o = J l (see `resist_lanes`), and |o|^3 <= |l| o'Jo by Hoelder's inequality.
     """
+    n = 0
+    for k in range(L):
+        lx, ly, lz = dt * m[LOAD + 3 * L + k], dt * m[LOAD + 4 * L + k], dt * m[LOAD + 5 * L + k]
+        budget = SURE * dt * m[LOAD + st.ROLL * L + k]
+        n += 1 if budget * budget < lx * lx + ly * ly + lz * lz else 0
+    return n
+
+
+@kernel
+def all_stay(m, c, dt, doubt, tile):
+    """Whether no body of a tile that rests begins to turn: the condition of `resist_lanes`, in each body's frame.
+
+    Notes in `doubt` which had to be asked, a bit each: the next step will ask the same.
+    """
+    asked = 0
+    for k in range(L):
+        lx, ly, lz = dt * m[LOAD + 3 * L + k], dt * m[LOAD + 4 * L + k], dt * m[LOAD + 5 * L + k]
+        budget = SURE * dt * m[LOAD + st.ROLL * L + k]
+        if budget * budget >= lx * lx + ly * ly + lz * lz:
+            continue
+        asked |= 1 << k
+        qw, qx, qy, qz = (
+            c[QUATERNION + k],
+            c[QUATERNION + L + k],
+            c[QUATERNION + 2 * L + k],
+            c[QUATERNION + 3 * L + k],
+        )
+        # twice the vector product with the quaternion's vector
+        tx, ty, tz = 2.0 * (ly * qz - lz * qy), 2.0 * (lz * qx - lx * qz), 2.0 * (lx * qy - ly * qx)
+        i1, i2, i3 = c[MOBILITY + k], c[MOBILITY + L + k], c[MOBILITY + 2 * L + k]
+        ox = i1 * (lx + qw * tx + ty * qz - tz * qy)
+        oy = i2 * (ly + qw * ty + tz * qx - tx * qz)
+        oz = i3 * (lz + qw * tz + tx * qy - ty * qx)
+        square = ox * ox + oy * oy + oz * oz
+        share = budget / max(math.sqrt(square), SLOWEST)
+        if share * (i1 * ox * ox + i2 * oy * oy + i3 * oz * oz) < square:
+            return False
+    doubt[tile] = asked
+    return True
+
+
+@kernel
+def twist_lanes(m, c, dt):
+    """Give each lane's body the angular momentum of its torque; returns how many might turn all the same."""
     n = 0
     for k in range(L):
         lx = c[SPIN + k] + dt * m[LOAD + 3 * L + k]
@@ -113,10 +161,8 @@ def twist_lanes(m, c, dt):
         c[SPIN + k] = lx
         c[SPIN + L + k] = ly
         c[SPIN + 2 * L + k] = lz
-        i1, i2, i3 = c[MOBILITY + k], c[MOBILITY + L + k], c[MOBILITY + 2 * L + k]
-        least = min(min(i1, i2), i3) * dt * m[LOAD + st.ROLL * L + k]
-        most = max(max(i1, i2), i3)
-        n += 1 if least * least < most * most * (lx * lx + ly * ly + lz * lz) else 0
+        budget = SURE * dt * m[LOAD + st.ROLL * L + k]
+        n += 1 if budget * budget < lx * lx + ly * ly + lz * lz else 0
     return n
 
 
@@ -245,13 +291,17 @@ def shape_lanes(m, c, parts):
 
 
 @inlined
-def rotate_lanes(m, c, dt, parts, fx, fy, fz):
+def rotate_lanes(m, c, dt, parts, rests, doubt, tile, fx, fy, fz):
     """Turn the bodies of a tile by one time step, what stands still at little cost; returns whether any turns.
 
-    (fx, fy, fz): angular velocity of the frame against which rolling is resisted.
+    rests: whether none turned in the last step; doubt: see `all_stay`. (fx, fy, fz): angular velocity of the frame
+    against which rolling is resisted.
     """
+    framed = fx != 0.0 or fy != 0.0 or fz != 0.0
+    if rests and not framed and (might_turn(m, dt) == 0 or all_stay(m, c, dt, doubt, tile)):
+        return False
     twisted = twist_lanes(m, c, dt)
-    if fx != 0.0 or fy != 0.0 or fz != 0.0:
+    if framed:
         inertia_lanes(m, c)
         moments(m, c)
         resist_in_frame(m, c, dt, fx, fy, fz)
@@ -367,10 +417,20 @@ def fetch_next(bodies, tile):
         if bodies.touched[share, following]:
             for k in range(base, base + L):
                 prefetch(bodies.load[share], k, 0)
-    first = QUATERNION if turning else SPIN
-    last = st.RADIUS + L if turning else SQUARES
+    first = QUATERNION if turning else RENEWAL
+    last = st.RADIUS + L if turning else MOBILITY
     for column in range(first, last, WIDTH):
         prefetch(bodies.motion, following, column)
+    doubt = 0 if turning else np.int64(bodies.doubt[following])
+    lane = 0
+    while doubt > 0:
+        if doubt & 1:
+            for row in range(4):
+                prefetch(bodies.motion, following, QUATERNION + row * L + lane)
+            for row in range(3):
+                prefetch(bodies.motion, following, MOBILITY + row * L + lane)
+        doubt >>= 1
+        lane += 1
 
 
 @kernel
@@ -378,8 +438,8 @@ def integrate(bodies, counts, physics, m, begin, end):
     """Advance bodies begin (a whole tile's first) to end by one time step and clear their loads.
 
     m: scratch tile of TILE_ROWS x LANES. Bodies to which something happened are listed in bodies.events from place
-    `begin` on; returns how many. Where loads have several shares the longest path goes to the first tile's
-    bodies.longest.
+    `begin` on; returns how many. Where loads have several shares the longest path of each tile goes to bodies.longest
+    and shortens bodies.leeway.
     """
     dt = physics.dt
     gx, gy, gz = physics.gravity[0], physics.gravity[1], physics.gravity[2]
@@ -388,7 +448,6 @@ def integrate(bodies, counts, physics, m, begin, end):
     n = min(counts[st.N_BODIES], end)
     shares = bodies.load.shape[0]
     found = 0
-    longest = 0.0
     for base in range(begin, n, L):
         tile = base // L
         c = bodies.motion[tile]
@@ -403,7 +462,9 @@ def integrate(bodies, counts, physics, m, begin, end):
         else:
             take_only_load(bodies, tile, m)
         move_lanes(m, gx, gy, gz, dt)
-        turns = rotate_lanes(m, c, dt, physics.parts, fx, fy, fz)
+        turns = rotate_lanes(
+            m, c, dt, physics.parts, bodies.resting[tile] == 1, bodies.doubt, tile, fx, fy, fz
+        )
         write = columns if turns else read
         bodies.resting[tile] = 0 if turns else 1
         for k in range(0, L, WIDTH):
@@ -417,9 +478,9 @@ def integrate(bodies, counts, physics, m, begin, end):
                     bodies.events[begin + found] = base + lane
                     found += 1
         if shares > 1:
-            longest = max(longest, longest_path(m))
-    if begin < n:
-        bodies.longest[begin // L] = longest
+            longest = longest_path(m)
+            bodies.longest[tile] = longest
+            bodies.leeway[tile] -= longest
     return found
 
 

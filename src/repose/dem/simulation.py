@@ -104,7 +104,7 @@ class Simulation:
         self._shape_ids = np.zeros(self.capacity, np.int32)
         self._scales = np.ones(self.capacity)
         self.grid = st.new_grid(self.capacity, self.lower, self.upper, 2.0 * self.radius + skin)
-        self.grid.lengths[st.REACH : st.APPROACH] = 2.0 * self.radius, skin
+        self.grid.lengths[st.REACH :] = 2.0 * self.radius, skin
         self.walls = self._wall_arrays()
         surfaces = self.wall_set.of(Mesh)
         slide = max(shape.slide for shape in self.shapes.values())
@@ -197,6 +197,7 @@ class Simulation:
         self.walls = new
         present = self.bodies.presence[: self.n_bodies] == st.PRESENT
         self.bodies.alarm[: self.n_bodies][present] = -1.0
+        self.bodies.leeway[:] = 0.0
 
     @property
     def threads(self):
@@ -350,6 +351,7 @@ class Simulation:
         self.bodies.presence[i] = st.PRESENT
         self.bodies.alarm[i] = -1.0
         self.bodies.resting[i // st.LANES] = 0
+        self.bodies.leeway[i // st.LANES] = 0.0
         self.counts[st.N_BODIES] = i + 1
         self.grid.moved[i] = 1
         self.grid.moved_list[self.counts[st.N_MOVED]] = i

@@ -8,8 +8,10 @@ import numpy as np
 LANES = 32
 CACHE_LINE = 8  # numbers
 BLOCK = 256  # dormant pairs of a large simulation that are looked at together
+MOST_GROUPS = 60  # of bodies that lie together, a bit each of a whole number
+ROUNDING = 1e-12  # sums of path lengths over some thousand steps are exact to this [m]
 # Places of `Grid.lengths`.
-CELL, REACH, SKIN, APPROACH, LAST_APPROACH = range(5)
+CELL, REACH, SKIN = range(3)
 # Columns of `rows` (N, a multiple of 8): what a contact needs of a body, one body after another.
 # The first eight are all that changes of a body that does not turn. Clumps have their quaternion for a shape.
 POSITION, VELOCITY, INVERSE_MASS, TURNING, SHAPE = 0, 3, 6, 7, 10
@@ -20,7 +22,8 @@ MOST_SPHERES = 64  # of a clump
 ROLL = 6
 LOAD_COLUMNS = 8
 # Rows of a tile of `motion`: what only the body itself needs. Quaternion (w x y z, body to world), angular momentum,
-# odometer reading that calls for new neighbours, 1 / principal moments, squared semi-axes of each part, radius.
+# odometer reading that calls for new neighbours, 1 / principal moments, squared semi-axes of each part, radius. A step
+# reads only the readings of a tile that rests.
 QUATERNION, SPIN, RENEWAL, MOBILITY, SQUARES, RADIUS = (k * LANES for k in (0, 4, 7, 8, 11, 20))
 MOTION_ROWS = 21
 # Rows of a tile of contacts: normal, tangential spring, and for a wall its azimuth (curved) or its offset, middle and
@@ -36,14 +39,17 @@ ABSENT, PRESENT, GONE = 0, 1, 2
 
 Bodies = namedtuple(
     "Bodies",
-    "rows load touched motion odometer alarm presence passed exit_time every resting kind event events longest",
+    "rows load touched motion odometer alarm presence passed exit_time every resting kind event events longest "
+    "leeway doubt",
 )
 Grid = namedtuple(
-    "Grid", "cell following preceding head moved moved_list chain mark touching dormant shape origin lengths"
+    "Grid",
+    "cell following preceding head moved moved_list chain mark touching dormant shape origin lengths paths",
 )
 Pairs = namedtuple(
     "Pairs",
-    "first second data dormant_first dormant_second dormant_limit dormant_normal dormant_look ended gap partner link",
+    "first second data dormant_first dormant_second dormant_limit dormant_normal dormant_look dormant_groups ended gap "
+    "partner link",
 )
 WallContacts = namedtuple("WallContacts", "body wall feature data limit ended")
 Shared = namedtuple("Shared", "counters orders begins numbers due")
@@ -100,6 +106,8 @@ def new_bodies(n, parts, shares=1):
         event=np.zeros(padded, np.uint8),
         events=np.zeros(padded, np.int64),
         longest=np.zeros(padded // LANES),
+        leeway=np.zeros(padded // LANES),
+        doubt=np.zeros(padded // LANES, np.uint32),
     )
 
 
@@ -114,8 +122,8 @@ def new_grid(n, lower, upper, cell):
     """Cells of edge `cell` [m] over a box; what lies outside belongs to the nearest cell of the box.
 
     touching, dormant: how many pairs of either list a body has; lengths: edge of a cell, largest distance of two
-    centres that may touch, skin; and in simulations that threads may share by how much any two bodies can have come
-    nearer up to now, and in the last step.
+    centres that may touch, skin; paths, in simulations that threads may share: how far a body of each group may have
+    moved up to now, and in the last step (see `parallel`).
     """
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
     shape = np.maximum(1, np.ceil((upper - lower) / cell)).astype(np.int64)
@@ -132,7 +140,8 @@ def new_grid(n, lower, upper, cell):
         dormant=np.zeros(n, np.int64),
         shape=shape,
         origin=lower.copy(),
-        lengths=np.array([cell, 0.0, 0.0, 0.0, 0.0]),
+        lengths=np.array([cell, 0.0, 0.0]),
+        paths=np.zeros((2, MOST_GROUPS)),
     )
 
 
@@ -165,6 +174,7 @@ def new_pairs(n_contacts, n_dormant, ghost):
         dormant_limit=np.zeros(n_dormant),
         dormant_normal=np.zeros((n_dormant, 3)),
         dormant_look=np.zeros(n_dormant // BLOCK + 1),
+        dormant_groups=np.zeros(n_dormant // BLOCK + 1, np.int64),
         ended=np.zeros(n_contacts, np.int64),
         gap=np.zeros(n_contacts),
         partner=np.zeros(2 * n_contacts, np.int64),

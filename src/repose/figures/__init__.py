@@ -7,8 +7,10 @@ from repose.errors import InputError
 from . import (
     berries,
     checks,
+    comparison,
     inversion,
     measuring,
+    refinement,
     representations,
     rotation,
     samples,
@@ -51,9 +53,14 @@ FIGURES = {
         second_look.what_to_measure_next,
         ("responses", "information", "narrowing", "order"),
     ),
+    "approach": (refinement.approach, ("rounds",)),
+    "accuracy": (comparison.accuracy, ("accuracy",)),
+    "surrogates": (comparison.surrogates, ("surrogates",)),
+    "sampling": (comparison.sampling, ("sampling",)),
     "main_effects": (uncertainty.main_effects, ("effects", "dataset", "sobol")),
 }
 OPTIONAL = {
+    "approach": ("summary",),
     "figure08": ("trajectory", "particle"),
     "figure14": ("published",),
     "convergence": ("summary",),

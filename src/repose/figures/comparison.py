@@ -1,0 +1,135 @@
+"""Parts of the method beside their alternatives."""
+
+import numpy as np
+
+from repose.readers import read_table
+
+from . import style
+
+COLOURS = (
+    style.BLUE,
+    style.SKY,
+    style.RED,
+    style.GREEN,
+    style.ORANGE,
+    style.PURPLE,
+    style.GREY,
+)
+MARKERS = "osD^vP*X"
+
+
+def accuracy(inputs, config):
+    """R2 at the fresh points and its explainable share over the simulations trained on, one column a response."""
+    columns = (
+        "training",
+        "simulations",
+        "seeds",
+        "response",
+        "r2",
+        "r2_bar",
+        "explainable",
+        "explainable_bar",
+    )
+    table = read_table(inputs["accuracy"], columns)
+    figure = style.new_figure(style.PAGE, 4.4)
+    panels = figure.subplots(2, 2, sharex=True, sharey="row")
+    sources = list(dict.fromkeys(table["training"]))
+    for column, (response, label, _) in enumerate(style.RESPONSES):
+        rows = table[table["response"] == response]
+        for panel, key, words in zip(
+            panels[:, column], ("r2", "explainable"), ("R²", "share of the explainable"), strict=True
+        ):
+            for k, source in enumerate(sources):
+                of = rows[rows["training"] == source]
+                bars = np.abs(of[[f"{key}_low", f"{key}_high"]].to_numpy().T - of[key].to_numpy())
+                place = of["simulations"] * 1.04 ** (k - len(sources) / 2)  # so that no bar hides another
+                look = {"color": COLOURS[k], "marker": MARKERS[k], "ms": 4, "ls": "none", "lw": 0.8}
+                panel.errorbar(place, of[key], yerr=bars, label=source, **look)
+            panel.axhline(rows[f"{key}_bar"].iloc[0], color=style.BLACK, ls="--", lw=0.8)
+            panel.set(xscale="log", ylabel=words if column == 0 else None)
+            panel.set_ylim(_limits(table[key]))
+            _plain_ticks(panel, table["simulations"])
+        panels[0, column].set_title(label)
+        panels[0, column].plot(
+            rows["simulations"], rows["reachable_r2"], "_", color=style.GREY, label="reachable"
+        )
+        panels[1, column].set_xlabel("simulations trained on")
+    panels[0, 1].legend(loc="lower right")
+    return figure
+
+
+def surrogates(inputs, config):
+    """Explainable share over the simulations, one line a model; the main design's as single marks."""
+    table = read_table(
+        inputs["surrogates"],
+        ("model", "training", "simulations", "response", "explainable", "explainable_se"),
+    )
+    figure = style.new_figure(style.PAGE, 3.1)
+    panels = figure.subplots(1, 2, sharey=True)
+    for panel, (response, label, _) in zip(panels, style.RESPONSES, strict=True):
+        for k, model in enumerate(dict.fromkeys(table["model"])):
+            rows = table[(table["model"] == model) & (table["response"] == response)]
+            drawn = rows[rows["training"] == "pool"].sort_values("simulations")
+            look = {"color": COLOURS[k], "marker": MARKERS[k], "ms": 4}
+            panel.errorbar(
+                drawn["simulations"], drawn["explainable"], yerr=drawn["explainable_se"], label=model, **look
+            )
+            main = rows[rows["training"] != "pool"]
+            panel.plot(main["simulations"], main["explainable"], ls="none", mfc="none", **look)
+        panel.set(title=label, xscale="log", xlabel="simulations", ylim=_limits(table["explainable"]))
+        _plain_ticks(panel, table["simulations"])
+    panels[0].set_ylabel("share of the explainable")
+    panels[1].legend(loc="lower right")
+    return figure
+
+
+def sampling(inputs, config):
+    """Explainable share of the network by design and size, and of all fits by seeds a point; real ones open."""
+    columns = ("comparison", "design", "data", "fit", "points", "seeds", "response", "explainable")
+    table = read_table(inputs["sampling"], columns)
+    designs = table[(table["comparison"] == "designs") & (table["fit"] == "network")]
+    trades = table[table["comparison"] == "points against seeds"]
+    figure = style.new_figure(style.PAGE, 5.0)
+    panels = figure.subplots(2, 2, sharey="row")
+    for column, (response, label, _) in enumerate(style.RESPONSES):
+        _lines(panels[0, column], designs[designs["response"] == response], "design", "points")
+        _lines(panels[1, column], trades[trades["response"] == response], "fit", "seeds")
+        panels[0, column].set(title=label, ylim=_limits(designs["explainable"]))
+        panels[1, column].set(xlabel="seeds a point, simulations alike", ylim=_limits(trades["explainable"]))
+    for panel in panels[:, 0]:
+        panel.set_ylabel("share of the explainable")
+        panel.legend(loc="lower right", fontsize=6)
+    return figure
+
+
+def _lines(panel, rows, kind, size):
+    """A line for each kind, emulated or real, over a size."""
+    for k, (name, data) in enumerate(dict.fromkeys(zip(rows[kind], rows["data"], strict=True))):
+        of = rows[(rows[kind] == name) & (rows["data"] == data)].sort_values(size)
+        panel.errorbar(
+            of[size] * 1.015**k,
+            of["explainable"],
+            yerr=of["explainable_se"],
+            color=COLOURS[k % len(COLOURS)],
+            marker=MARKERS[k % len(MARKERS)],
+            ms=4,
+            mfc="none" if data == "real" else None,
+            ls=":" if data == "real" else "-",
+            label=f"{name}, {data}",
+        )
+    panel.set(xscale="log", xlabel=size)
+    _plain_ticks(panel, rows[size])
+
+
+def _plain_ticks(panel, values):
+    """Numbers as they are on a logarithmic axis, at most six of them."""
+    ticks = np.unique(values)
+    ticks = ticks[np.linspace(0, len(ticks) - 1, min(6, len(ticks))).round().astype(int)]
+    panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    panel.minorticks_off()
+    panel.grid(True)
+
+
+def _limits(shares):
+    """Ends of the axis of shares: from the smallest, but not below 0, to 1."""
+    return max(0.0, float(shares.min()) - 0.05), max(1.02, float(shares.max()) + 0.02)

@@ -1,0 +1,86 @@
+# Parts of the method beside their alternatives, on request: `snakemake --cores 2 compare`. See docs/comparison.md.
+COMPARISON = f"{RESULTS}/comparison"
+# What each comparison depends on besides the pours, and its tables.
+COMPARISONS = {
+    "accuracy": (("network",), ()),
+    "surrogates": (("network", "pool.seed"), ()),
+    "sampling": (
+        ("network", "pool.seed", "parameters", "heap.seeds"),
+        ("emulator.json",),
+    ),
+}
+
+
+for comparison, (depends, more) in COMPARISONS.items():
+
+    rule:
+        name:
+            f"compare_{comparison}"
+        input:
+            main_dataset=rules.dataset.output.dataset,
+            main_runs=rules.dataset.output.runs,
+            pool_dataset=rules.pool_dataset.output.dataset,
+            pool_runs=rules.pool_dataset.output.runs,
+            fresh_dataset=rules.fresh_dataset.output.dataset,
+            fresh_runs=rules.fresh_dataset.output.runs,
+        output:
+            f"{COMPARISON}/{comparison}.csv",
+            [f"{COMPARISON}/{name}" for name in more],
+        log:
+            f"{RESULTS}/logs/compare_{comparison}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/compare_{comparison}.tsv"
+        threads: 1
+        resources:
+            mem_mb=1000,
+        params:
+            config=CONFIG,
+            folder=folder,
+            comparison=comparison,
+            depends=sections(*depends),
+        message:
+            "Comparing {params.comparison}"
+        shell:
+            "python -m repose compare_{params.comparison} --config {params.config}"
+            " --main-dataset {input.main_dataset} --main-runs {input.main_runs}"
+            " --pool-dataset {input.pool_dataset} --pool-runs {input.pool_runs}"
+            " --fresh-dataset {input.fresh_dataset} --fresh-runs {input.fresh_runs}"
+            " --out {params.folder} > {log} 2>&1"
+
+    rule:
+        name:
+            f"draw_{comparison}"
+        input:
+            f"{COMPARISON}/{comparison}.csv",
+        output:
+            report(
+                f"{COMPARISON}/{comparison}.png",
+                caption=f"../report/{comparison}.rst",
+                category="Comparisons",
+                labels={"figure": comparison.capitalize()},
+            ),
+        log:
+            f"{RESULTS}/logs/figures/{comparison}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/figures/{comparison}.tsv"
+        threads: 1
+        resources:
+            mem_mb=500,
+        params:
+            config=CONFIG,
+            figure=comparison,
+            depends=sections("small_run"),
+        message:
+            "Drawing {params.figure}"
+        shell:
+            "python -m repose figure {params.figure} --config {params.config} --input {params.figure}={input}"
+            " --out {output} > {log} 2>&1"
+
+
+rule compare:
+    input:
+        expand(
+            f"{COMPARISON}/{{comparison}}.{{kind}}",
+            comparison=COMPARISONS,
+            kind=("csv", "png"),
+        ),

@@ -1,0 +1,121 @@
+# Pours that the comparisons share, on request: `snakemake --cores 2 pool`. See docs/comparison.md.
+POOL = f"{RESULTS}/pool"
+# Each set of points: what its tables' names begin with, and its keys in the configuration.
+POOL_SETS = {
+    "pool": ["", "samples", "seeds"],
+    "fresh": ["fresh_", "fresh_samples", "fresh_seeds"],
+}
+
+
+wildcard_constraints:
+    points="pool|fresh",
+
+
+rule pool_design:
+    output:
+        pool=f"{POOL}/samples.csv",
+        fresh=f"{POOL}/fresh_samples.csv",
+    log:
+        f"{RESULTS}/logs/pool/design.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/pool/design.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections(
+            "parameters", "pool.samples", "pool.fresh_samples", "pool.seed"
+        ),
+    message:
+        "Points of the pool"
+    shell:
+        "python -m repose pool_design --config {params.config} --out {params.folder} > {log} 2>&1"
+
+
+# A larger pool begins with the points of the smaller one, so its table being new is no reason to pour them again.
+rule pool_heap:
+    input:
+        samples=lambda wildcards: ancient(
+            rules.pool_design.output[list(POOL_SETS).index(wildcards.points)]
+        ),
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+    output:
+        pours=f"{POOL}/heaps/{{points}}/{{sample}}.pours.json",
+        berries=f"{POOL}/heaps/{{points}}/{{sample}}.npz",
+    log:
+        f"{RESULTS}/logs/pool/{{points}}/{{sample}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/pool/{{points}}/{{sample}}.tsv"
+    retries: 1
+    threads: 1
+    resources:
+        mem_mb=600,
+    params:
+        config=CONFIG,
+        folder=folder,
+        seeds=lambda wildcards: config["pool"][POOL_SETS[wildcards.points][2]],
+        depends=pouring_settings() | sections("parameters", "pool.seed"),
+    message:
+        "Pouring point {wildcards.sample} of the set {wildcards.points}"
+    shell:
+        "python -m repose pour --config {params.config} --samples {input.samples} --sample {wildcards.sample}"
+        " --seeds {params.seeds} --purpose {wildcards.points} --berry {input.berry} --particle {input.particle}"
+        " --out {params.folder} > {log} 2>&1"
+
+
+use rule measure_heap as measure_pool_heap with:
+    input:
+        pours=rules.pool_heap.output.pours,
+        berries=rules.pool_heap.output.berries,
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+    output:
+        result=f"{POOL}/heaps/{{points}}/{{sample}}.json",
+    log:
+        f"{RESULTS}/logs/pool/{{points}}/{{sample}}_measured.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/pool/{{points}}/{{sample}}_measured.tsv"
+    message:
+        "Measuring point {wildcards.sample} of the set {wildcards.points}"
+
+
+for points, (prefix, count, _) in POOL_SETS.items():
+
+    rule:
+        name:
+            f"{points}_dataset"
+        input:
+            samples=f"{POOL}/{prefix}samples.csv",
+            heaps=expand(
+                rules.measure_pool_heap.output.result,
+                points=points,
+                sample=[f"{k:03d}" for k in range(1, config["pool"][count] + 1)],
+            ),
+        output:
+            dataset=f"{POOL}/{prefix}dataset.csv",
+            runs=f"{POOL}/{prefix}runs.csv",
+            summary=f"{POOL}/{prefix}dataset_summary.json",
+        log:
+            f"{RESULTS}/logs/pool/{points}_dataset.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/pool/{points}_dataset.tsv"
+        threads: 1
+        resources:
+            mem_mb=300,
+        params:
+            folder=folder,
+            prefix=prefix,
+        message:
+            "Table of the set {rule}"
+        shell:
+            "python -m repose dataset {input.heaps} --samples {input.samples} --prefix '{params.prefix}'"
+            " --out {params.folder} > {log} 2>&1"
+
+
+rule pool:
+    input:
+        rules.pool_dataset.output,
+        rules.fresh_dataset.output,

@@ -1,0 +1,358 @@
+# The loop closed: `snakemake --cores 2 refined`. Each round pours its proposal, judges it and, as long as it misses
+# the target, refits the network and searches again; a round is a checkpoint, so the next one is planned when it is done.
+REFINED = f"{RESULTS}/refined"
+
+
+def rounds_until(wildcards):
+    """Folders of the rounds before one."""
+    return [f"{REFINED}/round_{k}" for k in range(int(wildcards.round))]
+
+
+def last_round(wildcards):
+    """Folder of the round before one."""
+    return f"{REFINED}/round_{int(wildcards.round) - 1}"
+
+
+def searched(wildcards):
+    """Solutions and network of a round: the main chain's in round 0."""
+    if wildcards.round == "0":
+        return {
+            "feasible": rules.miga.output.feasible,
+            "network": rules.network.output.network,
+        }
+    return {
+        "feasible": f"{REFINED}/round_{wildcards.round}/miga/feasible.csv",
+        "network": f"{REFINED}/round_{wildcards.round}/miga/network.json",
+    }
+
+
+def round_seeds(wildcards):
+    """Seeds of one of a round's jobs."""
+    jobs = refine.jobs(config["refine"], int(wildcards.round))
+    return {str(sample): seeds for sample, _, seeds in jobs}[wildcards.job]
+
+
+def round_jobs(wildcards):
+    """Measured jobs of a round."""
+    return [
+        f"{REFINED}/round_{wildcards.round}/heaps/{sample}.json"
+        for sample, _, _ in refine.jobs(config["refine"], int(wildcards.round))
+    ]
+
+
+def verdicts(wildcards):
+    """Verdicts of all rounds that the loop takes, as far as they are known: each tells whether another follows."""
+    found = []
+    for k in range(config["refine"]["rounds"] + 1):
+        found.append(checkpoints.refine_round.get(round=k).output.verdict)
+        with open(found[-1]) as file:
+            if not refine.goes_on(json.load(file)):
+                break
+    return found
+
+
+rule refine_data:
+    input:
+        dataset=rules.dataset.output.dataset,
+        runs=rules.dataset.output.runs,
+        rounds=lambda wildcards: expand(
+            "{folder}/{name}.csv",
+            folder=rounds_until(wildcards),
+            name=("dataset", "runs"),
+        ),
+    output:
+        dataset=f"{REFINED}/round_{{round}}/data/dataset.csv",
+        runs=f"{REFINED}/round_{{round}}/data/runs.csv",
+    log:
+        f"{RESULTS}/logs/refined/{{round}}_data.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/refined/{{round}}_data.tsv"
+    wildcard_constraints:
+        round=r"[1-9]\d?",
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        folder=folder,
+        rounds=rounds_until,
+    message:
+        "Adding the samples of {wildcards.round} rounds to the design's"
+    shell:
+        "python -m repose refine_data {params.rounds} --dataset {input.dataset} --runs {input.runs}"
+        " --out {params.folder} > {log} 2>&1"
+
+
+rule refine_network:
+    input:
+        dataset=rules.refine_data.output.dataset,
+        runs=rules.refine_data.output.runs,
+    output:
+        network=f"{REFINED}/round_{{round}}/network/network.json",
+        metrics=f"{REFINED}/round_{{round}}/network/metrics.json",
+        predictions=f"{REFINED}/round_{{round}}/network/predictions.csv",
+        starts=f"{REFINED}/round_{{round}}/network/starts.csv",
+    log:
+        f"{RESULTS}/logs/refined/{{round}}_network.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/refined/{{round}}_network.tsv"
+    wildcard_constraints:
+        round=r"[1-9]\d?",
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("network"),
+    message:
+        "Refitting the network for round {wildcards.round}"
+    shell:
+        "python -m repose network --config {params.config} --dataset {input.dataset} --runs {input.runs}"
+        " --out {params.folder} > {log} 2>&1"
+
+
+rule refine_search:
+    input:
+        network=rules.refine_network.output.network,
+        dataset=rules.refine_data.output.dataset,
+        near=lambda wildcards: f"{last_round(wildcards)}/proposal.csv",
+        table3="resources/published/table3.csv",
+    output:
+        network=f"{REFINED}/round_{{round}}/miga/network.json",
+        feasible=f"{REFINED}/round_{{round}}/miga/feasible.csv",
+        summary=f"{REFINED}/round_{{round}}/miga/summary.json",
+    log:
+        f"{RESULTS}/logs/refined/{{round}}_search.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/refined/{{round}}_search.tsv"
+    wildcard_constraints:
+        round=r"[1-9]\d?",
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections(
+            "parameters",
+            "target",
+            "miga",
+            "refine.reach",
+            "refine.tolerance_percent",
+        ),
+    message:
+        "Searching near the last proposal for round {wildcards.round}"
+    shell:
+        "python -m repose refine_search --config {params.config} --network {input.network}"
+        " --dataset {input.dataset} --near {input.near} --table3 {input.table3} --out {params.folder}"
+        " > {log} 2>&1"
+
+
+rule refine_propose:
+    input:
+        unpack(searched),
+    output:
+        proposal=f"{REFINED}/round_{{round}}/proposal.csv",
+    log:
+        f"{RESULTS}/logs/refined/{{round}}_propose.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/refined/{{round}}_propose.tsv"
+    wildcard_constraints:
+        round=r"\d{1,2}",
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections(
+            "parameters",
+            "design.seed",
+            *(
+                f"refine.{key}"
+                for key in ("seeds", "block", "neighbours", "neighbour_seeds", "reach")
+            ),
+        ),
+    message:
+        "Proposal of round {wildcards.round} and its neighbours"
+    shell:
+        "python -m repose refine_propose --config {params.config} --feasible {input.feasible}"
+        " --network {input.network} --round {wildcards.round} --out {params.folder} > {log} 2>&1"
+
+
+rule refine_heap:
+    input:
+        samples=rules.refine_propose.output.proposal,
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+    output:
+        pours=f"{REFINED}/round_{{round}}/heaps/{{job}}.pours.json",
+        berries=f"{REFINED}/round_{{round}}/heaps/{{job}}.npz",
+    log:
+        f"{RESULTS}/logs/refined/{{round}}_{{job}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/refined/{{round}}_{{job}}.tsv"
+    wildcard_constraints:
+        round=r"\d{1,2}",
+        job=r"\d{4,5}",
+    retries: 1
+    threads: 1
+    resources:
+        mem_mb=600,
+    params:
+        config=CONFIG,
+        folder=folder,
+        seeds=round_seeds,
+        depends=pouring_settings(),
+    message:
+        "Pouring sample {wildcards.job} of round {wildcards.round}"
+    shell:
+        "python -m repose pour --config {params.config} --samples {input.samples} --sample {wildcards.job}"
+        " --seeds {params.seeds} --purpose refine --berry {input.berry} --particle {input.particle}"
+        " --out {params.folder} > {log} 2>&1"
+
+
+rule measure_refine_heap:
+    input:
+        pours=rules.refine_heap.output.pours,
+        berries=rules.refine_heap.output.berries,
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+    output:
+        result=f"{REFINED}/round_{{round}}/heaps/{{job}}.json",
+    log:
+        f"{RESULTS}/logs/refined/{{round}}_{{job}}_measured.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/refined/{{round}}_{{job}}_measured.tsv"
+    wildcard_constraints:
+        round=r"\d{1,2}",
+        job=r"\d{4,5}",
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("measure"),
+    message:
+        "Measuring the piles of sample {wildcards.job} of round {wildcards.round}"
+    shell:
+        "python -m repose measure_heap {input.pours} --config {params.config} --berry {input.berry}"
+        " --particle {input.particle} --out {params.folder} > {log} 2>&1"
+
+
+rule refine_dataset:
+    input:
+        samples=rules.refine_propose.output.proposal,
+        heaps=round_jobs,
+    output:
+        dataset=f"{REFINED}/round_{{round}}/dataset.csv",
+        runs=f"{REFINED}/round_{{round}}/runs.csv",
+    log:
+        f"{RESULTS}/logs/refined/{{round}}_dataset.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/refined/{{round}}_dataset.tsv"
+    wildcard_constraints:
+        round=r"\d{1,2}",
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        folder=folder,
+    message:
+        "Table of round {wildcards.round}"
+    shell:
+        "python -m repose dataset {input.heaps} --samples {input.samples} --out {params.folder} > {log} 2>&1"
+
+
+checkpoint refine_round:
+    input:
+        proposal=rules.refine_propose.output.proposal,
+        dataset=rules.refine_dataset.output.dataset,
+        runs=rules.refine_dataset.output.runs,
+    output:
+        verdict=f"{REFINED}/round_{{round}}/verdict.json",
+        points=f"{REFINED}/round_{{round}}/round.csv",
+    log:
+        f"{RESULTS}/logs/refined/{{round}}_judge.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/refined/{{round}}_judge.tsv"
+    wildcard_constraints:
+        round=r"\d{1,2}",
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections(
+            "target.aor_deg",
+            "target.height_mm",
+            "refine.tolerance_percent",
+            "refine.standard_error_percent",
+        ),
+    message:
+        "Judging round {wildcards.round}"
+    shell:
+        "python -m repose refine_judge --config {params.config} --proposal {input.proposal}"
+        " --dataset {input.dataset} --runs {input.runs} --out {params.folder} > {log} 2>&1"
+
+
+rule refine_tables:
+    input:
+        verdicts=verdicts,
+    output:
+        rounds=f"{REFINED}/rounds.csv",
+        summary=f"{REFINED}/summary.json",
+    log:
+        f"{RESULTS}/logs/refine_tables.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/refine_tables.tsv"
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("refine.rounds"),
+    message:
+        "All rounds of the refinement"
+    shell:
+        "python -m repose refine_tables {input.verdicts} --config {params.config} --out {params.folder}"
+        " > {log} 2>&1"
+
+
+rule draw_approach:
+    input:
+        rounds=rules.refine_tables.output.rounds,
+        summary=rules.refine_tables.output.summary,
+    output:
+        report(
+            f"{REFINED}/approach.png",
+            caption="../report/approach.rst",
+            category="Figures",
+            labels={"figure": "The loop closed"},
+        ),
+    log:
+        f"{RESULTS}/logs/figures/approach.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/figures/approach.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        config=CONFIG,
+        depends=sections(
+            "small_run", "refine.tolerance_percent", "refine.standard_error_percent"
+        ),
+    message:
+        "Drawing the approach to the target"
+    shell:
+        "python -m repose figure approach --config {params.config} --out {output}"
+        " --input rounds={input.rounds} --input summary={input.summary} > {log} 2>&1"
+
+
+rule refined:
+    input:
+        rules.refine_tables.output,
+        rules.draw_approach.output,
