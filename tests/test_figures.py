@@ -10,13 +10,16 @@ import pytest
 
 from repose import figures, measuring, noise, shape
 from repose.angles import DEFINITIONS
+from repose.comparison.search import REFERENCE
 from repose.errors import InputError
 from repose.figures import (
     checks,
+    inversion,
     refinement,
     rotation,
     samples,
     search,
+    second_look,
     style,
     surrogate,
     testbench,
@@ -29,6 +32,7 @@ RANGES = dict(
     zip(PARAMETERS, ([0.1, 0.4], [0.35, 0.75], [0.02, 0.07], [0.2, 0.5], [0.4, 0.8], [0.1, 0.3]), strict=True)
 )
 CONFIG = {
+    "compare_search": {"tolerance": 0.01},
     "shape_study": {
         "particles": dict.fromkeys(("ellipsoid", "rough_spheres")),
         "fillings": dict.fromkeys(("open_cone", "lying")),
@@ -211,6 +215,7 @@ def inputs(tmp_path_factory):
     intervals["high"] = [0.256, 0.659, 0.038, 0.248, 0.529, 0.188]
     intervals.to_csv(folder / "table3.csv", index=False)
     made_up_uncertainty(folder, rng)
+    made_up_comparisons(folder)
     made_up_representations(folder)
     made_up_rounds(folder)
     return {path.stem: path for path in folder.iterdir()} | {"folder": folder}
@@ -281,6 +286,66 @@ def made_up_uncertainty(folder, rng):
     effects.to_csv(folder / "effects.csv", index=False)
 
 
+def made_up_comparisons(folder):
+    """Tables of searches, of the whole method, and of further responses."""
+    at = np.array([10, 100, 1000])
+    curves, methods = [], []
+    for k, name in enumerate(inversion.SEARCHES):
+        many = at * 10 if name == "miga_whole" else at
+        curves.append(pd.DataFrame({"method": name, "evaluations": many, "log10_mean": -k - np.log10(at)}))
+        methods.append({"method": name, "reached": 10 - 5 * (name == "random"), "repetitions": 10})
+        methods[-1] |= {"evaluations_to_tolerance": 100.0 * (k + 1), "evaluations_to_tolerance_se": 10.0}
+        methods[-1] |= {"listed_coverage": 0.05 * k, "met_coverage": 0.06 * k}
+    methods.append({"method": REFERENCE, "listed_coverage": 0.5, "met_coverage": 0.5})
+    pd.concat(curves).assign(log10_se=0.1).to_csv(folder / "curves.csv", index=False)
+    errors = {"listed_coverage_se": 0.01, "met_coverage_se": 0.01}
+    pd.DataFrame(methods).assign(**errors).to_csv(folder / "methods.csv", index=False)
+    whole = [
+        {
+            "data": kind,
+            "samples": n,
+            "method": name,
+            "simulations": 6 * n,
+            "aor_off_deg": 5 / n,
+            "aor_off_deg_se": 1 / n,
+        }
+        | {"height_off_mm": 9 / n, "height_off_mm_se": 1 / n}
+        for kind in inversion.KINDS
+        for n in (30, 60)
+        for name in inversion.WHOLE
+    ]
+    pd.DataFrame(whole).to_csv(folder / "whole.csv", index=False)
+    sets = ["AoR and Height", "loose_percent", "drum_slip_deg", "whole pile", "pile and drum"]
+    information = [
+        {
+            "discrepancy_percent": p,
+            "set": name,
+            "bits": 5.0 + k,
+            "bits_se": 0.2,
+            "gain_bits": k,
+            "gain_se_bits": 0.1,
+        }
+        for p in (0.0, 2.0)
+        for k, name in enumerate(sets)
+    ]
+    pd.DataFrame(information).to_csv(folder / "information.csv", index=False)
+    narrowing = [
+        {
+            "discrepancy_percent": 0.0,
+            "set": name,
+            "parameter": p,
+            "width_ratio": 0.7,
+            "over_base": 1 - 0.15 * k,
+        }
+        for k, name in enumerate(sets)
+        for p in PARAMETERS
+    ]
+    pd.DataFrame(narrowing).to_csv(folder / "narrowing.csv", index=False)
+    known = pd.DataFrame({"response": ["aor_deg", "height_mm", "loose_percent", "drum_slip_deg"]})
+    known.assign(signal_to_noise=1.5, r2=0.9).to_csv(folder / "responses.csv", index=False)
+    pd.DataFrame({"place": [1]}).to_csv(folder / "order.csv", index=False)
+
+
 def made_up_rounds(folder):
     """Three rounds of a refinement; the second gave no pile, the third is within."""
     rounds = pd.DataFrame({"round": [0, 1, 2], "n_seeds": [64, 20, 63]})
@@ -336,6 +401,27 @@ def test_every_figure_is_drawn_the_same_twice_and_marked_when_small(name, inputs
     assert 400 < width < 1400
     assert 250 < height < 1400
     assert size_of(paths[2]) == (width, pytest.approx(height + 0.24 * style.DPI, abs=1))
+
+
+def test_a_search_that_misses_the_tolerance_is_counted(inputs):
+    with style.applied():
+        text = words(inversion.searches(inputs_of("search", inputs), CONFIG))
+    assert "5 of 10 runs" in text
+    assert "tolerance 0.01" in text
+
+
+def test_further_responses_are_in_order_of_what_they_add(inputs):
+    with style.applied():
+        figure = second_look.what_to_measure_next(inputs_of("second_responses", inputs), CONFIG)
+    labels = [text.get_text() for text in figure.axes[0].get_yticklabels()]
+    assert [label.split("\n")[0] for label in labels] == [
+        "pile and drum",
+        "all of the pile",
+        "loose berries",
+        "drum, slip",
+    ]
+    assert "S/N 1.5, R² 0.90" in labels[2]
+    assert "AoR and Height alone:\n5.0 ± 0.2 bits" in words(figure)
 
 
 def test_a_drum_without_a_slip_says_so(inputs, tmp_path, monkeypatch):

@@ -171,6 +171,17 @@ def test_uncertainty_is_a_target_of_its_own(finished):
     assert not {*own, *drawn} & set(planned(project, *words, "--forceall"))
 
 
+def test_comparisons_are_targets_of_their_own_and_the_drum_is_asked_for_by_name(finished):
+    project, words = finished
+    jobs = planned(project, *words, "--", "compare_search", "compare_whole", "second_responses")
+    own = {"search_tables", "whole_tables", "measure_responses", "second_responses_tables"}
+    drawn = {"draw_search", "draw_whole", "draw_second_responses"}
+    assert set(jobs) == own | drawn | {"compare_search", "compare_whole", "second_responses", "total"}
+    turned = planned(project, *words, "--", "second_responses_drum")
+    assert turned["drum_sample"] == 12
+    assert not own & set(planned(project, *words, "--forceall"))
+
+
 REFIT = {"refine_data", "refine_network", "refine_search"}
 ROUND = {"refine_propose", "refine_heap", "measure_refine_heap", "refine_dataset", "refine_round"}
 END = {"refine_tables", "draw_approach", "refined", "total"}

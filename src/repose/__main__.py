@@ -341,6 +341,72 @@ def sensitivity(args):
     print(sensitivity.message(table))
 
 
+def compare_search(args):
+    """Searches beside each other."""
+    from repose.comparison import search
+
+    config = settings.load(args.config)
+    table = search.run(
+        args.network,
+        config["parameters"],
+        config["target"],
+        config["compare_search"],
+        config["miga"],
+        args.out,
+    )
+    print(search.message(table))
+
+
+def compare_whole(args):
+    """The method beside a response surface."""
+    from repose.comparison import whole
+
+    config = settings.load(args.config)
+    section = config["compare_whole"]
+    section |= {"network": config["network"] | {key: section[key] for key in ("starts", "epochs")}}
+    section |= {"miga": config["miga"] | {"rounds": section["rounds"]}}
+    table = whole.run(args.dataset, args.runs, config["parameters"], config["target"], section, args.out)
+    print(whole.message(table))
+
+
+def measure_responses(args):
+    """More responses of saved pours."""
+    from repose import responses
+
+    config = settings.load(args.config)
+    berry_of, particle = _berry_and_particle(args, config)
+    table = responses.run(config, args.pours, args.runs, particle, berry_of, args.out)
+    print(table[list(responses.MEASURED)].describe().round(2).to_string())
+
+
+def drum_design(args):
+    """A sample of the design in the drum."""
+    from repose import drum
+
+    config = settings.load(args.config)
+    count = config["second_responses"]["drum_seeds"]
+    seeds = settings.pour_seeds(config["design"]["seed"], "drum_design", args.sample, count)
+    berry_of, particle = _berry_and_particle(args, config)
+    parameters = arguments.parameters(args, config["parameters"])
+    for run in drum.design_job(config, args.sample, parameters, seeds, particle, berry_of, args.out)["runs"]:
+        print(_turn_line(run))
+
+
+def second_responses(args):
+    """What to measure next."""
+    from repose import second_responses
+
+    config = settings.load(args.config)
+    section = config["second_responses"] | {"hidden": config["network"]["hidden"]}
+    section |= {"epochs": config["network"]["epochs"]}
+    section |= {"discrepancy_percent": config["posterior"]["discrepancy_percent"]}
+    files = {"runs": args.runs, "dataset": args.dataset}
+    if args.drum:
+        files |= {"drum": args.drum, "drum_runs": args.drum_runs}
+    summary = second_responses.run(files, config["parameters"], config["target"], section, args.out)
+    print(second_responses.message(summary))
+
+
 def refine_data(args):
     """Samples of the rounds added to those of the design."""
     from repose import refine
@@ -593,6 +659,11 @@ VERBS = {
         noise,
         posterior,
         sensitivity,
+        compare_search,
+        compare_whole,
+        measure_responses,
+        drum_design,
+        second_responses,
         refine_data,
         refine_search,
         refine_propose,

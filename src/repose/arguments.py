@@ -44,6 +44,8 @@ def parser():
     _add_measuring(verbs)
     _add_calibration(verbs)
     _add_uncertainty(verbs)
+    _add_inversion(verbs)
+    _add_responses(verbs)
     _add_refinement(verbs)
     _add_comparisons(verbs)
     _add_pictures(verbs)
@@ -340,6 +342,65 @@ def _add_uncertainty(verbs):
         out="results/sensitivity",
     )
     sub.add_argument("--network", default="results/network/network.json", help="what the verb network wrote")
+
+
+def _add_inversion(verbs):
+    sub = _verb(
+        verbs,
+        "compare_search",
+        "searches beside each other on the trained network: evaluations, and which solutions they find",
+        "python -m repose compare_search --network results/network/network.json",
+        out="results/comparison",
+    )
+    sub.add_argument("--network", default="results/network/network.json", help="what the verb network wrote")
+    sub = _verb(
+        verbs,
+        "compare_whole",
+        "the method beside a response surface with a local search, for equal numbers of simulations",
+        "python -m repose compare_whole --dataset results/dataset.csv --runs results/runs.csv",
+        out="results/comparison",
+    )
+    sub.add_argument(
+        "--dataset", nargs="+", default=["results/dataset.csv"], help="what the verb dataset wrote"
+    )
+    sub.add_argument(
+        "--runs", nargs="+", default=["results/runs.csv"], help="as many: single runs of the same"
+    )
+
+
+def _add_responses(verbs):
+    sub = _verb(
+        verbs,
+        "measure_responses",
+        "more responses of saved pours: profile, packing, loose berries, discharge time",
+        "python -m repose measure_responses results/heaps/???.pours.json --runs results/runs.csv",
+        out="results/responses/runs.csv",
+    )
+    sub.add_argument("pours", nargs="+", help="NAME.pours.json files of the verb pour, NAME.npz beside them")
+    sub.add_argument("--runs", default="results/runs.csv", help="what the verb dataset wrote: single runs")
+    _add_berry(sub)
+    sub = _verb(
+        verbs,
+        "drum_design",
+        "a sample of the design in the rotating drum, with seeds of its own",
+        "python -m repose drum_design --samples results/design/samples.csv --sample 1",
+        out="results/responses/drum",
+    )
+    sub.add_argument("--samples", default="results/design/samples.csv", help="what the verb design wrote")
+    sub.add_argument("--sample", type=int, required=True, help="number in the column sample")
+    _add_berry(sub)
+    sub.set_defaults(set=[])
+    sub = _verb(
+        verbs,
+        "second_responses",
+        "how far each further response of the pile narrows the posterior of the six parameters",
+        "python -m repose second_responses --runs results/responses/runs.csv --dataset results/dataset.csv",
+        out="results/responses",
+    )
+    sub.add_argument("--runs", default="results/responses/runs.csv", help="what measure_responses wrote")
+    sub.add_argument("--dataset", default="results/dataset.csv", help="what the verb dataset wrote")
+    sub.add_argument("--drum", nargs="+", help="files of drum_design, to judge the drum as well")
+    sub.add_argument("--drum-runs", default="results/drum/runs.csv", help="what the verb drum_tables wrote")
 
 
 def _add_refinement(verbs):

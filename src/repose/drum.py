@@ -316,6 +316,22 @@ def _slip(turned, section, particle, mm_per_pixel):
     return numbers, profile
 
 
+def design_job(config, sample, parameters, seeds, particle, berry, out_dir):
+    """Run one sample of the design with given seeds and write OUT/SAMPLE.json in one move; returns its content."""
+    result = {
+        "sample": int(sample),
+        "config": config["label"],
+        "parameters": {p: float(parameters[p]) for p in PARAMETERS},
+        "runs": [run_once(config, parameters, seed, particle, berry)[0] for seed in seeds],
+    }
+    out = Path(out_dir)
+    out.mkdir(parents=True, exist_ok=True)
+    part = out / f"{sample:03d}.json.part"
+    part.write_text(json.dumps(result, indent=1) + "\n")
+    part.replace(out / f"{sample:03d}.json")
+    return result
+
+
 def run_job(config, parameters, seeds, particle, berry, out_dir, trajectory=False, progress=None):
     """Run one parameter set with given seeds; write OUT/turn_SEED.json and OUT/turn_SEED.npz of each.
 

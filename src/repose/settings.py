@@ -34,6 +34,7 @@ PURPOSES = {
     "shape_published": 3,
     "shape_sensitivity": 4,
     "shape_design": 5,
+    "drum_design": 9,
     "refine": 8,
     "pool": 6,
     "fresh": 7,
@@ -368,6 +369,9 @@ def _contradictions(config):
             "network.correlated_noise",
             "false where heap.seeds is 1: pours of one sample cannot be compared",
         )
+    design, further = config["design"]["samples"], config["second_responses"]
+    if further["drum_samples"] > design:
+        yield "second_responses.drum_samples", f"at most design.samples, {design}"
     refine = config["refine"]
     if refine["seeds"] > LARGEST_BLOCKS * refine["block"]:
         yield "refine.block", f"at least refine.seeds / {LARGEST_BLOCKS}"

@@ -19,6 +19,7 @@ KEPT = {
     "film": ("*.gif",),
     "shape": ("*.csv", "*.json", "*.png"),
     "drum": ("*.csv", "*.gif"),
+    "responses/with_drum": ("*.csv", "*.json", "*.png"),
     "refined": ("*.csv", "*.json", "*.png", "round_*/round.csv", "round_*/network/metrics.json"),
     "noise": ("*.csv", "*.json", "*.png"),
     "posterior": ("posterior.csv", "*.json", "*.png"),

@@ -1,0 +1,107 @@
+# Is the search worth it? Targets of their own: `snakemake --cores 2 compare_search`, `compare_whole`.
+WHOLE_DATA = [RESULTS, *config["compare_whole"]["more_data"]]
+
+
+rule search_tables:
+    input:
+        network=rules.network.output.network,
+    output:
+        curves=f"{RESULTS}/comparison/search.csv",
+        methods=f"{RESULTS}/comparison/search_methods.csv",
+        runs=f"{RESULTS}/comparison/search_runs.csv",
+    log:
+        f"{RESULTS}/logs/search_tables.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/search_tables.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("parameters", "target", "miga", "compare_search"),
+    message:
+        "Searches beside each other on the network"
+    shell:
+        "python -m repose compare_search --config {params.config} --network {input.network}"
+        " --out {params.folder} > {log} 2>&1"
+
+
+rule whole_tables:
+    input:
+        datasets=expand("{data}/dataset.csv", data=WHOLE_DATA),
+        runs=expand("{data}/runs.csv", data=WHOLE_DATA),
+    output:
+        whole=f"{RESULTS}/comparison/whole.csv",
+        proposals=f"{RESULTS}/comparison/whole_proposals.csv",
+    log:
+        f"{RESULTS}/logs/whole_tables.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/whole_tables.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("parameters", "target", "network", "miga", "compare_whole"),
+    message:
+        "The method beside a response surface, for equal numbers of simulations"
+    shell:
+        "python -m repose compare_whole --config {params.config} --dataset {input.datasets} --runs {input.runs}"
+        " --out {params.folder} > {log} 2>&1"
+
+
+# Each figure: what it shows.
+INVERSION_FIGURES = {
+    "search": {
+        "curves": rules.search_tables.output.curves,
+        "methods": rules.search_tables.output.methods,
+    },
+    "whole": {"whole": rules.whole_tables.output.whole},
+}
+
+
+for figure, shown in INVERSION_FIGURES.items():
+
+    rule:
+        name:
+            f"draw_{figure}"
+        input:
+            **shown,
+        output:
+            report(
+                f"{RESULTS}/comparison/{figure}.png",
+                caption=f"../report/{figure}.rst",
+                category="Comparisons",
+                labels={"figure": figure},
+            ),
+        log:
+            f"{RESULTS}/logs/figures/{figure}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/figures/{figure}.tsv"
+        threads: 1
+        resources:
+            mem_mb=500,
+        params:
+            config=CONFIG,
+            figure=figure,
+            inputs=[f"--input {key}={path}" for key, path in shown.items()],
+            depends=sections("small_run", "compare_search"),
+        message:
+            "Drawing {params.figure}"
+        shell:
+            "python -m repose figure {params.figure} --config {params.config} {params.inputs} --out {output}"
+            " > {log} 2>&1"
+
+
+rule compare_search:
+    input:
+        rules.search_tables.output,
+        rules.draw_search.output,
+
+
+rule compare_whole:
+    input:
+        rules.whole_tables.output,
+        rules.draw_whole.output,

@@ -1,0 +1,161 @@
+# What to measure next. Targets of their own: `snakemake --cores 2 second_responses`, and with the drum on a part of
+# the design, `second_responses_drum`.
+TURNED = config["second_responses"]["drum_samples"]
+DRUM_SAMPLES = [
+    SAMPLES[k * (len(SAMPLES) - 1) // max(1, TURNED - 1)] for k in range(TURNED)
+]
+
+
+rule measure_responses:
+    input:
+        pours=expand(rules.heap.output.pours, sample=SAMPLES),
+        berries=expand(rules.heap.output.berries, sample=SAMPLES),
+        runs=rules.dataset.output.runs,
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+    output:
+        runs=f"{RESULTS}/responses/runs.csv",
+    log:
+        f"{RESULTS}/logs/measure_responses.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/measure_responses.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        config=CONFIG,
+        depends=sections("measure", "heap.plate_diameter_mm"),
+    message:
+        "More responses of the piles that are there"
+    shell:
+        "python -m repose measure_responses {input.pours} --config {params.config} --runs {input.runs}"
+        " --berry {input.berry} --particle {input.particle} --out {output.runs} > {log} 2>&1"
+
+
+rule drum_sample:
+    input:
+        samples=rules.design.output.samples,
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+    output:
+        result=f"{RESULTS}/responses/drum/{{sample}}.json",
+    log:
+        f"{RESULTS}/logs/responses/drum/{{sample}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/responses/drum/{{sample}}.tsv"
+    retries: 1
+    threads: 1
+    resources:
+        mem_mb=900,
+    params:
+        config=CONFIG,
+        folder=folder,
+        number=lambda wildcards: int(wildcards.sample),
+        drum={key: value for key, value in config["drum"].items() if key != "seeds"},
+        depends=pouring_settings()
+        | sections("measure.mm_per_pixel", "second_responses.drum_seeds"),
+    message:
+        "Turning the drum with sample {wildcards.sample}"
+    shell:
+        "python -m repose drum_design --config {params.config} --samples {input.samples}"
+        " --sample {params.number} --berry {input.berry} --particle {input.particle} --out {params.folder}"
+        " > {log} 2>&1"
+
+
+rule drum_design:
+    input:
+        expand(rules.drum_sample.output.result, sample=DRUM_SAMPLES),
+
+
+# The same tables without and with the drum: a folder, and what is read beside the piles.
+SECOND_RESPONSES = {
+    "second_responses": (f"{RESULTS}/responses", {}),
+    "second_responses_drum": (
+        f"{RESULTS}/responses/with_drum",
+        {"drum": rules.drum_design.input, "drum_runs": rules.drum.output.runs},
+    ),
+}
+SECOND_TABLES = ("responses", "information", "narrowing", "order")
+
+
+for study, (where, more) in SECOND_RESPONSES.items():
+
+    rule:
+        name:
+            f"{study}_tables"
+        input:
+            **more,
+            runs=rules.measure_responses.output.runs,
+            dataset=rules.dataset.output.dataset,
+        output:
+            **{name: f"{where}/{name}.csv" for name in SECOND_TABLES},
+            summary=f"{where}/responses.json",
+        log:
+            f"{RESULTS}/logs/{study}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/{study}.tsv"
+        threads: 1
+        resources:
+            mem_mb=1500,
+        params:
+            config=CONFIG,
+            folder=folder,
+            drum=lambda wildcards, input: (
+                f"--drum {input.drum} --drum-runs {input.drum_runs}"
+                if hasattr(input, "drum")
+                else ""
+            ),
+            depends=sections(
+                "parameters",
+                "target",
+                "network.hidden",
+                "network.epochs",
+                "posterior.discrepancy_percent",
+                "second_responses",
+            ),
+        message:
+            "How far further responses narrow the posterior"
+        shell:
+            "python -m repose second_responses --config {params.config} --runs {input.runs}"
+            " --dataset {input.dataset} {params.drum} --out {params.folder} > {log} 2>&1"
+
+    rule:
+        name:
+            f"draw_{study}"
+        input:
+            **{name: f"{where}/{name}.csv" for name in SECOND_TABLES},
+        output:
+            report(
+                f"{where}/second_responses.png",
+                caption=f"../report/{study}.rst",
+                category="Comparisons",
+                labels={"figure": study},
+            ),
+        log:
+            f"{RESULTS}/logs/figures/{study}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/figures/{study}.tsv"
+        threads: 1
+        resources:
+            mem_mb=500,
+        params:
+            config=CONFIG,
+            inputs=[f"--input {name}={where}/{name}.csv" for name in SECOND_TABLES],
+            depends=sections("small_run"),
+        message:
+            "Drawing what to measure next"
+        shell:
+            "python -m repose figure second_responses --config {params.config} {params.inputs} --out {output}"
+            " > {log} 2>&1"
+
+
+rule second_responses:
+    input:
+        rules.second_responses_tables.output,
+        rules.draw_second_responses.output,
+
+
+rule second_responses_drum:
+    input:
+        rules.second_responses_drum_tables.output,
+        rules.draw_second_responses_drum.output,
