@@ -50,3 +50,9 @@ def pouring_settings():
 def folder(wildcards, output):
     """Where a rule's first output lies."""
     return os.path.dirname(output[0])
+
+
+def validation_seeds(wildcards):
+    """Pours of a solution; our representative one gets more."""
+    ours = wildcards.sample == OURS[0]
+    return config["validation"]["representative_seeds" if ours else "seeds"]

@@ -1,56 +1,5 @@
 # The loop closed: `snakemake --cores 2 refined`. Each round pours its proposal, judges it and, as long as it misses
 # the target, refits the network and searches again; a round is a checkpoint, so the next one is planned when it is done.
-REFINED = f"{RESULTS}/refined"
-
-
-def rounds_until(wildcards):
-    """Folders of the rounds before one."""
-    return [f"{REFINED}/round_{k}" for k in range(int(wildcards.round))]
-
-
-def last_round(wildcards):
-    """Folder of the round before one."""
-    return f"{REFINED}/round_{int(wildcards.round) - 1}"
-
-
-def searched(wildcards):
-    """Solutions and network of a round: the main chain's in round 0."""
-    if wildcards.round == "0":
-        return {
-            "feasible": rules.miga.output.feasible,
-            "network": rules.network.output.network,
-        }
-    return {
-        "feasible": f"{REFINED}/round_{wildcards.round}/miga/feasible.csv",
-        "network": f"{REFINED}/round_{wildcards.round}/miga/network.json",
-    }
-
-
-def round_seeds(wildcards):
-    """Seeds of one of a round's jobs."""
-    jobs = refine.jobs(config["refine"], int(wildcards.round))
-    return {str(sample): seeds for sample, _, seeds in jobs}[wildcards.job]
-
-
-def round_jobs(wildcards):
-    """Measured jobs of a round."""
-    return [
-        f"{REFINED}/round_{wildcards.round}/heaps/{sample}.json"
-        for sample, _, _ in refine.jobs(config["refine"], int(wildcards.round))
-    ]
-
-
-def verdicts(wildcards):
-    """Verdicts of all rounds that the loop takes, as far as they are known: each tells whether another follows."""
-    found = []
-    for k in range(config["refine"]["rounds"] + 1):
-        found.append(checkpoints.refine_round.get(round=k).output.verdict)
-        with open(found[-1]) as file:
-            if not refine.goes_on(json.load(file)):
-                break
-    return found
-
-
 rule refine_data:
     input:
         dataset=rules.dataset.output.dataset,

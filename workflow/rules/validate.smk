@@ -6,12 +6,6 @@ THEIRS = [
 ]
 
 
-def validation_seeds(wildcards):
-    """Pours of a solution; our representative one gets more."""
-    ours = wildcards.sample == OURS[0]
-    return config["validation"]["representative_seeds" if ours else "seeds"]
-
-
 rule solutions:
     input:
         feasible=rules.miga.output.feasible,

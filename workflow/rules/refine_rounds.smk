@@ -1,0 +1,50 @@
+# Rounds of the refinement: what each of its rules takes.
+REFINED = f"{RESULTS}/refined"
+
+
+def rounds_until(wildcards):
+    """Folders of the rounds before one."""
+    return [f"{REFINED}/round_{k}" for k in range(int(wildcards.round))]
+
+
+def last_round(wildcards):
+    """Folder of the round before one."""
+    return f"{REFINED}/round_{int(wildcards.round) - 1}"
+
+
+def searched(wildcards):
+    """Solutions and network of a round: the main chain's in round 0."""
+    if wildcards.round == "0":
+        return {
+            "feasible": rules.miga.output.feasible,
+            "network": rules.network.output.network,
+        }
+    return {
+        "feasible": f"{REFINED}/round_{wildcards.round}/miga/feasible.csv",
+        "network": f"{REFINED}/round_{wildcards.round}/miga/network.json",
+    }
+
+
+def round_seeds(wildcards):
+    """Seeds of one of a round's jobs."""
+    jobs = refine.jobs(config["refine"], int(wildcards.round))
+    return {str(sample): seeds for sample, _, seeds in jobs}[wildcards.job]
+
+
+def round_jobs(wildcards):
+    """Measured jobs of a round."""
+    return [
+        f"{REFINED}/round_{wildcards.round}/heaps/{sample}.json"
+        for sample, _, _ in refine.jobs(config["refine"], int(wildcards.round))
+    ]
+
+
+def verdicts(wildcards):
+    """Verdicts of all rounds that the loop takes, as far as they are known: each tells whether another follows."""
+    found = []
+    for k in range(config["refine"]["rounds"] + 1):
+        found.append(checkpoints.refine_round.get(round=k).output.verdict)
+        with open(found[-1]) as file:
+            if not refine.goes_on(json.load(file)):
+                break
+    return found
