@@ -268,6 +268,14 @@ def test_work_counts_every_pour(config):
     assert settings.work(config)["total_s"] > 1.7 * work["total_s"]
 
 
+def test_named_parts_of_the_shape_study_replace_those_of_the_default(tmp_path):
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("shape_study: {sensitivities: {rate_20_per_s: {rate_per_s: 20.0}}}")
+    study = settings.resolve(["config/config.yaml", str(mine)])["shape_study"]
+    assert study["sensitivities"] == {"rate_20_per_s": {"rate_per_s": 20.0}}
+    assert len(study["fillings"]) > 1
+
+
 def test_resolved_configuration_is_rewritten_only_when_it_changed(config, tmp_path):
     path = tmp_path / "results" / "config.json"
     settings.write_resolved(config, path)

@@ -39,6 +39,7 @@ PURPOSES = {
     "pool": 6,
     "fresh": 7,
 }
+WHOLE = {f"shape_study.{key}" for key in ("particles", "fillings", "sensitivities")}
 LARGEST_BLOCKS = 100  # of a refined proposal's pours: jobs of a round have three digits
 # Measured on one core of a common server: for the estimate that is shown before a run.
 SECONDS_A_BERRY_STEP = 4.5e-8
@@ -238,11 +239,14 @@ def _values(value):
 
 
 def _merge(config, more, origin, source, prefix=""):
-    """Put `more` over config, section by section, and note in origin where each key came from."""
+    """Put `more` over config, section by section, and note in origin where each key came from.
+
+    Sections whose keys are names (WHOLE) are replaced: who lists two fillings wants two.
+    """
     for key, value in more.items():
         name = f"{prefix}{key}"
         origin[name] = source
-        if isinstance(value, dict) and isinstance(config.get(key), dict):
+        if name not in WHOLE and isinstance(value, dict) and isinstance(config.get(key), dict):
             _merge(config[key], value, origin, source, f"{name}.")
         else:
             config[key] = copy.deepcopy(value)
