@@ -17,14 +17,14 @@ from repose.noise import within_covariance
 from repose.parameters import PARAMETERS
 
 TRAINING_SHARE = 0.7
-STARTS = 8
+STARTS, EPOCHS = 4, 400
 
 
 def trial(prior, told, X, Y, errors, covariance, order):
     """R2 of both responses on the test samples, and gamma."""
     train, test = np.split(order, [int(TRAINING_SHARE * len(X))])
     precision = weights_from_errors(errors[train])
-    model = PlainBayesianBP(hidden=12, starts=STARTS, goal=0.0, prior=prior)
+    model = PlainBayesianBP(hidden=12, starts=STARTS, epochs=EPOCHS, goal=0.0, prior=prior)
     if told:
         model.fit(X[train], Y[train], precision=precision.mean(axis=1), noise_covariance=covariance)
     else:
