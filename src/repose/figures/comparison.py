@@ -54,7 +54,7 @@ def accuracy(inputs, config):
             rows["simulations"], rows["reachable_r2"], "_", color=style.GREY, label="reachable"
         )
         panels[1, column].set_xlabel("simulations trained on")
-    panels[0, 1].legend(loc="lower right")
+    _legend_below(figure, panels[0, 0])
     return figure
 
 
@@ -64,7 +64,7 @@ def surrogates(inputs, config):
         inputs["surrogates"],
         ("model", "training", "simulations", "response", "explainable", "explainable_se"),
     )
-    figure = style.new_figure(style.PAGE, 3.1)
+    figure = style.new_figure(style.PAGE, 3.5)
     panels = figure.subplots(1, 2, sharey=True)
     for panel, (response, label, _) in zip(panels, style.RESPONSES, strict=True):
         for k, model in enumerate(dict.fromkeys(table["model"])):
@@ -79,7 +79,7 @@ def surrogates(inputs, config):
         panel.set(title=label, xscale="log", xlabel="simulations", ylim=_limits(table["explainable"]))
         _plain_ticks(panel, table["simulations"])
     panels[0].set_ylabel("share of the explainable")
-    panels[1].legend(loc="lower right")
+    _legend_below(figure, panels[0])
     return figure
 
 
@@ -89,25 +89,28 @@ def sampling(inputs, config):
     table = read_table(inputs["sampling"], columns)
     designs = table[(table["comparison"] == "designs") & (table["fit"] == "network")]
     trades = table[table["comparison"] == "points against seeds"]
-    figure = style.new_figure(style.PAGE, 5.0)
-    panels = figure.subplots(2, 2, sharey="row")
+    figure = style.new_figure(style.PAGE, 5.8)
+    halves = figure.subfigures(2, 1)
+    panels = np.array([half.subplots(1, 2, sharey=True) for half in halves])
     for column, (response, label, _) in enumerate(style.RESPONSES):
         _lines(panels[0, column], designs[designs["response"] == response], "design", "points")
         _lines(panels[1, column], trades[trades["response"] == response], "fit", "seeds")
         panels[0, column].set(title=label, ylim=_limits(designs["explainable"]))
         panels[1, column].set(xlabel="seeds a point, simulations alike", ylim=_limits(trades["explainable"]))
-    for panel in panels[:, 0]:
+    for half, panel in zip(halves, panels[:, 0], strict=True):
         panel.set_ylabel("share of the explainable")
-        panel.legend(loc="lower right", fontsize=6)
+        _legend_below(half, panel)
     return figure
 
 
 def _lines(panel, rows, kind, size):
-    """A line for each kind, emulated or real, over a size."""
-    for k, (name, data) in enumerate(dict.fromkeys(zip(rows[kind], rows["data"], strict=True))):
+    """A line for each kind, emulated or real, over a size; a kind keeps its colour."""
+    looks = {name: k for k, name in enumerate(dict.fromkeys(rows[kind]))}
+    for place, (name, data) in enumerate(dict.fromkeys(zip(rows[kind], rows["data"], strict=True))):
+        k = looks[name]
         of = rows[(rows[kind] == name) & (rows["data"] == data)].sort_values(size)
         panel.errorbar(
-            of[size] * 1.015**k,
+            of[size] * 1.015**place,
             of["explainable"],
             yerr=of["explainable_se"],
             color=COLOURS[k % len(COLOURS)],
@@ -119,6 +122,11 @@ def _lines(panel, rows, kind, size):
         )
     panel.set(xscale="log", xlabel=size)
     _plain_ticks(panel, rows[size])
+
+
+def _legend_below(figure, panel):
+    """The panel's legend under all panels, where it hides nothing."""
+    figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
 
 def _plain_ticks(panel, values):
