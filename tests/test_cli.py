@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 import pytest
 
-from repose import arguments
-from repose.__main__ import VERBS, main
+from repose.__main__ import main
 from repose.angles import MEAN_KEYS
+from repose.cli import FAMILIES, VERBS, parser
 from repose.parameters import PARAMETERS
 
 ROOT = Path(__file__).parents[1]
@@ -57,7 +57,7 @@ def test_every_verb_explains_itself_with_an_example_that_parses(verb, capsys):
     text = " ".join(capsys.readouterr().out.split())
     words = text.split(f"example: python -m repose {verb}")[1].replace("'", "").split()
     if verb != "table":  # its example quotes a title of two words
-        assert arguments.parser().parse_args([verb, *words]).verb == verb
+        assert parser().parse_args([verb, *words]).verb == verb
 
 
 def test_the_programs_help_lists_every_verb(capsys):
@@ -66,6 +66,19 @@ def test_the_programs_help_lists_every_verb(capsys):
     out = capsys.readouterr().out
     assert {line.split()[0] for line in out.splitlines() if re.match(" {4}[a-z]", line)} == set(VERBS)
     assert "example:" in out
+
+
+def test_each_verb_has_a_name_of_its_own():
+    assert len(VERBS) == sum(len(module.family.verbs) for module in FAMILIES)
+
+
+def test_help_loads_none_of_the_libraries_that_the_verbs_need():
+    code = "import sys; from repose.__main__ import main\ntry: main(['heap', '--help'])\nexcept SystemExit: "
+    code += (
+        "print('loaded:', *({'numpy', 'numba', 'scipy', 'pandas', 'cv2', 'matplotlib'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "loaded:"
 
 
 def test_the_module_runs_as_a_program_and_exits_with_2_on_bad_input():

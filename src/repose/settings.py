@@ -14,7 +14,6 @@ import re
 from functools import cache
 from pathlib import Path
 
-import numpy as np
 import yaml
 
 from repose.errors import InputError
@@ -169,6 +168,8 @@ def pour_seeds(study_seed, purpose, number, count):
     study_seed: `design.seed`; purpose: one of PURPOSES; number: of the sample. The first k seeds
     are the same for any count of at least k.
     """
+    import numpy as np
+
     state = np.random.SeedSequence([study_seed, PURPOSES[purpose], number]).generate_state(count)
     return [int(seed) for seed in state]
 

@@ -1,0 +1,67 @@
+"""The command line: one module a family of verbs, each verb's options beside the function that runs it.
+
+The work is done in the modules of `repose`; here they get their files and settings. They are imported inside the
+verbs, so that help and parsing load none of them.
+"""
+
+import argparse
+import sys
+
+from repose.cli import (
+    calibration,
+    comparison,
+    inputs,
+    measuring,
+    pictures,
+    pouring,
+    refinement,
+    responses,
+    services,
+    shapes,
+    uncertainty,
+)
+from repose.cli.registry import PROGRAM
+from repose.errors import InputError
+
+# In the order in which the data flows; so the help lists them.
+FAMILIES = (
+    inputs,
+    pouring,
+    shapes,
+    measuring,
+    calibration,
+    uncertainty,
+    responses,
+    refinement,
+    comparison,
+    pictures,
+    services,
+)
+VERBS = {verb.name: verb for module in FAMILIES for verb in module.family.verbs}
+
+
+def main(words=None):
+    """Run one verb. Returns the exit status: 0, 1 where a verification misses, or 2 where the input is at fault.
+
+    A fault of the input is told in one line on stderr.
+    """
+    args = parser().parse_args(words)
+    try:
+        return VERBS[args.verb].run(args) or 0
+    except (InputError, PermissionError, FileExistsError, NotADirectoryError) as error:
+        print(f"repose: error: {error}", file=sys.stderr)
+        return 2
+
+
+def parser():
+    """The parser of all verbs."""
+    top = argparse.ArgumentParser(
+        prog=PROGRAM,
+        description="Calibrates the contact parameters of a discrete element model from a pile of berries. "
+        "Each verb is one step of the method; `snakemake --cores 2` runs them all in order.",
+        epilog=f"example: {PROGRAM} heap --set mus_gg=0.6 --seed 1 --out results/try",
+    )
+    subparsers = top.add_subparsers(title="verbs", metavar="VERB", required=True)
+    for verb in VERBS.values():
+        verb.add_to(subparsers)
+    return top

@@ -1,0 +1,85 @@
+"""Verbs that set parts of the method, and the whole of it, beside their alternatives."""
+
+from repose import settings
+from repose.cli.options import DATASET, NETWORK, RUNS, chosen_files, file_options
+from repose.cli.registry import Family
+
+POOL_FILES = {
+    f"{points}_{table}": f"results/{place}{table}.csv"
+    for points, place in (("main", ""), ("pool", "pool/"), ("fresh", "pool/fresh_"))
+    for table in ("dataset", "runs")
+}
+
+family = Family()
+
+
+@family.verb(
+    "searches beside each other on the trained network: evaluations, and which solutions they find",
+    example="--network results/network/network.json",
+    out="results/comparison",
+    options=[NETWORK],
+)
+def compare_search(args):
+    from repose.comparison import search
+
+    config = settings.load(args.config)
+    parameters, target, section = config["parameters"], config["target"], config["compare_search"]
+    table = search.run(args.network, parameters, target, section, config["miga"], args.out)
+    print(search.message(table))
+
+
+@family.verb(
+    "the method beside a response surface with a local search, for equal numbers of simulations",
+    example="--dataset results/dataset.csv --runs results/runs.csv",
+    out="results/comparison",
+    options=[
+        DATASET.but(nargs="+", default=["results/dataset.csv"]),
+        RUNS.but(nargs="+", default=["results/runs.csv"], help="as many: single runs of the same"),
+    ],
+)
+def compare_whole(args):
+    from repose.comparison import whole
+
+    config = settings.load(args.config)
+    section = config["compare_whole"]
+    section |= {"network": config["network"] | {key: section[key] for key in ("starts", "epochs")}}
+    section |= {"miga": config["miga"] | {"rounds": section["rounds"]}}
+    table = whole.run(args.dataset, args.runs, config["parameters"], config["target"], section, args.out)
+    print(whole.message(table))
+
+
+@family.verb(
+    "accuracy of the network at points that no fit has seen, over what it is trained on",
+    out="results/comparison",
+    options=file_options(POOL_FILES),
+)
+def compare_accuracy(args):
+    from repose.comparison import accuracy
+
+    files = chosen_files(args, POOL_FILES)
+    print(accuracy.message(accuracy.run(files, settings.load(args.config)["network"], args.out)))
+
+
+@family.verb(
+    "surrogates at equal budgets of simulations, judged at points that no fit has seen",
+    out="results/comparison",
+    options=file_options(POOL_FILES),
+)
+def compare_surrogates(args):
+    from repose.comparison import surrogates
+
+    config, files = settings.load(args.config), chosen_files(args, POOL_FILES)
+    surrogates.run(files, config["network"], config["pool"]["seed"], args.out)
+
+
+@family.verb(
+    "designs, and points against seeds: repetitions emulated from the pool, real ones beside",
+    out="results/comparison",
+    options=file_options(POOL_FILES),
+)
+def compare_sampling(args):
+    from repose.comparison import sampling
+
+    config, files = settings.load(args.config), chosen_files(args, POOL_FILES)
+    seeds, seed = config["heap"]["seeds"], config["pool"]["seed"]
+    sampling.run(files, config["parameters"], config["network"], seeds, seed, args.out)

@@ -1,0 +1,88 @@
+"""Verbs of what a study starts from: the berry, its particle, the points to simulate."""
+
+from pathlib import Path
+
+from repose import settings
+from repose.cli.berries import write_berry, write_particle
+from repose.cli.options import BERRY, PUBLISHED
+from repose.cli.registry import Family, Option
+from repose.errors import InputError
+
+family = Family()
+
+
+@family.verb(
+    "sizes to sphericity, compression tests to moduli (Eq. 1-4); or a mesh from three axes and a mass",
+    example="--axes 17.1 11.37 9.88 --mass-g 1.0 --density 840.47 --stl results/crop.stl",
+    out="results/berry",
+    options=[
+        Option(
+            "--table1", default=str(PUBLISHED / "table1.csv"), help="published statistics to compare with"
+        ),
+        Option("--axes", type=float, nargs=3, metavar="MM", help="build a mesh instead: its three axes"),
+        Option("--stl", help="the mesh file to build; with --axes and --mass-g"),
+        Option("--mass-g", type=float, help="mass of the berry to build, which makes it full or lean"),
+        Option("--density", type=float, help="its density in kg/m3 (the configuration's)"),
+        Option("--taper", type=float, default=0.0, help="how much wider at one end, over the width (0)"),
+        Option("--wrinkles", type=int, default=0, help="grooves along it (0)"),
+        Option("--wrinkle-depth-mm", type=float, default=0.0, help="their depth (0)"),
+    ],
+)
+def berry(args):
+    if args.axes or args.stl:
+        _build(args)
+    else:
+        write_berry(settings.load(args.config), args.table1, args.out)
+
+
+def _build(args):
+    """Mesh of a berry from a few numbers."""
+    from repose import crop
+
+    if not (args.axes and args.stl and args.mass_g):
+        raise InputError("command line", "berry --axes", args.axes, "together with --mass-g and --stl")
+    density = args.density or settings.load(args.config)["berry"]["density_kg_m3"]
+    details = (args.taper, args.wrinkles, args.wrinkle_depth_mm)
+    mesh, number = crop.berry_mesh(args.axes, args.mass_g, density, *details, source="command line")
+    Path(args.stl).parent.mkdir(parents=True, exist_ok=True)
+    mesh.export(args.stl, file_type="stl")
+    share = mesh.volume / (args.axes[0] * args.axes[1] * args.axes[2])
+    m, k = crop.profile_exponents(number)
+    print(
+        f"{args.stl}: {mesh.volume:.1f} mm3, {share:.3f} of the box around it, profile (1 - |t|^{m:.3g})^{k:.3g}"
+    )
+
+
+@family.verb(
+    "mesh and particle of the berry: volume, mass, inertia, deviation from the mesh",
+    example="--berry results/berry/berry.json",
+    out="results/berry",
+    options=[BERRY],
+)
+def shape(args):
+    write_particle(settings.load(args.config), args.berry, args.out)
+
+
+@family.verb(
+    "Latin hypercube design of the six contact parameters",
+    example="--out results/design",
+    out="results/design",
+)
+def design(args):
+    from repose import design
+
+    config = settings.load(args.config)
+    section = config["design"]
+    design.run(config["parameters"], section["samples"], section["method"], section["seed"], args.out)
+
+
+@family.verb(
+    "points of the pool that the comparisons share, to train on and to judge by",
+    example="--out results/pool",
+    out="results/pool",
+)
+def pool_design(args):
+    from repose import pool
+
+    config = settings.load(args.config)
+    pool.run(config["parameters"], config["pool"], args.out)

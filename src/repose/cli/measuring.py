@@ -1,0 +1,114 @@
+"""Verbs that measure: a picture of a pile, the side view of a simulated one, the definitions of the angle."""
+
+import json
+from pathlib import Path
+
+from repose import settings
+from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle, check_berry
+from repose.cli.options import JSON
+from repose.cli.registry import Family, Option
+from repose.errors import InputError
+
+family = Family()
+
+
+@family.verb(
+    "angle of repose and Height of the pile in a picture, a photograph or a silhouette",
+    example="pile.jpg --mm-per-pixel 0.1",
+    options=[
+        Option("picture", help="side view of a pile: PNG, JPEG, TIFF or BMP"),
+        Option("--mm-per-pixel", type=float, required=True, help="scale of the picture"),
+        Option("--overlay", help="picture with the fitted lines (beside the picture, NAME_overlay.png)"),
+        Option("--berry", help="berry.json; its axes are those of the configuration if not given"),
+        JSON.but(help="print left_deg, right_deg, aor_deg, height_mm and more as JSON"),
+    ],
+)
+def measure(args):
+    import cv2
+
+    from repose import pile
+
+    config = settings.load(args.config)
+    how = pile.MeasureSettings.of(config["measure"], _axes(args.berry, config))
+    image = pile.read_image(args.picture)
+    try:
+        measured = pile.measure_image(image, args.mm_per_pixel, how)
+    except pile.NoFlankError as error:
+        allowed = "a pile with two flanks, seen from the side"
+        raise InputError(args.picture, "pile", str(error), allowed) from None
+    source = Path(args.picture)
+    overlay = Path(args.overlay or source.with_name(f"{source.stem}_overlay.png"))
+    overlay.parent.mkdir(parents=True, exist_ok=True)
+    cv2.imwrite(str(overlay), pile.overlay(image, measured))
+    values = measured.record()
+    if args.json:
+        print(json.dumps(values, indent=1))
+        return
+    print("left {left_deg:.2f} deg, right {right_deg:.2f} deg".format(**values))
+    print("angle of repose {aor_deg:.2f} deg, Height {height_mm:.2f} mm".format(**values))
+    for name in pile.DEFINITIONS:
+        angle, mark = measured.angles.get(name), "  <- response" if name == how.response else ""
+        print(f"{name:>10}: {f'{angle.aor_deg:.2f} deg{mark}' if angle else measured.reasons[name]}")
+    print(f"fitted lines: {overlay}")
+
+
+def _axes(berry_json, config):
+    """Mean axes of the berry, from the file given or from the sizes of the configuration."""
+    if berry_json is not None:
+        check_berry(berry_json)
+        return json.loads(Path(berry_json).read_text())
+    if config["measure"]["berry_height_mm"] is not None:
+        return {}
+    from repose import berry
+
+    sizes = berry.read_sizes(config["berry"]["sizes"])
+    return {column: float(sizes[column].mean()) for column in berry.SIZE_COLUMNS}
+
+
+@family.verb(
+    "side view of a simulated pile as a picture, dark on light",
+    example="results/try/heap.npz --particle results/berry/particle.json",
+    out="silhouette.png",
+    options=[
+        Option("heap", help=".npz file that the verb pour or heap wrote; its first seed is shown"),
+        Option("--particle", required=True, help="particle.json of that heap"),
+        Option("--azimuth", type=float, default=0.0, help="direction of view in degrees (0)"),
+    ],
+)
+def silhouette(args):
+    import cv2
+
+    from repose.measuring import first_pour, side_view
+    from repose.pile import MeasureSettings
+    from repose.shape import Particle
+
+    how = MeasureSettings(**settings.load(args.config)["measure"])
+    picture = side_view(first_pour(args.heap), Particle.load(args.particle), how, args.azimuth)
+    Path(args.out).parent.mkdir(parents=True, exist_ok=True)
+    cv2.imwrite(args.out, picture)
+
+
+@family.verb(
+    "compare the definitions of the angle: bias on known shapes, noise, signal over the design",
+    example="results/heaps/???.npz --representative results/validation/heaps/106.npz",
+    out="results/measurement_study",
+    options=[
+        Option("heaps", nargs="+", help=".npz files of the design's pours, NAME.pours.json beside them"),
+        Option("--representative", required=True, help=".npz file of the published representative solution"),
+        Option("--shapes", type=int, default=8, help="piles of each known shape and angle (8)"),
+        *BERRY_AND_PARTICLE,
+    ],
+)
+def measurement_study(args):
+    if args.shapes < 1:
+        raise InputError("command line", "--shapes", args.shapes, "at least 1")
+    config = settings.load(args.config)
+    berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
+
+    from repose import measurement_study
+
+    tables = measurement_study.run(
+        args.heaps, args.representative, particle, config["measure"], berry_of, args.out, args.shapes
+    )
+    for table in tables.values():
+        print(table.round(2).to_string(index="measured" not in table))

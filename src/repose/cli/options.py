@@ -1,0 +1,41 @@
+"""Options that several verbs take, and files that a verb reads by name."""
+
+from pathlib import Path
+
+from repose.cli.registry import Option
+from repose.errors import InputError
+
+PUBLISHED = Path("resources/published")
+
+BERRY = Option("--berry", default="results/berry/berry.json", help="what the verb berry wrote")
+SAMPLES = Option("--samples", default="results/design/samples.csv", help="what the verb design wrote")
+DATASET = Option("--dataset", default="results/dataset.csv", help="what the verb dataset wrote")
+RUNS = Option("--runs", default="results/runs.csv", help="what the verb dataset wrote: single runs")
+NETWORK = Option("--network", default="results/network/network.json", help="what the verb network wrote")
+FEASIBLE = Option("--feasible", default="results/miga/feasible.csv", help="what the verb miga wrote")
+TABLE3 = Option("--table3", default=str(PUBLISHED / "table3.csv"), help="published intervals")
+JSON = Option("--json", action="store_true", help="print as JSON")
+
+
+def file_options(files, what=""):
+    """An option for each file of a dict from name to path; what: said in its help before the path."""
+    return [
+        Option(f"--{name.replace('_', '-')}", default=path, help=f"{what}({path})")
+        for name, path in files.items()
+    ]
+
+
+def chosen_files(args, files):
+    """The paths that the options of `file_options` were given, by name."""
+    return {name: getattr(args, name) for name in files}
+
+
+def pairs(entries, option):
+    """NAME=VALUE entries of an option as a dict; InputError for a name given twice, or no value."""
+    found = {}
+    for entry in entries:
+        name, equals, value = entry.partition("=")
+        if not equals or not name or not value or name in found:
+            raise InputError("command line", option, entry, "NAME=VALUE, each name once")
+        found[name] = value
+    return found

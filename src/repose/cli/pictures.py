@@ -1,0 +1,66 @@
+"""Verbs of what a reader sees: figures, films, tables as pages."""
+
+from pathlib import Path
+
+from repose import settings
+from repose.cli.options import pairs
+from repose.cli.registry import Family, Option
+
+# Frames of the film of a pour; each takes most of a second to draw.
+FILM, SMALL_FILM = 72, 20
+
+family = Family()
+
+
+@family.verb(
+    "draw one figure from the files that it shows",
+    example="convergence --input history=results/miga/history.csv --out convergence.png",
+    out="figure.png",
+    options=[
+        Option("name", help="name of the figure, such as figure13"),
+        Option("--input", action="append", default=[], metavar="NAME=PATH", help="a file that it shows"),
+    ],
+)
+def figure(args):
+    from repose import figures
+
+    Path(args.out).parent.mkdir(parents=True, exist_ok=True)
+    figures.draw(args.name, pairs(args.input, "--input"), args.out, settings.load(args.config))
+
+
+@family.verb(
+    "animation of a pour, or of a drum",
+    example="results/try/heap_trajectory_1.npz --particle results/berry/particle.json",
+    out="pour.gif",
+    options=[
+        Option("trajectory", help=".npz file that `heap --trajectory` or `drum --trajectory` wrote"),
+        Option("--particle", required=True, help="particle.json of that run"),
+        Option("--drum", action="store_true", help="it is that of a drum"),
+    ],
+)
+def film(args):
+    from repose import film, stage
+    from repose.shape import Particle
+
+    config, particle = settings.load(args.config), Particle.load(args.particle)
+    frames = SMALL_FILM if config["small_run"] else FILM
+    Path(args.out).parent.mkdir(parents=True, exist_ok=True)
+    if args.drum:
+        film.animate_drum(args.trajectory, particle, args.out, config["drum"], frames=frames)
+        return
+    film.animate_pour(args.trajectory, particle, args.out, stage.funnel_walls(config["heap"]), frames=frames)
+
+
+@family.verb(
+    "a CSV table as a page to read",
+    example="results/validation/table4.csv --title 'Table 4' --out table4.html",
+    out="table.html",
+    options=[
+        Option("csv", help="the table"),
+        Option("--title", required=True, help="headline of the page"),
+    ],
+)
+def table(args):
+    from repose import tables
+
+    tables.write_page(args.csv, args.title, args.out, settings.load(args.config)["small_run"])

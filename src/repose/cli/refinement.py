@@ -1,0 +1,98 @@
+"""Verbs of the loop that simulates the answer, adds it to the data and searches again."""
+
+from pathlib import Path
+
+from repose import settings
+from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, TABLE3, file_options
+from repose.cli.registry import Family, Option
+
+ROUND = "results/refined/round_0"
+NEXT_ROUND = "results/refined/round_1"
+ROUND_FILES = {name: f"{ROUND}/{name}.csv" for name in ("proposal", "dataset", "runs")}
+
+family = Family()
+
+
+@family.verb(
+    "add the samples of the rounds so far to those of the design, for the next fit",
+    example=f"{ROUND} --out {NEXT_ROUND}",
+    out=NEXT_ROUND,
+    config=False,
+    options=[
+        Option("rounds", nargs="+", help="folders of the rounds: dataset.csv and runs.csv of their own"),
+        DATASET.but(help="of the design"),
+        RUNS.but(help="of the design: single runs"),
+    ],
+)
+def refine_data(args):
+    from repose import refine
+
+    refine.write_extended(args.dataset, args.runs, args.rounds, args.out)
+
+
+@family.verb(
+    "set the refitted network right near the last proposal and search there",
+    example=f"--near {ROUND}/proposal.csv",
+    out=f"{NEXT_ROUND}/miga",
+    options=[
+        NETWORK.but(default=f"{NEXT_ROUND}/network/network.json", help="the refitted network"),
+        DATASET.but(default=f"{NEXT_ROUND}/data/dataset.csv", help="what it was fitted to"),
+        Option("--near", default=f"{ROUND}/proposal.csv", help="the last proposal"),
+        TABLE3,
+    ],
+)
+def refine_search(args):
+    from repose import refine
+
+    config = settings.load(args.config)
+    summary = refine.search(args.network, args.dataset, args.near, config, args.table3, args.out)
+    print(summary["message"])
+
+
+@family.verb(
+    "list what a round simulates: the representative solution in blocks of seeds, and its neighbours",
+    example="--round 0",
+    out=ROUND,
+    options=[
+        Option("--round", type=int, required=True, help="its number, from 0"),
+        FEASIBLE.but(help="what the search wrote"),
+        NETWORK.but(help="the network that it searched"),
+    ],
+)
+def refine_propose(args):
+    from repose import refine
+
+    config = settings.load(args.config)
+    seed, out = config["design"]["seed"], Path(args.out) / "proposal.csv"
+    refine.write_proposal(
+        args.feasible, args.network, config["parameters"], config["refine"], args.round, seed, out
+    )
+
+
+@family.verb(
+    "a round's proposal beside the target: outcome, reason, and all its points predicted beside simulated",
+    example=f"--out {ROUND}",
+    out=ROUND,
+    options=file_options(ROUND_FILES, "of the round "),
+)
+def refine_judge(args):
+    from repose import refine
+
+    config = settings.load(args.config)
+    files = (args.proposal, args.dataset, args.runs)
+    verdict = refine.write_verdict(*files, config["target"], config["refine"], args.out)
+    print(f"round {verdict['round']} {verdict['outcome']}", verdict["reason"], sep=": ")
+
+
+@family.verb(
+    "all rounds in one table, why the loop stopped, and what may be claimed",
+    example=f"{ROUND}/verdict.json",
+    out="results/refined",
+    options=[Option("verdicts", nargs="+", help="JSON files that refine_judge wrote")],
+)
+def refine_tables(args):
+    from repose import refine
+
+    summary = refine.write_tables(args.verdicts, settings.load(args.config)["refine"]["rounds"], args.out)
+    print(summary["why"])
+    print(summary["claim"])

@@ -1,0 +1,73 @@
+"""What a verb of the command line is: a function with a summary, an example and options."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+PROGRAM = "python -m repose"
+
+
+class Option:
+    """One option or positional argument, in the words of `argparse.ArgumentParser.add_argument`."""
+
+    def __init__(self, *names, **keywords):
+        self.names, self.keywords = names, keywords
+
+    def but(self, **changes):
+        """The same option with some keywords changed."""
+        return Option(*self.names, **(self.keywords | changes))
+
+
+CONFIG = Option(
+    "--config", default="config/config.yaml", help="YAML or JSON configuration (config/config.yaml)"
+)
+
+
+class Verb(NamedTuple):
+    """A step that runs by name: run(args) does it and may return an exit status."""
+
+    run: Callable
+    summary: str
+    example: str
+    options: tuple
+
+    @property
+    def name(self):
+        return self.run.__name__
+
+    def add_to(self, subparsers):
+        """Add the verb's own parser to those of the program; what it parses has the verb's name as `verb`."""
+        parser = subparsers.add_parser(
+            self.name,
+            help=self.summary,
+            description=f"{self.summary[0].upper()}{self.summary[1:]}.",
+            epilog=f"example: {PROGRAM} {self.name} {self.example}".rstrip(),
+        )
+        parser.set_defaults(verb=self.name)
+        for option in self.options:
+            parser.add_argument(*option.names, **option.keywords)
+
+
+class Family:
+    """The verbs of one module, in the order in which they stand there."""
+
+    def __init__(self):
+        self.verbs = []
+
+    def verb(self, summary, *, example="", out=None, config=True, options=()):
+        """Decorator that makes a function the verb of the same name.
+
+        summary: the verb in one line, as the help shows it, without capital and full stop; example: what follows
+        the name in a call that parses; out: default of --out, which there is only then; config: whether it takes
+        --config; options: the further ones, each an `Option`.
+        """
+        shared = [CONFIG] if config else []
+        if out:
+            kind = "file" if Path(out).suffix else "folder"
+            shared.append(Option("--out", default=out, help=f"{kind} to write ({out})"))
+
+        def add(run):
+            self.verbs.append(Verb(run, summary, example, (*shared, *options)))
+            return run
+
+        return add

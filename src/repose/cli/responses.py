@@ -1,0 +1,76 @@
+"""Verbs of further responses: what else a pile or a drum could tell, and what that would be worth."""
+
+from repose import settings
+from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
+from repose.cli.options import DATASET, RUNS, SAMPLES
+from repose.cli.parameter_sets import parameters
+from repose.cli.pouring import TURNED, told
+from repose.cli.registry import Family, Option
+
+family = Family()
+
+
+@family.verb(
+    "more responses of saved pours: profile, packing, loose berries, discharge time",
+    example="results/heaps/???.pours.json --runs results/runs.csv",
+    out="results/responses/runs.csv",
+    options=[
+        Option("pours", nargs="+", help="NAME.pours.json files of the verb pour, NAME.npz beside them"),
+        RUNS,
+        *BERRY_AND_PARTICLE,
+    ],
+)
+def measure_responses(args):
+    from repose import responses
+
+    config = settings.load(args.config)
+    berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
+    table = responses.run(config, args.pours, args.runs, particle, berry_of, args.out)
+    print(table[list(responses.MEASURED)].describe().round(2).to_string())
+
+
+@family.verb(
+    "a sample of the design in the rotating drum, with seeds of its own",
+    example="--samples results/design/samples.csv --sample 1",
+    out="results/responses/drum",
+    options=[
+        SAMPLES,
+        Option("--sample", type=int, required=True, help="number in the column sample"),
+        *BERRY_AND_PARTICLE,
+    ],
+)
+def drum_design(args):
+    from repose import drum
+
+    config = settings.load(args.config)
+    count = config["second_responses"]["drum_seeds"]
+    seeds = settings.pour_seeds(config["design"]["seed"], "drum_design", args.sample, count)
+    berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
+    values = parameters([], args.samples, args.sample, config["parameters"])
+    for run in drum.design_job(config, args.sample, values, seeds, particle, berry_of, args.out)["runs"]:
+        print(told(run, TURNED))
+
+
+@family.verb(
+    "how far each further response of the pile narrows the posterior of the six parameters",
+    example="--runs results/responses/runs.csv --dataset results/dataset.csv",
+    out="results/responses",
+    options=[
+        RUNS.but(default="results/responses/runs.csv", help="what measure_responses wrote"),
+        DATASET,
+        Option("--drum", nargs="+", help="files of drum_design, to judge the drum as well"),
+        Option("--drum-runs", default="results/drum/runs.csv", help="what the verb drum_tables wrote"),
+    ],
+)
+def second_responses(args):
+    from repose import second_responses
+
+    config = settings.load(args.config)
+    section = config["second_responses"] | {"hidden": config["network"]["hidden"]}
+    section |= {"epochs": config["network"]["epochs"]}
+    section |= {"discrepancy_percent": config["posterior"]["discrepancy_percent"]}
+    files = {"runs": args.runs, "dataset": args.dataset}
+    if args.drum:
+        files |= {"drum": args.drum, "drum_runs": args.drum_runs}
+    summary = second_responses.run(files, config["parameters"], config["target"], section, args.out)
+    print(second_responses.message(summary))

@@ -1,0 +1,103 @@
+"""Verbs around a study: speed, the configuration's check, the verification suite, what a repository keeps."""
+
+import json
+
+from repose import settings
+from repose.cli.berries import berry_and_particle
+from repose.cli.options import JSON
+from repose.cli.registry import Family, Option
+from repose.errors import InputError
+
+family = Family()
+
+
+@family.verb(
+    "microseconds a step of the settled pile and seconds of a whole pour for the particles of the shape study, "
+    "and how fast this machine is",
+    example="--json",
+    options=[JSON],
+)
+def bench(args):
+    from repose import bench, shape_study
+
+    config, particles = settings.load(args.config), {}
+    for name, changes in config["shape_study"]["particles"].items():
+        changed = shape_study.changed(config, "berry", changes)
+        berry_of, particles[name] = berry_and_particle(changed, args.config)
+    result = bench.run(config, particles, berry_of)
+    print(json.dumps(result, indent=1) if args.json else bench.message(result))
+
+
+@family.verb(
+    "check a configuration and tell what a run of it would take",
+    example="--config config/paper.yaml",
+    options=[Option("--cores", type=int, default=2, help="cores of the run (2)")],
+)
+def check(args):
+    if args.cores < 1:
+        raise InputError("command line", "--cores", args.cores, "at least 1")
+    config = settings.load(args.config)
+    settings.check_inputs(config, args.config)
+    work = settings.work(config)
+    print(f"{args.config}: {config['label']}, good; results go to {config['results_dir']}")
+    for purpose, sets, seeds in work["pours"]:
+        print(f"{purpose:>14}: {sets} parameter sets x {seeds} seeds = {sets * seeds} pours")
+    minutes = work["total_s"] / args.cores / 60
+    print(f"about {work['pour_s']:.1f} s a pour, {minutes:.0f} min on {args.cores} cores")
+
+
+@family.verb(
+    "run the simulator's verification suite: known answers beside its own",
+    example="--out results/verification --case chung1",
+    out="results/verification",
+    options=[
+        Option("--case", action="append", metavar="NAME", help="run this case; may be given several times"),
+        Option("--all", action="store_true", help="run the expensive cases too (convergence)"),
+        Option("--hits", type=int, default=10_000, help="impacts of each kind in the energy cases (10000)"),
+        Option("--seeds", type=int, default=2, help="pours of each time step in the case convergence (2)"),
+    ],
+)
+def verify(args):
+    for option in ("hits", "seeds"):
+        if getattr(args, option) < 1:
+            raise InputError("command line", f"--{option}", getattr(args, option), "at least 1")
+
+    from repose import verification
+    from repose.verification import report
+
+    names = args.case or (list(verification.CASES) if args.all else None)
+    pile = None
+    if names and set(names) & set(verification.EXPENSIVE):
+        config = settings.load(args.config)
+        berry_of, particle = berry_and_particle(config, args.config)
+        pile = (config, particle, berry_of)
+    effort = verification.Effort(hits=args.hits, seeds=args.seeds, pile=pile)
+    results = verification.run(
+        names, effort, lambda name, result: print(_case_line(name, result), flush=True)
+    )
+    report.write(results, args.out)
+    print(f"{args.out}/index.html")
+    return 0 if all(result.passed for result in results.values()) else 1
+
+
+def _case_line(name, result):
+    """One case in words."""
+    missed = [row for row in result.rows if not row.passed]
+    words = (
+        f"{len(missed)} of {len(result.rows)} numbers miss" if missed else f"{len(result.rows)} numbers, good"
+    )
+    return f"{name:>12}: {words}" + "".join(f"; {row.quantity} is {row.result:.6g}" for row in missed[:3])
+
+
+@family.verb(
+    "copy the tables and pictures of a finished study, without its pours",
+    example="results --out results/published/mine",
+    out="results/published/mine",
+    config=False,
+    options=[Option("results", help="folder of the finished study")],
+)
+def snapshot(args):
+    from repose import snapshot
+
+    for path in snapshot.take(args.results, args.out):
+        print(path)
