@@ -198,6 +198,14 @@ def test_measure_refuses_a_picture_without_a_pile(tmp_path, capsys):
     assert "nowhere.png" in error_of(capsys, "measure", "nowhere.png", "--mm-per-pixel", "0.1")
 
 
+def test_a_missing_file_is_named(tmp_path, capsys):
+    particle = "results/published/recommended/berry/particle.json"
+    out = str(tmp_path / "film.gif")
+    assert "nowhere.npz" in error_of(capsys, "film", "nowhere.npz", "--particle", particle, "--out", out)
+    words = ["--input", "states=nowhere.npz", "--input", f"particle={particle}"]
+    assert "nowhere.npz" in error_of(capsys, "figure", "figure15", *words, "--out", out)
+
+
 def test_table_marks_a_small_run(tmp_path):
     for name, marked in (("quick", True), ("config", False)):
         page = tmp_path / f"{name}.html"

@@ -37,6 +37,8 @@ FAMILIES = (
     pictures,
     services,
 )
+# Faults of the files that a verb was given; the system's message names file and reason.
+FAULTS = (FileNotFoundError, IsADirectoryError, NotADirectoryError, FileExistsError, PermissionError)
 VERBS = {verb.name: verb for module in FAMILIES for verb in module.family.verbs}
 
 
@@ -48,7 +50,7 @@ def main(words=None):
     args = parser().parse_args(words)
     try:
         return VERBS[args.verb].run(args) or 0
-    except (InputError, PermissionError, FileExistsError, NotADirectoryError) as error:
+    except (InputError, *FAULTS) as error:
         print(f"repose: error: {error}", file=sys.stderr)
         return 2
 
