@@ -16,6 +16,7 @@ COLOURS = (
     style.GREY,
 )
 MARKERS = "osD^vP*X"
+LEAST_MISSED = 0.003  # of the explainable variance; an unbiased share may exceed one
 
 
 def accuracy(inputs, config):
@@ -59,7 +60,7 @@ def accuracy(inputs, config):
 
 
 def surrogates(inputs, config):
-    """Explainable share over the simulations, one line a model; the main design's as single marks."""
+    """Explainable variance that is missed over the simulations, one line a model; the main design's as open marks."""
     table = read_table(
         inputs["surrogates"],
         ("model", "training", "simulations", "response", "explainable", "explainable_se"),
@@ -71,21 +72,29 @@ def surrogates(inputs, config):
             rows = table[(table["model"] == model) & (table["response"] == response)]
             drawn = rows[rows["training"] == "pool"].sort_values("simulations")
             look = {"color": COLOURS[k], "marker": MARKERS[k], "ms": 4}
-            panel.errorbar(
-                drawn["simulations"], drawn["explainable"], yerr=drawn["explainable_se"], label=model, **look
-            )
+            _missed(panel, drawn["simulations"], drawn, label=model, **look)
             main = rows[rows["training"] != "pool"]
-            panel.plot(main["simulations"], main["explainable"], ls="none", mfc="none", **look)
-        panel.set(title=label, xscale="log", xlabel="simulations", ylim=_limits(table["explainable"]))
-        _plain_ticks(panel, table["simulations"])
-    panels[0].set_ylabel("share of the explainable")
+            _missed(panel, main["simulations"] * 1.1, main, mfc="none", **look | {"ls": "none"})
+        panel.set(title=label, xscale="log", xlabel="simulations")
+        _plain_ticks(panel, table.loc[table["training"] == "pool", "simulations"])
+    _missed_axes(panels)
     _legend_below(figure, panels[0])
     return figure
 
 
 def sampling(inputs, config):
-    """Explainable share of the network by design and size, and of all fits by seeds a point; real ones open."""
-    columns = ("comparison", "design", "data", "fit", "points", "seeds", "response", "explainable")
+    """Explainable variance that the network misses by design and size, all fits by seeds a point; real ones open."""
+    columns = (
+        "comparison",
+        "design",
+        "data",
+        "fit",
+        "points",
+        "seeds",
+        "response",
+        "explainable",
+        "explainable_se",
+    )
     table = read_table(inputs["sampling"], columns)
     designs = table[(table["comparison"] == "designs") & (table["fit"] == "network")]
     trades = table[table["comparison"] == "points against seeds"]
@@ -95,11 +104,11 @@ def sampling(inputs, config):
     for column, (response, label, _) in enumerate(style.RESPONSES):
         _lines(panels[0, column], designs[designs["response"] == response], "design", "points")
         _lines(panels[1, column], trades[trades["response"] == response], "fit", "seeds")
-        panels[0, column].set(title=label, ylim=_limits(designs["explainable"]))
-        panels[1, column].set(xlabel="seeds a point, simulations alike", ylim=_limits(trades["explainable"]))
-    for half, panel in zip(halves, panels[:, 0], strict=True):
-        panel.set_ylabel("share of the explainable")
-        _legend_below(half, panel)
+        panels[0, column].set(title=label)
+        panels[1, column].set(xlabel="seeds a point, simulations alike")
+    for half, row in zip(halves, panels, strict=True):
+        _missed_axes(row)
+        _legend_below(half, row[0])
     return figure
 
 
@@ -109,10 +118,10 @@ def _lines(panel, rows, kind, size):
     for place, (name, data) in enumerate(dict.fromkeys(zip(rows[kind], rows["data"], strict=True))):
         k = looks[name]
         of = rows[(rows[kind] == name) & (rows["data"] == data)].sort_values(size)
-        panel.errorbar(
+        _missed(
+            panel,
             of[size] * 1.015**place,
-            of["explainable"],
-            yerr=of["explainable_se"],
+            of,
             color=COLOURS[k % len(COLOURS)],
             marker=MARKERS[k % len(MARKERS)],
             ms=4,
@@ -124,6 +133,26 @@ def _lines(panel, rows, kind, size):
     _plain_ticks(panel, rows[size])
 
 
+def _missed(panel, place, rows, **look):
+    """What is missed of the explainable variance, with its standard error where that is known."""
+    missed = np.maximum(1 - rows["explainable"].to_numpy(), LEAST_MISSED)
+    error = np.nan_to_num(rows["explainable_se"].to_numpy(dtype=float))
+    panel.errorbar(place, missed, yerr=[np.minimum(error, 0.9 * missed), error], **look)
+
+
+def _missed_axes(panels):
+    """Logarithmic axes of what is missed, the best on top; what misses more than everything is cut off."""
+    panels[0].set_ylabel("explainable variance missed (%)")
+    shares = np.array([1, 2, 5, 10, 20, 50, 100])
+    for panel in panels:
+        panel.set_yscale("log")
+        panel.set_yticks(shares / 100, [f"{share}" for share in shares])
+    lowest = min(panel.dataLim.y0 for panel in panels)
+    panels[0].set_ylim(1.0, max(LEAST_MISSED, 0.8 * lowest))
+    for panel in panels:
+        panel.minorticks_off()
+
+
 def _legend_below(figure, panel):
     """The panel's legend under all panels, where it hides nothing."""
     figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=3)
@@ -132,6 +161,7 @@ def _legend_below(figure, panel):
 def _plain_ticks(panel, values):
     """Numbers as they are on a logarithmic axis, at most six of them."""
     ticks = np.unique(values)
+    ticks = ticks[np.append(True, ticks[1:] > 1.15 * ticks[:-1])]  # their numbers would overlap
     ticks = ticks[np.linspace(0, len(ticks) - 1, min(6, len(ticks))).round().astype(int)]
     panel.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     panel.minorticks_off()
