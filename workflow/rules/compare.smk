@@ -84,3 +84,35 @@ rule compare:
             comparison=COMPARISONS,
             kind=("csv", "png"),
         ),
+
+
+rule comparison_table:
+    input:
+        sampling=f"{COMPARISON}/sampling.csv",
+        surrogates=f"{COMPARISON}/surrogates.csv",
+        search=rules.search_tables.output.methods,
+        whole=rules.whole_tables.output.whole,
+    output:
+        f"{COMPARISON}/comparison.csv",
+    log:
+        f"{RESULTS}/logs/comparison_table.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/comparison_table.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        folder=folder,
+    message:
+        "All comparisons in one table"
+    shell:
+        "python -m repose compare_all --sampling {input.sampling} --surrogates {input.surrogates}"
+        " --search {input.search} --whole {input.whole} --out {params.folder} > {log} 2>&1"
+
+
+rule compare_all:
+    input:
+        rules.comparison_table.output,
+        rules.compare.input,
+        rules.compare_search.input,
+        rules.compare_whole.input,

@@ -9,6 +9,12 @@ POOL_FILES = {
     for points, place in (("main", ""), ("pool", "pool/"), ("fresh", "pool/fresh_"))
     for table in ("dataset", "runs")
 }
+COMPARED = {
+    "sampling": "results/comparison/sampling.csv",
+    "surrogates": "results/comparison/surrogates.csv",
+    "search": "results/comparison/search_methods.csv",
+    "whole": "results/comparison/whole.csv",
+}
 
 family = Family()
 
@@ -83,3 +89,15 @@ def compare_sampling(args):
     config, files = settings.load(args.config), chosen_files(args, POOL_FILES)
     seeds, seed = config["heap"]["seeds"], config["pool"]["seed"]
     sampling.run(files, config["parameters"], config["network"], seeds, seed, args.out)
+
+
+@family.verb(
+    "all comparisons in one table",
+    out="results/comparison",
+    config=False,
+    options=file_options(COMPARED),
+)
+def compare_all(args):
+    from repose.comparison import summary
+
+    print(f"{len(summary.run(chosen_files(args, COMPARED), args.out))} rows")
