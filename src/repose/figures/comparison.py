@@ -147,8 +147,8 @@ def _missed_axes(panels):
     for panel in panels:
         panel.set_yscale("log")
         panel.set_yticks(shares / 100, [f"{share}" for share in shares])
-    lowest = min(panel.dataLim.y0 for panel in panels)
-    panels[0].set_ylim(1.0, max(LEAST_MISSED, 0.8 * lowest))
+    least, most = min(panel.dataLim.y0 for panel in panels), max(panel.dataLim.y1 for panel in panels)
+    panels[0].set_ylim(min(1.0, 1.25 * most), max(LEAST_MISSED, 0.8 * least))
     for panel in panels:
         panel.minorticks_off()
 
