@@ -38,6 +38,15 @@ from repose.readers import read_table
 FEWEST_ROWS = 10  # of feasible.csv, so that validation always has points to choose from
 INFEASIBLE = 2.0  # F inside the box, with the target in it, is at most this
 PENALTY = 10.0
+# Keys of the configuration's section that are arguments of `MIGA`.
+OPERATORS = (
+    "islands",
+    "population",
+    "generations",
+    "tournament",
+    "mutation_probability",
+    "mutation_amplitude",
+)
 
 
 class MIGA:
@@ -281,15 +290,7 @@ def search(responses, objective, settings):
     configuration. The archive keeps five times `solutions`, since a point that is thinned away may lose its
     better neighbour later.
     """
-    keys = (
-        "islands",
-        "population",
-        "generations",
-        "tournament",
-        "mutation_probability",
-        "mutation_amplitude",
-    )
-    miga = MIGA(len(PARAMETERS), **{key: settings[key] for key in keys}, seed=settings["seed"])
+    miga = MIGA(len(PARAMETERS), **{key: settings[key] for key in OPERATORS}, seed=settings["seed"])
     archive = Archive(len(PARAMETERS), settings["distance"], 5 * settings["solutions"])
     history, feasible_met = [], 0
     for round_ in range(1, settings["rounds"] + 1):

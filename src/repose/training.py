@@ -45,7 +45,7 @@ def run(dataset_csv, runs_csv, settings, out_dir):
     covariance = None
     if settings.get("correlated_noise", False):
         covariance = _noise_covariance(runs, usable["sample"].iloc[rows["train"]])
-    weight = _precision(errors, covariance is not None)[rows["train"]] if weighted else None
+    weight = precisions(errors, covariance is not None)[rows["train"]] if weighted else None
     network = PlainBayesianBP(
         **{key: settings[key] for key in ("hidden", "epochs", "goal", "starts", "seed")},
         prior=settings.get("prior", "one"),
@@ -121,7 +121,7 @@ def restore(network_json, metrics_json, predictions_csv, dataset_csv):
     precision = None
     if weighted:
         errors = usable[["aor_se_deg", "height_se_mm"]].to_numpy(float)
-        precision = _precision(errors, covariance is not None)[usable.index.get_indexer(trained["sample"])]
+        precision = precisions(errors, covariance is not None)[usable.index.get_indexer(trained["sample"])]
     X = usable.loc[trained["sample"], list(PARAMETERS)].to_numpy(float)
     model = PlainBayesianBP.restored(network, X, alpha, beta, precision, prior, covariance)
     if not np.allclose(model.predict(X), trained[list(PREDICTED)], rtol=1e-6):
@@ -177,7 +177,7 @@ def _noise_covariance(runs, samples):
     return covariance if enough else None
 
 
-def _precision(errors, one_a_sample):
+def precisions(errors, one_a_sample):
     """Precisions (samples, responses) of the standard errors; those of a sample alike if one_a_sample."""
     precision = weights_from_errors(errors)
     return np.repeat(precision.mean(axis=1, keepdims=True), 2, axis=1) if one_a_sample else precision

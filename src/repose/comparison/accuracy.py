@@ -20,9 +20,7 @@ def run(files, settings, out_dir):
     """
     import pandas as pd
 
-    main, pool, fresh = (
-        points.read(files[f"{name}_dataset"], files[f"{name}_runs"]) for name in ("main", "pool", "fresh")
-    )
+    main, pool, fresh = points.read_sets(files)
     rows = []
     for name, training in training_sets(main, pool, settings):
         predict = models.configured_network(training, settings, settings["seed"])

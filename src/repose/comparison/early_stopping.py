@@ -7,7 +7,6 @@ weights of its minimum are kept. It is what a network of the same shape does whe
 import numpy as np
 
 from repose.network import (
-    ARRAYS,
     PlainBayesianBP,
     _linearise,
     _residuals,
@@ -51,10 +50,6 @@ class EarlyStoppingBP:
     def predict(self, X):
         """Responses (samples, outputs)."""
         return self.network.predict(X)
-
-    def to_dict(self):
-        """As `PlainBayesianBP.to_dict`."""
-        return {key: getattr(self.network, f"{key}_").tolist() for key in ARRAYS}
 
     def _train(self, w, used, held, mu=0.005, mu_max=1e10):
         """One start: (weights of least held-back error, that error, epochs)."""

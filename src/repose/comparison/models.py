@@ -14,7 +14,9 @@ import warnings
 import numpy as np
 
 from repose.comparison.early_stopping import EarlyStoppingBP
-from repose.network import PlainBayesianBP, weights_from_errors
+from repose.extrapolation import quadratic_terms
+from repose.network import PlainBayesianBP
+from repose.training import precisions
 
 TREES = 300
 ROUNDS = 300  # of boosting
@@ -26,9 +28,7 @@ def configured_network(points, settings, seed):
     covariance = points.covariance() if settings["correlated_noise"] else None
     errors, precision = points.errors(), None
     if settings["weights_from_errors"] and np.isfinite(errors).any() and points.counts().max() >= 4:
-        precision = weights_from_errors(errors)
-        if covariance is not None:
-            precision = np.repeat(precision.mean(axis=1, keepdims=True), 2, axis=1)
+        precision = precisions(errors, covariance is not None)
     network = PlainBayesianBP(
         **{key: settings[key] for key in ("hidden", "epochs", "goal", "starts", "prior")}, seed=seed
     )
@@ -57,7 +57,7 @@ def unregularised_network(points, settings, seed):
 def quadratic_surface(points, settings, seed):
     """Second-order response surface by least squares (MM09); None with no more points than its 28 terms."""
     low, width = _box(points.X)
-    A = second_order_terms((points.X - low) / width)
+    A = quadratic_terms((points.X - low) / width)
     freedom = len(A) - A.shape[1]
     if freedom < 1:
         return None
@@ -67,7 +67,7 @@ def quadratic_surface(points, settings, seed):
     root = np.linalg.pinv(A)
 
     def predict(X):
-        a = second_order_terms((X - low) / width)
+        a = quadratic_terms((X - low) / width)
         leverage = ((a @ root) ** 2).sum(axis=1)
         return a @ coefficients, np.sqrt(leverage[:, None] * variance)
 
@@ -131,12 +131,6 @@ MODELS = {
     "random forest": random_forest,
     "gradient boosting": gradient_boosting,
 }
-
-
-def second_order_terms(x):
-    """1, x_i, x_i x_j with i <= j of x (n, d): (n, (d + 1) (d + 2) / 2)."""
-    i, j = np.triu_indices(x.shape[1])
-    return np.column_stack([np.ones(len(x)), x, x[:, i] * x[:, j]])
 
 
 def _box(X):

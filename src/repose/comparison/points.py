@@ -66,6 +66,14 @@ class Points(NamedTuple):
         return Points(self.X[kept], values[kept])
 
 
+def read_sets(files):
+    """Points of the main design, of the pool and the fresh ones, a list.
+
+    files: mapping with main_dataset, main_runs, pool_dataset, pool_runs, fresh_dataset, fresh_runs. Raises as `read`.
+    """
+    return [read(files[f"{name}_dataset"], files[f"{name}_runs"]) for name in ("main", "pool", "fresh")]
+
+
 def read(dataset_csv, runs_csv):
     """Points of the tables that the verb dataset wrote; those that are not ok are left out.
 

@@ -65,9 +65,7 @@ def run(files, ranges, settings, seeds, seed, out_dir):
 
     import pandas as pd
 
-    main, pool, fresh = (
-        points.read(files[f"{name}_dataset"], files[f"{name}_runs"]) for name in ("main", "pool", "fresh")
-    )
+    main, pool, fresh = points.read_sets(files)
     settings = settings | {"starts": min(settings["starts"], REPETITION_STARTS)}
     stand_in = emulator.fit(pool, settings, seed)
     box = [ranges[name] for name in PARAMETERS]

@@ -28,8 +28,9 @@ from scipy import optimize, stats
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import pdist
 
+from repose.comparison import scores
 from repose.errors import InputError
-from repose.miga import INFEASIBLE, MIGA, Objective, distinct
+from repose.miga import INFEASIBLE, MIGA, OPERATORS, Objective, distinct
 from repose.network import load, response_function
 from repose.parameters import PARAMETERS
 
@@ -179,15 +180,7 @@ def searches(section):
 
     section: `miga` of the configuration.
     """
-    keys = (
-        "islands",
-        "population",
-        "generations",
-        "tournament",
-        "mutation_probability",
-        "mutation_amplitude",
-    )
-    own = {key: section[key] for key in keys}
+    own = {key: section[key] for key in OPERATORS}
     alone = own | {"islands": 1, "population": section["islands"] * section["population"]}
     whole = section["rounds"] * section["generations"] * alone["population"]
     found = {"miga": (partial(miga, **own), None), "miga_whole": (partial(miga, **own), whole)}
@@ -356,16 +349,16 @@ def _methods(pd, runs, bests, region):
         row["evaluations"] = int(group["evaluations"].iloc[0])
         for key in group.columns[3:]:
             values = group[key].dropna().to_numpy(float)
-            row[key] = values.mean() if len(values) else math.nan
-            row[f"{key}_se"] = values.std(ddof=1) / math.sqrt(len(values)) if len(values) > 1 else math.nan
+            found = scores.mean_and_error(values) if len(values) else (math.nan, math.nan)
+            row[key], row[f"{key}_se"] = found
         # whether other seeds give the same answer
         row["between_seeds_distance"] = float(pdist(np.array(bests[name])).mean())
         rows.append(row)
     spreads = pd.DataFrame([region.spread(one) for one in region.lists])
     row = {"method": REFERENCE, "repetitions": len(spreads), "feasible_share": region.share}
     for key in spreads:
-        row[f"listed_{key}"] = row[f"met_{key}"] = spreads[key].mean()
-        error = spreads[key].std(ddof=1) / math.sqrt(len(spreads))
+        mean, error = scores.mean_and_error(spreads[key])
+        row[f"listed_{key}"] = row[f"met_{key}"] = mean
         row[f"listed_{key}_se"] = row[f"met_{key}_se"] = error
     row["between_seeds_distance"] = float(pdist(region.cloud[:1000]).mean())
     return pd.DataFrame([*rows, row])
@@ -379,7 +372,7 @@ def message(methods):
             lines.append(f"{row.method}: {100 * row.feasible_share:.1f} % of the ranges")
             continue
         lines.append(
-            f"{row.method}: {row.reached} of {row.repetitions} reach the tolerance, after "
+            f"{row.method}: {row.reached:.0f} of {row.repetitions} reach the tolerance, after "
             f"{row.evaluations_to_tolerance:.0f} ± {row.evaluations_to_tolerance_se:.0f} evaluations; its list covers "
             f"{100 * row.listed_coverage:.0f} % of the feasible region"
         )

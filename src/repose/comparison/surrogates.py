@@ -30,9 +30,7 @@ def run(files, settings, seed, out_dir):
     """
     import pandas as pd
 
-    main, pool, fresh = (
-        points.read(files[f"{name}_dataset"], files[f"{name}_runs"]) for name in ("main", "pool", "fresh")
-    )
+    main, pool, fresh = points.read_sets(files)
     settings = settings | {"starts": min(settings["starts"], REPETITION_STARTS)}
     rows = []
     for source, sets in training_sets(main, pool, seed):

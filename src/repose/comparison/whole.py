@@ -27,6 +27,7 @@ import numpy as np
 from scipy import optimize, stats
 
 from repose import miga, noise, training
+from repose.comparison import scores
 from repose.errors import InputError
 from repose.extrapolation import quadratic_terms
 from repose.network import RESPONSES, PlainBayesianBP, evaluate, load, r2, response_function
@@ -303,9 +304,7 @@ def _table(pd, proposed, truth, samples):
         row = {"data": kind, "samples": count, "method": method, "repetitions": len(group)}
         row |= {key: group[key].mean() for key in ("simulations", "evaluations")}
         for key in ("aor_off_deg", "height_off_mm", "objective", "inside"):
-            values = group[key].to_numpy(float)
-            row[key] = values.mean()
-            row[f"{key}_se"] = values.std(ddof=1) / math.sqrt(len(values)) if len(values) > 1 else math.nan
+            row[key], row[f"{key}_se"] = scores.mean_and_error(group[key])
         rows.append(row)
     table = pd.DataFrame(rows)
     for name, values in truth.cross_validated.items():
