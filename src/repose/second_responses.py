@@ -69,10 +69,7 @@ def over_design(values, groups, samples):
     good = np.isfinite(values)
     values, groups = values[good], groups[good]
     found = noise.variance_components(values, groups)
-    count = np.array([np.count_nonzero(groups == sample) for sample in samples])
-    total = np.array([values[groups == sample].sum() for sample in samples])
-    mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
-    error = np.sqrt(found.within / np.maximum(count, 1))
+    mean, error, count = _means(values, groups, samples, found.within)
     signal = math.sqrt(found.between / found.within) if found.within > 0 else math.inf
     row = {
         "mean": found.mean,
@@ -83,7 +80,18 @@ def over_design(values, groups, samples):
         "samples": int((count > 0).sum()),
         "runs": found.values,
     }
-    return Known(mean, np.where(count > 0, error, np.nan), row)
+    return Known(mean, error, row)
+
+
+def _means(values, groups, samples, within):
+    """Means of single runs (n,) over their samples, their errors by the variance within, and how many runs; (m,) each.
+
+    Mean and error are NaN without a run.
+    """
+    count = np.array([np.count_nonzero(groups == sample) for sample in samples])
+    total = np.array([values[groups == sample].sum() for sample in samples])
+    mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return mean, np.where(count > 0, np.sqrt(within / np.maximum(count, 1)), np.nan), count
 
 
 def read_drum(samples_json, runs_csv, samples):
@@ -109,10 +117,9 @@ def read_drum(samples_json, runs_csv, samples):
     found = {}
     for name, column in columns.items():
         within = float(repeated[column].var(ddof=1))
-        count = np.array([len(runs.get(sample, ())) for sample in samples])
-        total = np.array([sum(run[column] for run in runs.get(sample, ())) for sample in samples])
-        mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
-        error = np.where(count > 0, np.sqrt(within / np.maximum(count, 1)), np.nan)
+        values = np.array([run[column] for good in runs.values() for run in good])
+        groups = np.array([sample for sample, good in runs.items() for _ in good])
+        mean, error, count = _means(values, groups, samples, within)
         spread = max(0.0, float(np.nanvar(mean, ddof=1)) - float(np.nanmean(error**2)))
         row = {
             "mean": float(np.nanmean(mean)),
