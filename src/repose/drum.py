@@ -4,7 +4,6 @@ The axis is y, the origin lies on it half-way along. The drum turns about -y, wh
 slip is judged the drum stops, as in the experiment, and the bed comes to rest.
 """
 
-import json
 import math
 import time
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ import numpy as np
 
 from . import bed
 from .dem import Cylinder, Motion, Plane
+from .files import write_json
 from .parameters import PARAMETERS
 from .scales import of_pour
 from .scenes import Strip, berry_simulation, fill
@@ -324,11 +324,7 @@ def design_job(config, sample, parameters, seeds, particle, berry, out_dir):
         "parameters": {p: float(parameters[p]) for p in PARAMETERS},
         "runs": [run_once(config, parameters, seed, particle, berry)[0] for seed in seeds],
     }
-    out = Path(out_dir)
-    out.mkdir(parents=True, exist_ok=True)
-    part = out / f"{sample:03d}.json.part"
-    part.write_text(json.dumps(result, indent=1) + "\n")
-    part.replace(out / f"{sample:03d}.json")
+    write_json(Path(out_dir) / f"{sample:03d}.json", result)
     return result
 
 
@@ -363,8 +359,6 @@ def run_job(config, parameters, seeds, particle, berry, out_dir, trajectory=Fals
             "time_step_s": config["heap"]["time_step_s"],
             "run": run,
         }
-        part = out / f"turn_{seed}.json.part"
-        part.write_text(json.dumps(result, indent=1) + "\n")
-        part.replace(out / f"turn_{seed}.json")
+        write_json(out / f"turn_{seed}.json", result)
         results.append(result)
     return results

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from . import measuring, pile, scenes
+from .files import write_json
 from .parameters import PARAMETERS
 
 # A pile that has lost more than this share of its berries over the edge of the plate is not the pile poured.
@@ -98,7 +99,7 @@ def pour_job(
         "pours": pours,
     }
     path = out_dir / f"{name}{measuring.POURS}"
-    measuring.write_json(path, job)
+    write_json(path, job)
     return path
 
 

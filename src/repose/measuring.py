@@ -10,6 +10,7 @@ from repose import pile
 from repose.angles import RESPONSES
 from repose.dataset import STATUSES, summarise_runs
 from repose.errors import InputError, NoFlankError
+from repose.files import write_json
 from repose.silhouette import silhouette
 
 POURS = ".pours.json"  # behind the stem of a job's files
@@ -35,16 +36,8 @@ def measure_job(config, pours_json, particle, berry, out_dir=None):
         ]
     result = job | {"summary": summarise_runs(runs), "runs": runs}
     out = path.parent if out_dir is None else Path(out_dir)
-    out.mkdir(parents=True, exist_ok=True)
     write_json(out / f"{name}.json", result)
     return result
-
-
-def write_json(path, content):
-    """Write content in one move, so that a file that is there is complete."""
-    part = path.with_name(f"{path.name}.part")
-    part.write_text(json.dumps(content, indent=1) + "\n")
-    part.replace(path)
 
 
 def measure_pour(record, arrays, particle, settings):

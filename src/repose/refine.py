@@ -18,6 +18,7 @@ import pandas as pd
 from repose import miga, settings
 from repose.dataset import read_samples, summarise_runs
 from repose.errors import InputError
+from repose.files import write_json, write_table
 from repose.network import RESPONSES, evaluate, load
 from repose.parameters import PARAMETERS
 from repose.readers import read_table
@@ -211,7 +212,7 @@ def write_proposal(feasible_csv, network_json, ranges, section, round_, study_se
             feasible_csv, "representative", int(feasible["representative"].sum()), "one solution"
         )
     table = propose(feasible, load(network_json), ranges, section, round_, study_seed)
-    _write_table(table, out_csv)
+    write_table(out_csv, table)
     return table
 
 
@@ -226,7 +227,7 @@ def write_extended(dataset_csv, runs_csv, round_dirs, out_dir):
             raise InputError(
                 path, "sample", str(error), "numbers as the verb refine_propose gives them"
             ) from None
-        _write_table(table, Path(out_dir) / f"{name}.csv")
+        write_table(Path(out_dir) / f"{name}.csv", table)
         tables[name] = table
     return tables
 
@@ -257,7 +258,7 @@ def search(network_json, dataset_csv, proposal_csv, config, table3_csv, out_dir)
         network, offset, count = corrected(load(network_json), dataset, search_box(ranges, centre, reach))
     except ValueError as error:
         raise InputError(dataset_csv, "samples", str(error), "data of the last round") from None
-    _write_json(network, out / "network.json")
+    write_json(out / "network.json", network)
     support = Support.of_dataset(dataset_csv, ranges)
     for share in WIDENING:
         box = search_box(ranges, centre, share * reach)
@@ -267,7 +268,7 @@ def search(network_json, dataset_csv, proposal_csv, config, table3_csv, out_dir)
             break
     summary |= {"reach": share * reach, "offset": dict(zip(RESPONSES, offset.tolist(), strict=True))}
     summary |= {"offset_samples": count}
-    _write_json(summary, out / "summary.json")
+    write_json(out / "summary.json", summary)
     return summary
 
 
@@ -287,8 +288,8 @@ def write_verdict(proposal_csv, dataset_csv, runs_csv, target, section, out_dir)
         raise InputError(dataset_csv, "samples", missing, f"all samples of {proposal_csv}")
     round_ = round_of(int(proposal["sample"].iloc[0]))
     row = judge(proposal, runs, target, section, round_) | {"usable": int((dataset["status"] == "ok").sum())}
-    _write_table(points(proposal, dataset, row), Path(out_dir) / "round.csv")
-    _write_json(_plain(row), Path(out_dir) / "verdict.json")
+    write_table(Path(out_dir) / "round.csv", points(proposal, dataset, row))
+    write_json(Path(out_dir) / "verdict.json", _plain(row))
     return row
 
 
@@ -327,7 +328,7 @@ def write_tables(verdict_jsons, limit, out_dir):
         raise InputError(
             "verdicts", "rounds", [one["round"] for one in verdicts], "0, 1, 2, ... without a gap"
         )
-    _write_table(pd.DataFrame(verdicts), Path(out_dir) / "rounds.csv")
+    write_table(Path(out_dir) / "rounds.csv", pd.DataFrame(verdicts))
     last = verdicts[-1]
     summary = {
         "met": last["outcome"] == "within",
@@ -337,7 +338,7 @@ def write_tables(verdict_jsons, limit, out_dir):
         "claim": claim(last),
         "pours": int(sum(one["poured"] for one in verdicts)),
     }
-    _write_json(summary, Path(out_dir) / "summary.json")
+    write_json(Path(out_dir) / "summary.json", summary)
     return summary
 
 
@@ -363,20 +364,3 @@ def _plain(row):
     return {
         key: None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()
     }
-
-
-def _write_table(table, path):
-    _write(table.to_csv(index=False), path)
-
-
-def _write_json(content, path):
-    _write(json.dumps(content, indent=1) + "\n", path)
-
-
-def _write(text, path):
-    """A file in one move, so that one that is there is complete."""
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f"{path.name}.part")
-    part.write_text(text)
-    part.replace(path)

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import InputError
+from ..files import write_whole
 from . import state as st
 from . import surfaces
 from .cache import source_hash
-from .files import write_whole
 from .materials import Contact, Material
 from .shapes import Clump, Shape
 from .surfaces import Motion

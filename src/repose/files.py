@@ -1,5 +1,6 @@
 """Files that are whole or not there."""
 
+import json
 import os
 from pathlib import Path
 
@@ -20,3 +21,13 @@ def write_whole(path, write):
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def write_json(path, content):
+    """Write content as JSON in one move, see `write_whole`."""
+    write_whole(path, lambda handle: handle.write((json.dumps(content, indent=1) + "\n").encode()))
+
+
+def write_table(path, table):
+    """Write a DataFrame as CSV without its index in one move, see `write_whole`."""
+    write_whole(path, lambda handle: handle.write(table.to_csv(index=False).encode()))
