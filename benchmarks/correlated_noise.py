@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.network import RESPONSES, PlainBayesianBP, r2, weights_from_errors
-from repose.noise import within_covariance
-from repose.parameters import PARAMETERS
+from repose.core.parameters import PARAMETERS
+from repose.studies.noise import within_covariance
+from repose.surrogate.bayesian_bp import RESPONSES, PlainBayesianBP, r2, weights_from_errors
 
 TRAINING_SHARE = 0.7
 STARTS, EPOCHS = 4, 400

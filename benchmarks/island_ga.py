@@ -19,8 +19,8 @@ import numba
 import numpy as np
 from scipy.optimize import differential_evolution
 
-from repose.miga import MIGA, islands_ga
-from repose.network import PlainBayesianBP, response_function
+from repose.search.miga import MIGA, islands_ga
+from repose.surrogate.bayesian_bp import PlainBayesianBP, response_function
 
 try:
     import pygmo

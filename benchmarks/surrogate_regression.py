@@ -27,8 +27,8 @@ from sklearn.neural_network import MLPRegressor
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from repose.network import RESPONSES, BayesianBP
-from repose.parameters import PARAMETERS
+from repose.core.parameters import PARAMETERS
+from repose.surrogate.bayesian_bp import RESPONSES, BayesianBP
 
 TRAINING, FRESH = 95, 1000
 FIRST_SEED = 100  # sets 0 to 3 were looked at while the settings were chosen

@@ -7,8 +7,8 @@ from PIL import Image
 from scipy.stats import truncnorm
 
 from repose.dem import Contact, Cylinder, Material, Plane, Recorder, Shape, Simulation, VtkSeries
-from repose.film import animate
-from repose.render import render_simulation
+from repose.pictures.film import animate
+from repose.pictures.render import render_simulation
 
 OUT = Path("results/examples/size_distribution")
 SMALLEST, LARGEST, SPREAD = 0.7, 1.4, 0.2  # of the scale about 1

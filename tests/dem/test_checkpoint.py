@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from repose.core.errors import InputError
 from repose.dem import Contact, Cylinder, Material, Motion, Plane, Shape, Simulation
-from repose.errors import InputError
 
 
 def falling_berries():

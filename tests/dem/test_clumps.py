@@ -9,6 +9,7 @@ import trimesh
 from dem.common import DENSITY, GOJI, PVC, random_direction, random_quaternion
 from oracles import rotation
 
+from repose.apparatus.scenes import Funnel
 from repose.dem import (
     Clump,
     Cone,
@@ -26,7 +27,6 @@ from repose.dem import (
 from repose.dem import state as st
 from repose.dem.clumps import new_sphere_pairs
 from repose.dem.tessellation import tessellate, triangulated_bodies
-from repose.scenes import Funnel
 
 RADIUS = 0.006
 FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)

@@ -7,7 +7,7 @@ import pytest
 
 from repose import verification
 from repose.__main__ import main
-from repose.errors import InputError
+from repose.core.errors import InputError
 from repose.verification import machine, report
 from repose.verification.case import KNOWN, MISSED, PASSED, Curve, Panel, Result, at_most, close, within
 from repose.verification.rotation import euler_solution

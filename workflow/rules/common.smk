@@ -5,8 +5,9 @@ import os
 import shlex
 import sys
 
-from repose import refine, settings, shape_study
-from repose.errors import InputError
+from repose.config import settings
+from repose.studies import refine, shape_study
+from repose.core.errors import InputError
 
 # The verbs run under the Python that runs snakemake, whether its environment is activated or not.
 shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; ")

@@ -21,7 +21,7 @@ from repose.cli import (
     uncertainty,
 )
 from repose.cli.registry import PROGRAM
-from repose.errors import InputError
+from repose.core.errors import InputError
 
 # In the order in which the data flows; so the help lists them.
 FAMILIES = (

@@ -4,10 +4,10 @@ import json
 import tempfile
 from pathlib import Path
 
-from repose import settings
 from repose.cli.options import PUBLISHED
 from repose.cli.registry import Option
-from repose.errors import InputError
+from repose.config import settings
+from repose.core.errors import InputError
 
 BERRY_AND_PARTICLE = (
     Option("--berry", help="berry.json; made from the configuration if not given"),
@@ -21,7 +21,7 @@ def berry_and_particle(config, source, berry_json=None, particle_json=None):
     config: checked configuration; source: its file, for messages; berry_json, particle_json: files to read
     instead of making them from the configuration. Raises InputError.
     """
-    from repose.shape import Particle
+    from repose.particle.build import Particle
 
     with tempfile.TemporaryDirectory() as folder:
         if berry_json is None:
@@ -45,7 +45,7 @@ def check_berry(berry_json):
 
 def write_berry(config, table1, out_dir):
     """Sizes and moduli of the configuration's berry, written to a folder beside the published table1."""
-    from repose import berry
+    from repose.particle import berry
 
     section = config["berry"]
     material = (section["density_kg_m3"], section["poisson_ratio"], section["shear_modulus_pa"])
@@ -54,10 +54,10 @@ def write_berry(config, table1, out_dir):
 
 def write_particle(config, berry_json, out_dir):
     """The configuration's Particle, written to a folder."""
-    from repose import shape
+    from repose.particle import build
 
     section = config["berry"]
-    return shape.run(
+    return build.run(
         berry_json,
         section["stl"],
         out_dir,

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from repose import settings
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, SAMPLES, TABLE3
 from repose.cli.registry import Family, Option
+from repose.config import settings
 
 SUPPORT = Option("--dataset", help="dataset.csv; with it solutions beyond its samples carry a warning")
 
@@ -23,7 +23,7 @@ family = Family()
     ],
 )
 def dataset(args):
-    from repose import dataset
+    from repose.chain import dataset
 
     dataset.run(args.samples, args.heaps, args.out, args.prefix)
 
@@ -35,9 +35,9 @@ def dataset(args):
     options=[DATASET, RUNS],
 )
 def network(args):
-    from repose import training
+    from repose.chain import train
 
-    training.run(args.dataset, args.runs, settings.load(args.config)["network"], args.out)
+    train.run(args.dataset, args.runs, settings.load(args.config)["network"], args.out)
 
 
 @family.verb(
@@ -47,7 +47,7 @@ def network(args):
     options=[NETWORK, TABLE3, SUPPORT],
 )
 def miga(args):
-    from repose import miga
+    from repose.search import miga
 
     config = settings.load(args.config)
     support = _support(args.dataset, config)
@@ -64,12 +64,12 @@ def miga(args):
     options=[FEASIBLE],
 )
 def solutions(args):
-    from repose import validation
+    from repose.chain import validate
 
     config = settings.load(args.config)
     section = config["validation"]
     out = Path(args.out) / "solutions.csv"
-    validation.write_solutions(
+    validate.write_solutions(
         args.feasible, section["published"], config["parameters"], section["solutions"], out
     )
 
@@ -85,16 +85,16 @@ def solutions(args):
     ],
 )
 def validate(args):
-    from repose import validation
+    from repose.chain import validate
 
     config = settings.load(args.config)
     published = config["validation"]["published"]
     support = _support(args.dataset, config)
-    validation.run(args.solutions, args.heaps, published, config["target"], args.out, support)
+    validate.run(args.solutions, args.heaps, published, config["target"], args.out, support)
 
 
 def _support(dataset, config):
     """The samples that tell an extrapolation, or None without a dataset."""
-    from repose.extrapolation import Support
+    from repose.surrogate.support import Support
 
     return Support.of_dataset(dataset, config["parameters"]) if dataset else None

@@ -1,8 +1,8 @@
 """Verbs that set parts of the method, and the whole of it, beside their alternatives."""
 
-from repose import settings
 from repose.cli.options import DATASET, NETWORK, RUNS, chosen_files, file_options
 from repose.cli.registry import Family
+from repose.config import settings
 
 POOL_FILES = {
     f"{points}_{table}": f"results/{place}{table}.csv"
@@ -26,7 +26,7 @@ family = Family()
     options=[NETWORK],
 )
 def compare_search(args):
-    from repose.comparison import search
+    from repose.studies.comparison import search
 
     config = settings.load(args.config)
     parameters, target, section = config["parameters"], config["target"], config["compare_search"]
@@ -44,7 +44,7 @@ def compare_search(args):
     ],
 )
 def compare_whole(args):
-    from repose.comparison import whole
+    from repose.studies.comparison import whole
 
     config = settings.load(args.config)
     section = config["compare_whole"]
@@ -60,7 +60,7 @@ def compare_whole(args):
     options=file_options(POOL_FILES),
 )
 def compare_accuracy(args):
-    from repose.comparison import accuracy
+    from repose.studies.comparison import accuracy
 
     files = chosen_files(args, POOL_FILES)
     print(accuracy.message(accuracy.run(files, settings.load(args.config)["network"], args.out)))
@@ -72,7 +72,7 @@ def compare_accuracy(args):
     options=file_options(POOL_FILES),
 )
 def compare_surrogates(args):
-    from repose.comparison import surrogates
+    from repose.studies.comparison import surrogates
 
     config, files = settings.load(args.config), chosen_files(args, POOL_FILES)
     surrogates.run(files, config["network"], config["pool"]["seed"], args.out)
@@ -84,7 +84,7 @@ def compare_surrogates(args):
     options=file_options(POOL_FILES),
 )
 def compare_sampling(args):
-    from repose.comparison import sampling
+    from repose.studies.comparison import sampling
 
     config, files = settings.load(args.config), chosen_files(args, POOL_FILES)
     seeds, seed = config["heap"]["seeds"], config["pool"]["seed"]
@@ -98,6 +98,6 @@ def compare_sampling(args):
     options=file_options(COMPARED),
 )
 def compare_all(args):
-    from repose.comparison import summary
+    from repose.studies.comparison import summary
 
     print(f"{len(summary.run(chosen_files(args, COMPARED), args.out))} rows")

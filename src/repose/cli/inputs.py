@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from repose import settings
 from repose.cli.berries import write_berry, write_particle
 from repose.cli.options import BERRY, PUBLISHED
 from repose.cli.registry import Family, Option
-from repose.errors import InputError
+from repose.config import settings
+from repose.core.errors import InputError
 
 family = Family()
 
@@ -37,17 +37,17 @@ def berry(args):
 
 def _build(args):
     """Mesh of a berry from a few numbers."""
-    from repose import crop
+    from repose.particle import mesh_from_axes
 
     if not (args.axes and args.stl and args.mass_g):
         raise InputError("command line", "berry --axes", args.axes, "together with --mass-g and --stl")
     density = args.density or settings.load(args.config)["berry"]["density_kg_m3"]
     details = (args.taper, args.wrinkles, args.wrinkle_depth_mm)
-    mesh, number = crop.berry_mesh(args.axes, args.mass_g, density, *details, source="command line")
+    mesh, number = mesh_from_axes.berry_mesh(args.axes, args.mass_g, density, *details, source="command line")
     Path(args.stl).parent.mkdir(parents=True, exist_ok=True)
     mesh.export(args.stl, file_type="stl")
     share = mesh.volume / (args.axes[0] * args.axes[1] * args.axes[2])
-    m, k = crop.profile_exponents(number)
+    m, k = mesh_from_axes.profile_exponents(number)
     print(
         f"{args.stl}: {mesh.volume:.1f} mm3, {share:.3f} of the box around it, profile (1 - |t|^{m:.3g})^{k:.3g}"
     )
@@ -69,7 +69,7 @@ def shape(args):
     out="results/design",
 )
 def design(args):
-    from repose import design
+    from repose.chain import design
 
     config = settings.load(args.config)
     section = config["design"]
@@ -82,7 +82,7 @@ def design(args):
     out="results/pool",
 )
 def pool_design(args):
-    from repose import pool
+    from repose.studies import pool
 
     config = settings.load(args.config)
     pool.run(config["parameters"], config["pool"], args.out)

@@ -3,11 +3,11 @@
 import json
 from pathlib import Path
 
-from repose import settings
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle, check_berry
 from repose.cli.options import JSON
 from repose.cli.registry import Family, Option
-from repose.errors import InputError
+from repose.config import settings
+from repose.core.errors import InputError
 
 family = Family()
 
@@ -26,7 +26,7 @@ family = Family()
 def measure(args):
     import cv2
 
-    from repose import pile
+    from repose.measure import pile
 
     config = settings.load(args.config)
     how = pile.MeasureSettings.of(config["measure"], _axes(args.berry, config))
@@ -59,7 +59,7 @@ def _axes(berry_json, config):
         return json.loads(Path(berry_json).read_text())
     if config["measure"]["berry_height_mm"] is not None:
         return {}
-    from repose import berry
+    from repose.particle import berry
 
     sizes = berry.read_sizes(config["berry"]["sizes"])
     return {column: float(sizes[column].mean()) for column in berry.SIZE_COLUMNS}
@@ -78,9 +78,9 @@ def _axes(berry_json, config):
 def silhouette(args):
     import cv2
 
-    from repose.measuring import first_pour, side_view
-    from repose.pile import MeasureSettings
-    from repose.shape import Particle
+    from repose.measure.pile import MeasureSettings
+    from repose.measure.saved_pours import first_pour, side_view
+    from repose.particle.build import Particle
 
     how = MeasureSettings(**settings.load(args.config)["measure"])
     picture = side_view(first_pour(args.heap), Particle.load(args.particle), how, args.azimuth)
@@ -105,7 +105,7 @@ def measurement_study(args):
     config = settings.load(args.config)
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
 
-    from repose import measurement_study
+    from repose.studies import measurement_study
 
     tables = measurement_study.run(
         args.heaps, args.representative, particle, config["measure"], berry_of, args.out, args.shapes

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from repose.cli.registry import Option
-from repose.errors import InputError
+from repose.core.errors import InputError
 
 PUBLISHED = Path("resources/published")
 

@@ -3,11 +3,11 @@
 import csv
 from pathlib import Path
 
-from repose import settings
 from repose.cli.options import pairs
 from repose.cli.registry import Option
-from repose.errors import InputError
-from repose.parameters import LABELS, PARAMETERS, PHYSICAL_LIMITS
+from repose.config import settings
+from repose.core.errors import InputError
+from repose.core.parameters import LABELS, PARAMETERS, PHYSICAL_LIMITS
 
 PARAMETER_SET = (
     Option(

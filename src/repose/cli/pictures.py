@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from repose import settings
 from repose.cli.options import pairs
 from repose.cli.registry import Family, Option
+from repose.config import settings
 
 # Frames of the film of a pour; each takes most of a second to draw.
 FILM, SMALL_FILM = 72, 20
@@ -22,7 +22,7 @@ family = Family()
     ],
 )
 def figure(args):
-    from repose import figures
+    from repose.pictures import figures
 
     Path(args.out).parent.mkdir(parents=True, exist_ok=True)
     figures.draw(args.name, pairs(args.input, "--input"), args.out, settings.load(args.config))
@@ -39,8 +39,8 @@ def figure(args):
     ],
 )
 def film(args):
-    from repose import film, stage
-    from repose.shape import Particle
+    from repose.particle.build import Particle
+    from repose.pictures import film, scenery
 
     config, particle = settings.load(args.config), Particle.load(args.particle)
     frames = SMALL_FILM if config["small_run"] else FILM
@@ -48,7 +48,9 @@ def film(args):
     if args.drum:
         film.animate_drum(args.trajectory, particle, args.out, config["drum"], frames=frames)
         return
-    film.animate_pour(args.trajectory, particle, args.out, stage.funnel_walls(config["heap"]), frames=frames)
+    film.animate_pour(
+        args.trajectory, particle, args.out, scenery.funnel_walls(config["heap"]), frames=frames
+    )
 
 
 @family.verb(
@@ -61,6 +63,6 @@ def film(args):
     ],
 )
 def table(args):
-    from repose import tables
+    from repose.pictures import pages
 
-    tables.write_page(args.csv, args.title, args.out, settings.load(args.config)["small_run"])
+    pages.write_page(args.csv, args.title, args.out, settings.load(args.config)["small_run"])

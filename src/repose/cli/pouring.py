@@ -2,12 +2,12 @@
 
 import json
 
-from repose import settings
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import JSON
 from repose.cli.parameter_sets import PARAMETER_SET, SEED, STUDY_SEEDS, parameters, pour_seeds, run_seeds
 from repose.cli.registry import Family, Option
-from repose.errors import InputError
+from repose.config import settings
+from repose.core.errors import InputError
 
 SIMULATION = (*PARAMETER_SET, SEED, *BERRY_AND_PARTICLE)
 POUR = (
@@ -35,7 +35,7 @@ family = Family()
     options=[*POUR, JSON.but(help="print the result as JSON")],
 )
 def heap(args):
-    from repose.heap import run_job
+    from repose.apparatus.heap import run_job
 
     result = run_job(*_pour_arguments(args))
     if args.json:
@@ -52,7 +52,7 @@ def heap(args):
     options=POUR,
 )
 def pour(args):
-    from repose.heap import pour_job
+    from repose.apparatus.heap import pour_job
 
     print(pour_job(*_pour_arguments(args)))
 
@@ -95,7 +95,7 @@ def measure_heap(args):
     config = settings.load(args.config)
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
 
-    from repose.measuring import measure_job
+    from repose.measure.saved_pours import measure_job
 
     for path in args.pours:
         for run in measure_job(config, path, particle, berry_of, args.out)["runs"]:
@@ -118,7 +118,7 @@ def drum(args):
     seeds = run_seeds(args.seed)
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
 
-    from repose.drum import run_job
+    from repose.apparatus.drum import run_job
 
     results = run_job(config, values, seeds, particle, berry_of, args.out, args.trajectory)
     if args.json:
@@ -136,7 +136,7 @@ def drum(args):
     options=[Option("runs", nargs="+", help="JSON files that the verb drum wrote")],
 )
 def drum_tables(args):
-    from repose import drum_tables
+    from repose.apparatus import drum_tables
 
     drum_tables.run(args.runs, args.out)
 

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from repose import settings
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, TABLE3, file_options
 from repose.cli.registry import Family, Option
+from repose.config import settings
 
 ROUND = "results/refined/round_0"
 NEXT_ROUND = "results/refined/round_1"
@@ -25,7 +25,7 @@ family = Family()
     ],
 )
 def refine_data(args):
-    from repose import refine
+    from repose.studies import refine
 
     refine.write_extended(args.dataset, args.runs, args.rounds, args.out)
 
@@ -42,7 +42,7 @@ def refine_data(args):
     ],
 )
 def refine_search(args):
-    from repose import refine
+    from repose.studies import refine
 
     config = settings.load(args.config)
     summary = refine.search(args.network, args.dataset, args.near, config, args.table3, args.out)
@@ -60,7 +60,7 @@ def refine_search(args):
     ],
 )
 def refine_propose(args):
-    from repose import refine
+    from repose.studies import refine
 
     config = settings.load(args.config)
     seed, out = config["design"]["seed"], Path(args.out) / "proposal.csv"
@@ -76,7 +76,7 @@ def refine_propose(args):
     options=file_options(ROUND_FILES, "of the round "),
 )
 def refine_judge(args):
-    from repose import refine
+    from repose.studies import refine
 
     config = settings.load(args.config)
     files = (args.proposal, args.dataset, args.runs)
@@ -91,7 +91,7 @@ def refine_judge(args):
     options=[Option("verdicts", nargs="+", help="JSON files that refine_judge wrote")],
 )
 def refine_tables(args):
-    from repose import refine
+    from repose.studies import refine
 
     summary = refine.write_tables(args.verdicts, settings.load(args.config)["refine"]["rounds"], args.out)
     print(summary["why"])

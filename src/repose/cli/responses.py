@@ -1,11 +1,11 @@
 """Verbs of further responses: what else a pile or a drum could tell, and what that would be worth."""
 
-from repose import settings
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import DATASET, RUNS, SAMPLES
 from repose.cli.parameter_sets import parameters
 from repose.cli.pouring import TURNED, told
 from repose.cli.registry import Family, Option
+from repose.config import settings
 
 family = Family()
 
@@ -21,12 +21,12 @@ family = Family()
     ],
 )
 def measure_responses(args):
-    from repose import responses
+    from repose.measure import further_responses
 
     config = settings.load(args.config)
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
-    table = responses.run(config, args.pours, args.runs, particle, berry_of, args.out)
-    print(table[list(responses.MEASURED)].describe().round(2).to_string())
+    table = further_responses.run(config, args.pours, args.runs, particle, berry_of, args.out)
+    print(table[list(further_responses.MEASURED)].describe().round(2).to_string())
 
 
 @family.verb(
@@ -40,7 +40,7 @@ def measure_responses(args):
     ],
 )
 def drum_design(args):
-    from repose import drum
+    from repose.apparatus import drum
 
     config = settings.load(args.config)
     count = config["second_responses"]["drum_seeds"]
@@ -63,7 +63,7 @@ def drum_design(args):
     ],
 )
 def second_responses(args):
-    from repose import second_responses
+    from repose.studies import second_responses
 
     config = settings.load(args.config)
     section = config["second_responses"] | {"hidden": config["network"]["hidden"]}

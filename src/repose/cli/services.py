@@ -2,11 +2,11 @@
 
 import json
 
-from repose import settings
 from repose.cli.berries import berry_and_particle
 from repose.cli.options import JSON
 from repose.cli.registry import Family, Option
-from repose.errors import InputError
+from repose.config import settings
+from repose.core.errors import InputError
 
 family = Family()
 
@@ -18,14 +18,15 @@ family = Family()
     options=[JSON],
 )
 def bench(args):
-    from repose import bench, shape_study
+    from repose.studies import shape_study
+    from repose.verification import speed
 
     config, particles = settings.load(args.config), {}
     for name, changes in config["shape_study"]["particles"].items():
         changed = shape_study.changed(config, "berry", changes)
         berry_of, particles[name] = berry_and_particle(changed, args.config)
-    result = bench.run(config, particles, berry_of)
-    print(json.dumps(result, indent=1) if args.json else bench.message(result))
+    result = speed.run(config, particles, berry_of)
+    print(json.dumps(result, indent=1) if args.json else speed.message(result))
 
 
 @family.verb(
@@ -97,7 +98,7 @@ def _case_line(name, result):
     options=[Option("results", help="folder of the finished study")],
 )
 def snapshot(args):
-    from repose import snapshot
+    from repose.studies import snapshot
 
     for path in snapshot.take(args.results, args.out):
         print(path)

@@ -1,8 +1,8 @@
 """Verbs of the shape study: particles, fillings and definitions of the angle."""
 
-from repose import settings
 from repose.cli.options import BERRY, SAMPLES
 from repose.cli.registry import Family, Option
+from repose.config import settings
 
 family = Family()
 
@@ -18,7 +18,7 @@ family = Family()
     ],
 )
 def shape_cell(args):
-    from repose import shape_study
+    from repose.studies import shape_study
 
     config = settings.load(args.config)
     shape_study.check(config, args.config)
@@ -32,6 +32,6 @@ def shape_cell(args):
     options=[Option("cells", nargs="+", help="CSV files of shape_cell")],
 )
 def shape_study(args):
-    from repose import shape_study
+    from repose.studies import shape_study
 
     shape_study.tables(settings.load(args.config), args.cells, args.out)

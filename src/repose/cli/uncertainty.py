@@ -1,8 +1,8 @@
 """Verbs that tell how sure the answer is."""
 
-from repose import settings
 from repose.cli.options import NETWORK, PUBLISHED, RUNS, chosen_files, file_options
 from repose.cli.registry import Family
+from repose.config import settings
 
 POSTERIOR_FILES = {
     "network": "results/network/network.json",
@@ -24,7 +24,7 @@ family = Family()
     options=[RUNS],
 )
 def noise(args):
-    from repose import noise
+    from repose.studies import noise
 
     print(noise.message(noise.run(args.runs, settings.load(args.config)["target"], args.out)))
 
@@ -36,7 +36,7 @@ def noise(args):
     options=file_options(POSTERIOR_FILES),
 )
 def posterior(args):
-    from repose import posterior
+    from repose.studies import posterior
 
     config = settings.load(args.config)
     files = chosen_files(args, POSTERIOR_FILES)
@@ -51,7 +51,7 @@ def posterior(args):
     options=[NETWORK],
 )
 def sensitivity(args):
-    from repose import sensitivity
+    from repose.studies import sensitivity
 
     config = settings.load(args.config)
     table = sensitivity.run(args.network, config["parameters"], config["sensitivity"], args.out)

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import InputError
-from ..files import write_whole
+from repose.core.errors import InputError
+from repose.core.files import write_whole
+
 from . import state as st
 from . import surfaces
 from .cache import source_hash

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..files import write_whole
+from repose.core.files import write_whole
 
 
 class Recorder:

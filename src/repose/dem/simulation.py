@@ -445,7 +445,7 @@ class Simulation:
     def load(cls, path):
         """The simulation that `save` wrote; it goes on with the same bits as if it had never stopped.
 
-        Raises `repose.errors.InputError`, a ValueError, naming the file where it is missing, damaged, of another
+        Raises `repose.core.errors.InputError`, a ValueError, naming the file where it is missing, damaged, of another
         format, or written by other sources of the engine.
         """
         return checkpoints.load(cls, path)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import trimesh
 
-from repose.errors import InputError
+from repose.core.errors import InputError
 
 from .checks import array, mapping, name_of, not_negative, number
 from .checks import direction as _direction

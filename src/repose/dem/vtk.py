@@ -11,7 +11,8 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from ..files import write_whole
+from repose.core.files import write_whole
+
 from .rotations import rotation_matrices
 from .tessellation import triangulated_bodies, triangulated_walls
 

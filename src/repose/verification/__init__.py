@@ -1,6 +1,6 @@
 """Verification of the simulator: known answers beside its own, as a table, plots and tests."""
 
-from repose.errors import InputError
+from repose.core.errors import InputError
 
 from . import convergence, energy, impacts, oblique, packing, rolling, rotation
 from .case import FULL, Effort

@@ -4,8 +4,8 @@ import re
 
 import numpy as np
 
-from repose.bench import REPRESENTATIVE
 from repose.dem import Contact
+from repose.verification.speed import REPRESENTATIVE
 
 from .case import Curve, Panel, Result, close, reported
 from .machine import berry_simulation
@@ -45,7 +45,7 @@ def longest_step_named(message):
 
 def _pours(step_s, pile, seeds):
     """Records of the pours of the published representative solution that gave a pile."""
-    from repose.heap import run_once
+    from repose.apparatus.heap import run_once
 
     config, particle, berry = pile
     changed = {**config, "heap": {**config["heap"], "time_step_s": step_s}}

@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 
+from repose.apparatus.scenes import Funnel
 from repose.dem import Contact, Cylinder
-from repose.scenes import Funnel
 
 from .case import Curve, Panel, Result, at_most, close, reported
 from .machine import BERRY_M, berry_simulation, frictionless, random_direction, random_quaternion

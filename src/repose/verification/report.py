@@ -4,8 +4,8 @@ import csv
 import html
 from pathlib import Path
 
-from repose.figures import style
-from repose.tables import STYLE
+from repose.pictures.figures import style
+from repose.pictures.pages import STYLE
 
 from .case import KNOWN, MISSED
 

@@ -1,0 +1,1 @@
+"""The bench tests, built from the engine: build, run, measure."""

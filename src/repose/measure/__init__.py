@@ -1,0 +1,1 @@
+"""From a picture or a simulated pile to numbers."""

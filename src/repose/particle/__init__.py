@@ -1,0 +1,1 @@
+"""From measured sizes or a scan to the simulated particle."""

@@ -1,0 +1,223 @@
+"""From a mesh to the particle the simulator takes: an ellipsoid, a smooth body, or spheres that fill the mesh.
+
+All kinds are made from the same mesh in its principal pose, and judged alike: volume, mass, principal moments and
+extents beside the mesh's own.
+"""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+
+from repose.core.errors import InputError
+from repose.particle import mesh_from_axes, sphere_packing, support_fit
+from repose.particle.mesh import (
+    MM,
+    body_of,
+    ellipsoid_mesh,
+    load_mesh,
+    mesh_support,
+    principal_pose,
+    sphere_directions,
+)
+from repose.particle.particle import KINDS, Particle
+
+__all__ = [
+    "KINDS",
+    "Particle",
+    "compare",
+    "ellipsoid_mesh",
+    "fit_particle",
+    "load_mesh",
+    "make_particle",
+    "principal_pose",
+    "run",
+]
+
+LARGEST_DEVIATION = 0.15
+# Sharp edges cost a smooth body volume, and with it mass.
+VOLUME_TOLERANCE = 0.1
+DIRECTIONS = 2000
+
+
+def fit_particle(mesh, density_kg_m3, stl="", source="mesh", kind="smooth"):
+    """Convex particle fitted to the support values of a mesh (mm, in its principal pose as `load_mesh` gives it).
+
+    kind: "smooth", the sum of as few co-axial ellipsoids (up to 3) as bring the rms deviation of the support values
+    under 0.2 % of the mean radius or the largest under 1 % of the smallest extent, or the best of them; "ellipsoid",
+    a single one. Mass is density times the particle's own volume: an ellipsoid holds less than a fuller berry of the
+    same axes. A mesh whose vertices lie on an ellipsoid is recognised as it: its facets cut into the ellipsoid, so
+    volume, mass and inertia are the ellipsoid's, a little above the mesh's own. Deviations include what the facets
+    cut off. density_kg_m3 > 0; stl: file name to keep with the particle; source: what error messages call the mesh.
+    Raises InputError where even the best is off by more than 15 % of the mean radius or 10 % of the volume (a single
+    ellipsoid: 20 %).
+    """
+    _check_density(density_kg_m3, source)
+    n = sphere_directions(DIRECTIONS)
+    measured = mesh_support(mesh, n) * MM
+    radius = np.cbrt(mesh.volume * 3 / (4 * math.pi)) * MM
+    semi_axes = support_fit.recognise_ellipsoid(mesh.vertices * MM, radius, n, measured)
+    if semi_axes is None:
+        counts = (1,) if kind == "ellipsoid" else support_fit.COMPONENTS
+        semi_axes = support_fit.fit_components(n, measured, radius, counts)
+    # Below a nanometre lies only the rounding of the file.
+    semi_axes = np.round(semi_axes, 9)
+    deviation = np.abs(support_fit.support(semi_axes, n) - measured)
+    volume, second_moments = support_fit.volume_integrals(semi_axes)
+    tolerance = VOLUME_TOLERANCE * (2 if kind == "ellipsoid" else 1)
+    _check_fit(deviation.max() / radius, volume / (mesh.volume * MM**3), tolerance, source)
+    body = body_of(mesh, density_kg_m3)
+    return Particle(
+        kind="ellipsoid" if len(semi_axes) == 1 else "smooth",
+        semi_axes_m=semi_axes,
+        density_kg_m3=float(density_kg_m3),
+        volume_m3=volume,
+        mass_kg=density_kg_m3 * volume,
+        inertia_kg_m2=density_kg_m3 * (second_moments.sum() - second_moments),
+        bounding_radius_m=support_fit.bounding_radius(semi_axes),
+        deviation_max_m=float(deviation.max()),
+        deviation_rms_m=float(np.sqrt(np.mean(deviation**2))),
+        mesh_volume_m3=body.volume_m3,
+        stl=str(stl),
+        mesh_inertia_kg_m2=body.inertia_kg_m2,
+        mesh_axes_m=body.axes_m,
+    )
+
+
+def make_particle(mesh, density_kg_m3, kind, spheres=14, surface="smooth", stl="", source="mesh"):
+    """Particle of a kind (ellipsoid, smooth, multisphere) from a mesh (mm, in its principal pose).
+
+    spheres, surface: of a multisphere, see `sphere_packing.fill`. Raises InputError where the mesh cannot be
+    represented so.
+    """
+    if kind not in KINDS:
+        raise InputError(source, "particle", kind, ", ".join(KINDS))
+    if kind != "multisphere":
+        return fit_particle(mesh, density_kg_m3, stl, source, kind)
+    _check_density(density_kg_m3, source)
+    filled = sphere_packing.fill(mesh, spheres, surface, source)
+    body = body_of(mesh, density_kg_m3)
+    centres, radii = filled.spheres_m[:, :3], filled.spheres_m[:, 3]
+    return Particle(
+        kind="multisphere",
+        semi_axes_m=np.zeros((0, 3)),
+        density_kg_m3=float(density_kg_m3),
+        volume_m3=filled.volume_m3,
+        mass_kg=body.mass_kg,
+        inertia_kg_m2=body.inertia_kg_m2,
+        bounding_radius_m=float((np.linalg.norm(centres, axis=1) + radii).max()),
+        deviation_max_m=filled.deviation_max_m,
+        deviation_rms_m=filled.deviation_rms_m,
+        mesh_volume_m3=body.volume_m3,
+        stl=str(stl),
+        spheres_m=filled.spheres_m,
+        mesh_inertia_kg_m2=body.inertia_kg_m2,
+        mesh_axes_m=body.axes_m,
+        stacking=filled.stacking,
+    )
+
+
+def compare(particles):
+    """Rows (dicts) of the checks, the mesh first: volume, mass, principal moments, extents, deviations.
+
+    particles: by name, all of the same mesh; one that could not be made is an InputError, and its row says why.
+    """
+    made = [particle for particle in particles.values() if isinstance(particle, Particle)]
+    rows = [_row("mesh", made[0].mesh)] if made else []
+    for name, particle in particles.items():
+        if not isinstance(particle, Particle):
+            rows.append({"body": name, "refused": str(particle)})
+            continue
+        rows.append(
+            _row(name, particle)
+            | {
+                "volume_deviation_percent": 100 * (particle.volume_m3 / particle.mesh_volume_m3 - 1),
+                "deviation_max_mm": particle.deviation_max_m / MM,
+                "deviation_rms_mm": particle.deviation_rms_m / MM,
+                "parts": len(particle.semi_axes_m) + len(particle.spheres_m),
+            }
+        )
+    return rows
+
+
+def run(
+    berry_json,
+    stl=None,
+    out_dir="results/berry",
+    *,
+    kind="smooth",
+    mass_g=None,
+    spheres=14,
+    surface="smooth",
+    time_step_s=None,
+    restitution=0.1,
+):
+    """Write berry.stl (mm, principal pose), particle.json and particles.csv to out_dir; return the Particle.
+
+    The mesh is the user's stl; or else built from the mean axes in berry_json and mass_g; without a mass the
+    ellipsoid of the mean axes. The particle is made from the file berry.stl. particles.csv has all kinds side by
+    side. Raises InputError for a bad file or mesh, and for spheres that would not be stable at time_step_s with
+    the wall's lowest restitution.
+    """
+    if not Path(berry_json).is_file():
+        raise InputError(berry_json, "file", None, "an existing file, written by `repose berry`")
+    berry = json.loads(Path(berry_json).read_text())
+    axes_mm = [berry[name] for name in ("long_mm", "major_mm", "minor_mm")]
+    density = berry["density_kg_m3"]
+    if stl is not None:
+        mesh = load_mesh(stl)
+    elif mass_g is None:
+        mesh = ellipsoid_mesh(axes_mm)
+    else:
+        mesh = mesh_from_axes.berry_mesh(axes_mm, mass_g, density)[0]
+    out_dir = Path(out_dir)
+    out_dir.mkdir(parents=True, exist_ok=True)
+    target = out_dir / "berry.stl"
+    mesh.export(target, file_type="stl")
+    source = target if stl is None else stl
+    mesh = load_mesh(target)
+    particles = {}
+    for name in (kind, *(other for other in KINDS if other != kind)):
+        try:
+            particles[name] = make_particle(mesh, density, name, spheres, surface, target.name, source)
+        except InputError as error:
+            if name == kind:
+                raise
+            particles[name] = error
+    particle = particles[kind]
+    if time_step_s is not None and particle.is_clump and "shear_modulus_pa" in berry:
+        sphere_packing.check_time_step(particle, berry, restitution, time_step_s)
+    import pandas as pd
+
+    rows = compare({name: particles[name] for name in KINDS})
+    pd.DataFrame(rows).to_csv(out_dir / "particles.csv", index=False, float_format="%.6g")
+    particle.save(out_dir / "particle.json")
+    return particle
+
+
+def _row(name, body):
+    """Volume, mass, principal moments and extents of a `Particle` or a `repose.particle.mesh.Body`."""
+    row = {"body": name, "volume_mm3": body.volume_m3 / MM**3, "mass_g": body.mass_kg * 1e3}
+    row |= {f"inertia_{x}_g_mm2": 1e9 * value for x, value in zip("xyz", body.inertia_kg_m2, strict=True)}
+    return row | {f"axis_{x}_mm": value / MM for x, value in zip("xyz", body.axes_m, strict=True)}
+
+
+def _check_density(density_kg_m3, source):
+    """InputError unless the density is a positive number."""
+    if not (math.isfinite(density_kg_m3) and density_kg_m3 > 0):
+        raise InputError(source, "density_kg_m3", density_kg_m3, "a positive number")
+
+
+def _check_fit(relative_deviation, volume_ratio, tolerance, source):
+    """InputError where the fitted particle is no fair stand-in for the mesh."""
+    if relative_deviation > LARGEST_DEVIATION:
+        key = "largest deviation of the particle over the mesh's mean radius"
+        allowed = f"at most {LARGEST_DEVIATION:g}: the particle is smooth and symmetric to three planes"
+        raise InputError(source, key, round(float(relative_deviation), 3), allowed)
+    if abs(volume_ratio - 1) > tolerance:
+        low, high = 1 - tolerance, 1 + tolerance
+        allowed = f"from {low:g} to {high:g}: the particle is smooth, without edges"
+        raise InputError(
+            source, "volume of the particle over the mesh's", round(float(volume_ratio), 3), allowed
+        )

@@ -1,0 +1,112 @@
+"""Meshes of berries: read, judged, turned to their principal axes; volume, moments and extents of what they enclose.
+
+A mesh is in millimetres, all else in metres.
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from repose.core.errors import InputError
+
+MM = 1e-3
+# Longest side a mesh may have; a berry in metres (0.02) or micrometres (20000) falls outside.
+EXTENT_LIMITS_MM = (0.5, 2000.0)
+CONVEX_SHARE = 0.95
+
+
+def ellipsoid_mesh(axes_mm, subdivisions=4):
+    """Watertight mesh (mm) of the ellipsoid with these full axes (3,); its vertices lie on the ellipsoid."""
+    mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.5)
+    mesh.apply_scale(np.asarray(axes_mm, dtype=float))
+    return mesh
+
+
+def load_mesh(path):
+    """Mesh of a file (STL and what else trimesh reads, mm), centred and turned to its principal axes.
+
+    Raises InputError where the file is no mesh, or the mesh is not closed, inside out, of implausible size,
+    or so far from convex that no convex particle could stand for it.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(path, "file", None, "an existing mesh file, such as an STL in millimetres")
+    try:
+        mesh = trimesh.load(path, force="mesh")
+    except Exception as error:  # trimesh's readers raise whatever their parsers do
+        raise InputError(path, "file", str(error), "a mesh that trimesh can read, such as an STL") from None
+    check_mesh(mesh, path)
+    return principal_pose(mesh)
+
+
+def check_mesh(mesh, source):
+    """InputError unless the mesh (mm) is closed, faces outwards, has a plausible size, is near-convex."""
+    if len(mesh.faces) < 4:
+        raise InputError(source, "faces", len(mesh.faces), "a closed surface of at least 4 faces")
+    if not np.isfinite(mesh.vertices).all():
+        raise InputError(source, "vertices", "not finite", "finite coordinates in millimetres")
+    longest = float(mesh.extents.max())
+    low, high = EXTENT_LIMITS_MM
+    if not low <= longest <= high:
+        allowed = f"from {low:g} to {high:g}: is the mesh in millimetres?"
+        raise InputError(source, "longest side in mm", longest, allowed)
+    if not mesh.is_watertight or not mesh.is_winding_consistent:
+        allowed = "a watertight surface with consistent faces; close the holes first"
+        raise InputError(source, "surface", "open or inconsistent", allowed)
+    if mesh.volume <= 0:
+        raise InputError(
+            source, "volume in mm3", float(mesh.volume), "positive; the faces must look outwards"
+        )
+    share = float(mesh.volume / mesh.convex_hull.volume)
+    if share < CONVEX_SHARE:
+        allowed = f"at least {CONVEX_SHARE:g}; the particle is convex and cannot stand for dents this deep"
+        raise InputError(source, "share of its convex hull that the mesh fills", round(share, 4), allowed)
+
+
+def principal_pose(mesh):
+    """Copy of the mesh, centre of mass at the origin, principal axes along x (the longest), y and z."""
+    # Ascending moments: the smallest belongs to the longest axis.
+    axes = np.linalg.eigh(mesh.moment_inertia).eigenvectors.T
+    for k in range(2):
+        # One of the two signs, so that the pose does not hang on the eigenvector routine.
+        axes[k] *= np.sign(axes[k, np.argmax(np.abs(axes[k]))])
+    axes[2] = np.cross(axes[0], axes[1])
+    posed = mesh.copy()
+    posed.vertices = (mesh.vertices - mesh.center_mass) @ axes.T
+    return posed
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """What a closed mesh encloses: volume, principal moments (3,) at the given density, full extents along x, y, z."""
+
+    volume_m3: float
+    mass_kg: float
+    inertia_kg_m2: np.ndarray
+    axes_m: np.ndarray
+
+
+def body_of(mesh, density_kg_m3):
+    """The `Body` of a mesh (mm) in its principal pose: exact integrals over the polyhedron."""
+    inertia = np.diag(mesh.moment_inertia) / mesh.density * density_kg_m3 * MM**5
+    volume = float(mesh.volume) * MM**3
+    return Body(volume, density_kg_m3 * volume, inertia, np.ptp(mesh.vertices, axis=0) * MM)
+
+
+def sphere_directions(count):
+    """Evenly spread unit vectors, (count, 3): a Fibonacci lattice."""
+    index = np.arange(count)
+    z = 1 - (2 * index + 1) / count
+    azimuth = index * math.pi * (3 - math.sqrt(5))
+    ring = np.sqrt(1 - z**2)
+    return np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z], axis=1)
+
+
+def mesh_support(mesh, n):
+    """Support values (N,) of a mesh in directions n (N, 3), in the mesh's unit."""
+    vertices = np.asarray(mesh.convex_hull.vertices)
+    # In chunks: a scan's hull times all directions would fill gigabytes.
+    return np.concatenate([(part @ vertices.T).max(axis=1) for part in np.array_split(n, 1 + len(n) // 500)])

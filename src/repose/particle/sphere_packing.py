@@ -1,0 +1,210 @@
+"""A mesh filled with spheres: the rigid clump that multi-sphere programs take.
+
+"smooth": few large overlapping balls. Each is inscribed in the mesh; a greedy search takes the one that lowers the
+mean squared distance of the mesh's surface from the balls most, then exchanges one at a time for a better one; last,
+all radii grow by one length until the union has the mesh's volume. "rough": balls of one smaller radius, as far apart
+as they will go, touching the surface from inside, so that bumps are left between them. Nothing is random.
+
+Spheres that act at one and the same place add their stiffnesses and dampings. With so many of them that
+`longest_time_step` falls below the study's, a clump is refused.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.stats import qmc
+
+from repose.core.errors import InputError
+from repose.particle.mesh import MM, sphere_directions
+
+SURFACES = ("smooth", "rough")
+MOST_SPHERES = 100
+# A further sphere has to lower the rms distance of the surface by this share of the mean radius.
+SMALLEST_GAIN = 1e-4
+ROUGH_SHARE = 0.62  # radius of a rough clump's spheres over that of the largest inscribed ball
+CANDIDATES, SURFACE_POINTS, VOLUME_POINTS = 3000, 1500, 2**17
+# Centres of a smooth filling keep this distance, over the radius of the largest inscribed ball: spheres side by side
+# would act as one stiffer sphere.
+SPACING = 0.35
+# Overlap at which spheres count as acting together, over the largest radius: that of a soft berry under a pile.
+TYPICAL_OVERLAP = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Filling:
+    """Spheres (M, 4), x y z radius; volume of their union; distances of the mesh's surface from it; `stacking`."""
+
+    spheres_m: np.ndarray
+    volume_m3: float
+    deviation_max_m: float
+    deviation_rms_m: float
+    stacking: float
+
+
+def fill(mesh, count=14, surface="smooth", source="mesh"):
+    """`Filling` of a mesh (mm, near convex, centred) with at most `count` spheres; fewer where more add nothing.
+
+    Raises InputError naming the value and what is allowed.
+    """
+    if not (isinstance(count, int) and 1 <= count <= MOST_SPHERES):
+        raise InputError(source, "spheres", count, f"a whole number from 1 to {MOST_SPHERES}")
+    if surface not in SURFACES:
+        raise InputError(source, "surface", surface, ", ".join(SURFACES))
+    points, normals = surface_points(mesh)
+    centres, depths = _inside(mesh, points)
+    spheres = _cover(centres, depths, points, count) if surface == "smooth" else None
+    if surface == "rough":
+        spheres = _bumps(points, normals, ROUGH_SHARE * depths.max(), count)
+    box = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
+    if surface == "smooth":
+        spheres[:, 3] += _growth(spheres, mesh, box)
+    gaps = distances(spheres, points)
+    return Filling(
+        spheres_m=np.round(spheres * MM, 9),
+        volume_m3=union_volume(spheres, box) * MM**3,
+        deviation_max_m=float(np.abs(gaps).max()) * MM,
+        deviation_rms_m=float(np.sqrt(np.mean(gaps**2))) * MM,
+        stacking=stacking(spheres),
+    )
+
+
+def surface_points(mesh, count=SURFACE_POINTS):
+    """Points (N, 3) evenly over a mesh's area and the outward normals (N, 3) there; the same every time."""
+    cumulated = np.cumsum(mesh.area_faces)
+    draws = qmc.Halton(3, scramble=False).random(count + 1)[1:]
+    face = np.minimum(np.searchsorted(cumulated, draws[:, 0] * cumulated[-1]), len(cumulated) - 1)
+    root = np.sqrt(draws[:, 1:2])
+    weights = np.hstack([1 - root, root * (1 - draws[:, 2:]), root * draws[:, 2:]])
+    return np.einsum("nk,nki->ni", weights, mesh.triangles[face]), mesh.face_normals[face]
+
+
+def _inside(mesh, points):
+    """Candidate centres (N, 3) inside a mesh on a grid symmetric about the origin, and their distances (N,) from it."""
+    spacing = np.cbrt(mesh.volume / CANDIDATES)
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    lines = [
+        spacing * np.arange(math.ceil(a / spacing), math.floor(b / spacing) + 1)
+        for a, b in zip(low, high, strict=True)
+    ]
+    grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+    hull = mesh.convex_hull
+    offsets = np.einsum("fi,fi->f", hull.face_normals, hull.triangles[:, 0])
+    # In chunks: all centres times all faces of a scan would fill gigabytes.
+    parts = np.array_split(grid, 1 + len(grid) * len(offsets) // 2_000_000)
+    inwards = np.concatenate([(offsets - part @ hull.face_normals.T).min(axis=1) for part in parts])
+    grid, inwards = grid[inwards > 0], inwards[inwards > 0]
+    # Where the surface lies below its hull, the hull's distance is too large.
+    return grid, np.minimum(inwards, cKDTree(points).query(grid)[0])
+
+
+def distances(spheres, points):
+    """Distance (N,) of points (N, 3) from the union of spheres (M, 4), negative inside (there a bound)."""
+    away = np.linalg.norm(points[:, None, :] - spheres[None, :, :3], axis=2)
+    return (away - spheres[:, 3]).min(axis=1)
+
+
+def union_volume(spheres, box, count=VOLUME_POINTS):
+    """Volume of the union of spheres (M, 4), by a regular sequence of points; box (2, 3) holds most of it."""
+    reach = np.stack(
+        [(spheres[:, :3] - spheres[:, 3:]).min(axis=0), (spheres[:, :3] + spheres[:, 3:]).max(axis=0)]
+    )
+    low, high = np.minimum(box[0], reach[0]), np.maximum(box[1], reach[1])
+    points = low + (high - low) * qmc.Halton(3, scramble=False).random(count)
+    inside = sum(np.count_nonzero(distances(spheres, part) < 0) for part in np.array_split(points, 16))
+    return inside / count * float(np.prod(high - low))
+
+
+def _growth(spheres, mesh, box):
+    """By how much all radii have to grow for the union to have the mesh's volume."""
+    margin = 0.2 * np.abs(box).max()
+    low, high = box[0] - margin, box[1] + margin
+    points = low + (high - low) * qmc.Halton(3, scramble=False).random(VOLUME_POINTS)
+    away = np.concatenate([distances(spheres, part) for part in np.array_split(points, 16)])
+    return float(np.quantile(away, mesh.volume / np.prod(high - low)))
+
+
+def _cover(centres, depths, points, count):
+    """At most `count` inscribed balls (M, 4) whose union comes near the surface points."""
+    wide = depths > 0.25 * depths.max()
+    centres, depths = centres[wide], depths[wide]
+    gaps = np.linalg.norm(points[:, None, :] - centres[None], axis=2) - depths
+    squares = np.square(gaps).astype(np.float32)
+    apart = np.linalg.norm(centres[:, None] - centres[None], axis=2) >= SPACING * depths.max()
+    least = (SMALLEST_GAIN * depths.max()) ** 2
+    chosen, reached = [], np.inf
+    for _ in range(count):
+        score = _scores(squares, apart, chosen)
+        if reached - score.min() < least:
+            break
+        reached = score.min()
+        chosen.append(int(score.argmin()))
+    for _ in range(3):
+        before = list(chosen)
+        for place in range(len(chosen)):
+            score = _scores(squares, apart, chosen[:place] + chosen[place + 1 :])
+            if score.min() < score[chosen[place]]:
+                chosen[place] = int(score.argmin())
+        if chosen == before:
+            break
+    return np.column_stack([centres[chosen], depths[chosen]])
+
+
+def _scores(squares, apart, chosen):
+    """Mean squared distance of the surface from the chosen balls and each candidate (N,); infinite for one too near."""
+    if not chosen:
+        return squares.mean(axis=0)
+    score = np.minimum(squares[:, chosen].min(axis=1)[:, None], squares).mean(axis=0)
+    return np.where(apart[chosen].all(axis=0), score, np.inf)
+
+
+def _bumps(points, normals, radius, count):
+    """Balls (count, 4) of one radius below the surface, each as far as can be from those before it."""
+    below = points - radius * normals
+    chosen = [int(np.argmax(below[:, 0]))]
+    away = np.linalg.norm(below - below[chosen[0]], axis=1)
+    while len(chosen) < count:
+        chosen.append(int(away.argmax()))
+        away = np.minimum(away, np.linalg.norm(below - below[chosen[-1]], axis=1))
+    return np.column_stack([below[chosen], np.full(count, radius)])
+
+
+def stacking(spheres, overlap=TYPICAL_OVERLAP):
+    """How many spheres act at one place: the largest sum of dampings over that of one sphere, over all directions.
+
+    A plate is pressed against the clump (M, 4) from every side until the foremost sphere overlaps by `overlap` of the
+    largest radius. A contact's damping goes with the root of its Hertz stiffness, (R delta)^(1/4).
+    """
+    n = sphere_directions(2000)
+    extent = n @ spheres[:, :3].T + spheres[:, 3]
+    largest = spheres[:, 3].max()
+    deep = np.clip(extent - extent.max(axis=1, keepdims=True) + overlap * largest, 0, None)
+    share = (spheres[:, 3] / largest * deep / (overlap * largest)) ** 0.25
+    return float(share.sum(axis=1).max())
+
+
+def longest_time_step(particle, shear_modulus_pa, poisson_ratio, restitution):
+    """Longest stable time step [s] of a particle pressed between two rigid plates at `TYPICAL_OVERLAP`.
+
+    Dampings c = 2 sqrt(5/6) beta sqrt(S m), S = 2 E* sqrt(R delta), of the spheres that act at one place add up, on
+    both sides of the particle; an explicit step needs 2 c dt / m < 2.
+    """
+    largest = particle.spheres_m[:, 3].max()
+    young = 2 * shear_modulus_pa * (1 + poisson_ratio) / (1 - poisson_ratio**2)
+    stiffness = 2 * young * largest * math.sqrt(TYPICAL_OVERLAP)
+    beta = -math.log(restitution) / math.hypot(math.log(restitution), math.pi)
+    damping = 2 * math.sqrt(5 / 6) * beta * math.sqrt(stiffness * particle.mass_kg)
+    return particle.mass_kg / (particle.stacking * damping)
+
+
+def check_time_step(particle, berry, restitution, time_step_s, source="configuration"):
+    """InputError unless a multisphere is stable at the study's time step; berry: mapping with the moduli."""
+    limit = longest_time_step(particle, berry["shear_modulus_pa"], berry["poisson_ratio"], restitution)
+    if time_step_s > limit:
+        count = len(particle.spheres_m)
+        allowed = (
+            f"fewer: {particle.stacking:.1f} of them act at one place, where their stiffnesses and dampings add up; "
+            f"that is stable up to heap.time_step_s {limit:.2g}, here {time_step_s:g}"
+        )
+        raise InputError(source, "berry.spheres", count, allowed)

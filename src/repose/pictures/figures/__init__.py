@@ -1,0 +1,90 @@
+"""Figures drawn from the workflow's own tables, under the paper's numbers where it has a counterpart."""
+
+from pathlib import Path
+
+from repose.core.errors import InputError
+
+from . import (
+    berries,
+    checks,
+    comparison,
+    inversion,
+    measuring,
+    refinement,
+    representations,
+    rotation,
+    samples,
+    search,
+    second_look,
+    style,
+    surrogate,
+    testbench,
+    uncertainty,
+    workflow,
+)
+
+# Name of a figure: the function that draws it and the inputs it needs; inputs in OPTIONAL may be left out.
+FIGURES = {
+    "figure02": (berries.sizes_and_sphericity, ("sizes",)),
+    "figure05": (testbench.simulated_pile, ("heap", "particle")),
+    "figure06": (testbench.measurement, ("heap", "particle", "berry")),
+    "figure07": (berries.particle_and_mesh, ("stl", "particle")),
+    "figure08": (testbench.apparatus, ()),
+    "figure09": (workflow.rule_graph, ("dot",)),
+    "figure10": (surrogate.network_structure, ("network",)),
+    "figure13": (surrogate.predicted_against_simulated, ("predictions", "dataset")),
+    "figure14": (search.feasible_solutions, ("feasible", "summary")),
+    "figure15": (rotation.states, ("states", "particle")),
+    "definitions": (measuring.definitions, ("heap", "particle", "berry")),
+    "drum": (rotation.course, ("record", "profile", "runs")),
+    "convergence": (search.convergence, ("history",)),
+    "shape_study": (representations.study, ("combinations", "sets")),
+    "design": (samples.design_matrix, ("samples",)),
+    "dataset": (samples.responses_over_parameters, ("dataset",)),
+    "validation": (checks.validation, ("table4",)),
+    "published": (checks.published_solutions, ("published",)),
+    "noise": (uncertainty.noise_floor, ("runs", "seeds", "noise")),
+    "corner": (uncertainty.corner, ("draws", "posterior", "summary", "feasible")),
+    "intervals": (uncertainty.intervals, ("posterior",)),
+    "sobol": (uncertainty.sobol_indices, ("sobol",)),
+    "search": (inversion.searches, ("curves", "methods")),
+    "whole": (inversion.whole, ("whole",)),
+    "second_responses": (
+        second_look.what_to_measure_next,
+        ("responses", "information", "narrowing", "order"),
+    ),
+    "approach": (refinement.approach, ("rounds",)),
+    "accuracy": (comparison.accuracy, ("accuracy",)),
+    "surrogates": (comparison.surrogates, ("surrogates",)),
+    "sampling": (comparison.sampling, ("sampling",)),
+    "main_effects": (uncertainty.main_effects, ("effects", "dataset", "sobol")),
+}
+OPTIONAL = {
+    "approach": ("summary",),
+    "figure08": ("trajectory", "particle"),
+    "figure14": ("published",),
+    "convergence": ("summary",),
+    "design": ("comparison",),
+    "validation": ("published",),
+}
+
+
+def draw(name, inputs, out_path, config):
+    """Draw one figure to a PNG.
+
+    name: a key of FIGURES; inputs: mapping of the figure's input names to paths; config: the whole
+    configuration.
+    Raises InputError for an unknown name, an input that is missing, unknown or not a file.
+    """
+    if name not in FIGURES:
+        raise InputError("figures", "name", name, ", ".join(FIGURES))
+    function, needed = FIGURES[name]
+    known = needed + OPTIONAL.get(name, ())
+    for key in [*needed, *inputs]:
+        if key not in known or key not in inputs:
+            raise InputError(f"figure {name}", "inputs", key, f"needs {needed}, may have {known}")
+        if not Path(inputs[key]).is_file():
+            raise InputError(f"figure {name}", key, str(inputs[key]), "an existing file")
+    with style.applied():
+        figure = function(inputs, config)
+        style.save(figure, out_path, small_run=bool(config.get("small_run", False)))

@@ -1,0 +1,143 @@
+"""Whether search and network pay: searches beside each other, and the whole method beside a response surface."""
+
+import numpy as np
+import pandas as pd
+
+from repose.studies.comparison.search import REFERENCE
+
+from . import style
+
+SEARCHES = {
+    "miga": ("island GA", style.BLUE),
+    "miga_whole": ("island GA, all evaluations", style.BLUE),
+    "one_population": ("one population", style.SKY),
+    "differential_evolution": ("differential evolution", style.GREEN),
+    "dual_annealing": ("dual annealing", style.PURPLE),
+    "cma_es": ("CMA-ES", style.ORANGE),
+    "least_squares": ("least squares, restarted", style.RED),
+    "random": ("random points", style.GREY),
+}
+WHOLE = {
+    "best_sample": ("best sample, no model", style.GREY, "s", ":"),
+    "linear": ("plane + local search", style.SKY, "v", "--"),
+    "quadratic": ("quadratic + local search", style.RED, "o", "-"),
+    "network_all": ("network on all + local search", style.GREEN, "^", "-"),
+    "network": ("network + local search", style.ORANGE, "D", "--"),
+    "network_miga": ("network + island GA, the method", style.BLUE, "o", "-"),
+}
+KINDS = {"real": "subsets of the samples", "emulated": "new samples, emulated"}
+
+
+def searches(inputs, config):
+    """Best objective over evaluations, evaluations to the tolerance, and how much of the feasible region is found."""
+    curves, methods = pd.read_csv(inputs["curves"]), pd.read_csv(inputs["methods"]).set_index("method")
+    tolerance = config["compare_search"]["tolerance"]
+    figure = style.new_figure(style.PAGE, 3.5)
+    course, soon, spread = figure.subplots(1, 3, width_ratios=[1.9, 1, 1])
+    for name, (label, colour) in SEARCHES.items():
+        rows = curves[curves["method"] == name]
+        if name == "miga_whole":  # goes on where the others end
+            rows = rows[rows["evaluations"] >= curves.loc[curves["method"] == "miga", "evaluations"].max()]
+        line = "--" if name == "miga_whole" else "-"
+        middle, error = rows["log10_mean"], rows["log10_se"]
+        course.plot(rows["evaluations"], 10**middle, line, color=colour, label=label)
+        course.fill_between(
+            rows["evaluations"], 10 ** (middle - error), 10 ** (middle + error), color=colour, alpha=0.2, lw=0
+        )
+    course.axhline(tolerance, color=style.BLACK, lw=0.7, ls=":")
+    course.set(xscale="log", yscale="log", xlabel="evaluations of the network", ylabel="best objective F (–)")
+    course.text(11, tolerance * 0.8, f"tolerance {tolerance:g}", fontsize=6.3, va="top")
+    figure.legend(*course.get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    course.set_title("a", fontweight="bold")
+    _to_tolerance(soon, methods)
+    _coverage(spread, methods)
+    return figure
+
+
+def _to_tolerance(panel, methods):
+    names = [name for name in SEARCHES if name in methods.index and name != "miga_whole"]
+    place = np.arange(len(names))[::-1]
+    for y, name in zip(place, names, strict=True):
+        row, (_, colour) = methods.loc[name], SEARCHES[name]
+        reached = int(row["reached"])
+        if reached:
+            # a mean over the runs that made it, where not all did, is too low
+            alpha = 1.0 if reached == int(row["repetitions"]) else 0.4
+            panel.barh(y, row["evaluations_to_tolerance"], color=colour, height=0.7, alpha=alpha)
+            panel.errorbar(
+                row["evaluations_to_tolerance"],
+                y,
+                xerr=row["evaluations_to_tolerance_se"] if reached > 1 else None,
+                color=style.BLACK,
+                lw=0.8,
+                capsize=2,
+            )
+        of = int(row["repetitions"])
+        if reached < of:
+            panel.text(12, y, f"{reached} of {of} runs", fontsize=6, va="center", ha="left")
+    panel.set_yticks(place, [SEARCHES[name][0] for name in names], fontsize=6.3)
+    panel.set(xscale="log", xlim=(10, None), xlabel="evaluations to tolerance")
+    panel.set_title("b", fontweight="bold")
+
+
+def _coverage(panel, methods):
+    names = [name for name in SEARCHES if name in methods.index]
+    place = np.arange(len(names))[::-1]
+    for offset, key, alpha, label in ((0.2, "listed", 1.0, "the list"), (-0.2, "met", 0.45, "any it met")):
+        values = 100 * methods.loc[names, f"{key}_coverage"].to_numpy()
+        errors = 100 * methods.loc[names, f"{key}_coverage_se"].to_numpy()
+        colours = [SEARCHES[name][1] for name in names]
+        panel.barh(place + offset, values, 0.38, color=colours, alpha=alpha)
+        panel.errorbar(values, place + offset, xerr=errors, fmt="none", ecolor=style.BLACK, lw=0.7)
+        panel.barh([np.nan], [np.nan], color=style.BLACK, alpha=alpha, label=label)
+    full = 100 * methods.loc[REFERENCE, "listed_coverage"]
+    panel.axvline(full, color=style.BLACK, lw=0.8, ls=":")
+    panel.text(
+        0.97 * full,
+        0.99,
+        "as many random\nfeasible points",
+        transform=panel.get_xaxis_transform(),
+        fontsize=5.8,
+        ha="right",
+        va="top",
+    )
+    panel.set_yticks(place, [SEARCHES[name][0].replace(", ", ",\n") for name in names], fontsize=6)
+    panel.set(xlabel="region covered (%)", xlim=(0, None), ylim=(-0.6, len(names) + 0.4))
+    panel.legend(loc="center right", fontsize=6)
+    panel.set_title("c", fontweight="bold")
+
+
+def whole(inputs, config):
+    """True error of what each method proposes over the simulations that were spent, for both responses."""
+    table = pd.read_csv(inputs["whole"])
+    kinds = [kind for kind in KINDS if kind in set(table["data"])]
+    figure = style.new_figure(style.PAGE, 4.4)
+    panels = figure.subplots(2, len(kinds), sharex=True, sharey="row", squeeze=False)
+    for column, kind in enumerate(kinds):
+        for panel, (key, label) in zip(
+            panels[:, column],
+            (("aor_off_deg", "AoR off (deg)"), ("height_off_mm", "Height off (mm)")),
+            strict=True,
+        ):
+            for name, (text, colour, mark, line) in WHOLE.items():
+                rows = table[(table["data"] == kind) & (table["method"] == name)]
+                panel.errorbar(
+                    rows["simulations"],
+                    rows[key],
+                    yerr=rows[f"{key}_se"],
+                    color=colour,
+                    marker=mark,
+                    ms=3.5,
+                    ls=line,
+                    capsize=2,
+                    lw=1,
+                    label=text,
+                )
+            panel.grid(True, axis="y")
+            panel.set_ylim(0, None)
+            if column == 0:
+                panel.set_ylabel(label)
+        panels[0, column].set_title(f"{'ab'[column]}   {KINDS[kind]}", fontweight="bold")
+        panels[1, column].set_xlabel("simulations spent")
+    figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return figure

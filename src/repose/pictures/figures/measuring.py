@@ -1,0 +1,93 @@
+"""The definitions of the angle of repose drawn on one and the same pile."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from repose.measure import pile
+from repose.measure.angles import DEFINITIONS
+from repose.measure.saved_pours import first_pour, side_view
+from repose.particle import build
+
+from . import style
+
+COLOURS = dict(zip(DEFINITIONS, (style.BLUE, style.RED, style.GREEN, style.PURPLE), strict=True))
+STYLES = dict(zip(DEFINITIONS, ("-", "-", "-", (0, (4, 2))), strict=True))
+
+
+def definitions(inputs, config):
+    """Four definitions on the first view of a pile, and what each gives in every view."""
+    berry = json.loads(Path(inputs["berry"]).read_text())
+    settings = pile.MeasureSettings.of(config["measure"], berry)
+    poured, particle = first_pour(inputs["heap"]), build.Particle.load(inputs["particle"])
+    figure = style.new_figure(style.PAGE, 3.9)
+    above, below = figure.subplots(2, 1, height_ratios=(1.9, 1))
+    measured = _view(above, side_view(poured, particle, settings), settings)
+    everywhere = pile.measure_pile(
+        poured["position"],
+        poured["quaternion"],
+        particle,
+        settings,
+        members=poured["in_pile"],
+        scales=poured.get("scale"),
+    )
+    _views(below, everywhere, measured)
+    return figure
+
+
+def _view(panel, image, settings):
+    """The silhouette in mm about its crest with both lines of each definition. Returns its Measurement."""
+    scale = settings.mm_per_pixel
+    measured = pile.measure_segmented(
+        pile.segment(image, settings.largest_pile_only, image.shape[0] - 0.5), settings
+    )
+    height, width = image.shape
+    crest = measured.top[0]
+    panel.imshow(
+        np.where(image < 128, 205, 255).astype(np.uint8),
+        cmap="gray",
+        vmin=0,
+        vmax=255,
+        extent=((-0.5 - crest) * scale, (width - 0.5 - crest) * scale, 0, height * scale),
+    )
+    for name, angle in measured.angles.items():
+        for line in angle.lines:
+            u, row = np.array(line).T
+            panel.plot(
+                (u - crest) * scale,
+                (measured.base_row - row) * scale,
+                color=COLOURS[name],
+                ls=STYLES[name],
+                lw=1.5,
+            )
+        panel.plot([], [], color=COLOURS[name], ls=STYLES[name], label=f"{name} {angle.aor_deg:.1f}°")
+    levels = {"one berry": settings.berry_height_mm}
+    for key in ("fit_from", "fit_to"):
+        if (end := getattr(settings, key)) != "berry":
+            levels[key] = end * measured.height_mm
+    left, right = panel.get_xlim()
+    for name, z in levels.items():
+        panel.axhline(z, color=style.GREY, lw=0.6, ls=":")
+        panel.text(right, z, f" {name}", va="center", fontsize=6.5, color=style.GREY)
+    panel.set(xlim=(left, right), ylim=(0, 1.15 * measured.height_mm), aspect="equal")
+    panel.set(xlabel="distance from the crest (mm)", ylabel="height (mm)")
+    panel.legend(loc="upper left", fontsize=7)
+    panel.set_title("a  one view")
+    return measured
+
+
+def _views(panel, everywhere, measured):
+    """Each definition in every view, its mean, and the first view ringed."""
+    for k, name in enumerate(DEFINITIONS):
+        values = everywhere.aor[name]
+        panel.plot(values, np.full(values.size, -k), "o", ms=3.5, color=COLOURS[name], alpha=0.55, mew=0)
+        if (mean := everywhere.mean_deg(name)) is not None:
+            panel.plot([mean, mean], [-k - 0.32, -k + 0.32], color=COLOURS[name], lw=1.6)
+            panel.text(mean, -k + 0.36, f"{mean:.1f}°", ha="center", va="bottom", fontsize=6.5)
+        if name in measured.angles:
+            panel.plot(measured.angles[name].aor_deg, -k, "o", ms=7, mfc="none", mec=style.BLACK, mew=0.7)
+    panel.set_yticks([-k for k in range(len(DEFINITIONS))], DEFINITIONS)
+    panel.set_ylim(0.9 - len(DEFINITIONS) - 0.4, 0.9)
+    panel.set_xlabel("angle of repose (deg)")
+    panel.set_title(f"b  all {everywhere.view_height_mm.size} views, their mean (bar), and view a (ring)")

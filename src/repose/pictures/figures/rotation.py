@@ -1,0 +1,158 @@
+"""Figure 15 and its numbers: the bed in the drum before and after its first slip."""
+
+import numpy as np
+import pandas as pd
+
+from repose.measure import bed
+from repose.particle import build
+from repose.pictures.film import drum_inside
+from repose.pictures.render import render_pile
+from repose.pictures.scenery import look_at
+
+from . import style
+
+PIXELS = 620
+TELEPHOTO_DEG = 0.8  # so far away that berries of any depth are as large: the side view that is measured
+TITLES = {
+    "start": "before the rotation",
+    "report": "at the report",
+    "before": "before the slip",
+    "after": "after the slip",
+}
+
+
+def states(inputs, config):
+    """Figure 15: side views along the axis with the line fitted to the upper edge, in the states there are."""
+    with np.load(inputs["states"]) as file:
+        arrays = dict(file)
+    particle, scales = build.Particle.load(inputs["particle"]), arrays.get("scale")
+    slipped = "position_before" in arrays
+    shown = ("start", "before", "after") if slipped else ("start", "report")
+    figure = style.new_figure(style.PAGE, style.PAGE / len(shown) + 0.3)
+    figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02)
+    for panel, state, letter in zip(figure.subplots(1, len(shown)), shown, "abc", strict=False):
+        turned_deg = float(arrays[f"turned_{state}_deg"])
+        place = (arrays[f"{key}_{state}"].astype(float) for key in ("position", "quaternion"))
+        angle = _side_view(panel, *place, scales, particle, turned_deg, config)
+        panel.set_title(f"{letter}  {TITLES[state]}: surface {angle:.1f}°")
+        panel.set_xlabel(f"drum turned by {turned_deg:.1f}°")
+    if not slipped:
+        figure.supxlabel("NO SLIP in this run", fontsize=7.5, color=style.RED)
+    return figure
+
+
+def _side_view(panel, centres, quaternions, scales, particle, turned_deg, config):
+    """Draw one state with its fitted line; returns the line's angle (degrees)."""
+    section = config["drum"]
+    inside = drum_inside(section, np.radians(turned_deg))
+    picture = render_pile(
+        centres,
+        quaternions,
+        particle,
+        0.0,
+        -90.0,
+        PIXELS,
+        PIXELS,
+        frame_m=inside.outline(),
+        backdrop=inside,
+        field_of_view_deg=TELEPHOTO_DEG,
+        scales=scales,
+    )
+    camera = look_at(inside.outline(), PIXELS, PIXELS, 0.0, -90.0, field_of_view_deg=TELEPHOTO_DEG)
+    surface = bed.measure_surface(
+        centres,
+        quaternions,
+        particle,
+        inside.radius_m,
+        config["measure"]["mm_per_pixel"],
+        section["fit_share"],
+        scales,
+    )
+    panel.imshow(picture)
+    ends = np.column_stack([surface.line_m[:, 0], np.zeros(2), surface.line_m[:, 1]])
+    x, y, _ = camera.project(ends)
+    panel.plot(x, y, color="white", lw=2.6, solid_capstyle="butt")
+    panel.plot(x, y, color=style.GREEN, lw=1.6, solid_capstyle="butt")
+    panel.set(xticks=[], yticks=[])
+    for spine in panel.spines.values():
+        spine.set_visible(False)
+    return surface.angle_deg
+
+
+def course(inputs, config):
+    """Angles over the turned angle of every run, and the motion of the slipping layer by depth."""
+    record, profile, runs = (pd.read_csv(inputs[key]) for key in ("record", "profile", "runs"))
+    figure = style.new_figure(style.PAGE, 2.9)
+    left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
+    _angles(left, record, runs, config["drum"])
+    _layers(right, profile, config["drum"])
+    for panel, letter in zip((left, right), "ab", strict=True):
+        panel.set_title(letter, fontweight="bold")
+    return figure
+
+
+def _angles(panel, record, runs, section):
+    for k, (seed, run) in enumerate(record.groupby("seed")):
+        one = runs[runs["seed"] == seed].iloc[0]
+        turning = run if one["status"] != "ok" else run[run["time_s"] <= one["after_time_s"]]
+        label = {"surface_deg": "surface", "bed_deg": "centre of mass"} if k == 0 else {}
+        panel.plot(
+            turning["time_s"],
+            turning["surface_deg"],
+            color=style.SKY,
+            lw=0.6,
+            alpha=0.8,
+            label=label.get("surface_deg"),
+        )
+        panel.plot(
+            turning["time_s"], turning["bed_deg"], color=style.BLUE, lw=0.9, label=label.get("bed_deg")
+        )
+    slipped = runs[runs["status"] == "ok"]
+    if len(slipped):
+        panel.plot(
+            slipped["before_time_s"],
+            slipped["before_bed_deg"],
+            "v",
+            ms=4,
+            color=style.RED,
+            zorder=4,
+            label="first slip begins",
+        )
+    rate = np.degrees(section["angular_velocity_rad_s"])
+    last = record["time_s"].max()
+    panel.plot([0, last], [0, rate * last], color=style.GREY, lw=0.7, ls="--", label="carried like a solid")
+    if "report_time_s" in runs:
+        at = runs["report_time_s"].median()
+        panel.axvline(
+            at, color=style.ORANGE, lw=0.8, label=f"{section['report_s']:g} s since the filling began"
+        )
+    top = 1.3 * max(record["surface_deg"].max(), record["bed_deg"].max())
+    panel.set(xlim=(0, last), ylim=(min(-3.0, record["bed_deg"].min() - 2), top))
+    panel.set(xlabel="time since the rotation began (s)", ylabel="angle (deg)")
+    panel.legend(loc="upper left", ncols=2, fontsize=6.2)
+
+
+def _layers(panel, profile, section):
+    panel.set(xlabel="motion against the drum (mm)", ylabel="depth below the surface (mm)")
+    panel.invert_yaxis()
+    if not len(profile):
+        style.note(panel, "no slip in any run")
+        return
+    for _, run in profile.groupby("seed"):
+        panel.plot(run["moved_mm"], run["depth_mm"], color=style.SKY, lw=0.7)
+    layers = profile.groupby("depth_mm")["moved_mm"]
+    mean, count = layers.mean(), layers.count()
+    error = (layers.std() / np.sqrt(count)).fillna(0.0)
+    panel.errorbar(
+        mean,
+        mean.index,
+        xerr=error,
+        fmt="o-",
+        ms=3,
+        color=style.BLUE,
+        elinewidth=0.9,
+        capsize=1.5,
+        label="mean ± SE",
+    )
+    panel.axvline(0.0, color=style.GREY, lw=0.6)
+    panel.legend(loc="lower right")

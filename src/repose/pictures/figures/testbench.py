@@ -1,0 +1,190 @@
+"""Figures 5, 6 and 8: the simulated pile, its measurement, and the bench it is poured on."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.patches import Circle
+
+from repose.measure import pile
+from repose.measure.saved_pours import first_pour, side_view
+from repose.measure.silhouette import outlines
+from repose.particle import build
+from repose.pictures.render import render_pile
+from repose.pictures.scenery import funnel_walls
+
+from . import style
+
+LINE = "#D7191C"
+PILE_PIXELS = 1300
+SNAPSHOT_S = 9.0
+
+
+def simulated_pile(inputs, config):
+    """Figure 5's counterpart: a shaded picture of a simulated pile."""
+    poured = first_pour(inputs["heap"])
+    centres, quaternions, in_pile = (poured[name] for name in ("position", "quaternion", "in_pile"))
+    scales = poured.get("scale", np.ones(len(centres))).astype(float)
+    particle = build.Particle.load(inputs["particle"])
+    reach = particle.bounding_radius_m * scales.max(initial=0.0)
+    near = centres[in_pile].astype(float)
+    corners = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
+    frame = (near[:, None] + corners).reshape(-1, 3)
+    picture = render_pile(
+        centres,
+        quaternions,
+        particle,
+        width=PILE_PIXELS,
+        height=PILE_PIXELS // 2,
+        frame_m=frame,
+        scales=scales,
+    )
+    figure = style.new_figure(style.PAGE, style.PAGE / 2)
+    figure.get_layout_engine().set(w_pad=0, h_pad=0)
+    panel = figure.subplots()
+    panel.imshow(picture, aspect="auto")
+    panel.axis("off")
+    count = int(in_pile.sum())
+    style.note(panel, f"{len(centres)} berries poured, {count} in the pile", x=0.02, y=0.96, fontsize=8)
+    return figure
+
+
+def measurement(inputs, config):
+    """Figure 6: the steps of the measurement; the left flank's line is red, the right one's green."""
+    settings = pile.MeasureSettings.of(config["measure"], json.loads(Path(inputs["berry"]).read_text()))
+    image = side_view(first_pour(inputs["heap"]), build.Particle.load(inputs["particle"]), settings)
+    steps = pile.process_panels(
+        image,
+        settings.mm_per_pixel,
+        settings,
+        base_row=image.shape[0] - 0.5,
+    )
+    figure = style.new_figure(style.PAGE, 2.9)
+    panels = figure.subplots(2, 2)
+    for panel, (title, picture), letter in zip(panels.ravel(), steps.items(), "abcd", strict=True):
+        # OpenCV keeps blue first.
+        panel.imshow(picture[..., ::-1] if picture.ndim == 3 else picture, cmap="gray", vmin=0, vmax=255)
+        panel.axis("off")
+        panel.set_title(f"{letter}  {title}")
+    return figure
+
+
+def apparatus(inputs, config):
+    """Figure 8: the virtual test bench from the side, to scale, with the berries of a pour if given."""
+    heap = config["heap"]
+    walls = funnel_walls(heap)
+    top, half_inlet = 1e3 * walls[-1].z_high_m, heap["inlet_diameter_mm"] / 2
+    factory = top + heap["factory_height_mm"]
+    half_view = max(half_inlet + 75, 190)
+    left, right, low, high = -half_view - 5, half_view + 62, -34, factory + 34
+    width = 1.3 * style.COLUMN
+    figure = style.new_figure(width, (width - 0.5) * (high - low) / (right - left) + 0.55)
+    panel = figure.subplots()
+    if {"trajectory", "particle"} <= inputs.keys():
+        _berries(panel, inputs)
+    for wall in walls:
+        for side in (-1, 1):
+            radii = [side * 1e3 * wall.r_low_m, side * 1e3 * wall.r_high_m]
+            panel.plot(radii, [1e3 * wall.z_low_m, 1e3 * wall.z_high_m], color=style.BLACK, lw=1.6, zorder=3)
+    rim = heap["rim_radius_mm"]
+    for side in (-1, 1):
+        centre = (side * (heap["outlet_diameter_mm"] / 2 + rim), heap["outlet_height_mm"])
+        panel.add_patch(Circle(centre, rim, color=style.BLACK, zorder=3))
+    half_plate = min(heap["plate_diameter_mm"] / 2, half_view)
+    panel.fill_between([-half_plate, half_plate], -7, 0, color="#C9CED3", lw=0, zorder=2)
+    _levels(panel, heap, factory, half_view)
+    _dimensions(panel, heap, top, half_inlet, half_view)
+    panel.set(xlim=(left, right), ylim=(low, high), aspect="equal")
+    panel.set(xlabel="x (mm)", ylabel="z (mm)")
+    panel.set_xticks(np.arange(-150, 151, 50))
+    return figure
+
+
+def _levels(panel, heap, factory, half_view):
+    """The three red lines: factory, outlet and plate."""
+    levels = ((factory, "particle factory"), (heap["outlet_height_mm"], "funnel outlet"), (0.0, "PVC plate"))
+    for z, name in levels:
+        panel.plot([-half_view, half_view], [z, z], color=LINE, lw=0.9, zorder=4)
+        panel.text(half_view + 3, z, name, color=LINE, va="center", fontsize=6.8)
+    half_factory = heap["factory_diameter_mm"] / 2
+    panel.plot([-half_factory, half_factory], [factory, factory], color=LINE, lw=2.6, zorder=4)
+
+
+def _dimensions(panel, heap, top, half_inlet, half_view):
+    """Measured arrows with their numbers."""
+    style_of = {
+        "arrowstyle": "<->",
+        "color": style.BLUE,
+        "lw": 0.8,
+        "shrinkA": 0,
+        "shrinkB": 0,
+        "mutation_scale": 7,
+    }
+
+    def arrow(start, end, text, place, **options):
+        panel.annotate("", start, xytext=end, arrowprops=style_of, zorder=5)
+        box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
+        panel.text(*place, text, color=style.BLUE, fontsize=6.5, zorder=5, bbox=box, **options)
+
+    outlet, z_outlet = heap["outlet_diameter_mm"] / 2, heap["outlet_height_mm"]
+    over = top + heap["factory_height_mm"] + 14
+    arrow(
+        (-half_inlet, over),
+        (half_inlet, over),
+        f"inlet {2 * half_inlet:g}",
+        (0, over + 4),
+        ha="center",
+        va="bottom",
+    )
+    below = z_outlet - 11
+    arrow((-outlet, below), (outlet, below), f"{2 * outlet:g}", (outlet + 4, below), ha="left", va="center")
+    side = -half_inlet - 32
+    arrow((side, 0), (side, z_outlet), f"{z_outlet:g}", (side - 4, z_outlet / 2), ha="right", va="center")
+    arrow(
+        (side, z_outlet),
+        (side, top),
+        f"{top - z_outlet:.0f}",
+        (side - 4, (top + z_outlet) / 2),
+        ha="right",
+        va="center",
+    )
+    middle = (z_outlet + top) / 2
+    across = (outlet + half_inlet) / 2 + 9
+    panel.text(
+        across, middle - 8, f"{heap['cone_angle_deg']:g}° from horizontal", color=style.BLUE, fontsize=6.5
+    )
+    panel.text(
+        0,
+        -11,
+        f"plate diameter {heap['plate_diameter_mm']:g}",
+        color=style.BLUE,
+        fontsize=6.5,
+        ha="center",
+        va="top",
+    )
+
+
+def _berries(panel, inputs):
+    """Side view of the berries amid a pour, each with its true outline, the nearest drawn last."""
+    particle = build.Particle.load(inputs["particle"])
+    with np.load(inputs["trajectory"]) as record:
+        frame = int(np.argmin(np.abs(record["time_s"] - SNAPSHOT_S)))
+        time_s = float(record["time_s"][frame])
+        centres, quaternions = record["position"][frame], record["quaternion"][frame]
+        scales = record["scale"] if "scale" in record else np.ones(len(centres))
+    here = np.isfinite(centres).all(axis=1)
+    order = np.flatnonzero(here)[np.argsort(-centres[here, 1])]
+    # Seen along y, x points right.
+    outline = outlines(
+        centres[order].astype(float), quaternions[order], particle, [0.0], scales=scales[order]
+    )[0]
+    collection = PolyCollection(
+        1e3 * outline,
+        facecolors=style.BERRY,
+        edgecolors="#6B150B",
+        linewidths=0.25,
+        zorder=2.5,
+    )
+    panel.add_collection(collection)
+    panel.set_title(f"simulated pour at {time_s:.3g} s, {here.sum()} berries", fontsize=7)

@@ -1,0 +1,164 @@
+"""Figure 9: the workflow's own graph, from the text that `snakemake --rulegraph` prints."""
+
+import colorsys
+import re
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from matplotlib.patches import FancyBboxPatch
+
+from repose.core.errors import InputError
+
+from . import style
+
+NODE = re.compile(r'^\s*(\w+)\s*\[\s*label\s*=\s*"([^"]*)"(.*)\]', re.M)
+EDGE = re.compile(r"^\s*(\w+)\s*->\s*(\w+)", re.M)
+COLOUR = re.compile(r'color\s*=\s*"([\d.]+) ([\d.]+) ([\d.]+)"')
+SWEEPS = 12
+
+
+def read_dot(path):
+    """Labels (dict of node to text), hues (dict of node to 0-1) and edges (list of pairs) of a rule graph.
+
+    Raises InputError where the file holds no nodes.
+    """
+    text = Path(path).read_text()
+    labels, hues = {}, {}
+    for node, label, rest in NODE.findall(text):
+        labels[node] = label.replace("\\n", "\n")
+        found = COLOUR.search(rest)
+        hues[node] = float(found.group(1)) if found else 0.6
+    if not labels:
+        raise InputError(path, "graph", "no nodes", "the output of snakemake --rulegraph")
+    edges = sorted({(a, b) for a, b in EDGE.findall(text) if a in labels and b in labels and a != b})
+    return labels, hues, edges
+
+
+def reduced(edges):
+    """The edges without those that a longer way implies; the graph has no cycles."""
+    after = {}
+    for a, b in edges:
+        after.setdefault(a, set()).add(b)
+
+    def reach(node, skip):
+        seen, stack = set(), [n for n in after.get(node, ()) if n != skip]
+        while stack:
+            n = stack.pop()
+            if n not in seen:
+                seen.add(n)
+                stack.extend(after.get(n, ()))
+        return seen
+
+    return [(a, b) for a, b in edges if b not in reach(a, b)]
+
+
+def layers_of(nodes, edges):
+    """Layer of each node: the longest way to it, in edges. Raises InputError on a cycle."""
+    layer = dict.fromkeys(nodes, 0)
+    for _ in range(len(layer) + 1):
+        moved = False
+        for a, b in edges:
+            if layer[b] <= layer[a]:
+                layer[b], moved = layer[a] + 1, True
+        if not moved:
+            return layer
+    raise InputError("rule graph", "edges", "a cycle", "a graph without cycles")
+
+
+def layout(nodes, edges):
+    """Places {node: (x, layer)} and for each edge its way as a list of such places.
+
+    Edges over several layers pass through stand-ins; a layer is ordered by the mean place of its neighbours.
+    """
+    layer = layers_of(nodes, edges)
+    rows = [[n for n in nodes if layer[n] == k] for k in range(max(layer.values()) + 1)]
+    ways, links = {}, []
+    for a, b in edges:
+        way = [a] + [(a, b, k) for k in range(layer[a] + 1, layer[b])] + [b]
+        for stand_in in way[1:-1]:
+            rows[stand_in[2]].append(stand_in)
+        ways[a, b] = way
+        links += list(pairwise(way))
+    place = {n: i - (len(row) - 1) / 2 for row in rows for i, n in enumerate(row)}
+    for sweep in range(SWEEPS):
+        for row in rows if sweep % 2 == 0 else rows[::-1]:
+            wish = {n: _mean_neighbour(n, links, place) for n in row}
+            row.sort(key=lambda n: wish[n])
+            for n, x in zip(row, _spread([wish[n] for n in row]), strict=True):
+                place[n] = x
+    where = {n: (place[n], k) for k, row in enumerate(rows) for n in row}
+    return {n: where[n] for n in nodes}, {edge: [where[n] for n in way] for edge, way in ways.items()}
+
+
+def _mean_neighbour(node, links, place):
+    others = [place[a] for a, b in links if b == node] + [place[b] for a, b in links if a == node]
+    return float(np.mean(others)) if others else place[node]
+
+
+def _spread(wishes):
+    """Places at least 1 apart, in order, as near to the sorted wishes as a shift of the row brings them."""
+    places = []
+    for wish in wishes:
+        places.append(wish if not places else max(wish, places[-1] + 1.0))
+    shift = np.mean(wishes) - np.mean(places)
+    return [p + shift for p in places]
+
+
+def rule_graph(inputs, config):
+    """Figure 9: rules as boxes from top to bottom, arrows along the data; implied arrows are left out."""
+    labels, hues, edges = read_dot(inputs["dot"])
+    edges = reduced(edges)
+    places, ways = layout(list(labels), edges)
+    depth = max(y for _, y in places.values()) + 1
+    across = [x for way in ways.values() for x, _ in way] + [x for x, _ in places.values()]
+    left, right = min(across) - 0.6, max(across) + 0.6
+    figure = style.new_figure(min(style.PAGE, max(style.COLUMN, 0.95 * (right - left))), 0.56 * depth + 0.3)
+    panel = figure.subplots()
+    for way in ways.values():
+        _arrow(panel, np.array(way, float))
+    for node, (x, y) in places.items():
+        edge = colorsys.hls_to_rgb(hues[node], 0.38, 0.45)
+        face = colorsys.hls_to_rgb(hues[node], 0.93, 0.55)
+        box = FancyBboxPatch(
+            (x - 0.42, y - 0.22),
+            0.84,
+            0.44,
+            boxstyle="round,pad=0,rounding_size=0.08",
+            fc=face,
+            ec=edge,
+            zorder=3,
+        )
+        panel.add_patch(box)
+        size = 7.2 if len(labels[node]) < 13 else 5.8
+        panel.text(x, y, labels[node].replace("_", " "), ha="center", va="center", fontsize=size, zorder=4)
+    panel.set(xlim=(left, right), ylim=(depth - 0.6, -0.4))
+    panel.axis("off")
+    return figure
+
+
+def _arrow(panel, way):
+    """A smooth line through the places of a way (P, 2), from below the first box to the top of the last."""
+    ends = way.copy()
+    ends[0, 1] += 0.22
+    ends[-1, 1] -= 0.24
+    curve = []
+    for (x0, y0), (x1, y1) in pairwise(ends):
+        t = np.linspace(0, 1, 24)
+        curve.append(np.column_stack([x0 + (x1 - x0) * (3 * t**2 - 2 * t**3), y0 + (y1 - y0) * t]))
+    curve = np.concatenate(curve)
+    panel.plot(*curve[:-2].T, color=style.GREY, lw=0.9, zorder=1, solid_capstyle="round")
+    panel.annotate(
+        "",
+        curve[-1],
+        xytext=curve[-6],
+        arrowprops={
+            "arrowstyle": "-|>",
+            "color": style.GREY,
+            "lw": 0.9,
+            "mutation_scale": 7,
+            "shrinkA": 0,
+            "shrinkB": 0,
+        },
+        zorder=2,
+    )

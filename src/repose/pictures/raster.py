@@ -1,0 +1,122 @@
+"""Picture kernels of `repose.pictures.render`: z-buffer, soft shadow, ambient occlusion; pixels and floats only."""
+
+import math
+
+import numba
+import numpy as np
+
+
+@numba.njit(cache=True)
+def _rasterise(x, y, near, triangles, nearest, body, weights, corner):
+    """z-buffer of all triangles: the largest `near` wins, so depth alone hides the far sides."""
+    rows, columns = nearest.shape
+    for b in range(x.shape[0]):
+        for t in range(triangles.shape[0]):
+            i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+            x0, y0, x1, y1, x2, y2 = x[b, i], y[b, i], x[b, j], y[b, j], x[b, k], y[b, k]
+            area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+            if area == 0.0:
+                continue
+            first_row = max(0, math.ceil(min(y0, y1, y2) - 0.5))
+            last_row = min(rows - 1, math.floor(max(y0, y1, y2) - 0.5))
+            first_column = max(0, math.ceil(min(x0, x1, x2) - 0.5))
+            last_column = min(columns - 1, math.floor(max(x0, x1, x2) - 0.5))
+            for row in range(first_row, last_row + 1):
+                for column in range(first_column, last_column + 1):
+                    px, py = column + 0.5, row + 0.5
+                    u = ((px - x0) * (y2 - y0) - (x2 - x0) * (py - y0)) / area
+                    v = ((x1 - x0) * (py - y0) - (px - x0) * (y1 - y0)) / area
+                    if u < 0.0 or v < 0.0 or u + v > 1.0:
+                        continue
+                    depth = near[b, i] + u * (near[b, j] - near[b, i]) + v * (near[b, k] - near[b, i])
+                    if depth > nearest[row, column]:
+                        nearest[row, column] = depth
+                        body[row, column] = b
+                        corner[row, column] = t
+                        weights[row, column, 0] = u
+                        weights[row, column, 1] = v
+
+
+def draw(x, y, near, triangles, shape):
+    """Buffers nearest (H, W), body (H, W; -1 where empty), triangle (H, W) and weights (H, W, 2)."""
+    nearest = np.full(shape, -np.inf)
+    body, corner = np.full(shape, -1, np.int32), np.zeros(shape, np.int32)
+    weights = np.zeros((*shape, 2))
+    if len(x):
+        _rasterise(x, y, near, triangles, nearest, body, weights, corner)
+    return nearest, body, corner, weights
+
+
+@numba.njit(cache=True)
+def _noise(row, column):
+    """A fixed angle for each pixel, so that few samples turn into fine grain instead of bands."""
+    grain = 0.06711056 * column + 0.00583715 * row
+    grain = 52.9829189 * (grain - math.floor(grain))
+    return 2 * math.pi * (grain - math.floor(grain))
+
+
+@numba.njit(cache=True)
+def _spiral(taps):
+    """Offsets (taps,), (taps,) that fill the unit disc evenly."""
+    across, down = np.empty(taps), np.empty(taps)
+    for tap in range(taps):
+        radius = math.sqrt((tap + 0.5) / taps)
+        across[tap] = radius * math.cos(2.399963 * tap)
+        down[tap] = radius * math.sin(2.399963 * tap)
+    return across, down
+
+
+@numba.njit(cache=True)
+def lit_fraction(points, offset, valid, light_map, axes, origin, pixel_m, softness_m, bias_m, taps):
+    """Share of the light that reaches each point (H, W, 3), 0 to 1, from a depth map seen from the light."""
+    rows, columns = valid.shape
+    lit = np.ones((rows, columns))
+    across, down = _spiral(taps)
+    for row in range(rows):
+        for column in range(columns):
+            if not valid[row, column]:
+                continue
+            place = np.zeros(3)
+            for axis in range(3):
+                for k in range(3):
+                    place[axis] += (points[row, column, k] + offset[row, column, k] * bias_m) * axes[axis, k]
+            spin = _noise(row, column)
+            turn_x, turn_y = softness_m * math.cos(spin), softness_m * math.sin(spin)
+            open_taps = 0
+            for tap in range(taps):
+                u = int((place[0] + turn_x * across[tap] - turn_y * down[tap] - origin[0]) / pixel_m)
+                v = int((place[1] + turn_y * across[tap] + turn_x * down[tap] - origin[1]) / pixel_m)
+                inside = 0 <= u < light_map.shape[1] and 0 <= v < light_map.shape[0]
+                if not inside or light_map[v, u] <= place[2] + bias_m:
+                    open_taps += 1
+            lit[row, column] = open_taps / taps
+    return lit
+
+
+@numba.njit(cache=True)
+def openness(points, normals, valid, wanted, reach_px, radius_m, taps):
+    """Share of the sky that each wanted point sees past its neighbours within `radius_m`."""
+    rows, columns = valid.shape
+    open_sky = np.ones((rows, columns))
+    across, down = _spiral(taps)
+    for row in range(rows):
+        for column in range(columns):
+            if not wanted[row, column]:
+                continue
+            spin = _noise(row, column)
+            turn_x, turn_y = reach_px[row, column] * math.cos(spin), reach_px[row, column] * math.sin(spin)
+            hidden = 0.0
+            for tap in range(taps):
+                r = int(row + turn_y * across[tap] + turn_x * down[tap])
+                c = int(column + turn_x * across[tap] - turn_y * down[tap])
+                if not (0 <= r < rows and 0 <= c < columns) or not valid[r, c]:
+                    continue
+                height, length = 0.0, 1e-18
+                for k in range(3):
+                    step = points[r, c, k] - points[row, column, k]
+                    height += step * normals[row, column, k]
+                    length += step * step
+                length = math.sqrt(length)
+                hidden += max(0.0, height / length - 0.08) * max(0.0, 1.0 - 0.4 * length / radius_m)
+            open_sky[row, column] = max(0.0, 1.0 - 1.9 * hidden / taps)
+    return open_sky

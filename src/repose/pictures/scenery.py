@@ -1,0 +1,164 @@
+"""What a picture shows besides the bodies: walls, and the camera that sees them."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from repose.apparatus.scenes import Funnel
+from repose.dem.surfaces import Cone, Mesh
+from repose.dem.tessellation import cone_circles, endless, in_world, plane_polygon
+
+FIELD_OF_VIEW_DEG = 24.0
+LENGTHS = ("inlet_diameter", "outlet_diameter", "tube_length", "rim_radius", "outlet_height")
+
+
+@dataclass(frozen=True)
+class Frustum:
+    """A wall of revolution about the z axis of a frame, from (z_low_m, r_low_m) up to (z_high_m, r_high_m).
+
+    frame (12,): origin and rotation (frame to world, by rows); the world's own unless given.
+    """
+
+    z_low_m: float
+    r_low_m: float
+    z_high_m: float
+    r_high_m: float
+    frame: tuple = (0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """A flat opaque wall, seen from one side only: corners (M, 3) m of a convex polygon, anticlockwise from there."""
+
+    corners_m: np.ndarray
+
+    @property
+    def normal(self):
+        """Unit normal towards the side from which the panel is seen (3,)."""
+        a, b = self.corners_m[1] - self.corners_m[0], self.corners_m[-1] - self.corners_m[0]
+        normal = np.cross(a, b)
+        return normal / np.linalg.norm(normal)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What stands about the bodies: the height of an endless plate (None without one), flat and round walls.
+
+    backdrop: a surface behind all of them, with `meet` and `paint` as `repose.pictures.backdrop.DrumInside` has them.
+    """
+
+    plate_m: float | None = 0.0
+    panels: tuple = ()
+    frusta: tuple = ()
+    backdrop: object = None
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera: `axes` rows are right, up, forward; the picture is (height, width) pixels."""
+
+    eye_m: np.ndarray
+    axes: np.ndarray
+    focal_px: float
+    width: int
+    height: int
+
+    def project(self, points_m):
+        """Screen x, y (px, row 0 on top) and inverse depth (1/m) of points (..., 3)."""
+        seen = (points_m - self.eye_m) @ self.axes.T
+        near = 1.0 / seen[..., 2]
+        x = self.width / 2 + self.focal_px * seen[..., 0] * near
+        y = self.height / 2 - self.focal_px * seen[..., 1] * near
+        return x, y, near
+
+    def rays(self):
+        """World direction of each pixel's ray, (height, width, 3), scaled to unit depth along the view."""
+        x = (np.arange(self.width) + 0.5 - self.width / 2) / self.focal_px
+        y = (self.height / 2 - np.arange(self.height) - 0.5) / self.focal_px
+        right, up, forward = self.axes
+        return x[None, :, None] * right + y[:, None, None] * up + forward
+
+
+def funnel_walls(heap):
+    """The funnel's walls as `Frustum`s from the configuration's `heap` section (mm and degrees there)."""
+    funnel = Funnel(
+        **{f"{key}_m": heap[f"{key}_mm"] / 1e3 for key in LENGTHS}, cone_angle_deg=heap["cone_angle_deg"]
+    )
+    outlet, inlet, top = funnel.outlet_diameter_m / 2, funnel.inlet_diameter_m / 2, funnel.inlet_height_m
+    neck = funnel.outlet_height_m + funnel.tube_length_m
+    # The rounded rim lets the cone end a little outside the outlet's own circle.
+    cone_end = inlet - (top - neck) / math.tan(math.radians(funnel.cone_angle_deg))
+    tube = [Frustum(funnel.outlet_height_m, outlet, neck, outlet)] if funnel.tube_length_m > 0 else []
+    return [*tube, Frustum(neck, cone_end, top, inlet)]
+
+
+def look_at(
+    points_m,
+    width,
+    height,
+    elevation_deg=14.0,
+    azimuth_deg=0.0,
+    margin=1.06,
+    field_of_view_deg=FIELD_OF_VIEW_DEG,
+):
+    """A `Camera` that sees all of points_m (M, 3) from the given direction, with a margin around them."""
+    el, az = math.radians(elevation_deg), math.radians(azimuth_deg)
+    back = np.array([math.cos(az) * math.cos(el), math.sin(az) * math.cos(el), math.sin(el)])
+    right = np.array([-math.sin(az), math.cos(az), 0.0])
+    axes = np.stack([right, np.cross(back, right), -back])
+    focal = max(width, height) / 2 / math.tan(math.radians(field_of_view_deg / 2))
+    seen = points_m @ axes.T
+    centre = (seen.min(axis=0) + seen.max(axis=0)) / 2
+    offset = seen - centre
+    reach = margin * np.maximum(np.abs(offset[:, 0]) * 2 / width, np.abs(offset[:, 1]) * 2 / height)
+    distance = np.max(reach * focal - offset[:, 2])
+    return Camera(centre @ axes + distance * back, axes, focal, width, height)
+
+
+def outline(centres, reach, walls, panels=()):
+    """Points (M, 3) that a picture of these bodies and walls has to hold."""
+    spread = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
+    around = np.linspace(0, 2 * math.pi, 36, endpoint=False)
+    rings = [
+        in_world(
+            np.asarray(wall.frame, float),
+            np.column_stack([radius * np.cos(around), radius * np.sin(around), np.full(36, z)]),
+        )
+        for wall in walls
+        for radius, z in ((wall.r_low_m, wall.z_low_m), (wall.r_high_m, wall.z_high_m))
+    ]
+    berries = (centres[:, None, :] + spread).reshape(-1, 3)
+    flat = [panel.corners_m for panel in panels]
+    return np.concatenate([berries, *rings, *flat, [[0.0, 0.0, 0.0]] if not flat else np.zeros((0, 3))])
+
+
+def setting_of(simulation, planes=None, wall_frames=None):
+    """The `Setting` of a simulation's walls where they are now, or at places of a recorded frame.
+
+    planes (P, 7), wall_frames (C, 12): as `repose.dem.Recorder` keeps them. A level endless plane below all others is
+    the plate; planes end at the simulation's box; rounded edges are not drawn.
+    """
+    planes = simulation.walls.planes if planes is None else planes
+    wall_frames = simulation.walls.frames if wall_frames is None else wall_frames
+    panels, plate = [], None
+    for k, plane in enumerate(planes):
+        others = planes[endless(planes) & (np.arange(len(planes)) != k)]
+        if np.isinf(plane[6]) and plane[5] < -1 + 1e-9 and not len(others):
+            plate = float(plane[2])
+            continue
+        corners = plane_polygon(plane, simulation.lower, simulation.upper, others)
+        if len(corners) > 2:
+            panels.append(Panel(corners))
+    frusta = []
+    cones = simulation.wall_set.of(Cone)
+    n_meshes = len(simulation.wall_set.of(Mesh))
+    for cone, frame in zip(cones, wall_frames, strict=False):
+        (r_low, z_low), (r_high, z_high) = cone_circles(cone.line)
+        frusta.append(Frustum(z_low, r_low, z_high, r_high, tuple(frame)))
+    for mesh, frame in zip(
+        simulation.wall_set.of(Mesh), wall_frames[len(wall_frames) - n_meshes :], strict=True
+    ):
+        corners = in_world(np.asarray(frame, float), mesh.vertices_m)
+        panels += [Panel(corners[face]) for face in mesh.faces]
+    return Setting(plate, tuple(panels), tuple(frusta))

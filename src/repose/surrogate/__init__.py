@@ -1,0 +1,1 @@
+"""Models of the responses, and where their samples are thin."""

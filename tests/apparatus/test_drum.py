@@ -1,0 +1,216 @@
+"""The drum: its walls, the measurement on beds of known angle and motion, and a small drum that turns."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from PIL import Image
+
+from repose.apparatus import drum, drum_tables
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
+from repose.measure import bed
+from repose.particle.build import ellipsoid_mesh, fit_particle
+from repose.pictures import film
+
+ROOT = Path(__file__).parents[2]
+BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32}
+PARTICLE = fit_particle(ellipsoid_mesh(np.array([21.14, 11.37, 9.88])), 840.47)
+REPRESENTATIVE = dict(zip(PARAMETERS, (0.203, 0.642, 0.037, 0.244, 0.483, 0.185), strict=True))
+RADIUS_M = 0.095
+SMALL = {"berries": 60, "length_mm": 60.0, "outer_diameter_mm": 120.0, "factory_height_mm": 20.0}
+SMALL |= {"rate_per_s": 150.0, "rotate_from_s": 1.4, "report_s": 2.0, "longest_rotation_s": 1.0}
+
+
+def config(**keys):
+    """The recommended configuration with some keys of its drum changed."""
+    whole = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
+    whole["drum"].update(keys)
+    return whole
+
+
+def half_filled(angle_deg, count=1500, seed=4):
+    """Centres and random orientations of berries below a line of known angle through the middle of the drum."""
+    rng = np.random.default_rng(seed)
+    places = rng.uniform(-1, 1, (12 * count, 3)) * (RADIUS_M, 0.15, RADIUS_M)
+    slope = math.tan(math.radians(angle_deg))
+    inside = np.hypot(places[:, 0], places[:, 2]) < RADIUS_M - PARTICLE.bounding_radius_m
+    places = places[inside & (places[:, 2] < slope * places[:, 0] - 0.02)][:count]
+    return places, rng.normal(size=(len(places), 4))
+
+
+def turned(centres, angle_rad):
+    """Centres carried along by a drum that turns by an angle: down goes to +x."""
+    cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+    x, y, z = centres.T
+    return np.column_stack([cos * x - sin * z, y, sin * x + cos * z])
+
+
+def test_the_drum_has_the_dimensions_asked_for():
+    whole = drum.Drum.of(config()["drum"])
+    assert (whole.radius_m, whole.length_m) == (pytest.approx(0.095), pytest.approx(0.34))
+    walls = whole.walls("wall")
+    assert tuple(walls) == drum.WALLS
+    m_r, m_z, offset, first, last, *_ = walls["shell"].row()
+    assert (m_r, m_z, offset, last - first) == pytest.approx((1.0, 0.0, 0.095, 0.34))
+    assert walls["shell"].origin_m == pytest.approx((0.0, -0.17, 0.0))
+    for name, sign in (("near_cap", -1), ("far_cap", 1)):
+        assert walls[name].point_m == pytest.approx((0.0, 0.17 * sign, 0.0))
+        assert walls[name].normal == pytest.approx((0.0, -sign, 0.0))
+
+
+def test_berries_appear_clear_of_the_walls():
+    whole, radius = drum.Drum(0.095, 0.34), PARTICLE.bounding_radius_m
+    strip = whole.factory(0.04, radius)
+    assert math.hypot(strip.half_x_m, strip.height_m) == pytest.approx(0.095 - radius)
+    rng = np.random.default_rng(0)
+    places = np.array([strip.draw(rng) for _ in range(200)])
+    assert (np.hypot(places[:, 0], places[:, 2]) <= 0.095 - radius + 1e-12).all()
+    assert np.abs(places[:, 1]).max() <= 0.17 - radius
+    with pytest.raises(ValueError, match=r"height_m is 0\.09"):
+        whole.factory(0.09, radius)
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 25.0, 45.0])
+def test_the_surface_of_a_bed_of_known_angle(angle_deg):
+    seen = [
+        bed.measure_surface(*half_filled(angle_deg, seed=s), PARTICLE, RADIUS_M, 0.25, 0.6) for s in range(4)
+    ]
+    assert np.mean([one.angle_deg for one in seen]) == pytest.approx(angle_deg, abs=1.0)
+    ends = seen[0].line_m
+    assert np.ptp(ends[:, 0]) == pytest.approx(0.6 * np.ptp(seen[0].profile_m[:, 0]), abs=1e-3)
+
+
+def test_the_edge_of_one_berry_is_its_outline():
+    centres, flat = np.array([[0.01, 0.0, -0.03]]), np.array([[1.0, 0.0, 0.0, 0.0]])
+    edge = bed.measure_surface(centres, flat, PARTICLE, RADIUS_M, 0.1, 0.6).profile_m
+    a, c = PARTICLE.support(np.eye(3)[0]), PARTICLE.support(np.eye(3)[2])
+    x = edge[:, 0] - 0.01
+    inside = np.abs(x) < 0.8 * a
+    expected = -0.03 + c * np.sqrt(1 - (x[inside] / a) ** 2)
+    np.testing.assert_allclose(edge[inside, 1], expected, atol=1e-4)
+    with pytest.raises(ValueError, match="pixels wide"):
+        bed.measure_surface(np.zeros((0, 3)), np.zeros((0, 4)), PARTICLE, RADIUS_M, 0.1, 0.6)
+
+
+def test_a_bed_that_is_carried_along_rests_in_the_drums_frame():
+    centres, quaternions = half_filled(0.0, 200)
+    carried = turned(centres, 0.4)
+    np.testing.assert_allclose(bed.to_drum_frame(carried, 0.4), centres, atol=1e-15)
+    assert bed.bed_angle(carried) - bed.bed_angle(centres) == pytest.approx(math.degrees(0.4))
+    frame = np.array([0.0, -0.0873, 0.0])
+    velocities, spin = np.cross(frame, centres), np.tile(frame, (len(centres), 1))
+    state = centres, quaternions, velocities, spin, PARTICLE
+    assert bed.relative_energy(*state, frame) == pytest.approx(0.0, abs=1e-30)
+    still = 0.5 * PARTICLE.mass_kg * np.mean(np.sum(velocities**2, axis=1))
+    assert still < bed.relative_energy(*state, np.zeros(3)) < 1.05 * still
+
+
+def test_a_slip_begins_at_the_highest_angle_and_ends_when_the_bed_is_calm():
+    angle = np.concatenate([np.arange(0.0, 40.0), [40.5, 40.2, 40.4, 39.9, 39.4, 38.0, 36.0, 35.9, 35.9]])
+    energy = np.concatenate([np.full(40, 1e-8), [1e-8, 1e-7, 1e-7, 1e-6, 1e-5, 1e-5, 1e-6, 1e-10, 1e-12]])
+    assert bed.find_slip(angle, energy, 1.0, 1e-9) == bed.Slip(begins=40, judged=44, ends=47)
+    assert bed.find_slip(angle, energy, 4.0, 1e-9) == bed.Slip(begins=40, judged=46, ends=47)
+    assert bed.find_slip(angle, energy, 5.0, 1e-9) is None
+    assert bed.find_slip(angle, np.full(49, 1e-3), 1.0, 1e-9).ends == 48
+    assert bed.find_slip([], [], 1.0, 1e-9) is None
+
+
+def test_the_motion_of_a_known_layer_is_found_by_depth():
+    """A layer of 15 mm slides 20 mm down a surface of 30 degrees while the drum turns by 3."""
+    slope, turn_rad = math.radians(30.0), math.radians(3.0)
+    down, inward = (
+        np.array([-math.cos(slope), 0.0, -math.sin(slope)]),
+        np.array([math.sin(slope), 0, -math.cos(slope)]),
+    )
+    rng = np.random.default_rng(1)
+    depth, reach = rng.uniform(0, 0.04, 400), rng.uniform(0.0, 0.05, 400)
+    before = depth[:, None] * inward - reach[:, None] * down + rng.uniform(-0.1, 0.1, (400, 1)) * [0, 1, 0]
+    after = turned(before + np.where(depth < 0.015, 0.02, 0.0)[:, None] * down, turn_rad)
+    line = np.array([0.01 * -down[::2], 0.04 * -down[::2]])
+    found, moved = bed.slip_displacement(before, after, turn_rad, bed.Surface(30.0, line, line))
+    measured = (reach > 0.01) & (reach < 0.04)
+    np.testing.assert_array_equal(np.isfinite(found), measured)
+    np.testing.assert_allclose(found[measured], depth[measured], atol=1e-12)
+    profile = bed.depth_profile(found, moved, 0.005)
+    np.testing.assert_allclose(profile[:, 0], np.arange(0.0025, 0.04, 0.005))
+    np.testing.assert_allclose(profile[:, 1], np.where(profile[:, 0] < 0.015, 0.02, 0.0), atol=1e-12)
+    assert profile[:, 3].sum() == measured.sum()
+    assert bed.moved_share(moved, PARTICLE) == pytest.approx(np.mean(depth[measured] < 0.015))
+
+
+@pytest.fixture(scope="module")
+def small_turn():
+    return drum.turn(config(**SMALL), REPRESENTATIVE, 3, PARTICLE, BERRY)
+
+
+def test_a_small_bed_turns_with_the_drum_and_no_berry_leaves(small_turn):
+    record, whole = small_turn.record, drum.Drum.of(config(**SMALL)["drum"])
+    assert drum.status_of(small_turn, config(**SMALL)["drum"], 1e-9)[0] == "no_slip"
+    assert small_turn.rest_energy_j < 1e-9
+    assert record["turned_deg"][-1] == pytest.approx(math.degrees(0.0873), rel=1e-6)
+    assert record["bed_deg"][-1] - record["bed_deg"][0] == pytest.approx(record["turned_deg"][-1], abs=0.3)
+    # against the drum berries hardly move, though the wall has gone 5 mm
+    last = bed.to_drum_frame(small_turn.centres_m[-1], 0.0873)
+    assert np.median(np.linalg.norm(last - small_turn.centres_m[0], axis=1)) < 2e-4
+    assert whole.holds(small_turn.centres_m[-1]).all()
+    assert small_turn.held
+
+
+def test_shell_and_caps_hold_every_point_of_every_berry(small_turn):
+    from repose.dem.rotations import rotation_matrices
+
+    rng = np.random.default_rng(0)
+    directions = rng.normal(size=(400, 3))
+    surface = PARTICLE.support_point(directions / np.linalg.norm(directions, axis=1, keepdims=True))
+    turn = rotation_matrices(small_turn.quaternions[-1])
+    points = small_turn.centres_m[-1][:, None, :] + np.einsum("nij,mj->nmi", turn, surface)
+    overlap = 3e-4
+    assert np.hypot(points[..., 0], points[..., 2]).max() == pytest.approx(0.055, abs=overlap)
+    assert np.abs(points[..., 1]).max() == pytest.approx(0.030, abs=overlap)
+
+
+def test_a_job_writes_what_tables_and_film_read(tmp_path):
+    keys = SMALL | {
+        "slip_drop_deg": 0.05,
+        "angular_velocity_rad_s": 1.0,
+        "longest_rotation_s": 2.0,
+        "settle_s": 1.0,
+    }
+    results = drum.run_job(config(**keys), REPRESENTATIVE, [3], PARTICLE, BERRY, tmp_path, trajectory=True)
+    run = results[0]["run"]
+    assert json.loads((tmp_path / "turn_3.json").read_text()) == results[0]
+    assert run["status"] == "ok", run["reason"]
+    assert run["after_time_s"] > run["before_time_s"] > 0
+    tables = drum_tables.run([tmp_path / "turn_3.json"], tmp_path)
+    summary = tables["summary"].set_index("key")
+    assert summary.loc["before_turned_deg", "mean"] == run["before_turned_deg"]
+    assert np.isnan(summary.loc["before_turned_deg", "standard_error"])
+    assert tables["profile"]["berries"].sum() > 20
+    with np.load(tmp_path / "turn_3.npz") as arrays:
+        for state in drum.STATES:
+            assert arrays[f"position_{state}"].shape == (60, 3)
+    out = tmp_path / "drum.gif"
+    film.animate_drum(
+        tmp_path / "turn_3_trajectory.npz", PARTICLE, out, config(**keys)["drum"], frames=2, width=60
+    )
+    with Image.open(out) as shown:
+        assert (shown.n_frames, shown.size) == (2, (60, 60))
+
+
+def test_means_have_standard_errors(tmp_path):
+    record = {key: np.zeros(2) for key in drum.RECORD}
+    for seed, angle in ((1, 40.0), (2, 44.0)):
+        run = {"seed": seed, "status": "ok", "before_surface_deg": angle}
+        (tmp_path / f"turn_{seed}.json").write_text(json.dumps({"run": run}))
+        np.savez(tmp_path / f"turn_{seed}.npz", profile=np.array([[2.5, 10.0 * seed, 1.0, 9.0]]), **record)
+    paths = [tmp_path / f"turn_{seed}.json" for seed in (1, 2)]
+    row = drum_tables.run(paths, tmp_path)["summary"].set_index("key").loc["before_surface_deg"]
+    assert (row["mean"], row["standard_error"], row["runs"]) == (42.0, 2.0, 2)
+    with pytest.raises(InputError, match="each seed once"):
+        drum_tables.run([paths[0], paths[0]], tmp_path)
+    with pytest.raises(InputError, match="repose drum"):
+        drum_tables.run([tmp_path / "nothing.json"], tmp_path)

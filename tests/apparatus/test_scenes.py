@@ -1,0 +1,201 @@
+"""The heap scene: reproducible to the bit, at rest, and in agreement with an independent implementation."""
+
+import copy
+import hashlib
+import math
+import os
+import subprocess
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from repose.apparatus import heap, scenes
+from repose.core.parameters import PARAMETERS
+from repose.measure import pile
+from repose.particle.build import ellipsoid_mesh, fit_particle
+
+ROOT = Path(__file__).parents[2]
+BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32}
+AXES_MM = np.array([21.14, 11.37, 9.88])
+REPRESENTATIVE = (0.203, 0.642, 0.037, 0.244, 0.483, 0.185)
+CENTRE = (0.25, 0.55, 0.045, 0.35, 0.60, 0.20)
+STEEP = (0.10, 0.75, 0.07, 0.20, 0.80, 0.30)
+FLAT = (0.40, 0.35, 0.02, 0.50, 0.40, 0.10)
+# an independent implementation: n, AoR (10 to 80 % of the height) and Height, each mean and seed-to-seed sd
+REFERENCES = {
+    "representative": (REPRESENTATIVE, 30, 21.6, 1.6, 59.0, 3.2),
+    "centre": (CENTRE, 30, 23.9, 1.5, 61.5, 2.7),
+    "steep corner": (STEEP, 6, 28.6, 1.0, 75.1, 3.4),
+    "flat corner": (FLAT, 6, 17.2, 1.6, 43.6, 3.3),
+    "spheres": (REPRESENTATIVE, 6, 17.1, 1.3, 47.8, 3.2),
+}
+SEEDS = 8
+
+
+def config(**heap_keys):
+    """The published experiment as the reference values were made, with some keys of its heap changed."""
+    whole = yaml.safe_load((ROOT / "config" / "paper.yaml").read_text())
+    whole["heap"].update({"time_step_s": 2e-4} | heap_keys)
+    whole["measure"]["views"] = 18
+    return whole
+
+
+def particle(axes_mm=AXES_MM):
+    """The ellipsoid of given axes."""
+    return fit_particle(ellipsoid_mesh(axes_mm), 840.47)
+
+
+def named(values):
+    """Six numbers as the mapping the scene takes."""
+    return dict(zip(PARAMETERS, values, strict=True))
+
+
+def one_run(task):
+    """One pour of a reference row (a top-level function, so that processes can take it)."""
+    name, seed = task
+    axes = np.full(3, np.prod(AXES_MM) ** (1.0 / 3.0)) if name == "spheres" else AXES_MM
+    record, _ = heap.run_once(config(), named(REFERENCES[name][0]), seed, particle(axes), BERRY)
+    return name, record
+
+
+@pytest.fixture(scope="module")
+def ensembles():
+    tasks = [(name, 1000 + seed) for name in REFERENCES for seed in range(SEEDS)]
+    found = {name: [] for name in REFERENCES}
+    with ProcessPoolExecutor(max_workers=os.cpu_count()) as pool:
+        for name, record in pool.map(one_run, tasks):
+            assert record["status"] == "ok", record
+            found[name].append((record["aor_deg"], record["height_mm"]))
+    return {name: np.array(values) for name, values in found.items()}
+
+
+@pytest.mark.parametrize("name", REFERENCES)
+def test_ensembles_agree_with_the_reference_values(ensembles, name):
+    _, n, aor, aor_sd, height, height_sd = REFERENCES[name]
+    ours = ensembles[name]
+    mean, variance = ours.mean(axis=0), ours.var(axis=0, ddof=1) / len(ours)
+    for k, (value, sd) in enumerate(((aor, aor_sd), (height, height_sd))):
+        error = math.sqrt(variance[k] + sd**2 / n)
+        assert abs(mean[k] - value) < 3.0 * error, (mean[k], value, error)
+
+
+def small(**keys):
+    """A pour of 60 berries in 3 s."""
+    return config(**{"berries": 60, "rate_per_s": 60.0, "duration_s": 3.0, **keys})
+
+
+def digest(poured):
+    """Hash of every bit of the final state."""
+    return hashlib.sha256(poured.centres_m.tobytes() + poured.quaternions.tobytes()).hexdigest()
+
+
+SCRIPT = """
+import sys
+sys.path[:0] = [{tests!r}, {tests!r} + "/apparatus"]
+from test_scenes import *
+print(digest(scenes.pour(small(), named(CENTRE), 5, particle(), BERRY)))
+"""
+
+
+def test_freshly_compiled_and_cached_code_give_the_same_bits(tmp_path):
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    command = [sys.executable, "-c", SCRIPT.format(tests=str(ROOT / "tests"))]
+    fresh, cached = (
+        subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout
+        for _ in range(2)
+    )
+    here = digest(scenes.pour(small(), named(CENTRE), 5, particle(), BERRY))
+    assert fresh.strip() == cached.strip() == here
+
+
+def test_seeds_differ():
+    first, second = (scenes.pour(small(), named(CENTRE), seed, particle(), BERRY) for seed in (5, 6))
+    assert digest(first) != digest(second)
+
+
+def test_a_trajectory_has_its_frames_and_changes_nothing():
+    plain = scenes.pour(small(), named(CENTRE), 5, particle(), BERRY)
+    filmed = scenes.pour(small(), named(CENTRE), 5, particle(), BERRY, trajectory_interval_s=0.01)
+    assert digest(plain) == digest(filmed)
+    assert len(filmed.frames["time_s"]) == 300
+    assert np.allclose(np.diff(filmed.frames["time_s"]), 0.01)
+    assert np.isnan(filmed.frames["position"][0]).any()
+    assert np.allclose(filmed.frames["position"][-1], filmed.centres_m, atol=1e-6)
+
+
+def test_the_pile_is_at_rest_and_on_the_plate():
+    poured = scenes.pour(small(), named(CENTRE), 5, particle(), BERRY)
+    assert heap.status_of(poured, small()["heap"]) == ("ok", "")
+    assert poured.kinetic_energy_j / poured.in_pile.sum() < 1e-12
+    assert poured.on_plate.sum() == 60
+    assert 0.9 < poured.discharge_s < 1.4
+
+
+@pytest.mark.parametrize(
+    ("keys", "status", "reason"),
+    [
+        ({"outlet_diameter_mm": 14.0}, "jammed", "berries in the funnel"),
+        ({"plate_diameter_mm": 40.0}, "left_plate", "left the plate"),
+        ({"duration_s": 1.25, "rest_window_s": 0.02}, "not_at_rest", "J a berry"),
+    ],
+)
+def test_a_run_without_a_pile_has_a_status_and_a_reason(keys, status, reason):
+    record, _ = heap.run_once(small(**keys), named(CENTRE), 5, particle(), BERRY)
+    assert record["status"] == status
+    assert reason in record["reason"]
+    assert record["aor_deg"] is None
+    assert record["height_mm"] is None
+
+
+def test_a_pile_without_a_flank_says_so():
+    record, _ = heap.run_once(small(berries=4), named(CENTRE), 5, particle(), BERRY)
+    assert record["status"] == "no_flank"
+    assert record["reason"]
+
+
+def test_a_job_writes_what_it_returns(tmp_path):
+    result = heap.run_job(small(), "007", named(CENTRE), [5, 6], particle(), BERRY, tmp_path)
+    assert result["sample"] == 7
+    assert [run["seed"] for run in result["runs"]] == [5, 6]
+    arrays = np.load(tmp_path / "007.npz")
+    assert arrays["position_5"].shape == (60, 3)
+    assert (tmp_path / "007.json").exists()
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_largest_cluster_is_found():
+    contacts = np.array([[0, 1], [1, 2], [3, 4], [5, 6]])
+    allowed = np.array([True, True, True, True, True, True, False, True])
+    assert list(scenes.largest_cluster(contacts, allowed)) == [True, True, True] + [False] * 5
+    assert not scenes.largest_cluster(contacts, np.zeros(8, bool)).any()
+
+
+def test_the_configuration_is_not_changed_by_a_run():
+    whole = small()
+    before = copy.deepcopy(whole)
+    scenes.pour(whole, named(CENTRE), 5, particle(), BERRY)
+    assert whole == before
+
+
+def test_measured_piles_are_those_of_the_pile_module():
+    record, poured = heap.run_once(small(), named(CENTRE), 5, particle(), BERRY)
+    if record["status"] == "ok":
+        again = pile.measure_pile(
+            poured.centres_m, poured.quaternions, particle(), pile.MeasureSettings(), members=poured.in_pile
+        )
+        assert again.aor_deg == pytest.approx(record["aor_deg"])
+
+
+def test_berries_of_measured_sizes_keep_them():
+    settings = small()
+    settings["berry"] = settings["berry"] | {"size_distribution": "measured"}
+    berry = BERRY | {"scale_sd": 0.083, "scale_low": 0.78, "scale_high": 1.16}
+    poured = scenes.pour(settings, named(CENTRE), 3, particle(), berry)
+    assert len(poured.scales) == len(poured.centres_m)
+    assert 0.05 < poured.scales.std() < 0.11
+    alike = scenes.pour(small(), named(CENTRE), 3, particle(), BERRY)
+    assert np.all(alike.scales == 1.0)

@@ -1,0 +1,169 @@
+"""Designs: true Latin hypercubes, the optimum where it is known, exchanges against a slow twin."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from repose.chain import design
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
+
+RANGES = {
+    "e_gg": (0.1, 0.4),
+    "mus_gg": (0.35, 0.75),
+    "mur_gg": (0.02, 0.07),
+    "e_gp": (0.2, 0.5),
+    "mus_gp": (0.4, 0.8),
+    "mur_gp": (0.1, 0.3),
+}
+
+
+def strata_are_filled_once(points):
+    n = len(points)
+    return all(sorted(np.floor(column * n).astype(int)) == list(range(n)) for column in points.T)
+
+
+def slow_minimum_distance(points):
+    """Eq. 5 over every pair."""
+    pairs = [(a, b) for i, a in enumerate(points) for b in points[:i]]
+    return min(sum((x - y) ** 2 for x, y in zip(a, b, strict=True)) ** 0.5 for a, b in pairs)
+
+
+@pytest.fixture(scope="module")
+def optimal():
+    return design.optimal_lhs(150, 6, seed=2026)
+
+
+def test_random_and_best_of_20_are_latin_hypercubes():
+    rng = np.random.default_rng(1)
+    assert strata_are_filled_once(design.random_lhs(150, 6, rng))
+    assert strata_are_filled_once(design.lhsdesign(150, 6, rng=rng))
+
+
+def test_optimal_is_a_latin_hypercube(optimal):
+    assert optimal.shape == (150, 6)
+    assert strata_are_filled_once(optimal)
+
+
+def test_optimal_is_far_better_than_best_of_20(optimal):
+    best_of_20 = design.lhsdesign(150, 6, rng=np.random.default_rng(2026))
+    assert design.minimum_distance(optimal) > 0.53
+    assert design.minimum_distance(best_of_20) < 0.35
+    assert design.phi_p(optimal) < design.phi_p(best_of_20)
+
+
+def test_best_of_20_is_the_best_of_its_20():
+    rng = np.random.default_rng(5)
+    distances = [slow_minimum_distance(design.random_lhs(30, 3, rng)) for _ in range(20)]
+    chosen = design.lhsdesign(30, 3, iterations=20, rng=np.random.default_rng(5))
+    assert slow_minimum_distance(chosen) == pytest.approx(max(distances))
+
+
+def test_optimum_of_five_points_in_the_square_is_found():
+    """Known maximin Latin hypercube of 5 points in 2 columns: a knight's move apart, sqrt(5) strata."""
+    levels = np.floor(design.optimal_lhs(5, 2, seed=3) * 5)
+    assert slow_minimum_distance(levels) == pytest.approx(np.sqrt(5))
+
+
+def test_small_designs_work():
+    for n, d in ((2, 1), (2, 6), (3, 2), (7, 1)):
+        assert strata_are_filled_once(design.optimal_lhs(n, d, seed=1))
+
+
+def test_a_seed_gives_one_design():
+    first, again, other = (design.optimal_lhs(20, 6, seed=seed) for seed in (7, 7, 8))
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_gain_of_an_exchange_against_recomputation():
+    rng = np.random.default_rng(4)
+    points = design.random_lhs(25, 4, rng)
+    squared, repulsion = np.zeros((25, 25)), np.zeros((25, 25))
+    doublings = 3
+    for row in range(25):
+        design._update_pairs(points, squared, repulsion, doublings, row)
+
+    def total(p):
+        return sum(np.sum((a - b) ** 2) ** -(2.0**doublings) for i, a in enumerate(p) for b in p[:i])
+
+    assert design._totals(squared, repulsion) == pytest.approx(
+        (total(points), design.minimum_distance(points) ** 2)
+    )
+    for _ in range(20):
+        column = rng.integers(4)
+        i, j = rng.choice(25, 2, replace=False)
+        gain = design._exchange_gain(points, squared, repulsion, doublings, column, i, j)
+        before = total(points)
+        design._exchange(points, squared, repulsion, doublings, column, i, j)
+        after = total(points)
+        assert gain == pytest.approx(after - before, rel=1e-6, abs=1e-9 * max(before, after))
+        assert design._totals(squared, repulsion)[0] == pytest.approx(after)
+
+
+def test_criteria_against_slow_twins():
+    points = design.random_lhs(12, 3, np.random.default_rng(2))
+    assert design.minimum_distance(points) == pytest.approx(slow_minimum_distance(points))
+    pairs = [(a, b) for i, a in enumerate(points) for b in points[:i]]
+    by_hand = sum(np.linalg.norm(a - b) ** -16.0 for a, b in pairs) ** (1 / 16)
+    assert design.phi_p(points) == pytest.approx(by_hand)
+
+
+@pytest.mark.parametrize("method", ["lhsdesign", "optimal"])
+def test_written_samples_are_still_stratified(tmp_path, method):
+    design.run(RANGES, 40, method, 2026, tmp_path)
+    table = pd.read_csv(tmp_path / "samples.csv")
+    assert list(table.columns) == ["sample", *PARAMETERS]
+    assert list(table["sample"]) == list(range(1, 41))
+    unit = np.stack([(table[p] - RANGES[p][0]) / (RANGES[p][1] - RANGES[p][0]) for p in PARAMETERS], axis=1)
+    assert strata_are_filled_once(unit)
+    comparison = pd.read_csv(tmp_path / "comparison.csv").set_index("method")
+    assert list(comparison.index) == ["random", "lhsdesign", "optimal"]
+    assert comparison.loc[method, "min_distance"] == pytest.approx(slow_minimum_distance(unit), rel=1e-4)
+    distances = comparison["min_distance"]
+    assert distances["random"] <= distances["lhsdesign"] < distances["optimal"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"e_gg": (0.4, 0.1)}, "e_gg"),
+        ({"e_gg": (0.2, 0.2)}, "e_gg"),
+        ({"e_gp": (0.2, 1.5)}, "e_gp"),
+        ({"mus_gg": (-0.1, 0.5)}, "mus_gg"),
+        ({"mur_gg": (0.1, float("inf"))}, "mur_gg"),
+        ({"mur_gp": (float("nan"), 0.5)}, "mur_gp"),
+        ({"mur_gp": 0.5}, "mur_gp"),
+        ({"mur_gp": ("a", "b")}, "mur_gp"),
+        ({"mu_gp": (0.1, 0.5)}, "mu_gp"),
+    ],
+)
+def test_bad_ranges_are_refused(changes, words):
+    with pytest.raises(InputError, match=words):
+        design.check_ranges(RANGES | changes)
+
+
+def test_a_missing_range_is_refused():
+    with pytest.raises(InputError, match="mur_gp"):
+        design.check_ranges({name: RANGES[name] for name in PARAMETERS[:-1]})
+
+
+@pytest.mark.parametrize(
+    ("samples", "method", "seed", "key"),
+    [
+        (1, "optimal", 1, "samples"),
+        (2.5, "optimal", 1, "samples"),
+        (9, "best", 1, "method"),
+        (9, "optimal", -1, "seed"),
+    ],
+)
+def test_bad_settings_are_refused(tmp_path, samples, method, seed, key):
+    with pytest.raises(InputError, match=f"{key} is"):
+        design.run(RANGES, samples, method, seed, tmp_path)
+
+
+def test_sizes_without_a_design_are_refused():
+    with pytest.raises(ValueError, match="at least 2"):
+        design.optimal_lhs(1, 3, seed=1)
+    with pytest.raises(ValueError, match="at least 1"):
+        design.lhsdesign(5, 0)

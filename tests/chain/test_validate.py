@@ -1,0 +1,155 @@
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from repose.chain import validate
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
+from repose.surrogate.support import Support
+
+RANGES = dict.fromkeys(PARAMETERS, (0.0, 1.0))
+TARGET = {
+    "physical_aor_deg": 32.87,
+    "physical_aor_sd_deg": 2.20,
+    "physical_height_mm": 65.57,
+    "physical_height_sd_mm": 4.10,
+}
+PUBLISHED = (
+    "solution,e_gg,mus_gg,mur_gg,e_gp,mus_gp,mur_gp,"
+    "aor_predicted_deg,height_predicted_mm,aor_simulated_deg,height_simulated_mm\n"
+    "22,0.217,0.611,0.038,0.233,0.509,0.183,32.5001,67.0000,32.00,65.63\n"
+    "representative,0.203,0.642,0.037,0.244,0.483,0.185,32.5,67.00,,\n"
+)
+
+
+@pytest.fixture
+def study(tmp_path):
+    random = np.random.RandomState(1)
+    feasible = pd.DataFrame(random.uniform(0.3, 0.7, (12, 6)), columns=list(PARAMETERS))
+    feasible.insert(0, "solution", np.arange(1, 13))
+    feasible["aor_predicted_deg"], feasible["height_predicted_mm"] = 32.5, 66.0
+    feasible["objective"], feasible["feasible"] = np.arange(12) / 100, True
+    feasible["representative"] = feasible["solution"] == 1
+    feasible.to_csv(tmp_path / "feasible.csv", index=False)
+    (tmp_path / "published4.csv").write_text(PUBLISHED)
+    return tmp_path
+
+
+def write_heaps(folder, solutions, failed=()):
+    paths = []
+    for row in solutions.to_dict("records"):
+        runs = []
+        for seed, (aor, height) in enumerate([(30.0, 64.0), (32.0, 66.0), (34.0, 68.0)]):
+            ok = row["sample"] not in failed
+            numbers = {
+                "aor_deg": aor if ok else None,
+                "height_mm": height if ok else None,
+                "discharge_s": 16.0,
+            }
+            runs.append(
+                {"seed": seed, "status": "ok" if ok else "jammed", "reason": "" if ok else "stuck"} | numbers
+            )
+        job = {"sample": row["sample"], "parameters": {name: row[name] for name in PARAMETERS}, "runs": runs}
+        paths.append(folder / f"{row['sample']:03}.json")
+        paths[-1].write_text(json.dumps(job))
+    return paths
+
+
+def select(folder, count=5):
+    return validate.write_solutions(
+        folder / "feasible.csv", folder / "published4.csv", RANGES, count, folder / "v/solutions.csv"
+    )
+
+
+def tables(folder, failed=()):
+    paths = write_heaps(folder, select(folder), failed)
+    return validate.run(folder / "v/solutions.csv", paths, folder / "published4.csv", TARGET, folder / "v")
+
+
+def test_solutions_are_samples_with_ours_first_and_the_published_from_101(study):
+    select(study)
+    written = pd.read_csv(study / "v/solutions.csv")
+    assert written.columns[:7].tolist() == ["sample", *PARAMETERS]
+    assert written["sample"].tolist() == [1, 2, 3, 4, 5, 6, 101, 102]
+    assert written["role"].tolist() == ["representative"] + ["spread"] * 6 + ["representative"]
+    assert written["solution"].tolist()[0] == "1"
+    assert written["solution"].tolist()[-2:] == ["22", "representative"]
+    assert written["solution"].is_unique
+    assert written.loc[7, "mus_gg"] == 0.642
+
+
+def test_too_few_solutions_are_named(study):
+    with pytest.raises(InputError, match=r"feasible.csv: solutions is 12; allowed: at least 21"):
+        select(study, count=20)
+
+
+def test_table4_has_errors_as_published(study):
+    table = tables(study)["table4"]
+    assert len(table) == 6
+    row = table.iloc[0]
+    assert row["aor_simulated_deg"] == pytest.approx(32.0)
+    assert row["aor_se_deg"] == pytest.approx(2 / np.sqrt(3))
+    assert row["aor_error_percent"] == pytest.approx(100 * 0.5 / 32.0)  # 1.56, as theirs for 32.50 and 32.00
+    assert row["height_error_percent"] == pytest.approx(0.0)
+    assert row["n_seeds"] == 3
+    pd.testing.assert_frame_equal(pd.read_csv(study / "v/table4.csv")[["sample"]], table[["sample"]])
+
+
+def test_representative_against_the_physical_pile(study):
+    table = tables(study)["representative"].set_index("response")
+    assert table.loc["aor_deg", "error_percent"] == pytest.approx(100 * 0.87 / 32.87)
+    assert table.loc["height_mm", "physical_sd"] == 4.10
+    assert table["within_one_sd"].all()
+    far = validate.against_physical(
+        {
+            f"{a}_{b}_{c}": 40.0
+            for a, c in (("aor", "deg"), ("height", "mm"))
+            for b in ("predicted", "simulated", "se")
+        }
+        | {"n_seeds": 3, "status": "ok"},
+        TARGET,
+    )
+    assert not far["within_one_sd"].any()
+
+
+def test_published_beside_ours(study):
+    table = tables(study)["published"].set_index("solution")
+    assert table.loc["22", "aor_published_simulated_deg"] == 32.0
+    assert table.loc["22", "height_difference_mm"] == pytest.approx(66.0 - 65.63)
+    assert np.isnan(table.loc["representative", "aor_published_simulated_deg"])
+    assert table.loc["representative", "aor_simulated_deg"] == pytest.approx(32.0)
+
+
+def test_a_failed_simulation_keeps_its_row_without_numbers(study):
+    result = tables(study, failed=(1, 3, 101))
+    table = result["table4"].set_index("sample")
+    assert table.loc[3, "status"] == "jammed"
+    assert np.isnan(table.loc[3, "aor_simulated_deg"])
+    assert np.isnan(table.loc[3, "aor_error_percent"])
+    assert not result["representative"]["within_one_sd"].any()
+    assert np.isnan(result["published"].set_index("sample").loc[101, "aor_difference_deg"])
+
+
+def test_solutions_beyond_the_samples_carry_a_warning(study):
+    """Samples fill 0.3 to 0.7 of every range, as our solutions do; the published mur_gg lie far below."""
+    random = np.random.RandomState(2)
+    support = Support(random.uniform(0.3, 0.7, (200, 6)), np.zeros(6), np.ones(6))
+    paths = write_heaps(study, select(study))
+    plain = validate.run(
+        study / "v/solutions.csv", paths, study / "published4.csv", TARGET, study / "v/plain"
+    )
+    told = validate.run(
+        study / "v/solutions.csv", paths, study / "published4.csv", TARGET, study / "v", support
+    )
+    for name in ("table4", "published"):
+        assert told[name].columns.tolist() == [*plain[name].columns, "warning"]
+    assert (told["table4"]["warning"] == "").sum() >= 3
+    assert told["published"]["warning"].str.contains("nearest sample").all()
+
+
+def test_a_missing_simulation_is_named(study):
+    paths = write_heaps(study, select(study))
+    with pytest.raises(InputError, match=r"samples without a file is \[102\]"):
+        validate.run(study / "v/solutions.csv", paths[:-1], study / "published4.csv", TARGET, study / "v")

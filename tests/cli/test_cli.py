@@ -1,0 +1,221 @@
+"""The command line: each verb explains itself, a fault of the input ends in one line."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from repose.__main__ import main
+from repose.cli import FAMILIES, VERBS, parser
+from repose.core.parameters import PARAMETERS
+from repose.measure.angles import MEAN_KEYS
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(autouse=True)
+def _in_the_project(monkeypatch):
+    monkeypatch.chdir(ROOT)
+
+
+@pytest.fixture
+def short_config(tmp_path):
+    """A pour of twelve berries that ends within seconds."""
+    text = (ROOT / "config" / "quick.yaml").read_text()
+    for old, new in (
+        ("  berries: 500", "  berries: 12"),
+        ("  duration_s: 18.0", "  duration_s: 1.5"),
+        ("  rest_energy_j: 1.0e-9", "  rest_energy_j: 1.0e-3"),
+        ("  rest_motion_mm: 1.0", "  rest_motion_mm: 100"),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    path = tmp_path / "short.yaml"
+    path.write_text(text)
+    return str(path)
+
+
+def error_of(capsys, *words):
+    """The single line on stderr of a call that ends with status 2."""
+    assert main(list(words)) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("repose: error: ")
+    return lines[0]
+
+
+@pytest.mark.parametrize("verb", sorted(VERBS))
+def test_every_verb_explains_itself_with_an_example_that_parses(verb, capsys):
+    with pytest.raises(SystemExit) as end:
+        main([verb, "--help"])
+    assert end.value.code == 0
+    text = " ".join(capsys.readouterr().out.split())
+    words = text.split(f"example: python -m repose {verb}")[1].replace("'", "").split()
+    if verb != "table":  # its example quotes a title of two words
+        assert parser().parse_args([verb, *words]).verb == verb
+
+
+def test_the_programs_help_lists_every_verb(capsys):
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    out = capsys.readouterr().out
+    assert {line.split()[0] for line in out.splitlines() if re.match(" {4}[a-z]", line)} == set(VERBS)
+    assert "example:" in out
+
+
+def test_each_verb_has_a_name_of_its_own():
+    assert len(VERBS) == sum(len(module.family.verbs) for module in FAMILIES)
+
+
+def test_help_loads_none_of_the_libraries_that_the_verbs_need():
+    code = "import sys; from repose.__main__ import main\ntry: main(['heap', '--help'])\nexcept SystemExit: "
+    code += (
+        "print('loaded:', *({'numpy', 'numba', 'scipy', 'pandas', 'cv2', 'matplotlib'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "loaded:"
+
+
+def test_the_module_runs_as_a_program_and_exits_with_2_on_bad_input():
+    command = [sys.executable, "-m", "repose", "check", "--config", "nowhere.yaml"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr == (
+        "repose: error: nowhere.yaml: file is 'No such file or directory'; "
+        "allowed: an existing YAML or JSON file\n"
+    )
+
+
+def test_check_tells_the_number_of_pours(capsys):
+    assert main(["check"]) == 0
+    out = capsys.readouterr().out
+    assert "150 parameter sets x 6 seeds = 900 pours" in out
+    assert "min on 2 cores" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        (["--set", "mus=0.5"], ["--set mus", "e_gg (restitution, goji-goji)"]),
+        (["--set", "e_gg=2"], ["e_gg is 2.0", "0.01 to 1"]),
+        (["--set", "e_gg=nan"], ["e_gg is nan"]),
+        (["--set", "mus_gg=-0.1"], ["mus_gg is -0.1", "at least 0"]),
+        (["--set", "mus_gg=inf"], ["mus_gg is inf"]),
+        (["--set", "mus_gg=rough"], ["mus_gg is 'rough'", "a number"]),
+        (["--set", "mus_gg"], ["--set is 'mus_gg'", "NAME=VALUE"]),
+        (["--set", "e_gg=0.2", "--set", "e_gg=0.3"], ["each name once"]),
+        (["--seed", "-1"], ["--seed is [-1]"]),
+        (["--seed", "1", "--seed", "1"], ["distinct"]),
+        (["--seeds", "0"], ["--seeds is 0"]),
+        (["--sample", "3"], ["--sample is 3", "together with --samples"]),
+        (["--samples", "nowhere.csv", "--sample", "1"], ["nowhere.csv"]),
+        (["--samples", "resources/berries.csv", "--sample", "1"], ["berries.csv: header"]),
+        (["--trajectory", "0"], ["--trajectory is 0.0"]),
+        (["--particle", "nowhere.json"], ["nowhere.json"]),
+        (["--berry", "nowhere.json"], ["nowhere.json"]),
+    ],
+)
+def test_heap_refuses_bad_options_before_it_pours(words, parts, capsys, tmp_path):
+    line = error_of(capsys, "heap", "--out", str(tmp_path / "heap"), *words)
+    assert all(part in line for part in parts)
+    assert not (tmp_path / "heap").exists()
+
+
+def test_heap_pours_and_prints_its_record(short_config, tmp_path, capsys):
+    words = ["heap", "--config", short_config, "--set", "e_gg=0.203", "--seed", "7", "--json"]
+    assert main([*words, "--trajectory", "0.1", "--out", str(tmp_path / "heap")]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert set(record["parameters"]) == set(PARAMETERS)
+    assert record["parameters"]["e_gg"] == 0.203
+    assert record["parameters"]["mus_gg"] == pytest.approx(0.55)  # centre of its range
+    assert (record["seed"], record["time_step_s"]) == (7, 2e-4)
+    assert {"status", "aor_deg", "height_mm", "kinetic_energy_J", "wall_s", "us_per_step"} <= set(record)
+    assert record["berries_on_plate"] <= 12
+    written = json.loads((tmp_path / "heap" / "heap.json").read_text())
+    assert written["runs"][0]["seed"] == 7
+    with np.load(tmp_path / "heap" / "heap.npz") as arrays:
+        assert arrays["position_7"].shape == (12, 3)
+    with np.load(tmp_path / "heap" / "heap_trajectory_7.npz") as frames:
+        assert frames["position"].shape == (15, 12, 3)
+
+
+def test_pour_and_measure_heap_are_heap_in_two_steps(short_config, tmp_path, capsys):
+    words = ["--config", short_config, "--seed", "7"]
+    assert main(["heap", *words, "--out", str(tmp_path / "whole")]) == 0
+    assert main(["pour", *words, "--out", str(tmp_path / "steps")]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == str(tmp_path / "steps" / "heap.pours.json")
+    assert not (tmp_path / "steps" / "heap.json").exists()
+    out = tmp_path / "measured"
+    pours = str(tmp_path / "steps" / "heap.pours.json")
+    assert main(["measure_heap", pours, "--config", short_config, "--out", str(out)]) == 0
+    whole, steps = (json.loads((folder / "heap.json").read_text()) for folder in (tmp_path / "whole", out))
+    for run in (*whole["runs"], *steps["runs"]):
+        del run["wall_s"], run["us_per_step"]
+    assert steps == whole
+
+
+def test_heap_takes_a_row_of_a_table_and_the_studys_seeds(short_config, tmp_path, capsys):
+    samples = tmp_path / "samples.csv"
+    samples.write_text("sample," + ",".join(PARAMETERS) + "\n4,0.2,0.5,0.03,0.3,0.6,0.2\n")
+    out = tmp_path / "heaps"
+    words = ["heap", "--config", short_config, "--samples", str(samples), "--seeds", "2", "--out", str(out)]
+    assert main([*words, "--sample", "4", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["sample"] == 4
+    assert record["parameters"]["mus_gg"] == 0.5
+    assert len({run["seed"] for run in record["runs"]}) == 2
+    assert (out / "004.json").is_file()
+    assert "sample is 5" in error_of(capsys, *words, "--sample", "5")
+
+
+def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(tmp_path, capsys):
+    picture = np.full((400, 900), 230, np.uint8)
+    height = 200
+    half = round(height / np.tan(np.radians(30)))
+    triangle = np.array([[450 - half, 399], [450 + half, 399], [450, 399 - height]])
+    cv2.fillPoly(picture, [triangle], 40)
+    path = tmp_path / "pile.png"
+    cv2.imwrite(str(path), picture)
+    assert main(["measure", str(path), "--mm-per-pixel", "0.1", "--json"]) == 0
+    values = json.loads(capsys.readouterr().out)
+    assert {"left_deg", "right_deg", "aor_deg", "height_mm", *MEAN_KEYS.values()} == set(values)
+    assert values["aor_flank_deg"] == pytest.approx(30, abs=0.5)
+    # one berry is 13.34 mm here: tan(secant) = tan(30 deg) 20 / (20 - 13.34)
+    assert values["aor_deg"] == values["aor_secant_deg"] == pytest.approx(60.0, abs=0.6)
+    assert values["height_mm"] == pytest.approx(20, abs=0.3)
+    assert (tmp_path / "pile_overlay.png").is_file()
+
+
+def test_measure_refuses_a_picture_without_a_pile(tmp_path, capsys):
+    path = tmp_path / "empty.png"
+    cv2.imwrite(str(path), np.full((200, 300), 200, np.uint8))
+    assert "a pile with two flanks" in error_of(capsys, "measure", str(path), "--mm-per-pixel", "0.1")
+    assert "nowhere.png" in error_of(capsys, "measure", "nowhere.png", "--mm-per-pixel", "0.1")
+
+
+def test_a_missing_file_is_named(tmp_path, capsys):
+    particle = "results/published/recommended/berry/particle.json"
+    out = str(tmp_path / "film.gif")
+    assert "nowhere.npz" in error_of(capsys, "film", "nowhere.npz", "--particle", particle, "--out", out)
+    words = ["--input", "states=nowhere.npz", "--input", f"particle={particle}"]
+    assert "nowhere.npz" in error_of(capsys, "figure", "figure15", *words, "--out", out)
+
+
+def test_table_marks_a_small_run(tmp_path):
+    for name, marked in (("quick", True), ("config", False)):
+        page = tmp_path / f"{name}.html"
+        words = ["table", "resources/published/table4.csv", "--title", "A < B", "--out", str(page)]
+        assert main([*words, "--config", f"config/{name}.yaml"]) == 0
+        text = page.read_text()
+        assert ("Small run" in text) is marked
+        assert "A &lt; B" in text
+        assert "representative" in text
+
+
+def test_figure_refuses_an_unknown_name(tmp_path, capsys):
+    assert "figure99" in error_of(capsys, "figure", "figure99", "--out", str(tmp_path / "x.png"))

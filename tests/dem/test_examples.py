@@ -1,0 +1,108 @@
+"""What is shown to newcomers runs as it stands: the example of the engine's README, and pictures of any simulation."""
+
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from repose.dem import Cylinder, Plane, Recorder, Shape, Simulation
+from repose.pictures.film import animate
+from repose.pictures.render import render_simulation
+from repose.pictures.scenery import setting_of
+
+ROOT = Path(__file__).parents[2]
+README = ROOT / "src" / "repose" / "dem" / "README.md"
+
+
+@pytest.fixture(scope="module")
+def box(tmp_path_factory):
+    """The names that the README's example leaves behind, and its folder."""
+    folder = tmp_path_factory.mktemp("readme")
+    code = re.search(r"```python\n(.*?)```", README.read_text(), re.S).group(1)
+    assert len(code.splitlines()) < 30
+    names = {}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        exec(compile(code, str(README), "exec"), names)
+    return names["simulation"], folder
+
+
+def test_the_example_of_the_readme_runs_and_the_berries_come_to_lie_in_the_box(box):
+    simulation, folder = box
+    assert simulation.time_s == pytest.approx(1.0)
+    positions = simulation.positions
+    assert (np.abs(positions[:, :2]) < 0.05).all()
+    assert (positions[:, 2] > 0.004).all()
+    assert positions[:, 2].max() < 0.08
+    assert simulation.kinetic_energies().sum() < 1e-5
+    sets = list(ET.parse(folder / "box" / "box.pvd").getroot().iter("DataSet"))
+    assert len(sets) == 2 * 21
+
+
+def test_a_picture_shows_bodies_in_front_of_walls_and_no_wall_in_front(box):
+    simulation, _folder = box
+    picture = render_simulation(simulation, width=160, height=120).astype(int)
+    red = picture[..., 0] > picture[..., 2] + 40
+    grey = ~red & (picture.max(axis=-1) < 215)
+    assert red.mean() > 0.05
+    assert grey.mean() > 0.05
+    setting = setting_of(simulation)
+    assert setting.plate_m is None
+    assert len(setting.panels) == 5
+    # the panels close the box up to the top: normals point at its middle
+    for panel in setting.panels:
+        assert panel.normal @ (np.array([0.0, 0.0, 0.075]) - panel.corners_m.mean(axis=0)) > 0
+
+
+def test_scale_and_second_shape_are_seen(box):
+    old, _folder = box
+    made = {
+        "shapes": {"berry": old.shapes["berry"], "ball": Shape.sphere(0.01, 840.0, "berry")},
+        "materials": old.materials,
+        "contacts": {("berry", "berry"): old.contact_pairs["berry", "berry"]},
+        "time_step_s": 1e-4,
+        "capacity": 1,
+        "lower": (-0.05, -0.05, 0.0),
+        "upper": (0.05, 0.05, 0.1),
+        "largest_scale": 2.0,
+    }
+    sizes = []
+    for shape, scale in (("ball", 1.0), ("ball", 2.0), ("berry", 1.0)):
+        simulation = Simulation(**made)
+        simulation.add(shape, (0.0, 0.0, 0.05), scale=scale)
+        frame = np.array([made["lower"], made["upper"]])
+        picture = render_simulation(simulation, width=120, height=120, frame_m=frame).astype(int)
+        red = picture[..., 0] > picture[..., 1] + 60
+        sizes.append((picture.max(axis=-1) - picture.min(axis=-1) > 20).sum())
+        assert red.any() == (shape == "berry")
+    assert sizes[1] / sizes[0] == pytest.approx(4.0, rel=0.15)
+
+
+def test_any_simulation_becomes_an_animation(box, tmp_path):
+    old, _folder = box
+    walls = {
+        "floor": Plane((0, 0, 0), (0, 0, 1), "steel"),
+        "shell": Cylinder((0, 0, 0), (0, 0, 1), 0.1, 0.03, "steel"),
+    }
+    contacts = {pair: old.contact_pairs[pair] for pair in (("berry", "berry"), ("berry", "steel"))}
+    shapes, size = old.shapes, {"capacity": 1, "lower": (-0.03, -0.03, 0.0), "upper": (0.03, 0.03, 0.1)}
+    simulation = Simulation(shapes, old.materials, contacts, 1e-4, walls=walls, **size)
+    simulation.add("berry", (0.0, 0.0, 0.08))
+    frames = Recorder()
+    simulation.run(0.08, progress=False, record=frames, record_every_s=0.02)
+    animate(simulation, frames.frames(), tmp_path / "fall.gif", width=60, height=80)
+    with Image.open(tmp_path / "fall.gif") as film:
+        assert film.n_frames == 5
+        assert film.size == (60, 80)
+    assert setting_of(simulation).plate_m == 0.0
+    assert [(w.r_low_m, w.z_high_m) for w in setting_of(simulation).frusta] == [(0.03, 0.1)]
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "examples").glob("*.py")), ids=lambda path: path.stem)
+def test_the_examples_are_short_and_compile(path):
+    text = path.read_text()
+    compile(text, str(path), "exec")
+    assert len(text.splitlines()) <= 60

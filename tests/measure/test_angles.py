@@ -1,0 +1,161 @@
+"""The definitions of the angle on profiles whose angles are known in closed form."""
+
+import math
+
+import numpy as np
+import pytest
+
+from repose.core.errors import NoFlankError
+from repose.measure import angles
+
+RULES = tuple(angles.FLANK_RULES)
+MARGIN = 20
+
+
+def degrees(slope):
+    return math.degrees(math.atan(slope))
+
+
+def cone(slope, height):
+    """One side of a triangle, foot to crest, whose crest lies on a column."""
+    return np.maximum(height - slope * np.arange(math.ceil(height / slope) + MARGIN)[::-1], 0.0)
+
+
+def trapezoid(slope, height, half_top):
+    """One side of a trapezoid with a flat top of `half_top` columns on this side."""
+    return np.concatenate([cone(slope, height), np.full(half_top, float(height))])
+
+
+def two_slopes(lower, upper, knee, height):
+    """One side that rises with `lower` up to the height `knee` and with `upper` above it."""
+    below = knee + lower * np.arange(-math.ceil(knee / lower) - MARGIN, 0)
+    above = np.arange(0, (height - knee) / upper + 1e-9)
+    return np.maximum(np.concatenate([below, knee + upper * above]), 0.0)
+
+
+def lumpy(slope, height, rng):
+    """A cone's side with half-discs of 8 to 16 pixels on it."""
+    profile = cone(slope, height)
+    u = np.arange(profile.size)
+    for centre in rng.uniform(MARGIN, profile.size - 20, 40):
+        r = rng.uniform(8, 16)
+        chord = r**2 - (u - centre) ** 2
+        top = np.interp(centre, u, cone(slope, height)) - 4 + np.sqrt(np.maximum(chord, 0.0))
+        profile = np.where(chord > 0, np.maximum(profile, top), profile)
+    profile[:MARGIN] = 0.0
+    return np.minimum(profile, height)
+
+
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("slope", [0.3, 0.6, 1.0])
+def test_a_cone_has_its_slope_by_every_line(rule, slope):
+    profile = cone(slope, 240.0)
+    for line in (
+        angles.flank(profile, 24.0, 192.0, rule),
+        angles.steepest(profile, 24.0, 192.0, rule),
+        angles.whole(profile, rule),
+    ):
+        assert line.angle_deg == pytest.approx(degrees(slope), abs=1e-9)
+        for u, z in line.ends:
+            assert z == pytest.approx(240.0 - slope * (profile.size - 1 - u))
+
+
+@pytest.mark.parametrize("slope", [0.3, 0.6, 1.0])
+@pytest.mark.parametrize("berry", [20.0, 53.4])
+def test_the_secant_of_a_cone_is_steeper_by_the_height_over_what_stands_above_the_berry(slope, berry):
+    height = 240.0
+    line = angles.secant(cone(slope, height), berry)
+    assert line.angle_deg == pytest.approx(degrees(slope * height / (height - berry)))
+    assert angles.secant_of_pile(line, line) == pytest.approx(line.angle_deg)
+
+
+def test_the_secant_of_a_pile_takes_the_whole_width_wherever_the_crest_lies():
+    left, right = (angles.secant(cone(slope, 240.0), 48.0) for slope in (0.4, 0.8))
+    width = 192.0 / 0.4 + 192.0 / 0.8
+    assert angles.secant_of_pile(left, right) == pytest.approx(degrees(2 * 240.0 / width))
+    assert angles.secant_of_pile(left, right) < (left.angle_deg + right.angle_deg) / 2
+
+
+def test_a_trapezoid_is_a_cone_to_the_flank_and_flatter_to_whole_and_secant():
+    slope, height, half_top = 0.5, 200.0, 120
+    profile = trapezoid(slope, height, half_top)
+    assert angles.flank(profile, 20.0, 160.0).angle_deg == pytest.approx(degrees(slope))
+    assert angles.steepest(profile, 20.0, 160.0).angle_deg == pytest.approx(degrees(slope))
+    secant = angles.secant(profile, 40.0)
+    assert secant.angle_deg == pytest.approx(degrees(height / (160.0 / slope + half_top)))
+    # regression of z = min(s u, h) on u over [0, a + b], a = h / s: covariance over variance by integration
+    a, b = height / slope, half_top
+    total = a + b
+    mean_z = (0.5 * a * height + b * height) / total
+    moment = slope * a**3 / 3 + height * (total**2 - a**2) / 2
+    expected = (moment / total - mean_z * total / 2) / (total**2 / 12)
+    assert angles.whole(profile).angle_deg == pytest.approx(degrees(expected), abs=0.15)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_the_steepest_stretch_of_a_bent_flank_is_its_steeper_part(rule):
+    profile = two_slopes(0.4, 0.8, knee=120.0, height=240.0)
+    steep = angles.steepest(profile, 24.0, 216.0, rule)
+    assert steep.angle_deg == pytest.approx(degrees(0.8), abs=1e-6)
+    assert steep.ends[0][1] >= 119.0
+    assert degrees(0.4) < angles.flank(profile, 24.0, 216.0, rule).angle_deg < steep.angle_deg
+
+
+def slow_steepest(profile, low, high, rule):
+    """Every window by itself, with numpy's own regression."""
+    window, best = (high - low) / 2, -math.inf
+    for k in range(math.floor(window) + 1):
+        u, z = angles.FLANK_RULES[rule](profile, low, high)
+        inside = (z >= low + k) & (z <= low + k + window)
+        if inside.sum() >= angles.MIN_LEVELS and u[inside].std() >= angles.WALL_SD:
+            best = max(best, np.polyfit(u[inside], z[inside], 1)[0])
+    return degrees(best)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_the_steepest_stretch_of_lumpy_flanks_equals_a_slow_search(rule):
+    rng = np.random.default_rng(7)
+    for slope in (0.35, 0.6, 0.9):
+        profile = lumpy(slope, 230.0, rng)
+        found = angles.steepest(profile, 23.0, 184.0, rule).angle_deg
+        assert found == pytest.approx(slow_steepest(profile, 23.0, 184.0, rule), abs=1e-6)
+        assert found > angles.flank(profile, 23.0, 184.0, rule).angle_deg
+
+
+def both_sides(left, right):
+    """A whole profile and its crest from two sides of the same height."""
+    return np.concatenate([left, right[::-1][1:]]), left.size - 1
+
+
+def test_measured_sides_hold_every_definition_and_what_is_missing_has_a_reason():
+    profile, crest = both_sides(cone(0.4, 200.0), cone(0.8, 200.0))
+    measured, reasons = angles.measure_sides(profile, crest, "berry", 0.9, 50.0, "columns")
+    assert tuple(measured) == angles.DEFINITIONS
+    assert not reasons
+    mean, left, right = measured["flank"]
+    assert (left.angle_deg, right.angle_deg) == pytest.approx((degrees(0.4), degrees(0.8)))
+    assert mean == pytest.approx((degrees(0.4) + degrees(0.8)) / 2)
+    assert (left.ends[0][1], left.ends[1][1]) == (50.0, 180.0)
+    unknown, reasons = angles.measure_sides(profile, crest, "berry", 0.9, None, "columns")
+    assert tuple(unknown) == ("whole",)
+    assert set(reasons) == {"flank", "secant", "steepest"}
+    low, reasons = angles.measure_sides(profile, crest, 0.1, 0.2, 50.0, "columns")
+    assert "steepest" not in low
+    assert "12 are needed" in reasons["steepest"]
+
+
+def test_sides_without_an_angle_say_why():
+    wall = np.concatenate([np.zeros(MARGIN), np.full(60, 200.0)])
+    for definition in (angles.flank, angles.steepest):
+        with pytest.raises(NoFlankError, match="a wall"):
+            definition(wall, 20.0, 160.0, "levels")
+    with pytest.raises(NoFlankError, match="not higher than one berry"):
+        angles.secant(cone(0.5, 40.0), 40.0)
+    cut = cone(0.5, 200.0)[150:]
+    for definition in (
+        lambda: angles.flank(cut, 20.0, 160.0),
+        lambda: angles.secant(cut, 20.0),
+        lambda: angles.whole(cut),
+    ):
+        with pytest.raises(NoFlankError, match="foot is not seen"):
+            definition()

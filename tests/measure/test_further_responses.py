@@ -1,0 +1,139 @@
+"""More responses of a pile: on shapes with known numbers, and through the files of a job."""
+
+import json
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from repose.core.errors import InputError, NoFlankError
+from repose.measure import further_responses
+from repose.particle.build import Particle
+
+MM_PER_PIXEL = 0.5
+
+
+def cone(slope_deg, height_mm=60.0, foot_mm=10.0):
+    """Silhouette of a cone: heights in pixels over columns."""
+    half = height_mm / math.tan(math.radians(slope_deg)) / MM_PER_PIXEL
+    columns = np.arange(math.ceil(2 * half) + 2 * round(foot_mm / MM_PER_PIXEL))
+    middle = (len(columns) - 1) / 2
+    return np.maximum(0, height_mm / MM_PER_PIXEL * (1 - np.abs(columns - middle) / half))
+
+
+def test_cone_has_its_slope_everywhere_and_its_volume():
+    angle, berry = 31.0, 12.0
+    base = 60.0 / math.tan(math.radians(angle))
+    volume = math.pi * base**2 * 60.0 / 3
+    found = further_responses.of_profile([cone(angle)] * 3, MM_PER_PIXEL, 60.0, berry, 0.6 * volume)
+    assert found["base_radius_mm"] == pytest.approx(base * (1 - berry / 60), abs=0.3)
+    assert found["lower_deg"] == pytest.approx(angle, abs=0.3)
+    assert found["upper_deg"] == pytest.approx(angle, abs=0.3)
+    assert found["packing_percent"] == pytest.approx(60, abs=0.5)
+
+
+def test_a_flank_that_bends_is_seen_by_the_two_slopes():
+    profile = cone(31.0)
+    hollow = profile**2 / profile.max()  # steep at the top, flat at the foot
+    found = further_responses.of_profile([hollow], MM_PER_PIXEL, 60.0, 12.0, 1e5)
+    # z = H (1 - r / R)^2
+    base, half, upper = (60 / math.tan(math.radians(31)) * (1 - math.sqrt(z)) for z in (0.2, 0.5, 0.8))
+    assert found["lower_deg"] == pytest.approx(math.degrees(math.atan(18 / (base - half))), abs=0.4)
+    assert found["upper_deg"] == pytest.approx(math.degrees(math.atan(18 / (half - upper))), abs=0.8)
+    assert found["upper_deg"] > found["lower_deg"] + 5
+
+
+def test_width_is_the_mean_of_the_views_and_nothing_above_the_lower_one():
+    wide, low = cone(31.0), cone(31.0, height_mm=20.0)
+    level = np.array([10.0, 40.0])
+    one = further_responses.mean_half_width([wide], MM_PER_PIXEL, level)
+    both = further_responses.mean_half_width([wide, low], MM_PER_PIXEL, level)
+    assert one == pytest.approx([50 / math.tan(math.radians(31)), 20 / math.tan(math.radians(31))], abs=0.3)
+    assert both[1] == pytest.approx(one[1] / 2)
+    with pytest.raises(NoFlankError, match=r"half of 20.0 mm is not above a berry, 12.0 mm"):
+        further_responses.of_profile([low], MM_PER_PIXEL, 20.0, 12.0, 1.0)
+
+
+def test_scatter_leaves_out_what_is_off_the_plate():
+    """Berries at 1 to 100 mm, five of them loose; two that fell off do not count."""
+    centres = np.zeros((102, 3))
+    centres[:, 0] = 1e-3 * np.arange(1, 103)
+    centres[:, 2] = 0.01
+    centres[100] = (0.5, 0, 0.01)
+    centres[101] = (0.05, 0, -0.2)
+    pile = np.ones(102, bool)
+    pile[95:] = False
+    found = further_responses.of_scatter(centres, pile, 300.0)
+    assert found["radius_90_mm"] == pytest.approx(np.quantile(np.arange(1, 101), 0.9))
+    assert found["loose_percent"] == pytest.approx(5.0)
+    with pytest.raises(NoFlankError, match="no berry"):
+        further_responses.of_scatter(centres[101:], pile[101:], 300.0)
+
+
+@pytest.fixture
+def job(tmp_path):
+    """Two pours of spheres heaped on a cone, one that failed, and their runs."""
+    random = np.random.default_rng(1)
+    arrays, pours = {}, []
+    for seed, status in ((1, "ok"), (2, "jammed"), (3, "ok")):
+        distance = 0.09 * np.sqrt(random.uniform(size=400))
+        turn = random.uniform(0, 2 * math.pi, 400)
+        z = 0.006 + random.uniform(size=400) * 0.05 * (1 - distance / 0.09)
+        arrays[f"position_{seed}"] = np.column_stack([distance * np.cos(turn), distance * np.sin(turn), z])
+        arrays[f"quaternion_{seed}"] = np.tile([1.0, 0, 0, 0], (400, 1))
+        arrays[f"in_pile_{seed}"] = np.arange(400) >= 40
+        pours.append({"seed": seed, "status": status})
+    np.savez(tmp_path / "007.npz", **arrays)
+    (tmp_path / "007.pours.json").write_text(json.dumps({"sample": 7, "pours": pours}))
+    runs = pd.DataFrame({"sample": 7, "seed": [1, 2, 3], "status": ["ok", "jammed", "ok"]})
+    for name in ("aor_deg", "height_mm", *further_responses.HEAP):
+        if name not in further_responses.MEASURED:
+            runs[name] = 30.0
+    runs["reason"] = ""
+    runs.to_csv(tmp_path / "runs.csv", index=False)
+    return tmp_path
+
+
+CONFIG = {"heap": {"plate_diameter_mm": 600.0}}
+MEASURE = {"views": 2, "mm_per_pixel": 0.5, "response": "secant", "berry_height_mm": 12.0}
+BALL = Particle(
+    kind="ellipsoid",
+    semi_axes_m=np.full((1, 3), 0.006),
+    density_kg_m3=800.0,
+    volume_m3=4 / 3 * math.pi * 0.006**3,
+    mass_kg=7e-4,
+    inertia_kg_m2=np.full(3, 1e-8),
+    bounding_radius_m=0.006,
+    deviation_max_m=0.0,
+    deviation_rms_m=0.0,
+)
+
+
+def test_good_runs_of_a_job_are_measured_and_the_others_left_empty(job):
+    config = CONFIG | {"measure": MEASURE}
+    table = further_responses.run(
+        config, [job / "007.pours.json"], job / "runs.csv", BALL, {}, job / "out.csv"
+    )
+    assert table["status"].tolist() == ["ok", "jammed", "ok"]
+    good = table["status"] == "ok"
+    assert table.loc[good, list(further_responses.MEASURED)].notna().all(axis=None)
+    assert table.loc[~good, list(further_responses.MEASURED)].isna().all(axis=None)
+    assert table.loc[good, "loose_percent"].tolist() == [10.0, 10.0]
+    assert table.loc[good, "radius_90_mm"].to_numpy() == pytest.approx(90 * math.sqrt(0.9), abs=3)
+    assert pd.read_csv(job / "out.csv").columns.tolist() == table.columns.tolist()
+
+
+def test_a_run_without_its_pour_is_named(job):
+    runs = pd.read_csv(job / "runs.csv")
+    runs.loc[2, "seed"] = 99
+    runs.to_csv(job / "runs.csv", index=False)
+    with pytest.raises(InputError, match="99"):
+        further_responses.run(
+            CONFIG | {"measure": MEASURE},
+            [job / "007.pours.json"],
+            job / "runs.csv",
+            BALL,
+            {},
+            job / "out.csv",
+        )

@@ -1,0 +1,148 @@
+"""Saved pours measured: nothing is poured here."""
+
+import copy
+import json
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from test_pile import BERRY as PARTICLE
+from test_pile import cone_of_berries
+
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
+from repose.measure import pile, saved_pours
+from repose.measure.angles import DEFINITIONS, MEAN_KEYS, RESPONSES, VIEW_KEYS
+
+ROOT = Path(__file__).parents[2]
+CONFIG = yaml.safe_load((ROOT / "config" / "quick.yaml").read_text())
+AXES = {"long_mm": 21.14, "major_mm": 11.37, "minor_mm": 9.88}
+BERRY_MM = math.prod(AXES.values()) ** (1 / 3)
+
+
+def config(**keys):
+    """The small configuration with some keys of its measurement changed."""
+    changed = copy.deepcopy(CONFIG)
+    changed["measure"].update(keys)
+    return changed
+
+
+def one_pour(seed, status="ok", reason=""):
+    return {"seed": seed, "status": status, "reason": reason, "discharge_s": 16.0, "berries_on_plate": 500}
+
+
+@pytest.fixture
+def saved(tmp_path):
+    """Two cones of berries of 30 degrees and a pour that jammed, as the verb pour leaves them."""
+    arrays = {}
+    for seed in (1, 2, 3):
+        centres, q = cone_of_berries(30, np.random.default_rng(seed))
+        arrays |= {f"position_{seed}": centres.astype(np.float32), f"quaternion_{seed}": q.astype(np.float32)}
+        arrays[f"in_pile_{seed}"] = np.ones(len(centres), bool)
+    np.savez(tmp_path / "007.npz", **arrays)
+    job = {"sample": 7, "config": "small", "parameters": dict.fromkeys(PARAMETERS, 0.2), "time_step_s": 2e-4}
+    job["pours"] = [one_pour(1), one_pour(2), one_pour(3, "jammed", "9 berries in the funnel")]
+    (tmp_path / "007.pours.json").write_text(json.dumps(job))
+    return tmp_path / "007.pours.json"
+
+
+def test_a_job_holds_every_response_of_every_run(saved):
+    result = saved_pours.measure_job(config(response="flank"), saved, PARTICLE, AXES)
+    assert json.loads(saved.with_name("007.json").read_text()) == result
+    assert (result["sample"], result["time_step_s"]) == (7, 2e-4)
+    assert "pours" not in result
+    first, second, jammed = result["runs"]
+    for run in (first, second):
+        assert set(RESPONSES) <= set(run)
+        assert run["aor_deg"] == run["aor_flank_deg"] == pytest.approx(30, abs=4)
+        assert run["height_view_mm"] == pytest.approx(run["height_mm"], abs=0.5)
+        assert run["discharge_s"] == 16.0
+    assert (jammed["status"], jammed["reason"]) == ("jammed", "9 berries in the funnel")
+    assert [jammed[key] for key in RESPONSES] == [None] * len(RESPONSES)
+    summary = result["summary"]
+    for key in ("aor_secant_deg", "aor_steepest_view_deg", "height_view_mm"):
+        mean, half = (first[key] + second[key]) / 2, abs(first[key] - second[key]) / 2
+        name, unit = key.rsplit("_", 1)
+        assert (summary[key], summary[f"{name}_se_{unit}"]) == pytest.approx((mean, half))
+
+
+@pytest.mark.parametrize("name", DEFINITIONS)
+def test_another_response_measures_the_same_piles_again(saved, name):
+    before = saved_pours.measure_job(config(), saved, PARTICLE, AXES)["runs"][0]
+    after = saved_pours.measure_job(config(response=name), saved, PARTICLE, AXES)["runs"][0]
+    assert after["aor_deg"] == before[MEAN_KEYS[name]]
+    assert {k: v for k, v in after.items() if k != "aor_deg"} == {
+        k: v for k, v in before.items() if k != "aor_deg"
+    }
+
+
+def test_a_definition_that_fails_fails_the_run_only_as_the_response(saved):
+    tall = {"berry_height_mm": 30.0}  # the cone is some 55 mm high: berry to 60 % is too thin a band for half
+    keys = {"fit_from": "berry", "fit_to": 0.6, **tall}
+    kept = saved_pours.measure_job(config(response="secant", **keys), saved, PARTICLE, AXES)["runs"][0]
+    assert kept["status"] == "ok"
+    assert kept["aor_steepest_deg"] is None
+    assert kept["aor_steepest_view_deg"] is None
+    assert kept["aor_deg"] == kept["aor_secant_deg"]
+    failed = saved_pours.measure_job(config(response="steepest", **keys), saved, PARTICLE, AXES)
+    run = failed["runs"][0]
+    assert (run["status"], run["aor_deg"]) == ("no_flank", None)
+    assert "12 are needed" in run["reason"]
+    assert run["aor_secant_deg"] == kept["aor_secant_deg"]
+    assert failed["summary"]["status"] == "no_flank"
+
+
+@pytest.mark.parametrize("fit_from", [0.1, "berry"])
+def test_a_picture_of_a_simulated_pile_is_measured_as_its_first_view(saved, tmp_path, fit_from):
+    settings = pile.MeasureSettings.of(config(fit_from=fit_from)["measure"], AXES)
+    assert settings.berry_height_mm == pytest.approx(BERRY_MM)
+    poured = saved_pours.first_pour(saved.with_name("007.npz"))
+    run = saved_pours.measure_pour(one_pour(1), poured, PARTICLE, settings)
+    view = saved_pours.side_view(poured, PARTICLE, settings)
+    on_plate = np.vstack([view, np.full((30, view.shape[1]), view.min(), np.uint8)])
+    cv2.imwrite(str(tmp_path / "photo.png"), on_plate)
+    seen = pile.measure_image(pile.read_image(tmp_path / "photo.png"), settings.mm_per_pixel, settings)
+    assert seen.height_mm == pytest.approx(run["height_view_mm"], abs=1e-9)
+    for name in DEFINITIONS:
+        assert seen.angles[name].aor_deg == pytest.approx(run[VIEW_KEYS[name]], abs=1e-9), name
+
+
+def test_a_given_height_of_the_berry_wins_over_its_axes():
+    given = pile.MeasureSettings.of(config(berry_height_mm=20.0)["measure"], AXES)
+    assert given.berry_height_mm == 20.0
+    assert pile.MeasureSettings.of(config()["measure"], {}).berry_height_mm is None
+
+
+def test_the_lines_of_the_overlay_are_those_of_the_response(saved):
+    poured = saved_pours.first_pour(saved.with_name("007.npz"))
+    lines = set()
+    for name in DEFINITIONS:
+        settings = pile.MeasureSettings.of(config(response=name)["measure"], AXES)
+        seen = pile.measure_image(saved_pours.side_view(poured, PARTICLE, settings), 0.25, settings)
+        lines.add(seen.lines)
+        for line, sign, angle in zip(seen.lines, (1, -1), (seen.left_deg, seen.right_deg), strict=True):
+            (u0, row0), (u1, row1) = line
+            assert math.degrees(math.atan2(row0 - row1, sign * (u1 - u0))) == pytest.approx(angle)
+    assert len(lines) == len(DEFINITIONS)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("008.pours.json", None, "008.pours.json: pours"),
+        ("007.json", "{}", "007.json: pours is None"),
+        ("009.pours.json", '{"pours": []}', r"009.pours.json: pours is \[\]"),
+        ("009.pours.json", '{"pours": [{"seed": 1, "status": "fine"}]}', "records with a seed"),
+        ("009.pours.json", '{"pours": [{"seed": 1, "status": "ok"}]}', r"009.npz: positions"),
+        ("007.pours.json", '{"pours": [{"seed": 4, "status": "ok"}]}', "position_4"),
+    ],
+)
+def test_files_that_are_no_pours_are_named(saved, name, content, message):
+    path = saved.with_name(name)
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(InputError, match=message):
+        saved_pours.measure_job(config(), path, PARTICLE, AXES)

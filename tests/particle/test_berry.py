@@ -1,0 +1,168 @@
+"""Sizes and moduli: Eq. 1-4 by hand, the shipped files against what is published, messages for bad files."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from repose.core.errors import InputError
+from repose.particle import berry
+
+RESOURCES = Path(__file__).parents[2] / "resources"
+SIZES = RESOURCES / "berries.csv"
+COMPRESSION = RESOURCES / "compression.csv"
+TABLE1 = RESOURCES / "published" / "table1.csv"
+
+
+def written(tmp_path, text):
+    path = tmp_path / "sizes.csv"
+    path.write_text(text)
+    return path
+
+
+def run(out_dir, **changes):
+    arguments = {
+        "sizes_csv": SIZES,
+        "compression_csv": COMPRESSION,
+        "table1_csv": TABLE1,
+        "density_kg_m3": 840.47,
+    }
+    return berry.run(out_dir=out_dir, **(arguments | changes))
+
+
+def test_equation_1_by_hand():
+    # 8 * 4 * 2 = 64, its cube root 4, half of the long axis.
+    assert berry.equivalent_diameter(8.0, 4.0, 2.0) == pytest.approx(4.0)
+    assert berry.sphericity(8.0, 4.0, 2.0) == pytest.approx(0.5)
+    assert berry.sphericity(7.0, 7.0, 7.0) == pytest.approx(1.0)
+
+
+def test_equations_2_to_4_by_hand():
+    # Section pi/4 * 20 mm * 10 mm = 157.08 mm2, strain 10 %: 2 N make 12732 Pa of stress.
+    modulus = berry.elastic_modulus(2.0, 0.020, 0.010, 0.008, 0.0072)
+    assert modulus == pytest.approx(2 / (np.pi * 50e-6) / 0.1)
+    assert berry.poisson_ratio(20.0, 20.6, 8.0, 7.2) == pytest.approx(0.3)
+    assert berry.shear_modulus(1.1352e5, 0.32) == pytest.approx(4.3e4)
+
+
+def test_shipped_sizes_are_table_1_to_its_last_digit():
+    sizes = berry.read_sizes(SIZES)
+    assert len(sizes) == 50
+    assert sizes.attrs["reconstruction"]
+    summary = berry.summarise(sizes, pd.read_csv(TABLE1))
+    for statistic in ("maximum", "minimum", "mean"):
+        # Axes: on the grid of 0.01 mm the three are exact, not only rounded.
+        assert np.abs(summary[f"difference_{statistic}"][:3]).max() < 1e-9
+        assert np.abs(summary[f"difference_{statistic}"]).max() < 0.005
+    assert (berry.sphericity(*(sizes[c] for c in berry.SIZE_COLUMNS)) < 0.8).all()
+    assert (sizes * 100).round().div(100).equals(sizes)
+
+
+def test_shipped_sizes_are_roughly_normal():
+    stats = pytest.importorskip("scipy.stats")
+    sizes = berry.read_sizes(SIZES)
+    for column in berry.SIZE_COLUMNS:
+        assert stats.shapiro(sizes[column]).pvalue > 0.2
+
+
+def test_shipped_compression_gives_the_published_moduli():
+    elastic, poisson, shear = berry.moduli(berry.read_compression(COMPRESSION))
+    assert f"{elastic:.4e}" == "1.1352e+05"
+    assert f"{poisson:.2f}" == "0.32"
+    assert f"{shear:.1e}" == "4.3e+04"
+
+
+def test_run_writes_both_files(tmp_path):
+    summary, record = run(tmp_path)
+    on_disk = pd.read_csv(tmp_path / "summary.csv")
+    pd.testing.assert_frame_equal(on_disk, summary, check_exact=False, atol=6e-5, rtol=0)
+    assert json.loads((tmp_path / "berry.json").read_text()) == record
+    assert (record["long_mm"], record["major_mm"], record["minor_mm"]) == (21.14, 11.37, 9.88)
+    assert record["n"] == 50
+    assert record["reconstruction"] is True
+
+
+def test_given_moduli_replace_the_measured_ones(tmp_path):
+    _, record = run(tmp_path, compression_csv=None, poisson_ratio=0.25, shear_modulus_pa=2e4)
+    assert (record["poisson_ratio"], record["shear_modulus_pa"]) == (0.25, 2e4)
+    assert record["elastic_modulus_pa"] == pytest.approx(5e4)
+    _, record = run(tmp_path, shear_modulus_pa=2e4)
+    assert record["poisson_ratio"] == pytest.approx(0.32, abs=0.005)
+    assert record["shear_modulus_pa"] == 2e4
+    with pytest.raises(InputError, match="compression"):
+        run(tmp_path, compression_csv=None, poisson_ratio=0.25)
+
+
+def test_measured_sizes_are_not_marked_as_a_reconstruction(tmp_path):
+    path = written(tmp_path, "# caliper, 1 May\nlong_mm,major_mm,minor_mm\n20,10,9\n\n22,11,8\n")
+    _, record = run(tmp_path, sizes_csv=path, compression_csv=None, poisson_ratio=0.3, shear_modulus_pa=1e4)
+    assert record["reconstruction"] is False
+    assert record["n"] == 2
+    assert record["long_mm"] == 21.0
+
+
+def test_columns_may_stand_in_any_order(tmp_path):
+    path = written(tmp_path, "berry, minor_mm,long_mm,major_mm\n1,8,20,10\n2,9,21,11\n")
+    assert berry.read_sizes(path).loc[2].to_dict() == {"long_mm": 21.0, "major_mm": 11.0, "minor_mm": 9.0}
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("long_mm,major_mm\n20,10\n21,10\n", ["header", "minor_mm"]),
+        ("long_mm,major_mm,minor_mm\n20,10,9\n21,ten,9\n", ["row 2", "major_mm", "ten", "positive number"]),
+        ("long_mm,major_mm,minor_mm\n20,10,9\n21,,9\n", ["row 2", "major_mm", "''"]),
+        ("long_mm,major_mm,minor_mm\n20,10,-9\n21,10,9\n", ["row 1", "minor_mm", "-9"]),
+        ("long_mm,major_mm,minor_mm\n20,10,nan\n21,10,9\n", ["row 1", "minor_mm", "nan"]),
+        ("# x\nlong_mm,major_mm,minor_mm\n20,10,9\n10,21,9\n", ["row 2", "major_mm", "21", "long_mm"]),
+        ("long_mm,major_mm,minor_mm\n20,10,9\n21,10,12\n", ["row 2", "minor_mm", "12", "major_mm"]),
+        ("long_mm,major_mm,minor_mm\n20,10,9,1\n21,10,9\n", ["row 1", "cells", "4"]),
+        ("long_mm,major_mm,minor_mm\n20,10,9\n", ["rows", "at least 2"]),
+        ("", ["header", "long_mm"]),
+    ],
+)
+def test_bad_sizes_are_named(tmp_path, text, parts):
+    path = written(tmp_path, text)
+    with pytest.raises(InputError) as error:
+        berry.read_sizes(path)
+    for part in [str(path), *parts]:
+        assert part in str(error.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"nowhere\.csv"):
+        berry.read_sizes(tmp_path / "nowhere.csv")
+
+
+def test_a_load_that_does_not_shorten_is_refused(tmp_path):
+    header = ",".join(berry.COMPRESSION_COLUMNS)
+    path = written(tmp_path, f"{header}\n1,2.0,20,20.5,9,9.1,11\n")
+    with pytest.raises(InputError, match=r"row 1: width_2_mm is 9\.1"):
+        berry.read_compression(path)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"density_kg_m3": 0.0}, {"poisson_ratio": 0.6}, {"shear_modulus_pa": -1.0}, {"density_kg_m3": np.nan}],
+)
+def test_impossible_material_is_refused(tmp_path, change):
+    with pytest.raises(InputError, match=next(iter(change))):
+        run(tmp_path, **change)
+
+
+def test_published_tables_hold_together():
+    published = RESOURCES / "published"
+    ranges = pd.read_csv(published / "table2.csv").set_index("parameter")
+    intervals = pd.read_csv(published / "table3.csv").set_index("parameter")
+    width = (intervals["high"] - intervals["low"]) / (ranges["high"] - ranges["low"]) * 100
+    # mus_gp and e_gp included: dispersion is the interval's width over the range's.
+    assert np.abs(width[intervals.index] - intervals["dispersion_percent"]).max() < 0.01
+    solutions = pd.read_csv(published / "table4.csv").set_index("solution")
+    for response in ("aor", "height"):
+        unit = "deg" if response == "aor" else "mm"
+        simulated = solutions[f"{response}_simulated_{unit}"]
+        error = (solutions[f"{response}_predicted_{unit}"] / simulated - 1).abs() * 100
+        assert np.nanmax(np.abs(error - solutions[f"{response}_error_percent"])) < 0.011
+    assert solutions.loc["representative", "mus_gg"] == 0.642

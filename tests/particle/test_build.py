@@ -1,0 +1,207 @@
+"""Shapes: closed forms of spheres and ellipsoids, dense meshes as slow twins, meshes that must be refused."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+import trimesh
+
+from repose.core.errors import InputError
+from repose.particle import build, support_fit
+from repose.particle.mesh import sphere_directions
+
+BARREL_M = np.array([[7.399, 0.940, 0.940], [3.171, 4.745, 4.000]]) * 1e-3
+
+
+def turned(mesh, seed=1, shift=(30.0, -12.0, 5.0)):
+    """Copy of the mesh in another pose."""
+    turn = trimesh.transformations.random_rotation_matrix(np.random.default_rng(seed).random(3))
+    turn[:3, 3] = shift
+    return mesh.copy().apply_transform(turn)
+
+
+def saved(mesh, tmp_path):
+    path = tmp_path / "scan.stl"
+    mesh.export(path)
+    return path
+
+
+def barrel_mesh(subdivisions=5):
+    """Dense convex hull (mm) of support points of the barrel: a mesh that is no ellipsoid."""
+    n = trimesh.creation.icosphere(subdivisions=subdivisions).vertices
+    points = sum(n * s**2 / np.linalg.norm(n * s, axis=1)[:, None] for s in BARREL_M)
+    return trimesh.convex.convex_hull(points * 1e3)
+
+
+def test_berry_mesh_is_recognised_through_the_file(tmp_path):
+    path = saved(turned(build.ellipsoid_mesh([21.14, 11.37, 9.88])), tmp_path)
+    particle = build.fit_particle(build.load_mesh(path), 840.47)
+    assert particle.kind == "ellipsoid"
+    np.testing.assert_allclose(particle.semi_axes_m, [[10.57e-3, 5.685e-3, 4.94e-3]], rtol=1e-6)
+    a, b, c = particle.semi_axes_m[0]
+    assert particle.volume_m3 == pytest.approx(4 / 3 * math.pi * a * b * c)
+    assert particle.mass_kg == pytest.approx(840.47 * particle.volume_m3)
+    expected = particle.mass_kg / 5 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])
+    np.testing.assert_allclose(particle.inertia_kg_m2, expected)
+    assert particle.bounding_radius_m == pytest.approx(a)
+    # The facets lie inside the ellipsoid.
+    assert 0.99 < particle.mesh_volume_m3 / particle.volume_m3 < 1
+    assert 0 < particle.deviation_rms_m < particle.deviation_max_m < 2e-5
+
+
+def test_sphere_is_recognised_whatever_its_pose(tmp_path):
+    path = saved(turned(build.ellipsoid_mesh([12.0, 12.0, 12.0])), tmp_path)
+    particle = build.fit_particle(build.load_mesh(path), 1000.0)
+    np.testing.assert_allclose(particle.semi_axes_m, 6e-3, rtol=1e-6)
+
+
+def test_ellipsoid_whose_mesh_axes_are_not_its_own():
+    """A turned icosphere, stretched: vertices lie on the ellipsoid without its symmetry."""
+    mesh = turned(trimesh.creation.icosphere(subdivisions=3, radius=0.5), shift=(0, 0, 0))
+    mesh.apply_scale([20.0, 12.0, 9.0])
+    particle = build.fit_particle(build.principal_pose(mesh), 1000.0)
+    assert particle.kind == "ellipsoid"
+    np.testing.assert_allclose(particle.semi_axes_m, [[10e-3, 6e-3, 4.5e-3]], rtol=1e-5)
+
+
+@pytest.mark.parametrize("split", [(1.0,), (0.3, 0.7), (0.2, 0.5, 0.3)])
+def test_volume_integrals_of_split_ellipsoids(split):
+    """Shares of one ellipsoid add up to it, so the numerical integrals have a closed form."""
+    axes = np.array([10.0, 6.0, 4.0])
+    volume, moments = support_fit.volume_integrals(np.outer(split, axes))
+    exact = 4 / 3 * math.pi * axes.prod()
+    assert volume == pytest.approx(exact, rel=1e-10)
+    np.testing.assert_allclose(moments, exact / 5 * axes**2, rtol=1e-10)
+
+
+@pytest.mark.parametrize(("a", "b", "radius"), [(4.0, 2.0, 5.0), (9.0, 1.0, 5.0), (12.0, 0.25, 5.0)])
+def test_volume_of_spheroid_plus_ball(a, b, radius):
+    """Steiner's formula for a spheroid plus a ball: V + r S + r^2 int h dOmega + 4/3 pi r^3."""
+    e = math.sqrt(a**2 - b**2)
+    own = 4 / 3 * math.pi * a * b**2
+    surface = 2 * math.pi * b**2 * (1 + a**2 / (b * e) * math.asin(e / a))
+    mean_support = (a + b**2 / e * math.asinh(e / b)) / 2
+    exact = own + radius * surface + radius**2 * 4 * math.pi * mean_support + 4 / 3 * math.pi * radius**3
+    for turn in range(3):
+        volume, _ = support_fit.volume_integrals(np.array([[radius] * 3, np.roll([a, b, b], turn)]))
+        assert volume == pytest.approx(exact, rel=1e-6)
+
+
+def test_barrel_integrals_against_a_dense_mesh():
+    mesh = barrel_mesh()
+    volume, moments = support_fit.volume_integrals(BARREL_M)
+    assert volume * 1e9 == pytest.approx(mesh.volume, rel=2e-3)
+    # The same particle as in the measured mass: 1.25 g at 840.47 kg/m3.
+    assert 840.47 * volume == pytest.approx(1.25e-3, rel=1e-3)
+    inertia = np.diag(mesh.moment_inertia) * 1e-15
+    np.testing.assert_allclose(moments.sum() - moments, inertia, rtol=4e-3)
+
+
+def test_fit_finds_a_barrel_again(tmp_path):
+    mesh = barrel_mesh()
+    particle = build.fit_particle(build.load_mesh(saved(turned(mesh), tmp_path)), 840.47)
+    assert particle.kind == "smooth"
+    assert len(particle.semi_axes_m) == 2
+    np.testing.assert_allclose(particle.semi_axes_m, BARREL_M, atol=3e-5)
+    assert particle.volume_m3 * 1e9 == pytest.approx(mesh.volume, rel=2e-3)
+    assert particle.deviation_max_m < 2e-5
+    assert particle.bounding_radius_m == pytest.approx(10.57e-3, rel=1e-4)
+
+
+def test_support_is_what_the_mesh_says():
+    particle = build.fit_particle(build.principal_pose(barrel_mesh()), 840.47)
+    n = np.random.default_rng(3).normal(size=(4, 50, 3))
+    n /= np.linalg.norm(n, axis=-1, keepdims=True)
+    brute = (n @ barrel_mesh().vertices.T).max(axis=-1) * 1e-3
+    np.testing.assert_allclose(particle.support(n), brute, atol=2e-5)
+    points = particle.support_point(n)
+    np.testing.assert_allclose((points * n).sum(axis=-1), particle.support(n), rtol=1e-12)
+    # x(n) is the gradient of h, here by central differences of the homogeneous extension.
+    step = 1e-6
+    for axis, unit in enumerate(np.eye(3)):
+        slope = (particle.support(n + step * unit) - particle.support(n - step * unit)) / (2 * step)
+        np.testing.assert_allclose(points[..., axis], slope, atol=1e-9)
+
+
+def test_bounding_radius_of_crossed_components():
+    """Farthest point off the axes: brute force over the surface."""
+    axes = np.array([[8.0, 2.0, 1.0], [2.0, 7.0, 1.0]])
+    n = sphere_directions(200_000)
+    brute = np.linalg.norm(support_fit.support_point(axes, n), axis=1).max()
+    assert support_fit.bounding_radius(axes) == pytest.approx(brute, rel=1e-4)
+    assert support_fit.bounding_radius(axes) >= brute
+
+
+def test_particle_file_round_trip(tmp_path):
+    particle = build.fit_particle(build.principal_pose(barrel_mesh(4)), 840.47, stl="berry.stl")
+    particle.save(tmp_path / "particle.json")
+    again = build.Particle.load(tmp_path / "particle.json")
+    for name in particle.__dataclass_fields__:
+        value = getattr(particle, name)
+        if isinstance(value, str):
+            assert getattr(again, name) == value
+        else:
+            np.testing.assert_allclose(getattr(again, name), value, rtol=1e-11)
+    keys = (
+        "kind semi_axes_mm density_kg_m3 volume_mm3 mass_g inertia_g_mm2 bounding_radius_mm deviation_max_mm"
+    )
+    assert set(keys.split()) < set(json.loads((tmp_path / "particle.json").read_text()))
+
+
+def test_run_takes_the_mean_axes_or_the_users_mesh(tmp_path):
+    record = {"long_mm": 20.0, "major_mm": 12.0, "minor_mm": 8.0, "density_kg_m3": 1000.0}
+    (tmp_path / "berry.json").write_text(json.dumps(record))
+    particle = build.run(tmp_path / "berry.json", out_dir=tmp_path / "out")
+    np.testing.assert_allclose(particle.semi_axes_m, [[10e-3, 6e-3, 4e-3]], rtol=1e-6)
+    assert trimesh.load(tmp_path / "out" / "berry.stl", force="mesh").is_watertight
+    scan = saved(turned(barrel_mesh(4)), tmp_path)
+    particle = build.run(tmp_path / "berry.json", stl=scan, out_dir=tmp_path / "out")
+    assert particle.kind == "smooth"
+    assert build.Particle.load(tmp_path / "out" / "particle.json").mass_kg == pytest.approx(particle.mass_kg)
+
+
+def holed():
+    mesh = build.ellipsoid_mesh([20, 12, 9])
+    mesh.update_faces(np.arange(len(mesh.faces)) != 7)
+    return mesh
+
+
+def inside_out():
+    mesh = build.ellipsoid_mesh([20, 12, 9])
+    mesh.invert()
+    return mesh
+
+
+@pytest.mark.parametrize(
+    ("mesh", "words"),
+    [
+        (holed, "watertight"),
+        (inside_out, "outwards"),
+        (lambda: build.ellipsoid_mesh([0.020, 0.012, 0.009]), "millimetres"),
+        (lambda: trimesh.creation.torus(10, 3), "convex"),
+        (lambda: trimesh.creation.annulus(3, 8, 10), "convex"),
+    ],
+)
+def test_bad_meshes_are_refused_with_a_reason(tmp_path, mesh, words):
+    path = saved(mesh(), tmp_path)
+    with pytest.raises(InputError, match=words) as error:
+        build.load_mesh(path)
+    assert str(path) in str(error.value)
+
+
+def test_what_no_smooth_particle_can_stand_for_is_refused():
+    with pytest.raises(InputError, match="smooth"):
+        build.fit_particle(trimesh.creation.box((10, 10, 10)), 1000.0, source="box.stl")
+
+
+def test_files_that_are_no_mesh_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"nowhere\.stl"):
+        build.load_mesh(tmp_path / "nowhere.stl")
+    (tmp_path / "text.stl").write_text("not a mesh")
+    with pytest.raises(InputError, match=r"text\.stl"):
+        build.load_mesh(tmp_path / "text.stl")
+    with pytest.raises(InputError, match=r"nowhere\.json"):
+        build.Particle.load(tmp_path / "nowhere.json")
+    with pytest.raises(InputError, match=r"nowhere\.json"):
+        build.run(tmp_path / "nowhere.json", out_dir=tmp_path)

@@ -1,0 +1,137 @@
+"""Multi-spheres: known unions, the surface they follow, mass of the mesh, overfilling that is refused."""
+
+import math
+
+import numpy as np
+import pytest
+
+from repose.core.errors import InputError
+from repose.dem.rotations import rotation_matrices
+from repose.measure import silhouette
+from repose.particle import build, mesh_from_axes, sphere_packing
+from repose.particle.mesh import body_of, ellipsoid_mesh, principal_pose
+from repose.particle.particle import Particle
+
+BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32}
+
+
+@pytest.fixture(scope="module")
+def goji():
+    return principal_pose(mesh_from_axes.berry_mesh((21.14, 11.37, 9.88), 1.25, 840.47)[0])
+
+
+@pytest.fixture(scope="module")
+def clump(goji):
+    return build.make_particle(goji, 840.47, "multisphere", 14)
+
+
+def test_a_sphere_is_filled_by_one_sphere():
+    particle = build.make_particle(ellipsoid_mesh([10.0, 10.0, 10.0]), 1000.0, "multisphere", 14)
+    np.testing.assert_allclose(particle.spheres_m, [[0, 0, 0, 5e-3]], atol=2e-5)
+    assert particle.mass_kg == pytest.approx(4 / 3 * math.pi * 5e-3**3 * 1000, rel=0.01)
+    assert particle.stacking == pytest.approx(1.0)
+
+
+def test_union_of_two_spheres_in_closed_form():
+    """Two balls of radius 1 whose centres are 1 apart share a lens of 5 pi / 12."""
+    spheres = np.array([[-0.5, 0, 0, 1.0], [0.5, 0, 0, 1.0]])
+    volume = sphere_packing.union_volume(spheres, np.array([[-1.0] * 3, [1.0] * 3]))
+    assert volume == pytest.approx(8 / 3 * math.pi - 5 / 12 * math.pi, rel=2e-3)
+
+
+def test_a_filled_berry_has_the_meshs_mass_moments_and_volume(goji, clump):
+    body = body_of(goji, 840.47)
+    assert clump.mass_kg == pytest.approx(1.25e-3, rel=1e-6)
+    np.testing.assert_allclose(clump.inertia_kg_m2, body.inertia_kg_m2)
+    assert clump.volume_m3 == pytest.approx(body.volume_m3, rel=3e-3)
+    assert len(clump.spheres_m) == 14
+    assert clump.deviation_max_m < 0.5e-3
+    assert clump.deviation_rms_m < 0.15e-3
+    np.testing.assert_allclose(clump.axes_m * 1e3, (21.14, 11.37, 9.88), rtol=0.05)
+
+
+def test_a_rough_surface_has_bumps(goji, clump):
+    rough = build.make_particle(goji, 840.47, "multisphere", 24, "rough")
+    assert np.ptp(rough.spheres_m[:, 3]) == 0
+    assert rough.deviation_rms_m > 3 * clump.deviation_rms_m
+    assert rough.mass_kg == pytest.approx(clump.mass_kg)
+    # From inside: no sphere stands out.
+    n = np.random.default_rng(1).normal(size=(200, 3))
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    assert np.all(rough.support(n) < 1e-3 * (n @ goji.vertices.T).max(axis=1) + 5e-5)
+
+
+def test_moments_of_a_mesh_are_those_of_an_ellipsoid():
+    a, b, c = 10e-3, 6e-3, 4e-3
+    body = body_of(ellipsoid_mesh([20.0, 12.0, 8.0], 5), 800.0)
+    mass = 800 * 4 / 3 * math.pi * a * b * c
+    assert body.mass_kg == pytest.approx(mass, rel=2e-3)
+    expected = mass / 5 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])
+    np.testing.assert_allclose(body.inertia_kg_m2, expected, rtol=4e-3)
+
+
+def test_spheres_at_one_place_add_up():
+    row = np.column_stack([np.linspace(-6, 6, 15), np.zeros((15, 2)), np.full(15, 4.5)])
+    assert sphere_packing.stacking(row[:1]) == pytest.approx(1.0)
+    assert sphere_packing.stacking(row) == pytest.approx(15, rel=0.01)
+    apart = np.array([[0, 0, 0, 1.0], [10, 0, 0, 1.0]])
+    assert sphere_packing.stacking(apart) == pytest.approx(
+        2.0, rel=0.02
+    )  # seen from the side both touch a plate
+
+
+def test_overfilling_is_refused_with_the_step_it_would_need(goji, clump):
+    sphere_packing.check_time_step(clump, BERRY, 0.2, 2e-4)
+    row = np.column_stack([np.linspace(-6, 6, 15), np.zeros((15, 2)), np.full(15, 4.5)]) * 1e-3
+    stacked = Particle(**(vars(clump) | {"spheres_m": row, "stacking": sphere_packing.stacking(row)}))
+    with pytest.raises(InputError, match=r"15\.0 of them act at one place.*heap\.time_step_s 0\.000"):
+        sphere_packing.check_time_step(stacked, BERRY, 0.2, 2e-4)
+    for keys in ({"count": 0}, {"count": 101}, {"surface": "furry"}):
+        with pytest.raises(InputError, match=r"spheres|surface"):
+            sphere_packing.fill(goji, **keys)
+
+
+def test_a_clump_keeps_its_numbers_in_a_file(clump, tmp_path):
+    clump.save(tmp_path / "particle.json")
+    again = Particle.load(tmp_path / "particle.json")
+    assert again.kind == "multisphere"
+    np.testing.assert_allclose(again.spheres_m, clump.spheres_m, rtol=1e-11)
+    assert again.semi_axes_m.shape == (0, 3)
+    np.testing.assert_allclose(again.mesh.inertia_kg_m2, clump.mesh_inertia_kg_m2, rtol=1e-11)
+
+
+def test_kinds_stand_side_by_side(goji, clump):
+    rows = build.compare({"multisphere": clump, "smooth": InputError("berry.stl", "share", 0.8, "0.95")})
+    assert [row["body"] for row in rows] == ["mesh", "multisphere", "smooth"]
+    assert rows[0]["mass_g"] == pytest.approx(1.25)
+    assert "berry.stl" in rows[2]["refused"]
+
+
+def test_outlines_and_top_of_clumps_against_a_cloud_of_points(clump):
+    """Brute force: points all over the spheres, turned, scaled and projected one body at a time."""
+    rng = np.random.default_rng(5)
+    centres, turns, scales = rng.normal(0, 0.02, (4, 3)), rng.normal(size=(4, 4)), rng.uniform(0.8, 1.2, 4)
+    polygons = silhouette.outlines(centres, turns, clump, [0.0, 70.0], scales=scales)
+    assert polygons.shape == (2, 4 * 14, 64, 2)
+    n = rng.normal(size=(4000, 3))
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    tops = []
+    for k, turn in enumerate(rotation_matrices(turns)):
+        cloud = (clump.spheres_m[:, None, :3] + clump.spheres_m[:, None, 3:] * n).reshape(-1, 3)
+        cloud = centres[k] + scales[k] * cloud @ turn.T
+        tops.append(cloud[:, 2].max())
+        for view, azimuth in enumerate(np.radians([0.0, 70.0])):
+            u = cloud @ [np.cos(azimuth), np.sin(azimuth), 0.0]
+            own = polygons[view, 14 * k : 14 * (k + 1)]
+            assert own[..., 0].min() == pytest.approx(u.min(), abs=3e-5)
+            assert own[..., 0].max() == pytest.approx(u.max(), abs=3e-5)
+            assert own[..., 1].max() == pytest.approx(cloud[:, 2].max(), abs=3e-5)
+    assert silhouette.top_of(centres, turns, clump, scales) == pytest.approx(max(tops), abs=1e-5)
+
+
+def test_scales_move_convex_outlines_too():
+    ball = Particle("ellipsoid", np.full((1, 3), 5e-3), 1.0, 0.0, 0.0, np.zeros(3), 5e-3, 0.0, 0.0)
+    polygons = silhouette.outlines(
+        np.zeros((2, 3)), np.tile([1.0, 0, 0, 0], (2, 1)), ball, [0.0], 1e-3, [1.0, 2.0]
+    )
+    np.testing.assert_allclose(np.linalg.norm(polygons[0], axis=-1), [[4e-3] * 64, [9e-3] * 64])

@@ -1,0 +1,190 @@
+"""The software renderer: known outlines, what hides what, shadows, the funnel, animations."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from repose.core.errors import InputError
+from repose.dem.rotations import rotation_matrices
+from repose.dem.tessellation import tessellate
+from repose.particle import build
+from repose.pictures import film
+from repose.pictures.render import render_pile
+from repose.pictures.scenery import Frustum, funnel_walls, look_at, outline
+
+UPRIGHT = np.array([[1.0, 0.0, 0.0, 0.0]])
+HEAP = {
+    "inlet_diameter_mm": 150.0,
+    "outlet_diameter_mm": 32.0,
+    "cone_angle_deg": 60.0,
+    "tube_length_mm": 20.0,
+    "rim_radius_mm": 1.0,
+    "outlet_height_mm": 100.0,
+}
+
+
+def particle_of(semi_axes_mm):
+    """A particle with these half axes (K, 3); what drawing does not need is left at nothing."""
+    axes = np.array(semi_axes_mm) * 1e-3
+    return build.Particle("test", axes, 840.0, 0.0, 0.0, np.zeros(3), axes.sum(axis=0).max(), 0.0, 0.0)
+
+
+BERRY = particle_of([[10.57, 5.685, 4.94]])
+BARREL = particle_of([[7.399, 0.940, 0.940], [3.171, 4.745, 4.000]])
+BALL = particle_of([[6.0, 6.0, 6.0]])
+
+
+def reddish(picture):
+    """Mask of the pixels that show a berry."""
+    picture = picture.astype(int)
+    return picture[..., 0] > picture[..., 2] + 40
+
+
+@pytest.mark.parametrize("particle", [BERRY, BARREL])
+def test_tessellation_lies_on_the_body_with_its_normals(particle):
+    points, normals, triangles = tessellate(particle)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1)
+    np.testing.assert_allclose(np.sum(points * normals, axis=1), particle.support(normals), atol=1e-12)
+    # Each point is the farthest of the body in its own direction.
+    assert (points @ normals.T <= particle.support(normals)[None] + 1e-12).all()
+    a, b, c = points[triangles].transpose(1, 0, 2)
+    volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
+    assert volume > 0  # seen from outside, corners run anticlockwise
+    if len(particle.semi_axes_m) == 1:
+        assert volume == pytest.approx(4 / 3 * np.pi * np.prod(particle.semi_axes_m), rel=0.02)
+
+
+def test_rotation_matrices_of_known_turns():
+    half = np.sqrt(0.5)
+    about_z = rotation_matrices(np.array([[half, 0, 0, half], [2.0, 0, 0, 0]]))
+    np.testing.assert_allclose(about_z[0] @ [1, 0, 0], [0, 1, 0], atol=1e-12)
+    np.testing.assert_allclose(about_z[1], np.eye(3), atol=1e-12)
+
+
+def test_the_camera_holds_all_points_and_fills_the_picture():
+    points = np.random.default_rng(0).uniform([-0.1, -0.1, 0], [0.1, 0.1, 0.06], (200, 3))
+    camera = look_at(points, 600, 400, elevation_deg=20, azimuth_deg=35, margin=1.0)
+    x, y, near = camera.project(points)
+    assert (near > 0).all()
+    assert x.min() >= -0.5
+    assert x.max() <= 600.5
+    assert y.min() >= -0.5
+    assert y.max() <= 400.5
+    assert x.max() - x.min() > 500
+    ray = camera.rays()[123, 456]
+    column, row, _ = camera.project(camera.eye_m + 0.7 * ray)
+    assert (column, row) == (pytest.approx(456.5), pytest.approx(123.5))
+
+
+def test_a_ball_has_the_outline_of_its_perspective():
+    """A ball of radius r at distance d is seen under asin(r / d), whatever the body's orientation."""
+    centre = np.array([[0.0, 0.0, 0.02]])
+    frame = np.array([[-0.02, -0.02, 0.0], [0.02, 0.02, 0.04]])
+    camera = look_at(frame, 400, 400, elevation_deg=0, azimuth_deg=0)
+    picture = render_pile(centre, UPRIGHT, BALL, 0, 0, 400, 400, frame_m=frame)
+    distance = np.linalg.norm(camera.eye_m - centre[0])
+    radius_px = camera.focal_px * np.tan(np.arcsin(0.006 / distance))
+    assert np.sqrt(reddish(picture).sum() / np.pi) == pytest.approx(radius_px, rel=0.02)
+
+
+def test_a_long_axis_along_the_view_shows_the_short_ones():
+    """Seen along x an ellipsoid shows its y and z axes; turned by a quarter about z, its x and z axes."""
+    half = np.sqrt(0.5)
+    frame = np.array([[-0.015, -0.015, 0.0], [0.015, 0.015, 0.03]])
+    sizes = []
+    for quaternion in ([1.0, 0, 0, 0], [half, 0, 0, half]):
+        picture = render_pile(
+            np.array([[0, 0, 0.015]]), np.array([quaternion]), BERRY, 0, 0, 300, 300, frame_m=frame
+        )
+        seen = reddish(picture)
+        sizes.append((seen.any(axis=0).sum(), seen.any(axis=1).sum()))
+    (end_width, end_height), (side_width, side_height) = sizes
+    assert end_width / end_height == pytest.approx(5.685 / 4.94, rel=0.05)
+    assert side_width / side_height == pytest.approx(10.57 / 4.94, rel=0.05)
+
+
+def test_the_nearer_berry_hides_the_farther_one():
+    centres = np.array([[0.03, 0.0, 0.006], [-0.03, 0.0, 0.006]])
+    turns = np.repeat(UPRIGHT, 2, axis=0)
+    both = render_pile(centres, turns, BALL, 0, 0, 300, 180)
+    frame = outline(centres, BALL.bounding_radius_m, [])
+    ghost = centres.copy()
+    ghost[1] = np.nan
+    alone = render_pile(ghost, turns, BALL, 0, 0, 300, 180, frame_m=frame)
+    assert reddish(both).sum() == reddish(alone).sum()
+
+
+def test_the_plate_is_darker_in_the_shadow_of_a_berry_than_elsewhere():
+    frame = np.array([[-0.04, -0.04, 0.0], [0.04, 0.04, 0.02]])
+    centre = np.array([[0.0, 0.0, 0.006]])
+    bare = render_pile(np.full((1, 3), np.nan), UPRIGHT, BALL, 30, 0, 240, 160, frame_m=frame).astype(int)
+    shown = render_pile(centre, UPRIGHT, BALL, 30, 0, 240, 160, frame_m=frame).astype(int)
+    darker = (bare - shown).sum(axis=-1) * ~reddish(shown)
+    assert (darker > 60).sum() > 50
+    assert (darker[:20] == 0).all()
+    assert not reddish(bare).any()
+
+
+def test_same_input_same_picture_and_shape():
+    rng = np.random.default_rng(5)
+    centres, turns = rng.uniform([-0.03, -0.03, 0.01], [0.03, 0.03, 0.07], (30, 3)), rng.normal(size=(30, 4))
+    first = render_pile(centres, turns, BARREL, width=120)
+    assert first.shape == (72, 120, 3)
+    assert first.dtype == np.uint8
+    np.testing.assert_array_equal(first, render_pile(centres, turns, BARREL, width=120))
+
+
+def test_the_funnel_is_drawn_translucent_over_the_berries():
+    walls = [Frustum(0.0, 0.03, 0.06, 0.03)]
+    centre = np.array([[0.0, 0.0, 0.03]])
+    frame = np.array([[-0.04, -0.04, 0.0], [0.04, 0.04, 0.08]])
+    bare = render_pile(centre, UPRIGHT, BALL, 5, 0, 200, 200, frame_m=frame)
+    dressed = render_pile(centre, UPRIGHT, BALL, 5, 0, 200, 200, walls=walls, frame_m=frame)
+    assert (bare != dressed).any(axis=-1).sum() > 5000
+    # The berry behind the glass is still seen, a little paler.
+    middle = tuple(np.argwhere(reddish(bare)).mean(axis=0).astype(int))
+    assert reddish(dressed)[middle]
+    assert not np.array_equal(dressed[middle], bare[middle])
+
+
+def test_funnel_walls_follow_the_configuration():
+    tube, cone = funnel_walls(HEAP)
+    assert (tube.z_low_m, tube.z_high_m) == pytest.approx((0.1, 0.12))
+    assert tube.r_low_m == tube.r_high_m == 0.016
+    assert cone.r_high_m == pytest.approx(0.075)
+    assert cone.z_low_m == pytest.approx(0.12)
+    slope = (cone.z_high_m - cone.z_low_m) / (cone.r_high_m - cone.r_low_m)
+    assert np.degrees(np.arctan(slope)) == pytest.approx(60)
+    assert abs(cone.r_low_m - 0.016) < 0.001
+    assert len(funnel_walls(HEAP | {"tube_length_mm": 0.0})) == 1
+
+
+@pytest.fixture(scope="module")
+def trajectory(tmp_path_factory):
+    """Six frames in which three berries appear one after the other and fall."""
+    time_s = np.linspace(0, 0.5, 6)
+    position = np.full((6, 3, 3), np.nan, np.float32)
+    for k in range(6):
+        for berry in range(min(3, k + 1)):
+            position[k, berry] = (0.02 * berry - 0.02, 0.0, max(0.006, 0.08 - 0.02 * (k - berry)))
+    quaternion = np.tile(np.float32([1, 0, 0, 0]), (6, 3, 1))
+    path = tmp_path_factory.mktemp("pour") / "trajectory.npz"
+    np.savez(path, time_s=time_s, position=position, quaternion=quaternion)
+    return path
+
+
+@pytest.mark.parametrize("ending", ["gif", "webp"])
+def test_animation_has_its_frames_and_its_size(trajectory, tmp_path, ending):
+    out = tmp_path / f"pour.{ending}"
+    film.animate_pour(trajectory, BALL, out, funnel_walls(HEAP), frames=6, width=80, height=100)
+    with Image.open(out) as shown:
+        assert shown.n_frames == 6
+        assert shown.size == (80, 100)
+        assert shown.info["loop"] == 0
+    with pytest.raises(InputError, match="max_bytes"):
+        film.animate_pour(trajectory, BALL, out, frames=2, width=80, height=100, max_bytes=200)
+
+
+def test_animation_in_an_unknown_format_is_refused(trajectory, tmp_path):
+    with pytest.raises(InputError, match=r"\.gif or \.webp"):
+        film.animate_pour(trajectory, BALL, tmp_path / "pour.mp4")

@@ -1,0 +1,155 @@
+"""What a further response tells: noise, surrogates and information on linear models with closed forms."""
+
+import json
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
+from repose.measure import further_responses
+from repose.studies import second_responses
+
+RANGES = dict.fromkeys(PARAMETERS, (0.0, 1.0))
+TARGET = {"aor_range_deg": [29.0, 31.0], "height_range_mm": [58.0, 62.0], "physical_piles": 4}
+SETTINGS = {"points": 2**13, "truths": 6, "folds": 2, "starts": 1, "seed": 1}
+SETTINGS |= {"discrepancy_percent": 2.0, "hidden": 2, "epochs": 40}
+
+
+def test_means_have_the_error_of_their_number_of_runs():
+    groups = np.repeat([3, 1, 2], 130)
+    values = groups * 10.0 + np.random.default_rng(1).normal(0, 2, 390)
+    values[5] = np.nan
+    known = second_responses.over_design(values, groups, np.array([1, 2, 3, 4]))
+    assert known.mean[:3] == pytest.approx([10, 20, 30], abs=0.6)
+    assert known.error[:3] == pytest.approx(2 / np.sqrt([130, 130, 129]), rel=0.1)
+    assert np.isnan([known.mean[3], known.error[3]]).all()
+    assert known.row["signal_to_noise"] == pytest.approx(5, rel=0.1)  # sd 10 of 10, 20, 30, over 2
+
+
+def test_noise_correlation_is_about_the_samples_means_and_none_with_the_drum():
+    random = np.random.default_rng(2)
+    shared = random.multivariate_normal([0, 0], [[1, 0.9], [0.9, 1]], size=4000)
+    sample = np.repeat(np.arange(1000), 4)
+    runs = pd.DataFrame({"sample": sample, "aor_deg": shared[:, 0] - 9 * sample, "height_mm": shared[:, 1]})
+    found = second_responses.noise_correlation(runs, ["aor_deg", "drum_slip_deg", "height_mm"])
+    assert found == pytest.approx(np.array([[1, 0, 0.9], [0, 1, 0], [0.9, 0, 1]]), abs=0.02)
+
+
+def test_surrogates_error_is_what_the_noise_of_the_means_does_not_explain():
+    random = np.random.default_rng(3)
+    noise, lack = np.array([[1, 0.8], [0.8, 1]]), np.array([[0.5, -0.2], [-0.2, 0.25]])
+    residuals = random.multivariate_normal([0, 0], noise, 20_000)
+    residuals += random.multivariate_normal([0, 0], lack, 20_000)
+    errors = np.ones((20_000, 2))
+    assert second_responses.surrogate_covariance(residuals, errors, noise) == pytest.approx(lack, abs=0.05)
+    nothing = second_responses.surrogate_covariance(residuals, 2 * errors, noise)
+    assert (np.linalg.eigvalsh(nothing) > 0).all()
+
+
+def test_information_of_a_linear_response_is_that_of_its_normal_posterior():
+    """y = theta_1 with sd 0.05: entropy of the normal; a second response on theta_2 adds its own bits, no more."""
+    unit = stats.qmc.Sobol(6, rng=1).random(2**16)
+    prior = second_responses.Prior(unit, unit[:, :3])
+    covariance = np.diag([0.05, 0.02, 0.05]) ** 2
+    observed = np.array([0.5, 0.5, 0.5])
+
+    def bits(sd):
+        return -0.5 * math.log2(2 * math.pi * math.e * sd**2)
+
+    joint, each, widths, effective = prior.posterior(observed, [0], covariance)
+    assert joint == pytest.approx(bits(0.05), abs=0.02)
+    assert each[0] == pytest.approx(bits(0.05), abs=0.05)
+    assert (each[1:] < 0.01).all()
+    assert widths[0] == pytest.approx(2 * 1.96 * 0.05 / 0.95, rel=0.03)
+    assert widths[1:] == pytest.approx(1, abs=0.02)
+    assert effective == pytest.approx(2**16 * 2 * math.sqrt(math.pi) * 0.05, rel=0.05)
+    both = prior.posterior(observed, [0, 1], covariance)[0]
+    assert both == pytest.approx(bits(0.05) + bits(0.02), abs=0.05)
+
+
+def test_shared_noise_is_told_apart():
+    """Two responses of one parameter each, noises of correlation 0.99: their difference is exact."""
+    unit = stats.qmc.Sobol(6, rng=1).random(2**15)
+    prior = second_responses.Prior(unit, np.column_stack([unit[:, 0], np.zeros(len(unit))]))
+    alone, shared = (0.01 * np.array([[1, r], [r, 1]]) for r in (0.0, 0.99))
+    observed = np.array([0.5, 0.0])
+    first, second = (prior.posterior(observed, [0, 1], one)[0] for one in (alone, shared))
+    assert second - first == pytest.approx(-0.5 * math.log2(1 - 0.99**2), abs=0.2)
+
+
+def test_sets_hold_the_base_and_the_drum_apart():
+    names = ["aor_deg", "height_mm", "loose_percent", "drum_slip_deg"]
+    sets = second_responses.sets_of(names)
+    assert sets["AoR and Height"] == ("aor_deg", "height_mm")
+    assert sets["whole pile"] == ("aor_deg", "height_mm", "loose_percent")
+    assert sets["pile and drum"] == tuple(names)
+    assert "pile and drum" not in second_responses.sets_of(names[:3])
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """AoR and Height follow the first two parameters; packing the third; loose berries nothing at all."""
+    folder = tmp_path_factory.mktemp("study")
+    random = np.random.default_rng(5)
+    table = pd.DataFrame(random.uniform(size=(40, 6)), columns=list(PARAMETERS))
+    table.insert(0, "sample", np.arange(1, 41))
+    table["status"] = "ok"
+    table.to_csv(folder / "dataset.csv", index=False)
+    place = table.loc[table.index.repeat(3), list(PARAMETERS)].to_numpy()
+    runs = pd.DataFrame({"sample": np.repeat(table["sample"], 3), "seed": 1, "status": "ok"})
+    for name in further_responses.HEAP:
+        runs[name] = 50 + random.normal(0, 1, 120)
+    runs["aor_deg"] = 25 + 10 * place[:, 0] + random.normal(0, 0.5, 120)
+    runs["height_mm"] = 50 + 20 * place[:, 1] + random.normal(0, 1.0, 120)
+    runs["packing_percent"] = 50 + 20 * place[:, 2] + random.normal(0, 1.0, 120)
+    runs.to_csv(folder / "runs.csv", index=False)
+    drum = []
+    for k in range(0, 40, 2):
+        drum.append(folder / f"{k + 1:03d}.json")
+        slip = 40 + 10 * table["e_gp"][k]
+        run = {"status": "ok", "before_surface_deg": slip, "after_surface_deg": slip - 5}
+        drum[-1].write_text(json.dumps({"sample": k + 1, "runs": [run]}))
+    repeated = pd.DataFrame({"status": "ok", "before_surface_deg": [44.0, 45.0, 46.0]})
+    repeated["after_surface_deg"] = repeated["before_surface_deg"] - [5.5, 5, 4.5]
+    repeated.to_csv(folder / "drum_runs.csv", index=False)
+    return {"runs": folder / "runs.csv", "dataset": folder / "dataset.csv"}, drum, folder / "drum_runs.csv"
+
+
+def test_study_finds_the_response_that_tells_something_new(study, tmp_path):
+    files, drum, drum_runs = study
+    more = files | {"drum": drum, "drum_runs": drum_runs}
+    summary = second_responses.run(more, RANGES, TARGET, SETTINGS, tmp_path)
+    assert summary["modelled"][:3] == ["aor_deg", "height_mm", "packing_percent"]
+    assert "loose_percent" in summary["left_out"]
+    information = pd.read_csv(tmp_path / "information.csv")
+    exact = information[information["discrepancy_percent"] == 0].set_index("set")
+    assert exact.loc["packing_percent", "gain_bits"] > 1
+    # nothing is added by the discrepancy
+    loose = information[information["discrepancy_percent"] == 2].set_index("set")
+    assert (loose["bits"] < exact["bits"]).all()
+    narrowing = pd.read_csv(tmp_path / "narrowing.csv").query("discrepancy_percent == 0")
+    ratio = narrowing.pivot(index="set", columns="parameter", values="over_base")
+    assert ratio.loc["packing_percent", "mur_gg"] < 0.5
+    assert ratio.loc["packing_percent", ["e_gg", "mus_gg", "mus_gp"]].to_numpy() == pytest.approx(1, abs=0.2)
+    assert ratio.loc["drum_slip_deg"].idxmin() == "e_gp"
+    order = pd.read_csv(tmp_path / "order.csv").query("discrepancy_percent == 0")
+    assert set(order["response"][:2]) >= {"packing_percent"} or order["response"].iloc[0].startswith("drum")
+    table = pd.read_csv(tmp_path / "responses.csv").set_index("response")
+    assert table.loc["packing_percent", "r2_noise_corrected"] > 0.9
+    assert table.loc["drum_slip_deg", "samples"] == 20
+    assert "packing" in second_responses.message(summary)
+
+
+def test_drum_of_another_design_and_a_target_out_of_reach_are_refused(study, tmp_path):
+    files, _, drum_runs = study
+    (tmp_path / "999.json").write_text(json.dumps({"sample": 999, "runs": []}))
+    wrong = files | {"drum": [tmp_path / "999.json"], "drum_runs": drum_runs}
+    with pytest.raises(InputError, match="999"):
+        second_responses.run(wrong, RANGES, TARGET, SETTINGS, tmp_path)
+    far = TARGET | {"aor_range_deg": [80, 81]}
+    with pytest.raises(InputError, match="feasible points"):
+        second_responses.run(files, RANGES, far, SETTINGS | {"points": 2**13}, tmp_path)

@@ -1,0 +1,559 @@
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from repose.chain import train
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
+from repose.surrogate import bayesian_bp
+from repose.surrogate.bayesian_bp import BayesianBP, PlainBayesianBP
+
+SETTINGS = {"hidden": 6, "epochs": 200, "goal": 1e-4, "starts": 3, "seed": 2026, "split": [0.7, 0.15, 0.15]}
+
+
+def known_function(U):
+    """Two smooth responses of six inputs in [-1, 1], as strong and as curved as a pile's."""
+    aor = 23 + 2.2 * U[:, 4] + 2.2 * U[:, 2] - 1.2 * U[:, 0] + 0.6 * U[:, 2] * U[:, 4] - 0.8 * U[:, 4] ** 2
+    height = (
+        61 + 4.7 * U[:, 4] + 4.7 * U[:, 2] - 3.5 * U[:, 0] + 1.5 * U[:, 2] * U[:, 4] + np.sin(2 * U[:, 0])
+    )
+    return np.column_stack([aor, height])
+
+
+def noisy_data(samples, seed, noise=(0.5, 1.0)):
+    random = np.random.RandomState(seed)
+    U = random.uniform(-1, 1, (samples, 6))
+    return U, known_function(U) + random.normal(size=(samples, 2)) * noise
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    X, Y = noisy_data(95, 0)
+    return BayesianBP(starts=6).fit(X, Y), X, Y
+
+
+def test_jacobian_is_the_derivative_by_finite_differences():
+    random = np.random.RandomState(1)
+    x, w = random.uniform(0.1, 0.9, (7, 3)), random.normal(size=4 * 3 + 4 + 2 * 4 + 2)
+    _, J = bayesian_bp.jacobian(w, x, 2)
+    step = 1e-6
+    for k in range(w.size):
+        shift = np.zeros(w.size)
+        shift[k] = step
+        difference = (bayesian_bp.jacobian(w + shift, x, 2)[0] - bayesian_bp.jacobian(w - shift, x, 2)[0]) / (
+            2 * step
+        )
+        np.testing.assert_allclose(J[:, :, k], difference, atol=1e-8)
+
+
+def test_forward_pass_is_eq_6_to_8_written_as_loops(fitted):
+    model, X, _ = fitted
+    slow = np.zeros(2)
+    x = 0.1 + 0.8 * (X[5] - model.input_min_) / (model.input_max_ - model.input_min_)
+    for k in range(2):
+        total = model.b2_[k]
+        for j in range(12):
+            z = sum(model.W1_[j, i] * x[i] for i in range(6)) + model.b1_[j]
+            total += model.W2_[k, j] * (2 / (1 + np.exp(-2 * z)) - 1)  # tansig
+        slow[k] = model.output_min_[k] + (total - 0.1) / 0.8 * (model.output_max_[k] - model.output_min_[k])
+    np.testing.assert_allclose(model.predict(X[5:6])[0], slow, rtol=1e-12)
+
+
+def test_start_has_slopes_of_nguyen_and_widrow_and_kinks_inside_the_interval():
+    W1, b1, W2, b2 = bayesian_bp.unpack(bayesian_bp.nguyen_widrow(6, 12, 2, (0.1, 0.9), 3), 6, 12, 2)
+    length = 0.7 * 12 ** (1 / 6)
+    np.testing.assert_allclose(np.linalg.norm(W1, axis=1) * 0.4, length)
+    assert (np.abs(W1 @ np.full(6, 0.5) + b1) <= length).all()  # at the inputs' middle
+    assert (np.abs(W2) <= 0.5).all()
+    assert b2.shape == (2,)
+
+
+def test_learns_a_known_function_through_noise(fitted):
+    model, X, Y = fitted
+    fresh = np.random.RandomState(9).uniform(-1, 1, (300, 6))
+    assert model.score(fresh, known_function(fresh)) > 0.97
+    assert model.score(X, Y) < 0.99  # it has not learnt the noise
+    assert 15 < model.gamma_ < 60
+    assert model.stop_reason_ in ("mu", "gradient")
+
+
+def test_hyperparameters_are_at_their_fixed_point(fitted):
+    """MacKay: alpha = gamma / 2 E_w, beta = (n - gamma) / 2 E_d, gamma = sum lambda / (lambda + 2 alpha)."""
+    model, X, Y = fitted
+    w = np.concatenate([model.W1_.ravel(), model.b1_, model.W2_.ravel(), model.b2_])
+    x = 0.1 + 0.8 * (X - model.input_min_) / (model.input_max_ - model.input_min_)
+    t = 0.1 + 0.8 * (Y - model.output_min_) / (model.output_max_ - model.output_min_)
+    y, J = bayesian_bp.jacobian(w, x, 2)
+    J = J.reshape(-1, w.size)
+    Ed, Ew = np.sum((y - t) ** 2), w @ w
+    eigenvalues = np.linalg.eigvalsh(2 * model.beta_ * J.T @ J)
+    assert model.alpha_ == pytest.approx(model.gamma_ / (2 * Ew), rel=1e-9)
+    assert model.beta_ == pytest.approx((190 - model.gamma_) / (2 * Ed), rel=1e-9)
+    assert model.gamma_ == pytest.approx(np.sum(eigenvalues / (eigenvalues + 2 * model.alpha_)), rel=1e-3)
+    gradient = 2 * model.beta_ * J.T @ (y - t).ravel() + 2 * model.alpha_ * w
+    assert np.linalg.norm(gradient) < 1e-3
+
+
+def test_evidence_is_exact_for_a_linear_model():
+    """Laplace's approximation is no approximation there: the data's Gaussian marginal likelihood is known."""
+    random = np.random.RandomState(4)
+    J, t, alpha, beta = random.normal(size=(8, 3)), random.normal(size=8), 0.7, 2.0
+    w = np.linalg.solve(beta * J.T @ J + alpha * np.eye(3), beta * J.T @ t)
+    e = J @ w - t
+    C = np.eye(8) / (2 * beta) + J @ J.T / (2 * alpha)
+    exact = -0.5 * t @ np.linalg.solve(C, t) - 0.5 * np.linalg.slogdet(2 * np.pi * C)[1]
+    assert bayesian_bp.log_evidence(alpha, beta, e @ e, w @ w, J.T @ J, 8) == pytest.approx(exact, rel=1e-12)
+
+
+def test_the_best_start_by_evidence_is_chosen_and_bad_starts_are_not(monkeypatch):
+    """From weights of zero no gradient reaches the hidden layer: such a start must lose."""
+    honest = bayesian_bp.nguyen_widrow
+
+    def dead(inputs, hidden, outputs, interval, seed):
+        w = honest(inputs, hidden, outputs, interval, seed)
+        if seed[1] != 1:
+            w[:-outputs] = 0.0
+        return w
+
+    monkeypatch.setattr(bayesian_bp, "nguyen_widrow", dead)
+    X, Y = noisy_data(95, 2, noise=(0.2, 0.4))
+    model = BayesianBP(starts=3).fit(X, Y)
+    assert model.best_start_ == 1
+    assert model.starts_[1]["mse"] < 0.1 * min(model.starts_[0]["mse"], model.starts_[2]["mse"])
+
+
+def test_evidence_of_no_number_is_minus_infinity():
+    assert bayesian_bp.log_evidence(0.0, 1.0, 1.0, 1.0, np.eye(2), 3) == -np.inf
+    assert bayesian_bp.log_evidence(1.0, np.nan, 1.0, 1.0, np.eye(2), 3) == -np.inf
+
+
+def test_stops_for_the_reason_it_says():
+    X, Y = noisy_data(60, 3)
+    assert BayesianBP(starts=1, epochs=2).fit(X, Y).stop_reason_ == "epochs"
+    assert BayesianBP(starts=1, goal=0.05).fit(X, Y).stop_reason_ == "goal"
+    assert BayesianBP(starts=1, min_gradient=1e9).fit(X, Y).epochs_ == 0
+    assert BayesianBP(starts=1, mu_max=1e-9).fit(X, Y).stop_reason_ == "mu"
+
+
+def test_fewer_residuals_than_weights_still_train():
+    X, Y = noisy_data(20, 5)
+    model = BayesianBP(starts=3).fit(X, Y)
+    assert 0 < model.gamma_ < 40
+    fresh = np.random.RandomState(9).uniform(-1, 1, (300, 6))
+    assert model.score(fresh, known_function(fresh)) > 0.6
+
+
+def test_same_seed_same_network_and_starts_do_not_depend_on_their_number(fitted):
+    model, X, Y = fitted
+    again = BayesianBP(starts=2).fit(X, Y)
+    assert again.starts_ == model.starts_[:2]
+
+
+def test_one_output_is_returned_as_one_dimension():
+    X, Y = noisy_data(40, 6)
+    model = BayesianBP(starts=1, hidden=4, epochs=50).fit(X, Y[:, 0])
+    assert model.predict(X).shape == (40,)
+    assert model.score(X, Y[:, 0]) == pytest.approx(bayesian_bp.r2(Y[:, 0], model.predict(X)))
+
+
+def test_weights_draw_the_fit_to_the_exact_samples():
+    X, Y = noisy_data(95, 7, noise=(0.05, 0.1))
+    Y[::2] += np.random.RandomState(8).normal(size=Y[::2].shape) * (2.0, 4.0)
+    errors = np.full(Y.shape, 0.05)
+    errors[::2] = 2.0
+    weight = np.where(errors > 1, 0.01, 1.0)
+    fresh = np.random.RandomState(9).uniform(-1, 1, (300, 6))
+    plain = BayesianBP(starts=3).fit(X, Y).score(fresh, known_function(fresh))
+    weighted = BayesianBP(starts=3).fit(X, Y, precision=weight).score(fresh, known_function(fresh))
+    assert 1 - weighted < 0.5 * (1 - plain)
+
+
+def test_equal_weights_change_nothing(fitted):
+    model, X, Y = fitted
+    same = BayesianBP(starts=1).fit(X, Y, sample_weight=np.ones(95), precision=np.ones(Y.shape))
+    assert same.starts_[0] == model.starts_[0]
+
+
+def test_a_sample_weight_of_two_is_the_sample_twice_and_zero_is_none():
+    X, Y = noisy_data(30, 12)
+    count = np.random.RandomState(1).randint(0, 3, 30)
+    settings = {"hidden": 2, "starts": 2, "epochs": 100}
+    weighted = BayesianBP(**settings).fit(X, Y, sample_weight=count)
+    repeated = BayesianBP(**settings).fit(np.repeat(X, count, axis=0), np.repeat(Y, count, axis=0))
+    for a, b in zip(weighted.predict(X, return_std=True), repeated.predict(X, return_std=True), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-5)
+
+
+def test_of_precisions_only_ratios_matter():
+    X, Y = noisy_data(40, 13)
+    precision = np.random.RandomState(2).uniform(0.5, 2, Y.shape)
+    one = BayesianBP(hidden=3, starts=1).fit(X, Y, precision=precision)
+    other = BayesianBP(hidden=3, starts=1).fit(X, Y, precision=7 * precision)
+    np.testing.assert_allclose(one.predict(X), other.predict(X), rtol=1e-4)
+    assert one.gamma_ == pytest.approx(other.gamma_, rel=1e-2)
+    assert one.beta_ == pytest.approx(7 * other.beta_, rel=1e-2)
+
+
+def test_weights_from_errors_by_hand():
+    weight = bayesian_bp.weights_from_errors(np.array([[1.0], [1.0], [3.0], [np.nan]]))
+    # median of 1, 1, 9, 9 is 5: variances 6, 6, 14, 14
+    expected = np.array([1 / 6, 1 / 6, 1 / 14, 1 / 14])
+    np.testing.assert_allclose(weight[:, 0], expected / expected.mean())
+
+
+@pytest.mark.parametrize(
+    ("X", "y", "weights", "fault"),
+    [
+        (np.ones((3, 2)), np.ones(4), {}, r"y \(4,\); allowed"),
+        (np.full((3, 2), np.nan), np.ones(3), {}, "must be finite"),
+        (np.ones((3, 2)), np.ones(3), {"sample_weight": np.ones(2)}, r"sample_weight has shape \(2,\)"),
+        (np.ones((3, 2)), np.ones(3), {"sample_weight": -np.ones(3)}, "must not be negative"),
+        (np.ones((3, 2)), np.ones(3), {"sample_weight": np.eye(3)[0]}, "1 samples have a weight above zero"),
+        (np.ones((3, 2)), np.ones(3), {"precision": np.zeros(3)}, "precision must be above zero"),
+        (np.ones((3, 2)), np.ones(3), {"precision": np.ones((3, 2))}, r"precision has shape \(3, 2\)"),
+    ],
+)
+def test_bad_data_is_refused(X, y, weights, fault):
+    with pytest.raises(ValueError, match=fault):
+        PlainBayesianBP().fit(X, y, **weights)
+
+
+@pytest.mark.parametrize(
+    ("setting", "value", "allowed"),
+    [
+        ("hidden", 0, "at least 1"),
+        ("epochs", 0, "at least 1"),
+        ("starts", 0, "at least 1"),
+        ("goal", -1.0, "at least 0"),
+        ("prior", "two", "one, layers, inputs"),
+        ("scaled_range", (0.9, 0.1), "its first below its second"),
+    ],
+)
+def test_bad_settings_are_named(setting, value, allowed):
+    with pytest.raises(ValueError, match=rf"{setting} is .*allowed: {allowed}"):
+        PlainBayesianBP(**{setting: value}).fit(np.eye(3), np.ones(3))
+
+
+def test_predict_refuses_other_inputs_and_an_unfitted_network(fitted):
+    with pytest.raises(ValueError, match=r"shape \(4, 5\); allowed: \(samples, 6\)"):
+        PlainBayesianBP.predict(fitted[0], np.ones((4, 5)))
+    with pytest.raises(ValueError, match="before fit"):
+        PlainBayesianBP().predict(np.ones((4, 5)))
+
+
+def linear_features(x):
+    """Nine fixed functions of two inputs: a model linear in as many weights as a 2-2-1 network has."""
+    a = np.random.RandomState(20).normal(size=(2, 9))
+    return np.sin(4 * x @ a + np.arange(9))
+
+
+@pytest.fixture
+def linear(monkeypatch):
+    """The training and error bars of this file on a model that is linear in its weights, fitted."""
+    monkeypatch.setattr(
+        bayesian_bp, "jacobian", lambda w, x, outputs: ((p := linear_features(x)) @ w[:, None], p[:, None, :])
+    )
+    monkeypatch.setattr(
+        bayesian_bp, "_residuals", lambda w, x, t, root: (linear_features(x) @ w - t[:, 0]) * root[:, 0]
+    )
+    random = np.random.RandomState(21)
+    X = np.concatenate([[[0, 0], [1, 1]], random.uniform(0, 1, (50, 2))])
+    y = linear_features(X) @ random.normal(size=9) + 0.3 * random.normal(size=52)
+    y = (y - y.min()) / np.ptp(y)
+    model = PlainBayesianBP(hidden=2, starts=1, goal=0.0, scaled_range=(0, 1))
+    return model.fit(X, y), X, y
+
+
+def test_on_a_linear_model_gamma_is_its_closed_form(linear):
+    model, X, _ = linear
+    eigenvalues = np.linalg.eigvalsh(2 * model.beta_ * linear_features(X).T @ linear_features(X))
+    exact = np.sum(eigenvalues / (eigenvalues + 2 * model.alpha_))
+    assert 3 < exact < 8.99
+    assert model.gamma_ == pytest.approx(exact, rel=1e-6)
+
+
+def test_on_a_linear_model_evidence_and_error_bars_are_those_of_bayesian_ridge(linear):
+    from sklearn.linear_model import BayesianRidge
+
+    model, X, y = linear
+    flat = dict.fromkeys(("alpha_1", "alpha_2", "lambda_1", "lambda_2"), 0.0)
+    ridge = BayesianRidge(max_iter=5000, tol=1e-12, fit_intercept=False, **flat).fit(linear_features(X), y)
+    assert 2 * model.beta_ == pytest.approx(ridge.alpha_, rel=1e-5)
+    assert 2 * model.alpha_ == pytest.approx(ridge.lambda_, rel=1e-5)
+    np.testing.assert_allclose(model.posterior_root_ @ model.posterior_root_.T, ridge.sigma_, rtol=1e-4)
+    fresh = np.random.RandomState(22).uniform(0, 2, (40, 2))
+    std = model.predict(fresh, return_std=True)[1]
+    np.testing.assert_allclose(std, ridge.predict(linear_features(fresh), return_std=True)[1], rtol=1e-4)
+
+
+CORRELATED = np.array([[0.25, 0.475], [0.475, 1.0]])  # correlation 0.95
+
+
+@pytest.mark.parametrize("noise_covariance", [None, CORRELATED])
+def test_error_bars_of_the_mean_are_those_of_networks_drawn_from_the_posterior(noise_covariance):
+    """Brute force: weights from the Laplace approximation, each sent through the whole network.
+
+    Drawn a hundred times closer to the best ones: along directions that the data leave open the network is
+    no longer linear over the whole width of the posterior, a limit of the approximation itself.
+    """
+    X, Y = noisy_data(400, 14, noise=(0.2, 0.4))
+    model = BayesianBP(hidden=4, starts=3).fit(X, Y, noise_covariance=noise_covariance)
+    fresh = np.random.RandomState(15).uniform(-0.9, 0.9, (30, 6))
+    mean, std = model.predict(fresh, return_std=True, noise=False)
+    w = np.concatenate([model.W1_.ravel(), model.b1_, model.W2_.ravel(), model.b2_])
+    normal = np.random.RandomState(16).normal(size=(4000, w.size))
+    stored, drawn = model.to_dict(), []
+    for one in w + 0.01 * normal @ model.posterior_root_.T:
+        stored["W1"], stored["b1"], stored["W2"], stored["b2"] = bayesian_bp.unpack(one, 6, 4, 2)
+        drawn.append(bayesian_bp.evaluate(stored, fresh))
+    ratio = np.std(drawn, axis=0) / (0.01 * std)
+    assert ratio.mean() == pytest.approx(1.0, abs=0.03)
+    assert np.abs(ratio - 1).max() < 0.1
+    total = model.predict(fresh, return_std=True)[1]
+    np.testing.assert_allclose(total**2, std**2 + model.noise_std_**2)
+    assert mean.shape == std.shape == (30, 2)
+
+
+def test_a_covariance_of_independent_outputs_of_one_variance_changes_nothing():
+    X, Y = noisy_data(60, 31)
+    plain = BayesianBP(hidden=3, starts=2).fit(X, Y)
+    alike = BayesianBP(hidden=3, starts=2).fit(X, Y, noise_covariance=7 * np.diag(np.ptp(Y, axis=0) ** 2))
+    np.testing.assert_allclose(alike.predict(X), plain.predict(X), rtol=1e-6)
+    np.testing.assert_allclose(alike.noise_std_, plain.noise_std_, rtol=1e-6)
+    assert alike.log_evidence_ == pytest.approx(plain.log_evidence_)
+
+
+def test_mixed_weights_are_the_network_with_mixed_outputs():
+    random = np.random.RandomState(32)
+    x, w, mixing = random.uniform(size=(9, 3)), random.normal(size=26), random.normal(size=(2, 2))
+    mixed = bayesian_bp.mix_outputs(w, mixing, 4)
+    np.testing.assert_allclose(
+        bayesian_bp.jacobian(mixed, x, 2)[0], bayesian_bp.jacobian(w, x, 2)[0] @ mixing
+    )
+    columns = bayesian_bp.mix_outputs(np.column_stack([w, 2 * w]), mixing, 4)
+    np.testing.assert_allclose(columns, np.column_stack([mixed, 2 * mixed]))
+
+
+def test_noise_that_the_outputs_share_is_learned_unless_the_covariance_is_told():
+    """Noise of correlation 0.95: over 14 draws of 95 samples the squared error against the truth falls, by more
+    than two standard errors, and the noise is found again."""
+    root = np.linalg.cholesky(CORRELATED / 4)
+    fresh = np.random.RandomState(40).uniform(-1, 1, (500, 6))
+    gain, found = [], []
+    for seed in range(14):
+        random = np.random.RandomState(50 + seed)
+        X = random.uniform(-1, 1, (95, 6))
+        Y = known_function(X) + random.normal(size=(95, 2)) @ root.T
+        errors = []
+        for covariance in (None, CORRELATED):
+            model = PlainBayesianBP(starts=1, goal=0, epochs=150, seed=seed)
+            P = model.fit(X, Y, noise_covariance=covariance).predict(fresh)
+            errors.append(np.mean(((P - known_function(fresh)) / (1.0, 2.0)) ** 2))
+        gain.append(np.log(errors[0] / errors[1]))
+        found.append(model.noise_std_)
+    assert np.mean(gain) > 2 * np.std(gain, ddof=1) / np.sqrt(len(gain)) > 0
+    np.testing.assert_allclose(np.mean(found, axis=0), (0.25, 0.5), rtol=0.2)
+
+
+@pytest.mark.parametrize(
+    ("covariance", "allowed"),
+    [
+        (np.eye(3), r"symmetric, \(2, 2\)"),
+        ([[1.0, 0.5], [0.4, 1.0]], "symmetric"),
+        ([[1.0, 2.0], [2.0, 1.0]], "positive definite"),
+    ],
+)
+def test_a_covariance_that_is_none_is_refused(covariance, allowed):
+    X, Y = noisy_data(20, 33)
+    with pytest.raises(ValueError, match=rf"(?s)noise_covariance is .*allowed: {allowed}"):
+        BayesianBP().fit(X, Y, noise_covariance=covariance)
+    with pytest.raises(ValueError, match="precision differs between outputs"):
+        BayesianBP().fit(X, Y, precision=1 + Y**2, noise_covariance=CORRELATED)
+
+
+def test_error_bars_hold_what_they_promise(fitted):
+    """One response, whose noise of 1 the network learns, and two thirds of fresh targets within one std."""
+    X, Y = noisy_data(200, 17)
+    model = BayesianBP(starts=4, hidden=6).fit(X, Y[:, 1])
+    assert model.noise_std_[0] == pytest.approx(1.0, rel=0.25)
+    fresh, targets = noisy_data(2000, 18)
+    mean, std = model.predict(fresh, return_std=True)
+    z = np.abs(targets[:, 1] - mean) / std
+    assert mean.shape == std.shape == (2000,)
+    assert 0.60 < np.mean(z < 1) < 0.75
+    assert 0.91 < np.mean(z < 2) < 0.98
+    mean, std = model.predict(fresh, return_std=True, noise=False)
+    assert 0.4 < np.mean(np.abs(known_function(fresh)[:, 1] - mean) < std) < 0.85
+
+
+def test_classes_of_weights_are_a_partition_and_those_of_the_inputs_their_columns():
+    w = np.arange(3 * 4 + 4 + 2 * 5)
+    for prior, count in (("one", 1), ("layers", 3), ("inputs", 5)):
+        classes = bayesian_bp.weight_classes(prior, 3, 4, 2)
+        assert len(classes) == count
+        assert sorted(np.concatenate([w[c] for c in classes])) == list(w)
+    W1, b1, W2, b2 = bayesian_bp.unpack(w, 3, 4, 2)
+    np.testing.assert_array_equal(classes[1], W1[:, 1])
+    np.testing.assert_array_equal(classes[3], b1)
+    np.testing.assert_array_equal(classes[4], np.concatenate([W2.ravel(), b2]))
+
+
+def test_a_prior_for_each_input_fades_those_without_effect():
+    random = np.random.RandomState(19)
+    X = random.uniform(-1, 1, (95, 6))
+    y = np.sin(2 * X[:, 0]) + X[:, 1] ** 2 + 0.1 * random.normal(size=95)
+    fresh = random.uniform(-1, 1, (500, 6))
+    truth = np.sin(2 * fresh[:, 0]) + fresh[:, 1] ** 2
+    model = BayesianBP(hidden=5, starts=4, epochs=300, goal=0.0, prior="inputs").fit(X, y)
+    assert model.alpha_.shape == (8,)
+    assert model.alpha_[2:6].min() > 30 * model.alpha_[:2].max()
+    one = BayesianBP(hidden=5, starts=4, epochs=300, goal=0.0).fit(X, y)
+    assert 1 - model.score(fresh, truth) < 0.7 * (1 - one.score(fresh, truth))
+
+
+def test_scikit_learn_finds_nothing_to_object_to():
+    from sklearn.utils.estimator_checks import check_estimator
+
+    results = check_estimator(BayesianBP(hidden=3, starts=2, epochs=200), on_skip=None)
+    assert len(results) > 50
+    assert {row["check_name"] for row in results if row["status"] != "passed"} <= {"check_array_api_input"}
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import repose.surrogate.bayesian_bp, sys; assert 'sklearn' not in sys.modules",
+        "import sys; sys.modules['sklearn'] = None;"
+        " from repose.surrogate.bayesian_bp import BayesianBP, PlainBayesianBP;"
+        " assert BayesianBP is PlainBayesianBP",
+    ],
+    ids=["not imported", "not there"],
+)
+def test_scikit_learn_is_asked_for_late_and_may_be_missing(code):
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_json_and_folded_function_are_the_same_network(fitted, tmp_path):
+    model, X, _ = fitted
+    model.save(tmp_path / "network.json")
+    loaded = bayesian_bp.load(tmp_path / "network.json")
+    np.testing.assert_allclose(bayesian_bp.evaluate(loaded, X), model.predict(X), rtol=1e-12)
+    low, high = np.linspace(-2, 0, 6), np.linspace(1, 3, 6)
+    points = np.random.RandomState(1).uniform(-1, 1, (50, 6))
+    real = low + (points + 1) / 2 * (high - low)
+    folded = bayesian_bp.response_function(loaded, low, high)
+    np.testing.assert_allclose(folded(points), model.predict(real), rtol=1e-10)
+
+
+def test_load_names_what_is_wrong(tmp_path):
+    with pytest.raises(InputError, match="missing"):
+        bayesian_bp.load(tmp_path / "missing.json")
+    (tmp_path / "short.json").write_text('{"W1": []}')
+    with pytest.raises(InputError, match="input_min"):
+        bayesian_bp.load(tmp_path / "short.json")
+
+
+@pytest.mark.parametrize(
+    ("samples", "sizes"), [(137, (95, 20, 22)), (150, (105, 22, 23)), (90, (63, 13, 14))]
+)
+def test_split_is_the_published_one_and_a_partition(samples, sizes):
+    rows = train.split(samples, [0.70, 0.15, 0.15], 2026)
+    assert tuple(len(rows[name]) for name in train.SPLITS) == sizes
+    assert sorted(np.concatenate(list(rows.values()))) == list(range(samples))
+
+
+def test_noise_correction_recovers_r2_on_the_noise_free_means():
+    random = np.random.RandomState(3)
+    m = 20_000
+    truth = random.normal(size=m) * 2
+    predicted = truth + random.normal(size=m) * 0.5
+    errors = random.uniform(0.5, 1.5, m)
+    y = truth + random.normal(size=m) * errors
+    assert train.r2_noise_corrected(y, predicted, errors) == pytest.approx(
+        bayesian_bp.r2(truth, predicted), abs=0.01
+    )
+    assert bayesian_bp.r2(y, predicted) < 0.8
+    assert train.r2_noise_corrected(y, predicted, np.full(m, np.nan)) is None
+    assert train.r2_noise_corrected(y, predicted, np.full(m, 10.0)) is None
+
+
+def write_tables(folder, samples=40, seeds=4):
+    random = np.random.RandomState(11)
+    U = random.uniform(-1, 1, (samples, 6))
+    truth = known_function(U)
+    rows, runs = [], []
+    for i in range(samples):
+        y = truth[i] + random.normal(size=(seeds, 2)) * (0.5, 1.0)
+        se = y.std(axis=0, ddof=1) / np.sqrt(seeds) if seeds > 1 else (np.nan, np.nan)
+        status = "jammed" if i == 3 else "ok"
+        mean = y.mean(axis=0) if status == "ok" else (np.nan, np.nan)
+        rows.append((i + 1, *U[i], status, seeds, mean[0], se[0], mean[1], se[1]))
+        runs.extend((i + 1, k, status, *y[k]) for k in range(seeds))
+    columns = [
+        "sample",
+        *PARAMETERS,
+        "status",
+        "n_seeds",
+        "aor_deg",
+        "aor_se_deg",
+        "height_mm",
+        "height_se_mm",
+    ]
+    pd.DataFrame(rows, columns=columns).to_csv(folder / "dataset.csv", index=False)
+    columns = ["sample", "seed", "status", "aor_deg", "height_mm"]
+    pd.DataFrame(runs, columns=columns).to_csv(folder / "runs.csv", index=False)
+    return folder / "dataset.csv", folder / "runs.csv"
+
+
+def test_run_writes_what_it_returns(tmp_path):
+    paths = write_tables(tmp_path)
+    metrics = train.run(*paths, SETTINGS, tmp_path / "out")
+    assert json.loads((tmp_path / "out/metrics.json").read_text()) == metrics
+    assert (metrics["n_samples"], metrics["left_out"]) == (39, 1)
+    predictions = pd.read_csv(tmp_path / "out/predictions.csv")
+    assert 4 not in set(predictions["sample"])
+    test = predictions[predictions["split"] == "test"]
+    by_hand = (
+        1
+        - ((test.aor_deg - test.aor_predicted_deg) ** 2).sum()
+        / ((test.aor_deg - test.aor_deg.mean()) ** 2).sum()
+    )
+    assert metrics["test"]["aor_deg"]["r2"] == pytest.approx(by_hand)
+    runs = pd.read_csv(paths[1]).merge(test[["sample", "height_predicted_mm"]], on="sample")
+    assert len(runs) == 4 * metrics["n_test"]
+    single = bayesian_bp.r2(runs["height_mm"].to_numpy(), runs["height_predicted_mm"].to_numpy())
+    assert metrics["r2_three_ways"]["height_mm"]["single_runs"] == pytest.approx(single)
+    starts = pd.read_csv(tmp_path / "out/starts.csv")
+    assert starts.loc[starts["chosen"], "log_evidence"].item() == starts["log_evidence"].max()
+    saved = bayesian_bp.load(tmp_path / "out/network.json")
+    assert saved["inputs"] == list(PARAMETERS)
+
+
+def test_run_with_one_seed_has_no_noise_correction_and_no_weights(tmp_path):
+    paths = write_tables(tmp_path, seeds=1)
+    metrics = train.run(*paths, SETTINGS | {"weights_from_errors": True}, tmp_path / "out")
+    ways = metrics["r2_three_ways"]["aor_deg"]
+    assert ways["noise_corrected"] is None
+    assert ways["single_runs"] == pytest.approx(ways["sample_means"])
+    assert metrics["weighted"] is False
+
+
+def test_run_weighted_differs_from_unweighted(tmp_path):
+    paths = write_tables(tmp_path)
+    plain = train.run(*paths, SETTINGS, tmp_path / "a")
+    weighted = train.run(*paths, SETTINGS | {"weights_from_errors": True}, tmp_path / "b")
+    assert weighted["weighted"] is True
+    assert weighted["log_evidence"] != plain["log_evidence"]
+
+
+def test_too_few_samples_and_missing_columns_are_named(tmp_path):
+    paths = write_tables(tmp_path, samples=12)
+    with pytest.raises(InputError, match=r"usable samples is 11; allowed: at least 12"):
+        train.run(*paths, SETTINGS, tmp_path)
+    pd.read_csv(paths[0]).drop(columns="mus_gp").to_csv(paths[0], index=False)
+    with pytest.raises(InputError, match=r"dataset.csv: mus_gp"):
+        train.run(*paths, SETTINGS, tmp_path)

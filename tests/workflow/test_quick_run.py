@@ -1,0 +1,164 @@
+"""What a finished run of config/quick.yaml has written; skipped where there is none and none is required."""
+
+import json
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+
+from repose.config import settings
+from repose.core.parameters import PARAMETERS
+from repose.surrogate.bayesian_bp import evaluate
+
+ROOT = Path(__file__).parents[2]
+RESULTS = ROOT / "results" / "quick"
+FIGURES = (
+    *(f"figure{number:02d}" for number in (2, 5, 6, 7, 8, 9, 10, 13, 14, 15)),
+    *("convergence", "design", "dataset", "validation", "published", "drum", "definitions"),
+)
+TABLES = (
+    "table1",
+    "designs",
+    "dataset",
+    "starts",
+    "table3",
+    "solutions",
+    "table4",
+    "representative",
+    "published",
+    "drum",
+)
+
+
+if not (RESULTS / "validation" / "table4.csv").is_file():
+    if os.environ.get("REPOSE_QUICK_RUN") == "required":
+        raise FileNotFoundError(f"{RESULTS} holds no finished run of config/quick.yaml")
+    pytest.skip("no results of config/quick.yaml to read", allow_module_level=True)
+
+
+@pytest.fixture(scope="module")
+def config():
+    return settings.load(RESULTS / "config.json")
+
+
+@pytest.fixture(scope="module")
+def dataset():
+    return pd.read_csv(RESULTS / "dataset.csv")
+
+
+def test_it_was_the_small_configuration(config):
+    assert config == settings.load(ROOT / "config" / "quick.yaml")
+    assert config["small_run"] is True
+    assert config["heap"]["berries"] == 500
+
+
+def test_berry_equals_table_1():
+    summary = pd.read_csv(RESULTS / "berry" / "summary.csv").set_index("dimension")
+    axes = summary.loc[["long_mm", "major_mm", "minor_mm"]]
+    for statistic in ("maximum", "minimum", "mean"):
+        np.testing.assert_allclose(axes[statistic], axes[f"published_{statistic}"], atol=0.005)
+
+
+def test_design_is_a_latin_hypercube_in_the_ranges(config):
+    samples = pd.read_csv(RESULTS / "design" / "samples.csv")
+    count = config["design"]["samples"]
+    assert list(samples["sample"]) == list(range(1, count + 1))
+    for name in PARAMETERS:
+        low, high = config["parameters"][name]
+        strata = np.floor((samples[name] - low) / (high - low) * count).astype(int)
+        assert sorted(strata) == list(range(count))
+
+
+def test_every_response_is_of_a_simulation_of_500_berries(config, dataset):
+    for sample in dataset["sample"]:
+        job = json.loads((RESULTS / "heaps" / f"{sample:03d}.json").read_text())
+        seeds = settings.pour_seeds(config["design"]["seed"], "design", sample, config["heap"]["seeds"])
+        assert [run["seed"] for run in job["runs"]] == seeds
+        with np.load(RESULTS / "heaps" / f"{sample:03d}.npz") as arrays:
+            for seed in seeds:
+                assert arrays[f"position_{seed}"].shape == (500, 3)
+                assert arrays[f"quaternion_{seed}"].shape == (500, 4)
+
+
+def test_piles_are_piles(dataset):
+    good = dataset[dataset["status"] == "ok"]
+    assert len(good) >= 0.8 * len(dataset)
+    assert good["aor_deg"].between(10, 40).all()
+    assert good["height_mm"].between(25, 110).all()
+    assert good["discharge_s"].between(14, 18).all()
+    assert good["aor_deg"].std() > 0.5
+
+
+def test_more_friction_makes_a_steeper_higher_pile(dataset):
+    good = dataset[dataset["status"] == "ok"]
+    friction = good["mur_gg"] / good["mur_gg"].mean() + good["mus_gp"] / good["mus_gp"].mean()
+    assert np.corrcoef(friction, good["height_mm"])[0, 1] > 0
+
+
+def test_network_file_gives_the_predictions(dataset):
+    network = json.loads((RESULTS / "network" / "network.json").read_text())
+    predictions = pd.read_csv(RESULTS / "network" / "predictions.csv")
+    X = dataset.set_index("sample").loc[predictions["sample"], list(PARAMETERS)].to_numpy()
+    expected = predictions[["aor_predicted_deg", "height_predicted_mm"]]
+    np.testing.assert_allclose(evaluate(network, X), expected, rtol=1e-6)
+    metrics = json.loads((RESULTS / "network" / "metrics.json").read_text())
+    assert {"train", "validation", "test", "gamma", "alpha", "beta", "epochs", "stop_reason"} <= set(metrics)
+
+
+def test_search_tells_in_words_what_it_found(config):
+    summary = json.loads((RESULTS / "miga" / "summary.json").read_text())
+    feasible = pd.read_csv(RESULTS / "miga" / "feasible.csv")
+    assert summary["message"]
+    assert feasible["representative"].sum() == 1
+    assert len(feasible) >= config["validation"]["solutions"] + 1
+    for name in PARAMETERS:
+        low, high = config["parameters"][name]
+        assert feasible[name].between(low - 1e-9, high + 1e-9).all()
+    assert set(pd.read_csv(RESULTS / "miga" / "intervals.csv")["variable"]) == set(PARAMETERS)
+
+
+def test_validation_has_predicted_and_simulated_side_by_side(config):
+    table4 = pd.read_csv(RESULTS / "validation" / "table4.csv")
+    published = pd.read_csv(RESULTS / "validation" / "published.csv")
+    assert len(table4) == config["validation"]["solutions"] + 1
+    assert len(published) == 6
+    good = table4[table4["status"] == "ok"]
+    assert len(good)
+    error = 100 * (good["aor_predicted_deg"] - good["aor_simulated_deg"]).abs() / good["aor_simulated_deg"]
+    np.testing.assert_allclose(good["aor_error_percent"], error, rtol=1e-6)
+
+
+def test_picture_of_the_pile_was_measured():
+    measured = json.loads((RESULTS / "measure" / "measured.json").read_text())
+    assert measured["aor_deg"] == pytest.approx((measured["left_deg"] + measured["right_deg"]) / 2, abs=0.01)
+    assert 10 < measured["aor_deg"] < 45
+    assert 25 < measured["height_mm"] < 110
+
+
+def test_the_drum_turned_until_its_bed_slipped(config):
+    runs = pd.read_csv(RESULTS / "drum" / "runs.csv")
+    seeds = settings.pour_seeds(config["design"]["seed"], "drum", 1, config["drum"]["seeds"])
+    assert sorted(runs["seed"]) == sorted(seeds)
+    assert (runs["status"] == "ok").all()
+    assert runs["before_surface_deg"].between(25, 65).all()
+    assert (runs["bed_drop_deg"] > config["drum"]["slip_drop_deg"]).all()
+    turned = np.degrees(config["drum"]["angular_velocity_rad_s"]) * runs["before_time_s"]
+    np.testing.assert_allclose(runs["before_turned_deg"], turned, rtol=1e-6)
+    assert (RESULTS / "drum" / "drum.gif").stat().st_size < 4_000_000
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_figures_show_something(name):
+    picture = cv2.imread(str(RESULTS / "figures" / f"{name}.png"))
+    assert min(picture.shape[:2]) > 200
+    assert picture.std() > 5
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_tables_say_that_it_was_a_small_run(name):
+    text = (RESULTS / "tables" / f"{name}.html").read_text()
+    assert "Small run" in text
+    assert "<td>" in text

@@ -1,0 +1,258 @@
+"""The workflow's graph: what would run, and what a changed or bad key does. Nothing is simulated here."""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PARTS = ("Snakefile", "config", "profiles", "resources", "workflow")
+STAGES = (
+    *(
+        "berry",
+        "shape",
+        "design",
+        "heap",
+        "measure_heap",
+        "dataset",
+        "network",
+        "miga",
+        "solutions",
+        "validation_heap",
+        "measure_validation_heap",
+        "validate",
+    ),
+    *("measure", "film", "draw_convergence", "page_table1", "page_table3", "page_table4", "page_published"),
+    *("turn", "drum", "drum_film", "draw_drum", "page_drum"),
+    *(f"draw_figure{number:02d}" for number in (2, 5, 6, 7, 8, 9, 10, 13, 14, 15)),
+)
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory):
+    """A copy of the workflow without any results."""
+    folder = tmp_path_factory.mktemp("project")
+    for part in PARTS:
+        source = ROOT / part
+        shutil.copytree(source, folder / part) if source.is_dir() else shutil.copy(source, folder / part)
+    return folder
+
+
+def snakemake(project, *words):
+    """Run snakemake in project."""
+    paths = [str(ROOT / "src"), os.environ.get("PYTHONPATH", "")]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in paths if path)}
+    command = [sys.executable, "-m", "snakemake", "--nocolor", *words]
+    return subprocess.run(command, cwd=project, env=environment, capture_output=True, text=True)
+
+
+def planned(project, *words):
+    """Rules of a dry run and how many jobs of each."""
+    done = snakemake(project, "--quiet", "rules", "-n", *words)
+    assert done.returncode == 0, done.stderr
+    counts = re.findall(r"^(\w+)\s+(\d+)$", done.stdout + done.stderr, re.MULTILINE)
+    return {rule: int(count) for rule, count in counts}
+
+
+def test_the_recommended_study_has_every_stage_and_one_job_a_sample(project):
+    jobs = planned(project)
+    assert set(STAGES) <= set(jobs)
+    assert (jobs["heap"], jobs["validation_heap"], jobs["turn"]) == (150, 12, 6)
+    assert not (project / "results").exists(), "a dry run writes nothing"
+
+
+def test_the_small_run_has_the_same_rules(project):
+    small = planned(project, "--configfile", "config/quick.yaml")
+    assert set(small) == set(planned(project))
+    assert (small["heap"], small["turn"]) == (20, 2)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (
+            ["--config", "heap={seeds: 0}"],
+            "repose: error: command line (--config): heap.seeds is 0; allowed: an integer from 1 to 100",
+        ),
+        (
+            ["--config", "heap={time_step_s: 2e-3}"],
+            "repose: error: command line (--config): heap.time_step_s is 0.002; allowed: at most 0.00063, "
+            "20% of the Rayleigh time of the mean berry",
+        ),
+        (
+            ["--configfile", "mine.yaml"],
+            "repose: error: mine.yaml: heap.seads is 3; allowed: no such key; did you mean seeds?",
+        ),
+    ],
+)
+def test_a_bad_value_ends_in_one_message_before_any_work(project, words, message):
+    (project / "mine.yaml").write_text("heap: {seads: 3}\n")
+    done = snakemake(project, "--cores", "1", *words)
+    assert done.returncode != 0
+    assert done.stdout == ""
+    assert [line for line in done.stderr.splitlines() if "profile" not in line] == [message]
+    assert not (project / "results").exists()
+
+
+def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
+    made = ("results/quick/design/samples.csv", "results/quick/berry/particle.json")
+    done = snakemake(project, "--cores", "1", *made, "--configfile", "config/quick.yaml")
+    assert done.returncode == 0, done.stderr
+    resolved = json.loads((project / "results/quick/config.json").read_text())
+    assert resolved["design"]["samples"] == 20
+
+    target = ("results/quick/heaps/001.json", "--configfile", "config/quick.yaml")
+    assert set(planned(project, *target)) == {"heap", "measure_heap", "total"}
+    fewer = planned(project, *target, "--config", "design={samples: 25}")
+    assert set(fewer) == {"design", "heap", "measure_heap", "total"}
+    heavier = planned(project, *target, "--config", "berry={density_kg_m3: 900}")
+    assert set(heavier) == {"berry", "shape", "heap", "measure_heap", "total"}
+
+
+@pytest.fixture(scope="module")
+def finished(project):
+    """The small study with twelve samples as if it were finished: every file is there, empty."""
+    words = ("--configfile", "config/quick.yaml", "--config", "design={samples: 12}")
+    listed = snakemake(project, "-n", "--summary", *words)
+    for line in listed.stdout.splitlines()[1:]:
+        path = project / line.split("\t")[0]
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    done = snakemake(project, "--touch", "--forceall", "--cores", "1", *words, "--", "calibration")
+    assert done.returncode == 0, done.stderr
+    return project, words
+
+
+POURS = ("heap", "validation_heap", "trajectory", "turn")
+
+
+@pytest.mark.parametrize(
+    ("change", "measured", "poured"),
+    [
+        ("measure={response: flank}", ("measure_heap", "measure_validation_heap"), ()),
+        ("measure={mm_per_pixel: 0.3}", ("measure_heap", "measure_validation_heap"), ("turn",)),
+        ("heap={rest_motion_mm: 2}", ("measure_heap", "measure_validation_heap"), POURS),
+        (
+            "validation={seeds: 3, representative_seeds: 3}",
+            ("measure_validation_heap",),
+            ("validation_heap",),
+        ),
+    ],
+)
+def test_a_changed_measurement_measures_again_and_pours_nothing(finished, change, measured, poured):
+    project, words = finished
+    before = planned(project, *words, change, "--", "dataset")
+    # what the study would pour again because its solution has moved is left out here
+    alone = (*POURS[1:], "measure_validation_heap", "validate", "drum", "film")
+    behind = planned(project, *words, change, "--allowed-rules", *alone, "--", "validate", "drum", "film")
+    jobs = before | behind
+    assert set(jobs) - {"dataset", "validate", "drum", "film", "total"} == {*measured, *poured}
+    for rule, count in (("heap", 12), ("measure_heap", 12), ("measure_validation_heap", 9)):
+        assert jobs.get(rule, count) == count
+
+
+def test_the_study_of_the_measurement_takes_the_piles_that_are_there(finished):
+    project, words = finished
+    assert set(planned(project, *words, "--", "measurement_study")) == {"measurement_study", "total"}
+
+
+def test_uncertainty_is_a_target_of_its_own(finished):
+    project, words = finished
+    own = ("noise_tables", "posterior_tables", "sensitivity_tables")
+    drawn = ("draw_noise", "draw_corner", "draw_intervals", "draw_sobol", "draw_main_effects")
+    jobs = planned(project, *words, "--", "uncertainty")
+    # of the finished study only empty files are there, so nothing before the tables has to run
+    assert set(jobs) == {*own, *drawn, "uncertainty", "total"}
+    assert not {*own, *drawn} & set(planned(project, *words, "--forceall"))
+
+
+def test_comparisons_are_targets_of_their_own_and_the_drum_is_asked_for_by_name(finished):
+    project, words = finished
+    jobs = planned(project, *words, "--", "compare_search", "compare_whole", "second_responses")
+    own = {"search_tables", "whole_tables", "measure_responses", "second_responses_tables"}
+    drawn = {"draw_search", "draw_whole", "draw_second_responses"}
+    assert set(jobs) == own | drawn | {"compare_search", "compare_whole", "second_responses", "total"}
+    turned = planned(project, *words, "--", "second_responses_drum")
+    assert turned["drum_sample"] == 12
+    assert not own & set(planned(project, *words, "--forceall"))
+
+
+REFIT = {"refine_data", "refine_network", "refine_search"}
+ROUND = {"refine_propose", "refine_heap", "measure_refine_heap", "refine_dataset", "refine_round"}
+END = {"refine_tables", "draw_approach", "refined", "total"}
+
+
+def test_the_refinement_is_a_target_of_its_own(finished):
+    project, words = finished
+    jobs = planned(project, *words, "--", "refined")
+    assert set(jobs) == ROUND | END, "until round 0 is judged no other is planned"
+    assert jobs["refine_heap"] == 4, "two blocks of the proposal and two neighbours"
+    more = planned(project, *words, "refine={seeds: 6}", "--", "refined")
+    assert more["refine_heap"] == 5
+    assert not (REFIT | ROUND | END - {"total"}) & set(planned(project, *words, "--forceall"))
+
+
+def test_a_round_that_misses_is_followed_by_the_next_until_one_is_within_or_the_limit_is_met(finished):
+    project, words = finished
+    folder = project / "results/quick/refined/round_0"
+    (folder / "heaps").mkdir(parents=True)
+    names = ["proposal.csv", *(f"heaps/{job}.pours.json" for job in (1001, 1002, 1101, 1102))]
+    names += [f"heaps/{job}.{kind}" for job in (1001, 1002, 1101, 1102) for kind in ("npz", "json")]
+    for name in [*names, "dataset.csv", "runs.csv", "round.csv", "verdict.json"]:
+        (folder / name).touch()
+    for verdict, rules in (
+        ({"outcome": "not within", "usable": 4}, REFIT | ROUND | END),
+        ({"outcome": "within", "usable": 4}, END),
+        ({"outcome": "no pile", "usable": 0}, END),
+    ):
+        (folder / "verdict.json").write_text(json.dumps(verdict))
+        assert set(planned(project, *words, "--", "refined")) == rules, verdict
+    (folder / "verdict.json").write_text('{"outcome": "not within", "usable": 4}')
+    assert set(planned(project, *words, "refine={rounds: 0}", "--", "refined")) == END
+    shutil.rmtree(folder.parent)
+
+
+def test_the_pool_is_a_target_of_its_own_and_grows_without_pouring_again(project):
+    words = ("pool", "--configfile", "config/quick.yaml", "--config", "pool={fresh_samples: 5}")
+    jobs = planned(project, *words)
+    assert (jobs["pool_heap"], jobs["measure_pool_heap"]) == (29, 29)
+    assert (jobs["pool_dataset"], jobs["fresh_dataset"]) == (1, 1)
+    assert "heap" not in jobs
+    assert "pool_heap" not in planned(project)
+
+    listed = snakemake(project, "-n", "--summary", *words)
+    for line in listed.stdout.splitlines()[1:]:
+        path = project / line.split("\t")[0]
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    done = snakemake(project, "pool", "--touch", "--cores", "1", *words[1:])
+    assert done.returncode == 0, done.stderr
+    assert planned(project, *words[:-1], "pool={fresh_samples: 8}")["pool_heap"] == 3
+
+
+def test_the_comparisons_are_a_target_of_their_own(project):
+    jobs = planned(project, "compare", "--configfile", "config/quick.yaml")
+    own = {
+        f"{verb}_{name}" for verb in ("compare", "draw") for name in ("accuracy", "surrogates", "sampling")
+    }
+    assert own <= set(jobs)
+    assert not {"network", "miga"} & set(jobs)
+    assert not own & set(planned(project))
+
+
+def test_every_figure_and_table_has_a_caption():
+    text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").glob("*.smk"))
+    captions = {path.stem for path in (ROOT / "workflow" / "report").glob("*.rst")}
+    figures = re.findall(r'^    "(\w+)": \($', text, re.MULTILINE) + re.findall(
+        r'^    "(\w+)": \("', text, re.MULTILINE
+    )
+    assert len(figures) > 15
+    for name in figures:
+        assert name in captions or f"table_{name}" in captions
+    for name in re.findall(r'caption="../report/(\w+)\.rst"', text):
+        assert name in captions
