@@ -53,7 +53,7 @@ GOOD = {
         ({"largest_scale": math.inf}, "largest_scale is inf; allowed: above 0"),
         ({"exit_height_m": math.nan}, "exit_height_m is nan; allowed: a number, or -inf"),
         ({"floor_height_m": "low"}, "floor_height_m is 'low'; allowed: a number"),
-        ({"funnel_floor_m": None}, "funnel_floor_m is None; allowed: a number"),
+        ({"curved_walls_above_m": None}, "curved_walls_above_m is None; allowed: a number"),
         ({"walls": {"floor": "wood"}}, "walls is .*allowed: names, each with a Plane, Cone"),
         ({"walls": {"floor": Plane((0, 0, 0), (0, 0, 1), "wood")}}, "material is 'wood'; allowed: flesh"),
     ],

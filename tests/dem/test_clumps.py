@@ -299,7 +299,7 @@ def test_clumps_pass_a_funnel():
     """They meet its cone and its edge and are neither lost nor shot away."""
     walls = {**FUNNEL.walls("wall"), "floor": FLOOR}
     s = scene({"bent": bent()}, Contact(0.2, 0.6, 0.05), walls, 5e-5, gravity=(0, 0, -9.81), capacity=40,
-              upper=(0.1, 0.1, 0.4), funnel_floor_m=FUNNEL.outlet_height_m - 0.001)  # fmt: skip
+              upper=(0.1, 0.1, 0.4), curved_walls_above_m=FUNNEL.outlet_height_m - 0.001)  # fmt: skip
     rng = np.random.default_rng(5)
     touched = set()
     for k in range(40):

@@ -26,7 +26,7 @@ def funnel_simulation(contact, funnel=FUNNEL, gravity=(0.0, 0.0, 0.0), dt=2e-5, 
         lower=(-0.1, -0.1, 0.0),
         upper=(0.1, 0.1, 0.3),
         exit_height_m=0.1,
-        funnel_floor_m=0.099,
+        curved_walls_above_m=0.099,
         **keywords,
     )
 

@@ -244,7 +244,7 @@ def heap_simulation(config, parameters, particle, berry, largest_scale=1.0):
         upper=(half, half, funnel.inlet_height_m + 4.0 * reach),
         largest_scale=largest_scale,
         exit_height_m=funnel.outlet_height_m,
-        funnel_floor_m=funnel.outlet_height_m - funnel.rim_radius_m,
+        curved_walls_above_m=funnel.outlet_height_m - funnel.rim_radius_m,
         floor_height_m=-0.05,
     )
     return simulation, funnel

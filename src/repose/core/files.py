@@ -1,26 +1,10 @@
 """Files that are whole or not there."""
 
 import json
-import os
-from pathlib import Path
 
+from repose.dem.whole import write_whole
 
-def write_whole(path, write):
-    """Write a file in one move: `write` gets the open file (bytes); an interrupt leaves the earlier file as it was.
-
-    Folders that are missing are made.
-    """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
-        with open(part, "wb") as handle:
-            write(handle)
-            handle.flush()
-            os.fsync(handle.fileno())
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
+__all__ = ["write_json", "write_table", "write_whole"]
 
 
 def write_json(path, content):

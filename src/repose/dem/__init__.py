@@ -1,12 +1,39 @@
-"""The discrete element engine: shapes, contacts, walls and time; it knows nothing of calibration."""
+"""The discrete element engine: shapes, contacts, walls and time; it knows nothing of calibration.
 
-from .materials import Contact, Material
-from .recorder import Recorder
-from .rotations import rotation_matrices, rotation_matrix
-from .shapes import Clump, Shape
-from .simulation import Simulation
-from .surfaces import Cone, Cylinder, Mesh, Motion, Plane, RingEdge
-from .vtk import VtkSeries, write_vtk
+The names below are imported when they are first used, so that importing one small module of this package does not
+load the compiler.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .materials import Contact, Material
+    from .recorder import Recorder
+    from .rotations import rotation_matrices, rotation_matrix
+    from .shapes import Clump, Shape
+    from .simulation import Simulation
+    from .surfaces import Cone, Cylinder, Mesh, Motion, Plane, RingEdge
+    from .vtk import VtkSeries, write_vtk
+
+_HOME = {
+    "Clump": "shapes",
+    "Cone": "surfaces",
+    "Contact": "materials",
+    "Cylinder": "surfaces",
+    "Material": "materials",
+    "Mesh": "surfaces",
+    "Motion": "surfaces",
+    "Plane": "surfaces",
+    "Recorder": "recorder",
+    "RingEdge": "surfaces",
+    "Shape": "shapes",
+    "Simulation": "simulation",
+    "VtkSeries": "vtk",
+    "rotation_matrices": "rotations",
+    "rotation_matrix": "rotations",
+    "write_vtk": "vtk",
+}
 
 __all__ = [
     "Clump",
@@ -26,3 +53,15 @@ __all__ = [
     "rotation_matrix",
     "write_vtk",
 ]
+
+
+def __getattr__(name):
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(import_module(f".{_HOME[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__():
+    return sorted({*globals(), *__all__})

@@ -8,15 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from repose.core.errors import InputError
-from repose.core.files import write_whole
-
 from . import state as st
 from . import surfaces
 from .cache import source_hash
+from .errors import InputError
 from .materials import Contact, Material
 from .shapes import Clump, Shape
 from .surfaces import Motion
+from .whole import write_whole
 
 FORMAT = 1
 ABOUT = "about"  # the array that holds the description
@@ -121,7 +120,7 @@ def _description(simulation):
             "largest_scale": simulation.largest_scale,
             "threads": simulation.threads,
             "exit_height_m": physics.exit_height,
-            "funnel_floor_m": physics.funnel_floor,
+            "curved_walls_above_m": physics.curved_walls_above,
             "floor_height_m": physics.floor_height,
         },
     }

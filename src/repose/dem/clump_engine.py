@@ -190,7 +190,7 @@ def clump_wall_forces(
 ):
     """Find the contacts of spheres with walls and add their forces."""
     out, other, local = scratch[0:8], scratch[8:16], scratch[16:48]
-    update_clump_walls(bodies, flat, curved, clumps, walls, counts, physics.funnel_floor, s, out)
+    update_clump_walls(bodies, flat, curved, clumps, walls, counts, physics.curved_walls_above, s, out)
     has_meshes = meshes.box.shape[0] > 0
     if has_meshes:
         update_clump_meshes(bodies, meshed, touches, clumps, walls, meshes, counts, s, out, other, local)

@@ -337,7 +337,7 @@ def wall_contacts_and_forces(bodies, flat, curved, meshed, walls, meshes, counts
     out, local, other, profile = scratch[8:16], scratch[16:48], scratch[48:56], scratch[64:]
     parts = physics.parts
     has_meshes = meshes.box.shape[0] > 0
-    update_walls(bodies, flat, curved, walls, counts, parts, physics.funnel_floor, profile, out, local)
+    update_walls(bodies, flat, curved, walls, counts, parts, physics.curved_walls_above, profile, out, local)
     if has_meshes:
         update_meshes(bodies, meshed, walls, meshes, counts, parts, out, other, local)
     still_wall(t)

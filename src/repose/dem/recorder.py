@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from repose.core.files import write_whole
+from .whole import write_whole
 
 
 class Recorder:

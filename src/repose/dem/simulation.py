@@ -46,8 +46,9 @@ class Simulation:
     asked for all the same; "cut" ends it too and keeps the first's damping, so that bodies leave faster than asked for.
     largest_scale: the largest scale that `add` will be given.
     threads: for a simulation of 4096 smooth bodies or more; the result is the same for any number. Clumps have one.
-    exit_height_m: falling through this height sets a body's exit time. funnel_floor_m: a body below it never meets a
-    cone, cylinder or ring again. floor_height_m: below it a body is gone.
+    exit_height_m: falling through this height sets a body's exit time. curved_walls_above_m: all cones,
+    cylinders and ring edges lie above it; a body that was once wholly below it is not searched against them again.
+    floor_height_m: below it a body is gone.
     Raises ValueError naming the argument, the value and what is allowed.
     """
 
@@ -67,7 +68,7 @@ class Simulation:
         largest_scale=1.0,
         threads=1,
         exit_height_m=-math.inf,
-        funnel_floor_m=-math.inf,
+        curved_walls_above_m=-math.inf,
         floor_height_m=-math.inf,
     ):
         self.shapes = mapping("shapes", shapes, Shape | Clump, "Shape or Clump")
@@ -122,7 +123,7 @@ class Simulation:
             tension=1.0 if tension == "keep" else 0.0,
             rolling_frame=np.zeros(3),
             exit_height=height("exit_height_m", exit_height_m),
-            funnel_floor=height("funnel_floor_m", funnel_floor_m),
+            curved_walls_above=height("curved_walls_above_m", curved_walls_above_m),
             floor_height=height("floor_height_m", floor_height_m),
         )
         self.threads = threads
@@ -445,7 +446,7 @@ class Simulation:
     def load(cls, path):
         """The simulation that `save` wrote; it goes on with the same bits as if it had never stopped.
 
-        Raises `repose.core.errors.InputError`, a ValueError, naming the file where it is missing, damaged, of another
+        Raises `repose.dem.errors.InputError`, a ValueError, naming the file where it is missing, damaged, of another
         format, or written by other sources of the engine.
         """
         return checkpoints.load(cls, path)

@@ -56,7 +56,7 @@ Shared = namedtuple("Shared", "counters orders begins numbers due")
 Walls = namedtuple("Walls", "planes cones rings frames turned motion moves material creep")
 Physics = namedtuple(
     "Physics",
-    "parts gravity laws mixed_pairs mixed_walls dt tension rolling_frame exit_height funnel_floor floor_height",
+    "parts gravity laws mixed_pairs mixed_walls dt tension rolling_frame exit_height curved_walls_above floor_height",
 )
 
 # Walls are numbered planes first, then cones, then rings, then meshes; cones and rings together are the curved walls.

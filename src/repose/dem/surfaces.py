@@ -6,12 +6,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import trimesh
 
-from repose.core.errors import InputError
-
 from .checks import array, mapping, name_of, not_negative, number
 from .checks import direction as _direction
 from .checks import positive as _positive
 from .checks import vector as _vector
+from .errors import InputError
 from .features import split
 
 ORIGIN = (0.0, 0.0, 0.0)

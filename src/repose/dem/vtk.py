@@ -11,10 +11,9 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from repose.core.files import write_whole
-
 from .rotations import rotation_matrices
 from .tessellation import triangulated_bodies, triangulated_walls
+from .whole import write_whole
 
 VTK_TYPES = {"f8": "Float64", "i8": "Int64", "i4": "Int32", "u1": "UInt8"}
 CONTENTS = ("points", "surfaces", "walls")

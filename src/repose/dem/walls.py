@@ -402,7 +402,7 @@ def look_at_walls(bodies, flat, curved, walls, counts, parts, i, reading, lowest
 
 @kernel
 def update_walls(bodies, flat, curved, walls, counts, parts, lowest, profile, out, local):
-    """Find new contacts with walls. `lowest`: height below which a body has left the funnel for good.
+    """Find new contacts with walls. `lowest`: a body below it has left them for good.
 
     What counts for a look is how far a body may have moved, and the walls with it. In a large simulation whose walls
     stand still a tile of bodies is left alone until its fastest, one after another, could have used up its leeway.

@@ -138,7 +138,7 @@ def funnel_hits(rng, contact, kind):
         lower=(-0.1, -0.1, 0.0),
         upper=(0.1, 0.1, 0.3),
         exit_height_m=0.1,
-        funnel_floor_m=0.099,
+        curved_walls_above_m=0.099,
     )
     bottom = funnel.outlet_height_m + funnel.tube_length_m
     if kind == "cone":
