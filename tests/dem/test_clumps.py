@@ -24,8 +24,8 @@ from repose.dem import (
     Simulation,
     write_vtk,
 )
-from repose.dem import state as st
-from repose.dem.clumps import new_sphere_pairs
+from repose.dem.kernels import state as st
+from repose.dem.kernels.clumps import new_sphere_pairs
 from repose.dem.tessellation import tessellate, triangulated_bodies
 
 RADIUS = 0.006

@@ -5,14 +5,14 @@ from oracles import gap as slow_gap
 from oracles import hertz_mindlin, support_point
 
 from repose.dem import Contact
-from repose.dem import state as st
-from repose.dem import tile as tl
-from repose.dem.contact import solve_gap
-from repose.dem.engine import gather, scatter
-from repose.dem.jit import kernel
+from repose.dem.kernels import state as st
+from repose.dem.kernels import tile as tl
+from repose.dem.kernels.contact import solve_gap
+from repose.dem.kernels.engine import gather, scatter
+from repose.dem.kernels.jit import kernel
+from repose.dem.kernels.simd import rsqrt
 from repose.dem.materials import contact_law, damping_ratio, effective_moduli
 from repose.dem.rotations import rotation_matrix
-from repose.dem.simd import rsqrt
 
 LANES = st.LANES
 

@@ -7,7 +7,7 @@ from dem.common import random_direction, random_quaternion, simulation
 from oracles import mesh_distance, rotation
 
 from repose.dem import Contact, Mesh, Motion, Plane
-from repose.dem.features import EDGE, FACE, VERTEX
+from repose.dem.kernels.features import EDGE, FACE, VERTEX
 
 LONG = np.array([[10.57e-3, 5.685e-3, 4.94e-3]])
 RADIUS = 5e-4

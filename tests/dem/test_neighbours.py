@@ -5,8 +5,8 @@ import pytest
 from dem.common import BERRY, random_quaternion, simulation
 
 from repose.dem import Contact, Plane
-from repose.dem import state as st
-from repose.dem.contact import solve_gap
+from repose.dem.kernels import state as st
+from repose.dem.kernels.contact import solve_gap
 
 
 def slow_contacts(s):

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from dem.common import BERRY, random_quaternion, simulation
 
-from repose.dem import Contact, Plane, parallel
-from repose.dem import state as st
-from repose.dem.order import morton
+from repose.dem import Contact, Plane
+from repose.dem.kernels import parallel
+from repose.dem.kernels import state as st
+from repose.dem.kernels.order import morton
 
 STEPS = 1200
 

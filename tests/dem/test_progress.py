@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from repose.dem import progress
+from repose.dem.io import progress
 
 
 class Terminal(io.StringIO):

@@ -7,7 +7,7 @@ from oracles import circle_distance, cone_gap
 
 from repose.apparatus.scenes import Funnel
 from repose.dem import Contact, Plane
-from repose.dem import state as st
+from repose.dem.kernels import state as st
 
 FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)
 TUBED = Funnel(0.15, 0.032, 60.0, 0.02, 0.001, 0.1)

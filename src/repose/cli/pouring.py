@@ -67,7 +67,7 @@ def _pour_arguments(args):
         raise InputError("command line", "--trajectory", args.trajectory, f"from {step:g} to {end:g} s")
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
 
-    from repose.dem.progress import display
+    from repose.dem.io.progress import display
 
     def progress(seed):
         return display(0.0, end, step, label=f"seed {seed}")

@@ -2,7 +2,7 @@
 
 import json
 
-from repose.dem.whole import write_whole
+from repose.dem.io.whole import write_whole
 
 __all__ = ["write_json", "write_table", "write_whole"]
 

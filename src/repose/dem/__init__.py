@@ -8,13 +8,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from .io.recorder import Recorder
+    from .io.vtk import VtkSeries, write_vtk
     from .materials import Contact, Material
-    from .recorder import Recorder
     from .rotations import rotation_matrices, rotation_matrix
     from .shapes import Clump, Shape
     from .simulation import Simulation
     from .surfaces import Cone, Cylinder, Mesh, Motion, Plane, RingEdge
-    from .vtk import VtkSeries, write_vtk
 
 _HOME = {
     "Clump": "shapes",
@@ -25,14 +25,14 @@ _HOME = {
     "Mesh": "surfaces",
     "Motion": "surfaces",
     "Plane": "surfaces",
-    "Recorder": "recorder",
+    "Recorder": "io.recorder",
     "RingEdge": "surfaces",
     "Shape": "shapes",
     "Simulation": "simulation",
-    "VtkSeries": "vtk",
+    "VtkSeries": "io.vtk",
     "rotation_matrices": "rotations",
     "rotation_matrix": "rotations",
-    "write_vtk": "vtk",
+    "write_vtk": "io.vtk",
 }
 
 __all__ = [

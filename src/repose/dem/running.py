@@ -3,7 +3,7 @@
 import time
 
 from .checks import not_negative, positive
-from .progress import display
+from .io.progress import display
 
 CHUNK_S = 0.2  # wall time between two looks at the clock
 FIRST_CHUNK = 20  # steps

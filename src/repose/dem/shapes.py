@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .checks import name_of, positive, vector
-from .state import MOST_PARTS, MOST_SPHERES
+from .kernels.state import MOST_PARTS, MOST_SPHERES
 
 
 def _semi_axes(value):

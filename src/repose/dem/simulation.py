@@ -4,24 +4,25 @@ import math
 
 import numpy as np
 
-from . import checkpoint as checkpoints
-from . import clump_tile as ct
-from . import clumps as cl
-from . import features, parallel, running
-from . import state as st
-from . import tile as tl
-from .atomics import BARRIER_SIZE
+from . import running
 from .checks import height, is_name, is_number, mapping, number, positive, vector, whole_number
-from .clump_engine import advance_clumps
-from .engine import advance
+from .io import checkpoint as checkpoints
+from .kernels import clump_tile as ct
+from .kernels import clumps as cl
+from .kernels import features, parallel
+from .kernels import state as st
+from .kernels import tile as tl
+from .kernels.atomics import BARRIER_SIZE
+from .kernels.clump_engine import advance_clumps
+from .kernels.engine import advance
+from .kernels.order import reorder
+from .kernels.rigid import TILE_ROWS, place_shape
+from .kernels.walls import STARTS
 from .materials import Contact, Material, contact_law, effective_moduli
-from .order import reorder
-from .rigid import TILE_ROWS, place_shape
 from .rotations import rotation_matrices, rotation_matrix
 from .shapes import Clump, Shape
 from .surfaces import Mesh, Motion, WallSet
 from .wall_arrays import wall_arrays
-from .walls import STARTS
 
 # Room for the lists of a simulation, per body; they grow when needed.
 CONTACTS_PER_BODY, DORMANT_PER_BODY = 6, 6

@@ -11,7 +11,7 @@ from .checks import direction as _direction
 from .checks import positive as _positive
 from .checks import vector as _vector
 from .errors import InputError
-from .features import split
+from .kernels.features import split
 
 ORIGIN = (0.0, 0.0, 0.0)
 UP = (0.0, 0.0, 1.0)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from . import state as st
+from .kernels import state as st
 from .surfaces import Cone, Mesh, Plane, RingEdge, frame_of
 
 HOME = np.concatenate([np.zeros(3), np.eye(3).ravel()])  # the frame that is the world

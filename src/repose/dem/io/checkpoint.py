@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from . import state as st
-from . import surfaces
-from .cache import source_hash
-from .errors import InputError
-from .materials import Contact, Material
-from .shapes import Clump, Shape
-from .surfaces import Motion
+from .. import surfaces
+from ..cache import source_hash
+from ..errors import InputError
+from ..kernels import state as st
+from ..materials import Contact, Material
+from ..shapes import Clump, Shape
+from ..surfaces import Motion
 from .whole import write_whole
 
 FORMAT = 1

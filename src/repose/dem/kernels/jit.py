@@ -7,7 +7,7 @@ arrays are not counted (`_nrt`): each view of a row would otherwise cost two ato
 
 import numba
 
-from . import cache  # noqa: F401  (sets the cache folder before any kernel is made)
+from .. import cache  # noqa: F401  (sets the cache folder before any kernel is made)
 
 FLAGS = {"contract"}
 

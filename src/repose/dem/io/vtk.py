@@ -11,8 +11,8 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from .rotations import rotation_matrices
-from .tessellation import triangulated_bodies, triangulated_walls
+from ..rotations import rotation_matrices
+from ..tessellation import triangulated_bodies, triangulated_walls
 from .whole import write_whole
 
 VTK_TYPES = {"f8": "Float64", "i8": "Int64", "i4": "Int32", "u1": "UInt8"}

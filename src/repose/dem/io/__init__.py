@@ -1,0 +1,1 @@
+"""What a simulation writes and reads: checkpoints, recordings, VTK files, progress."""

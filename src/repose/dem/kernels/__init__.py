@@ -1,0 +1,1 @@
+"""The hot loops: pure functions of floats and arrays, compiled by numba."""
