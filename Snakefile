@@ -13,7 +13,7 @@ CONFIG = f"{RESULTS}/config.json"
 
 # Every verb reads the checked configuration from this file; a dry run writes nothing.
 onstart:
-    settings.write_resolved(config, CONFIG)
+    loader.write_resolved(config, CONFIG)
 
 
 include: "workflow/rules/berry.smk"

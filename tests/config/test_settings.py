@@ -7,8 +7,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from repose.config import settings
+from repose.apparatus import stability
+from repose.config import checks, cost, loader
+from repose.config.schema import SCHEMA_PATH
 from repose.core.errors import InputError
+from repose.core.seeds import pour_seeds
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = ("config", "paper", "quick")
@@ -21,49 +24,63 @@ def _in_the_project(monkeypatch):
 
 @pytest.fixture
 def config():
-    return copy.deepcopy(settings.load("config/config.yaml"))
+    return copy.deepcopy(loader.load("config/config.yaml"))
 
 
 def put(config, key, value):
     *sections, last = key.split(".")
     for section in sections:
-        config = config[section]
+        config = config[int(section) if isinstance(config, list) else section]
     config[last] = value
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_shipped_configurations_pass_every_check(name):
-    config = settings.load(f"config/{name}.yaml")
-    settings.check_inputs(config, name)
+    config = loader.load(f"config/{name}.yaml")
+    checks.check_inputs(config, name)
 
 
 def test_shipped_configurations_write_to_folders_of_their_own():
-    folders = [settings.load(f"config/{name}.yaml")["results_dir"] for name in SHIPPED]
+    folders = [loader.load(f"config/{name}.yaml")["results_dir"] for name in SHIPPED]
     assert len(set(folders)) == 3
 
 
 def test_paper_has_the_published_settings():
-    config = settings.load("config/paper.yaml")
-    assert config["heap"]["time_step_s"] == 2.9256e-5
-    assert config["heap"]["duration_s"] == 18
-    assert (config["design"]["method"], config["design"]["samples"], config["heap"]["seeds"]) == (
+    config = loader.load("config/paper.yaml")
+    assert config["simulation"]["time_step_s"] == 2.9256e-5
+    assert config["funnel"]["duration_s"] == 18
+    assert (config["design"]["method"], config["design"]["samples"], config["funnel"]["seeds"]) == (
         "lhsdesign",
         150,
         1,
     )
-    assert (config["target"]["aor_deg"], config["target"]["height_mm"]) == (32.5, 66.5)
+    assert [target["aim"] for target in config["targets"]] == [32.5, 66.5]
 
 
 def test_every_key_is_explained():
-    schema = yaml.safe_load(settings.SCHEMA_PATH.read_text())
+    schema = yaml.safe_load(SCHEMA_PATH.read_text())
     explained = (ROOT / "config" / "README.md").read_text()
     for name, section in schema["properties"].items():
         assert f"`{name}`" in explained
         assert all(f"`{key}`" in explained for key in section.get("properties", ())), name
 
 
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"heap": {"seeds": 2}}, "now the section funnel"),
+        ({"funnel": {"time_step_s": 1e-4}}, "now simulation.time_step_s"),
+        ({"funnel": {"tension": "cut"}}, "now simulation.tension"),
+        ({"target": {"aor_deg": 30}}, "now the list targets"),
+    ],
+)
+def test_keys_of_earlier_configurations_are_told_where_they_went(given, told):
+    with pytest.raises(InputError, match=told):
+        loader.resolve(["config/config.yaml"], given)
+
+
 def test_no_section_of_the_schema_allows_an_unknown_key_or_forgets_one():
-    schema = yaml.safe_load(settings.SCHEMA_PATH.read_text())
+    schema = yaml.safe_load(SCHEMA_PATH.read_text())
     for section in [schema, *schema["properties"].values()]:
         if section["type"] == "object":
             assert section["additionalProperties"] is False
@@ -75,15 +92,15 @@ def test_no_section_of_the_schema_allows_an_unknown_key_or_forgets_one():
     [
         ("refine.reach", 0, "a number from 0.01 to 1"),
         ("refine.block", 0, "an integer from 1 to 1000"),
-        ("heap.seeds", 0, "an integer from 1 to 100"),
-        ("heap.seeds", 2.0, "an integer"),
-        ("heap.seeds", True, "an integer"),
-        ("heap.seeds", "8", "an integer"),
-        ("heap.gravity_m_s2", math.nan, "a number from 0.1 to 100"),
-        ("heap.gravity_m_s2", math.inf, "a number from 0.1 to 100"),
-        ("heap.rest_energy_j", 0, "above 0"),
-        ("heap.tension", "maybe", "keep or release or cut"),
-        ("heap", 3, "a section with the keys berries"),
+        ("funnel.seeds", 0, "an integer from 1 to 100"),
+        ("funnel.seeds", 2.0, "an integer"),
+        ("funnel.seeds", True, "an integer"),
+        ("funnel.seeds", "8", "an integer"),
+        ("simulation.gravity_m_s2", math.nan, "a number from 0.1 to 100"),
+        ("simulation.gravity_m_s2", math.inf, "a number from 0.1 to 100"),
+        ("simulation.rest_energy_j", 0, "above 0"),
+        ("simulation.tension", "maybe", "keep or release or cut"),
+        ("funnel", 3, "a section with the keys berries"),
         ("berry.poisson_ratio", 0.5, "a number from 0 to 0.49 or null"),
         ("berry.sizes", None, "a path"),
         ("label", "", "text of 1 to 60 characters"),
@@ -94,9 +111,16 @@ def test_no_section_of_the_schema_allows_an_unknown_key_or_forgets_one():
         ("parameters.e_gg", [0.1, 1.2], "a pair [low, high] of numbers from 0.01 to 1"),
         ("parameters.e_gg", [0.4, 0.1], "low < high"),
         ("parameters.mur_gp", [0.1, 0.2, 0.3], "a pair"),
-        ("target.aor_deg", 40.0, "inside target.aor_range_deg, 31 to 34"),
-        ("target.height_mm", 60.0, "inside target.height_range_mm, 64 to 69"),
-        ("target.aor_range_deg", [34.0, 31.0], "low < high"),
+        ("targets.0.value", 40.0, "inside targets.0.range, 31 to 34"),
+        ("targets.1.value", 60.0, "inside targets.1.range, 64 to 69"),
+        ("targets.0.range", [34.0, 31.0], "low < high"),
+        ("targets.0.range", 3, "a pair [low, high] of numbers"),
+        ("targets.0.sd", -1, "from 0 to"),
+        ("targets.1.response", "aor_deg", "each response once"),
+        ("targets.1.response", "weight_g", "the responses of funnel"),
+        ("targets.0.apparatus", "shaker", "one of funnel, drum"),
+        ("parameters.e_gg", {"fixed": 2}, "or fixed"),
+        ("parameters.e_gg", {"prior": {"mean": 0.2}}, "prior with mean and sd"),
         ("measure.fit_to", 0.15, "at least 0.1 above measure.fit_from"),
         ("measure.fit_to", "crest", "berry or a number from 0.1 to 1"),
         ("measure.fit_from", 0.95, "berry or a number from 0 to 0.9"),
@@ -104,11 +128,11 @@ def test_no_section_of_the_schema_allows_an_unknown_key_or_forgets_one():
         ("measure.berry_height_mm", 0, "above 0 and up to 1000 or null"),
         ("network.split", [0.7, 0.2, 0.2], "sum to 1"),
         ("network.split", [0.8, 0.2, 0.0], "above 0"),
-        ("heap.outlet_diameter_mm", 150.0, "below heap.inlet_diameter_mm"),
-        ("heap.factory_diameter_mm", 151.0, "at most heap.inlet_diameter_mm"),
-        ("heap.plate_diameter_mm", 30.0, "at least heap.outlet_diameter_mm"),
-        ("heap.rest_window_s", 18.0, "below heap.duration_s"),
-        ("heap.duration_s", 16.0, "above 16.8"),
+        ("funnel.outlet_diameter_mm", 150.0, "below funnel.inlet_diameter_mm"),
+        ("funnel.factory_diameter_mm", 151.0, "at most funnel.inlet_diameter_mm"),
+        ("funnel.plate_diameter_mm", 30.0, "at least funnel.outlet_diameter_mm"),
+        ("funnel.rest_window_s", 18.0, "below funnel.duration_s"),
+        ("funnel.duration_s", 16.0, "above 16.8"),
         ("miga.tournament", 41, "at most miga.population"),
         ("refine.neighbours", 1, "0 or at least 2"),
         ("drum.wall_thickness_mm", 100.0, "below half of drum.outer_diameter_mm"),
@@ -124,7 +148,7 @@ def test_no_section_of_the_schema_allows_an_unknown_key_or_forgets_one():
 def test_a_bad_value_is_told_with_file_key_value_and_what_is_allowed(config, key, value, allowed):
     put(config, key, value)
     with pytest.raises(InputError) as caught:
-        settings.check(config, "my.yaml")
+        checks.check(config, "my.yaml")
     fault = caught.value
     assert (fault.source, fault.key) == ("my.yaml", key)
     assert fault.value == value or fault.value is value or math.isnan(value)
@@ -132,37 +156,37 @@ def test_a_bad_value_is_told_with_file_key_value_and_what_is_allowed(config, key
 
 
 def test_a_mistyped_key_is_told_with_the_one_that_was_meant(config):
-    config["heap"]["seads"] = config["heap"].pop("seeds")
-    with pytest.raises(InputError, match=r"heap\.seads is 6; .*did you mean seeds"):
-        settings.check(config, "my.yaml")
+    config["funnel"]["seads"] = config["funnel"].pop("seeds")
+    with pytest.raises(InputError, match=r"funnel\.seads is 6; .*did you mean seeds"):
+        checks.check(config, "my.yaml")
 
 
 def test_a_missing_key_is_told(config):
     del config["miga"]["distance"]
     with pytest.raises(InputError, match=r"my.yaml: miga\.distance is None; .*the key is missing"):
-        settings.check(config, "my.yaml")
+        checks.check(config, "my.yaml")
 
 
 def test_weights_need_standard_errors(config):
-    config["heap"]["seeds"] = 1
+    config["funnel"]["seeds"] = 1
     for key in ("weights_from_errors", "correlated_noise"):
         config["network"] |= {"weights_from_errors": False, "correlated_noise": False, key: True}
         with pytest.raises(InputError, match=key):
-            settings.check(config)
+            checks.check(config)
 
 
 def test_a_proposal_is_cut_into_a_hundred_blocks_at_most(config):
     config["refine"] |= {"seeds": 801, "block": 8}
     with pytest.raises(InputError, match=r"refine\.block is 8; allowed: at least refine.seeds / 100"):
-        settings.check(config)
+        checks.check(config)
 
 
 def test_compression_tests_may_be_left_out_only_where_both_moduli_are_given(config):
     config["berry"] |= {"compression": None, "poisson_ratio": 0.3}
     with pytest.raises(InputError, match=r"berry\.compression"):
-        settings.check(config)
+        checks.check(config)
     config["berry"]["shear_modulus_pa"] = 4e4
-    settings.check_inputs(settings.check(config))
+    checks.check_inputs(checks.check(config))
 
 
 @pytest.mark.parametrize(
@@ -170,16 +194,16 @@ def test_compression_tests_may_be_left_out_only_where_both_moduli_are_given(conf
     [
         ("berry.sizes", "nowhere.csv", "an existing file"),
         ("validation.published", "nowhere.csv", "an existing file"),
-        ("heap.time_step_s", 1e-3, "of the Rayleigh time"),
-        ("heap.outlet_diameter_mm", 9.0, "the size of a mean berry"),
-        ("heap.factory_diameter_mm", 20.0, "the size of a mean berry"),
+        ("simulation.time_step_s", 1e-3, "of the Rayleigh time"),
+        ("funnel.outlet_diameter_mm", 9.0, "the size of a mean berry"),
+        ("funnel.factory_diameter_mm", 20.0, "the size of a mean berry"),
     ],
 )
 def test_inputs_are_checked_against_the_berry_and_the_disc(config, key, value, allowed):
     put(config, key, value)
-    settings.check(config)
+    checks.check(config)
     with pytest.raises(InputError) as caught:
-        settings.check_inputs(config, "my.yaml")
+        checks.check_inputs(config, "my.yaml")
     assert caught.value.key == key
     assert allowed in caught.value.allowed
 
@@ -187,26 +211,26 @@ def test_inputs_are_checked_against_the_berry_and_the_disc(config, key, value, a
 def test_headers_of_the_named_tables_are_checked(config):
     config["berry"]["sizes"] = "resources/compression.csv"
     with pytest.raises(InputError, match=r"compression\.csv: header"):
-        settings.check_inputs(config)
+        checks.check_inputs(config)
     config["berry"]["sizes"] = "resources/berries.csv"
     config["validation"]["published"] = "resources/berries.csv"
     with pytest.raises(InputError, match=r"berries\.csv: header"):
-        settings.check_inputs(config)
+        checks.check_inputs(config)
 
 
 def test_rayleigh_time_of_a_berry_and_of_the_published_time_step():
     # 3.1e-3 s for a berry; the published 1.036e-4 s is that of a sphere of 0.22 mm
-    assert settings.rayleigh_time_s([21.14, 11.37, 9.88], 840.47, 0.32, 4.3e4) == pytest.approx(
+    assert stability.rayleigh_time_s([21.14, 11.37, 9.88], 840.47, 0.32, 4.3e4) == pytest.approx(
         3.15e-3, rel=0.01
     )
-    assert settings.rayleigh_time_s([0.44] * 3, 840.47, 0.32, 4.3e4) == pytest.approx(1.04e-4, rel=0.01)
+    assert stability.rayleigh_time_s([0.44] * 3, 840.47, 0.32, 4.3e4) == pytest.approx(1.04e-4, rel=0.01)
 
 
 @pytest.mark.parametrize("text", ["2e-4", "2.0e-4", "2E-4", "+2e-04", "0.0002", ".2e-3"])
 def test_numbers_may_be_written_in_any_way(tmp_path, text):
     path = tmp_path / "my.yaml"
-    path.write_text(f"heap: {{time_step_s: {text}}}\n")
-    assert settings.read(path)["heap"]["time_step_s"] == 2e-4
+    path.write_text(f"simulation: {{time_step_s: {text}}}\n")
+    assert loader.read(path)["simulation"]["time_step_s"] == 2e-4
 
 
 @pytest.mark.parametrize(
@@ -223,66 +247,66 @@ def test_files_that_are_no_configuration(tmp_path, text, message):
     path = tmp_path / "my.yaml"
     path.write_text(text)
     with pytest.raises(InputError, match=message) as caught:
-        settings.read(path)
+        loader.read(path)
     assert "my.yaml" in str(caught.value)
 
 
 def test_a_file_that_is_not_there():
     with pytest.raises(InputError, match=r"nowhere\.yaml: file is 'No such file"):
-        settings.read("nowhere.yaml")
+        loader.read("nowhere.yaml")
 
 
 def test_files_and_command_line_lie_over_each_other(tmp_path):
     mine = tmp_path / "mine.yaml"
-    mine.write_text("heap: {seeds: 5, duration_s: 20}\nlabel: mine\n")
-    config = settings.resolve(["config/config.yaml", str(mine)], {"heap": {"seeds": "6"}})
-    assert (config["label"], config["heap"]["seeds"], config["heap"]["duration_s"]) == ("mine", 6, 20)
-    assert config["heap"]["berries"] == 500
+    mine.write_text("funnel: {seeds: 5, duration_s: 20}\nlabel: mine\n")
+    config = loader.resolve(["config/config.yaml", str(mine)], {"funnel": {"seeds": "6"}})
+    assert (config["label"], config["funnel"]["seeds"], config["funnel"]["duration_s"]) == ("mine", 6, 20)
+    assert config["funnel"]["berries"] == 500
 
 
 def test_a_fault_names_the_file_it_came_from(tmp_path):
     mine = tmp_path / "mine.yaml"
-    mine.write_text("heap: {seeds: 0}\n")
+    mine.write_text("funnel: {seeds: 0}\n")
     with pytest.raises(InputError) as caught:
-        settings.resolve(["config/config.yaml", str(mine)])
+        loader.resolve(["config/config.yaml", str(mine)])
     assert caught.value.source == str(mine)
     with pytest.raises(InputError) as caught:
-        settings.resolve(["config/config.yaml"], {"heap": {"seeds": "0"}})
-    assert caught.value.source == settings.COMMAND_LINE
+        loader.resolve(["config/config.yaml"], {"funnel": {"seeds": "0"}})
+    assert caught.value.source == loader.COMMAND_LINE
 
 
 def test_seeds_are_stable_distinct_and_fresh_for_validation():
-    assert settings.pour_seeds(2026, "design", 1, 2) == settings.pour_seeds(2026, "design", 1, 8)[:2]
-    design = [seed for k in range(1, 151) for seed in settings.pour_seeds(2026, "design", k, 8)]
+    assert pour_seeds(2026, "design", 1, 2) == pour_seeds(2026, "design", 1, 8)[:2]
+    design = [seed for k in range(1, 151) for seed in pour_seeds(2026, "design", k, 8)]
     numbers = [*range(1, 7), *range(101, 107)]
-    fresh = [seed for k in numbers for seed in settings.pour_seeds(2026, "validation", k, 8)]
+    fresh = [seed for k in numbers for seed in pour_seeds(2026, "validation", k, 8)]
     assert len(set(design + fresh)) == len(design) + len(fresh)
-    assert settings.pour_seeds(2027, "design", 1, 1) != settings.pour_seeds(2026, "design", 1, 1)
+    assert pour_seeds(2027, "design", 1, 1) != pour_seeds(2026, "design", 1, 1)
 
 
 def test_work_counts_every_pour(config):
-    work = settings.work(config)
+    work = cost.work(config)
     solutions = (("representative", 1, 32), ("validation", 5, 16), ("published", 6, 16))
     assert work["pours"] == (("design", 150, 6), *solutions)
-    config["heap"]["time_step_s"] /= 2
-    assert settings.work(config)["total_s"] > 1.7 * work["total_s"]
+    config["simulation"]["time_step_s"] /= 2
+    assert cost.work(config)["total_s"] > 1.7 * work["total_s"]
 
 
 def test_named_parts_of_the_shape_study_replace_those_of_the_default(tmp_path):
     mine = tmp_path / "mine.yaml"
     mine.write_text("shape_study: {sensitivities: {rate_20_per_s: {rate_per_s: 20.0}}}")
-    study = settings.resolve(["config/config.yaml", str(mine)])["shape_study"]
+    study = loader.resolve(["config/config.yaml", str(mine)])["shape_study"]
     assert study["sensitivities"] == {"rate_20_per_s": {"rate_per_s": 20.0}}
     assert len(study["fillings"]) > 1
 
 
 def test_resolved_configuration_is_rewritten_only_when_it_changed(config, tmp_path):
     path = tmp_path / "results" / "config.json"
-    settings.write_resolved(config, path)
-    assert settings.load(path) == config
+    loader.write_resolved(config, path)
+    assert loader.load(path) == config
     before = path.stat().st_mtime_ns
-    settings.write_resolved(config, path)
+    loader.write_resolved(config, path)
     assert path.stat().st_mtime_ns == before
     config["label"] = "other"
-    settings.write_resolved(config, path)
-    assert settings.load(path)["label"] == "other"
+    loader.write_resolved(config, path)
+    assert loader.load(path)["label"] == "other"

@@ -7,9 +7,11 @@ import struct
 import numpy as np
 import pandas as pd
 import pytest
+from shared import TARGETS
 
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
+from repose.core.targets import section_of
 from repose.measure import saved_pours
 from repose.measure.angles import DEFINITIONS
 from repose.particle import build
@@ -44,7 +46,7 @@ CONFIG = {
     "small_run": False,
     "parameters": RANGES,
     "design": {"method": "optimal"},
-    "heap": {
+    "funnel": {
         "inlet_diameter_mm": 150.0,
         "outlet_diameter_mm": 32.0,
         "cone_angle_deg": 60.0,
@@ -74,16 +76,7 @@ CONFIG = {
         "fit_share": 0.6,
     },
     "refine": {"tolerance_percent": 1.0, "standard_error_percent": 0.7},
-    "target": {
-        "aor_deg": 32.87,
-        "height_mm": 65.57,
-        "aor_range_deg": [31.0, 34.0],
-        "height_range_mm": [64.0, 69.0],
-        "physical_aor_deg": 32.87,
-        "physical_aor_sd_deg": 2.20,
-        "physical_height_mm": 65.57,
-        "physical_height_sd_mm": 4.10,
-    },
+    "targets": TARGETS,
 }
 DOT = """digraph snakemake_dag {
     graph[bgcolor=white, margin=0];
@@ -296,7 +289,7 @@ def made_up_uncertainty(folder, rng):
     for column, mean, spread in (("aor_deg", 24.0, 1.5), ("height_mm", 61.0, 3.0)):
         runs[column] = mean + 1.4 * spread * np.sin(runs["sample"]) + rng.normal(0, spread, 80)
     runs.to_csv(folder / "noise_runs.csv", index=False)
-    noise.run(folder / "noise_runs.csv", CONFIG["target"], folder / "floor")
+    noise.run(folder / "noise_runs.csv", section_of(CONFIG), folder / "floor")
     for name in ("seeds.csv", "noise.json"):
         (folder / "floor" / name).rename(folder / name)
     draws = pd.DataFrame(

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from repose.config import settings
+from repose.config import loader
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.pictures import figures
@@ -261,6 +261,6 @@ def test_sampling_says_what_is_emulated_and_what_is_real(tables):
 
 @pytest.mark.parametrize("name", ["accuracy", "surrogates", "sampling"])
 def test_each_comparison_can_be_drawn(tables, name, tmp_path):
-    config = settings.load("config/quick.yaml")
+    config = loader.load("config/quick.yaml")
     figures.draw(name, {name: str(tables[0] / f"{name}.csv")}, tmp_path / "a.png", config)
     assert (tmp_path / "a.png").stat().st_size > 10_000

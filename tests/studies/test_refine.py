@@ -6,11 +6,12 @@ from itertools import chain
 import numpy as np
 import pandas as pd
 import pytest
+from shared import TARGETS
 
 from repose.chain import dataset, train
-from repose.config import settings
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
+from repose.core.seeds import pour_seeds
 from repose.search import miga
 from repose.studies import refine
 from repose.surrogate.bayesian_bp import evaluate
@@ -87,12 +88,12 @@ def test_a_round_is_cut_into_blocks_of_its_seeds_and_neighbours():
 
 def test_no_seed_of_a_round_was_used_before():
     seeds = [
-        settings.pour_seeds(2026, "refine", sample, count)
+        pour_seeds(2026, "refine", sample, count)
         for round_ in range(4)
         for sample, _, count in refine.jobs(SECTION, round_)
     ]
-    seeds.append(settings.pour_seeds(2026, "validation", 1, 32))
-    seeds += [settings.pour_seeds(2026, "design", sample, 6) for sample in range(1, 151)]
+    seeds.append(pour_seeds(2026, "validation", 1, 32))
+    seeds += [pour_seeds(2026, "design", sample, 6) for sample in range(1, 151)]
     every = list(chain.from_iterable(seeds))
     assert len(every) == 4 * 32 + 32 + 900
     assert len(set(every)) == len(every)
@@ -226,7 +227,10 @@ def test_rounds_with_a_gap_are_refused(tmp_path):
 SPREAD = np.array([1.2, 2.4])
 CONFIG = {
     "parameters": RANGES,
-    "target": TARGET,
+    "targets": [
+        TARGETS[0] | {"value": 30.0, "range": [28.0, 32.0]},
+        TARGETS[1] | {"value": 60.0, "range": [57.0, 63.0]},
+    ],
     "refine": SECTION | {"seeds": 200, "block": 50, "neighbours": 6, "neighbour_seeds": 20},
     "network": {
         "hidden": 4,
@@ -271,7 +275,7 @@ class Simulator:
         paths = []
         for row, count in zip(table.to_dict("records"), seeds, strict=True):
             runs = []
-            for seed in settings.pour_seeds(7, purpose, row["sample"], count):
+            for seed in pour_seeds(7, purpose, row["sample"], count):
                 self.poured.append(seed)
                 values = self.mean(row) + SPREAD * np.random.default_rng(seed).normal(size=2)
                 runs.append({"seed": seed, "status": "ok", "reason": ""})

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from repose.apparatus import scenes
-from repose.config import settings
+from repose.config import loader
 from repose.core.errors import InputError
 from repose.dem.rotations import rotation_matrices
 from repose.measure.angles import MEAN_KEYS
@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 @pytest.fixture
 def config(monkeypatch):
     monkeypatch.chdir(ROOT)
-    config = copy.deepcopy(settings.load("config/quick.yaml"))
+    config = copy.deepcopy(loader.load("config/quick.yaml"))
     config["shape_study"]["particles"] = {"egg": {"particle": "smooth"}, "clump": {"particle": "multisphere"}}
     config["shape_study"]["fillings"] = {"here": {}, "there": {"cone_angle_deg": 70.0}}
     config["shape_study"] |= {
@@ -84,23 +84,23 @@ def test_a_cell_changes_the_sections_it_names_and_nothing_else(config):
     kind, particle, filling, own = shape_study.cell_settings(config, "published-clump-there")
     assert (kind, particle, filling) == ("published", "clump", "there")
     assert own["berry"] == config["berry"] | {"particle": "multisphere"}
-    assert own["heap"] == config["heap"] | {"cone_angle_deg": 70.0}
-    assert {k: v for k, v in own.items() if k not in ("berry", "heap")} == {
-        k: v for k, v in config.items() if k not in ("berry", "heap")
+    assert own["funnel"] == config["funnel"] | {"cone_angle_deg": 70.0}
+    assert {k: v for k, v in own.items() if k not in ("berry", "funnel")} == {
+        k: v for k, v in config.items() if k not in ("berry", "funnel")
     }
 
 
 def test_a_sensitivity_changes_its_filling(config):
     *_, own = shape_study.cell_settings(config, "sensitivity-egg-outlet_150_mm")
-    assert own["heap"] == config["heap"] | {"cone_angle_deg": 70.0, "outlet_height_mm": 150.0}
+    assert own["funnel"] == config["funnel"] | {"cone_angle_deg": 70.0, "outlet_height_mm": 150.0}
 
 
 @pytest.mark.parametrize(
     ("section", "changes", "key"),
     [
         ("particles", {"particle": "cube"}, "berry.particle"),
-        ("fillings", {"cone_angle": 70.0}, "heap"),
-        ("sensitivities", {"rate_per_s": -1.0}, "heap.rate_per_s"),
+        ("fillings", {"cone_angle": 70.0}, "funnel"),
+        ("sensitivities", {"rate_per_s": -1.0}, "funnel.rate_per_s"),
     ],
 )
 def test_a_variant_that_is_no_configuration_is_refused_by_name(config, section, changes, key):

@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from repose.config import settings
+from repose.config import loader
 from repose.core.parameters import PARAMETERS
+from repose.core.seeds import pour_seeds
 from repose.surrogate.bayesian_bp import evaluate
 
 ROOT = Path(__file__).parents[2]
@@ -41,7 +42,7 @@ if not (RESULTS / "validation" / "table4.csv").is_file():
 
 @pytest.fixture(scope="module")
 def config():
-    return settings.load(RESULTS / "config.json")
+    return loader.load(RESULTS / "config.json")
 
 
 @pytest.fixture(scope="module")
@@ -50,9 +51,9 @@ def dataset():
 
 
 def test_it_was_the_small_configuration(config):
-    assert config == settings.load(ROOT / "config" / "quick.yaml")
+    assert config == loader.load(ROOT / "config" / "quick.yaml")
     assert config["small_run"] is True
-    assert config["heap"]["berries"] == 500
+    assert config["funnel"]["berries"] == 500
 
 
 def test_berry_equals_table_1():
@@ -75,7 +76,7 @@ def test_design_is_a_latin_hypercube_in_the_ranges(config):
 def test_every_response_is_of_a_simulation_of_500_berries(config, dataset):
     for sample in dataset["sample"]:
         job = json.loads((RESULTS / "heaps" / f"{sample:03d}.json").read_text())
-        seeds = settings.pour_seeds(config["design"]["seed"], "design", sample, config["heap"]["seeds"])
+        seeds = pour_seeds(config["design"]["seed"], "design", sample, config["funnel"]["seeds"])
         assert [run["seed"] for run in job["runs"]] == seeds
         with np.load(RESULTS / "heaps" / f"{sample:03d}.npz") as arrays:
             for seed in seeds:
@@ -140,7 +141,7 @@ def test_picture_of_the_pile_was_measured():
 
 def test_the_drum_turned_until_its_bed_slipped(config):
     runs = pd.read_csv(RESULTS / "drum" / "runs.csv")
-    seeds = settings.pour_seeds(config["design"]["seed"], "drum", 1, config["drum"]["seeds"])
+    seeds = pour_seeds(config["design"]["seed"], "drum", 1, config["drum"]["seeds"])
     assert sorted(runs["seed"]) == sorted(seeds)
     assert (runs["status"] == "ok").all()
     assert runs["before_surface_deg"].between(25, 65).all()

@@ -81,7 +81,7 @@ def test_the_small_run_has_the_same_rules(project):
         ),
         (
             ["--config", "heap={time_step_s: 2e-3}"],
-            "repose: error: command line (--config): heap.time_step_s is 0.002; allowed: at most 0.00063, "
+            "repose: error: command line (--config): simulation.time_step_s is 0.002; allowed: at most 0.00063, "
             "20% of the Rayleigh time of the mean berry",
         ),
         (

@@ -5,9 +5,11 @@ import os
 import shlex
 import sys
 
-from repose.config import settings
-from repose.studies import refine, shape_study
+from repose.config import loader
 from repose.core.errors import InputError
+from repose.core.published import published_count
+from repose.core.seeds import pour_seeds
+from repose.studies import refine, shape_study
 
 # The verbs run under the Python that runs snakemake, whether its environment is activated or not.
 shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; ")
@@ -17,7 +19,7 @@ def checked_config(workflow, default):
     """The configuration after every check, or one message and no work."""
     given = [as_typed(path) for path in workflow.overwrite_configfiles]
     try:
-        config = settings.resolve([default, *given], workflow.config_settings.config)
+        config = loader.resolve([default, *given], workflow.config_settings.config)
         shape_study.check(config)
         return config
     except InputError as error:
@@ -44,8 +46,11 @@ def sections(*names):
 
 def pouring_settings():
     """What a pour depends on, its measurement left out; the number of seeds is the caller's."""
-    heap = {key: value for key, value in config["heap"].items() if key != "seeds"}
-    return sections("wall") | {"heap": heap, "seed": config["design"]["seed"]}
+    funnel = {key: value for key, value in config["funnel"].items() if key != "seeds"}
+    return sections("wall", "simulation") | {
+        "funnel": funnel,
+        "seed": config["design"]["seed"],
+    }
 
 
 def folder(wildcards, output):

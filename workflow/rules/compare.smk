@@ -5,7 +5,7 @@ COMPARISONS = {
     "accuracy": (("network",), ()),
     "surrogates": (("network", "pool.seed"), ()),
     "sampling": (
-        ("network", "pool.seed", "parameters", "heap.seeds"),
+        ("network", "pool.seed", "parameters", "funnel.seeds"),
         ("emulator.json",),
     ),
 }

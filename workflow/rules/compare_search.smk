@@ -19,7 +19,7 @@ rule search_tables:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("parameters", "target", "miga", "compare_search"),
+        depends=sections("parameters", "targets", "miga", "compare_search"),
     message:
         "Searches beside each other on the network"
     shell:
@@ -44,7 +44,7 @@ rule whole_tables:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("parameters", "target", "network", "miga", "compare_whole"),
+        depends=sections("parameters", "targets", "network", "miga", "compare_whole"),
     message:
         "The method beside a response surface, for equal numbers of simulations"
     shell:

@@ -1,5 +1,5 @@
 # The representative solution in a drum that turns until its bed slips: one job a seed, then tables and a film.
-DRUM_SEEDS = settings.pour_seeds(
+DRUM_SEEDS = pour_seeds(
     config["design"]["seed"], "drum", int(REPRESENTATIVE), config["drum"]["seeds"]
 )
 

@@ -4,7 +4,7 @@ FIGURES = {
     "figure05": (
         "Figure 5",
         {"heap": rules.measure.input.heap, "particle": rules.shape.output.particle},
-        ("heap",),
+        ("funnel",),
     ),
     "figure06": (
         "Figure 6",
@@ -54,7 +54,7 @@ FIGURES = {
             "summary": rules.miga.output.summary,
             "published": "resources/published/table3.csv",
         },
-        ("parameters", "target"),
+        ("parameters", "targets"),
     ),
     "figure15": (
         "Figure 15",
@@ -97,12 +97,12 @@ FIGURES = {
             "table4": rules.validate.output.table4,
             "published": config["validation"]["published"],
         },
-        ("target",),
+        ("targets",),
     ),
     "published": (
         "Published solutions here",
         {"published": rules.validate.output.published},
-        ("target",),
+        ("targets",),
     ),
 }
 

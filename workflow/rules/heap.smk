@@ -25,7 +25,7 @@ rule heap:
     params:
         config=CONFIG,
         folder=folder,
-        seeds=config["heap"]["seeds"],
+        seeds=config["funnel"]["seeds"],
         depends=pouring_settings(),
     message:
         "Pouring sample {wildcards.sample}"

@@ -18,7 +18,7 @@ rule miga:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("parameters", "target", "miga"),
+        depends=sections("parameters", "targets", "miga"),
     message:
         "Searching the parameters that give the target pile"
     shell:

@@ -84,7 +84,7 @@ rule refine_search:
         folder=folder,
         depends=sections(
             "parameters",
-            "target",
+            "targets",
             "miga",
             "refine.reach",
             "refine.tolerance_percent",
@@ -235,8 +235,7 @@ checkpoint refine_round:
         config=CONFIG,
         folder=folder,
         depends=sections(
-            "target.aor_deg",
-            "target.height_mm",
+            "targets",
             "refine.tolerance_percent",
             "refine.standard_error_percent",
         ),

@@ -24,7 +24,7 @@ rule measure_responses:
         mem_mb=500,
     params:
         config=CONFIG,
-        depends=sections("measure", "heap.plate_diameter_mm"),
+        depends=sections("measure", "funnel.plate_diameter_mm"),
     message:
         "More responses of the piles that are there"
     shell:
@@ -107,7 +107,7 @@ for study, (where, more) in SECOND_RESPONSES.items():
             ),
             depends=sections(
                 "parameters",
-                "target",
+                "targets",
                 "network.hidden",
                 "network.epochs",
                 "posterior.discrepancy_percent",

@@ -17,7 +17,7 @@ rule shape:
         config=CONFIG,
         folder=folder,
         depends=sections("berry"),
-        time_step_s=config["heap"]["time_step_s"],
+        time_step_s=config["simulation"]["time_step_s"],
     message:
         "Mesh and particle of the berry"
     shell:

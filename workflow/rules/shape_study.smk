@@ -52,7 +52,7 @@ rule shape_tables:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("shape_study", "target"),
+        depends=sections("shape_study", "targets"),
     message:
         "Particles, fillings and definitions beside the published piles"
     shell:
@@ -79,7 +79,7 @@ rule draw_shape_study:
         mem_mb=500,
     params:
         config=CONFIG,
-        depends=sections("shape_study", "target"),
+        depends=sections("shape_study", "targets"),
     message:
         "Drawing the shape study"
     shell:

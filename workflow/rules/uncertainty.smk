@@ -16,7 +16,7 @@ rule noise_tables:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("target.aor_deg", "target.height_mm"),
+        depends=sections("targets"),
     message:
         "Noise of the pours within and between samples"
     shell:
@@ -46,7 +46,7 @@ rule posterior_tables:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("parameters", "target", "posterior"),
+        depends=sections("parameters", "targets", "posterior"),
     message:
         "Posterior of the parameters given the physical piles"
     shell:

@@ -162,12 +162,13 @@ def turn(config, parameters, seed, particle, berry, progress=None):
     """Fill the drum, let the bed rest, turn the drum until the bed slips, and let it rest again.
 
     Berries appear at `drum.rate_per_s` (see `scenes.fill`), drawn from `seed`. The rotation begins at
-    `drum.rotate_from_s`, or later when the bed is at rest (`heap.rest_energy_j` a berry), at most twice as late; it
-    lasts until a slip is judged (`bed.find_slip`), at most `drum.longest_rotation_s`. The run ends when the bed rests,
-    at most `drum.settle_s` after the drum, and not before `drum.report_s`. progress: called with the simulated time.
+    `drum.rotate_from_s`, or later when the bed is at rest (`simulation.rest_energy_j` a berry), at most twice as late;
+    it lasts until a slip is judged (`bed.find_slip`), at most `drum.longest_rotation_s`. The run ends when the bed
+    rests, at most `drum.settle_s` after the drum, and not before `drum.report_s`. progress: called with the simulated
+    time.
     Returns a `Turn`.
     """
-    section, dt = config["drum"], config["heap"]["time_step_s"]
+    section, dt = config["drum"], config["simulation"]["time_step_s"]
     began = time.perf_counter()
     drum = Drum.of(section)
     scales, largest = of_pour(config["berry"]["size_distribution"], berry, seed, section["berries"])
@@ -201,7 +202,7 @@ def turn(config, parameters, seed, particle, berry, progress=None):
         scales,
     )
     run_to(max(simulation.steps, round(section["rotate_from_s"] / dt)))
-    calm = config["heap"]["rest_energy_j"]
+    calm = config["simulation"]["rest_energy_j"]
     while simulation.kinetic_energies().mean() > calm and simulation.steps < latest:
         run_to(min(latest, simulation.steps + every))
     rest_energy = float(simulation.kinetic_energies().mean())
@@ -274,7 +275,7 @@ def run_once(config, parameters, seed, particle, berry, progress=None):
     """
     section = config["drum"]
     turned = turn(config, parameters, seed, particle, berry, progress)
-    status, reason = status_of(turned, section, config["heap"]["rest_energy_j"])
+    status, reason = status_of(turned, section, config["simulation"]["rest_energy_j"])
     run = {"seed": int(seed), "status": status, "reason": reason, "rotation_from_s": turned.rotation_from_s}
     profile = np.zeros((0, 4))
     if status in ("ok", "no_slip"):
@@ -356,7 +357,7 @@ def run_job(config, parameters, seeds, particle, berry, out_dir, trajectory=Fals
         result = {
             "config": config["label"],
             "parameters": {p: float(parameters[p]) for p in PARAMETERS},
-            "time_step_s": config["heap"]["time_step_s"],
+            "time_step_s": config["simulation"]["time_step_s"],
             "run": run,
         }
         write_json(out / f"turn_{seed}.json", result)

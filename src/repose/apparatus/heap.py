@@ -17,12 +17,12 @@ from repose.measure import pile, saved_pours
 LARGEST_LOSS = 0.1
 
 
-def status_of(poured, heap):
+def status_of(poured, funnel, rest_energy_j):
     """Status and reason of a pour before it is measured: ok, unstable, jammed, left_plate or not_at_rest.
 
-    poured: `scenes.Pour`; heap: the configuration's section of that name.
+    poured: `scenes.Pour`; funnel: the configuration's section of that name; rest_energy_j: of a berry.
     """
-    n = heap["berries"]
+    n = funnel["berries"]
     if not np.all(np.isfinite(poured.centres_m)) or not np.isfinite(poured.kinetic_energy_j):
         return "unstable", "a position is not finite; the time step is too long for these contacts"
     if poured.in_funnel or len(poured.centres_m) < n:
@@ -31,12 +31,15 @@ def status_of(poured, heap):
     if poured.off_plate > LARGEST_LOSS * n:
         return "left_plate", f"{poured.off_plate} of {n} berries left the plate"
     energy = poured.kinetic_energy_j / max(1, int(poured.in_pile.sum()))
-    if energy > heap["rest_energy_j"]:
-        return "not_at_rest", f"kinetic energy {energy:.2e} J a berry, more than {heap['rest_energy_j']:.0e}"
-    if 1e3 * poured.largest_motion_m > heap["rest_motion_mm"]:
+    if energy > rest_energy_j:
+        return (
+            "not_at_rest",
+            f"kinetic energy {energy:.2e} J a berry, more than {funnel['rest_energy_j']:.0e}",
+        )
+    if 1e3 * poured.largest_motion_m > funnel["rest_motion_mm"]:
         return "not_at_rest", (
-            f"a berry moved {1e3 * poured.largest_motion_m:.2f} mm in the last {heap['rest_window_s']:g} s, "
-            f"more than {heap['rest_motion_mm']:g}"
+            f"a berry moved {1e3 * poured.largest_motion_m:.2f} mm in the last {funnel['rest_window_s']:g} s, "
+            f"more than {funnel['rest_motion_mm']:g}"
         )
     return "ok", ""
 
@@ -44,7 +47,7 @@ def status_of(poured, heap):
 def pour_once(config, parameters, seed, particle, berry, trajectory_interval_s=None, progress=None):
     """Pour once. Returns the record of the pour (units in its keys) and the `scenes.Pour`."""
     poured = scenes.pour(config, parameters, seed, particle, berry, trajectory_interval_s, progress)
-    status, reason = status_of(poured, config["heap"])
+    status, reason = status_of(poured, config["funnel"], config["simulation"]["rest_energy_j"])
     record = {
         "seed": int(seed),
         "status": status,
@@ -96,7 +99,7 @@ def pour_job(
         "sample": int(name) if str(name).isdigit() else name,
         "config": config["label"],
         "parameters": {p: float(parameters[p]) for p in PARAMETERS},
-        "time_step_s": config["heap"]["time_step_s"],
+        "time_step_s": config["simulation"]["time_step_s"],
         "pours": pours,
     }
     path = out_dir / f"{name}{saved_pours.POURS}"

@@ -173,9 +173,9 @@ def berry_simulation(config, parameters, particle, berry, capacity, **scene):
 
     config: the whole configuration; parameters: the six contact parameters by name; particle: `shape.Particle`;
     berry: mapping with shear_modulus_pa and poisson_ratio; capacity: most berries; scene: walls, lower, upper and
-    the other arguments of `Simulation`. Time step, gravity and tension are those of the heap in every scene.
+    the other arguments of `Simulation`. Time step, gravity and tension are those of the section `simulation`.
     """
-    wall, heap = config["wall"], config["heap"]
+    wall, shared = config["wall"], config["simulation"]
     return Simulation(
         {"berry": particle.dem_shape("berry")},
         {
@@ -186,10 +186,10 @@ def berry_simulation(config, parameters, particle, berry, capacity, **scene):
             ("berry", "berry"): Contact(parameters["e_gg"], parameters["mus_gg"], parameters["mur_gg"]),
             ("berry", "wall"): Contact(parameters["e_gp"], parameters["mus_gp"], parameters["mur_gp"]),
         },
-        heap["time_step_s"],
+        shared["time_step_s"],
         capacity=capacity,
-        gravity_m_s2=(0.0, 0.0, -heap["gravity_m_s2"]),
-        tension=heap["tension"],
+        gravity_m_s2=(0.0, 0.0, -shared["gravity_m_s2"]),
+        tension=shared["tension"],
         **scene,
     )
 
@@ -220,7 +220,7 @@ def heap_simulation(config, parameters, particle, berry, largest_scale=1.0):
     berry: mapping with shear_modulus_pa and poisson_ratio; largest_scale: of a berry. Returns the simulation and the
     funnel.
     """
-    heap = config["heap"]
+    heap = config["funnel"]
     funnel = Funnel(
         inlet_diameter_m=1e-3 * heap["inlet_diameter_mm"],
         outlet_diameter_m=1e-3 * heap["outlet_diameter_mm"],
@@ -303,14 +303,14 @@ def pour(config, parameters, seed, particle, berry, trajectory_interval_s=None, 
     trajectory_interval_s: keep a frame at this interval; progress: called with the simulated time.
     Returns a `Pour`.
     """
-    heap = config["heap"]
+    heap = config["funnel"]
     began = time.perf_counter()
     scales, largest = of_pour(config["berry"]["size_distribution"], berry, seed, heap["berries"])
     simulation, funnel = heap_simulation(config, parameters, particle, berry, largest)
     rng = np.random.default_rng(seed)
     height = funnel.inlet_height_m + 1e-3 * heap["factory_height_mm"]
     factory = Disc(0.5e-3 * heap["factory_diameter_mm"] - largest * particle.bounding_radius_m, height)
-    dt = heap["time_step_s"]
+    dt = config["simulation"]["time_step_s"]
     last_step = round(heap["duration_s"] / dt)
     rest_step = last_step - round(heap["rest_window_s"] / dt)
     timed_step = max(0, min(rest_step, last_step - round(1.0 / dt)))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from repose.cli.options import PUBLISHED
 from repose.cli.registry import Option
-from repose.config import settings
+from repose.config import checks
 from repose.core.errors import InputError
 
 BERRY_AND_PARTICLE = (
@@ -25,7 +25,7 @@ def berry_and_particle(config, source, berry_json=None, particle_json=None):
 
     with tempfile.TemporaryDirectory() as folder:
         if berry_json is None:
-            settings.check_inputs(config, source)
+            checks.check_inputs(config, source)
             write_berry(config, PUBLISHED / "table1.csv", folder)
             berry_json = Path(folder) / "berry.json"
         check_berry(berry_json)
@@ -65,6 +65,6 @@ def write_particle(config, berry_json, out_dir):
         mass_g=section["mass_g"],
         spheres=section["spheres"],
         surface=section["surface"],
-        time_step_s=config["heap"]["time_step_s"],
+        time_step_s=config["simulation"]["time_step_s"],
         restitution=config["parameters"]["e_gp"][0],
     )

@@ -4,7 +4,8 @@ from pathlib import Path
 
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, SAMPLES, TABLE3
 from repose.cli.registry import Family, Option
-from repose.config import settings
+from repose.config import loader
+from repose.core.targets import section_of
 
 SUPPORT = Option("--dataset", help="dataset.csv; with it solutions beyond its samples carry a warning")
 
@@ -37,7 +38,7 @@ def dataset(args):
 def network(args):
     from repose.chain import train
 
-    train.run(args.dataset, args.runs, settings.load(args.config)["network"], args.out)
+    train.run(args.dataset, args.runs, loader.load(args.config)["network"], args.out)
 
 
 @family.verb(
@@ -49,10 +50,10 @@ def network(args):
 def miga(args):
     from repose.search import miga
 
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     support = _support(args.dataset, config)
     summary = miga.run(
-        args.network, config["parameters"], config["target"], config["miga"], args.table3, args.out, support
+        args.network, config["parameters"], section_of(config), config["miga"], args.table3, args.out, support
     )
     print(summary["message"])
 
@@ -66,7 +67,7 @@ def miga(args):
 def solutions(args):
     from repose.chain import validate
 
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     section = config["validation"]
     out = Path(args.out) / "solutions.csv"
     validate.write_solutions(
@@ -87,10 +88,10 @@ def solutions(args):
 def validate(args):
     from repose.chain import validate
 
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     published = config["validation"]["published"]
     support = _support(args.dataset, config)
-    validate.run(args.solutions, args.heaps, published, config["target"], args.out, support)
+    validate.run(args.solutions, args.heaps, published, section_of(config), args.out, support)
 
 
 def _support(dataset, config):

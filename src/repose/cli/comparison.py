@@ -2,7 +2,8 @@
 
 from repose.cli.options import DATASET, NETWORK, RUNS, chosen_files, file_options
 from repose.cli.registry import Family
-from repose.config import settings
+from repose.config import loader
+from repose.core.targets import section_of
 
 POOL_FILES = {
     f"{points}_{table}": f"results/{place}{table}.csv"
@@ -28,8 +29,8 @@ family = Family()
 def compare_search(args):
     from repose.studies.comparison import search
 
-    config = settings.load(args.config)
-    parameters, target, section = config["parameters"], config["target"], config["compare_search"]
+    config = loader.load(args.config)
+    parameters, target, section = config["parameters"], section_of(config), config["compare_search"]
     table = search.run(args.network, parameters, target, section, config["miga"], args.out)
     print(search.message(table))
 
@@ -46,11 +47,11 @@ def compare_search(args):
 def compare_whole(args):
     from repose.studies.comparison import whole
 
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     section = config["compare_whole"]
     section |= {"network": config["network"] | {key: section[key] for key in ("starts", "epochs")}}
     section |= {"miga": config["miga"] | {"rounds": section["rounds"]}}
-    table = whole.run(args.dataset, args.runs, config["parameters"], config["target"], section, args.out)
+    table = whole.run(args.dataset, args.runs, config["parameters"], section_of(config), section, args.out)
     print(whole.message(table))
 
 
@@ -63,7 +64,7 @@ def compare_accuracy(args):
     from repose.studies.comparison import accuracy
 
     files = chosen_files(args, POOL_FILES)
-    print(accuracy.message(accuracy.run(files, settings.load(args.config)["network"], args.out)))
+    print(accuracy.message(accuracy.run(files, loader.load(args.config)["network"], args.out)))
 
 
 @family.verb(
@@ -74,7 +75,7 @@ def compare_accuracy(args):
 def compare_surrogates(args):
     from repose.studies.comparison import surrogates
 
-    config, files = settings.load(args.config), chosen_files(args, POOL_FILES)
+    config, files = loader.load(args.config), chosen_files(args, POOL_FILES)
     surrogates.run(files, config["network"], config["pool"]["seed"], args.out)
 
 
@@ -86,8 +87,8 @@ def compare_surrogates(args):
 def compare_sampling(args):
     from repose.studies.comparison import sampling
 
-    config, files = settings.load(args.config), chosen_files(args, POOL_FILES)
-    seeds, seed = config["heap"]["seeds"], config["pool"]["seed"]
+    config, files = loader.load(args.config), chosen_files(args, POOL_FILES)
+    seeds, seed = config["funnel"]["seeds"], config["pool"]["seed"]
     sampling.run(files, config["parameters"], config["network"], seeds, seed, args.out)
 
 

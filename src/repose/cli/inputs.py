@@ -5,7 +5,7 @@ from pathlib import Path
 from repose.cli.berries import write_berry, write_particle
 from repose.cli.options import BERRY, PUBLISHED
 from repose.cli.registry import Family, Option
-from repose.config import settings
+from repose.config import loader
 from repose.core.errors import InputError
 
 family = Family()
@@ -32,7 +32,7 @@ def berry(args):
     if args.axes or args.stl:
         _build(args)
     else:
-        write_berry(settings.load(args.config), args.table1, args.out)
+        write_berry(loader.load(args.config), args.table1, args.out)
 
 
 def _build(args):
@@ -41,7 +41,7 @@ def _build(args):
 
     if not (args.axes and args.stl and args.mass_g):
         raise InputError("command line", "berry --axes", args.axes, "together with --mass-g and --stl")
-    density = args.density or settings.load(args.config)["berry"]["density_kg_m3"]
+    density = args.density or loader.load(args.config)["berry"]["density_kg_m3"]
     details = (args.taper, args.wrinkles, args.wrinkle_depth_mm)
     mesh, number = mesh_from_axes.berry_mesh(args.axes, args.mass_g, density, *details, source="command line")
     Path(args.stl).parent.mkdir(parents=True, exist_ok=True)
@@ -60,7 +60,7 @@ def _build(args):
     options=[BERRY],
 )
 def shape(args):
-    write_particle(settings.load(args.config), args.berry, args.out)
+    write_particle(loader.load(args.config), args.berry, args.out)
 
 
 @family.verb(
@@ -71,7 +71,7 @@ def shape(args):
 def design(args):
     from repose.chain import design
 
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     section = config["design"]
     design.run(config["parameters"], section["samples"], section["method"], section["seed"], args.out)
 
@@ -84,5 +84,5 @@ def design(args):
 def pool_design(args):
     from repose.studies import pool
 
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     pool.run(config["parameters"], config["pool"], args.out)

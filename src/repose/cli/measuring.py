@@ -6,7 +6,7 @@ from pathlib import Path
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle, check_berry
 from repose.cli.options import JSON
 from repose.cli.registry import Family, Option
-from repose.config import settings
+from repose.config import loader
 from repose.core.errors import InputError
 
 family = Family()
@@ -28,7 +28,7 @@ def measure(args):
 
     from repose.measure import pile
 
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     how = pile.MeasureSettings.of(config["measure"], _axes(args.berry, config))
     image = pile.read_image(args.picture)
     try:
@@ -82,7 +82,7 @@ def silhouette(args):
     from repose.measure.saved_pours import first_pour, side_view
     from repose.particle.build import Particle
 
-    how = MeasureSettings(**settings.load(args.config)["measure"])
+    how = MeasureSettings(**loader.load(args.config)["measure"])
     picture = side_view(first_pour(args.heap), Particle.load(args.particle), how, args.azimuth)
     Path(args.out).parent.mkdir(parents=True, exist_ok=True)
     cv2.imwrite(args.out, picture)
@@ -102,7 +102,7 @@ def silhouette(args):
 def measurement_study(args):
     if args.shapes < 1:
         raise InputError("command line", "--shapes", args.shapes, "at least 1")
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
 
     from repose.studies import measurement_study

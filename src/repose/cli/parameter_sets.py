@@ -5,7 +5,7 @@ from pathlib import Path
 
 from repose.cli.options import pairs
 from repose.cli.registry import Option
-from repose.config import settings
+from repose.core import seeds as streams
 from repose.core.errors import InputError
 from repose.core.parameters import LABELS, PARAMETERS, PHYSICAL_LIMITS
 
@@ -25,7 +25,7 @@ STUDY_SEEDS = (
     Option("--seeds", type=int, metavar="N", help="N seeds of the study's own, instead of --seed"),
     Option(
         "--purpose",
-        choices=tuple(settings.PURPOSES),
+        choices=tuple(streams.PURPOSES),
         default="design",
         help="which of the study's streams --seeds draws from (design)",
     ),
@@ -64,7 +64,7 @@ def pour_seeds(args, study_seed):
         return run_seeds(args.seed)
     if args.seed or args.seeds < 1:
         raise InputError("command line", "--seeds", args.seeds, "at least 1, without --seed")
-    return settings.pour_seeds(study_seed, args.purpose, args.sample or 0, args.seeds)
+    return streams.pour_seeds(study_seed, args.purpose, args.sample or 0, args.seeds)
 
 
 def _check(name, value, source):

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from repose.cli.options import pairs
 from repose.cli.registry import Family, Option
-from repose.config import settings
+from repose.config import loader
 
 # Frames of the film of a pour; each takes most of a second to draw.
 FILM, SMALL_FILM = 72, 20
@@ -25,7 +25,7 @@ def figure(args):
     from repose.pictures import figures
 
     Path(args.out).parent.mkdir(parents=True, exist_ok=True)
-    figures.draw(args.name, pairs(args.input, "--input"), args.out, settings.load(args.config))
+    figures.draw(args.name, pairs(args.input, "--input"), args.out, loader.load(args.config))
 
 
 @family.verb(
@@ -42,14 +42,14 @@ def film(args):
     from repose.particle.build import Particle
     from repose.pictures import film, scenery
 
-    config, particle = settings.load(args.config), Particle.load(args.particle)
+    config, particle = loader.load(args.config), Particle.load(args.particle)
     frames = SMALL_FILM if config["small_run"] else FILM
     Path(args.out).parent.mkdir(parents=True, exist_ok=True)
     if args.drum:
         film.animate_drum(args.trajectory, particle, args.out, config["drum"], frames=frames)
         return
     film.animate_pour(
-        args.trajectory, particle, args.out, scenery.funnel_walls(config["heap"]), frames=frames
+        args.trajectory, particle, args.out, scenery.funnel_walls(config["funnel"]), frames=frames
     )
 
 
@@ -65,4 +65,4 @@ def film(args):
 def table(args):
     from repose.pictures import pages
 
-    pages.write_page(args.csv, args.title, args.out, settings.load(args.config)["small_run"])
+    pages.write_page(args.csv, args.title, args.out, loader.load(args.config)["small_run"])

@@ -6,7 +6,7 @@ from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import JSON
 from repose.cli.parameter_sets import PARAMETER_SET, SEED, STUDY_SEEDS, parameters, pour_seeds, run_seeds
 from repose.cli.registry import Family, Option
-from repose.config import settings
+from repose.config import loader
 from repose.core.errors import InputError
 
 SIMULATION = (*PARAMETER_SET, SEED, *BERRY_AND_PARTICLE)
@@ -59,10 +59,10 @@ def pour(args):
 
 def _pour_arguments(args):
     """The arguments of `heap.pour_job` and `heap.run_job`."""
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     values = parameters(args.set, args.samples, args.sample, config["parameters"])
     seeds = pour_seeds(args, config["design"]["seed"])
-    step, end = config["heap"]["time_step_s"], config["heap"]["duration_s"]
+    step, end = config["simulation"]["time_step_s"], config["funnel"]["duration_s"]
     if args.trajectory is not None and not step <= args.trajectory <= end:
         raise InputError("command line", "--trajectory", args.trajectory, f"from {step:g} to {end:g} s")
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
@@ -92,7 +92,7 @@ def _flat(result):
     ],
 )
 def measure_heap(args):
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
 
     from repose.measure.saved_pours import measure_job
@@ -113,7 +113,7 @@ def measure_heap(args):
     ],
 )
 def drum(args):
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     values = parameters(args.set, args.samples, args.sample, config["parameters"])
     seeds = run_seeds(args.seed)
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)

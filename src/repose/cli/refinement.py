@@ -4,7 +4,8 @@ from pathlib import Path
 
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, TABLE3, file_options
 from repose.cli.registry import Family, Option
-from repose.config import settings
+from repose.config import loader
+from repose.core.targets import section_of
 
 ROUND = "results/refined/round_0"
 NEXT_ROUND = "results/refined/round_1"
@@ -44,7 +45,7 @@ def refine_data(args):
 def refine_search(args):
     from repose.studies import refine
 
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     summary = refine.search(args.network, args.dataset, args.near, config, args.table3, args.out)
     print(summary["message"])
 
@@ -62,7 +63,7 @@ def refine_search(args):
 def refine_propose(args):
     from repose.studies import refine
 
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     seed, out = config["design"]["seed"], Path(args.out) / "proposal.csv"
     refine.write_proposal(
         args.feasible, args.network, config["parameters"], config["refine"], args.round, seed, out
@@ -78,9 +79,9 @@ def refine_propose(args):
 def refine_judge(args):
     from repose.studies import refine
 
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     files = (args.proposal, args.dataset, args.runs)
-    verdict = refine.write_verdict(*files, config["target"], config["refine"], args.out)
+    verdict = refine.write_verdict(*files, section_of(config), config["refine"], args.out)
     print(f"round {verdict['round']} {verdict['outcome']}", verdict["reason"], sep=": ")
 
 
@@ -93,6 +94,6 @@ def refine_judge(args):
 def refine_tables(args):
     from repose.studies import refine
 
-    summary = refine.write_tables(args.verdicts, settings.load(args.config)["refine"]["rounds"], args.out)
+    summary = refine.write_tables(args.verdicts, loader.load(args.config)["refine"]["rounds"], args.out)
     print(summary["why"])
     print(summary["claim"])

@@ -5,7 +5,9 @@ from repose.cli.options import DATASET, RUNS, SAMPLES
 from repose.cli.parameter_sets import parameters
 from repose.cli.pouring import TURNED, told
 from repose.cli.registry import Family, Option
-from repose.config import settings
+from repose.config import loader
+from repose.core.seeds import pour_seeds
+from repose.core.targets import section_of
 
 family = Family()
 
@@ -23,7 +25,7 @@ family = Family()
 def measure_responses(args):
     from repose.measure import further_responses
 
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
     table = further_responses.run(config, args.pours, args.runs, particle, berry_of, args.out)
     print(table[list(further_responses.MEASURED)].describe().round(2).to_string())
@@ -42,9 +44,9 @@ def measure_responses(args):
 def drum_design(args):
     from repose.apparatus import drum
 
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     count = config["second_responses"]["drum_seeds"]
-    seeds = settings.pour_seeds(config["design"]["seed"], "drum_design", args.sample, count)
+    seeds = pour_seeds(config["design"]["seed"], "drum_design", args.sample, count)
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
     values = parameters([], args.samples, args.sample, config["parameters"])
     for run in drum.design_job(config, args.sample, values, seeds, particle, berry_of, args.out)["runs"]:
@@ -65,12 +67,12 @@ def drum_design(args):
 def second_responses(args):
     from repose.studies import second_responses
 
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     section = config["second_responses"] | {"hidden": config["network"]["hidden"]}
     section |= {"epochs": config["network"]["epochs"]}
     section |= {"discrepancy_percent": config["posterior"]["discrepancy_percent"]}
     files = {"runs": args.runs, "dataset": args.dataset}
     if args.drum:
         files |= {"drum": args.drum, "drum_runs": args.drum_runs}
-    summary = second_responses.run(files, config["parameters"], config["target"], section, args.out)
+    summary = second_responses.run(files, config["parameters"], section_of(config), section, args.out)
     print(second_responses.message(summary))

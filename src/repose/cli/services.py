@@ -5,7 +5,7 @@ import json
 from repose.cli.berries import berry_and_particle
 from repose.cli.options import JSON
 from repose.cli.registry import Family, Option
-from repose.config import settings
+from repose.config import checks, cost, loader
 from repose.core.errors import InputError
 
 family = Family()
@@ -21,7 +21,7 @@ def bench(args):
     from repose.studies import shape_study
     from repose.verification import speed
 
-    config, particles = settings.load(args.config), {}
+    config, particles = loader.load(args.config), {}
     for name, changes in config["shape_study"]["particles"].items():
         changed = shape_study.changed(config, "berry", changes)
         berry_of, particles[name] = berry_and_particle(changed, args.config)
@@ -37,9 +37,9 @@ def bench(args):
 def check(args):
     if args.cores < 1:
         raise InputError("command line", "--cores", args.cores, "at least 1")
-    config = settings.load(args.config)
-    settings.check_inputs(config, args.config)
-    work = settings.work(config)
+    config = loader.load(args.config)
+    checks.check_inputs(config, args.config)
+    work = cost.work(config)
     print(f"{args.config}: {config['label']}, good; results go to {config['results_dir']}")
     for purpose, sets, seeds in work["pours"]:
         print(f"{purpose:>14}: {sets} parameter sets x {seeds} seeds = {sets * seeds} pours")
@@ -69,7 +69,7 @@ def verify(args):
     names = args.case or (list(verification.CASES) if args.all else None)
     pile = None
     if names and set(names) & set(verification.EXPENSIVE):
-        config = settings.load(args.config)
+        config = loader.load(args.config)
         berry_of, particle = berry_and_particle(config, args.config)
         pile = (config, particle, berry_of)
     effort = verification.Effort(hits=args.hits, seeds=args.seeds, pile=pile)

@@ -2,7 +2,7 @@
 
 from repose.cli.options import BERRY, SAMPLES
 from repose.cli.registry import Family, Option
-from repose.config import settings
+from repose.config import loader
 
 family = Family()
 
@@ -20,7 +20,7 @@ family = Family()
 def shape_cell(args):
     from repose.studies import shape_study
 
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     shape_study.check(config, args.config)
     shape_study.run_cell(config, args.cell, args.berry, args.samples, args.out)
 
@@ -34,4 +34,4 @@ def shape_cell(args):
 def shape_study(args):
     from repose.studies import shape_study
 
-    shape_study.tables(settings.load(args.config), args.cells, args.out)
+    shape_study.tables(loader.load(args.config), args.cells, args.out)

@@ -2,7 +2,8 @@
 
 from repose.cli.options import NETWORK, PUBLISHED, RUNS, chosen_files, file_options
 from repose.cli.registry import Family
-from repose.config import settings
+from repose.config import loader
+from repose.core.targets import section_of
 
 POSTERIOR_FILES = {
     "network": "results/network/network.json",
@@ -26,7 +27,7 @@ family = Family()
 def noise(args):
     from repose.studies import noise
 
-    print(noise.message(noise.run(args.runs, settings.load(args.config)["target"], args.out)))
+    print(noise.message(noise.run(args.runs, section_of(loader.load(args.config)), args.out)))
 
 
 @family.verb(
@@ -38,9 +39,9 @@ def noise(args):
 def posterior(args):
     from repose.studies import posterior
 
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     files = chosen_files(args, POSTERIOR_FILES)
-    summary = posterior.run(files, config["parameters"], config["target"], config["posterior"], args.out)
+    summary = posterior.run(files, config["parameters"], section_of(config), config["posterior"], args.out)
     print(posterior.message(summary))
 
 
@@ -53,6 +54,6 @@ def posterior(args):
 def sensitivity(args):
     from repose.studies import sensitivity
 
-    config = settings.load(args.config)
+    config = loader.load(args.config)
     table = sensitivity.run(args.network, config["parameters"], config["sensitivity"], args.out)
     print(sensitivity.message(table))

@@ -146,7 +146,7 @@ def run(config, pours_json, runs_csv, particle, berry, out_csv):
                 key = (job["sample"], record["seed"])
                 if key in good:
                     saved = saved_pours.pour_arrays(arrays, record["seed"], path)
-                    found[key] = _or_nothing(saved, particle, settings, config["heap"]["plate_diameter_mm"])
+                    found[key] = _or_nothing(saved, particle, settings, config["funnel"]["plate_diameter_mm"])
     missing = sorted(good - set(found))
     if missing:
         raise InputError(runs_csv, "runs without a pour", missing[:3], "runs of the pours that are given")

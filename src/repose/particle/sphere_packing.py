@@ -205,6 +205,6 @@ def check_time_step(particle, berry, restitution, time_step_s, source="configura
         count = len(particle.spheres_m)
         allowed = (
             f"fewer: {particle.stacking:.1f} of them act at one place, where their stiffnesses and dampings add up; "
-            f"that is stable up to heap.time_step_s {limit:.2g}, here {time_step_s:g}"
+            f"that is stable up to simulation.time_step_s {limit:.2g}, here {time_step_s:g}"
         )
         raise InputError(source, "berry.spheres", count, allowed)

@@ -16,11 +16,12 @@ import numpy as np
 import pandas as pd
 
 from repose.chain.dataset import read_samples, summarise_runs
-from repose.config import settings
 from repose.core.errors import InputError
 from repose.core.files import write_json, write_table
 from repose.core.parameters import PARAMETERS
 from repose.core.readers import read_table
+from repose.core.seeds import PURPOSES
+from repose.core.targets import section_of
 from repose.search import miga
 from repose.surrogate.bayesian_bp import RESPONSES, evaluate, load
 
@@ -80,7 +81,7 @@ def propose(solutions, network, ranges, section, round_, study_seed):
         table[name] = float(best[name])
     if near.any():
         box = np.array([search_box(ranges, best, section["reach"])[name] for name in PARAMETERS])
-        rng = np.random.default_rng([study_seed, settings.PURPOSES["refine"], OF_A_ROUND * (round_ + 1)])
+        rng = np.random.default_rng([study_seed, PURPOSES["refine"], OF_A_ROUND * (round_ + 1)])
         unit = lhsdesign(int(near.sum()), len(PARAMETERS), rng=rng)
         table.loc[near, list(PARAMETERS)] = box[:, 0] + unit * (box[:, 1] - box[:, 0])
     table[list(PREDICTED)] = evaluate(network, table[list(PARAMETERS)].to_numpy(float))
@@ -253,7 +254,7 @@ def search(network_json, dataset_csv, proposal_csv, config, table3_csv, out_dir)
     from repose.surrogate.support import Support
 
     dataset = read_table(dataset_csv, ("sample", *PARAMETERS, "status", *RESPONSES, "n_seeds", "round"))
-    ranges, target, reach = config["parameters"], config["target"], config["refine"]["reach"]
+    ranges, target, reach = config["parameters"], section_of(config), config["refine"]["reach"]
     centre, out = centre_of(proposal_csv), Path(out_dir)
     try:
         network, offset, count = corrected(load(network_json), dataset, search_box(ranges, centre, reach))

@@ -16,10 +16,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.config import settings
+from repose.config import checks
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.core.readers import read_table
+from repose.core.seeds import pour_seeds
+from repose.core.targets import section_of
 from repose.measure.angles import DEFINITIONS, MEAN_KEYS
 
 PUBLISHED_PAIR = ("aor_simulated_deg", "height_simulated_mm")
@@ -55,9 +57,9 @@ def check(config, source="configuration"):
         if filling not in study["fillings"]:
             allowed = "some of " + ", ".join(study["fillings"])
             raise InputError(source, "shape_study.design_fillings", filling, allowed)
-    for section, part in (("particles", "berry"), ("fillings", "heap"), ("sensitivities", "heap")):
+    for section, part in (("particles", "berry"), ("fillings", "funnel"), ("sensitivities", "funnel")):
         for name, changes in study[section].items():
-            settings.check(changed(config, part, changes), f"{source}, shape_study.{section}.{name}")
+            checks.check(changed(config, part, changes), f"{source}, shape_study.{section}.{name}")
 
 
 def changed(config, section, changes):
@@ -84,7 +86,7 @@ def published_sets(config):
     path = config["validation"]["published"]
     table = read_table(path, ("solution", *PARAMETERS, *PUBLISHED_PAIR)).rename(columns={"solution": "set"})
     table["set"] = table["set"].astype(str)
-    target = (config["target"]["physical_aor_deg"], config["target"]["physical_height_mm"])
+    target = (section_of(config)["physical_aor_deg"], section_of(config)["physical_height_mm"])
     for column, value in zip(PUBLISHED_PAIR, target, strict=True):
         table[column] = table[column].fillna(value)
     named = table["set"] == "representative"
@@ -102,7 +104,7 @@ def cell_settings(config, cell):
     if kind == "sensitivity":
         changes = study["fillings"][study["sensitivity_filling"]] | study["sensitivities"][filling]
     config = changed(config, "berry", study["particles"][particle])
-    return kind, particle, filling, changed(config, "heap", changes)
+    return kind, particle, filling, changed(config, "funnel", changes)
 
 
 def dependencies(config, cell):
@@ -110,8 +112,9 @@ def dependencies(config, cell):
     kind, _, _, own = cell_settings(config, cell)
     seeds = ("design_samples", "design_seeds") if kind == "design" else ("seeds",)
     found = {key: own["shape_study"][key] for key in seeds} | {"seed": own["design"]["seed"]}
-    heap = {key: value for key, value in own["heap"].items() if key != "seeds"}
-    return found | {"heap": heap} | {key: own[key] for key in ("berry", "wall", "measure", "target")}
+    funnel = {key: value for key, value in own["funnel"].items() if key != "seeds"}
+    kept = ("berry", "wall", "simulation", "measure", "targets")
+    return found | {"funnel": funnel} | {key: own[key] for key in kept}
 
 
 def run_cell(config, cell, berry_json, samples_csv, out_dir):
@@ -130,14 +133,14 @@ def run_cell(config, cell, berry_json, samples_csv, out_dir):
         mass_g=section["mass_g"],
         spheres=section["spheres"],
         surface=section["surface"],
-        time_step_s=own["heap"]["time_step_s"],
+        time_step_s=own["simulation"]["time_step_s"],
     )
     berry = json.loads(Path(berry_json).read_text())
     study, rows = own["shape_study"], []
     sets = parameter_sets(own, samples_csv, kind)
     seeds = study["design_seeds" if kind == "design" else "seeds"]
     for number, one in enumerate(sets.to_dict("records")):
-        for seed in settings.pour_seeds(own["design"]["seed"], f"shape_{kind}", number, seeds):
+        for seed in pour_seeds(own["design"]["seed"], f"shape_{kind}", number, seeds):
             record, _ = heap.run_once(own, one, seed, particle, berry)
             rows.append(
                 {"kind": kind, "particle": particle_name, "filling": filling, "set": one["set"]}
@@ -165,7 +168,7 @@ def tables(config, cell_csvs, out_dir):
     about = pd.DataFrame([_particle_row(path, config) for path in cell_csvs]).drop_duplicates("particle")
     noise = noise_table(runs[runs["kind"] == "design"])
     sets = set_table(runs[runs["kind"] != "design"], published_sets(config))
-    combinations = combination_table(sets[sets["kind"] == "published"], noise, about, config["target"])
+    combinations = combination_table(sets[sets["kind"] == "published"], noise, about, section_of(config))
     eligible = combinations[combinations["eligible"]]
     choice = None if eligible.empty else eligible.iloc[0].to_dict()
     out = Path(out_dir)

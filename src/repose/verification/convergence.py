@@ -48,7 +48,7 @@ def _pours(step_s, pile, seeds):
     from repose.apparatus.heap import run_once
 
     config, particle, berry = pile
-    changed = {**config, "heap": {**config["heap"], "time_step_s": step_s}}
+    changed = {**config, "simulation": {**config["simulation"], "time_step_s": step_s}}
     records = [run_once(changed, REPRESENTATIVE, seed, particle, berry)[0] for seed in range(1, seeds + 1)]
     return [record for record in records if record["status"] == "ok"]
 

@@ -53,7 +53,7 @@ def run(config, particles, berry, seed=1):
     time_step_s, and particles, a list of dicts of name, us_per_step (microseconds a step over the last second of
     the pour), job_s (wall seconds of the pour), ratio (us_per_step / reference_us) and to_first; medians of three.
     """
-    warm = {**config, "heap": {**config["heap"], "berries": 2, "duration_s": 1.0}}
+    warm = {**config, "funnel": {**config["funnel"], "berries": 2, "duration_s": 1.0}}
     for particle in particles.values():
         scenes.pour(warm, REPRESENTATIVE, seed, particle, berry)
     reference_kernel(10)
@@ -69,8 +69,8 @@ def run(config, particles, berry, seed=1):
     first = next(iter(us.values()))
     return {
         "reference_us": round(reference_us, 2),
-        "berries": config["heap"]["berries"],
-        "time_step_s": config["heap"]["time_step_s"],
+        "berries": config["funnel"]["berries"],
+        "time_step_s": config["simulation"]["time_step_s"],
         "particles": [
             {
                 "name": name,

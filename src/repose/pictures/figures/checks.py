@@ -3,6 +3,8 @@
 import numpy as np
 import pandas as pd
 
+from repose.core.targets import section_of
+
 from . import style
 
 QUANTITIES = (("aor", "deg", "AoR"), ("height", "mm", "Height"))
@@ -38,10 +40,10 @@ def validation(inputs, config):
     sides = 1 if theirs is None else 2
     panels = figure.subplots(2, sides, sharey="row", squeeze=False, width_ratios=(1.15, 1)[:sides])
     for row, (quantity, unit, label) in enumerate(QUANTITIES):
-        _compare(panels[row, 0], ours, quantity, unit, config["target"])
+        _compare(panels[row, 0], ours, quantity, unit, section_of(config))
         panels[row, 0].set_ylabel(f"{label} ({unit})")
         if theirs is not None:
-            _compare(panels[row, 1], theirs, quantity, unit, config["target"])
+            _compare(panels[row, 1], theirs, quantity, unit, section_of(config))
     for panel, title in zip(panels[0], ("this run", "published"), strict=False):
         panel.set_title(title, fontweight="bold")
         _widen(panel) if panel is panels[0, 0] else None
@@ -97,7 +99,7 @@ def published_solutions(inputs, config):
     panels = figure.subplots(1, 2)
     x = np.arange(len(table))
     for panel, (quantity, unit, label), letter in zip(panels, QUANTITIES, "ab", strict=True):
-        _band(panel, config["target"], quantity, unit)
+        _band(panel, section_of(config), quantity, unit)
         theirs = table[f"{quantity}_published_simulated_{unit}"].to_numpy(float)
         panel.plot(
             x - 0.12, theirs, "D", ms=4.5, mfc="white", color=style.ORANGE, label="published simulation"

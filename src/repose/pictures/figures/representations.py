@@ -6,6 +6,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from repose.core.readers import read_table
+from repose.core.targets import section_of
 from repose.measure.angles import DEFINITIONS
 
 from . import style
@@ -28,7 +29,7 @@ def study(inputs, config):
     colours = dict(zip(particles, COLOURS, strict=False))
     figure = style.new_figure(style.PAGE, style.PAGE * 0.92)
     panels = figure.subplots(2, 2, sharex=True, sharey=True)
-    target = config["target"]
+    target = section_of(config)
     for panel, definition in zip(panels.flat, DEFINITIONS, strict=True):
         _box(panel, target["aor_range_deg"], target["height_range_mm"])
         panel.scatter(

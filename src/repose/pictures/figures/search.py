@@ -7,6 +7,7 @@ import pandas as pd
 from matplotlib.ticker import FormatStrFormatter
 
 from repose.core.parameters import PARAMETERS, SYMBOLS
+from repose.core.targets import section_of
 
 from . import style
 
@@ -24,7 +25,7 @@ def feasible_solutions(inputs, config):
     left, right, far = figure.subplots(1, 3, width_ratios=[2.6, 1, 1])
     _parameter_strips(left, solutions, config["parameters"], published)
     for panel, (column, label, unit), letter in zip((right, far), style.RESPONSES, "bc", strict=True):
-        _response_strip(panel, solutions, column, label, unit, config["target"])
+        _response_strip(panel, solutions, column, label, unit, section_of(config))
         panel.set_title(letter, fontweight="bold")
     if summary["feasible"]:
         shown = int(_true(solutions["feasible"]).sum())

@@ -72,7 +72,7 @@ def measurement(inputs, config):
 
 def apparatus(inputs, config):
     """Figure 8: the virtual test bench from the side, to scale, with the berries of a pour if given."""
-    heap = config["heap"]
+    heap = config["funnel"]
     walls = funnel_walls(heap)
     top, half_inlet = 1e3 * walls[-1].z_high_m, heap["inlet_diameter_mm"] / 2
     factory = top + heap["factory_height_mm"]

@@ -1,0 +1,223 @@
+"""What one key of a configuration asks of another, and of the files it names."""
+
+from pathlib import Path
+
+from repose.apparatus import NAMES
+from repose.apparatus.stability import LARGEST_RAYLEIGH_SHARE, rayleigh_time_s
+from repose.config.reading import get, origin_of
+from repose.config.schema import allowed_by, input_error, subschema, validator
+from repose.core.errors import InputError
+from repose.core.parameter_space import range_of
+from repose.core.parameters import PARAMETERS
+from repose.core.published import published_count
+from repose.core.responses import responses_of
+
+# Folders of the project that results must never be written into.
+OUR_OWN_FOLDERS = ("src", "config", "resources", "workflow", "profiles", "tests", "docs", "results/published")
+LARGEST_BLOCKS = 100  # of a refined proposal's pours: jobs of a round have three digits
+
+
+def check(config, source="configuration"):
+    """Return config when schema and cross checks hold, else raise InputError with the first fault.
+
+    source: the name of the file, for the message. Keys of the file's inputs are left to `check_inputs`.
+    """
+    errors = sorted(
+        validator().iter_errors(config),
+        # A mistyped key is also a missing one; the mistyping is the better news.
+        key=lambda error: (error.validator != "additionalProperties", list(map(str, error.absolute_path))),
+    )
+    if errors:
+        raise input_error(errors[0], config, source)
+    for key, allowed in _contradictions(config):
+        raise InputError(origin_of(source, key), key, get(config, key), allowed)
+    return config
+
+
+def check_inputs(config, source="configuration"):
+    """InputError unless the files that a checked config names can be used; and berry, bench, step fit."""
+    from repose.particle import berry
+
+    for key in ("berry.sizes", "berry.compression", "berry.stl", "validation.published"):
+        path = get(config, key)
+        if path is not None and not Path(path).is_file():
+            raise InputError(
+                origin_of(source, key), key, path, "an existing file, seen from the project's folder"
+            )
+    section = config["berry"]
+    sizes = berry.read_sizes(section["sizes"])
+    poisson, shear = section["poisson_ratio"], section["shear_modulus_pa"]
+    if poisson is None or shear is None:
+        elastic, measured, _ = berry.moduli(berry.read_compression(section["compression"]))
+        poisson = measured if poisson is None else poisson
+        shear = berry.shear_modulus(elastic, poisson) if shear is None else shear
+    axes_mm = [float(sizes[column].mean()) for column in berry.SIZE_COLUMNS]
+    published_count(config["validation"]["published"])
+    _check_fits_berry(config["funnel"], axes_mm, source)
+    _check_fits_drum(config["drum"], max(axes_mm), source)
+    limit = LARGEST_RAYLEIGH_SHARE * rayleigh_time_s(axes_mm, section["density_kg_m3"], poisson, shear)
+    if config["simulation"]["time_step_s"] > limit:
+        key = "simulation.time_step_s"
+        allowed = f"at most {limit:.2g}, {LARGEST_RAYLEIGH_SHARE:.0%} of the Rayleigh time of the mean berry"
+        raise InputError(origin_of(source, key), key, config["simulation"]["time_step_s"], allowed)
+
+
+def _contradictions(config):
+    """Pairs (dotted key, what is allowed) where a value does not go with another one."""
+    yield from _range_contradictions(config)
+    yield from _target_contradictions(config["targets"])
+    yield from _simulation_contradictions(config)
+    yield from _funnel_contradictions(config["funnel"])
+    yield from _drum_contradictions(config["drum"], config["simulation"]["time_step_s"])
+    folder = Path(config["results_dir"])
+    if ".." in folder.parts or folder == Path() or any(folder.is_relative_to(own) for own in OUR_OWN_FOLDERS):
+        yield "results_dir", f"a folder of its own, without .. and outside {', '.join(OUR_OWN_FOLDERS)}"
+    berry, network = config["berry"], config["network"]
+    if berry["compression"] is None and None in (berry["poisson_ratio"], berry["shear_modulus_pa"]):
+        yield (
+            "berry.compression",
+            "a path of a file, unless poisson_ratio and shear_modulus_pa are both given",
+        )
+    if abs(sum(network["split"]) - 1) > 1e-6 or network["split"][0] == 0 or network["split"][2] == 0:
+        yield "network.split", "three shares that sum to 1, those of training and test above 0"
+    if network["weights_from_errors"] and config["funnel"]["seeds"] < 4:
+        yield (
+            "network.weights_from_errors",
+            "false where funnel.seeds is below 4: there are no standard errors to use",
+        )
+    if network["correlated_noise"] and config["funnel"]["seeds"] < 2:
+        yield (
+            "network.correlated_noise",
+            "false where funnel.seeds is 1: pours of one sample cannot be compared",
+        )
+    design, further = config["design"]["samples"], config["second_responses"]
+    if further["drum_samples"] > design:
+        yield "second_responses.drum_samples", f"at most design.samples, {design}"
+    refine = config["refine"]
+    if refine["seeds"] > LARGEST_BLOCKS * refine["block"]:
+        yield "refine.block", f"at least refine.seeds / {LARGEST_BLOCKS}"
+    if refine["neighbours"] == 1:
+        yield "refine.neighbours", "0 or at least 2: they fill a Latin hypercube"
+    if config["miga"]["tournament"] > config["miga"]["population"]:
+        yield "miga.tournament", f"at most miga.population, {config['miga']['population']}"
+
+
+def _target_contradictions(targets):
+    """Targets that no bench test gives, given twice, or outside of their own range."""
+    seen = set()
+    for k, target in enumerate(targets):
+        key = f"targets.{k}"
+        known = responses_of(target["apparatus"])
+        if not known:
+            yield f"{key}.apparatus", f"one of {', '.join(NAMES)}"
+            continue
+        names = [one.name for one in known]
+        if target["response"] not in names:
+            yield f"{key}.response", f"one of {', '.join(names)}, the responses of {target['apparatus']}"
+            continue
+        if target["response"] in seen:
+            yield f"{key}.response", "each response once"
+        seen.add(target["response"])
+        limits = known[names.index(target["response"])]
+        low, high = target["range"]
+        if not limits.low <= low < high <= limits.high:
+            yield f"{key}.range", f"a pair [low, high] from {limits.low:g} to {limits.high:g} with low < high"
+            continue
+        if not limits.low <= target["value"] <= limits.high:
+            yield f"{key}.value", f"from {limits.low:g} to {limits.high:g}"
+        aimed = "aim" if "aim" in target else "value"
+        if not low <= target[aimed] <= high:
+            yield f"{key}.{aimed}", f"inside {key}.range, {low:g} to {high:g}"
+
+
+def _range_contradictions(config):
+    """Intervals that are empty, and values outside the interval they belong to."""
+    for name in PARAMETERS:
+        given = config["parameters"][name]
+        low, high = range_of(name, given)
+        fixed = isinstance(given, dict) and "fixed" in given
+        if not (fixed or low < high):
+            yield f"parameters.{name}", allowed_by(subschema(["parameters", name]))
+    start, end = config["measure"]["fit_from"], config["measure"]["fit_to"]
+    if start == end == "berry":
+        yield "measure.fit_to", "a number from 0.1 to 1, as measure.fit_from is berry"
+    elif "berry" not in (start, end) and end < start + 0.1:
+        yield "measure.fit_to", f"at least 0.1 above measure.fit_from, {start:g}"
+
+
+def _simulation_contradictions(config):
+    """A step that is too long for what has to be seen."""
+    window = config["funnel"]["rest_window_s"]
+    if config["simulation"]["time_step_s"] > window / 2:
+        yield "simulation.time_step_s", f"at most half of funnel.rest_window_s, {window:g}"
+
+
+def _funnel_contradictions(funnel):
+    """A bench that cannot be built or a pour that cannot end."""
+    if funnel["outlet_diameter_mm"] >= funnel["inlet_diameter_mm"]:
+        yield "funnel.outlet_diameter_mm", f"below funnel.inlet_diameter_mm, {funnel['inlet_diameter_mm']:g}"
+    if funnel["factory_diameter_mm"] > funnel["inlet_diameter_mm"]:
+        yield (
+            "funnel.factory_diameter_mm",
+            f"at most funnel.inlet_diameter_mm, {funnel['inlet_diameter_mm']:g}",
+        )
+    if funnel["plate_diameter_mm"] < funnel["outlet_diameter_mm"]:
+        yield (
+            "funnel.plate_diameter_mm",
+            f"at least funnel.outlet_diameter_mm, {funnel['outlet_diameter_mm']:g}",
+        )
+    wall = (funnel["inlet_diameter_mm"] - funnel["outlet_diameter_mm"]) / 4
+    if funnel["rim_radius_mm"] > wall:
+        yield "funnel.rim_radius_mm", f"at most {wall:g}, or no cone is left between inlet and outlet"
+    if funnel["rest_window_s"] >= funnel["duration_s"]:
+        yield "funnel.rest_window_s", f"below funnel.duration_s, {funnel['duration_s']:g}"
+    last = (funnel["berries"] - 1) / funnel["rate_per_s"]
+    if last >= funnel["duration_s"] - funnel["rest_window_s"]:
+        yield (
+            "funnel.duration_s",
+            f"above {last + funnel['rest_window_s']:g}: the last berry appears at {last:g} s",
+        )
+
+
+def _drum_contradictions(drum, time_step_s):
+    """A drum without room, a rotation that begins before the last berry is there, a record finer than the steps."""
+    radius = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"]
+    if radius <= 0:
+        yield "drum.wall_thickness_mm", f"below half of drum.outer_diameter_mm, {drum['outer_diameter_mm']:g}"
+    elif abs(drum["factory_height_mm"]) >= radius:
+        yield "drum.factory_height_mm", f"inside the drum, between -{radius:g} and {radius:g}"
+    last = (drum["berries"] - 1) / drum["rate_per_s"]
+    if last >= drum["rotate_from_s"]:
+        yield "drum.rotate_from_s", f"above {last:g}, when the last berry appears"
+    if drum["report_s"] < drum["rotate_from_s"]:
+        yield "drum.report_s", f"at least drum.rotate_from_s, {drum['rotate_from_s']:g}"
+    if drum["record_s"] < time_step_s:
+        yield "drum.record_s", f"at least simulation.time_step_s, {time_step_s:g}"
+
+
+def _check_fits_berry(funnel, axes_mm, source):
+    """Raise InputError where a mean berry fits neither through the outlet nor into the factory."""
+    for key, smallest in (("outlet_diameter_mm", axes_mm[2]), ("factory_diameter_mm", axes_mm[0])):
+        if funnel[key] <= smallest:
+            name = f"funnel.{key}"
+            raise InputError(
+                origin_of(source, name), name, funnel[key], f"above {smallest:.4g}, the size of a mean berry"
+            )
+
+
+def _check_fits_drum(drum, long_mm, source):
+    """Raise InputError where a mean berry of length long_mm cannot lie across the drum at the factory's height."""
+    radius = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"]
+    highest = radius - long_mm / 2
+    for key, value, fits, allowed in (
+        ("length_mm", drum["length_mm"], drum["length_mm"] > long_mm, f"above {long_mm:.4g}"),
+        (
+            "factory_height_mm",
+            drum["factory_height_mm"],
+            abs(drum["factory_height_mm"]) < highest,
+            f"between -{highest:.4g} and {highest:.4g}" if highest > 0 else "a wider drum",
+        ),
+    ):
+        if not fits:
+            name = f"drum.{key}"
+            raise InputError(origin_of(source, name), name, value, f"{allowed}, so that a mean berry fits")

@@ -1,0 +1,70 @@
+"""The configuration: read strictly, checked against one schema and against itself before any work starts.
+
+Every fault ends in one InputError that tells file, key, value and what is allowed.
+"""
+
+import copy
+import json
+from pathlib import Path
+
+from repose.config.checks import check, check_inputs
+from repose.config.reading import Origin, parse, read
+
+COMMAND_LINE = "command line (--config)"
+# Sections whose keys are names: who lists two fillings wants two.
+WHOLE = {f"shape_study.{key}" for key in ("particles", "fillings", "sensitivities")}
+
+
+def load(path):
+    """A complete configuration from a file, checked by `check`."""
+    return check(read(path), str(path))
+
+
+def resolve(files, overrides=None):
+    """A workflow's configuration: later files over earlier ones, over them the command line; checked.
+
+    files: paths, the first complete, the others as partial as one likes; overrides: nested mapping whose
+    text is read as YAML values. An error names the file that the bad value came from. Raises InputError.
+    """
+    config, origin = {}, {}
+    for path in files:
+        _merge(config, read(path), origin, str(path))
+    _merge(config, _values(overrides or {}), origin, COMMAND_LINE)
+    source = Origin(origin, str(files[0]))
+    check(config, source)
+    check_inputs(config, source)
+    return config
+
+
+def write_resolved(config, path):
+    """Write config as JSON to path, but only where that changes the file."""
+    path = Path(path)
+    text = json.dumps(config, indent=1) + "\n"
+    if not path.is_file() or path.read_text() != text:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+
+
+def _values(value):
+    """Overrides with their text read as YAML: the command line gives 2 and [1, 2] as text."""
+    if isinstance(value, dict):
+        return {key: _values(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_values(item) for item in value]
+    return parse(value, COMMAND_LINE) if isinstance(value, str) and value.strip() else value
+
+
+def _merge(config, more, origin, source, prefix=""):
+    """Put `more` over config, section by section, and note in origin where each key came from.
+
+    Sections whose keys are names (WHOLE) are replaced: who lists two fillings wants two.
+    """
+    for key, value in more.items():
+        name = f"{prefix}{key}"
+        origin[name] = source
+        if name not in WHOLE and isinstance(value, dict) and isinstance(config.get(key), dict):
+            _merge(config[key], value, origin, source, f"{name}.")
+        else:
+            config[key] = copy.deepcopy(value)
+            if isinstance(value, dict):
+                _merge(config[key], value, origin, source, f"{name}.")

@@ -1,0 +1,82 @@
+"""YAML in, strictly: a key once, numbers as numbers, and where each key came from."""
+
+import re
+from pathlib import Path
+
+import yaml
+
+from repose.core.errors import InputError
+
+
+class StrictLoader(yaml.SafeLoader):
+    """YAML that refuses a key given twice and reads 2e-4 as the number it is (YAML 1.1 takes it for text)."""
+
+    def construct_mapping(self, node, deep=False):
+        seen = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=deep)
+            if key in seen:
+                raise InputError(
+                    f"{self.name}, line {key_node.start_mark.line + 1}", key, "given again", "each key once"
+                )
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+
+StrictLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"), list("-+.0123456789")
+)
+
+
+def read(path):
+    """The mapping in a YAML or JSON file, unchecked; InputError for no file, bad syntax, a key twice."""
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise InputError(path, "file", error.strerror, "an existing YAML or JSON file") from None
+    except UnicodeDecodeError:
+        raise InputError(path, "file", "not text", "a YAML or JSON file in UTF-8") from None
+    content = parse(text, str(path))
+    if not isinstance(content, dict):
+        raise InputError(path, "content", content, "keys with values, as in config/config.yaml")
+    return content
+
+
+def parse(text, name):
+    """YAML (of which JSON is a part) as plain values, or InputError with the line."""
+    loader = StrictLoader(text)
+    loader.name = name
+    try:
+        return loader.get_single_data()
+    except yaml.MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else "?"
+        raise InputError(
+            name, f"line {line}", error.problem, "valid YAML (indent by spaces, no tabs)"
+        ) from None
+    except yaml.YAMLError as error:
+        raise InputError(name, "content", str(error), "valid YAML") from None
+    finally:
+        loader.dispose()
+
+
+class Origin:
+    """Where each dotted key came from; a key that is nowhere belongs to the first file."""
+
+    def __init__(self, origin, default):
+        self.origin, self.default = origin, default
+
+    def of(self, key):
+        return self.origin.get(key, self.default)
+
+
+def origin_of(source, key):
+    """Name of the file that holds key."""
+    return source.of(key) if isinstance(source, Origin) else source
+
+
+def get(config, key):
+    """Value of a dotted key."""
+    for step in key.split("."):
+        config = config[int(step)] if isinstance(config, list) else config[step]
+    return config

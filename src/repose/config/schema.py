@@ -1,0 +1,105 @@
+"""The schema of a configuration, and its faults in words.
+
+`schema.yaml` beside this file says which keys there are and their ranges.
+"""
+
+import difflib
+import math
+from functools import cache
+from pathlib import Path
+
+import yaml
+
+from repose.config.reading import get, origin_of
+from repose.core.errors import InputError
+
+SCHEMA_PATH = Path(__file__).with_name("schema.yaml")
+SHARED = ("time_step_s", "gravity_m_s2", "tension", "rest_energy_j")
+# Keys of earlier configurations, and where they went.
+MOVED = {
+    "heap": f"now the section funnel; its keys {', '.join(SHARED)} are in the section simulation",
+    "target": "now the list targets: one entry for each response, with value, sd, repetitions and range",
+    **{f"funnel.{key}": f"now simulation.{key}, for every bench test" for key in SHARED},
+}
+
+
+@cache
+def validator():
+    """The schema's validator; numbers are finite, and 8.0 is no integer."""
+    import jsonschema
+
+    base = jsonschema.Draft202012Validator
+    types = base.TYPE_CHECKER.redefine_many(
+        {
+            "number": lambda _, value: type(value) in (int, float) and math.isfinite(value),
+            "integer": lambda _, value: type(value) is int,
+        }
+    )
+    schema = yaml.safe_load(SCHEMA_PATH.read_text())
+    return jsonschema.validators.extend(base, type_checker=types)(schema)
+
+
+def input_error(error, config, source):
+    """A fault found by the schema as an InputError; one inside a list of plain values is told of the list."""
+    path = []
+    value = config
+    for step in error.absolute_path:
+        value = value[step]
+        if not isinstance(step, int) or isinstance(value, dict):
+            path.append(str(step))
+    section = ".".join(path)
+    if error.validator == "additionalProperties":
+        known = sorted(error.schema["properties"])
+        extra = next(key for key in error.instance if key not in known)
+        key = f"{section}.{extra}" if section else str(extra)
+        if key in MOVED:
+            return InputError(origin_of(source, key), key, error.instance[extra], MOVED[key])
+        near = difflib.get_close_matches(str(extra), known, 1)
+        hint = f"did you mean {near[0]}?" if near else f"keys here: {', '.join(known)}"
+        return InputError(origin_of(source, key), key, error.instance[extra], f"no such key; {hint}")
+    if error.validator == "required":
+        missing = next(key for key in error.validator_value if key not in error.instance)
+        path.append(missing)
+        key = ".".join(path)
+        return InputError(
+            origin_of(source, section), key, None, f"{allowed_by(subschema(path))}; the key is missing"
+        )
+    return InputError(origin_of(source, section), section, get(config, section), allowed_by(subschema(path)))
+
+
+def subschema(path):
+    """The schema of the key at path, references followed."""
+    schema = root = validator().schema
+    for step in path:
+        schema = schema["items"] if step.isdigit() else schema["properties"][step]
+        while "$ref" in schema:
+            schema = root["$defs"][schema["$ref"].rsplit("/", 1)[1]]
+    return schema
+
+
+def allowed_by(schema):
+    """In words, what a schema takes."""
+    if "description" in schema:
+        return schema["description"]
+    if "enum" in schema:
+        return " or ".join(map(str, schema["enum"]))
+    types = schema["type"] if isinstance(schema["type"], list) else [schema["type"]]
+    words = {"integer": "an integer", "number": "a number", "string": "text", "boolean": "true or false"}
+    words |= {
+        "array": "a list",
+        "null": "null",
+        "object": "a section with the keys " + ", ".join(schema.get("properties", ())),
+    }
+    text = words[types[0]]
+    if "exclusiveMinimum" in schema:
+        text += f" above {schema['exclusiveMinimum']:g} and up to {schema['maximum']:g}"
+    elif "minimum" in schema:
+        text += f" from {_plain(schema['minimum'])} to {_plain(schema['maximum'])}"
+    elif "maxLength" in schema:
+        text += f" of 1 to {schema['maxLength']} characters"
+    return " or ".join([text, *(words[kind] for kind in types[1:])])
+
+
+def _plain(number):
+    """A bound as a reader would write it."""
+    return str(number) if isinstance(number, int) else f"{number:g}"

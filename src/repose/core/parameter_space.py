@@ -1,0 +1,106 @@
+"""The parameters that a study leaves open: ranges, fixed values, prior knowledge."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from repose.core.parameters import PARAMETERS, PHYSICAL_LIMITS
+
+PRIOR_WIDTHS = 3.0  # of a prior's standard deviation, to each side, where no range is given
+
+
+@dataclass(frozen=True)
+class ParameterSpace:
+    """The six parameters, of which `free` are searched.
+
+    Attributes
+    ----------
+    free : tuple of str
+        Parameters that a study leaves open, in the order of `PARAMETERS`.
+    low, high : numpy.ndarray
+        Their ranges, (d,).
+    fixed : dict
+        Values of the others.
+    prior : dict
+        Mean and standard deviation of parameters that were measured with an error; normal, cut to the range.
+    """
+
+    free: tuple[str, ...]
+    low: np.ndarray
+    high: np.ndarray
+    fixed: dict[str, float] = field(default_factory=dict)
+    prior: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, section: Mapping[str, Any]) -> "ParameterSpace":
+        """From the configuration's section `parameters`.
+
+        A parameter is a range ``[low, high]``, ``{fixed: value}``, or ``{prior: {mean, sd}}`` with or without a
+        ``range``.
+        """
+        free, low, high, fixed, prior = [], [], [], {}, {}
+        for name in PARAMETERS:
+            given = section[name]
+            if isinstance(given, Mapping) and "fixed" in given:
+                fixed[name] = float(given["fixed"])
+                continue
+            bounds = range_of(name, given)
+            if isinstance(given, Mapping) and "prior" in given:
+                prior[name] = (float(given["prior"]["mean"]), float(given["prior"]["sd"]))
+            free.append(name)
+            low.append(bounds[0])
+            high.append(bounds[1])
+        return cls(tuple(free), np.array(low), np.array(high), fixed, prior)
+
+    @property
+    def dimensions(self) -> int:
+        return len(self.free)
+
+    def values(self, unit: np.ndarray) -> np.ndarray:
+        """Parameter sets (n, 6) in the order of `PARAMETERS` of points (n, d) in the unit cube."""
+        unit = np.atleast_2d(np.asarray(unit, dtype=float))
+        return self.complete(self.low + unit * (self.high - self.low))
+
+    def complete(self, values: np.ndarray) -> np.ndarray:
+        """Parameter sets (n, 6) of the free parameters' values (n, d)."""
+        values = np.atleast_2d(np.asarray(values, dtype=float))
+        columns = iter(values.T)
+        return np.column_stack(
+            [
+                np.full(len(values), self.fixed[name]) if name in self.fixed else next(columns)
+                for name in PARAMETERS
+            ]
+        )
+
+    def unit(self, values: np.ndarray) -> np.ndarray:
+        """Points (n, d) in the unit cube of parameter sets (n, 6)."""
+        values = np.atleast_2d(np.asarray(values, dtype=float))[
+            :, [PARAMETERS.index(name) for name in self.free]
+        ]
+        return (values - self.low) / (self.high - self.low)
+
+    def log_prior(self, unit: np.ndarray) -> np.ndarray:
+        """Log of the prior density (n,) at points (n, d) in the unit cube, up to a constant; 0 without priors."""
+        total = np.zeros(len(unit))
+        for name, (mean, sd) in self.prior.items():
+            k = self.free.index(name)
+            value = self.low[k] + unit[:, k] * (self.high[k] - self.low[k])
+            total -= 0.5 * ((value - mean) / sd) ** 2
+        return total
+
+
+def range_of(name: str, given: Any) -> tuple[float, float]:
+    """Lowest and highest value of a parameter as the configuration gives it; a fixed one has no width."""
+    if not isinstance(given, Mapping):
+        return float(given[0]), float(given[1])
+    if "fixed" in given:
+        return float(given["fixed"]), float(given["fixed"])
+    if "range" in given:
+        return float(given["range"][0]), float(given["range"][1])
+    mean, sd = given["prior"]["mean"], given["prior"]["sd"]
+    lowest, highest = PHYSICAL_LIMITS[name]
+    low, high = max(lowest, mean - PRIOR_WIDTHS * sd), min(highest, mean + PRIOR_WIDTHS * sd)
+    return (float(low), float(high)) if math.isfinite(high) else (float(low), float(mean + PRIOR_WIDTHS * sd))

@@ -1,0 +1,111 @@
+"""What a response is, and the registry of all of them.
+
+A response is a number that a bench test gives: the angle of repose of a pile, its Height, the angle at which a bed
+slips. Each bench test registers its responses where it stands (`repose.apparatus`); everything after it takes them
+from here by name, and works for any number of them.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from repose.core.errors import InputError
+
+
+@dataclass(frozen=True)
+class Response:
+    """One number that a bench test gives.
+
+    Attributes
+    ----------
+    name : str
+        Column of every table; its last part is the unit, as in ``aor_deg``.
+    unit : str
+        As a reader writes it: ``deg``, ``mm``, ``%``, ``s``, or empty.
+    label : str
+        In words, as in ``angle of repose``.
+    symbol : str
+        Short, for axes and column heads, as in ``AoR``.
+    apparatus : str
+        Name of the bench test that gives it.
+    low, high : float
+        What a target of it may be, in its unit.
+    definition : tuple of str
+        Dotted keys of the configuration that define the number. Tables made with another definition must not be mixed.
+    """
+
+    name: str
+    unit: str
+    label: str
+    symbol: str
+    apparatus: str
+    low: float = 0.0
+    high: float = math.inf
+    definition: tuple[str, ...] = ()
+
+    @property
+    def predicted(self) -> str:
+        """Column of a surrogate's prediction: ``aor_predicted_deg``."""
+        return derived(self.name, "predicted")
+
+    @property
+    def simulated(self) -> str:
+        """Column of what a simulation gave beside a prediction: ``aor_simulated_deg``."""
+        return derived(self.name, "simulated")
+
+    @property
+    def error(self) -> str:
+        """Column of the standard error of a sample's mean: ``aor_se_deg``."""
+        return derived(self.name, "se")
+
+    @property
+    def quantity(self) -> str:
+        """Name without the unit: ``aor``."""
+        return self.name.rsplit("_", 1)[0]
+
+
+def derived(name: str, what: str) -> str:
+    """Name of a column that belongs to a response: `what` stands before the unit, as in ``aor_se_deg``."""
+    quantity, unit = name.rsplit("_", 1)
+    return f"{quantity}_{what}_{unit}"
+
+
+_REGISTRY: dict[str, Response] = {}
+
+
+def register(*responses: Response) -> None:
+    """Make responses known by their names.
+
+    Raises
+    ------
+    ValueError
+        If a name is taken by another response.
+    """
+    for one in responses:
+        if _REGISTRY.setdefault(one.name, one) != one:
+            raise ValueError(
+                f"response {one.name!r} is registered already, by {_REGISTRY[one.name].apparatus}"
+            )
+
+
+def response(name: str, source: object = "response") -> Response:
+    """The response of a name; `source` is told in the error.
+
+    Raises
+    ------
+    InputError
+        If no response has this name.
+    """
+    if name not in _REGISTRY:
+        raise InputError(source, "response", name, f"one of {', '.join(sorted(_REGISTRY))}")
+    return _REGISTRY[name]
+
+
+def responses_of(apparatus: str) -> tuple[Response, ...]:
+    """All responses of a bench test, in the order of their registration."""
+    return tuple(one for one in _REGISTRY.values() if one.apparatus == apparatus)
+
+
+def names(responses: Iterable[Response]) -> tuple[str, ...]:
+    """Their names."""
+    return tuple(one.name for one in responses)

@@ -1,0 +1,159 @@
+"""What a study is calibrated to: responses of bench tests with their measured values."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from repose.core.responses import Response, response
+
+
+@dataclass(frozen=True)
+class Target:
+    """One measured response.
+
+    Attributes
+    ----------
+    response : Response
+    value, sd : float
+        Mean and standard deviation of the physical repetitions, in the response's unit.
+    repetitions : int
+        How often it was measured.
+    low, high : float
+        A solution whose prediction lies between them is feasible.
+    aim : float
+        What the search goes for; the value unless the configuration says otherwise (Eq. 11-12 of the paper aim at the
+        centre of the range).
+    weight : float
+        Of this response in the search's objective.
+    """
+
+    response: Response
+    value: float
+    sd: float
+    repetitions: int
+    low: float
+    high: float
+    aim: float
+    weight: float = 1.0
+
+    @property
+    def name(self) -> str:
+        """Of its response."""
+        return self.response.name
+
+    @property
+    def standard_error(self) -> float:
+        """Of the mean of the repetitions."""
+        return self.sd / math.sqrt(self.repetitions)
+
+
+class Targets(Sequence[Target]):
+    """The targets of a study, in the order of the configuration; numbers as arrays (k,)."""
+
+    def __init__(self, targets: Sequence[Target]):
+        self._targets = tuple(targets)
+
+    @classmethod
+    def of(cls, section: Sequence[Mapping[str, Any]]) -> "Targets":
+        """From the configuration's list `targets`.
+
+        Raises
+        ------
+        InputError
+            If a response is unknown.
+        """
+        return cls(
+            [
+                Target(
+                    response(one["response"], "targets"),
+                    float(one["value"]),
+                    float(one["sd"]),
+                    int(one["repetitions"]),
+                    float(one["range"][0]),
+                    float(one["range"][1]),
+                    float(one.get("aim", one["value"])),
+                    float(one.get("weight", 1.0)),
+                )
+                for one in section
+            ]
+        )
+
+    def __getitem__(self, index):
+        return self._targets[index]
+
+    def __len__(self) -> int:
+        return len(self._targets)
+
+    def __iter__(self) -> Iterator[Target]:
+        return iter(self._targets)
+
+    @property
+    def responses(self) -> tuple[Response, ...]:
+        return tuple(one.response for one in self)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Columns of the responses."""
+        return tuple(one.name for one in self)
+
+    @property
+    def predicted(self) -> tuple[str, ...]:
+        """Columns of their predictions."""
+        return tuple(one.response.predicted for one in self)
+
+    @property
+    def errors(self) -> tuple[str, ...]:
+        """Columns of their standard errors."""
+        return tuple(one.response.error for one in self)
+
+    @property
+    def apparatus(self) -> tuple[str, ...]:
+        """Bench tests that give them, each once."""
+        return tuple(dict.fromkeys(one.response.apparatus for one in self))
+
+    @property
+    def value(self) -> np.ndarray:
+        return np.array([one.value for one in self])
+
+    @property
+    def sd(self) -> np.ndarray:
+        return np.array([one.sd for one in self])
+
+    @property
+    def standard_error(self) -> np.ndarray:
+        return np.array([one.standard_error for one in self])
+
+    @property
+    def low(self) -> np.ndarray:
+        return np.array([one.low for one in self])
+
+    @property
+    def high(self) -> np.ndarray:
+        return np.array([one.high for one in self])
+
+    @property
+    def aim(self) -> np.ndarray:
+        return np.array([one.aim for one in self])
+
+    @property
+    def weight(self) -> np.ndarray:
+        return np.array([one.weight for one in self])
+
+    def as_section(self) -> dict[str, Any]:
+        """The two targets as the mapping that stages took before targets were a list; goes with the last of them."""
+        old: dict[str, Any] = {}
+        for one in self:
+            quantity, unit = one.response.quantity, one.name.rsplit("_", 1)[1]
+            old[one.name] = one.aim
+            old[f"{quantity}_range_{unit}"] = [one.low, one.high]
+            old[f"physical_{one.name}"], old[f"physical_{quantity}_sd_{unit}"] = one.value, one.sd
+            old["physical_piles"] = one.repetitions
+        return old
+
+
+def section_of(config: Mapping[str, Any]) -> dict[str, Any]:
+    """`Targets.as_section` of a whole configuration."""
+    return Targets.of(config["targets"]).as_section()
