@@ -35,7 +35,7 @@ FIGURES = {
             "trajectory": rules.trajectory.output.trajectory,
             "particle": rules.shape.output.particle,
         },
-        ("heap",),
+        ("funnel",),
     ),
     "figure09": ("Figure 9", {"dot": f"{RESULTS}/figures/figure09.dot"}, ()),
     "figure10": ("Figure 10", {"network": rules.network.output.network}, ()),
