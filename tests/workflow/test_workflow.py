@@ -66,6 +66,14 @@ def test_the_recommended_study_has_every_stage_and_one_job_a_sample(project):
     assert not (project / "results").exists(), "a dry run writes nothing"
 
 
+def test_the_workflow_runs_from_either_file(project):
+    through_top = planned(project, "--configfile", "config/quick.yaml")
+    itself = planned(project, "--configfile", "config/quick.yaml", "-s", "workflow/Snakefile")
+    assert through_top.pop("everything") == itself.pop("all") == 1
+    assert through_top == itself
+    assert itself["heap"] == 20
+
+
 def test_the_small_run_has_the_same_rules(project):
     small = planned(project, "--configfile", "config/quick.yaml")
     assert set(small) == set(planned(project))
@@ -246,7 +254,7 @@ def test_the_comparisons_are_a_target_of_their_own(project):
 
 
 def test_every_figure_and_table_has_a_caption():
-    text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").glob("*.smk"))
+    text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").rglob("*.smk"))
     captions = {path.stem for path in (ROOT / "workflow" / "report").glob("*.rst")}
     figures = re.findall(r'^    "(\w+)": \($', text, re.MULTILINE) + re.findall(
         r'^    "(\w+)": \("', text, re.MULTILINE
@@ -254,5 +262,5 @@ def test_every_figure_and_table_has_a_caption():
     assert len(figures) > 15
     for name in figures:
         assert name in captions or f"table_{name}" in captions
-    for name in re.findall(r'caption="../report/(\w+)\.rst"', text):
+    for name in re.findall(r'caption="(?:../)+report/(\w+)\.rst"', text):
         assert name in captions

@@ -117,10 +117,12 @@ rule rule_graph:
         mem_mb=300,
     params:
         config=CONFIG,
+        snakefile=str(workflow.main_snakefile),
     message:
         "The workflow's own graph"
     shell:
-        "python -m snakemake calibration --configfile {params.config} --rulegraph > {output.dot} 2> {log}"
+        "python -m snakemake calibration --snakefile {params.snakefile:q} --configfile {params.config}"
+        " --rulegraph > {output.dot} 2> {log}"
 
 
 for figure, (label, shown, depends) in FIGURES.items():

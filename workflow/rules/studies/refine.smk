@@ -31,7 +31,7 @@ rule refine_data:
         " --out {params.folder} > {log} 2>&1"
 
 
-rule refine_network:
+use rule network as refine_network with:
     input:
         dataset=rules.refine_data.output.dataset,
         runs=rules.refine_data.output.runs,
@@ -46,18 +46,8 @@ rule refine_network:
         f"{RESULTS}/benchmarks/refined/{{round}}_network.tsv"
     wildcard_constraints:
         round=r"[1-9]\d?",
-    threads: 1
-    resources:
-        mem_mb=500,
-    params:
-        config=CONFIG,
-        folder=folder,
-        depends=sections("network"),
     message:
         "Refitting the network for round {wildcards.round}"
-    shell:
-        "python -m repose network --config {params.config} --dataset {input.dataset} --runs {input.runs}"
-        " --out {params.folder} > {log} 2>&1"
 
 
 rule refine_search:
@@ -129,7 +119,7 @@ rule refine_propose:
         " --network {input.network} --round {wildcards.round} --out {params.folder} > {log} 2>&1"
 
 
-rule refine_heap:
+use rule heap as refine_heap with:
     input:
         samples=rules.refine_propose.output.proposal,
         berry=rules.berry.output.berry,
@@ -144,24 +134,15 @@ rule refine_heap:
     wildcard_constraints:
         round=r"\d{1,2}",
         job=r"\d{4,5}",
-    retries: 1
-    threads: 1
-    resources:
-        mem_mb=600,
     params:
-        config=CONFIG,
-        folder=folder,
+        purpose="refine",
+        sample=lambda wildcards: wildcards.job,
         seeds=round_seeds,
-        depends=pouring_settings(),
     message:
         "Pouring sample {wildcards.job} of round {wildcards.round}"
-    shell:
-        "python -m repose pour --config {params.config} --samples {input.samples} --sample {wildcards.job}"
-        " --seeds {params.seeds} --purpose refine --berry {input.berry} --particle {input.particle}"
-        " --out {params.folder} > {log} 2>&1"
 
 
-rule measure_refine_heap:
+use rule measure_heap as measure_refine_heap with:
     input:
         pours=rules.refine_heap.output.pours,
         berries=rules.refine_heap.output.berries,
@@ -176,21 +157,11 @@ rule measure_refine_heap:
     wildcard_constraints:
         round=r"\d{1,2}",
         job=r"\d{4,5}",
-    threads: 1
-    resources:
-        mem_mb=300,
-    params:
-        config=CONFIG,
-        folder=folder,
-        depends=sections("measure"),
     message:
         "Measuring the piles of sample {wildcards.job} of round {wildcards.round}"
-    shell:
-        "python -m repose measure_heap {input.pours} --config {params.config} --berry {input.berry}"
-        " --particle {input.particle} --out {params.folder} > {log} 2>&1"
 
 
-rule refine_dataset:
+use rule dataset as refine_dataset with:
     input:
         samples=rules.refine_propose.output.proposal,
         heaps=round_jobs,
@@ -203,15 +174,8 @@ rule refine_dataset:
         f"{RESULTS}/benchmarks/refined/{{round}}_dataset.tsv"
     wildcard_constraints:
         round=r"\d{1,2}",
-    threads: 1
-    resources:
-        mem_mb=300,
-    params:
-        folder=folder,
     message:
         "Table of round {wildcards.round}"
-    shell:
-        "python -m repose dataset {input.heaps} --samples {input.samples} --out {params.folder} > {log} 2>&1"
 
 
 checkpoint refine_round:
@@ -277,7 +241,7 @@ rule draw_approach:
     output:
         report(
             f"{REFINED}/approach.png",
-            caption="../report/approach.rst",
+            caption="../../report/approach.rst",
             category="Figures",
             labels={"figure": "The loop closed"},
         ),

@@ -35,7 +35,7 @@ rule pool_design:
 
 
 # A larger pool begins with the points of the smaller one, so its table being new is no reason to pour them again.
-rule pool_heap:
+use rule heap as pool_heap with:
     input:
         samples=lambda wildcards: ancient(
             rules.pool_design.output[list(POOL_SETS).index(wildcards.points)]
@@ -49,21 +49,12 @@ rule pool_heap:
         f"{RESULTS}/logs/pool/{{points}}/{{sample}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/pool/{{points}}/{{sample}}.tsv"
-    retries: 1
-    threads: 1
-    resources:
-        mem_mb=600,
     params:
-        config=CONFIG,
-        folder=folder,
+        purpose=lambda wildcards: wildcards.points,
         seeds=lambda wildcards: config["pool"][POOL_SETS[wildcards.points][2]],
         depends=pouring_settings() | sections("parameters", "pool.seed"),
     message:
         "Pouring point {wildcards.sample} of the set {wildcards.points}"
-    shell:
-        "python -m repose pour --config {params.config} --samples {input.samples} --sample {wildcards.sample}"
-        " --seeds {params.seeds} --purpose {wildcards.points} --berry {input.berry} --particle {input.particle}"
-        " --out {params.folder} > {log} 2>&1"
 
 
 use rule measure_heap as measure_pool_heap with:

@@ -55,7 +55,7 @@ for comparison, (depends, more) in COMPARISONS.items():
         output:
             report(
                 f"{COMPARISON}/{comparison}.png",
-                caption=f"../report/{comparison}.rst",
+                caption=f"../../report/{comparison}.rst",
                 category="Comparisons",
                 labels={"figure": comparison.capitalize()},
             ),

@@ -29,7 +29,7 @@ rule solutions:
         " > {log} 2>&1"
 
 
-rule validation_heap:
+use rule heap as validation_heap with:
     input:
         samples=rules.solutions.output.solutions,
         berry=rules.berry.output.berry,
@@ -41,24 +41,14 @@ rule validation_heap:
         f"{RESULTS}/logs/validation/{{sample}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/validation/{{sample}}.tsv"
-    retries: 1
-    threads: 1
-    resources:
-        mem_mb=600,
     params:
-        config=CONFIG,
-        folder=folder,
+        purpose="validation",
         seeds=validation_seeds,
-        depends=pouring_settings(),
     message:
         "Pouring solution {wildcards.sample} with fresh seeds"
-    shell:
-        "python -m repose pour --config {params.config} --samples {input.samples} --sample {wildcards.sample}"
-        " --seeds {params.seeds} --purpose validation --berry {input.berry} --particle {input.particle}"
-        " --out {params.folder} > {log} 2>&1"
 
 
-rule measure_validation_heap:
+use rule measure_heap as measure_validation_heap with:
     input:
         pours=rules.validation_heap.output.pours,
         berries=rules.validation_heap.output.berries,
@@ -70,18 +60,8 @@ rule measure_validation_heap:
         f"{RESULTS}/logs/validation/{{sample}}_measured.log",
     benchmark:
         f"{RESULTS}/benchmarks/validation/{{sample}}_measured.tsv"
-    threads: 1
-    resources:
-        mem_mb=300,
-    params:
-        config=CONFIG,
-        folder=folder,
-        depends=sections("measure"),
     message:
         "Measuring the piles of solution {wildcards.sample}"
-    shell:
-        "python -m repose measure_heap {input.pours} --config {params.config} --berry {input.berry}"
-        " --particle {input.particle} --out {params.folder} > {log} 2>&1"
 
 
 rule validate:

@@ -34,7 +34,7 @@ rule measure:
         " --berry {input.berry} --overlay {output.overlay} --json > {output.result}) 2> {log}"
 
 
-rule trajectory:
+use rule heap as trajectory with:
     input:
         samples=rules.solutions.output.solutions,
         berry=rules.berry.output.berry,
@@ -45,21 +45,15 @@ rule trajectory:
         f"{RESULTS}/logs/trajectory.log",
     benchmark:
         f"{RESULTS}/benchmarks/trajectory.tsv"
-    retries: 1
-    threads: 1
     resources:
         mem_mb=900,
     params:
-        config=CONFIG,
-        folder=folder,
+        purpose="validation",
         sample=int(REPRESENTATIVE),
-        depends=pouring_settings(),
+        seeds=1,
+        more="--trajectory 0.1",
     message:
         "Pouring the representative solution before the camera"
-    shell:
-        "python -m repose pour --config {params.config} --samples {input.samples} --sample {params.sample}"
-        " --seeds 1 --purpose validation --berry {input.berry} --particle {input.particle}"
-        " --trajectory 0.1 --out {params.folder} > {log} 2>&1"
 
 
 rule film:
@@ -69,7 +63,7 @@ rule film:
     output:
         report(
             f"{RESULTS}/film/pour.gif",
-            caption="../report/film.rst",
+            caption="../../report/film.rst",
             category="Figures",
             labels={"figure": "Film of the pour"},
         ),
@@ -87,37 +81,3 @@ rule film:
     shell:
         "python -m repose film {input.trajectory} --config {params.config} --particle {input.particle}"
         " --out {output} > {log} 2>&1"
-
-
-# Only on request, `snakemake measurement_study --cores 2`: the definitions of the angle compared on this study's piles.
-rule measurement_study:
-    input:
-        heaps=expand(rules.heap.output.berries, sample=SAMPLES),
-        pours=expand(rules.heap.output.pours, sample=SAMPLES),
-        # the published representative solution, the last of its table
-        representative=f"{RESULTS}/validation/heaps/{THEIRS[-1]}.npz",
-        its_pours=f"{RESULTS}/validation/heaps/{THEIRS[-1]}.pours.json",
-        berry=rules.berry.output.berry,
-        particle=rules.shape.output.particle,
-    output:
-        piles=f"{RESULTS}/measurement_study/piles.csv",
-        noise=f"{RESULTS}/measurement_study/noise.csv",
-        correlation=f"{RESULTS}/measurement_study/correlation.csv",
-        bias=f"{RESULTS}/measurement_study/bias.csv",
-    log:
-        f"{RESULTS}/logs/measurement_study.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/measurement_study.tsv"
-    threads: 1
-    resources:
-        mem_mb=600,
-    params:
-        config=CONFIG,
-        folder=folder,
-        depends=sections("measure"),
-    message:
-        "Comparing the definitions of the angle of repose"
-    shell:
-        "python -m repose measurement_study {input.heaps} --representative {input.representative}"
-        " --config {params.config} --berry {input.berry} --particle {input.particle} --out {params.folder}"
-        " > {log} 2>&1"

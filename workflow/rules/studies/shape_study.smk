@@ -66,7 +66,7 @@ rule draw_shape_study:
     output:
         report(
             f"{RESULTS}/shape/shape_study.png",
-            caption="../report/shape_study.rst",
+            caption="../../report/shape_study.rst",
             category="Particles",
             labels={"figure": "Particles, fillings and definitions"},
         ),

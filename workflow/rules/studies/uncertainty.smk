@@ -132,7 +132,7 @@ for figure, (where, label, shown) in UNCERTAINTY_FIGURES.items():
         output:
             report(
                 f"{RESULTS}/{where}/{figure}.png",
-                caption=f"../report/{figure}.rst",
+                caption=f"../../report/{figure}.rst",
                 category="Uncertainty",
                 labels={"figure": label},
             ),

@@ -6,7 +6,7 @@ rule network:
         network=f"{RESULTS}/network/network.json",
         metrics=report(
             f"{RESULTS}/network/metrics.json",
-            caption="../report/metrics.rst",
+            caption="../../report/metrics.rst",
             category="Tables",
             labels={"table": "Accuracy of the network"},
         ),

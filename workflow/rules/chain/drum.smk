@@ -70,7 +70,7 @@ rule drum_film:
     output:
         report(
             f"{RESULTS}/drum/drum.gif",
-            caption="../report/drum_film.rst",
+            caption="../../report/drum_film.rst",
             category="Figures",
             labels={"figure": "Film of the drum"},
         ),

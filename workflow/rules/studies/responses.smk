@@ -127,7 +127,7 @@ for study, (where, more) in SECOND_RESPONSES.items():
         output:
             report(
                 f"{where}/second_responses.png",
-                caption=f"../report/{study}.rst",
+                caption=f"../../report/{study}.rst",
                 category="Comparisons",
                 labels={"figure": study},
             ),

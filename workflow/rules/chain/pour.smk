@@ -25,14 +25,17 @@ rule heap:
     params:
         config=CONFIG,
         folder=folder,
+        purpose="design",
+        sample=lambda wildcards: wildcards.sample,
         seeds=config["funnel"]["seeds"],
+        more="",
         depends=pouring_settings(),
     message:
         "Pouring sample {wildcards.sample}"
     shell:
-        "python -m repose pour --config {params.config} --samples {input.samples} --sample {wildcards.sample}"
-        " --seeds {params.seeds} --purpose design --berry {input.berry} --particle {input.particle}"
-        " --out {params.folder} > {log} 2>&1"
+        "python -m repose pour --config {params.config} --samples {input.samples} --sample {params.sample}"
+        " --seeds {params.seeds} --purpose {params.purpose} --berry {input.berry} --particle {input.particle}"
+        " {params.more} --out {params.folder} > {log} 2>&1"
 
 
 rule measure_heap:

@@ -72,7 +72,7 @@ for figure, shown in INVERSION_FIGURES.items():
         output:
             report(
                 f"{RESULTS}/comparison/{figure}.png",
-                caption=f"../report/{figure}.rst",
+                caption=f"../../report/{figure}.rst",
                 category="Comparisons",
                 labels={"figure": figure},
             ),

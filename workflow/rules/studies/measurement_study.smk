@@ -1,0 +1,32 @@
+# Only on request, `snakemake measurement_study --cores 2`: the definitions of the angle compared on this study's piles.
+rule measurement_study:
+    input:
+        heaps=expand(rules.heap.output.berries, sample=SAMPLES),
+        pours=expand(rules.heap.output.pours, sample=SAMPLES),
+        # the published representative solution, the last of its table
+        representative=f"{RESULTS}/validation/heaps/{THEIRS[-1]}.npz",
+        its_pours=f"{RESULTS}/validation/heaps/{THEIRS[-1]}.pours.json",
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+    output:
+        piles=f"{RESULTS}/measurement_study/piles.csv",
+        noise=f"{RESULTS}/measurement_study/noise.csv",
+        correlation=f"{RESULTS}/measurement_study/correlation.csv",
+        bias=f"{RESULTS}/measurement_study/bias.csv",
+    log:
+        f"{RESULTS}/logs/measurement_study.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/measurement_study.tsv"
+    threads: 1
+    resources:
+        mem_mb=600,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("measure"),
+    message:
+        "Comparing the definitions of the angle of repose"
+    shell:
+        "python -m repose measurement_study {input.heaps} --representative {input.representative}"
+        " --config {params.config} --berry {input.berry} --particle {input.particle} --out {params.folder}"
+        " > {log} 2>&1"
