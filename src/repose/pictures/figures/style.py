@@ -1,10 +1,25 @@
-"""One look for all figures: column widths, fonts, colours safe for colour-blind readers, saving."""
+"""One look for all figures: sizes, fonts, colours for colour-blind readers, labels of responses, saving."""
 
+import math
+from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+import repose.apparatus  # noqa: F401  (makes the responses of all bench tests known)
+from repose.core.files import write_whole
+from repose.core.parameter_space import range_of
+from repose.core.parameters import PARAMETERS, SYMBOLS
+from repose.core.responses import Response
+from repose.core.targets import Targets
 
 MM = 1 / 25.4
 COLUMN = 90 * MM
@@ -15,10 +30,12 @@ DPI = 180
 BLUE, ORANGE, GREEN, RED = "#0072B2", "#E69F00", "#009E73", "#D55E00"
 SKY, PURPLE, GREY, BLACK = "#56B4E9", "#CC79A7", "#8A8F94", "#222222"
 BERRY = "#C8321E"
+SERIES = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY)
+LINES = ("-", "--", "-.", ":")
+
+RESPONSES = (("aor_deg", "AoR", "deg"), ("height_mm", "Height", "mm"))
 
 SMALL_RUN = "small run: NOT for use as a result"
-AOR, HEIGHT = "angle of repose (deg)", "Height (mm)"
-RESPONSES = (("aor_deg", "AoR", "deg"), ("height_mm", "Height", "mm"))
 
 SETTINGS = {
     "font.size": 7.5,
@@ -43,21 +60,96 @@ SETTINGS = {
 }
 
 
-def applied():
+def applied() -> AbstractContextManager[None]:
     """Context in which figures are made: this style alone, whatever the user's own settings."""
     return matplotlib.rc_context({**matplotlib.rcParamsDefault, "backend": "agg", **SETTINGS})
 
 
-def new_figure(width, height):
+def new_figure(width: float, height: float) -> Figure:
     """An empty figure, sizes in inches, laid out so that nothing is cut off."""
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
-def save(figure, out_path, small_run):
+def targets_of(config: Mapping[str, Any]) -> Targets:
+    """The targets of a configuration."""
+    return Targets.of(config["targets"])
+
+
+def ranges_of(config: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    """Lowest and highest value of each of the six parameters; of a fixed one, its value with some room around it.
+
+    Axes and the place of a value in its range need ends that differ.
+    """
+    ranges = {}
+    for name in PARAMETERS:
+        low, high = range_of(name, config["parameters"][name])
+        room = 0.0 if high > low else 0.05 * abs(low) or 0.01
+        ranges[name] = (low - room, high + room)
+    return ranges
+
+
+def response_label(response: Response, before: str = "") -> str:
+    """Label of an axis, as in ``predicted AoR (deg)``."""
+    return f"{before} {response.symbol} ({response.unit or '–'})".lstrip()
+
+
+def parameter_label(name: str) -> str:
+    """Label of an axis of a parameter: its symbol; all of them are dimensionless."""
+    return f"{SYMBOLS[name]} (–)"
+
+
+def letter(k: int) -> str:
+    """Name of panel number k: ``a`` for the first."""
+    return "abcdefghijklmnopqrstuvwxyz"[k % 26] * (1 + k // 26)
+
+
+def series(k: int) -> dict[str, str]:
+    """Colour and line style of curve number k, as `plot` takes them; the first seven have colours of their own."""
+    return {"color": SERIES[k % len(SERIES)], "ls": LINES[k % len(LINES)]}
+
+
+def grid(figure: Figure, count: int, columns: int = 2, **options: Any) -> list[Axes]:
+    """A panel for each of `count` things, `columns` in a row; places that are left over stay empty."""
+    columns = min(columns, count)
+    rows = math.ceil(count / columns)
+    panels = np.atleast_1d(figure.subplots(rows, columns, **options)).ravel()
+    for panel in panels[count:]:
+        panel.axis("off")
+    return list(panels[:count])
+
+
+def grid_rows(count: int, columns: int = 2) -> int:
+    """Number of rows that `grid` needs."""
+    return math.ceil(count / min(columns, count))
+
+
+def pairs_of_parameters(figure: Figure) -> Iterable[tuple[Axes, str, str]]:
+    """Panels below and on the diagonal of a square of all pairs of parameters.
+
+    Yields
+    ------
+    panel, across, down
+        The panel and the parameters of its horizontal and vertical axis, the same one on the diagonal.
+    """
+    count = len(PARAMETERS)
+    panels = figure.subplots(count, count, sharex="col")
+    for row, column in product(range(count), repeat=2):
+        panel, across, down = panels[row, column], PARAMETERS[column], PARAMETERS[row]
+        if column > row:
+            panel.axis("off")
+            continue
+        yield panel, across, down
+        panel.tick_params(labelsize=6, labelleft=column == 0 and row > 0)
+        if row == count - 1:
+            panel.set_xlabel(parameter_label(across), fontsize=8.5)
+        if column == 0 and row > 0:
+            panel.set_ylabel(parameter_label(down), fontsize=8.5)
+
+
+def save(figure: Figure, out_path: str | Path, small_run: bool) -> None:
     """Write a PNG without anything that changes from run to run; a small run is marked across the top."""
-    Path(out_path).parent.mkdir(parents=True, exist_ok=True)
     if small_run:
         width, height = figure.get_size_inches()
         band = 0.24
@@ -74,10 +166,11 @@ def save(figure, out_path, small_run):
             fontsize=8,
             bbox={"facecolor": RED, "edgecolor": "none", "boxstyle": "square,pad=0.3"},
         )
-    figure.savefig(out_path, format="png", dpi=DPI, metadata={"Software": None})
+    options = {"format": "png", "dpi": DPI, "metadata": {"Software": None}}
+    write_whole(out_path, lambda handle: figure.savefig(handle, **options))
 
 
-def note(axes, text, x=0.03, y=0.97, **options):
+def note(axes: Axes, text: str, x: float = 0.03, y: float = 0.97, **options: Any) -> Text:
     """Small text inside the axes, by default in the upper left corner."""
     style = {"va": "top", "ha": "left", "fontsize": 6.8, "linespacing": 1.35} | options
     return axes.text(x, y, text, transform=axes.transAxes, **style)
