@@ -1,7 +1,5 @@
 import json
 import math
-import subprocess
-import sys
 
 import pandas as pd
 import pytest
@@ -9,6 +7,7 @@ import pytest
 from repose.chain import dataset
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
+from repose.measure.angles import RECORDED
 
 VALUES = (0.2, 0.6, 0.04, 0.25, 0.5, 0.18)
 
@@ -47,46 +46,11 @@ def study(tmp_path):
     return tmp_path, paths
 
 
-def test_mean_and_standard_error_by_hand():
-    summary = dataset.summarise_runs([one_run(1, aor=20.0), one_run(2, aor=22.0), one_run(3, aor=27.0)])
-    assert (summary["status"], summary["reason"], summary["n_seeds"]) == ("ok", "", 3)
-    assert summary["aor_deg"] == pytest.approx(23.0)
-    assert summary["aor_se_deg"] == pytest.approx(math.sqrt((9 + 1 + 16) / 2 / 3))
-    assert summary["height_se_mm"] == 0.0
-    assert summary["discharge_s"] == pytest.approx(17.0)
-
-
-def test_a_single_run_has_no_standard_error():
-    summary = dataset.summarise_runs([one_run(1)])
-    assert (summary["status"], summary["aor_deg"], summary["aor_se_deg"]) == ("ok", 22.0, None)
-
-
-@pytest.mark.parametrize(
-    ("statuses", "expected"),
-    [
-        (["ok", "jammed"], "ok"),
-        (["ok", "jammed", "no_flank", "no_flank"], "no_flank"),
-        (["jammed", "no_flank"], "jammed"),
-        (["unstable"], "unstable"),
-        (["ok", "ok", "jammed", "jammed"], "ok"),
-    ],
-)
-def test_status_is_ok_from_half_on_and_else_the_commonest(statuses, expected):
-    summary = dataset.summarise_runs([one_run(k, status) for k, status in enumerate(statuses)])
-    assert summary["status"] == expected
-    assert (summary["aor_deg"] is None) is (expected != "ok")
-
-
-def test_no_runs_are_refused():
-    with pytest.raises(ValueError, match="at least one run"):
-        dataset.summarise_runs([])
-
-
 def test_run_writes_tables_and_counts(study):
     folder, paths = study
     summary = dataset.run(folder / "samples.csv", paths[::-1], folder / "out")
     table = pd.read_csv(folder / "out/dataset.csv")
-    assert list(table.columns) == ["sample", *PARAMETERS, *dataset.SUMMARY_COLUMNS]
+    assert list(table.columns) == ["sample", *PARAMETERS, *RECORDED.summary]
     assert table["sample"].tolist() == [1, 2, 3]
     assert table["status"].tolist() == ["ok", "ok", "jammed"]
     assert table["n_seeds"].tolist() == [3, 2, 1]
@@ -153,10 +117,3 @@ def test_bad_tables_of_samples_are_named(study):
     pd.concat([samples, samples]).to_csv(folder / "twice.csv", index=False)
     with pytest.raises(InputError, match=r"twice.csv: sample is 1; allowed: each sample once"):
         dataset.run(folder / "twice.csv", paths, folder)
-
-
-def test_a_heap_job_does_not_pay_for_pandas():
-    code = "import sys; from repose.chain.dataset import summarise_runs; sys.exit('pandas' in sys.modules)"
-    assert (
-        subprocess.run([sys.executable, "-c", code], env={"PYTHONPATH": ":".join(sys.path)}).returncode == 0
-    )

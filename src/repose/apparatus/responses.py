@@ -1,15 +1,24 @@
 """What the bench tests give, by name."""
 
 from repose.core.responses import Response, register
+from repose.core.runs import Recorded
+from repose.measure import angles
 
 # The keys of `measure` that define what is seen of a pile.
 SEEN = ("measure.views", "measure.mm_per_pixel", "measure.largest_pile_only")
+DRUM = ("drum_slip_deg", "drum_rest_deg")
 LINE = ("measure.flank", "measure.fit_from", "measure.fit_to", "measure.berry_height_mm")
 
 
 def _funnel(name, unit, label, symbol, high, definition=(*SEEN, "measure.berry_height_mm")):
     return Response(name, unit, label, symbol, "funnel", 0.0, high, definition)
 
+
+# What the tables of a study keep of the runs of each bench test.
+RECORDED = {
+    "funnel": angles.RECORDED,
+    "drum": Recorded(means=DRUM, single=DRUM),
+}
 
 register(
     Response(

@@ -9,72 +9,13 @@ import math
 from collections import Counter
 from pathlib import Path
 
-import numpy as np
-
 from repose.core.errors import InputError
+from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS
-from repose.core.readers import read_table
-from repose.measure.angles import EXTRA_RESPONSES, MAIN_RESPONSES, RESPONSES
+from repose.core.runs import STATUSES, summarise_runs
+from repose.measure.angles import MAIN_RESPONSES, RECORDED
 
-STATUSES = ("ok", "jammed", "not_at_rest", "no_flank", "left_plate", "unstable")
-
-
-def error_key(key):
-    """Name of a response's standard error: se before the unit."""
-    name, unit = key.rsplit("_", 1)
-    return f"{name}_se_{unit}"
-
-
-SUMMARY_COLUMNS = (
-    "status",
-    "reason",
-    "n_seeds",
-    "aor_deg",
-    "aor_se_deg",
-    "height_mm",
-    "height_se_mm",
-    "discharge_s",
-    *(column for key in EXTRA_RESPONSES for column in (key, error_key(key))),
-)
-RUN_COLUMNS = (
-    "seed",
-    "status",
-    "reason",
-    "aor_deg",
-    "height_mm",
-    "discharge_s",
-    "berries_on_plate",
-    "berries_in_pile",
-    "kinetic_energy_J",
-    *EXTRA_RESPONSES,
-)
-
-
-def summarise_runs(runs):
-    """One sample out of its runs (list of dicts of a heap job): a dict of SUMMARY_COLUMNS.
-
-    A sample is ok when at least half of its runs, and at least one, are; otherwise its status is the
-    commonest one among the runs that are not (the first met, of equals), and its numbers are None. Means are
-    over the ok runs, standard errors sd / sqrt(n) with n - 1 degrees of freedom, None from a single run.
-    A definition that could not be measured on some of them is averaged over the others. n_seeds counts ok
-    runs; reason tells how many runs failed and why, of an ok sample as well. Raises
-    ValueError without any run.
-    """
-    if not runs:
-        raise ValueError("runs is empty; allowed: at least one run")
-    ok = [run for run in runs if run["status"] == "ok"]
-    failed = [run for run in runs if run["status"] != "ok"]
-    usable = len(ok) > 0 and 2 * len(ok) >= len(runs)
-    statuses = Counter(run["status"] for run in failed)
-    summary = dict.fromkeys(SUMMARY_COLUMNS)
-    summary["status"] = "ok" if usable else statuses.most_common(1)[0][0]
-    summary["reason"] = _reason(failed, len(runs))
-    summary["n_seeds"] = len(ok)
-    if usable:
-        for key in RESPONSES:
-            summary[key], summary[error_key(key)] = _mean_and_error(ok, key)
-        summary["discharge_s"] = _mean_and_error(ok, "discharge_s")[0]
-    return summary
+RUN_COLUMNS = ("seed", "status", "reason", *RECORDED.single)
 
 
 def run(samples_csv, heap_json_paths, out_dir, prefix=""):
@@ -91,10 +32,10 @@ def run(samples_csv, heap_json_paths, out_dir, prefix=""):
     rows, single = [], []
     for sample in samples["sample"]:
         runs = jobs[sample]["runs"]
-        rows.append(summarise_runs(runs))
+        rows.append(summarise_runs(runs, RECORDED))
         single.extend({"sample": sample, **{key: one.get(key) for key in RUN_COLUMNS}} for one in runs)
     dataset = pd.concat(
-        [samples[["sample", *PARAMETERS]], pd.DataFrame(rows, columns=list(SUMMARY_COLUMNS))], axis=1
+        [samples[["sample", *PARAMETERS]], pd.DataFrame(rows, columns=list(RECORDED.summary))], axis=1
     )
     all_runs = pd.DataFrame(single, columns=["sample", *RUN_COLUMNS])
     summary = _counts(dataset, all_runs)
@@ -161,23 +102,6 @@ def read_job(path):
             if one["status"] == "ok" and not finite:
                 raise InputError(path, f"runs[{i}].{key}", value, "a finite number, as the run is ok")
     return job
-
-
-def _mean_and_error(runs, key):
-    values = np.array([run[key] for run in runs if run.get(key) is not None], dtype=float)
-    if len(values) == 0:
-        return None, None
-    error = float(values.std(ddof=1) / math.sqrt(len(values))) if len(values) > 1 else None
-    return float(values.mean()), error
-
-
-def _reason(failed, total):
-    """'2 of 8 runs jammed (no discharge for 3 s)', one part for each status; empty when none failed."""
-    parts = []
-    for status, count in Counter(run["status"] for run in failed).most_common():
-        why = dict.fromkeys(run["reason"] for run in failed if run["status"] == status and run.get("reason"))
-        parts.append(f"{count} of {total} runs {status}" + (f" ({'; '.join(why)})" if why else ""))
-    return "; ".join(parts)
 
 
 def _counts(dataset, runs):

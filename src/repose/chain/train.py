@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from repose.core.errors import InputError
+from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS
-from repose.core.readers import read_table
-from repose.studies.noise import within_covariance
+from repose.core.variance import within_covariance
 from repose.surrogate.bayesian_bp import RESPONSES, PlainBayesianBP, load, r2, weights_from_errors
 
 SPLITS = ("train", "validation", "test")

@@ -9,10 +9,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from repose.chain.dataset import read_jobs, read_samples, summarise_runs
+from repose.chain.dataset import read_jobs, read_samples
 from repose.core.errors import InputError
+from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS
-from repose.core.readers import read_table
+from repose.core.runs import summarise_runs
+from repose.measure.angles import RECORDED
 from repose.search.miga import select_for_validation
 
 PREDICTED = ("aor_predicted_deg", "height_predicted_mm")
@@ -62,7 +64,9 @@ def run(solutions_csv, heap_json_paths, published_table4_csv, target, out_dir, s
             raise InputError(solutions_csv, column, None, f"columns {', '.join(SOLUTION_COLUMNS)}")
     solutions["solution"] = solutions["solution"].astype(str)
     jobs = read_jobs(heap_json_paths, solutions)
-    simulated = pd.DataFrame([summarise_runs(jobs[sample]["runs"]) for sample in solutions["sample"]])
+    simulated = pd.DataFrame(
+        [summarise_runs(jobs[sample]["runs"], RECORDED) for sample in solutions["sample"]]
+    )
     simulated = simulated.rename(columns={"aor_deg": SIMULATED[0], "height_mm": SIMULATED[1]})
     numbers = [*SIMULATED, "aor_se_deg", "height_se_mm"]
     simulated[numbers] = simulated[numbers].astype(float)  # None of a failed solution, or of one seed, to NaN

@@ -11,6 +11,7 @@ from repose.core.parameter_space import range_of
 from repose.core.parameters import PARAMETERS
 from repose.core.published import published_count
 from repose.core.responses import responses_of
+from repose.core.targets import Targets
 
 # Folders of the project that results must never be written into.
 OUR_OWN_FOLDERS = ("src", "config", "resources", "workflow", "profiles", "tests", "docs", "results/published")
@@ -52,7 +53,7 @@ def check_inputs(config, source="configuration"):
         poisson = measured if poisson is None else poisson
         shear = berry.shear_modulus(elastic, poisson) if shear is None else shear
     axes_mm = [float(sizes[column].mean()) for column in berry.SIZE_COLUMNS]
-    published_count(config["validation"]["published"])
+    published_count(config["validation"]["published"], Targets.of(config["targets"]).responses)
     _check_fits_berry(config["funnel"], axes_mm, source)
     _check_fits_drum(config["drum"], max(axes_mm), source)
     limit = LARGEST_RAYLEIGH_SHARE * rayleigh_time_s(axes_mm, section["density_kg_m3"], poisson, shear)

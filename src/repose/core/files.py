@@ -1,17 +1,232 @@
-"""Files that are whole or not there."""
+"""Files: one writer and one reader for each type.
 
+A writer writes in one move, so a file is whole or not there; folders that are missing are made. A reader turns every
+fault of a file into one `InputError` that names the file, what is wrong in it, what was found and what is allowed.
+"""
+
+import csv
 import json
+import os
+import zipfile
+import zlib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from repose.core.errors import InputError
 from repose.dem.io.whole import write_whole
 
-__all__ = ["write_json", "write_table", "write_whole"]
+if TYPE_CHECKING:
+    import numpy as np
+    import pandas as pd
+
+__all__ = [
+    "check_columns",
+    "read_json",
+    "read_npz",
+    "read_rows",
+    "read_table",
+    "write_image",
+    "write_json",
+    "write_npz",
+    "write_table",
+    "write_text",
+    "write_whole",
+]
+
+Path_ = str | os.PathLike
+UNREADABLE = (OSError, EOFError, ValueError, zipfile.BadZipFile, zlib.error)
+KINDS = {int: "an integer", float: "a number", str: "a text", list: "a list", dict: "a mapping"}
 
 
-def write_json(path, content):
-    """Write content as JSON in one move, see `write_whole`."""
-    write_whole(path, lambda handle: handle.write((json.dumps(content, indent=1) + "\n").encode()))
+def write_text(path: Path_, text: str) -> None:
+    """Write a text as UTF-8."""
+    write_whole(path, lambda handle: handle.write(text.encode()))
 
 
-def write_table(path, table):
-    """Write a DataFrame as CSV without its index in one move, see `write_whole`."""
-    write_whole(path, lambda handle: handle.write(table.to_csv(index=False).encode()))
+def write_json(path: Path_, content: Any, indent: int = 1) -> None:
+    """Write content as JSON; numbers of numpy are written as plain numbers."""
+    write_text(path, json.dumps(content, indent=indent, default=_plain) + "\n")
+
+
+def write_table(
+    path: Path_, table: "pd.DataFrame", float_format: str | None = None, index: bool = False
+) -> None:
+    """Write a table as CSV.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    table : pandas.DataFrame
+        Its columns become the header.
+    float_format : str, optional
+        How floating-point numbers are written, as in ``%.6g``; by default with all digits.
+    index : bool
+        Whether the table's index is the first column.
+    """
+    write_text(path, table.to_csv(index=index, float_format=float_format))
+
+
+def write_npz(path: Path_, arrays: Mapping[str, Any]) -> None:
+    """Write named arrays as a compressed .npz file."""
+    import numpy as np
+
+    write_whole(path, lambda handle: np.savez_compressed(handle, **arrays))
+
+
+def write_image(path: Path_, picture: "np.ndarray") -> None:
+    """Write a picture (height, width) or (height, width, 3), uint8, blue first; the suffix tells the format.
+
+    Raises
+    ------
+    InputError
+        If no picture format has this suffix.
+    """
+    import cv2
+
+    suffix = Path(path).suffix
+    try:
+        _, content = cv2.imencode(suffix, picture)
+    except cv2.error:
+        raise InputError(path, "suffix", suffix, "that of a picture, as in .png") from None
+    write_whole(path, lambda handle: handle.write(content.tobytes()))
+
+
+def read_table(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file") -> "pd.DataFrame":
+    """Read a CSV file.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    columns : iterable of str
+        Columns that it must have; it may have more.
+    what : str
+        What the file should be, for the error.
+
+    Returns
+    -------
+    pandas.DataFrame
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or a column is missing.
+    """
+    # pandas costs time at start-up that a pour should not pay
+    import pandas as pd
+
+    try:
+        table = pd.read_csv(path)
+    except UNREADABLE as error:
+        raise InputError(path, "table", str(error), what) from error
+    check_columns(path, table, columns)
+    return table
+
+
+def read_rows(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file") -> list[dict[str, str]]:
+    """Read a CSV file as text, without pandas: a mapping from column to text for each row.
+
+    Parameters and faults are those of `read_table`. A number that ``float`` makes of its text is exact; `read_table`
+    may give the neighbouring one.
+    """
+    try:
+        with Path(path).open(encoding="utf-8", newline="") as lines:
+            rows = csv.DictReader(lines)
+            header = rows.fieldnames or []
+            content = list(rows)
+    except (*UNREADABLE, csv.Error) as error:
+        raise InputError(path, "table", str(error), what) from error
+    check_columns(path, header, columns)
+    return content
+
+
+def read_json(
+    path: Path_,
+    keys: Iterable[str] | Mapping[str, type | tuple[type, ...]] = (),
+    what: str = "a JSON file",
+) -> dict[str, Any]:
+    """Read a JSON file that holds a mapping.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    keys : iterable of str, or mapping from str to types
+        Keys that it must have, or the types that their values must have; it may have more.
+    what : str
+        What the file should be, for the error.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, holds no mapping, or a key is missing or of another type.
+    """
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+    except UNREADABLE as error:
+        raise InputError(path, "content", str(error), what) from error
+    if not isinstance(content, dict):
+        raise InputError(path, "content", content, what)
+    for key in keys:
+        kinds = keys[key] if isinstance(keys, Mapping) else object
+        if key not in content or not isinstance(content[key], kinds):
+            named = [KINDS.get(kind) for kind in (kinds if isinstance(kinds, tuple) else (kinds,))]
+            kind = f"{' or '.join(filter(None, named))} in " if any(named) else "a key of "
+            raise InputError(path, key, content.get(key), f"{kind}{what}")
+    return content
+
+
+def read_npz(path: Path_, keys: Iterable[str] = (), what: str = "an .npz file") -> dict[str, "np.ndarray"]:
+    """Read the arrays of an .npz file.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    keys : iterable of str
+        Arrays that it must have; it may have more.
+    what : str
+        What the file should be, for the error.
+
+    Returns
+    -------
+    dict
+        All arrays by name.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or an array is missing.
+    """
+    import numpy as np
+
+    try:
+        with np.load(path, allow_pickle=False) as store:
+            arrays = {name: store[name] for name in store.files}
+    except (*UNREADABLE, TypeError) as error:  # TypeError: a plain .npy array, which cannot be closed
+        raise InputError(path, "arrays", str(error), what) from error
+    for key in keys:
+        if key not in arrays:
+            raise InputError(path, key, None, f"an array in {what}")
+    return arrays
+
+
+def check_columns(path: object, table: Iterable[str], columns: Iterable[str]) -> None:
+    """Raise InputError unless a table, or the list of its columns, has all these columns."""
+    columns = tuple(columns)
+    for column in columns:
+        if column not in table:
+            raise InputError(path, column, None, f"columns {', '.join(columns)}")
+
+
+def _plain(value: Any) -> Any:
+    """A number or array of numpy as Python's own."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(f"{type(value).__name__} cannot be written as JSON")

@@ -1,27 +1,49 @@
 """Published tables that results are set beside."""
 
-import csv
+import os
+from collections.abc import Iterable
 from pathlib import Path
 
-from repose.core.errors import InputError
+from repose.core.files import read_rows
 from repose.core.parameters import PARAMETERS
+from repose.core.responses import Response
 
-TABLE4_COLUMNS = (
-    "solution",
-    *PARAMETERS,
-    "aor_predicted_deg",
-    "height_predicted_mm",
-    "aor_simulated_deg",
-    "height_simulated_mm",
-)
+INSTALLED = Path(__file__).parents[1] / "resources" / "published"
+CHECKOUT = Path(__file__).parents[3] / "resources" / "published"
 
 
-def published_count(path):
-    """Number of solutions in a published table; InputError unless the table has its columns."""
-    with Path(path).open(encoding="utf-8", newline="") as lines:
-        rows = csv.DictReader(lines)
-        columns = rows.fieldnames or []
-        for column in TABLE4_COLUMNS:
-            if column not in columns:
-                raise InputError(path, "header", ",".join(columns), f"columns {', '.join(TABLE4_COLUMNS)}")
-        return len(list(rows))
+def folder() -> Path:
+    """Folder of the published tables: inside the installed package, or else of the checkout that it runs from."""
+    return INSTALLED if INSTALLED.is_dir() else CHECKOUT
+
+
+def published_count(path: str | os.PathLike | None, responses: Iterable[Response]) -> int:
+    """Number of published solutions that a study can be set beside.
+
+    Parameters
+    ----------
+    path : path or None
+        The published table of solutions, if there is one.
+    responses : iterable of Response
+        Those that the study is calibrated to.
+
+    Returns
+    -------
+    int
+        Number of solutions; 0 where the table has none of the responses.
+
+    Raises
+    ------
+    InputError
+        If the table cannot be read, or has no columns of the solutions' names and parameters.
+    """
+    if path is None:
+        return 0
+    rows = read_rows(path, ("solution", *PARAMETERS))
+    return len(rows) if rows and published_responses(rows[0], responses) else 0
+
+
+def published_responses(columns: Iterable[str], responses: Iterable[Response]) -> tuple[Response, ...]:
+    """The responses whose predicted and simulated values are among the columns of a published table."""
+    columns = set(columns)
+    return tuple(one for one in responses if {one.predicted, one.simulated} <= columns)

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from repose.core.errors import InputError, NoFlankError
-from repose.core.readers import read_table
+from repose.core.files import read_table
 from repose.measure import pile, saved_pours
 from repose.measure.angles import MEAN_KEYS, outermost_crossing
 from repose.surrogate.bayesian_bp import RESPONSES

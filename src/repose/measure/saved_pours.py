@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from repose.chain.dataset import STATUSES, summarise_runs
 from repose.core.errors import InputError, NoFlankError
 from repose.core.files import write_json
+from repose.core.runs import STATUSES, summarise_runs
 from repose.measure import pile
-from repose.measure.angles import RESPONSES
+from repose.measure.angles import RECORDED, RESPONSES
 from repose.measure.silhouette import silhouette
 
 POURS = ".pours.json"  # behind the stem of a job's files
@@ -34,7 +34,7 @@ def measure_job(config, pours_json, particle, berry, out_dir=None):
             measure_pour(record, pour_arrays(arrays, record["seed"], path), particle, settings)
             for record in pours
         ]
-    result = job | {"summary": summarise_runs(runs), "runs": runs}
+    result = job | {"summary": summarise_runs(runs, RECORDED), "runs": runs}
     out = path.parent if out_dir is None else Path(out_dir)
     write_json(out / f"{name}.json", result)
     return result

@@ -31,8 +31,8 @@ from pathlib import Path
 import numpy as np
 
 from repose.core.errors import InputError
+from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS
-from repose.core.readers import read_table
 from repose.surrogate.bayesian_bp import load, response_function
 
 FEWEST_ROWS = 10  # of feasible.csv, so that validation always has points to choose from

@@ -1,128 +1,21 @@
 """Noise floor: how far the pours of one sample scatter, how far samples differ, what seeds buy.
 
-A response of pour j of sample i is y_ij = mu + a_i + e_ij, with variance tau^2 between samples and sigma^2 within
-one. Both come from the unbalanced one-way analysis of variance, since a pour that failed leaves a sample with
-fewer values than others.
-
-Sources
-  (SCM92)  Searle, Casella & McCulloch 1992, Variance Components, section 3.6: unbalanced data
-  (TH78)   Thomas & Hultquist 1978, Annals of Statistics 6, 582: interval from unweighted means
+The statistics are in `repose.core.variance`.
 """
 
 import json
 import math
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
 
 from repose.core.errors import InputError
-from repose.core.readers import read_table
+from repose.core.files import read_table
+from repose.core.variance import CONFIDENCE, residual_correlation, variance_components
 from repose.surrogate.bayesian_bp import RESPONSES
 
 MOST_SEEDS = 64
-CONFIDENCE = 0.95
 WANTED_PERCENT = (0.5, 1.0, 2.0)  # standard errors, in percent of the target
-
-
-class Components(NamedTuple):
-    """Variance of one response; variances in its unit squared, intervals at CONFIDENCE."""
-
-    groups: int
-    values: int
-    mean: float
-    within: float
-    within_low: float
-    within_high: float
-    between: float
-    icc: float
-    icc_low: float
-    icc_high: float
-    harmonic_seeds: float
-
-    def reachable_r2(self, seeds):
-        """R2 that the true means reach on means of this many seeds, tau^2 / (tau^2 + sigma^2 / seeds)."""
-        total = self.between + self.within / np.asarray(seeds)
-        return np.where(total > 0, self.between / np.where(total > 0, total, 1.0), 0.0)
-
-    def standard_error(self, seeds):
-        """Of a sample's mean over this many seeds, in the response's unit."""
-        return np.sqrt(self.within / np.asarray(seeds))
-
-    def seeds_for(self, standard_error):
-        """Fewest seeds with which the standard error of a sample's mean is at most this one."""
-        if not standard_error > 0:
-            raise ValueError(f"standard_error is {standard_error!r}; allowed: above 0")
-        return max(1, math.ceil(self.within / standard_error**2 * (1 - 1e-12)))
-
-
-def variance_components(values, groups):
-    """Components of values (n,) whose samples are named by groups (n,).
-
-    between is (MSB - MSW) / n0 (SCM92), 0 where that is negative. The interval of sigma^2 is that of
-    chi^2, the intraclass correlation's that of (TH78): F = h S^2 / MSW with S^2 the variance of the groups' means and h
-    the harmonic mean of their sizes, exact when all have the same size. Raises ValueError for other shapes, values
-    that are not finite, fewer than two groups, or no group with two values.
-    """
-    values, groups = np.asarray(values, dtype=float), np.asarray(groups)
-    if values.ndim != 1 or values.shape != groups.shape:
-        raise ValueError(f"values has shape {values.shape}, groups {groups.shape}; allowed: (n,) both")
-    if not np.isfinite(values).all():
-        raise ValueError("values must be finite")
-    number, size, mean = _groups(values, groups)
-    k, n = len(size), len(values)
-    if k < 2 or n == k:
-        raise ValueError(
-            f"{n} values in {k} groups; allowed: at least two groups, one of them with two values"
-        )
-    residuals = values - mean[number]
-    within = float(residuals @ residuals / (n - k))  # MSW
-    between_square = float(size @ (mean - values.mean()) ** 2 / (k - 1))  # MSB
-    n0 = (n - (size**2).sum() / n) / (k - 1)  # (SCM92)
-    between = max(0.0, (between_square - within) / n0)
-
-    tail = (1 - CONFIDENCE) / 2
-    h = k / (1 / size).sum()
-    spread = h * mean.var(ddof=1)
-    # theta = tau^2 / sigma^2 between (F / F_upper - 1) / h and (F / F_lower - 1) / h  (TH78)
-    ends = [_share((_ratio(spread, within * stats.f.ppf(q, k - 1, n - k)) - 1) / h) for q in (1 - tail, tail)]
-    sigma = [within * (n - k) / stats.chi2.ppf(q, n - k) for q in (1 - tail, tail)]
-    total = between + within
-    icc = between / total if total > 0 else 0.0
-    return Components(k, n, float(values.mean()), within, *map(float, sigma), between, icc, *ends, float(h))
-
-
-def within_covariance(values, groups):
-    """Covariance (k, k) of responses (n, k) about the means of their groups (n,), and its degrees of freedom.
-
-    Zeros where no group has two values.
-    """
-    values = np.asarray(values, dtype=float)
-    residuals = np.empty_like(values)
-    for k, column in enumerate(values.T):
-        number, size, mean = _groups(column, groups)
-        residuals[:, k] = column - mean[number]
-    freedom = len(values) - len(size)
-    return residuals.T @ residuals / max(freedom, 1), freedom
-
-
-def residual_correlation(first, second, groups):
-    """Correlation of two responses (n,) within samples, its interval, and its degrees of freedom n - k.
-
-    Products of the deviations from the samples' means; the interval by Fisher's transformation. Raises ValueError
-    with fewer than four degrees of freedom or a response that does not vary within samples.
-    """
-    covariance, freedom = within_covariance(np.column_stack([first, second]), groups)
-    if freedom < 4:
-        raise ValueError(f"{freedom} degrees of freedom within samples; allowed: at least 4")
-    if not (np.diagonal(covariance) > 0).all():
-        raise ValueError("a response does not vary within samples; allowed: one that does")
-    correlation = float(covariance[0, 1] / math.sqrt(covariance[0, 0] * covariance[1, 1]))
-    # variance 1 / (n - 3) for n - 1 degrees of freedom
-    half = stats.norm.ppf(0.5 + CONFIDENCE / 2) / math.sqrt(freedom - 2)
-    centre = math.atanh(min(max(correlation, -1 + 1e-12), 1 - 1e-12))
-    return correlation, math.tanh(centre - half), math.tanh(centre + half), freedom
 
 
 def read_runs(runs_csv):
@@ -210,19 +103,3 @@ def _row(name, one, ok, failed, target):
         "r2_sample_means": float(one.reachable_r2(one.harmonic_seeds)),
     }
     return row | {f"seeds_for_{p:g}_percent": one.seeds_for(p / 100 * target) for p in WANTED_PERCENT}
-
-
-def _groups(values, groups):
-    """Group number of each value (n,), and size and mean of each group (k,)."""
-    _, number = np.unique(groups, return_inverse=True)
-    size = np.bincount(number).astype(float)
-    return number, size, np.bincount(number, weights=values) / size
-
-
-def _ratio(a, b):
-    return a / b if b > 0 else math.inf
-
-
-def _share(theta):
-    """Intraclass correlation of theta = tau^2 / sigma^2, from 0 to 1."""
-    return 1.0 if theta == math.inf else float(max(0.0, theta) / (1 + max(0.0, theta)))

@@ -24,8 +24,9 @@ import numpy as np
 from scipy import stats
 
 from repose.chain import train
+from repose.core import variance
+from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS
-from repose.core.readers import read_table
 from repose.studies import noise
 from repose.surrogate.bayesian_bp import RESPONSES
 from repose.surrogate.support import Support
@@ -156,7 +157,7 @@ def run(files, ranges, target, settings, out_dir):
     feasible = read_table(files["feasible"], PARAMETERS)
     published = read_table(files["table3"], ("parameter", "low", "high")).set_index("parameter")
     _, ok = noise.read_runs(files["runs"])
-    correlation = noise.residual_correlation(*(ok[name] for name in RESPONSES), ok["sample"])
+    correlation = variance.residual_correlation(*(ok[name] for name in RESPONSES), ok["sample"])
     mean, covariance = observation(target, correlation[0], settings["discrepancy_percent"])
     low, high = np.array([ranges[name] for name in PARAMETERS], dtype=float).T
 

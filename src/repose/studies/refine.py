@@ -15,13 +15,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.chain.dataset import read_samples, summarise_runs
+from repose.chain.dataset import read_samples
 from repose.core.errors import InputError
-from repose.core.files import write_json, write_table
+from repose.core.files import read_table, write_json, write_table
 from repose.core.parameters import PARAMETERS
-from repose.core.readers import read_table
+from repose.core.runs import summarise_runs
 from repose.core.seeds import PURPOSES
 from repose.core.targets import section_of
+from repose.measure.angles import RECORDED
 from repose.search import miga
 from repose.surrogate.bayesian_bp import RESPONSES, evaluate, load
 
@@ -139,7 +140,7 @@ def judge(proposal, runs, target, section, round_):
     """
     rows = proposal[proposal["role"] == PROPOSAL]
     own = runs[runs["sample"].isin(rows["sample"])].astype(object)
-    summary = summarise_runs(own.where(own.notna(), None).to_dict("records"))
+    summary = summarise_runs(own.where(own.notna(), None).to_dict("records"), RECORDED)
     row = {"round": round_, **{name: float(rows[name].iloc[0]) for name in PARAMETERS}}
     row |= {"poured": len(own), "n_seeds": summary["n_seeds"]}
     for name, unit, _ in NAMES:

@@ -32,11 +32,11 @@ import numpy as np
 from scipy import stats
 
 from repose.chain.train import r2_noise_corrected
+from repose.core import variance
 from repose.core.errors import InputError
+from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS
-from repose.core.readers import read_table
 from repose.measure import further_responses
-from repose.studies import noise
 from repose.surrogate.bayesian_bp import RESPONSES, PlainBayesianBP, r2, weights_from_errors
 
 BASE = RESPONSES
@@ -69,7 +69,7 @@ def over_design(values, groups, samples):
     """
     good = np.isfinite(values)
     values, groups = values[good], groups[good]
-    found = noise.variance_components(values, groups)
+    found = variance.variance_components(values, groups)
     mean, error, count = _means(values, groups, samples, found.within)
     signal = math.sqrt(found.between / found.within) if found.within > 0 else math.inf
     row = {

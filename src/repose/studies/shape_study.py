@@ -18,8 +18,8 @@ import pandas as pd
 
 from repose.config import checks
 from repose.core.errors import InputError
+from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS
-from repose.core.readers import read_table
 from repose.core.seeds import pour_seeds
 from repose.core.targets import section_of
 from repose.measure.angles import DEFINITIONS, MEAN_KEYS

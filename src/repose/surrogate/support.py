@@ -9,8 +9,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from repose.core.errors import InputError
+from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS
-from repose.core.readers import read_table
 
 BOUND_SHARE = 0.01
 DISTANCE_QUANTILE = 0.95

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from repose.core.readers import read_table
+from repose.core.files import read_table
 
 from . import style
 

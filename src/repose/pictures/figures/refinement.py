@@ -5,7 +5,7 @@ import textwrap
 
 import numpy as np
 
-from repose.core.readers import read_table
+from repose.core.files import read_table
 
 from . import style
 

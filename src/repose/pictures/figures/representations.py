@@ -5,7 +5,7 @@ import pandas as pd
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from repose.core.readers import read_table
+from repose.core.files import read_table
 from repose.core.targets import section_of
 from repose.measure.angles import DEFINITIONS
 

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from repose.core.errors import InputError
+from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS
-from repose.core.readers import read_table
-from repose.studies.noise import within_covariance
+from repose.core.variance import within_covariance
 from repose.surrogate.bayesian_bp import RESPONSES
 
 

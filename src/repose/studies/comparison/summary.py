@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from repose.core.readers import read_table
+from repose.core.files import read_table
 
 COLUMNS = (
     "part",

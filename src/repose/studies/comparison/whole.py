@@ -28,11 +28,11 @@ from scipy import optimize, stats
 
 from repose.chain import train
 from repose.chain.train import r2_noise_corrected
+from repose.core import variance
 from repose.core.errors import InputError
+from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS
-from repose.core.readers import read_table
 from repose.search import miga
-from repose.studies import noise
 from repose.studies.comparison import scores
 from repose.surrogate.bayesian_bp import RESPONSES, PlainBayesianBP, evaluate, load, r2, response_function
 from repose.surrogate.support import quadratic_terms
@@ -75,8 +75,10 @@ class Study:
         self.unit, self.means, self.runs = np.concatenate(unit), np.concatenate(means), singles
         values = np.concatenate(singles)
         try:
-            parts = [noise.variance_components(values[:, k], np.array(number)) for k in range(len(RESPONSES))]
-            correlation = noise.residual_correlation(*values.T, np.array(number))[0]
+            parts = [
+                variance.variance_components(values[:, k], np.array(number)) for k in range(len(RESPONSES))
+            ]
+            correlation = variance.residual_correlation(*values.T, np.array(number))[0]
         except ValueError as error:
             raise InputError(runs[0], "runs", str(error), "two or more of most samples") from None
         scatter = np.sqrt([part.within for part in parts])

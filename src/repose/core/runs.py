@@ -1,0 +1,115 @@
+"""Runs of one parameter set: what they can end in, and the mean with its error that they give."""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+# How a run ends. Only `ok` runs have responses.
+STATUSES = ("ok", "jammed", "not_at_rest", "no_flank", "left_plate", "unstable")
+
+
+def error_of(column: str) -> str:
+    """Column of a quantity's standard error: ``se`` before the unit, as in ``aor_se_deg``."""
+    quantity, unit = column.rsplit("_", 1)
+    return f"{quantity}_se_{unit}"
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """What the runs of a bench test record.
+
+    Attributes
+    ----------
+    means : tuple of str
+        Columns that are averaged over a sample's runs.
+    without_error : tuple of str
+        Those of them that get no standard error.
+    single : tuple of str
+        Columns of the table of single runs.
+    """
+
+    means: tuple[str, ...]
+    without_error: tuple[str, ...] = ()
+    single: tuple[str, ...] = ()
+
+    def beginning_with(self, targets: Sequence[str]) -> "Recorded":
+        """The same with these columns in front, each with its standard error."""
+        return Recorded(
+            tuple(dict.fromkeys((*targets, *self.means))),
+            tuple(one for one in self.without_error if one not in targets),
+            tuple(dict.fromkeys((*targets, *self.single))),
+        )
+
+    @property
+    def summary(self) -> tuple[str, ...]:
+        """Keys of a summary of runs, in its order; see `summarise_runs`."""
+        pairs = ((one,) if one in self.without_error else (one, error_of(one)) for one in self.means)
+        return ("status", "reason", "n_seeds", *(column for pair in pairs for column in pair))
+
+
+def summarise_runs(runs: Sequence[Mapping[str, Any]], recorded: Recorded) -> dict[str, Any]:
+    """One sample out of its runs.
+
+    Parameters
+    ----------
+    runs : sequence of mappings
+        Records of the runs: ``status``, ``reason`` and the numbers.
+    recorded : Recorded
+        Which numbers are averaged.
+
+    Returns
+    -------
+    dict
+        ``status``, ``reason``, ``n_seeds`` (number of ok runs), then each number's mean and standard error.
+
+    Raises
+    ------
+    ValueError
+        Without any run.
+
+    Notes
+    -----
+    A sample is ok when at least half of its runs, and at least one, are ok. Otherwise its status is the commonest
+    status of the other runs (the first met, of equals), and its numbers are None. Means are over the ok runs. The
+    standard error is sd / sqrt(n), with n - 1 degrees of freedom; it is None for a single run. A number that some ok
+    runs do not have is averaged over the others. The reason tells how many runs failed and why, also of an ok sample.
+    """
+    if not runs:
+        raise ValueError("runs is empty; allowed: at least one run")
+    ok = [run for run in runs if run["status"] == "ok"]
+    failed = [run for run in runs if run["status"] != "ok"]
+    usable = len(ok) > 0 and 2 * len(ok) >= len(runs)
+    statuses = Counter(run["status"] for run in failed)
+    summary: dict[str, Any] = dict.fromkeys(recorded.summary)
+    summary["status"] = "ok" if usable else statuses.most_common(1)[0][0]
+    summary["reason"] = reason(failed, len(runs))
+    summary["n_seeds"] = len(ok)
+    if usable:
+        for column in recorded.means:
+            mean, error = mean_and_error([run[column] for run in ok if run.get(column) is not None])
+            summary[column] = mean
+            if column not in recorded.without_error:
+                summary[error_of(column)] = error
+    return summary
+
+
+def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]:
+    """Mean and its standard error; None without values, and for the error of a single one."""
+    numbers = np.array(values, dtype=float)
+    if len(numbers) == 0:
+        return None, None
+    error = float(numbers.std(ddof=1) / math.sqrt(len(numbers))) if len(numbers) > 1 else None
+    return float(numbers.mean()), error
+
+
+def reason(failed: Sequence[Mapping[str, Any]], total: int) -> str:
+    """Which runs failed, as in ``2 of 8 runs jammed (no discharge for 3 s)``; empty when none failed."""
+    parts = []
+    for status, count in Counter(run["status"] for run in failed).most_common():
+        why = dict.fromkeys(run["reason"] for run in failed if run["status"] == status and run.get("reason"))
+        parts.append(f"{count} of {total} runs {status}" + (f" ({'; '.join(why)})" if why else ""))
+    return "; ".join(parts)
