@@ -20,9 +20,7 @@ def checked_config(workflow, default):
     """The configuration after every check, or one message and no work."""
     given = [as_typed(path) for path in workflow.overwrite_configfiles]
     try:
-        config = loader.resolve([default, *given], workflow.config_settings.config)
-        shape_study.check(config)
-        return config
+        return loader.resolve([default, *given], workflow.config_settings.config)
     except InputError as error:
         sys.exit(f"repose: error: {error}")
 

@@ -1,7 +1,12 @@
 # Numbers in solutions.csv: ours from 1, the representative first; the published ones from 101.
 OURS = [f"{number:03d}" for number in range(1, config["validation"]["solutions"] + 2)]
 THEIRS = [
-    f"{101 + k}" for k in range(published_count(config["validation"]["published"], Targets.of(config["targets"]).responses))
+    f"{101 + k}"
+    for k in range(
+        published_count(
+            config["validation"]["published"], Targets.of(config["targets"]).responses
+        )
+    )
 ]
 
 

@@ -3,6 +3,15 @@
 CELLS = shape_study.cells(config)
 
 
+def cells_of_the_study(wildcards):
+    """Runs of every cell; the study's own keys are checked here, when someone asks for the study."""
+    try:
+        shape_study.check(config)
+    except InputError as error:
+        sys.exit(f"repose: error: {error}")
+    return expand(rules.shape_cell.output.runs, cell=CELLS)
+
+
 rule shape_cell:
     input:
         samples=rules.design.output.samples,
@@ -34,7 +43,7 @@ rule shape_cell:
 
 rule shape_tables:
     input:
-        cells=expand(rules.shape_cell.output.runs, cell=CELLS),
+        cells=cells_of_the_study,
         particles=expand(rules.shape_cell.output.particle, cell=CELLS),
     output:
         sets=f"{RESULTS}/shape/sets.csv",
