@@ -198,7 +198,7 @@ def test_restored_network_has_the_error_bars_it_was_trained_with(study):
     precision = train.weights_from_errors(errors)[rows].mean(axis=1)
     trained = train.PlainBayesianBP(hidden=3, epochs=200, goal=0.0, starts=3, seed=1, prior="inputs")
     trained.fit(X[rows], Y[rows], precision=precision, noise_covariance=covariance)
-    again = train.restore(*(study[key] for key in ("network", "metrics", "predictions", "dataset")))
+    again = train.restore(*(study[key] for key in ("network", "predictions", "dataset")))
     for noise in (True, False):
         expected, found = (model.predict(X, return_std=True, noise=noise) for model in (trained, again))
         assert found[0] == pytest.approx(expected[0], rel=1e-9)
@@ -215,7 +215,4 @@ def test_files_of_different_trainings_are_refused(study, tmp_path):
     with pytest.raises(
         InputError, match=r"predictions.csv: predictions is 'others'; allowed: those of .*other.json"
     ):
-        train.restore(tmp_path / "other.json", study["metrics"], study["predictions"], study["dataset"])
-    (tmp_path / "metrics.json").write_text("{}")
-    with pytest.raises(InputError, match=r"metrics\.json"):
-        train.restore(study["network"], tmp_path / "metrics.json", study["predictions"], study["dataset"])
+        train.restore(tmp_path / "other.json", study["predictions"], study["dataset"])

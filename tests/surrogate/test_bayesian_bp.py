@@ -9,8 +9,11 @@ import pytest
 from repose.chain import train
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
-from repose.surrogate import bayesian_bp
-from repose.surrogate.bayesian_bp import BayesianBP, PlainBayesianBP
+from repose.surrogate import bayesian_bp, evidence, levenberg_marquardt, load, two_layer
+from repose.surrogate.accuracy import r2
+from repose.surrogate.bayesian_bp import BayesianBP
+from repose.surrogate.samples import weights_from_errors
+from repose.surrogate.sklearn_estimator import BayesianBPRegressor
 
 SETTINGS = {"hidden": 6, "epochs": 200, "goal": 1e-4, "starts": 3, "seed": 2026, "split": [0.7, 0.15, 0.15]}
 
@@ -39,12 +42,12 @@ def fitted():
 def test_jacobian_is_the_derivative_by_finite_differences():
     random = np.random.RandomState(1)
     x, w = random.uniform(0.1, 0.9, (7, 3)), random.normal(size=4 * 3 + 4 + 2 * 4 + 2)
-    _, J = bayesian_bp.jacobian(w, x, 2)
+    _, J = two_layer.jacobian(w, x, 2)
     step = 1e-6
     for k in range(w.size):
         shift = np.zeros(w.size)
         shift[k] = step
-        difference = (bayesian_bp.jacobian(w + shift, x, 2)[0] - bayesian_bp.jacobian(w - shift, x, 2)[0]) / (
+        difference = (two_layer.jacobian(w + shift, x, 2)[0] - two_layer.jacobian(w - shift, x, 2)[0]) / (
             2 * step
         )
         np.testing.assert_allclose(J[:, :, k], difference, atol=1e-8)
@@ -64,7 +67,7 @@ def test_forward_pass_is_eq_6_to_8_written_as_loops(fitted):
 
 
 def test_start_has_slopes_of_nguyen_and_widrow_and_kinks_inside_the_interval():
-    W1, b1, W2, b2 = bayesian_bp.unpack(bayesian_bp.nguyen_widrow(6, 12, 2, (0.1, 0.9), 3), 6, 12, 2)
+    W1, b1, W2, b2 = two_layer.unpack(two_layer.nguyen_widrow(6, 12, 2, (0.1, 0.9), 3), 6, 12, 2)
     length = 0.7 * 12 ** (1 / 6)
     np.testing.assert_allclose(np.linalg.norm(W1, axis=1) * 0.4, length)
     assert (np.abs(W1 @ np.full(6, 0.5) + b1) <= length).all()  # at the inputs' middle
@@ -87,7 +90,7 @@ def test_hyperparameters_are_at_their_fixed_point(fitted):
     w = np.concatenate([model.W1_.ravel(), model.b1_, model.W2_.ravel(), model.b2_])
     x = 0.1 + 0.8 * (X - model.input_min_) / (model.input_max_ - model.input_min_)
     t = 0.1 + 0.8 * (Y - model.output_min_) / (model.output_max_ - model.output_min_)
-    y, J = bayesian_bp.jacobian(w, x, 2)
+    y, J = two_layer.jacobian(w, x, 2)
     J = J.reshape(-1, w.size)
     Ed, Ew = np.sum((y - t) ** 2), w @ w
     eigenvalues = np.linalg.eigvalsh(2 * model.beta_ * J.T @ J)
@@ -106,12 +109,12 @@ def test_evidence_is_exact_for_a_linear_model():
     e = J @ w - t
     C = np.eye(8) / (2 * beta) + J @ J.T / (2 * alpha)
     exact = -0.5 * t @ np.linalg.solve(C, t) - 0.5 * np.linalg.slogdet(2 * np.pi * C)[1]
-    assert bayesian_bp.log_evidence(alpha, beta, e @ e, w @ w, J.T @ J, 8) == pytest.approx(exact, rel=1e-12)
+    assert evidence.log_evidence(alpha, beta, e @ e, w @ w, J.T @ J, 8) == pytest.approx(exact, rel=1e-12)
 
 
 def test_the_best_start_by_evidence_is_chosen_and_bad_starts_are_not(monkeypatch):
     """From weights of zero no gradient reaches the hidden layer: such a start must lose."""
-    honest = bayesian_bp.nguyen_widrow
+    honest = two_layer.nguyen_widrow
 
     def dead(inputs, hidden, outputs, interval, seed):
         w = honest(inputs, hidden, outputs, interval, seed)
@@ -127,8 +130,8 @@ def test_the_best_start_by_evidence_is_chosen_and_bad_starts_are_not(monkeypatch
 
 
 def test_evidence_of_no_number_is_minus_infinity():
-    assert bayesian_bp.log_evidence(0.0, 1.0, 1.0, 1.0, np.eye(2), 3) == -np.inf
-    assert bayesian_bp.log_evidence(1.0, np.nan, 1.0, 1.0, np.eye(2), 3) == -np.inf
+    assert evidence.log_evidence(0.0, 1.0, 1.0, 1.0, np.eye(2), 3) == -np.inf
+    assert evidence.log_evidence(1.0, np.nan, 1.0, 1.0, np.eye(2), 3) == -np.inf
 
 
 def test_stops_for_the_reason_it_says():
@@ -157,7 +160,7 @@ def test_one_output_is_returned_as_one_dimension():
     X, Y = noisy_data(40, 6)
     model = BayesianBP(starts=1, hidden=4, epochs=50).fit(X, Y[:, 0])
     assert model.predict(X).shape == (40,)
-    assert model.score(X, Y[:, 0]) == pytest.approx(bayesian_bp.r2(Y[:, 0], model.predict(X)))
+    assert model.score(X, Y[:, 0]) == pytest.approx(r2(Y[:, 0], model.predict(X)))
 
 
 def test_weights_draw_the_fit_to_the_exact_samples():
@@ -199,7 +202,7 @@ def test_of_precisions_only_ratios_matter():
 
 
 def test_weights_from_errors_by_hand():
-    weight = bayesian_bp.weights_from_errors(np.array([[1.0], [1.0], [3.0], [np.nan]]))
+    weight = weights_from_errors(np.array([[1.0], [1.0], [3.0], [np.nan]]))
     # median of 1, 1, 9, 9 is 5: variances 6, 6, 14, 14
     expected = np.array([1 / 6, 1 / 6, 1 / 14, 1 / 14])
     np.testing.assert_allclose(weight[:, 0], expected / expected.mean())
@@ -219,7 +222,7 @@ def test_weights_from_errors_by_hand():
 )
 def test_bad_data_is_refused(X, y, weights, fault):
     with pytest.raises(ValueError, match=fault):
-        PlainBayesianBP().fit(X, y, **weights)
+        BayesianBP().fit(X, y, **weights)
 
 
 @pytest.mark.parametrize(
@@ -235,14 +238,14 @@ def test_bad_data_is_refused(X, y, weights, fault):
 )
 def test_bad_settings_are_named(setting, value, allowed):
     with pytest.raises(ValueError, match=rf"{setting} is .*allowed: {allowed}"):
-        PlainBayesianBP(**{setting: value}).fit(np.eye(3), np.ones(3))
+        BayesianBP(**{setting: value}).fit(np.eye(3), np.ones(3))
 
 
 def test_predict_refuses_other_inputs_and_an_unfitted_network(fitted):
     with pytest.raises(ValueError, match=r"shape \(4, 5\); allowed: \(samples, 6\)"):
-        PlainBayesianBP.predict(fitted[0], np.ones((4, 5)))
+        BayesianBP.predict(fitted[0], np.ones((4, 5)))
     with pytest.raises(ValueError, match="before fit"):
-        PlainBayesianBP().predict(np.ones((4, 5)))
+        BayesianBP().predict(np.ones((4, 5)))
 
 
 def linear_features(x):
@@ -254,17 +257,20 @@ def linear_features(x):
 @pytest.fixture
 def linear(monkeypatch):
     """The training and error bars of this file on a model that is linear in its weights, fitted."""
+    for module in (levenberg_marquardt, bayesian_bp):
+        monkeypatch.setattr(
+            module, "jacobian", lambda w, x, outputs: ((p := linear_features(x)) @ w[:, None], p[:, None, :])
+        )
     monkeypatch.setattr(
-        bayesian_bp, "jacobian", lambda w, x, outputs: ((p := linear_features(x)) @ w[:, None], p[:, None, :])
-    )
-    monkeypatch.setattr(
-        bayesian_bp, "_residuals", lambda w, x, t, root: (linear_features(x) @ w - t[:, 0]) * root[:, 0]
+        levenberg_marquardt,
+        "residuals",
+        lambda w, x, t, root: (linear_features(x) @ w - t[:, 0]) * root[:, 0],
     )
     random = np.random.RandomState(21)
     X = np.concatenate([[[0, 0], [1, 1]], random.uniform(0, 1, (50, 2))])
     y = linear_features(X) @ random.normal(size=9) + 0.3 * random.normal(size=52)
     y = (y - y.min()) / np.ptp(y)
-    model = PlainBayesianBP(hidden=2, starts=1, goal=0.0, scaled_range=(0, 1))
+    model = BayesianBP(hidden=2, starts=1, goal=0.0, scaled_range=(0, 1))
     return model.fit(X, y), X, y
 
 
@@ -308,8 +314,8 @@ def test_error_bars_of_the_mean_are_those_of_networks_drawn_from_the_posterior(n
     normal = np.random.RandomState(16).normal(size=(4000, w.size))
     stored, drawn = model.to_dict(), []
     for one in w + 0.01 * normal @ model.posterior_root_.T:
-        stored["W1"], stored["b1"], stored["W2"], stored["b2"] = bayesian_bp.unpack(one, 6, 4, 2)
-        drawn.append(bayesian_bp.evaluate(stored, fresh))
+        stored["W1"], stored["b1"], stored["W2"], stored["b2"] = two_layer.unpack(one, 6, 4, 2)
+        drawn.append(two_layer.evaluate(stored, fresh))
     ratio = np.std(drawn, axis=0) / (0.01 * std)
     assert ratio.mean() == pytest.approx(1.0, abs=0.03)
     assert np.abs(ratio - 1).max() < 0.1
@@ -330,11 +336,9 @@ def test_a_covariance_of_independent_outputs_of_one_variance_changes_nothing():
 def test_mixed_weights_are_the_network_with_mixed_outputs():
     random = np.random.RandomState(32)
     x, w, mixing = random.uniform(size=(9, 3)), random.normal(size=26), random.normal(size=(2, 2))
-    mixed = bayesian_bp.mix_outputs(w, mixing, 4)
-    np.testing.assert_allclose(
-        bayesian_bp.jacobian(mixed, x, 2)[0], bayesian_bp.jacobian(w, x, 2)[0] @ mixing
-    )
-    columns = bayesian_bp.mix_outputs(np.column_stack([w, 2 * w]), mixing, 4)
+    mixed = two_layer.mix_outputs(w, mixing, 4)
+    np.testing.assert_allclose(two_layer.jacobian(mixed, x, 2)[0], two_layer.jacobian(w, x, 2)[0] @ mixing)
+    columns = two_layer.mix_outputs(np.column_stack([w, 2 * w]), mixing, 4)
     np.testing.assert_allclose(columns, np.column_stack([mixed, 2 * mixed]))
 
 
@@ -350,7 +354,7 @@ def test_noise_that_the_outputs_share_is_learned_unless_the_covariance_is_told()
         Y = known_function(X) + random.normal(size=(95, 2)) @ root.T
         errors = []
         for covariance in (None, CORRELATED):
-            model = PlainBayesianBP(starts=1, goal=0, epochs=150, seed=seed)
+            model = BayesianBP(starts=1, goal=0, epochs=150, seed=seed)
             P = model.fit(X, Y, noise_covariance=covariance).predict(fresh)
             errors.append(np.mean(((P - known_function(fresh)) / (1.0, 2.0)) ** 2))
         gain.append(np.log(errors[0] / errors[1]))
@@ -393,10 +397,10 @@ def test_error_bars_hold_what_they_promise(fitted):
 def test_classes_of_weights_are_a_partition_and_those_of_the_inputs_their_columns():
     w = np.arange(3 * 4 + 4 + 2 * 5)
     for prior, count in (("one", 1), ("layers", 3), ("inputs", 5)):
-        classes = bayesian_bp.weight_classes(prior, 3, 4, 2)
+        classes = two_layer.weight_classes(prior, 3, 4, 2)
         assert len(classes) == count
         assert sorted(np.concatenate([w[c] for c in classes])) == list(w)
-    W1, b1, W2, b2 = bayesian_bp.unpack(w, 3, 4, 2)
+    W1, b1, W2, b2 = two_layer.unpack(w, 3, 4, 2)
     np.testing.assert_array_equal(classes[1], W1[:, 1])
     np.testing.assert_array_equal(classes[3], b1)
     np.testing.assert_array_equal(classes[4], np.concatenate([W2.ravel(), b2]))
@@ -418,7 +422,7 @@ def test_a_prior_for_each_input_fades_those_without_effect():
 def test_scikit_learn_finds_nothing_to_object_to():
     from sklearn.utils.estimator_checks import check_estimator
 
-    results = check_estimator(BayesianBP(hidden=3, starts=2, epochs=200), on_skip=None)
+    results = check_estimator(BayesianBPRegressor(hidden=3, starts=2, epochs=200), on_skip=None)
     assert len(results) > 50
     assert {row["check_name"] for row in results if row["status"] != "passed"} <= {"check_array_api_input"}
 
@@ -427,9 +431,7 @@ def test_scikit_learn_finds_nothing_to_object_to():
     "code",
     [
         "import repose.surrogate.bayesian_bp, sys; assert 'sklearn' not in sys.modules",
-        "import sys; sys.modules['sklearn'] = None;"
-        " from repose.surrogate.bayesian_bp import BayesianBP, PlainBayesianBP;"
-        " assert BayesianBP is PlainBayesianBP",
+        "import sys; sys.modules['sklearn'] = None; from repose.surrogate.bayesian_bp import BayesianBP",
     ],
     ids=["not imported", "not there"],
 )
@@ -440,21 +442,13 @@ def test_scikit_learn_is_asked_for_late_and_may_be_missing(code):
 def test_json_and_folded_function_are_the_same_network(fitted, tmp_path):
     model, X, _ = fitted
     model.save(tmp_path / "network.json")
-    loaded = bayesian_bp.load(tmp_path / "network.json")
-    np.testing.assert_allclose(bayesian_bp.evaluate(loaded, X), model.predict(X), rtol=1e-12)
+    loaded = load(tmp_path / "network.json")
+    np.testing.assert_allclose(loaded.predict(X), model.predict(X), rtol=1e-12)
     low, high = np.linspace(-2, 0, 6), np.linspace(1, 3, 6)
     points = np.random.RandomState(1).uniform(-1, 1, (50, 6))
     real = low + (points + 1) / 2 * (high - low)
-    folded = bayesian_bp.response_function(loaded, low, high)
+    folded = loaded.response_function(low, high)
     np.testing.assert_allclose(folded(points), model.predict(real), rtol=1e-10)
-
-
-def test_load_names_what_is_wrong(tmp_path):
-    with pytest.raises(InputError, match="missing"):
-        bayesian_bp.load(tmp_path / "missing.json")
-    (tmp_path / "short.json").write_text('{"W1": []}')
-    with pytest.raises(InputError, match="input_min"):
-        bayesian_bp.load(tmp_path / "short.json")
 
 
 @pytest.mark.parametrize(
@@ -473,10 +467,8 @@ def test_noise_correction_recovers_r2_on_the_noise_free_means():
     predicted = truth + random.normal(size=m) * 0.5
     errors = random.uniform(0.5, 1.5, m)
     y = truth + random.normal(size=m) * errors
-    assert train.r2_noise_corrected(y, predicted, errors) == pytest.approx(
-        bayesian_bp.r2(truth, predicted), abs=0.01
-    )
-    assert bayesian_bp.r2(y, predicted) < 0.8
+    assert train.r2_noise_corrected(y, predicted, errors) == pytest.approx(r2(truth, predicted), abs=0.01)
+    assert r2(y, predicted) < 0.8
     assert train.r2_noise_corrected(y, predicted, np.full(m, np.nan)) is None
     assert train.r2_noise_corrected(y, predicted, np.full(m, 10.0)) is None
 
@@ -525,12 +517,12 @@ def test_run_writes_what_it_returns(tmp_path):
     assert metrics["test"]["aor_deg"]["r2"] == pytest.approx(by_hand)
     runs = pd.read_csv(paths[1]).merge(test[["sample", "height_predicted_mm"]], on="sample")
     assert len(runs) == 4 * metrics["n_test"]
-    single = bayesian_bp.r2(runs["height_mm"].to_numpy(), runs["height_predicted_mm"].to_numpy())
+    single = r2(runs["height_mm"].to_numpy(), runs["height_predicted_mm"].to_numpy())
     assert metrics["r2_three_ways"]["height_mm"]["single_runs"] == pytest.approx(single)
     starts = pd.read_csv(tmp_path / "out/starts.csv")
     assert starts.loc[starts["chosen"], "log_evidence"].item() == starts["log_evidence"].max()
-    saved = bayesian_bp.load(tmp_path / "out/network.json")
-    assert saved["inputs"] == list(PARAMETERS)
+    saved = load(tmp_path / "out/network.json")
+    assert (saved.inputs, saved.outputs) == (PARAMETERS, ("aor_deg", "height_mm"))
 
 
 def test_run_with_one_seed_has_no_noise_correction_and_no_weights(tmp_path):

@@ -10,7 +10,8 @@ from repose.core.errors import InputError
 from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS
 from repose.core.variance import within_covariance
-from repose.surrogate.bayesian_bp import RESPONSES, PlainBayesianBP, load, r2, weights_from_errors
+from repose.surrogate import load
+from repose.surrogate.bayesian_bp import RESPONSES, PlainBayesianBP, r2, weights_from_errors
 
 SPLITS = ("train", "validation", "test")
 PREDICTED = ("aor_predicted_deg", "height_predicted_mm")
@@ -79,7 +80,7 @@ def run(dataset_csv, runs_csv, settings, out_dir):
 
     out = Path(out_dir)
     out.mkdir(parents=True, exist_ok=True)
-    network.save(out / "network.json")
+    network.describe(PARAMETERS, RESPONSES).save(out / "network.json")
     (out / "metrics.json").write_text(json.dumps(metrics, indent=1) + "\n")
     predictions = pd.DataFrame({"sample": usable["sample"], "split": ""})
     for name in SPLITS:
@@ -96,19 +97,13 @@ def run(dataset_csv, runs_csv, settings, out_dir):
     return metrics
 
 
-def restore(network_json, metrics_json, predictions_csv, dataset_csv):
+def restore(network_json, predictions_csv, dataset_csv):
     """The trained network with its error bars, from the files that `run` left and the dataset it read.
 
     Nothing is trained: the Hessian is that of the saved weights. Raises InputError for a bad file, and where the
     files are not of one training.
     """
-    network = load(network_json)
-    try:
-        metrics = json.loads(Path(metrics_json).read_text())
-        alpha, beta, prior = np.array(metrics["alpha"]), metrics["beta"], metrics["prior"]
-        weighted, covariance = metrics["weighted"], metrics["noise_covariance"]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(metrics_json, "metrics", str(error), "what the verb network wrote") from error
+    model = load(network_json, RESPONSES)
     predictions = read_table(predictions_csv, ("sample", "split", *PREDICTED))
     table = read_table(
         dataset_csv, ("sample", *PARAMETERS, "status", *RESPONSES, "aor_se_deg", "height_se_mm")
@@ -118,12 +113,7 @@ def restore(network_json, metrics_json, predictions_csv, dataset_csv):
     missing = sorted(set(trained["sample"]) - set(usable.index))
     if missing or trained.empty:
         raise InputError(predictions_csv, "samples", missing, f"usable samples of {dataset_csv}")
-    precision = None
-    if weighted:
-        errors = usable[["aor_se_deg", "height_se_mm"]].to_numpy(float)
-        precision = precisions(errors, covariance is not None)[usable.index.get_indexer(trained["sample"])]
     X = usable.loc[trained["sample"], list(PARAMETERS)].to_numpy(float)
-    model = PlainBayesianBP.restored(network, X, alpha, beta, precision, prior, covariance)
     if not np.allclose(model.predict(X), trained[list(PREDICTED)], rtol=1e-6):
         raise InputError(
             predictions_csv, "predictions", "others", f"those of {network_json} on {dataset_csv}"

@@ -6,10 +6,14 @@ from here by name, and works for any number of them.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from repose.core.errors import InputError
+
+Definitions = Mapping[str, Mapping[str, Any]]
+"""For each response the configuration keys, with their values, that define it."""
 
 
 @dataclass(frozen=True)
@@ -109,3 +113,23 @@ def responses_of(apparatus: str) -> tuple[Response, ...]:
 def names(responses: Iterable[Response]) -> tuple[str, ...]:
     """Their names."""
     return tuple(one.name for one in responses)
+
+
+def require_same_definitions(found: Definitions, path: object, wanted: Definitions, other: object) -> None:
+    """Refuse two files whose responses of one name are defined differently.
+
+    Parameters
+    ----------
+    found, wanted : mapping
+        Definitions in the two files. A response that is in only one of them is not compared.
+    path, other : path
+        The two files, named in the error.
+
+    Raises
+    ------
+    InputError
+        If a response has two definitions.
+    """
+    for name in found:
+        if name in wanted and found[name] != wanted[name]:
+            raise InputError(path, f"definition of {name}", found[name], f"{wanted[name]}, as in {other}")

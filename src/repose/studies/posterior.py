@@ -152,7 +152,7 @@ def run(files, ranges, target, settings, out_dir):
     """
     import pandas as pd
 
-    model = train.restore(*(files[key] for key in ("network", "metrics", "predictions", "dataset")))
+    model = train.restore(*(files[key] for key in ("network", "predictions", "dataset")))
     support = Support.of_dataset(files["dataset"], ranges)
     feasible = read_table(files["feasible"], PARAMETERS)
     published = read_table(files["table3"], ("parameter", "low", "high")).set_index("parameter")

@@ -1,1 +1,9 @@
-"""Models of the responses, and where their samples are thin."""
+"""Surrogates of the simulator, and where their samples are thin.
+
+Importing this package registers every surrogate (`repose.surrogate.base`).
+"""
+
+from repose.surrogate import bayesian_bp
+from repose.surrogate.base import Surrogate, load, make, names, register
+
+__all__ = ["Surrogate", "bayesian_bp", "load", "make", "names", "register"]

@@ -1,13 +1,13 @@
-"""The network as an estimator of scikit-learn: what `bayesian_bp.BayesianBP` is where that is installed."""
+"""The network as an estimator of scikit-learn, for pipelines and cross-validation."""
 
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from repose.surrogate.bayesian_bp import PlainBayesianBP
+from repose.surrogate.bayesian_bp import BayesianBP
 
 
-class BayesianBP(RegressorMixin, PlainBayesianBP, BaseEstimator):
-    __doc__ = PlainBayesianBP.__doc__
+class BayesianBPRegressor(RegressorMixin, BayesianBP, BaseEstimator):
+    __doc__ = BayesianBP.__doc__
 
     def fit(self, X, y, sample_weight=None, precision=None, noise_covariance=None):
         X, y = validate_data(self, X, y, dtype=float, multi_output=True, y_numeric=True, ensure_min_samples=2)
@@ -23,5 +23,5 @@ class BayesianBP(RegressorMixin, PlainBayesianBP, BaseEstimator):
         tags.target_tags.multi_output = True
         return tags
 
-    fit.__doc__ = PlainBayesianBP.fit.__doc__
-    predict.__doc__ = PlainBayesianBP.predict.__doc__
+    fit.__doc__ = BayesianBP.fit.__doc__
+    predict.__doc__ = BayesianBP.predict.__doc__

@@ -6,14 +6,9 @@ weights of its minimum are kept. It is what a network of the same shape does whe
 
 import numpy as np
 
-from repose.surrogate.bayesian_bp import (
-    PlainBayesianBP,
-    _linearise,
-    _residuals,
-    _scale,
-    nguyen_widrow,
-    unpack,
-)
+from repose.surrogate.bayesian_bp import BayesianBP
+from repose.surrogate.levenberg_marquardt import linearise, residuals
+from repose.surrogate.two_layer import nguyen_widrow, scale, unpack
 
 
 class EarlyStoppingBP:
@@ -31,11 +26,11 @@ class EarlyStoppingBP:
         """Train on X (samples, inputs) and Y (samples, outputs), four samples or more; return self."""
         if len(X) < 4:
             raise ValueError(f"{len(X)} samples; allowed: at least 4")
-        shape = self.network = PlainBayesianBP(hidden=self.hidden)
+        shape = self.network = BayesianBP(hidden=self.hidden)
         shape.input_min_, shape.input_max_ = X.min(axis=0), X.max(axis=0)
         shape.output_min_, shape.output_max_ = Y.min(axis=0), Y.max(axis=0)
-        x = _scale(X, shape.input_min_, shape.input_max_, shape.scaled_range)
-        t = _scale(Y, shape.output_min_, shape.output_max_, shape.scaled_range)
+        x = scale(X, shape.input_min_, shape.input_max_, shape.scaled_range)
+        t = scale(Y, shape.output_min_, shape.output_max_, shape.scaled_range)
         order = np.random.default_rng(self.seed).permutation(len(x))
         held, used = np.split(order, [max(1, round(self.held_back * len(x)))])
         ends = []
@@ -54,13 +49,13 @@ class EarlyStoppingBP:
     def _train(self, w, used, held, mu=0.005, mu_max=1e10):
         """One start: (weights of least held-back error, that error, epochs)."""
         one = np.ones((1, used[1].shape[1]))
-        e, J = _linearise(w, *used, one)
+        e, J = linearise(w, *used, one)
         square, best, best_error, waited, epoch = e @ e, w, _mean_square(w, held, one), 0, 0
         while epoch < self.epochs and waited < self.patience:
             JJ, gradient = J.T @ J, J.T @ e
             while mu <= mu_max:
                 candidate = w - np.linalg.solve(JJ + mu * np.eye(w.size), gradient)
-                e = _residuals(candidate, *used, one)
+                e = residuals(candidate, *used, one)
                 if e @ e < square:
                     break
                 mu *= 10
@@ -68,7 +63,7 @@ class EarlyStoppingBP:
                 break
             mu = max(0.1 * mu, 1e-12)
             w, epoch = candidate, epoch + 1
-            e, J = _linearise(w, *used, one)
+            e, J = linearise(w, *used, one)
             square, error = e @ e, _mean_square(w, held, one)
             if error < best_error:
                 best, best_error, waited = w, error, 0
@@ -79,4 +74,4 @@ class EarlyStoppingBP:
 
 def _mean_square(w, held, one):
     """Mean squared residual of the held-back samples."""
-    return float(np.mean(_residuals(w, *held, one) ** 2))
+    return float(np.mean(residuals(w, *held, one) ** 2))

@@ -1,0 +1,9 @@
+"""How well predictions meet what was simulated."""
+
+import numpy as np
+
+
+def r2(y, predicted):
+    """Eq. 13, or None where y (samples,) does not vary."""
+    total = np.sum((y - np.mean(y)) ** 2)
+    return float(1 - np.sum((y - predicted) ** 2) / total) if total > 0 else None

@@ -1,0 +1,120 @@
+"""What a fit is given: samples in one form, and how their noise enters.
+
+(A35)  Aitken 1935, on least squares and linear combination of observations: residuals whose noises are correlated
+       are made independent by a root of their covariance
+"""
+
+import numpy as np
+
+
+def weights_from_errors(errors: np.ndarray) -> np.ndarray:
+    """Precisions of mean one from standard errors, for `Surrogate.fit`.
+
+    A sample's variance about the surrogate is its own se^2 plus what the surrogate cannot follow, taken as large as
+    the median se^2. The sum also keeps a standard error that is small by luck, out of few seeds, from ruling. A sample
+    without a standard error (a single seed) counts as the noisiest.
+
+    Parameters
+    ----------
+    errors : array (samples, outputs)
+        Standard errors of the samples' means; NaN where there is none.
+
+    Returns
+    -------
+    array (samples, outputs)
+    """
+    known = np.where(np.isfinite(errors), errors, np.nanmax(errors, axis=0))
+    variance = known**2 + np.median(known**2, axis=0)
+    return (1 / variance) / np.mean(1 / variance, axis=0)
+
+
+def independent_mixing(
+    noise_covariance: np.ndarray | None, stretch: np.ndarray, precision: np.ndarray
+) -> np.ndarray:
+    """Combinations of the outputs whose noises are independent (A35).
+
+    Parameters
+    ----------
+    noise_covariance : array (outputs, outputs) or None
+        Of the noise of a sample's outputs, up to a factor; None for independent outputs, which stay as they are.
+    stretch : array (outputs,)
+        Units of an output in one unit of its scaled values.
+    precision : array (samples, outputs)
+        As in `Surrogate.fit`.
+
+    Returns
+    -------
+    array (outputs, outputs)
+        Scaled outputs times this matrix have independent noises of one variance. Its determinant is one, so the
+        combinations stay about as wide as the outputs.
+
+    Raises
+    ------
+    ValueError
+        If the matrix is no covariance, or the precision differs between outputs although it is given.
+    """
+    if noise_covariance is None:
+        return np.eye(len(stretch))
+    covariance = np.asarray(noise_covariance, dtype=float)
+    if covariance.shape != 2 * stretch.shape or not np.allclose(covariance, covariance.T):
+        raise ValueError(f"noise_covariance is {noise_covariance!r}; allowed: symmetric, {2 * stretch.shape}")
+    if np.ptp(precision, axis=1).any():
+        raise ValueError("precision differs between outputs; allowed with noise_covariance: one a sample")
+    try:
+        root = np.linalg.cholesky(covariance / np.outer(stretch, stretch))
+    except np.linalg.LinAlgError as error:
+        raise ValueError(f"noise_covariance is {noise_covariance!r}; allowed: positive definite") from error
+    return np.linalg.inv(root).T * np.prod(np.diagonal(root)) ** (1 / len(root))
+
+
+def checked_samples(
+    X: np.ndarray,
+    y: np.ndarray,
+    sample_weight: np.ndarray | None = None,
+    precision: np.ndarray | None = None,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Samples as arrays of one form.
+
+    Returns
+    -------
+    X : array (samples, inputs)
+    Y : array (samples, outputs)
+    count : array (samples,)
+    precision : array (samples, outputs)
+        All finite, and only of samples whose weight is above zero.
+
+    Raises
+    ------
+    ValueError
+        For other shapes, values that are not finite, negative weights, precisions that are not above zero, or fewer
+        than two samples with a weight.
+    """
+    X, Y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
+    Y = Y[:, None] if Y.ndim == 1 else Y
+    if X.ndim != 2 or Y.ndim != 2 or len(X) != len(Y) or X.size == 0 or Y.size == 0:
+        raise ValueError(f"X has shape {X.shape}, y {np.shape(y)}; allowed: two tables of equal length")
+    count = np.ones(len(X)) if sample_weight is None else np.asarray(sample_weight, dtype=float)
+    precision = np.ones(len(X)) if precision is None else np.asarray(precision, dtype=float)
+    if count.shape != (len(X),):
+        raise ValueError(f"sample_weight has shape {count.shape}; allowed: {(len(X),)}")
+    if precision.shape not in ((len(X),), Y.shape):
+        raise ValueError(f"precision has shape {precision.shape}; allowed: {(len(X),)} or {Y.shape}")
+    if not all(np.isfinite(values).all() for values in (X, Y, count, precision)):
+        raise ValueError("X, y, sample_weight and precision must be finite")
+    if (count < 0).any() or (precision <= 0).any():
+        raise ValueError("sample_weight must not be negative, precision must be above zero")
+    precision = np.broadcast_to(precision.reshape(len(X), -1), Y.shape)
+    counts = count > 0
+    if np.count_nonzero(counts) < 2:
+        raise ValueError(
+            f"{np.count_nonzero(counts)} samples have a weight above zero; allowed: at least 2 (n_samples = {len(X)})"
+        )
+    return X[counts], Y[counts], count[counts], precision[counts]
+
+
+def checked_points(X: np.ndarray, inputs: int) -> np.ndarray:
+    """X as an array (samples, inputs), or ValueError."""
+    X = np.asarray(X, dtype=float)
+    if X.ndim != 2 or X.shape[1] != inputs:
+        raise ValueError(f"X has shape {X.shape}; allowed: (samples, {inputs})")
+    return X
