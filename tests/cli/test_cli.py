@@ -57,7 +57,9 @@ def test_every_verb_explains_itself_with_an_example_that_parses(verb, capsys):
     text = " ".join(capsys.readouterr().out.split())
     words = text.split(f"example: python -m repose {verb}")[1].replace("'", "").split()
     if verb != "table":  # its example quotes a title of two words
-        assert parser().parse_args([verb, *words]).verb == verb
+        args, rest = parser().parse_known_args([verb, *words])
+        assert args.verb == verb
+        assert not rest or VERBS[verb].passes_on
 
 
 def test_the_programs_help_lists_every_verb(capsys):

@@ -6,6 +6,7 @@ import shlex
 import sys
 
 from repose.config import loader
+from repose.core import places
 from repose.core.errors import InputError
 from repose.core.published import published_count
 from repose.core.seeds import pour_seeds
@@ -16,11 +17,13 @@ from repose.studies import refine, shape_study
 shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; ")
 
 
-def checked_config(workflow, default):
+def checked_config(workflow):
     """The configuration after every check, or one message and no work."""
-    given = [as_typed(path) for path in workflow.overwrite_configfiles]
+    given = [places.find(as_typed(path)) for path in workflow.overwrite_configfiles]
     try:
-        return loader.resolve([default, *given], workflow.config_settings.config)
+        return loader.resolve(
+            [*places.configs(), *given], workflow.config_settings.config
+        )
     except InputError as error:
         sys.exit(f"repose: error: {error}")
 
@@ -33,6 +36,11 @@ def as_typed(path):
         if os.path.commonpath([path, here]) == here
         else str(path)
     )
+
+
+def published(table):
+    """Path of a published table: the working folder's, or the program's own."""
+    return str(places.find(f"resources/published/{table}"))
 
 
 def sections(*names):

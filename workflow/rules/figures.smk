@@ -52,7 +52,7 @@ FIGURES = {
         {
             "feasible": rules.miga.output.feasible,
             "summary": rules.miga.output.summary,
-            "published": "resources/published/table3.csv",
+            "published": published("table3.csv"),
         },
         ("parameters", "targets"),
     ),

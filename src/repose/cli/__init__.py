@@ -16,6 +16,7 @@ from repose.cli import (
     pouring,
     refinement,
     responses,
+    run,
     services,
     shapes,
     uncertainty,
@@ -23,8 +24,9 @@ from repose.cli import (
 from repose.cli.registry import PROGRAM
 from repose.core.errors import InputError
 
-# In the order in which the data flows; so the help lists them.
+# The whole study first, then its steps in the order in which the data flows; so the help lists them.
 FAMILIES = (
+    run,
     inputs,
     pouring,
     shapes,
@@ -47,9 +49,14 @@ def main(words=None):
 
     A fault of the input is told in one line on stderr.
     """
-    args = parser().parse_args(words)
+    args, rest = parser().parse_known_args(words)
+    verb = VERBS[args.verb]
+    if verb.passes_on:
+        args.rest = rest
+    elif rest:
+        parser().error(f"unrecognized arguments: {' '.join(rest)}")
     try:
-        return VERBS[args.verb].run(args) or 0
+        return verb.run(args) or 0
     except (InputError, *FAULTS) as error:
         print(f"repose: error: {error}", file=sys.stderr)
         return 2
@@ -60,7 +67,7 @@ def parser():
     top = argparse.ArgumentParser(
         prog=PROGRAM,
         description="Calibrates the contact parameters of a discrete element model from a pile of berries. "
-        "Each verb is one step of the method; `snakemake --cores 2` runs them all in order.",
+        "Each verb is one step of the method; `repose run` runs them all in order.",
         epilog=f"example: {PROGRAM} heap --set mus_gg=0.6 --seed 1 --out results/try",
     )
     subparsers = top.add_subparsers(title="verbs", metavar="VERB", required=True)

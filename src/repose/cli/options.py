@@ -1,11 +1,10 @@
 """Options that several verbs take, and files that a verb reads by name."""
 
-from pathlib import Path
-
 from repose.cli.registry import Option
+from repose.core import places
 from repose.core.errors import InputError
 
-PUBLISHED = Path("resources/published")
+PUBLISHED = places.find("resources/published")
 
 BERRY = Option("--berry", default="results/berry/berry.json", help="what the verb berry wrote")
 SAMPLES = Option("--samples", default="results/design/samples.csv", help="what the verb design wrote")

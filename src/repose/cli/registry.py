@@ -4,6 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
+from repose.core import places
+
 PROGRAM = "python -m repose"
 
 
@@ -19,17 +21,21 @@ class Option:
 
 
 CONFIG = Option(
-    "--config", default="config/config.yaml", help="YAML or JSON configuration (config/config.yaml)"
+    "--config", default=str(places.configs()[-1]), help="YAML or JSON configuration (config/config.yaml)"
 )
 
 
 class Verb(NamedTuple):
-    """A step that runs by name: run(args) does it and may return an exit status."""
+    """A step that runs by name: run(args) does it and may return an exit status.
+
+    passes_on: whether it takes words that none of its options takes, as the list `args.rest`.
+    """
 
     run: Callable
     summary: str
     example: str
     options: tuple
+    passes_on: bool = False
 
     @property
     def name(self):
@@ -54,12 +60,13 @@ class Family:
     def __init__(self):
         self.verbs = []
 
-    def verb(self, summary, *, example="", out=None, config=True, options=()):
+    def verb(self, summary, *, example="", out=None, config=True, options=(), passes_on=False):
         """Decorator that makes a function the verb of the same name.
 
         summary: the verb in one line, as the help shows it, without capital and full stop; example: what follows
         the name in a call that parses; out: default of --out, which there is only then; config: whether it takes
-        --config; options: the further ones, each an `Option`.
+        --config; options: the further ones, each an `Option`; passes_on: whether the verb passes
+        words of other programs on.
         """
         shared = [CONFIG] if config else []
         if out:
@@ -67,7 +74,7 @@ class Family:
             shared.append(Option("--out", default=out, help=f"{kind} to write ({out})"))
 
         def add(run):
-            self.verbs.append(Verb(run, summary, example, (*shared, *options)))
+            self.verbs.append(Verb(run, summary, example, (*shared, *options), passes_on))
             return run
 
         return add

@@ -9,15 +9,17 @@ from pathlib import Path
 
 from repose.config.checks import check, check_inputs
 from repose.config.reading import Origin, parse, read
+from repose.core import places
 
+FILES = {"berry": ("sizes", "compression", "stl"), "validation": ("published",)}
 COMMAND_LINE = "command line (--config)"
 # Sections whose keys are names: who lists two fillings wants two.
 WHOLE = {f"shape_study.{key}" for key in ("particles", "fillings", "sensitivities")}
 
 
 def load(path):
-    """A complete configuration from a file, checked by `check`."""
-    return check(read(path), str(path))
+    """A complete configuration from a file, checked by `check`; see `places.find` for where files are looked for."""
+    return check(_with_files_found(read(places.find(path))), str(path))
 
 
 def resolve(files, overrides=None):
@@ -30,9 +32,20 @@ def resolve(files, overrides=None):
     for path in files:
         _merge(config, read(path), origin, str(path))
     _merge(config, _values(overrides or {}), origin, COMMAND_LINE)
+    _with_files_found(config)
     source = Origin(origin, str(files[0]))
     check(config, source)
     check_inputs(config, source)
+    return config
+
+
+def _with_files_found(config):
+    """The configuration with the files it names replaced by the program's own where the working folder lacks them."""
+    for section, keys in FILES.items():
+        for key in keys:
+            path = config.get(section, {}).get(key)
+            if isinstance(path, str):
+                config[section][key] = str(places.find(path))
     return config
 
 

@@ -4,17 +4,15 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
+from repose.core import places
 from repose.core.files import read_rows
 from repose.core.parameters import PARAMETERS
 from repose.core.responses import Response
 
-INSTALLED = Path(__file__).parents[1] / "resources" / "published"
-CHECKOUT = Path(__file__).parents[3] / "resources" / "published"
-
 
 def folder() -> Path:
-    """Folder of the published tables: inside the installed package, or else of the checkout that it runs from."""
-    return INSTALLED if INSTALLED.is_dir() else CHECKOUT
+    """Folder of the published tables: the working folder's, or else the program's own."""
+    return places.find("resources/published")
 
 
 def published_count(path: str | os.PathLike | None, responses: Iterable[Response]) -> int:

@@ -2,7 +2,7 @@ rule berry:
     input:
         sizes=config["berry"]["sizes"],
         compression=config["berry"]["compression"] or [],
-        table1="resources/published/table1.csv",
+        table1=published("table1.csv"),
     output:
         summary=f"{RESULTS}/berry/summary.csv",
         berry=f"{RESULTS}/berry/berry.json",

@@ -2,7 +2,7 @@ rule miga:
     input:
         network=rules.network.output.network,
         dataset=rules.dataset.output.dataset,
-        table3="resources/published/table3.csv",
+        table3=published("table3.csv"),
     output:
         feasible=f"{RESULTS}/miga/feasible.csv",
         intervals=f"{RESULTS}/miga/intervals.csv",

@@ -55,7 +55,7 @@ rule refine_search:
         network=rules.refine_network.output.network,
         dataset=rules.refine_data.output.dataset,
         near=lambda wildcards: f"{last_round(wildcards)}/proposal.csv",
-        table3="resources/published/table3.csv",
+        table3=published("table3.csv"),
     output:
         network=f"{REFINED}/round_{{round}}/miga/network.json",
         feasible=f"{REFINED}/round_{{round}}/miga/feasible.csv",

@@ -31,7 +31,7 @@ rule posterior_tables:
         dataset=rules.dataset.output.dataset,
         runs=rules.dataset.output.runs,
         feasible=rules.miga.output.feasible,
-        table3="resources/published/table3.csv",
+        table3=published("table3.csv"),
     output:
         posterior=f"{RESULTS}/posterior/posterior.csv",
         draws=f"{RESULTS}/posterior/draws.csv",

@@ -1,0 +1,52 @@
+"""Where the files lie that are no code: the workflow, the default configurations, measured and published tables."""
+
+import os
+from pathlib import Path
+
+PACKAGE = Path(__file__).parents[1]
+DEFAULT_CONFIG = "config/config.yaml"
+
+
+def root() -> Path:
+    """Folder that holds Snakefile, workflow, config, profiles and resources.
+
+    Returns
+    -------
+    Path
+        `repose/data` in an installed package; in a checkout the checkout itself.
+    """
+    installed = PACKAGE / "data"
+    return installed if installed.is_dir() else PACKAGE.parents[1]
+
+
+def find(path: str | os.PathLike) -> Path:
+    """A file or folder of the working folder, or else the one of the same name that comes with the program.
+
+    Parameters
+    ----------
+    path : path
+        Relative to the working folder, such as `resources/berries.csv`, or absolute.
+
+    Returns
+    -------
+    Path
+        The path as given where it exists, or where the program has none of this name; else the program's own.
+    """
+    path = Path(path)
+    own = root() / path
+    return own if not path.exists() and own.exists() else path
+
+
+def configs() -> list[Path]:
+    """Configurations that hold where nothing is said, each lying over the one before it.
+
+    Returns
+    -------
+    list of Path
+        The program's default; then `config/config.yaml` or `config.yaml` of the working folder, if there is one.
+    """
+    default = find(DEFAULT_CONFIG)
+    own = [path for path in (Path(DEFAULT_CONFIG), Path("config.yaml")) if path.is_file()][:1]
+    if own and own[0].resolve() == (root() / DEFAULT_CONFIG).resolve():
+        return own
+    return [root() / DEFAULT_CONFIG, *own] if own else [default]

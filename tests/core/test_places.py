@@ -1,0 +1,63 @@
+"""Files that come with the program, and those of the working folder before them."""
+
+from pathlib import Path
+
+import pytest
+
+from repose.config import loader
+from repose.core import places
+
+CONFIG = places.root() / "config" / "config.yaml"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """An empty working folder."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "name", ["Snakefile", "workflow/Snakefile", "profiles/default/config.yaml", "config"]
+)
+def test_the_program_brings_what_a_study_needs(name):
+    assert (places.root() / name).exists()
+
+
+def test_a_folder_finds_the_programs_files(folder):
+    path = Path("resources/berries.csv")
+    assert places.find(path) == places.root() / path
+
+
+def test_a_folders_own_file_goes_first(folder):
+    path = folder / "resources" / "berries.csv"
+    path.parent.mkdir()
+    path.touch()
+    assert places.find("resources/berries.csv") == Path("resources/berries.csv")
+
+
+def test_a_file_that_nobody_has_keeps_its_name(folder):
+    assert places.find("mine.csv") == Path("mine.csv")
+
+
+def test_the_default_configuration_holds_in_an_empty_folder(folder):
+    assert places.configs() == [CONFIG]
+    config = loader.resolve(places.configs())
+    for path in (config["berry"]["sizes"], config["berry"]["compression"], config["validation"]["published"]):
+        assert Path(path).is_absolute()
+        assert Path(path).is_file()
+
+
+@pytest.mark.parametrize("name", ["config/config.yaml", "config.yaml"])
+def test_a_folders_own_configuration_lies_over_the_default(folder, name):
+    own = folder / name
+    own.parent.mkdir(exist_ok=True)
+    own.write_text("label: mine\n")
+    assert places.configs() == [CONFIG, Path(name)]
+    assert loader.resolve(places.configs())["label"] == "mine"
+
+
+def test_in_the_programs_own_folder_there_is_one_configuration(monkeypatch):
+    monkeypatch.chdir(places.root())
+    assert places.configs() == [Path("config/config.yaml")]
+    assert loader.load("config/config.yaml")["berry"]["sizes"] == "resources/berries.csv"
