@@ -544,7 +544,7 @@ def test_r2_and_rmse_of_known_predictions(tmp_path):
 def test_failed_samples_are_counted_with_their_reason(inputs):
     with style.applied():
         text = words(samples.responses_over_parameters({"dataset": inputs["dataset"]}, CONFIG))
-    assert "3 of 150 samples gave no pile" in text
+    assert "3 of 150 samples gave no result" in text
     assert "3 jammed" in text
 
 

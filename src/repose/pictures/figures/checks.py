@@ -1,53 +1,46 @@
 """The validation of our solutions (Table 4), and the published solutions in our simulator."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from repose.core.targets import section_of
+from repose.core.readers import read_table
+from repose.core.responses import derived
+from repose.core.targets import Target
 
 from . import style
 
-QUANTITIES = (("aor", "deg", "AoR"), ("height", "mm", "Height"))
 
+def validation(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+    """Table 4: predicted and simulated responses of our solutions, the published table's beside them.
 
-def _band(panel, target, quantity, unit):
-    """The physical pile: mean line and a band of one standard deviation."""
-    mean, sd = target[f"physical_{quantity}_{unit}"], target[f"physical_{quantity}_sd_{unit}"]
-    panel.axhspan(mean - sd, mean + sd, color=style.GREEN, alpha=0.15, lw=0)
-    panel.axhline(mean, color=style.GREEN, lw=0.9, label="physical pile, mean ± SD")
-
-
-def _name_solutions(panel, table):
-    names = table["solution"].astype(str).str.replace("representative", "repr.").tolist()
-    if "role" in table:
-        marked = table["role"] == "representative"
-        names = [f"{name}\n(repr.)" if mark else name for name, mark in zip(names, marked, strict=True)]
-    panel.set_xticks(range(len(names)), names)
-    panel.set_xlim(-0.6, len(names) - 0.4)
-
-
-def _widen(panel, share=0.34):
-    """Room above the data for the legend."""
-    low, high = panel.get_ylim()
-    panel.set_ylim(low, high + share * (high - low))
-
-
-def validation(inputs, config):
-    """Table 4: predicted and simulated responses of our solutions, the published table's beside them."""
-    ours = pd.read_csv(inputs["table4"])
-    theirs = pd.read_csv(inputs["published"]) if "published" in inputs else None
-    figure = style.new_figure(style.PAGE, 4.4)
-    sides = 1 if theirs is None else 2
-    panels = figure.subplots(2, sides, sharey="row", squeeze=False, width_ratios=(1.15, 1)[:sides])
-    for row, (quantity, unit, label) in enumerate(QUANTITIES):
-        _compare(panels[row, 0], ours, quantity, unit, section_of(config))
-        panels[row, 0].set_ylabel(f"{label} ({unit})")
-        if theirs is not None:
-            _compare(panels[row, 1], theirs, quantity, unit, section_of(config))
+    A response that was not published leaves its place empty; without any, or without a published table, there is
+    one column of panels.
+    """
+    targets = style.targets_of(config)
+    simulated = [one.response.simulated for one in targets]
+    ours = read_table(inputs["table4"], ("solution", *targets.predicted, *simulated))
+    theirs = read_table(inputs["published"], ("solution",)) if "published" in inputs else pd.DataFrame()
+    published = [one for one in targets if {one.response.predicted, one.response.simulated} <= set(theirs)]
+    sides = 2 if published else 1
+    figure = style.new_figure(style.PAGE, 0.6 + 1.9 * len(targets))
+    panels = figure.subplots(len(targets), sides, sharey="row", squeeze=False, width_ratios=(1.15, 1)[:sides])
+    for row, target in zip(panels, targets, strict=True):
+        _predicted_and_simulated(row[0], ours, target)
+        row[0].set_ylabel(style.response_label(target.response))
+        if target in published:
+            _predicted_and_simulated(row[1], theirs, target)
+        elif published:
+            row[1].axis("off")
+            style.note(row[1], "not published", x=0.5, y=0.5, ha="center", color=style.GREY)
     for panel, title in zip(panels[0], ("this run", "published"), strict=False):
         panel.set_title(title, fontweight="bold")
-        _widen(panel) if panel is panels[0, 0] else None
-    for panel in panels[1]:
+    _widen(panels[0, 0])
+    for panel in panels[-1]:
         panel.set_xlabel("solution")
     panels[0, 0].legend(loc="upper left", ncols=3, columnspacing=1.0, handletextpad=0.4)
     figure.supxlabel(
@@ -57,12 +50,57 @@ def validation(inputs, config):
     return figure
 
 
-def _compare(panel, table, quantity, unit, target):
-    predicted = table[f"{quantity}_predicted_{unit}"].to_numpy(float)
-    simulated = table[f"{quantity}_simulated_{unit}"].to_numpy(float)
-    error = table.get(f"{quantity}_se_{unit}")
+def published_solutions(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+    """The published solutions: their simulated responses beside those of our simulator."""
+    targets = style.targets_of(config)
+    simulated = [one.response.simulated for one in targets]
+    table = read_table(inputs["published"], ("solution", *simulated, *targets.errors))
+    count = len(targets)
+    figure = style.new_figure(style.PAGE, 2.9 * style.grid_rows(count))
+    panels = style.grid(figure, count)
+    for k, (panel, target) in enumerate(zip(panels, targets, strict=True)):
+        _published_and_ours(panel, table, target)
+        panel.set_title(style.letter(k), fontweight="bold")
+    # A response that was not published has no marks of the article's simulation, and no label for them.
+    fullest = max(panels, key=lambda panel: len(panel.get_legend_handles_labels()[1]))
+    panels[0].legend(*fullest.get_legend_handles_labels(), loc="upper left", fontsize=6.3)
+    return figure
+
+
+def _published_and_ours(panel: Axes, table: pd.DataFrame, target: Target) -> None:
+    """One response of the published solutions, as published and as simulated here."""
+    x, response = np.arange(len(table)), target.response
+    _band(panel, target)
+    if (column := derived(response.name, "published_simulated")) in table:
+        theirs = table[column].to_numpy(float)
+        look = {"ms": 4.5, "mfc": "white", "color": style.ORANGE}
+        panel.plot(x - 0.12, theirs, "D", label="published simulation", **look)
+    panel.errorbar(
+        x + 0.12,
+        table[response.simulated],
+        yerr=table[response.error].fillna(0.0),
+        fmt="s",
+        ms=4.5,
+        color=style.BLUE,
+        elinewidth=1,
+        capsize=2,
+        label="same parameters, this simulator (± SE)",
+    )
+    _name_solutions(panel, table)
+    panel.set(ylabel=style.response_label(response), xlabel="published solution")
+    panel.margins(y=0.15)
+    _widen(panel)
+
+
+def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -> None:
+    """One response of each solution, with the prediction's error in percent of what was simulated."""
+    response = target.response
+    predicted, simulated = (
+        table[column].to_numpy(float) for column in (response.predicted, response.simulated)
+    )
+    error = table.get(response.error)
     x = np.arange(len(table))
-    _band(panel, target, quantity, unit)
+    _band(panel, target)
     panel.plot(x - 0.12, predicted, "o", ms=4.5, mfc="white", color=style.BLUE, label="predicted")
     panel.errorbar(
         x + 0.12,
@@ -76,49 +114,40 @@ def _compare(panel, table, quantity, unit, target):
         label="simulated",
     )
     for place, ours, theirs in zip(x, predicted, simulated, strict=True):
-        if np.isfinite(theirs):
-            percent = 100 * abs(ours - theirs) / theirs
-            panel.annotate(
-                f"{percent:.1f}",
-                (place, min(ours, theirs)),
-                xytext=(0, -9),
-                textcoords="offset points",
-                ha="center",
-                va="top",
-                fontsize=6.3,
-                color=style.GREY,
-            )
+        if not np.isfinite(theirs) or theirs == 0:
+            continue
+        panel.annotate(
+            f"{100 * abs((ours - theirs) / theirs):.1f}",
+            (place, min(ours, theirs)),
+            xytext=(0, -9),
+            textcoords="offset points",
+            ha="center",
+            va="top",
+            fontsize=6.3,
+            color=style.GREY,
+        )
     _name_solutions(panel, table)
     panel.margins(y=0.25)
 
 
-def published_solutions(inputs, config):
-    """The published solutions: their simulated responses beside those of our simulator."""
-    table = pd.read_csv(inputs["published"])
-    figure = style.new_figure(style.PAGE, 2.9)
-    panels = figure.subplots(1, 2)
-    x = np.arange(len(table))
-    for panel, (quantity, unit, label), letter in zip(panels, QUANTITIES, "ab", strict=True):
-        _band(panel, section_of(config), quantity, unit)
-        theirs = table[f"{quantity}_published_simulated_{unit}"].to_numpy(float)
-        panel.plot(
-            x - 0.12, theirs, "D", ms=4.5, mfc="white", color=style.ORANGE, label="published simulation"
-        )
-        panel.errorbar(
-            x + 0.12,
-            table[f"{quantity}_simulated_{unit}"],
-            yerr=table[f"{quantity}_se_{unit}"].fillna(0.0),
-            fmt="s",
-            ms=4.5,
-            color=style.BLUE,
-            elinewidth=1,
-            capsize=2,
-            label="same parameters, this simulator (± SE)",
-        )
-        _name_solutions(panel, table)
-        panel.set(ylabel=f"{label} ({unit})", xlabel="published solution")
-        panel.set_title(letter, fontweight="bold")
-        panel.margins(y=0.15)
-        _widen(panel)
-    panels[0].legend(loc="upper left", fontsize=6.3)
-    return figure
+def _band(panel: Axes, target: Target) -> None:
+    """The physical measurement: mean line and a band of one standard deviation."""
+    mean, sd = target.value, target.sd
+    panel.axhspan(mean - sd, mean + sd, color=style.GREEN, alpha=0.15, lw=0)
+    panel.axhline(mean, color=style.GREEN, lw=0.9, label="measured, mean ± SD")
+
+
+def _name_solutions(panel: Axes, table: pd.DataFrame) -> None:
+    """The solutions' names along the horizontal axis."""
+    names = table["solution"].astype(str).str.replace("representative", "repr.").tolist()
+    if "role" in table:
+        marked = table["role"] == "representative"
+        names = [f"{name}\n(repr.)" if mark else name for name, mark in zip(names, marked, strict=True)]
+    panel.set_xticks(range(len(names)), names)
+    panel.set_xlim(-0.6, len(names) - 0.4)
+
+
+def _widen(panel: Axes, share: float = 0.34) -> None:
+    """Room above the data for the legend."""
+    low, high = panel.get_ylim()
+    panel.set_ylim(low, high + share * (high - low))

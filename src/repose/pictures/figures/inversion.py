@@ -1,11 +1,21 @@
 """Whether search and network pay: searches beside each other, and the whole method beside a response surface."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from repose.studies.comparison.search import REFERENCE
+from repose.core.readers import read_table
+from repose.core.responses import Response, derived
 
 from . import style
+
+REGION = (
+    "feasible region"  # row of the table of methods: random points of the region, as many as a search lists
+)
 
 SEARCHES = {
     "miga": ("island GA", style.BLUE),
@@ -28,25 +38,13 @@ WHOLE = {
 KINDS = {"real": "subsets of the samples", "emulated": "new samples, emulated"}
 
 
-def searches(inputs, config):
+def searches(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Best objective over evaluations, evaluations to the tolerance, and how much of the feasible region is found."""
-    curves, methods = pd.read_csv(inputs["curves"]), pd.read_csv(inputs["methods"]).set_index("method")
-    tolerance = config["compare_search"]["tolerance"]
+    curves = read_table(inputs["curves"], ("method", "evaluations", "log10_mean", "log10_se"))
+    methods = read_table(inputs["methods"], ("method", "reached", "repetitions")).set_index("method")
     figure = style.new_figure(style.PAGE, 3.5)
     course, soon, spread = figure.subplots(1, 3, width_ratios=[1.9, 1, 1])
-    for name, (label, colour) in SEARCHES.items():
-        rows = curves[curves["method"] == name]
-        if name == "miga_whole":  # goes on where the others end
-            rows = rows[rows["evaluations"] >= curves.loc[curves["method"] == "miga", "evaluations"].max()]
-        line = "--" if name == "miga_whole" else "-"
-        middle, error = rows["log10_mean"], rows["log10_se"]
-        course.plot(rows["evaluations"], 10**middle, line, color=colour, label=label)
-        course.fill_between(
-            rows["evaluations"], 10 ** (middle - error), 10 ** (middle + error), color=colour, alpha=0.2, lw=0
-        )
-    course.axhline(tolerance, color=style.BLACK, lw=0.7, ls=":")
-    course.set(xscale="log", yscale="log", xlabel="evaluations of the network", ylabel="best objective F (–)")
-    course.text(11, tolerance * 0.8, f"tolerance {tolerance:g}", fontsize=6.3, va="top")
+    _course(course, curves, config["compare_search"]["tolerance"])
     figure.legend(*course.get_legend_handles_labels(), loc="outside lower center", ncols=4)
     course.set_title("a", fontweight="bold")
     _to_tolerance(soon, methods)
@@ -54,7 +52,24 @@ def searches(inputs, config):
     return figure
 
 
-def _to_tolerance(panel, methods):
+def _course(panel: Axes, curves: pd.DataFrame, tolerance: float) -> None:
+    """Best objective of each search over its evaluations, geometric mean with one standard error."""
+    for name, (label, colour) in SEARCHES.items():
+        rows = curves[curves["method"] == name]
+        if name == "miga_whole":  # goes on where the others end
+            rows = rows[rows["evaluations"] >= curves.loc[curves["method"] == "miga", "evaluations"].max()]
+        line = "--" if name == "miga_whole" else "-"
+        middle, error = rows["log10_mean"], rows["log10_se"]
+        panel.plot(rows["evaluations"], 10**middle, line, color=colour, label=label)
+        ends = 10 ** (middle - error), 10 ** (middle + error)
+        panel.fill_between(rows["evaluations"], *ends, color=colour, alpha=0.2, lw=0)
+    panel.axhline(tolerance, color=style.BLACK, lw=0.7, ls=":")
+    panel.set(xscale="log", yscale="log", xlabel="evaluations of the network", ylabel="best objective F (–)")
+    panel.text(11, tolerance * 0.8, f"tolerance {tolerance:g}", fontsize=6.3, va="top")
+
+
+def _to_tolerance(panel: Axes, methods: pd.DataFrame) -> None:
+    """Evaluations until each search meets the tolerance; pale where not all its runs did."""
     names = [name for name in SEARCHES if name in methods.index and name != "miga_whole"]
     place = np.arange(len(names))[::-1]
     for y, name in zip(place, names, strict=True):
@@ -80,7 +95,8 @@ def _to_tolerance(panel, methods):
     panel.set_title("b", fontweight="bold")
 
 
-def _coverage(panel, methods):
+def _coverage(panel: Axes, methods: pd.DataFrame) -> None:
+    """Share of the feasible region near what each search lists, and near any feasible point that it met."""
     names = [name for name in SEARCHES if name in methods.index]
     place = np.arange(len(names))[::-1]
     for offset, key, alpha, label in ((0.2, "listed", 1.0, "the list"), (-0.2, "met", 0.45, "any it met")):
@@ -90,7 +106,7 @@ def _coverage(panel, methods):
         panel.barh(place + offset, values, 0.38, color=colours, alpha=alpha)
         panel.errorbar(values, place + offset, xerr=errors, fmt="none", ecolor=style.BLACK, lw=0.7)
         panel.barh([np.nan], [np.nan], color=style.BLACK, alpha=alpha, label=label)
-    full = 100 * methods.loc[REFERENCE, "listed_coverage"]
+    full = 100 * methods.loc[REGION, "listed_coverage"]
     panel.axvline(full, color=style.BLACK, lw=0.8, ls=":")
     panel.text(
         0.97 * full,
@@ -107,37 +123,36 @@ def _coverage(panel, methods):
     panel.set_title("c", fontweight="bold")
 
 
-def whole(inputs, config):
-    """True error of what each method proposes over the simulations that were spent, for both responses."""
-    table = pd.read_csv(inputs["whole"])
+def whole(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+    """True error of what each method proposes over the simulations that were spent, a row for each response."""
+    responses = style.targets_of(config).responses
+    off = [derived(one.name, "off") for one in responses]
+    columns = [column for key in off for column in (key, f"{key}_se")]
+    table = read_table(inputs["whole"], ("data", "method", "simulations", *columns))
     kinds = [kind for kind in KINDS if kind in set(table["data"])]
-    figure = style.new_figure(style.PAGE, 4.4)
-    panels = figure.subplots(2, len(kinds), sharex=True, sharey="row", squeeze=False)
-    for column, kind in enumerate(kinds):
-        for panel, (key, label) in zip(
-            panels[:, column],
-            (("aor_off_deg", "AoR off (deg)"), ("height_off_mm", "Height off (mm)")),
-            strict=True,
-        ):
-            for name, (text, colour, mark, line) in WHOLE.items():
-                rows = table[(table["data"] == kind) & (table["method"] == name)]
-                panel.errorbar(
-                    rows["simulations"],
-                    rows[key],
-                    yerr=rows[f"{key}_se"],
-                    color=colour,
-                    marker=mark,
-                    ms=3.5,
-                    ls=line,
-                    capsize=2,
-                    lw=1,
-                    label=text,
-                )
-            panel.grid(True, axis="y")
-            panel.set_ylim(0, None)
-            if column == 0:
-                panel.set_ylabel(label)
-        panels[0, column].set_title(f"{'ab'[column]}   {KINDS[kind]}", fontweight="bold")
-        panels[1, column].set_xlabel("simulations spent")
+    figure = style.new_figure(style.PAGE, 0.8 + 1.8 * len(responses))
+    panels = figure.subplots(len(responses), len(kinds), sharex=True, sharey="row", squeeze=False)
+    for row, response, key in zip(panels, responses, off, strict=True):
+        for panel, kind in zip(row, kinds, strict=True):
+            _off_the_target(panel, table[table["data"] == kind], key)
+        row[0].set_ylabel(_off_label(response))
+    for k, kind in enumerate(kinds):
+        panels[0, k].set_title(f"{style.letter(k)}   {KINDS[kind]}", fontweight="bold")
+        panels[-1, k].set_xlabel("simulations spent")
     figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
     return figure
+
+
+def _off_the_target(panel: Axes, table: pd.DataFrame, key: str) -> None:
+    """A line for each method with one standard error over its repetitions."""
+    for name, (text, colour, mark, line) in WHOLE.items():
+        rows = table[table["method"] == name]
+        look = {"color": colour, "marker": mark, "ms": 3.5, "ls": line, "capsize": 2, "lw": 1}
+        panel.errorbar(rows["simulations"], rows[key], yerr=rows[f"{key}_se"], label=text, **look)
+    panel.grid(True, axis="y")
+    panel.set_ylim(0, None)
+
+
+def _off_label(response: Response) -> str:
+    """Label of the distance from the target, as in ``AoR off (deg)``."""
+    return f"{response.symbol} off ({response.unit or '–'})"

@@ -1,48 +1,45 @@
 """The design's points, and the responses that the simulations gave over them."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from repose.core.parameters import PARAMETERS, SYMBOLS
+from repose.core.parameter_space import ParameterSpace
+from repose.core.readers import read_table
+from repose.core.responses import Response
 
 from . import style
 
 
-def design_matrix(inputs, config):
-    """Every pair of parameters of the design, the histogram of each, and how the methods compare."""
-    table = pd.read_csv(inputs["samples"])
-    count = len(PARAMETERS)
+def design_matrix(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+    """Every pair of the open parameters in the design, the histogram of each, and how the methods compare."""
+    free, ranges = ParameterSpace.of(config["parameters"]).free, style.ranges_of(config)
+    table = read_table(inputs["samples"], free)
     figure = style.new_figure(style.PAGE, style.PAGE)
-    panels = figure.subplots(count, count, sharex="col")
-    for row, down in enumerate(PARAMETERS):
-        for column, across in enumerate(PARAMETERS):
-            panel = panels[row, column]
-            if column > row:
-                panel.axis("off")
-                continue
-            if column == row:
-                panel.hist(
-                    table[across], bins=10, range=config["parameters"][across], color=style.SKY, ec="white"
-                )
-                panel.set_yticks([])
-                panel.spines["left"].set_visible(False)
-            else:
-                panel.scatter(table[across], table[down], s=4, color=style.BLUE, alpha=0.75, lw=0)
-                panel.set_ylim(config["parameters"][down])
-            panel.set_xlim(config["parameters"][across])
-            panel.tick_params(labelsize=6, labelleft=column == 0 and row > 0)
-            if row == count - 1:
-                panel.set_xlabel(f"{SYMBOLS[across]} (–)", fontsize=8.5)
-            if column == 0 and row > 0:
-                panel.set_ylabel(f"{SYMBOLS[down]} (–)", fontsize=8.5)
+    for panel, across, down in style.pairs_of_parameters(figure, free):
+        if across == down:
+            panel.hist(table[across], bins=10, range=ranges[across], color=style.SKY, ec="white")
+            panel.set_yticks([])
+            panel.spines["left"].set_visible(False)
+        else:
+            panel.scatter(table[across], table[down], s=4, color=style.BLUE, alpha=0.75, lw=0)
+            panel.set_ylim(ranges[down])
+        panel.set_xlim(ranges[across])
     text = f"{len(table)} samples\nmethod: {config['design']['method']}"
+    if len(free) == 1:  # no empty corner to write in
+        figure.suptitle(text, fontsize=9)
+        return figure
     figure.text(0.56, 0.93, text, fontsize=9, va="top", linespacing=1.5)
     if "comparison" in inputs:
-        _compare(figure, pd.read_csv(inputs["comparison"]))
+        _compare_methods(figure, read_table(inputs["comparison"], ("method", "min_distance")))
     return figure
 
 
-def _compare(figure, comparison):
+def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
     """Bars of the minimum distance of each method, in the empty corner."""
     panel = figure.add_axes((0.70, 0.70, 0.27, 0.10))
     panel.set_in_layout(False)
@@ -56,48 +53,45 @@ def _compare(figure, comparison):
     panel.invert_yaxis()
 
 
-def responses_over_parameters(inputs, config):
-    """Both responses over each parameter with the rank correlation; samples that failed are marked below."""
-    table = pd.read_csv(inputs["dataset"])
-    good = table[table["status"] == "ok"]
-    failed = table[table["status"] != "ok"]
-    figure = style.new_figure(style.PAGE, 3.4)
-    panels = figure.subplots(2, len(PARAMETERS), sharex="col", sharey="row")
-    for row, (column, label, unit) in enumerate(style.RESPONSES):
-        error = good[column.replace("deg", "se_deg").replace("mm", "se_mm")].fillna(0.0)
-        floor = (good[column] - error).min() if len(good) else 0.0
-        reach = ((good[column] + error).max() - floor) if len(good) else 1.0
-        for panel, name in zip(panels[row], PARAMETERS, strict=True):
-            panel.errorbar(
-                good[name],
-                good[column],
-                yerr=error,
-                fmt="o",
-                ms=2,
-                lw=0.5,
-                color=style.BLUE,
-                alpha=0.65,
-                mew=0,
-            )
-            if len(failed):
-                panel.plot(
-                    failed[name], np.full(len(failed), floor - 0.1 * reach), "x", ms=3.5, color=style.RED
-                )
-            if len(good) > 3:
-                rank = good[name].rank().corr(good[column].rank())
-                panel.set_title(f"ρ = {rank:+.2f}", fontsize=6.8, loc="right", pad=2)
-            panel.set_xlim(config["parameters"][name])
-        panels[row, 0].set_ylabel(f"{label} ({unit})")
-    for panel, name in zip(panels[1], PARAMETERS, strict=True):
-        panel.set_xlabel(f"{SYMBOLS[name]} (–)", fontsize=8.5)
-    figure.supxlabel(_account(table, failed), fontsize=6.8)
+def responses_over_parameters(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+    """Each response over each open parameter with the rank correlation; samples that failed are marked below."""
+    responses = style.targets_of(config).responses
+    free, ranges = ParameterSpace.of(config["parameters"]).free, style.ranges_of(config)
+    columns = [column for one in responses for column in (one.name, one.error)]
+    table = read_table(inputs["dataset"], ("status", *free, *columns))
+    figure = style.new_figure(style.PAGE, 0.5 + 1.45 * len(responses))
+    panels = figure.subplots(len(responses), len(free), sharex="col", sharey="row", squeeze=False)
+    for row, response in zip(panels, responses, strict=True):
+        for panel, name in zip(row, free, strict=True):
+            _over_parameter(panel, table, name, response)
+            panel.set_xlim(ranges[name])
+        row[0].set_ylabel(style.response_label(response))
+    for panel, name in zip(panels[-1], free, strict=True):
+        panel.set_xlabel(style.parameter_label(name), fontsize=8.5)
+    figure.supxlabel(_account(table), fontsize=6.8)
     return figure
 
 
-def _account(table, failed):
+def _over_parameter(panel: Axes, table: pd.DataFrame, name: str, response: Response) -> None:
+    """One response over one parameter; a sample that failed is a cross below all that gave a value."""
+    good, failed = table[table["status"] == "ok"], table[table["status"] != "ok"]
+    error = good[response.error].fillna(0.0)
+    floor = (good[response.name] - error).min() if len(good) else 0.0
+    reach = ((good[response.name] + error).max() - floor) if len(good) else 1.0
+    look = {"fmt": "o", "ms": 2, "lw": 0.5, "color": style.BLUE, "alpha": 0.65, "mew": 0}
+    panel.errorbar(good[name], good[response.name], yerr=error, **look)
+    if len(failed):
+        panel.plot(failed[name], np.full(len(failed), floor - 0.1 * reach), "x", ms=3.5, color=style.RED)
+    if len(good) > 3:
+        rank = good[name].rank().corr(good[response.name].rank())
+        panel.set_title(f"ρ = {rank:+.2f}", fontsize=6.8, loc="right", pad=2)
+
+
+def _account(table: pd.DataFrame) -> str:
     """In words: how many samples there are, and how many failed and why."""
+    failed = table[table["status"] != "ok"]
     text = "bars: ± 1 standard error over seeds; ρ: rank correlation; "
     if failed.empty:
-        return f"{text}all {len(table)} samples gave a pile"
+        return f"{text}all {len(table)} samples gave a result"
     reasons = ", ".join(f"{n} {status}" for status, n in failed["status"].value_counts().sort_index().items())
-    return f"{text}{len(failed)} of {len(table)} samples gave no pile (×, at the bottom): {reasons}"
+    return f"{text}{len(failed)} of {len(table)} samples gave no result (×, at the bottom): {reasons}"

@@ -1,7 +1,7 @@
 """One look for all figures: sizes, fonts, colours for colour-blind readers, labels of responses, saving."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from itertools import product
 from pathlib import Path
@@ -125,18 +125,25 @@ def grid_rows(count: int, columns: int = 2) -> int:
     return math.ceil(count / min(columns, count))
 
 
-def pairs_of_parameters(figure: Figure) -> Iterable[tuple[Axes, str, str]]:
+def pairs_of_parameters(figure: Figure, names: Sequence[str]) -> Iterator[tuple[Axes, str, str]]:
     """Panels below and on the diagonal of a square of all pairs of parameters.
+
+    Parameters
+    ----------
+    figure : Figure
+        An empty one.
+    names : sequence of str
+        The parameters that are shown.
 
     Yields
     ------
     panel, across, down
         The panel and the parameters of its horizontal and vertical axis, the same one on the diagonal.
     """
-    count = len(PARAMETERS)
-    panels = figure.subplots(count, count, sharex="col")
+    count = len(names)
+    panels = figure.subplots(count, count, sharex="col", squeeze=False)
     for row, column in product(range(count), repeat=2):
-        panel, across, down = panels[row, column], PARAMETERS[column], PARAMETERS[row]
+        panel, across, down = panels[row, column], names[column], names[row]
         if column > row:
             panel.axis("off")
             continue

@@ -1,0 +1,167 @@
+"""Figures whose panels are the targets: drawn for one, two and four, labels and units from the responses."""
+
+import json
+
+import matplotlib.text
+import numpy as np
+import pandas as pd
+import pytest
+from shared import TARGETS
+
+from repose.core.parameters import PARAMETERS
+from repose.core.responses import derived
+from repose.core.targets import Targets
+from repose.pictures import figures
+from repose.pictures.figures import checks, inversion, samples, style, surrogate
+
+FURTHER = [
+    {"response": "base_radius_mm", "value": 110.0, "sd": 6.0, "repetitions": 10, "range": [100.0, 120.0]},
+    {"response": "drum_slip_deg", "value": 44.0, "sd": 2.0, "repetitions": 5, "range": [40.0, 48.0]},
+]
+CHOICES = {1: TARGETS[:1], 2: TARGETS, 4: [*TARGETS, *FURTHER]}
+RANGES = dict(
+    zip(PARAMETERS, ([0.1, 0.4], [0.35, 0.75], [0.02, 0.07], [0.2, 0.5], [0.4, 0.8], [0.1, 0.3]), strict=True)
+)
+PUBLISHED = ("aor_deg", "height_mm")
+
+
+def config_of(count, **changes):
+    """A configuration with so many targets."""
+    return {
+        "targets": CHOICES[count],
+        "parameters": RANGES,
+        "design": {"method": "optimal"},
+        "small_run": False,
+    } | changes
+
+
+def made_up(folder, count):
+    """Smooth made-up tables of so many targets. Returns the paths by the inputs' names."""
+    rng, targets = np.random.default_rng(1), Targets.of(CHOICES[count])
+    samples_ = pd.DataFrame({name: rng.uniform(*RANGES[name], 60) for name in PARAMETERS})
+    samples_.insert(0, "sample", np.arange(1, 61))
+    trend = sum((samples_[name] - low) / (high - low) for name, (low, high) in RANGES.items()) - 3
+    dataset = samples_.assign(status="ok", reason="", n_seeds=8)
+    predictions = pd.DataFrame({"sample": dataset["sample"], "split": np.repeat(["train", "test"], [45, 15])})
+    table4 = samples_.iloc[:5][list(PARAMETERS)].assign(solution=range(1, 6))
+    table4["role"] = ["representative"] + 4 * ["spread"]
+    published = pd.DataFrame({"solution": ["22", "15", "representative"]})
+    theirs = pd.DataFrame({"solution": ["22", "15"]})
+    whole = pd.DataFrame({"data": "real", "method": list(inversion.WHOLE), "simulations": 240.0})
+    for k, one in enumerate(targets):
+        response, scale = one.response, one.sd
+        predictions[response.predicted] = one.value + 2 * scale * trend
+        values = predictions[response.predicted] + rng.normal(0, 0.5 * scale, 60)
+        dataset[response.name] = predictions[response.name] = values
+        dataset[response.error] = 0.3 * scale
+        table4[response.predicted] = one.value
+        table4[response.simulated] = one.value + 0.5 * scale * rng.normal(size=5)
+        table4[response.error] = 0.3 * scale
+        published[response.simulated] = one.value - 2 * scale + 0.5 * scale * rng.normal(size=3)
+        published[response.error] = 0.3 * scale
+        if response.name in PUBLISHED:
+            published[derived(response.name, "published_simulated")] = one.value
+            theirs[response.predicted], theirs[response.simulated] = one.value, 0.99 * one.value
+        off = derived(response.name, "off")
+        whole[off], whole[f"{off}_se"] = 0.1 * (k + 1), 0.02
+    failed = [4, 20]
+    dataset.loc[failed, "status"] = "jammed"
+    dataset.loc[failed, [*targets.names, *targets.errors]] = np.nan
+    predictions = predictions.drop(failed)
+    tables = {
+        "samples": samples_,
+        "dataset": dataset,
+        "predictions": predictions,
+        "table4": table4,
+        "published": published,
+        "theirs": theirs,
+        "whole": whole,
+    }
+    for name, table in tables.items():
+        table.to_csv(folder / f"{name}.csv", index=False)
+    network = {"inputs": list(PARAMETERS), "outputs": list(targets.names)}
+    network |= {"W1": rng.normal(size=(12, 6)).tolist(), "W2": rng.normal(size=(count, 12)).tolist()}
+    (folder / "network.json").write_text(json.dumps(network))
+    return {path.stem: path for path in folder.iterdir()}
+
+
+DRAWN = {
+    "figure10": ("network",),
+    "figure13": ("predictions", "dataset"),
+    "dataset": ("dataset",),
+    "validation": ("table4",),
+    "published": ("published",),
+    "whole": ("whole",),
+}
+
+
+def words(figure):
+    """All texts of a figure."""
+    return [text.get_text() for text in figure.findobj(matplotlib.text.Text)]
+
+
+@pytest.mark.parametrize("count", CHOICES)
+@pytest.mark.parametrize("name", DRAWN)
+def test_a_figure_names_each_target_by_its_symbol_and_unit(name, count, tmp_path):
+    files, config = made_up(tmp_path, count), config_of(count)
+    inputs = {key: files[key] for key in DRAWN[name]}
+    figures.draw(name, inputs, tmp_path / "figure.png", config)
+    with style.applied():
+        figure = figures.FIGURES[name][0](inputs, config)
+        figure.draw_without_rendering()
+    told = words(figure)
+    for one in Targets.of(CHOICES[count]).responses:
+        label = one.symbol if name == "figure10" else f"({one.unit})"
+        assert any(one.symbol in text and label in text for text in told), one.name
+    absent = {one["response"] for one in CHOICES[4]} - {one["response"] for one in CHOICES[count]}
+    assert not any("slip" in text for text in told) or "drum_slip_deg" not in absent
+
+
+def test_a_target_that_was_not_published_leaves_its_place_empty(tmp_path):
+    files = made_up(tmp_path, 4)
+    with style.applied():
+        inputs = {"table4": files["table4"], "published": files["theirs"]}
+        told = words(checks.validation(inputs, config_of(4)))
+        assert told.count("not published") == 2
+        assert "published" in told
+        told = words(checks.published_solutions({"published": files["published"]}, config_of(4)))
+        assert "published simulation" in told
+        alone = config_of(4, targets=FURTHER)
+        assert "not published" not in words(checks.validation(inputs, alone))
+        assert len(checks.validation(inputs, alone).axes) == 2
+        told = words(checks.published_solutions({"published": files["published"]}, alone))
+        assert "published simulation" not in told
+
+
+def test_a_fixed_parameter_has_no_panel(tmp_path):
+    files = made_up(tmp_path, 2)
+    fixed = {name: {"fixed": 0.3} for name in PARAMETERS[2:]}
+    config = config_of(2, parameters=RANGES | fixed)
+    with style.applied():
+        over = samples.responses_over_parameters({"dataset": files["dataset"]}, config)
+        pairs = samples.design_matrix({"samples": files["samples"]}, config)
+        one = samples.design_matrix(
+            {"samples": files["samples"]},
+            config | {"parameters": config["parameters"] | {"mus_gg": {"fixed": 0.5}}},
+        )
+    assert len(over.axes) == 4
+    assert len(pairs.axes) == 4
+    assert len(one.axes) == 1
+
+
+def test_a_range_with_a_prior_is_the_axis(tmp_path):
+    files = made_up(tmp_path, 1)
+    prior = {"e_gg": {"prior": {"mean": 0.25, "sd": 0.02}}}
+    with style.applied():
+        figure = samples.responses_over_parameters(
+            {"dataset": files["dataset"]}, config_of(1, parameters=RANGES | prior)
+        )
+    assert figure.axes[0].get_xlim() == pytest.approx((0.19, 0.31))
+
+
+def test_an_unknown_output_of_a_network_is_named(tmp_path):
+    files = made_up(tmp_path, 1)
+    network = json.loads(files["network"].read_text()) | {"outputs": ["colour_deg"]}
+    files["network"].write_text(json.dumps(network))
+    with style.applied(), pytest.raises(Exception, match="colour_deg"):
+        surrogate.network_structure({"network": files["network"]}, config_of(1))
