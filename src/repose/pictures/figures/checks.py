@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from repose.core.readers import read_table
+from repose.core.files import read_table
 from repose.core.responses import derived
 from repose.core.targets import Target
 
@@ -58,9 +58,9 @@ def published_solutions(inputs: Mapping[str, Any], config: Mapping[str, Any]) ->
     count = len(targets)
     figure = style.new_figure(style.PAGE, 2.9 * style.grid_rows(count))
     panels = style.grid(figure, count)
-    for k, (panel, target) in enumerate(zip(panels, targets, strict=True)):
+    for panel, target in zip(panels, targets, strict=True):
         _published_and_ours(panel, table, target)
-        panel.set_title(style.letter(k), fontweight="bold")
+    style.name_panels(panels)
     # A response that was not published has no marks of the article's simulation, and no label for them.
     fullest = max(panels, key=lambda panel: len(panel.get_legend_handles_labels()[1]))
     panels[0].legend(*fullest.get_legend_handles_labels(), loc="upper left", fontsize=6.3)

@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from repose.core.readers import read_table
+from repose.core.files import read_table
 from repose.core.responses import Response, derived
 
 from . import style

@@ -8,8 +8,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from repose.core.files import read_table
 from repose.core.parameter_space import ParameterSpace
-from repose.core.readers import read_table
 from repose.core.responses import Response
 
 from . import style

@@ -105,6 +105,13 @@ def letter(k: int) -> str:
     return "abcdefghijklmnopqrstuvwxyz"[k % 26] * (1 + k // 26)
 
 
+def name_panels(panels: Sequence[Axes]) -> None:
+    """Give each panel its letter as title; a panel that is alone needs none."""
+    if len(panels) > 1:
+        for k, panel in enumerate(panels):
+            panel.set_title(letter(k), fontweight="bold")
+
+
 def series(k: int) -> dict[str, str]:
     """Colour and line style of curve number k, as `plot` takes them; the first seven have colours of their own."""
     return {"color": SERIES[k % len(SERIES)], "ls": LINES[k % len(LINES)]}

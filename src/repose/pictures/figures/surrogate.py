@@ -1,6 +1,6 @@
 """Figures 10 and 13: the network and how well it predicts."""
 
-import json
+import textwrap
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from repose.core.files import read_json, read_table
 from repose.core.parameters import SYMBOLS
-from repose.core.readers import read_table
 from repose.core.responses import Response, response
 
 from . import style
@@ -21,8 +21,7 @@ SPLITS = (("train", style.BLUE, "o"), ("validation", style.ORANGE, "s"), ("test"
 
 def network_structure(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 10: nodes and connections; line width is the weight's size, colour its sign."""
-    with open(inputs["network"]) as file:
-        network = json.load(file)
+    network = read_json(inputs["network"], ("inputs", "outputs", "W1", "W2"), "the file of a network")
     weights = [np.atleast_2d(network["W1"]), np.atleast_2d(network["W2"])]
     places = [_column(x, n) for x, n in zip((0, 1, 2), (*weights[0].T.shape, len(weights[1])), strict=True)]
     figure = style.new_figure(style.COLUMN * 1.2, 3.6)
@@ -76,14 +75,15 @@ def predicted_against_simulated(inputs: Mapping[str, Any], config: Mapping[str, 
     count = len(targets)
     figure = style.new_figure(0.45 * style.PAGE * min(count, 2), 3.2 * style.grid_rows(count))
     panels = style.grid(figure, count)
-    for k, (panel, shown) in enumerate(zip(panels, targets.responses, strict=True)):
+    for panel, shown in zip(panels, targets.responses, strict=True):
         _scatter_by_split(panel, table, shown)
         panel.set(
             xlabel=style.response_label(shown, "simulated"), ylabel=style.response_label(shown, "predicted")
         )
-        panel.set_title(style.letter(k), fontweight="bold")
+    style.name_panels(panels)
     panels[-1].legend(loc="lower right", handletextpad=0.2)
-    figure.supxlabel("horizontal bars: ± 1 standard error of the simulations' mean over seeds", fontsize=6.8)
+    caption = "horizontal bars: ± 1 standard error of the simulations' mean over seeds"
+    figure.supxlabel(caption if count > 1 else "\n".join(textwrap.wrap(caption, 45)), fontsize=6.8)
     return figure
 
 
