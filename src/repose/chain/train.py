@@ -80,7 +80,8 @@ def run(dataset_csv, runs_csv, settings, out_dir):
 
     out = Path(out_dir)
     out.mkdir(parents=True, exist_ok=True)
-    network.describe(PARAMETERS, RESPONSES).save(out / "network.json")
+    samples = usable["sample"].iloc[rows["train"]]
+    network.describe(PARAMETERS, RESPONSES, samples=samples).save(out / "network.json")
     (out / "metrics.json").write_text(json.dumps(metrics, indent=1) + "\n")
     predictions = pd.DataFrame({"sample": usable["sample"], "split": ""})
     for name in SPLITS:

@@ -36,12 +36,15 @@ class Surrogate(ABC):
         Names of the d parameters and of the k responses; set by `describe`.
     definitions : mapping
         For each response the configuration keys, with their values, that define it; set by `describe`.
+    samples : tuple of int
+        Numbers of the n samples that it was fitted to, in their order; set by `describe`.
     """
 
     name: ClassVar[str]
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
     definitions: Definitions = {}  # noqa: RUF012 - replaced as a whole, never changed in place
+    samples: tuple[int, ...] = ()
 
     @classmethod
     @abstractmethod
@@ -127,18 +130,31 @@ class Surrogate(ABC):
         return []
 
     def describe(
-        self, inputs: Sequence[str], outputs: Sequence[str], definitions: Definitions | None = None
+        self,
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        definitions: Definitions | None = None,
+        samples: Sequence[int] = (),
     ) -> Self:
-        """Name the parameters and the responses, and say how the responses are defined; returns self."""
+        """Name the parameters, the responses and their definitions, and the samples of the fit; returns self."""
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
-        self.definitions = dict(definitions or {})
+        self.definitions, self.samples = dict(definitions or {}), tuple(int(sample) for sample in samples)
         return self
 
     def save(self, path: str | Path) -> None:
         """Write a JSON file that `load` reads."""
-        names = {"inputs": list(self.inputs), "outputs": list(self.outputs)}
-        described = names | {"surrogate": self.name, "definitions": self.definitions}
+        described = {
+            "inputs": list(self.inputs),
+            "outputs": list(self.outputs),
+            "surrogate": self.name,
+            "definitions": self.definitions,
+            "samples": sorted(self.samples),
+        }
         write_json(path, described | self.to_dict())
+
+    def in_order(self, rows: np.ndarray) -> np.ndarray:
+        """Rows (n, ...) of the samples of the fit in the order in which the file lists the samples, by number."""
+        return rows[np.argsort(self.samples)] if self.samples else rows
 
 
 _REGISTRY: dict[str, type[Surrogate]] = {}
@@ -208,7 +224,9 @@ def load(path: str | Path, outputs: Sequence[str] | None = None) -> Surrogate:
         model = kind.from_dict(content)
     except (KeyError, ValueError, TypeError) as error:
         raise InputError(path, kind.name, repr(error), "as `save` of this surrogate writes it") from error
-    model.describe(content["inputs"], content["outputs"], content.get("definitions"))
+    model.describe(
+        content["inputs"], content["outputs"], content.get("definitions"), content.get("samples", ())
+    )
     if outputs is not None and model.outputs != tuple(outputs):
         raise InputError(path, "outputs", list(model.outputs), f"the targets {', '.join(outputs)}")
     return model

@@ -257,8 +257,8 @@ class BayesianBP(Surrogate):
             "alpha": np.asarray(self.alpha_).tolist(),
             "beta": self.beta_,
             "noise_covariance": None if covariance is None else np.asarray(covariance).tolist(),
-            "inputs": self.training_["inputs"].tolist(),
-            "weight": self.training_["weight"].tolist(),
+            "inputs": self.in_order(self.training_["inputs"]).tolist(),
+            "weight": self.in_order(self.training_["weight"]).tolist(),
         }
         return content | {"training": training}
 
