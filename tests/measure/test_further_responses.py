@@ -8,7 +8,9 @@ import pandas as pd
 import pytest
 
 from repose.core.errors import InputError, NoFlankError
+from repose.core.responses import names, responses_of
 from repose.measure import further_responses
+from repose.measure.angles import DEFINITIONS, MEAN_KEYS
 from repose.particle.build import Particle
 
 MM_PER_PIXEL = 0.5
@@ -87,7 +89,7 @@ def job(tmp_path):
     np.savez(tmp_path / "007.npz", **arrays)
     (tmp_path / "007.pours.json").write_text(json.dumps({"sample": 7, "pours": pours}))
     runs = pd.DataFrame({"sample": 7, "seed": [1, 2, 3], "status": ["ok", "jammed", "ok"]})
-    for name in ("aor_deg", "height_mm", *further_responses.HEAP):
+    for name in names(responses_of("funnel")):
         if name not in further_responses.MEASURED:
             runs[name] = 30.0
     runs["reason"] = ""
@@ -95,7 +97,31 @@ def job(tmp_path):
     return tmp_path
 
 
-CONFIG = {"heap": {"plate_diameter_mm": 600.0}}
+@pytest.mark.parametrize("definition", DEFINITIONS)
+def test_offered_are_all_definitions_but_the_calibrated_one(definition):
+    found = further_responses.offered(("aor_deg", "height_mm"), definition)
+    others = [MEAN_KEYS[name] for name in DEFINITIONS if name != definition]
+    assert list(found) == [*others, *further_responses.MEASURED, "discharge_s"]
+
+
+def test_offered_is_what_is_no_target():
+    alone = further_responses.offered(("height_mm",), "secant")
+    assert "height_mm" not in alone
+    assert set(MEAN_KEYS.values()) < set(
+        alone
+    )  # all definitions, and none of them twice under the name aor_deg
+    assert "aor_deg" not in alone
+    both = further_responses.offered(
+        ("aor_deg", "aor_whole_deg", "packing_percent", "drum_slip_deg"), "flank"
+    )
+    assert both[:3] == ("height_mm", "aor_secant_deg", "aor_steepest_deg")
+    assert "packing_percent" not in both
+
+
+CONFIG = {
+    "funnel": {"plate_diameter_mm": 600.0},
+    "targets": [{"response": "aor_deg"}, {"response": "height_mm"}],
+}
 MEASURE = {"views": 2, "mm_per_pixel": 0.5, "response": "secant", "berry_height_mm": 12.0}
 BALL = Particle(
     kind="ellipsoid",
@@ -122,6 +148,15 @@ def test_good_runs_of_a_job_are_measured_and_the_others_left_empty(job):
     assert table.loc[good, "loose_percent"].tolist() == [10.0, 10.0]
     assert table.loc[good, "radius_90_mm"].to_numpy() == pytest.approx(90 * math.sqrt(0.9), abs=3)
     assert pd.read_csv(job / "out.csv").columns.tolist() == table.columns.tolist()
+
+
+@pytest.mark.parametrize("definition", DEFINITIONS)
+def test_the_table_keeps_the_definitions_that_are_offered(job, definition):
+    config = CONFIG | {"measure": MEASURE | {"response": definition}}
+    files = ([job / "007.pours.json"], job / "runs.csv")
+    table = further_responses.run(config, *files, BALL, {}, job / "out.csv")
+    kept = {"sample", "seed", "status", *further_responses.offered(("aor_deg", "height_mm"), definition)}
+    assert set(table.columns) == {"aor_deg", "height_mm", *kept}
 
 
 def test_a_run_without_its_pour_is_named(job):

@@ -8,13 +8,25 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+import repose.apparatus  # noqa: F401  (makes the responses known)
 from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
+from repose.core.targets import Targets
 from repose.measure import further_responses
-from repose.studies import second_responses
+from repose.pictures.figures import second_look, style
+from repose.studies import information, responses_over_design, second_responses
 
-RANGES = dict.fromkeys(PARAMETERS, (0.0, 1.0))
-TARGET = {"aor_range_deg": [29.0, 31.0], "height_range_mm": [58.0, 62.0], "physical_piles": 4}
+SPACE = ParameterSpace.of(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
+
+
+def target(name, low, high, repetitions=4):
+    value = (low + high) / 2
+    return {"response": name, "value": value, "sd": 1.0, "repetitions": repetitions, "range": [low, high]}
+
+
+ANGLE, HEIGHT = target("aor_deg", 29.0, 31.0), target("height_mm", 58.0, 62.0)
+TARGETS = Targets.of([ANGLE, HEIGHT])
 SETTINGS = {"points": 2**13, "truths": 6, "folds": 2, "starts": 1, "seed": 1}
 SETTINGS |= {"discrepancy_percent": 2.0, "hidden": 2, "epochs": 40}
 
@@ -23,7 +35,7 @@ def test_means_have_the_error_of_their_number_of_runs():
     groups = np.repeat([3, 1, 2], 130)
     values = groups * 10.0 + np.random.default_rng(1).normal(0, 2, 390)
     values[5] = np.nan
-    known = second_responses.over_design(values, groups, np.array([1, 2, 3, 4]))
+    known = responses_over_design.over_design(values, groups, np.array([1, 2, 3, 4]))
     assert known.mean[:3] == pytest.approx([10, 20, 30], abs=0.6)
     assert known.error[:3] == pytest.approx(2 / np.sqrt([130, 130, 129]), rel=0.1)
     assert np.isnan([known.mean[3], known.error[3]]).all()
@@ -35,7 +47,7 @@ def test_noise_correlation_is_about_the_samples_means_and_none_with_the_drum():
     shared = random.multivariate_normal([0, 0], [[1, 0.9], [0.9, 1]], size=4000)
     sample = np.repeat(np.arange(1000), 4)
     runs = pd.DataFrame({"sample": sample, "aor_deg": shared[:, 0] - 9 * sample, "height_mm": shared[:, 1]})
-    found = second_responses.noise_correlation(runs, ["aor_deg", "drum_slip_deg", "height_mm"])
+    found = responses_over_design.noise_correlation(runs, ["aor_deg", "drum_slip_deg", "height_mm"])
     assert found == pytest.approx(np.array([[1, 0, 0.9], [0, 1, 0], [0.9, 0, 1]]), abs=0.02)
 
 
@@ -45,15 +57,17 @@ def test_surrogates_error_is_what_the_noise_of_the_means_does_not_explain():
     residuals = random.multivariate_normal([0, 0], noise, 20_000)
     residuals += random.multivariate_normal([0, 0], lack, 20_000)
     errors = np.ones((20_000, 2))
-    assert second_responses.surrogate_covariance(residuals, errors, noise) == pytest.approx(lack, abs=0.05)
-    nothing = second_responses.surrogate_covariance(residuals, 2 * errors, noise)
+    assert responses_over_design.surrogate_covariance(residuals, errors, noise) == pytest.approx(
+        lack, abs=0.05
+    )
+    nothing = responses_over_design.surrogate_covariance(residuals, 2 * errors, noise)
     assert (np.linalg.eigvalsh(nothing) > 0).all()
 
 
 def test_information_of_a_linear_response_is_that_of_its_normal_posterior():
     """y = theta_1 with sd 0.05: entropy of the normal; a second response on theta_2 adds its own bits, no more."""
     unit = stats.qmc.Sobol(6, rng=1).random(2**16)
-    prior = second_responses.Prior(unit, unit[:, :3])
+    prior = information.Prior(unit, unit[:, :3])
     covariance = np.diag([0.05, 0.02, 0.05]) ** 2
     observed = np.array([0.5, 0.5, 0.5])
 
@@ -74,20 +88,66 @@ def test_information_of_a_linear_response_is_that_of_its_normal_posterior():
 def test_shared_noise_is_told_apart():
     """Two responses of one parameter each, noises of correlation 0.99: their difference is exact."""
     unit = stats.qmc.Sobol(6, rng=1).random(2**15)
-    prior = second_responses.Prior(unit, np.column_stack([unit[:, 0], np.zeros(len(unit))]))
+    prior = information.Prior(unit, np.column_stack([unit[:, 0], np.zeros(len(unit))]))
     alone, shared = (0.01 * np.array([[1, r], [r, 1]]) for r in (0.0, 0.99))
     observed = np.array([0.5, 0.0])
     first, second = (prior.posterior(observed, [0, 1], one)[0] for one in (alone, shared))
     assert second - first == pytest.approx(-0.5 * math.log2(1 - 0.99**2), abs=0.2)
 
 
+def test_a_normal_prior_counts_as_known():
+    """A response that repeats the prior's width: half a bit, for the variance halves."""
+    given = dict.fromkeys(PARAMETERS, (0.0, 1.0)) | {
+        "mus_gg": {"prior": {"mean": 0.5, "sd": 0.05}, "range": [0, 1]}
+    }
+    space = ParameterSpace.of(given)
+    quantile = stats.qmc.Sobol(6, rng=1).random(2**15)
+    place = information.places_of(space, quantile)
+    assert np.delete(place, 1, axis=1) == pytest.approx(np.delete(quantile, 1, axis=1), abs=0)
+    assert place[:, 1].std() == pytest.approx(0.05, rel=0.01)
+    widths = information.prior_widths(space)
+    assert widths == pytest.approx([0.95, 2 * 1.96 * 0.05, 0.95, 0.95, 0.95, 0.95], rel=1e-3)
+    prior = information.Prior(quantile, place, place, widths)
+    joint, _, ratio, _ = prior.posterior(np.full(6, 0.5), [1], np.eye(6) * 0.05**2)
+    # KL of N(m, s^2 / 2) from N(m, s^2), in bits
+    assert joint == pytest.approx(0.5 * (math.log2(2) + (0.5 - 1) / math.log(2)), abs=0.02)
+    assert ratio[1] == pytest.approx(math.sqrt(0.5), rel=0.02)
+
+
 def test_sets_hold_the_base_and_the_drum_apart():
     names = ["aor_deg", "height_mm", "loose_percent", "drum_slip_deg"]
-    sets = second_responses.sets_of(names)
+    sets = second_responses.sets_of(names, TARGETS.responses)
+    assert list(sets)[:2] == ["AoR alone", "AoR and Height"]
     assert sets["AoR and Height"] == ("aor_deg", "height_mm")
     assert sets["whole pile"] == ("aor_deg", "height_mm", "loose_percent")
     assert sets["pile and drum"] == tuple(names)
-    assert "pile and drum" not in second_responses.sets_of(names[:3])
+    assert "pile and drum" not in second_responses.sets_of(names[:3], TARGETS.responses)
+
+
+def test_sets_of_one_and_of_three_targets():
+    one = Targets.of([HEIGHT]).responses
+    assert list(second_responses.sets_of(["height_mm", "loose_percent"], one)) == [
+        "Height",
+        "loose_percent",
+        "whole pile",
+    ]
+    three = Targets.of([ANGLE, HEIGHT, target("drum_slip_deg", 30, 50)]).responses
+    assert second_responses.base_label(three) == "AoR, Height and slip"
+
+
+def test_means_share_the_repetitions_of_the_one_measured_less_often():
+    targets = Targets.of([target("aor_deg", 0, 1, repetitions=4), target("height_mm", 0, 1, repetitions=9)])
+    names = ["aor_deg", "height_mm", "loose_percent"]
+    known = {
+        name: responses_over_design.Known(None, None, {"sd_within": sd, "mean": 50.0})
+        for name, sd in zip(names, (2.0, 3.0, 1.0), strict=True)
+    }
+    correlation = np.full((3, 3), 0.5) + 0.5 * np.eye(3)
+    model = second_responses.Modelled(names, {}, correlation, np.zeros((3, 3)))
+    data = responses_over_design.Data(None, known, None)
+    found = second_responses.observed_covariance(data, model, targets, 2.0)
+    expected = np.array([[1 + 1, 3 / 9, 1 / 4], [3 / 9, 1 + 1, 1.5 / 9], [1 / 4, 1.5 / 9, 1 / 4 + 1]])
+    assert found == pytest.approx(expected)
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +161,7 @@ def study(tmp_path_factory):
     table.to_csv(folder / "dataset.csv", index=False)
     place = table.loc[table.index.repeat(3), list(PARAMETERS)].to_numpy()
     runs = pd.DataFrame({"sample": np.repeat(table["sample"], 3), "seed": 1, "status": "ok"})
-    for name in further_responses.HEAP:
+    for name in further_responses.offered((), "secant"):
         runs[name] = 50 + random.normal(0, 1, 120)
     runs["aor_deg"] = 25 + 10 * place[:, 0] + random.normal(0, 0.5, 120)
     runs["height_mm"] = 50 + 20 * place[:, 1] + random.normal(0, 1.0, 120)
@@ -116,13 +176,15 @@ def study(tmp_path_factory):
     repeated = pd.DataFrame({"status": "ok", "before_surface_deg": [44.0, 45.0, 46.0]})
     repeated["after_surface_deg"] = repeated["before_surface_deg"] - [5.5, 5, 4.5]
     repeated.to_csv(folder / "drum_runs.csv", index=False)
-    return {"runs": folder / "runs.csv", "dataset": folder / "dataset.csv"}, drum, folder / "drum_runs.csv"
+    files = (folder / "runs.csv", folder / "dataset.csv")
+    return files, (drum, folder / "drum_runs.csv")
 
 
 def test_study_finds_the_response_that_tells_something_new(study, tmp_path):
-    files, drum, drum_runs = study
-    more = files | {"drum": drum, "drum_runs": drum_runs}
-    summary = second_responses.run(more, RANGES, TARGET, SETTINGS, tmp_path)
+    files, drum = study
+    data = responses_over_design.read(*files, TARGETS, "secant", *drum)
+    assert "packing" in second_responses.run(data, TARGETS, SPACE, SETTINGS, tmp_path)
+    summary = json.loads((tmp_path / "responses.json").read_text())
     assert summary["modelled"][:3] == ["aor_deg", "height_mm", "packing_percent"]
     assert "loose_percent" in summary["left_out"]
     information = pd.read_csv(tmp_path / "information.csv")
@@ -137,19 +199,47 @@ def test_study_finds_the_response_that_tells_something_new(study, tmp_path):
     assert ratio.loc["packing_percent", ["e_gg", "mus_gg", "mus_gp"]].to_numpy() == pytest.approx(1, abs=0.2)
     assert ratio.loc["drum_slip_deg"].idxmin() == "e_gp"
     order = pd.read_csv(tmp_path / "order.csv").query("discrepancy_percent == 0")
-    assert set(order["response"][:2]) >= {"packing_percent"} or order["response"].iloc[0].startswith("drum")
+    best = order.iloc[0]["response"]
+    assert best == "packing_percent" or best.startswith("drum")
     table = pd.read_csv(tmp_path / "responses.csv").set_index("response")
     assert table.loc["packing_percent", "r2_noise_corrected"] > 0.9
     assert table.loc["drum_slip_deg", "samples"] == 20
-    assert "packing" in second_responses.message(summary)
+
+
+@pytest.mark.parametrize("names", [["height_mm"], ["aor_deg", "height_mm", "packing_percent", "upper_deg"]])
+def test_study_with_one_target_and_with_four(study, tmp_path, names):
+    files, _ = study
+    wide = {"packing_percent": target("packing_percent", 55, 65), "upper_deg": target("upper_deg", 40, 60)}
+    targets = Targets.of([{"aor_deg": ANGLE, "height_mm": HEIGHT, **wide}[name] for name in names])
+    data = responses_over_design.read(*files, targets, "secant")
+    assert tuple(data.known)[: len(names)] == targets.names
+    second_responses.run(data, targets, SPACE, SETTINGS, tmp_path)
+    found = pd.read_csv(tmp_path / "information.csv")
+    label = second_responses.base_label(targets.responses)
+    assert label in set(found["set"])
+    first = found[found["discrepancy_percent"] == 0].set_index("set")
+    assert first.loc[label, "gain_bits"] == 0
+    if len(names) == 1:
+        assert first.loc["packing_percent", "gain_bits"] > 1
+    inputs = {name: tmp_path / f"{name}.csv" for name in ("responses", "information", "narrowing", "order")}
+    config = {
+        "targets": [
+            {"response": one.name, "value": one.value, "sd": one.sd, "repetitions": 4}
+            | {"range": [one.low, one.high]}
+            for one in targets
+        ]
+    }
+    with style.applied():
+        figure = second_look.what_to_measure_next(inputs, config)
+    assert figure.axes[0].get_xlabel() == f"bits gained beside {label}"
 
 
 def test_drum_of_another_design_and_a_target_out_of_reach_are_refused(study, tmp_path):
-    files, _, drum_runs = study
+    files, (_, drum_runs) = study
     (tmp_path / "999.json").write_text(json.dumps({"sample": 999, "runs": []}))
-    wrong = files | {"drum": [tmp_path / "999.json"], "drum_runs": drum_runs}
     with pytest.raises(InputError, match="999"):
-        second_responses.run(wrong, RANGES, TARGET, SETTINGS, tmp_path)
-    far = TARGET | {"aor_range_deg": [80, 81]}
+        responses_over_design.read(*files, TARGETS, "secant", [tmp_path / "999.json"], drum_runs)
+    far = Targets.of([target("aor_deg", 80, 81), HEIGHT])
+    data = responses_over_design.read(*files, far, "secant")
     with pytest.raises(InputError, match="feasible points"):
-        second_responses.run(files, RANGES, far, SETTINGS | {"points": 2**13}, tmp_path)
+        second_responses.study(data, far, SPACE, SETTINGS)

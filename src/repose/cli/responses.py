@@ -6,8 +6,9 @@ from repose.cli.parameter_sets import parameters
 from repose.cli.pouring import TURNED, told
 from repose.cli.registry import Family, Option
 from repose.config import loader
+from repose.core.parameter_space import ParameterSpace
 from repose.core.seeds import pour_seeds
-from repose.core.targets import section_of
+from repose.core.targets import Targets
 
 family = Family()
 
@@ -65,14 +66,14 @@ def drum_design(args):
     ],
 )
 def second_responses(args):
-    from repose.studies import second_responses
+    from repose.studies import responses_over_design, second_responses
 
     config = loader.load(args.config)
-    section = config["second_responses"] | {"hidden": config["network"]["hidden"]}
-    section |= {"epochs": config["network"]["epochs"]}
-    section |= {"discrepancy_percent": config["posterior"]["discrepancy_percent"]}
-    files = {"runs": args.runs, "dataset": args.dataset}
-    if args.drum:
-        files |= {"drum": args.drum, "drum_runs": args.drum_runs}
-    summary = second_responses.run(files, config["parameters"], section_of(config), section, args.out)
-    print(second_responses.message(summary))
+    settings = config["second_responses"] | {key: config["network"][key] for key in ("hidden", "epochs")}
+    settings |= {"discrepancy_percent": config["posterior"]["discrepancy_percent"]}
+    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
+    definition = config["measure"]["response"]
+    data = responses_over_design.read(
+        args.runs, args.dataset, targets, definition, args.drum or (), args.drum_runs
+    )
+    print(second_responses.run(data, targets, space, settings, args.out))

@@ -1,7 +1,7 @@
-"""More responses of a pile that is there already: what else one look at it tells, measured on saved pours.
+"""More responses of a pile that is there already, measured on saved pours.
 
-From the mean silhouette: R(z), half the pile's width at a height, outermost boundary to outermost boundary, mean of
-all views. b is a berry's height and H the Height.
+From the mean silhouette: R(z), half the pile's width at the height z, from outermost boundary to outermost boundary,
+mean of all views. b is the height of a berry and H the Height.
 
 base_radius_mm   R(b)
 lower_deg        slope of the lower flank, from b to H / 2:      atan((H / 2 - b) / (R(b) - R(H / 2)))
@@ -9,56 +9,80 @@ upper_deg        slope of the upper flank, from H / 2 to 0.8 H
 packing_percent  volume of the pile's berries over that of the body of revolution, pi R^2 dz; a balance gives the first
 
 From above, with all berries on the plate:
-radius_90_mm     radius about the funnel's axis that holds 90 % of them, by their centres
-loose_percent    share of them that does not touch the pile
+radius_90_mm     radius about the funnel's axis that holds 90 % of the berries, by their centres
+loose_percent    share of the berries that does not touch the pile
 
-discharge_s is the pour's own. The angle of repose by its other definitions comes with the runs (`angles`).
+`discharge_s` comes with the pour. The angle of repose by its other definitions comes with the runs (`angles`).
 """
 
 import math
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike
 
 from repose.core.errors import InputError, NoFlankError
-from repose.core.files import read_table
+from repose.core.files import read_table, write_table
+from repose.core.responses import names, responses_of
 from repose.measure import pile, saved_pours
 from repose.measure.angles import MEAN_KEYS, outermost_crossing
-from repose.surrogate.bayesian_bp import RESPONSES
+from repose.particle.particle import Particle
 
-PROFILE = ("base_radius_mm", "lower_deg", "upper_deg", "packing_percent")
-SCATTER = ("radius_90_mm", "loose_percent")
-TIMES = ("discharge_s",)
-MEASURED = (*PROFILE, *SCATTER)
-# What an experimenter could take from the same pile beside the two that are calibrated.
-HEAP = (*(MEAN_KEYS[name] for name in ("flank", "steepest", "whole")), *MEASURED, *TIMES)
-DRUM = ("drum_slip_deg", "drum_rest_deg")
-LABELS = {
-    "aor_deg": "angle of repose",
-    "height_mm": "Height",
-    "aor_flank_deg": "angle, flank",
-    "aor_secant_deg": "angle, secant",
-    "aor_steepest_deg": "angle, steepest",
-    "aor_whole_deg": "angle, whole side",
-    "base_radius_mm": "base radius",
-    "lower_deg": "lower flank",
-    "upper_deg": "upper flank",
-    "packing_percent": "packing",
-    "radius_90_mm": "radius of 90 % of the berries",
-    "loose_percent": "loose berries",
-    "discharge_s": "discharge time",
-    "drum_slip_deg": "drum, slip",
-    "drum_rest_deg": "drum, after the slip",
-}
+BENCH = "funnel"
+# The calibrated angle: one of the definitions under a name of its own (`measure.response`).
+CALIBRATED_ANGLE = "aor_deg"
+MEASURED = (
+    "base_radius_mm",
+    "lower_deg",
+    "upper_deg",
+    "packing_percent",
+    "radius_90_mm",
+    "loose_percent",
+)
 HALF, UPPER, HELD = 0.5, 0.8, 0.9
 LEVELS = 200  # heights at which the silhouette's width is taken for the volume
 
 
-def mean_half_width(profiles, mm_per_pixel, levels_mm):
-    """Half the width (levels,) in mm of silhouettes at heights over the plate, mean over the views.
+def offered(targets: Iterable[str], definition: str) -> tuple[str, ...]:
+    """Responses that an experimenter could take from the same pile beside the targets.
 
-    profiles: sequence of (W,) heights of the upper edge in pixels, as `pile.profile_of` gives them. A view that is
-    lower than a level counts as 0 there.
+    Parameters
+    ----------
+    targets : iterable of str
+        Names of the targets.
+    definition : str
+        The definition of the angle that ``aor_deg`` is (`measure.response`), one of `angles.DEFINITIONS`.
+
+    Returns
+    -------
+    tuple of str
+        All responses of the pile, in the order of the registry, without the targets, without ``aor_deg`` (which
+        is one of the definitions again), and, where ``aor_deg`` is a target, without its definition.
+    """
+    taken = {CALIBRATED_ANGLE, *targets}
+    if CALIBRATED_ANGLE in targets:
+        taken.add(MEAN_KEYS[definition])
+    return tuple(name for name in names(responses_of(BENCH)) if name not in taken)
+
+
+def mean_half_width(profiles: Sequence[np.ndarray], mm_per_pixel: float, levels_mm: ArrayLike) -> np.ndarray:
+    """Half the width of silhouettes at some heights, mean over the views.
+
+    Parameters
+    ----------
+    profiles : sequence of numpy.ndarray, (W,)
+        Height of the upper edge in pixels for each column, as `pile.profile_of` gives it.
+    mm_per_pixel : float
+    levels_mm : array_like, (levels,)
+        Heights over the plate.
+
+    Returns
+    -------
+    numpy.ndarray, (levels,)
+        In mm. A view that is lower than a level counts as 0 there.
     """
     levels = np.asarray(levels_mm, dtype=float) / mm_per_pixel
     total = np.zeros(len(levels))
@@ -70,11 +94,29 @@ def mean_half_width(profiles, mm_per_pixel, levels_mm):
     return total / len(profiles) * mm_per_pixel
 
 
-def of_profile(profiles, mm_per_pixel, height_mm, berry_mm, berries_mm3):
+def of_profile(
+    profiles: Sequence[np.ndarray],
+    mm_per_pixel: float,
+    height_mm: float,
+    berry_mm: float,
+    berries_mm3: float,
+) -> dict[str, float]:
     """The four numbers of the mean silhouette, by name.
 
-    height_mm: the pile's; berry_mm: a berry's; berries_mm3: volume of the berries in the pile. Raises NoFlankError
-    for a pile whose half is not above a berry.
+    Parameters
+    ----------
+    profiles : sequence of numpy.ndarray, (W,)
+        As for `mean_half_width`.
+    mm_per_pixel : float
+    height_mm, berry_mm : float
+        Height of the pile, and of a berry.
+    berries_mm3 : float
+        Volume of the berries in the pile.
+
+    Raises
+    ------
+    NoFlankError
+        If half of the pile is not above a berry.
     """
     if not HALF * height_mm > berry_mm:
         raise NoFlankError(f"half of {height_mm:.1f} mm is not above a berry, {berry_mm:.1f} mm")
@@ -90,11 +132,22 @@ def of_profile(profiles, mm_per_pixel, height_mm, berry_mm, berries_mm3):
     }
 
 
-def of_scatter(centres_m, in_pile, on_plate_mm):
+def of_scatter(centres_m: np.ndarray, in_pile: ArrayLike, on_plate_mm: float) -> dict[str, float]:
     """Radius that holds 90 % of the berries on the plate, and the share of them outside the pile, by name.
 
-    centres_m (N, 3); in_pile (N,); on_plate_mm: radius of the plate about the axis x = y = 0; centres below the
-    plate or beyond it are left out. Raises NoFlankError where nothing lies on the plate.
+    Parameters
+    ----------
+    centres_m : numpy.ndarray, (N, 3)
+        Centres of the berries; those below the plate or beyond it are left out.
+    in_pile : array_like, (N,)
+        Which of them touch the pile.
+    on_plate_mm : float
+        Radius of the plate about the axis x = y = 0.
+
+    Raises
+    ------
+    NoFlankError
+        If nothing lies on the plate.
     """
     distance = 1e3 * np.hypot(centres_m[:, 0], centres_m[:, 1])
     there = (distance <= on_plate_mm) & (centres_m[:, 2] > 0)
@@ -104,11 +157,24 @@ def of_scatter(centres_m, in_pile, on_plate_mm):
     return {"radius_90_mm": float(np.quantile(distance[there], HELD)), "loose_percent": float(loose)}
 
 
-def of_pour(arrays, particle, settings, plate_mm):
-    """All of MEASURED of one pour; NoFlankError where there is no pile.
+def of_pour(
+    arrays: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings, plate_mm: float
+) -> dict[str, float]:
+    """All responses of `MEASURED` of one pour, by name.
 
-    arrays: position, quaternion, in_pile and perhaps scale; settings: `pile.MeasureSettings`; plate_mm: the plate's
-    diameter.
+    Parameters
+    ----------
+    arrays : mapping
+        ``position``, ``quaternion``, ``in_pile`` and perhaps ``scale`` of the berries.
+    particle : Particle
+    settings : pile.MeasureSettings
+    plate_mm : float
+        Diameter of the plate.
+
+    Raises
+    ------
+    NoFlankError
+        If there is no pile.
     """
     settings = pile.with_berry_height(settings, particle)
     centres, members = arrays["position"].astype(float), arrays["in_pile"]
@@ -123,19 +189,29 @@ def of_pour(arrays, particle, settings, plate_mm):
     return found | of_scatter(centres, members, plate_mm / 2)
 
 
-def run(config, pours_json, runs_csv, particle, berry, out_csv):
-    """Measure every good run of a study's pours; write and return the table: sample, seed, status, all responses.
+def of_pours(
+    pours_json: Iterable[str | Path],
+    good: set[tuple[int, int]],
+    particle: Particle,
+    settings: pile.MeasureSettings,
+    plate_mm: float,
+) -> dict[tuple[int, int], dict[str, float]]:
+    """`MEASURED` of the good runs in files of pours, by sample and seed; empty where there is no pile.
 
-    pours_json: NAME.pours.json of `heap.pour_job`, with NAME.npz beside each; runs_csv: as `dataset` writes it,
-    for the responses that are there already. Raises InputError for a bad file and for a run that is in no pour.
+    Parameters
+    ----------
+    pours_json : iterable of path
+        ``NAME.pours.json`` of the pour job, with ``NAME.npz`` beside each.
+    good : set of (sample, seed)
+        Runs to measure.
+    particle, settings, plate_mm
+        As for `of_pour`.
+
+    Raises
+    ------
+    InputError
+        If a file is bad.
     """
-    known = (*RESPONSES, *(name for name in HEAP if name not in MEASURED))
-    runs = read_table(runs_csv, ("sample", "seed", "status", *known))
-    runs = runs.drop(
-        columns=[column for column in runs if column not in ("sample", "seed", "status", *known)]
-    )
-    settings = pile.MeasureSettings.of(config["measure"], berry)
-    good = set(map(tuple, runs.loc[runs["status"] == "ok", ["sample", "seed"]].to_numpy()))
     found = {}
     for path in map(Path, pours_json):
         job = saved_pours.read_pours(path)
@@ -146,18 +222,68 @@ def run(config, pours_json, runs_csv, particle, berry, out_csv):
                 key = (job["sample"], record["seed"])
                 if key in good:
                     saved = saved_pours.pour_arrays(arrays, record["seed"], path)
-                    found[key] = _or_nothing(saved, particle, settings, config["funnel"]["plate_diameter_mm"])
+                    found[key] = _or_nothing(saved, particle, settings, plate_mm)
+    return found
+
+
+def joined(runs: pd.DataFrame, found: Mapping[tuple[int, int], Mapping[str, float]]) -> pd.DataFrame:
+    """The table of runs with the columns of `MEASURED`, NaN where nothing was found.
+
+    Parameters
+    ----------
+    runs : pandas.DataFrame
+        With the columns ``sample`` and ``seed``.
+    found : mapping
+        Of `of_pours`.
+    """
+    keys = list(runs[["sample", "seed"]].itertuples(index=False, name=None))
+    return runs.assign(
+        **{name: [found.get(key, {}).get(name, math.nan) for key in keys] for name in MEASURED}
+    )
+
+
+def run(
+    config: Mapping[str, Any],
+    pours_json: Iterable[str | Path],
+    runs_csv: str | Path,
+    particle: Particle,
+    berry: Mapping[str, Any],
+    out_csv: str | Path,
+) -> pd.DataFrame:
+    """Measure every good run of a study's pours; write and return the table: sample, seed, status, all responses.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    pours_json : iterable of path
+        As for `of_pours`.
+    runs_csv : path
+        Single runs as the dataset stage writes them, for the responses that are there already.
+    particle : Particle
+    berry : mapping
+        What the verb berry wrote.
+    out_csv : path
+
+    Raises
+    ------
+    InputError
+        If a file is bad, or a run is in no pour.
+    """
+    targets = [target["response"] for target in config["targets"]]
+    known = (*targets, *offered(targets, config["measure"]["response"]))
+    known = ("sample", "seed", "status", *(name for name in known if name not in MEASURED))
+    runs = read_table(runs_csv, known)
+    runs = runs[[column for column in runs if column in known]]
+    good = set(map(tuple, runs.loc[runs["status"] == "ok", ["sample", "seed"]].to_numpy()))
+    settings = pile.MeasureSettings.of(config["measure"], berry)
+    found = of_pours(pours_json, good, particle, settings, config["funnel"]["plate_diameter_mm"])
     missing = sorted(good - set(found))
     if missing:
         raise InputError(runs_csv, "runs without a pour", missing[:3], "runs of the pours that are given")
-    for name in MEASURED:
-        runs[name] = [
-            found.get(key, {}).get(name, math.nan)
-            for key in runs[["sample", "seed"]].itertuples(index=False, name=None)
-        ]
-    Path(out_csv).parent.mkdir(parents=True, exist_ok=True)
-    runs.to_csv(out_csv, index=False)
-    return runs
+    table = joined(runs, found)
+    write_table(out_csv, table)
+    return table
 
 
 def _or_nothing(saved, particle, settings, plate_mm):

@@ -1,37 +1,53 @@
 """What to measure next on the same pile: bits gained, and which parameter each response narrows."""
 
-import numpy as np
-import pandas as pd
+from collections.abc import Mapping
+from typing import Any
 
+import numpy as np
+from matplotlib.figure import Figure
+
+from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS, SYMBOLS
-from repose.measure.further_responses import LABELS
+from repose.core.responses import response
+from repose.studies.second_responses import EVERYTHING, WHOLE_PILE, base_label
 
 from . import style
 
-BASE = "AoR and Height"
-TOGETHER = {"whole pile": "all of the pile", "pile and drum": "pile and drum"}
+TOGETHER = {WHOLE_PILE: "all of the pile", EVERYTHING: "pile and drum"}
 
 
-def what_to_measure_next(inputs, config):
-    """Bits that each response adds to AoR and Height, and the width of each parameter's interval with it."""
-    information, narrowing = pd.read_csv(inputs["information"]), pd.read_csv(inputs["narrowing"])
-    known = pd.read_csv(inputs["responses"]).set_index("response")
+def what_to_measure_next(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
+    """Bits that each response adds to the targets, and the width of each parameter's interval with it.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of ``responses``, ``information`` and ``narrowing``, tables of the verb second_responses.
+    config : mapping
+        The whole configuration.
+    """
+    base_name = base_label(style.targets_of(config).responses)
+    information = read_table(inputs["information"], ("discrepancy_percent", "set", "gain_bits"))
+    narrowing = read_table(inputs["narrowing"], ("discrepancy_percent", "set", "parameter", "over_base"))
+    known = read_table(inputs["responses"], ("response", "signal_to_noise", "r2")).set_index("response")
     percents = sorted(information["discrepancy_percent"].unique())
     first = information[information["discrepancy_percent"] == percents[0]].set_index("set")
-    single = [name for name in first.index if name in LABELS]
+    single = [name for name in first.index if name in known.index]
     order = sorted(single, key=lambda name: first.loc[name, "gain_bits"])
     order = [*[name for name in TOGETHER if name in first.index][::-1], *order]
     figure = style.new_figure(style.PAGE, 1.1 + 0.26 * (len(order) + 1))
     bars, map_ = figure.subplots(1, 2)
     _bars(bars, information, order, percents, known)
-    _map(map_, narrowing[narrowing["discrepancy_percent"] == percents[0]], [*order, BASE])
-    base = first.loc[BASE]
-    text = f"AoR and Height alone:\n{base['bits']:.1f} ± {base['bits_se']:.1f} bits"
+    bars.set_xlabel(f"bits gained beside {base_name}")
+    _map(map_, narrowing[narrowing["discrepancy_percent"] == percents[0]], order, base_name)
+    base = first.loc[base_name]
+    text = f"{base_name} alone:\n{base['bits']:.1f} ± {base['bits_se']:.1f} bits"
     style.note(bars, text, x=0.98, y=0.98, ha="right")
     return figure
 
 
 def _bars(panel, information, order, percents, known):
+    """Bits gained by each set, a bar for each discrepancy."""
     place = np.arange(len(order))
     height = 0.8 / len(percents)
     for k, percent in enumerate(percents):
@@ -51,26 +67,26 @@ def _bars(panel, information, order, percents, known):
     panel.axvline(0, color=style.BLACK, lw=0.6)
     names = []
     for name in order:
-        text = TOGETHER.get(name) or LABELS[name]
+        text = TOGETHER.get(name) or response(name).label
         if name in known.index:
             text += f"\nS/N {known.loc[name, 'signal_to_noise']:.1f}, R² {known.loc[name, 'r2']:.2f}"
         names.append(text)
     panel.set_yticks(place, names, fontsize=6.3, linespacing=1.05)
-    panel.set_xlabel("bits gained beside AoR and Height")
     panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=2)
     panel.set_title("a", fontweight="bold")
 
 
-def _map(panel, narrowing, order):
-    ratio = narrowing.pivot(index="set", columns="parameter", values="over_base").loc[order, list(PARAMETERS)]
-    width = narrowing.pivot(index="set", columns="parameter", values="width_ratio").loc[
-        order, list(PARAMETERS)
-    ]
+def _map(panel, narrowing, order, base):
+    """Widths of the intervals over those with the base alone; in the lowest row, those of the base over the prior's."""
+    parameters = [name for name in PARAMETERS if name in set(narrowing["parameter"])]
+    rows = [*order, base]
+    tables = narrowing.pivot(index="set", columns="parameter", values=["over_base", "width_ratio"])
+    ratio = tables["over_base"].loc[rows, parameters].astype(float)
+    width = tables["width_ratio"].loc[rows, parameters]
     panel.imshow(ratio, cmap="YlGnBu_r", vmin=0.3, vmax=1.0, aspect="auto", origin="lower")
-    for i, name in enumerate(order):
-        for j, parameter in enumerate(PARAMETERS):
-            shown = width if name == BASE else ratio
-            value = ratio.loc[name, parameter]
+    for i, name in enumerate(rows):
+        for j, parameter in enumerate(parameters):
+            shown = width if name == base else ratio
             panel.text(
                 j,
                 i,
@@ -78,11 +94,12 @@ def _map(panel, narrowing, order):
                 ha="center",
                 va="center",
                 fontsize=6,
-                color="white" if value < 0.6 else style.BLACK,
-                fontstyle="italic" if name == BASE else "normal",
+                color="white" if ratio.loc[name, parameter] < 0.6 else style.BLACK,
+                fontstyle="italic" if name == base else "normal",
             )
-    panel.set_xticks(range(len(PARAMETERS)), [SYMBOLS[name] for name in PARAMETERS], fontsize=7.5)
-    labels = [TOGETHER.get(name) or LABELS.get(name) or f"{name},\nover the prior" for name in order]
-    panel.set_yticks(range(len(order)), labels, fontsize=6)
+    panel.set_xticks(range(len(parameters)), [SYMBOLS[name] for name in parameters], fontsize=7.5)
+    labels = [TOGETHER.get(name) or response(name).label for name in order]
+    panel.set_yticks(range(len(rows)), [*labels, f"{base},\nover the prior"], fontsize=6)
     panel.tick_params(length=0)
-    panel.set_title("b   95 % interval: width over that\n     with AoR and Height alone", fontweight="bold")
+    title = f"b   95 % interval, the simulator exact:\n     width over that with {base} alone"
+    panel.set_title(title, fontweight="bold")

@@ -1,0 +1,218 @@
+"""Information that observed responses hold about the parameters, by importance sampling over the prior.
+
+The points are a Sobol sequence over the prior, weighted by the likelihood. They are the same for all sets of responses,
+truths and draws of the noise, so two sets differ only by what is in them. The result is deterministic.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from repose.core.parameter_space import ParameterSpace
+
+CREDIBLE = 0.95
+BINS = 40
+
+
+def places_of(space: ParameterSpace, quantile: np.ndarray) -> np.ndarray:
+    """Places in the ranges (n, d), 0 to 1, of quantiles (n, d) of the prior of each free parameter.
+
+    A parameter without a prior of its own is uniform over its range: its place is its quantile.
+    """
+    place = quantile.copy()
+    for name, distribution in _normal_priors(space).items():
+        k = space.free.index(name)
+        place[:, k] = distribution.ppf(quantile[:, k])
+    return place
+
+
+def prior_widths(space: ParameterSpace) -> np.ndarray:
+    """Widths (d,) of the prior's 95 % intervals, over the ranges."""
+    widths = np.full(space.dimensions, CREDIBLE)
+    tails = [(1 - CREDIBLE) / 2, (1 + CREDIBLE) / 2]
+    for name, distribution in _normal_priors(space).items():
+        widths[space.free.index(name)] = np.diff(distribution.ppf(tails))[0]
+    return widths
+
+
+def _normal_priors(space):
+    """Distributions over the range, 0 to 1, of the parameters that have a normal prior; cut to the range."""
+    found = {}
+    for name, (mean, sd) in space.prior.items():
+        k = space.free.index(name)
+        width = space.high[k] - space.low[k]
+        middle, scale = (mean - space.low[k]) / width, sd / width
+        found[name] = stats.truncnorm(-middle / scale, (1 - middle) / scale, middle, scale)
+    return found
+
+
+class Prior:
+    """Points of the prior, all of one weight, and what the surrogates predict there.
+
+    Parameters
+    ----------
+    quantile : numpy.ndarray, (n, d)
+        Quantiles of the prior, evenly spread.
+    predicted : numpy.ndarray, (n, k)
+        Responses.
+    place : numpy.ndarray, (n, d), optional
+        Places in the ranges; the quantiles where every prior is uniform.
+    widths : numpy.ndarray, (d,), optional
+        Of the prior's 95 % intervals, in places.
+    """
+
+    def __init__(
+        self,
+        quantile: np.ndarray,
+        predicted: np.ndarray,
+        place: np.ndarray | None = None,
+        widths: np.ndarray | None = None,
+    ):
+        self.predicted = predicted
+        self.place = quantile if place is None else place
+        self.widths = np.full(quantile.shape[1], CREDIBLE) if widths is None else widths
+        self.bin = np.minimum((quantile * BINS).astype(int), BINS - 1)
+        self.order = np.argsort(self.place, axis=0)
+
+    def weights(self, observed: np.ndarray, columns: Sequence[int], covariance: np.ndarray) -> np.ndarray:
+        """Posterior probability (n,) of each point; arguments as for `posterior`."""
+        root = np.linalg.cholesky(covariance[np.ix_(columns, columns)])
+        off = np.linalg.solve(root, (observed[columns] - self.predicted[:, columns]).T)
+        log_weight = -0.5 * (off**2).sum(axis=0)
+        weight = np.exp(log_weight - log_weight.max())
+        return weight / weight.sum()
+
+    def posterior(
+        self, observed: np.ndarray, columns: Sequence[int], covariance: np.ndarray
+    ) -> tuple[float, np.ndarray, np.ndarray, float]:
+        """What observing some responses tells.
+
+        Parameters
+        ----------
+        observed : numpy.ndarray, (k,)
+            All responses.
+        columns : sequence of int
+            Those that are observed.
+        covariance : numpy.ndarray, (k, k)
+            Of all responses.
+
+        Returns
+        -------
+        bits : float
+            Kullback-Leibler divergence of the joint posterior from the prior.
+        parameter_bits, widths : numpy.ndarray, (d,)
+            The same of each parameter alone, as `posterior.information_bits` has it, for weighted points; and the
+            width of its 95 % interval over the prior's.
+        effective : float
+            Effective number of points.
+        """
+        weight = self.weights(observed, columns, covariance)
+        effective = 1 / (weight**2).sum()
+        bits, widths = [], []
+        for k in range(self.place.shape[1]):
+            share = np.bincount(self.bin[:, k], weight, BINS)
+            filled = share[share > 1e-12]
+            excess = (len(filled) - 1) / (2 * effective * math.log(2))
+            bits.append(max(0.0, float(filled @ np.log2(filled * BINS)) - excess))
+            order = self.order[:, k]
+            tail = (1 - CREDIBLE) / 2
+            ends = np.searchsorted(np.cumsum(weight[order]), [tail, 1 - tail])
+            low, high = self.place[order[np.minimum(ends, len(order) - 1)], k]
+            widths.append((high - low) / self.widths[k])
+        return joint_bits(weight), np.array(bits), np.array(widths), effective
+
+
+def joint_bits(weight: np.ndarray) -> float:
+    """Kullback-Leibler divergence of weighted points (n,) from equal weights, in bits."""
+    positive = weight[weight > 0]
+    return float(positive @ np.log2(positive * len(weight)))
+
+
+def averaged(
+    prior: Prior, truths: np.ndarray, errors: np.ndarray, columns: Sequence[int], covariance: np.ndarray
+) -> dict[str, Any]:
+    """Means over plausible truths of what a set of responses tells, with their standard errors.
+
+    Parameters
+    ----------
+    prior : Prior
+    truths : numpy.ndarray, (t,)
+        Row numbers of the prior's points.
+    errors : numpy.ndarray, (t, k)
+        Unit normal numbers, the noise of the observations.
+    columns : sequence of int
+        Responses that are observed.
+    covariance : numpy.ndarray, (k, k)
+        Of all responses.
+
+    Returns
+    -------
+    dict
+        ``bits``, ``bits_se``; ``parameter_bits``, ``widths``, ``widths_se``, each (d,); ``effective``, the least
+        effective number of points; ``all``, the joint bits (t,) of every truth.
+    """
+    root = np.linalg.cholesky(covariance)
+    found = [
+        prior.posterior(prior.predicted[row] + root @ error, columns, covariance)
+        for row, error in zip(truths, errors, strict=True)
+    ]
+    joint, bits, widths, effective = (np.array([one[i] for one in found]) for i in range(4))
+    count = math.sqrt(len(truths))
+    return {
+        "bits": joint.mean(),
+        "bits_se": joint.std(ddof=1) / count,
+        "parameter_bits": bits.mean(axis=0),
+        "widths": widths.mean(axis=0),
+        "widths_se": widths.std(axis=0, ddof=1) / count,
+        "effective": effective.min(),
+        "all": joint,
+    }
+
+
+def in_order(
+    prior: Prior,
+    truths: np.ndarray,
+    errors: np.ndarray,
+    names: Sequence[str],
+    base: Sequence[str],
+    covariance: np.ndarray,
+) -> list[dict[str, Any]]:
+    """Greedy order of the responses beside the base: at each place the one that adds most.
+
+    Parameters
+    ----------
+    prior, truths, errors, covariance
+        As for `averaged`.
+    names : sequence of str, (k,)
+        Responses.
+    base : sequence of str
+        Those that are known already.
+
+    Returns
+    -------
+    list of dict
+        ``place``, ``response``, ``bits`` of it with all before it, and ``gain_bits``.
+    """
+    root, rows = np.linalg.cholesky(covariance), []
+    observed = prior.predicted[truths] + errors @ root.T
+
+    def bits(columns):
+        return np.mean([joint_bits(prior.weights(y, columns, covariance)) for y in observed])
+
+    names = list(names)
+    columns = [names.index(name) for name in base]
+    before = bits(columns)
+    left = [name for name in names if name not in base]
+    while left:
+        tried = {name: bits([*columns, names.index(name)]) for name in left}
+        best = max(left, key=tried.get)
+        rows.append(
+            {"place": len(rows) + 1, "response": best, "bits": tried[best], "gain_bits": tried[best] - before}
+        )
+        before = tried[best]
+        columns.append(names.index(best))
+        left.remove(best)
+    return rows

@@ -1,0 +1,314 @@
+"""Responses over the samples of a design: means, errors, noise, and one network for each response."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from repose.core import variance
+from repose.core.errors import InputError
+from repose.core.files import read_json, read_table
+from repose.core.parameters import PARAMETERS
+from repose.core.targets import Targets
+from repose.measure import further_responses
+from repose.surrogate.bayesian_bp import PlainBayesianBP, r2, weights_from_errors
+
+FEWEST_SAMPLES = 12
+EPOCHS = 300  # of the surrogates, most
+# Columns of a run of the drum that hold its responses.
+DRUM_COLUMNS = {"drum_slip_deg": "before_surface_deg", "drum_rest_deg": "after_surface_deg"}
+
+
+class Known(NamedTuple):
+    """One response over the design.
+
+    Attributes
+    ----------
+    mean, error : numpy.ndarray, (samples,)
+        Mean of each sample and its standard error; NaN where the sample has no run.
+    row : dict
+        Numbers for the table: mean, sd_within, sd_between, signal_to_noise, icc, samples, runs.
+    """
+
+    mean: np.ndarray
+    error: np.ndarray
+    row: dict[str, Any]
+
+
+class Data(NamedTuple):
+    """What the study starts from.
+
+    Attributes
+    ----------
+    X : numpy.ndarray, (samples, 6)
+        Parameters.
+    known : dict
+        `Known` of each response by name; the targets come first.
+    runs : pandas.DataFrame
+        Good single runs: ``sample`` and the responses of the pile.
+    """
+
+    X: np.ndarray
+    known: dict[str, Known]
+    runs: pd.DataFrame
+
+
+def over_design(values: np.ndarray, groups: np.ndarray, samples: np.ndarray) -> Known:
+    """Means and errors of a response over the samples, and its signal to noise.
+
+    Parameters
+    ----------
+    values : numpy.ndarray, (n,)
+        The response of single runs; NaN values are left out.
+    groups : numpy.ndarray, (n,)
+        The sample of each run.
+    samples : numpy.ndarray, (m,)
+        Order of the result.
+
+    Notes
+    -----
+    The errors come from the variance within samples, pooled over all of them: the few runs of one sample do not tell
+    its own.
+    """
+    good = np.isfinite(values)
+    values, groups = values[good], groups[good]
+    found = variance.variance_components(values, groups)
+    mean, error, count = _means(values, groups, samples, found.within)
+    signal = math.sqrt(found.between / found.within) if found.within > 0 else math.inf
+    row = {
+        "mean": found.mean,
+        "sd_within": math.sqrt(found.within),
+        "sd_between": math.sqrt(found.between),
+        "signal_to_noise": signal,
+        "icc": found.icc,
+        "samples": int((count > 0).sum()),
+        "runs": found.values,
+    }
+    return Known(mean, error, row)
+
+
+def _means(values, groups, samples, within):
+    """Means of single runs over their samples, their errors by the variance within, and the number of runs.
+
+    Mean and error are NaN without a run.
+    """
+    count = np.array([np.count_nonzero(groups == sample) for sample in samples])
+    total = np.array([values[groups == sample].sum() for sample in samples])
+    mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return mean, np.where(count > 0, np.sqrt(within / np.maximum(count, 1)), np.nan), count
+
+
+def drum_over_design(
+    jobs: Mapping[int, Sequence[Mapping[str, float]]], repeated: pd.DataFrame, samples: np.ndarray
+) -> dict[str, Known]:
+    """The responses of the drum over the design, by name.
+
+    Parameters
+    ----------
+    jobs : mapping
+        Good runs of each sample that was turned, with the columns of `DRUM_COLUMNS`.
+    repeated : pandas.DataFrame
+        Good runs of one parameter set with several seeds, for the scatter from run to run.
+    samples : numpy.ndarray, (m,)
+        Order of the result.
+    """
+    found = {}
+    for name, column in DRUM_COLUMNS.items():
+        within = float(repeated[column].var(ddof=1))
+        values = np.array([run[column] for good in jobs.values() for run in good])
+        groups = np.array([sample for sample, good in jobs.items() for _ in good])
+        mean, error, count = _means(values, groups, samples, within)
+        spread = max(0.0, float(np.nanvar(mean, ddof=1)) - float(np.nanmean(error**2)))
+        row = {
+            "mean": float(np.nanmean(mean)),
+            "sd_within": math.sqrt(within),
+            "sd_between": math.sqrt(spread),
+            "signal_to_noise": math.sqrt(spread / within),
+            "icc": spread / (spread + within),
+            "samples": int((count > 0).sum()),
+            "runs": int(count.sum()),
+        }
+        found[name] = Known(mean, error, row)
+    return found
+
+
+def read_drum(
+    samples_json: Iterable[str | Path], runs_csv: str | Path, samples: np.ndarray
+) -> dict[str, Known]:
+    """`drum_over_design` of files: those of the verb drum_design, and the table of runs of the verb drum_tables.
+
+    Raises
+    ------
+    InputError
+        If a file is bad or of another sample, or the table has fewer than two good runs.
+    """
+    repeated = read_table(runs_csv, ("status", *DRUM_COLUMNS.values()))
+    repeated = repeated[repeated["status"] == "ok"]
+    if len(repeated) < 2:
+        raise InputError(runs_csv, "good runs", len(repeated), "2 or more, for the scatter from run to run")
+    jobs = {}
+    for path in samples_json:
+        job = read_json(path, {"sample": int, "runs": list}, "a file of the verb drum_design")
+        if job["sample"] not in samples:
+            raise InputError(path, "sample", job["sample"], "a sample of the design")
+        try:
+            good = [run for run in job["runs"] if run["status"] == "ok"]
+            jobs[job["sample"]] = [
+                {column: float(run[column]) for column in DRUM_COLUMNS.values()} for run in good
+            ]
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(path, "runs", str(error), "a file of the verb drum_design") from error
+    return drum_over_design(jobs, repeated, samples)
+
+
+def read(
+    runs_csv: str | Path,
+    dataset_csv: str | Path,
+    targets: Targets,
+    definition: str,
+    drum: Iterable[str | Path] = (),
+    drum_runs: str | Path | None = None,
+) -> Data:
+    """The study's data.
+
+    Parameters
+    ----------
+    runs_csv : path
+        What the verb measure_responses wrote.
+    dataset_csv : path
+    targets : Targets
+    definition : str
+        `measure.response` of the configuration.
+    drum : iterable of path
+        Files of the verb drum_design, to judge the drum as well.
+    drum_runs : path, optional
+        The table of runs of the verb drum_tables; needed with ``drum``.
+
+    Raises
+    ------
+    InputError
+        If a file is bad, fewer than 12 samples can be used, or too few samples have two runs.
+    """
+    table = read_table(dataset_csv, ("sample", *PARAMETERS, "status"))
+    table = table[table["status"] == "ok"]
+    if len(table) < FEWEST_SAMPLES:
+        raise InputError(
+            dataset_csv, "usable samples", len(table), f"at least {FEWEST_SAMPLES} with status ok"
+        )
+    names = (*targets.names, *further_responses.offered(targets.names, definition))
+    runs = read_table(runs_csv, ("sample", "seed", "status", *names))
+    runs = runs[(runs["status"] == "ok") & runs["sample"].isin(table["sample"])]
+    samples, groups = table["sample"].to_numpy(), runs["sample"].to_numpy()
+    try:
+        known = {name: over_design(runs[name].to_numpy(float), groups, samples) for name in names}
+    except ValueError as error:
+        raise InputError(runs_csv, "runs", str(error), "two or more of most samples") from None
+    drum = list(drum)
+    if drum:
+        turned = read_drum(drum, drum_runs, samples)
+        known |= {name: one for name, one in turned.items() if name not in known}
+    return Data(table[list(PARAMETERS)].to_numpy(float), known, runs)
+
+
+def noise_correlation(runs: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
+    """Correlation (k, k) of responses from run to run within samples.
+
+    Parameters
+    ----------
+    runs : pandas.DataFrame
+        Single runs: ``sample`` and responses.
+    names : sequence of str, (k,)
+        Responses; those that are not in the table (of another bench test) have a correlation of 0 with all others.
+    """
+    there = [name for name in names if name in runs]
+    table = runs[["sample", *there]].dropna()
+    off = table[there] - table.groupby("sample")[there].transform("mean")
+    found = np.eye(len(names))
+    rows = [list(names).index(name) for name in there]
+    found[np.ix_(rows, rows)] = np.corrcoef(off.to_numpy().T)
+    return found
+
+
+# --- surrogates -----------------------------------------------------------------------------------
+
+
+def trained(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> PlainBayesianBP:
+    """A network of one response on all samples that have it.
+
+    Parameters
+    ----------
+    X : numpy.ndarray, (samples, 6)
+        Parameters.
+    known : Known
+    settings : mapping
+        ``hidden``, ``epochs``, ``starts`` and ``seed``.
+    """
+    there = np.isfinite(known.mean)
+    model = PlainBayesianBP(
+        hidden=settings["hidden"],
+        epochs=min(EPOCHS, settings["epochs"]),
+        goal=0.0,
+        starts=settings["starts"],
+        seed=settings["seed"],
+        prior="inputs",
+    )
+    weight = None
+    if np.ptp(known.error[there]) > 0:
+        weight = weights_from_errors(known.error[there][:, None])[:, 0]
+    return model.fit(X[there], known.mean[there], precision=weight)
+
+
+def left_out(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> np.ndarray:
+    """Predictions (samples,) of each sample by networks trained without it; NaN where it has no run.
+
+    Parameters are those of `trained`; settings also holds ``folds``.
+    """
+    there = np.flatnonzero(np.isfinite(known.mean))
+    fold = np.random.RandomState(settings["seed"]).permutation(len(there)) % settings["folds"]
+    predicted = np.full(len(known.mean), np.nan)
+    for k in range(settings["folds"]):
+        mean = np.full(len(known.mean), np.nan)
+        mean[there[fold != k]] = known.mean[there[fold != k]]
+        model = trained(X, known._replace(mean=mean), settings)
+        predicted[there[fold == k]] = model.predict(X[there[fold == k]])
+    return predicted
+
+
+def cross_validated_r2(known: Known, predicted: np.ndarray) -> float:
+    """R2 of the predictions of `left_out`."""
+    there = np.isfinite(predicted)
+    return r2(known.mean[there], predicted[there])
+
+
+def surrogate_covariance(residuals: np.ndarray, errors: np.ndarray, correlation: np.ndarray) -> np.ndarray:
+    """Covariance S_s (k, k) of the surrogates' own errors.
+
+    Parameters
+    ----------
+    residuals : numpy.ndarray, (samples, k)
+        Of the cross-validation; NaN where a sample has no run.
+    errors : numpy.ndarray, (samples, k)
+        Standard errors of the means.
+    correlation : numpy.ndarray, (k, k)
+        Of the noise of the means.
+
+    Notes
+    -----
+    The covariance of the residuals less the noise of the means, made positive. Two responses are compared over the
+    samples that have both.
+    """
+    k = residuals.shape[1]
+    found = np.zeros((k, k))
+    for i in range(k):
+        for j in range(k):
+            both = np.isfinite(residuals[:, i] * residuals[:, j])
+            noise_part = correlation[i, j] * errors[both, i] * errors[both, j]
+            found[i, j] = np.mean(residuals[both, i] * residuals[both, j] - noise_part)
+    scale = np.sqrt(np.nanmean(residuals**2, axis=0))
+    values, vectors = np.linalg.eigh(found / np.outer(scale, scale))
+    # pairwise estimates need not fit together; an error of 1 % of a residual is as good as none
+    values = np.maximum(values, 1e-4)
+    return (vectors * values) @ vectors.T * np.outer(scale, scale)
