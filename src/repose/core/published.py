@@ -2,17 +2,10 @@
 
 import os
 from collections.abc import Iterable
-from pathlib import Path
 
-from repose.core import places
 from repose.core.files import read_rows
 from repose.core.parameters import PARAMETERS
 from repose.core.responses import Response
-
-
-def folder() -> Path:
-    """Folder of the published tables: the working folder's, or else the program's own."""
-    return places.find("resources/published")
 
 
 def published_count(path: str | os.PathLike | None, responses: Iterable[Response]) -> int:
