@@ -4,11 +4,16 @@ import json
 import os
 import re
 import shutil
-import subprocess
 import sys
 from pathlib import Path
+from tempfile import TemporaryFile
+from typing import NamedTuple
 
 import pytest
+from snakemake import cli
+
+import repose.studies.refine
+import repose.studies.shape_study  # noqa: F401  loaded here, once, for every fork
 
 ROOT = Path(__file__).parents[2]
 PARTS = ("Snakefile", "config", "profiles", "resources", "workflow")
@@ -43,12 +48,51 @@ def project(tmp_path_factory):
     return folder
 
 
+class Done(NamedTuple):
+    """What a call of snakemake ended with."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
 def snakemake(project, *words):
-    """Run snakemake in project."""
+    """Run snakemake in project, in a fork of this process: what it imports is loaded once for all calls."""
+    with TemporaryFile() as out, TemporaryFile() as err:
+        child = os.fork()
+        if child == 0:
+            status = 1
+            try:
+                status = in_this_process(project, words, out, err)
+            finally:
+                os._exit(status)
+        status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        texts = []
+        for file in (out, err):
+            file.seek(0)
+            texts.append(file.read().decode())
+        return Done(status, *texts)
+
+
+def in_this_process(project, words, out, err):
+    """The exit status of snakemake in project, its output written to two files."""
+    os.dup2(out.fileno(), 1)
+    os.dup2(err.fileno(), 2)
+    sys.stdout, sys.stderr = open(1, "w", closefd=False), open(2, "w", closefd=False)  # noqa: SIM115
     paths = [str(ROOT / "src"), os.environ.get("PYTHONPATH", "")]
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(path for path in paths if path)}
-    command = [sys.executable, "-m", "snakemake", "--nocolor", *words]
-    return subprocess.run(command, cwd=project, env=environment, capture_output=True, text=True)
+    os.environ["PYTHONPATH"] = os.pathsep.join(path for path in paths if path)
+    os.chdir(project)
+    sys.argv = ["snakemake", "--nocolor", *words]
+    try:
+        cli.main(sys.argv[1:])
+    except SystemExit as end:
+        if isinstance(end.code, str):
+            print(end.code, file=sys.stderr)
+        return end.code if isinstance(end.code, int) else int(end.code is not None)
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    return 0
 
 
 def planned(project, *words):
@@ -84,22 +128,22 @@ def test_the_small_run_has_the_same_rules(project):
     ("words", "message"),
     [
         (
-            ["--config", "heap={seeds: 0}"],
-            "repose: error: command line (--config): heap.seeds is 0; allowed: an integer from 1 to 100",
+            ["--config", "funnel={seeds: 0}"],
+            "repose: error: command line (--config): funnel.seeds is 0; allowed: an integer from 1 to 100",
         ),
         (
-            ["--config", "heap={time_step_s: 2e-3}"],
+            ["--config", "simulation={time_step_s: 2e-3}"],
             "repose: error: command line (--config): simulation.time_step_s is 0.002; allowed: at most 0.00063, "
             "20% of the Rayleigh time of the mean berry",
         ),
         (
             ["--configfile", "mine.yaml"],
-            "repose: error: mine.yaml: heap.seads is 3; allowed: no such key; did you mean seeds?",
+            "repose: error: mine.yaml: funnel.seads is 3; allowed: no such key; did you mean seeds?",
         ),
     ],
 )
 def test_a_bad_value_ends_in_one_message_before_any_work(project, words, message):
-    (project / "mine.yaml").write_text("heap: {seads: 3}\n")
+    (project / "mine.yaml").write_text("funnel: {seads: 3}\n")
     done = snakemake(project, "--cores", "1", *words)
     assert done.returncode != 0
     assert done.stdout == ""
@@ -144,7 +188,7 @@ POURS = ("heap", "validation_heap", "trajectory", "turn")
     [
         ("measure={response: flank}", ("measure_heap", "measure_validation_heap"), ()),
         ("measure={mm_per_pixel: 0.3}", ("measure_heap", "measure_validation_heap"), ("turn",)),
-        ("heap={rest_motion_mm: 2}", ("measure_heap", "measure_validation_heap"), POURS),
+        ("funnel={rest_motion_mm: 2}", ("measure_heap", "measure_validation_heap"), POURS),
         (
             "validation={seeds: 3, representative_seeds: 3}",
             ("measure_validation_heap",),
