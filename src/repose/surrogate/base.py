@@ -111,7 +111,10 @@ class Surrogate(ABC):
     @classmethod
     @abstractmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """The trained surrogate of a `to_dict`; KeyError or ValueError when the content is something else."""
+        """The trained surrogate in a file; KeyError or ValueError when the content is something else.
+
+        `content` is what `to_dict` gave, with `inputs`, `outputs`, `definitions` and `samples`.
+        """
 
     def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """The prediction as a function of points (n, d) in [-1, 1].
@@ -148,13 +151,9 @@ class Surrogate(ABC):
             "outputs": list(self.outputs),
             "surrogate": self.name,
             "definitions": self.definitions,
-            "samples": sorted(self.samples),
+            "samples": list(self.samples),
         }
         write_json(path, described | self.to_dict())
-
-    def in_order(self, rows: np.ndarray) -> np.ndarray:
-        """Rows (n, ...) of the samples of the fit in the order in which the file lists the samples, by number."""
-        return rows[np.argsort(self.samples)] if self.samples else rows
 
 
 _REGISTRY: dict[str, type[Surrogate]] = {}

@@ -257,8 +257,8 @@ class BayesianBP(Surrogate):
             "alpha": np.asarray(self.alpha_).tolist(),
             "beta": self.beta_,
             "noise_covariance": None if covariance is None else np.asarray(covariance).tolist(),
-            "inputs": self.in_order(self.training_["inputs"]).tolist(),
-            "weight": self.in_order(self.training_["weight"]).tolist(),
+            "inputs": self.training_["inputs"].tolist(),
+            "weight": self.training_["weight"].tolist(),
         }
         return content | {"training": training}
 
@@ -278,12 +278,16 @@ class BayesianBP(Surrogate):
             model.prior, model.alpha_, model.beta_ = training["prior"], training["alpha"], training["beta"]
             model.training_ = {key: np.asarray(training[key], dtype=float) for key in ("inputs", "weight")}
             model.training_["noise_covariance"] = training["noise_covariance"]
-            model._restore_errors()
+            model._restore_errors(content.get("samples") or range(len(model.training_["inputs"])))
         return model
 
-    def _restore_errors(self):
-        """Noise and covariance of the weights, from the training samples."""
-        X, weight = self.training_["inputs"], self.training_["weight"]
+    def _restore_errors(self, samples):
+        """Noise and covariance of the weights, from the training samples in the order of their numbers.
+
+        The Hessian is a sum over the samples; its last bits depend on their order.
+        """
+        order = np.argsort(samples)
+        X, weight = self.training_["inputs"][order], self.training_["weight"][order]
         mixing = independent_mixing(self.training_["noise_covariance"], self._stretch(), weight)
         w = mix_outputs(self._weights(), mixing, self.hidden)
         x = scale(X, self.input_min_, self.input_max_, self.scaled_range)

@@ -3,20 +3,15 @@
 Every fit takes (points, settings, seed), with settings the configuration's section `network`, and returns
 predict(X) -> mean (n, 2) and the standard deviation of that mean (n, 2), None where the model has none.
 All runs of the points are used: what a model wants to hold back, it holds back from these.
-
-Sources
-  (MM09)  Myers, Montgomery & Anderson-Cook 2009, Response Surface Methodology: second-order model, least squares
-  (RW06)  Rasmussen & Williams 2006, Gaussian Processes for Machine Learning, Algorithm 2.1; one length an input
 """
-
-import warnings
 
 import numpy as np
 
 from repose.chain.train import precisions
 from repose.studies.comparison.early_stopping import EarlyStoppingBP
-from repose.surrogate.bayesian_bp import PlainBayesianBP
-from repose.surrogate.support import quadratic_terms
+from repose.surrogate.bayesian_bp import BayesianBP
+from repose.surrogate.gaussian_process import GaussianProcess
+from repose.surrogate.quadratic import QuadraticSurface
 
 TREES = 300
 ROUNDS = 300  # of boosting
@@ -29,11 +24,10 @@ def configured_network(points, settings, seed):
     errors, precision = points.errors(), None
     if settings["weights_from_errors"] and np.isfinite(errors).any() and points.counts().max() >= 4:
         precision = precisions(errors, covariance is not None)
-    network = PlainBayesianBP(
-        **{key: settings[key] for key in ("hidden", "epochs", "goal", "starts", "prior")}, seed=seed
+    network = BayesianBP.of(settings | {"seed": seed})
+    return _of_the_mean(
+        network.fit(points.X, points.means(), precision=precision, noise_covariance=covariance)
     )
-    network.fit(points.X, points.means(), precision=precision, noise_covariance=covariance)
-    return lambda X: network.predict(X, return_std=True, noise=False)
 
 
 def published_network(points, settings, seed):
@@ -55,49 +49,16 @@ def unregularised_network(points, settings, seed):
 
 
 def quadratic_surface(points, settings, seed):
-    """Second-order response surface by least squares (MM09); None with no more points than its 28 terms."""
-    low, width = _box(points.X)
-    A = quadratic_terms((points.X - low) / width)
-    freedom = len(A) - A.shape[1]
-    if freedom < 1:
+    """`QuadraticSurface`; None with no more points than its terms."""
+    varying = np.count_nonzero(np.ptp(points.X, axis=0))
+    if len(points.X) < QuadraticSurface.least_samples(varying):
         return None
-    Y = points.means()
-    coefficients, *_ = np.linalg.lstsq(A, Y, rcond=None)
-    variance = ((Y - A @ coefficients) ** 2).sum(axis=0) / freedom
-    root = np.linalg.pinv(A)
-
-    def predict(X):
-        a = quadratic_terms((X - low) / width)
-        leverage = ((a @ root) ** 2).sum(axis=1)
-        return a @ coefficients, np.sqrt(leverage[:, None] * variance)
-
-    return predict
+    return _of_the_mean(QuadraticSurface().fit(points.X, points.means()))
 
 
 def gaussian_process(points, settings, seed):
-    """One process a response (RW06): squared exponential with a length for each input, and noise."""
-    from sklearn.exceptions import ConvergenceWarning
-    from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
-
-    low, width = _box(points.X)
-    processes = []
-    for y in points.means().T:
-        kernel = ConstantKernel(1.0, (1e-2, 1e3)) * RBF(np.ones(len(low)), (0.05, 100.0)) + WhiteKernel(0.1)
-        process = GaussianProcessRegressor(kernel, normalize_y=True)
-        with warnings.catch_warnings():  # a length at its bound is an input without effect
-            warnings.simplefilter("ignore", ConvergenceWarning)
-            processes.append(process.fit((points.X - low) / width, y))
-
-    def predict(X):
-        x = (X - low) / width
-        means, stds = zip(*(process.predict(x, return_std=True) for process in processes), strict=True)
-        # scikit-learn adds the noise to the variance; the mean's own is wanted
-        noise = [p.kernel_.k2.noise_level * p._y_train_std**2 for p in processes]
-        variance = np.column_stack(stds) ** 2 - np.array(noise)
-        return np.column_stack(means), np.sqrt(np.maximum(variance, 0.0))
-
-    return predict
+    """`GaussianProcess`, one process a response."""
+    return _of_the_mean(GaussianProcess().fit(points.X, points.means()))
 
 
 def random_forest(points, settings, seed):
@@ -133,8 +94,6 @@ MODELS = {
 }
 
 
-def _box(X):
-    """Lower end and width of each column."""
-    low = X.min(axis=0)
-    width = X.max(axis=0) - low
-    return low, np.where(width > 0, width, 1.0)
+def _of_the_mean(surrogate):
+    """Prediction of a fitted surrogate with the errors of its mean."""
+    return lambda X: surrogate.predict(X, return_std=True, noise=False)

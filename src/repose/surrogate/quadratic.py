@@ -1,0 +1,128 @@
+"""Quadratic response surface: a constant, linear terms, squares and products of two, by weighted least squares.
+
+Sources of the lines, named where they are used
+  (MM09)  Myers, Montgomery & Anderson-Cook 2009, Response Surface Methodology: second-order model, sections 2.3-2.7
+  (A35)   Aitken 1935, on least squares and linear combination of observations: weights
+  (Z62)   Zellner 1962, an efficient method of estimating seemingly unrelated regressions, J. Am. Stat. Assoc. 57, 348
+"""
+
+import copy
+from collections.abc import Mapping
+from typing import Any, Self
+
+import numpy as np
+
+from repose.surrogate.base import Surrogate, register
+from repose.surrogate.samples import checked_points, checked_samples, independent_mixing
+from repose.surrogate.support import quadratic_terms
+from repose.surrogate.two_layer import width
+
+
+@register("quadratic")
+class QuadraticSurface(Surrogate):
+    """Second-order model y = A b + noise, one vector of coefficients b for each response (MM09).
+
+    An input that does not vary has no terms. It has no settings.
+
+    Attributes
+    ----------
+    coefficients_ : array (terms, outputs)
+    residual_covariance_ : array (outputs, outputs)
+        Of single values of precision 1, from the residuals.
+    """
+
+    @classmethod
+    def of(cls, settings: Mapping[str, Any]) -> Self:
+        """An untrained surface; no key is used."""
+        return cls()
+
+    @staticmethod
+    def least_samples(inputs: int) -> int:
+        """Fewest samples for this many inputs that vary: one more than the terms."""
+        return (inputs + 1) * (inputs + 2) // 2 + 1
+
+    def fit(self, X, Y, *, precision=None, noise_covariance=None) -> Self:
+        """Learn from samples, see `Surrogate.fit`.
+
+        The covariance of the noise comes from the residuals. `noise_covariance` is checked and not used: all responses
+        have the same terms, and then correlated noise does not change the coefficients (Z62).
+        """
+        X, Y, _, precision = checked_samples(X, Y, None, precision)
+        independent_mixing(noise_covariance, np.ones(Y.shape[1]), precision)
+        self.training_ = {"inputs": X, "outputs": Y, "precision": precision}
+        self.offset_ = np.zeros(Y.shape[1])
+        self.low_, self.width_ = X.min(axis=0), width(X.min(axis=0), X.max(axis=0))
+        self.varies_ = X.max(axis=0) > self.low_
+        A = self._terms(X)
+        freedom = len(A) - A.shape[1]
+        if freedom < 1:
+            raise ValueError(f"{len(A)} samples; allowed: at least {A.shape[1] + 1}, one more than the terms")
+        if np.ptp(precision, axis=1).any():
+            found = [_weighted(A, Y[:, k : k + 1], np.sqrt(precision[:, k])) for k in range(Y.shape[1])]
+            coefficients, residuals, self._roots = zip(*found, strict=True)
+            self.coefficients_, residuals = np.hstack(coefficients), np.hstack(residuals)
+        else:
+            self.coefficients_, residuals, root = _weighted(A, Y, np.sqrt(precision[:, 0]))
+            self._roots = (root,) * Y.shape[1]
+        self.residual_covariance_ = residuals.T @ residuals / freedom
+        self._variances = (residuals**2).sum(axis=0) / freedom
+        return self
+
+    def predict(self, X, return_std=False, noise=True):
+        """Responses (n, k), and their standard deviations; see `Surrogate.predict`."""
+        a = self._terms(checked_points(X, len(self.low_)))
+        mean = a @ self.coefficients_ + self.offset_
+        if not return_std:
+            return mean
+        # variance of the mean: leverage times residual variance (MM09)
+        leverage = np.column_stack([((a @ root) ** 2).sum(axis=1) for root in self._roots])
+        return mean, np.sqrt((leverage + noise) * self._variances)
+
+    def covariance(self, X):
+        """Covariance (n, k, k) of the predicted means: S_kl a'(R_k R_l')a with S of the residuals (Z62)."""
+        a = self._terms(checked_points(X, len(self.low_)))
+        paths = np.stack([a @ root for root in self._roots], axis=1)
+        return paths @ paths.transpose(0, 2, 1) * self.residual_covariance_
+
+    def shifted(self, offset):
+        """A copy that predicts `offset` (k,) more."""
+        moved = copy.copy(self)
+        moved.offset_ = self.offset_ + offset
+        return moved
+
+    def report(self):
+        """Number of terms, degrees of freedom, standard deviation of the residuals."""
+        samples, terms = len(self.training_["inputs"]), len(self.coefficients_)
+        return {
+            "n_terms": terms,
+            "degrees_of_freedom": samples - terms,
+            "residual_sd": np.sqrt(self._variances).tolist(),
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """The samples, of which the fit is computed again, and the coefficients for a reader."""
+        training = {key: value.tolist() for key, value in self.training_.items()}
+        return {
+            "coefficients": self.coefficients_.tolist(),
+            "offset": self.offset_.tolist(),
+            "training": training,
+        }
+
+    @classmethod
+    def from_dict(cls, content):
+        """The surface of a `to_dict`."""
+        training = content["training"]
+        model = cls().fit(training["inputs"], training["outputs"], precision=training["precision"])
+        model.offset_ = np.asarray(content["offset"], dtype=float)
+        return model
+
+    def _terms(self, X):
+        """1, x_i and x_i x_j of the inputs that vary, (n, terms)."""
+        return quadratic_terms(((X - self.low_) / self.width_)[:, self.varies_])
+
+
+def _weighted(A, Y, root_precision):
+    """Coefficients (terms, k), weighted residuals (n, k), and R (terms, n) whose product R R' is (A'WA)^-1 (A35)."""
+    weighted = A * root_precision[:, None]
+    coefficients, *_ = np.linalg.lstsq(weighted, Y * root_precision[:, None], rcond=None)
+    return coefficients, (Y - A @ coefficients) * root_precision[:, None], np.linalg.pinv(weighted)

@@ -1,0 +1,259 @@
+"""What every surrogate promises, on functions with a known answer."""
+
+import json
+
+import numpy as np
+import pytest
+
+from repose.core.errors import InputError
+from repose.core.responses import require_same_definitions
+from repose.surrogate import base, load, make, names
+
+SETTINGS = {"hidden": 6, "epochs": 200, "goal": 0.0, "starts": 3, "seed": 1, "prior": "one"}
+INPUTS = ("a", "b", "c")
+NOISE = np.array([0.2, 2.0, 0.02, 20.0])
+
+every = pytest.mark.parametrize("name", names())
+any_number = pytest.mark.parametrize("outputs", [1, 4])
+
+
+def truth(X, outputs=2):
+    """Responses of three inputs in [2, 4], of different units; gently curved, so that each surrogate can follow."""
+    U = X - 3
+    first = 5 + 2 * U[:, 0] - U[:, 1] + 0.5 * U[:, 0] * U[:, 1]
+    second = 60 + 20 * U[:, 1] + 8 * U[:, 2] ** 2
+    return np.column_stack([first, second, 0.1 * first + 0.2 * U[:, 2], 10 * second - 100 * U[:, 0]])[
+        :, :outputs
+    ]
+
+
+def points(count, seed):
+    return np.random.default_rng(seed).uniform(2, 4, (count, 3))
+
+
+def samples(count, outputs=2, seed=0, noise=1.0):
+    X = points(count, seed)
+    random = np.random.default_rng(seed + 100)
+    return X, truth(X, outputs) + noise * NOISE[:outputs] * random.normal(size=(count, outputs))
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    """A trained surrogate by its name."""
+    X, Y = samples(80)
+    return {
+        name: make(name, SETTINGS).describe(INPUTS, ("x_deg", "y_mm"), {"x_deg": {"a.b": 1}}).fit(X, Y)
+        for name in names()
+    }
+
+
+def test_the_three_are_there():
+    assert names() == ("network", "gaussian_process", "quadratic")
+
+
+@every
+@any_number
+def test_it_finds_the_function_behind_noisy_samples(name, outputs):
+    model = make(name, SETTINGS).fit(*samples(80, outputs))
+    X = points(200, 1)
+    left = model.predict(X) - truth(X, outputs)
+    assert left.shape == (200, outputs)
+    assert (np.std(left, axis=0) < 0.6 * NOISE[:outputs]).all()
+    assert model.covariance(X).shape == (200, outputs, outputs)
+
+
+@every
+def test_error_bars_of_the_mean_cover_the_truth(name):
+    """90 % intervals at the same point for 40 data sets: as a whole they cover it about as often as they say."""
+    X, inside = points(30, 1), []
+    for seed in range(40):
+        model = make(name, SETTINGS | {"starts": 1, "epochs": 50}).fit(*samples(60, seed=seed))
+        mean, std = model.predict(X, return_std=True, noise=False)
+        inside.append(np.abs(mean - truth(X)) < 1.645 * std)
+    assert 0.83 < np.mean(inside) < 0.97
+
+
+@every
+def test_errors_of_single_values_hold_the_noise(name, fitted):
+    X = points(20, 2)
+    single, mean = (fitted[name].predict(X, return_std=True, noise=noise)[1] for noise in (True, False))
+    noise = np.sqrt(single**2 - mean**2)
+    assert noise == pytest.approx(np.broadcast_to(noise[0], noise.shape))
+    assert noise[0] == pytest.approx(NOISE[:2], rel=0.3)
+
+
+@every
+def test_covariance_holds_the_squares_of_the_errors(name, fitted):
+    X = points(20, 2)
+    covariance = fitted[name].covariance(X)
+    std = fitted[name].predict(X, return_std=True, noise=False)[1]
+    assert np.diagonal(covariance, axis1=1, axis2=2) == pytest.approx(std**2, rel=1e-6)
+    assert covariance == pytest.approx(covariance.transpose(0, 2, 1))
+    assert (np.linalg.eigvalsh(covariance / (std[:, :, None] * std[:, None, :])) > -1e-9).all()
+
+
+@every
+@pytest.mark.parametrize("uneven", [False, True], ids=["same weights", "weights differ"])
+def test_a_file_gives_the_same_predictions_with_errors(name, uneven, tmp_path):
+    X, Y = samples(40)
+    precision = np.random.default_rng(3).uniform(0.5, 2, Y.shape) if uneven else None
+    model = make(name, SETTINGS).fit(X, Y, precision=precision)
+    model.describe(INPUTS, ("x_deg", "y_mm"), {"x_deg": {"a.b": 1}}, np.arange(40)[::-1])
+    model.save(tmp_path / "one.json")
+    again = load(tmp_path / "one.json", ("x_deg", "y_mm"))
+    assert (again.name, again.inputs, again.outputs) == (name, INPUTS, ("x_deg", "y_mm"))
+    assert again.definitions == {"x_deg": {"a.b": 1}}
+    fresh = points(10, 5)
+    for one, other in zip(
+        model.predict(fresh, return_std=True), again.predict(fresh, return_std=True), strict=True
+    ):
+        assert one == pytest.approx(other, rel=1e-6)
+    assert (model.predict(fresh) == again.predict(fresh)).all()
+    assert again.covariance(fresh) == pytest.approx(model.covariance(fresh), rel=1e-5)
+    again.save(tmp_path / "two.json")
+    assert (tmp_path / "one.json").read_bytes() == (tmp_path / "two.json").read_bytes()
+
+
+@every
+def test_a_search_gets_the_same_responses(name, fitted):
+    unit = np.random.default_rng(4).uniform(-1, 1, (50, 3))
+    low, high = np.array([2.0, 2.5, 3.0]), np.array([3.0, 4.0, 3.5])
+    respond = fitted[name].response_function(low, high)
+    expected = fitted[name].predict(low + (unit + 1) / 2 * (high - low))
+    assert respond(unit) == pytest.approx(expected, rel=1e-9)
+
+
+@every
+def test_a_shift_moves_the_mean_alone(name, fitted, tmp_path):
+    X, offset = points(10, 6), np.array([0.5, -3.0])
+    moved = fitted[name].shifted(offset)
+    mean, std = fitted[name].predict(X, return_std=True)
+    moved_mean, moved_std = moved.predict(X, return_std=True)
+    assert moved_mean == pytest.approx(mean + offset)
+    assert moved_std == pytest.approx(std)
+    assert fitted[name].predict(X) == pytest.approx(mean)
+    moved.save(tmp_path / "moved.json")
+    assert load(tmp_path / "moved.json").predict(X) == pytest.approx(mean + offset)
+    respond = moved.response_function(np.full(3, 2.0), np.full(3, 4.0))
+    assert respond(X - 3) == pytest.approx(mean + offset)
+
+
+@every
+def test_an_input_that_does_not_vary_tells_nothing(name):
+    X = points(60, 0)
+    X[:, 2] = 3.0
+    model = make(name, SETTINGS).fit(X, truth(X))
+    assert model.predict(X) == pytest.approx(truth(X), rel=0.02)
+    assert np.isfinite(model.covariance(X)).all()
+
+
+@every
+def test_a_sample_of_little_precision_hardly_counts(name):
+    X, Y = samples(60, noise=0.3)
+    spoiled = Y.copy()
+    spoiled[7] += 15 * NOISE[:2]
+    precision = np.ones(60)
+    precision[7] = 1e-8
+    clean, weighed, taken = (
+        make(name, SETTINGS).fit(X, values, precision=weight).predict(X)
+        for values, weight in ((Y, None), (spoiled, precision), (spoiled, None))
+    )
+    assert (np.abs(weighed - clean).mean(axis=0) < 0.3 * np.abs(taken - clean).mean(axis=0)).all()
+
+
+@every
+def test_correlated_noise_is_taken_and_a_matrix_that_is_none_is_refused(name):
+    X, Y = samples(60)
+    covariance = np.array([[0.04, 0.3], [0.3, 4.0]])
+    model = make(name, SETTINGS).fit(X, Y, noise_covariance=covariance)
+    assert (np.std(model.predict(X) - truth(X), axis=0) < 0.6 * NOISE[:2]).all()
+    with pytest.raises(ValueError, match="positive definite"):
+        make(name, SETTINGS).fit(X, Y, noise_covariance=[[1.0, 2.0], [2.0, 1.0]])
+    with pytest.raises(ValueError, match="one a sample"):
+        make(name, SETTINGS).fit(X, Y, precision=1 + X[:, :2], noise_covariance=covariance)
+
+
+def test_correlated_noise_makes_correlated_errors_of_gaussian_processes():
+    """Both responses have the same shape and noises that are nearly the same: so are their errors."""
+    random = np.random.default_rng(0)
+    X = points(60, 0)
+    shared = random.normal(size=(60, 1))
+    Y = truth(X)[:, [0, 0]] + 0.2 * (0.95 * shared + 0.3 * random.normal(size=(60, 2)))
+    covariance = 0.04 * np.array([[1.0, 0.9], [0.9, 1.0]])
+    found = make("gaussian_process", {}).fit(X, Y, noise_covariance=covariance).covariance(points(10, 1))
+    assert (found[:, 0, 1] / np.sqrt(found[:, 0, 0] * found[:, 1, 1]) > 0.6).all()
+
+
+@every
+def test_wrong_samples_are_refused(name, fitted):
+    X, Y = samples(60)
+    for arguments in ((X[:5], Y), (X, np.full_like(Y, np.nan)), (X[:1], Y[:1])):
+        with pytest.raises(ValueError, match=r"allowed|finite"):
+            make(name, SETTINGS).fit(*arguments)
+    with pytest.raises(ValueError, match=r"allowed: \(samples, 3\)"):
+        fitted[name].predict(X[:, :2])
+
+
+def test_a_quadratic_surface_is_exact_for_a_quadratic_function():
+    X, fresh = points(11, 0), points(20, 1)
+    model = make("quadratic", {}).fit(X, truth(X))
+    assert model.predict(fresh) == pytest.approx(truth(fresh))
+    with pytest.raises(ValueError, match="10 samples; allowed: at least 11"):
+        make("quadratic", {}).fit(X[:10], truth(X[:10]))
+
+
+def test_errors_of_a_weighted_quadratic_surface_are_those_of_many_data_sets():
+    """The closed form beside brute force: 4000 data sets with the same points and other noise."""
+    X, fresh = points(25, 0), points(5, 1)
+    random = np.random.default_rng(2)
+    precision = random.uniform(0.2, 3.0, (25, 2))
+    root = np.linalg.cholesky([[1.0, 0.8], [0.8, 1.0]])
+    means, claimed = [], []
+    for _ in range(4000):
+        noise = random.normal(size=(25, 2)) @ root.T * NOISE[:2] / np.sqrt(precision)
+        model = make("quadratic", {}).fit(X, truth(X) + noise, precision=precision)
+        means.append(model.predict(fresh))
+        claimed.append(model.covariance(fresh))
+    scale = NOISE[:2, None] * NOISE[:2]
+    for k in range(5):
+        found = np.cov(np.array(means)[:, k].T) / scale
+        assert np.mean(claimed, axis=0)[k] / scale == pytest.approx(found, abs=0.08 * found.max())
+
+
+def test_a_surrogate_is_registered_once():
+    class Other(base.Surrogate):
+        pass
+
+    with pytest.raises(ValueError, match="registered already, by QuadraticSurface"):
+        base.register("quadratic")(Other)
+    with pytest.raises(
+        InputError, match=r"surrogate is 'cubic'; allowed: one of gaussian_process, network, quadr"
+    ):
+        make("cubic", {})
+
+
+def test_load_names_what_is_wrong(tmp_path, fitted):
+    with pytest.raises(InputError, match="missing"):
+        load(tmp_path / "missing.json")
+    fitted["quadratic"].save(tmp_path / "good.json")
+    good = json.loads((tmp_path / "good.json").read_text())
+    for change, text in (
+        ({"surrogate": "cubic"}, "surrogate is 'cubic'"),
+        ({"surrogate": "network"}, "input_min"),
+        ({"training": None}, "quadratic"),
+        ({"outputs": 3}, "outputs"),
+    ):
+        (tmp_path / "bad.json").write_text(json.dumps(good | change))
+        with pytest.raises(InputError, match=text):
+            load(tmp_path / "bad.json")
+    with pytest.raises(InputError, match=r"outputs is \['x_deg', 'y_mm'\]; allowed: the targets y_mm, x_deg"):
+        load(tmp_path / "good.json", ("y_mm", "x_deg"))
+
+
+def test_two_definitions_of_a_response_are_refused():
+    secant, flank = {"aor_deg": {"measure.response": "secant"}}, {"aor_deg": {"measure.response": "flank"}}
+    require_same_definitions(secant, "network.json", secant | {"height_mm": {}}, "dataset.csv")
+    with pytest.raises(
+        InputError, match=r"network\.json: definition of aor_deg .*secant.*flank.* dataset\.csv"
+    ):
+        require_same_definitions(secant, "network.json", flank, "dataset.csv")
