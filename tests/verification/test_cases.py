@@ -4,8 +4,10 @@ import functools
 import math
 
 import pytest
+from shared import TARGETS
 
 from repose import verification
+from repose.verification import convergence
 from repose.verification.case import KNOWN, Effort
 
 REDUCED = Effort(hits=200, berries=100, seeds=1)
@@ -63,3 +65,20 @@ def test_a_step_beyond_the_limit_is_refused_with_the_limit_named():
         limit = 2.868 * (mass**2 / (0.003335 * young**2 * 2.0)) ** 0.2 / 15.0
         assert row.result == pytest.approx(limit, rel=2e-3)
         assert f"allowed: above 0, at most {row.result:.3g}" in row.note
+
+
+@pytest.mark.parametrize("names", [["aor_deg"], ["aor_deg", "height_mm", "base_radius_mm", "drum_slip_deg"]])
+def test_piles_are_told_by_the_targets_of_the_configuration(names, monkeypatch):
+    """One curve for each target that a pile has; the mean and its error over the seeds."""
+    record = {"status": "ok", "aor_deg": 30.0, "height_mm": 60.0, "base_radius_mm": 110.0}
+    pours = [record, {name: value + 2 if name != "status" else value for name, value in record.items()}]
+    monkeypatch.setattr(convergence, "_pours", lambda step_s, pile, seeds: pours[:seeds])
+    monkeypatch.setattr(convergence, "restitution_at", lambda step_s: (0.2, 0.0))
+    targets = [TARGETS[0] | {"response": name} for name in names]
+    result = convergence.time_steps(Effort(seeds=2, pile=({"targets": targets}, None, None)))
+    of_pile = [name for name in names if name in record]
+    assert len(result.panels) == 1 + len(of_pile)
+    angle = next(row for row in result.rows if row.quantity.endswith("angle of repose"))
+    assert (angle.result, angle.unit) == (31.0, "deg")
+    assert angle.note == "standard error 1, 2 pours"
+    assert any("base radius (mm)" in panel.y_label for panel in result.panels) is (len(names) == 4)

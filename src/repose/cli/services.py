@@ -6,6 +6,7 @@ from repose.cli.berries import berry_and_particle
 from repose.cli.options import JSON
 from repose.cli.registry import Family, Option
 from repose.config import checks, cost, loader
+from repose.core import published
 from repose.core.errors import InputError
 
 family = Family()
@@ -25,7 +26,7 @@ def bench(args):
     for name, changes in config["shape_study"]["particles"].items():
         changed = shape_study.changed(config, "berry", changes)
         berry_of, particles[name] = berry_and_particle(changed, args.config)
-    result = speed.run(config, particles, berry_of)
+    result = speed.run(config, particles, berry_of, published.representative())
     print(json.dumps(result, indent=1) if args.json else speed.message(result))
 
 

@@ -3,9 +3,26 @@
 import os
 from collections.abc import Iterable
 
+from repose.core import places
+from repose.core.errors import InputError
 from repose.core.files import read_rows
 from repose.core.parameters import PARAMETERS
 from repose.core.responses import Response
+
+
+def representative() -> dict[str, float]:
+    """The six contact parameters of the published representative solution.
+
+    Raises
+    ------
+    InputError
+        If the published table has no such solution.
+    """
+    path = places.find("resources/published/table4.csv")
+    for row in read_rows(path, ("solution", *PARAMETERS)):
+        if row["solution"] == "representative":
+            return {name: float(row[name]) for name in PARAMETERS}
+    raise InputError(path, "solution", None, "a row 'representative'")
 
 
 def published_count(path: str | os.PathLike | None, responses: Iterable[Response]) -> int:

@@ -1,9 +1,12 @@
 """Verification of the simulator: known answers beside its own, as a table, plots and tests."""
 
+from collections.abc import Callable, Iterable
+from typing import Any
+
 from repose.core.errors import InputError
 
 from . import convergence, energy, impacts, oblique, packing, rolling, rotation
-from .case import FULL, Effort
+from .case import FULL, Effort, Result
 
 # Every case by name: a function of an `Effort` that returns a `case.Result`.
 CASES = {
@@ -33,7 +36,11 @@ EXPENSIVE = ("convergence",)
 __all__ = ["CASES", "EXPENSIVE", "FULL", "Effort", "run"]
 
 
-def run(names=None, effort=FULL, told=None):
+def run(
+    names: Iterable[str] | None = None,
+    effort: Effort = FULL,
+    told: Callable[[str, Result], Any] | None = None,
+) -> dict[str, Result]:
     """Run cases by name, all but the expensive ones unless given; returns names to `case.Result`.
 
     told: called with the name and the result of each case as it ends. Raises InputError for an unknown name.

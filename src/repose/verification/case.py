@@ -30,12 +30,21 @@ class Row:
     note: str = ""
 
     @property
-    def passed(self):
+    def passed(self) -> bool:
         """False only for a row that misses its tolerance without a reason known beforehand."""
         return self.status != MISSED
 
 
-def close(quantity, unit, result, reference, source=CLOSED, tolerance=None, scale=None, known=""):
+def close(
+    quantity: str,
+    unit: str,
+    result: float,
+    reference: float,
+    source: str = CLOSED,
+    tolerance: float | None = None,
+    scale: float | None = None,
+    known: str = "",
+) -> Row:
     """A result that has to agree with a reference.
 
     tolerance: 0.3 % for a closed form, 2.5 % for a digitised value, unless given; scale: what the difference is
@@ -50,19 +59,21 @@ def close(quantity, unit, result, reference, source=CLOSED, tolerance=None, scal
     return Row(quantity, unit, reference, source, result, deviation, tolerance, status, note)
 
 
-def at_most(quantity, unit, result, limit, source):
+def at_most(quantity: str, unit: str, result: float, limit: float, source: str) -> Row:
     """A result that must not exceed a limit."""
     status = PASSED if result <= limit else MISSED
     return Row(quantity, unit, f"at most {limit:.7g}", source, result, None, None, status)
 
 
-def within(quantity, unit, result, low, high, source):
+def within(quantity: str, unit: str, result: float, low: float, high: float, source: str) -> Row:
     """A result that has to lie in a published range."""
     status = PASSED if low <= result <= high else MISSED
     return Row(quantity, unit, f"{low:g} to {high:g}", source, result, None, None, status)
 
 
-def reported(quantity, unit, result, note, reference="", source=""):
+def reported(
+    quantity: str, unit: str, result: float, note: str, reference: float | str = "", source: str = ""
+) -> Row:
     """A result that is shown and not judged; with a number as reference its deviation too."""
     number = isinstance(reference, float) and reference != 0.0
     deviation = abs(result - reference) / abs(reference) if number else None
@@ -101,7 +112,7 @@ class Result:
     panels: list = field(default_factory=list)
 
     @property
-    def passed(self):
+    def passed(self) -> bool:
         """Whether no row misses."""
         return all(row.passed for row in self.rows)
 

@@ -1,13 +1,19 @@
-"""What the time step does to the angle of repose, Height and restitution."""
+"""What the time step does to restitution and to the responses of a pile."""
 
+import math
 import re
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
+from repose.core.published import representative
+from repose.core.responses import Response
+from repose.core.runs import mean_and_error
+from repose.core.targets import Targets
 from repose.dem import Contact
-from repose.verification.speed import REPRESENTATIVE
 
-from .case import Curve, Panel, Result, close, reported
+from .case import Curve, Effort, Panel, Result, Row, close, reported
 from .machine import berry_simulation
 
 TIME_STEPS_S = (2.9e-5, 5e-5, 1e-4, 2e-4, 3e-4, 4e-4, 1e-3)
@@ -16,10 +22,9 @@ PHASES = 12  # the impact begins at so many places within a step
 ASKED = 0.2
 SPHERE_M = 0.00667  # radius of a sphere of the berry's volume
 REFUSED = "refused by the simulator"
-RESPONSES = (("aor_deg", "angle of repose", "deg"), ("height_mm", "Height", "mm"))
 
 
-def restitution_at(step_s):
+def restitution_at(step_s: float) -> tuple[float, float]:
     """Restitution of two spheres of the berry's volume at 1.4 m/s: mean and standard error over phases of the step."""
     found = []
     for phase in np.arange(PHASES) / PHASES:
@@ -28,33 +33,33 @@ def restitution_at(step_s):
         simulation.add("berry", (0.0068, 0.0, 0.0), velocity_m_s=(-0.7, 0.0, 0.0))
         simulation.run_steps(round(0.1 / step_s))
         found.append((simulation.velocities[1, 0] - simulation.velocities[0, 0]) / 1.4)
-    return mean_and_error(found)
+    return _mean_and_error(found)
 
 
-def mean_and_error(values):
-    """Mean and standard error, the latter NaN for one value."""
-    values = np.asarray(values, float)
-    error = values.std(ddof=1) / np.sqrt(len(values)) if len(values) > 1 else np.nan
-    return float(values.mean()), float(error)
-
-
-def longest_step_named(message):
+def longest_step_named(message: str) -> float:
     """The limit that a refusal names [s]."""
     return float(re.search(r"at most ([-+.e\d]+)", message).group(1))
 
 
-def _pours(step_s, pile, seeds):
+def _mean_and_error(values: Sequence[float]) -> tuple[float, float]:
+    """Mean and standard error, the latter NaN for one value."""
+    mean, error = mean_and_error(values)
+    return mean, math.nan if error is None else error
+
+
+def _pours(step_s: float, pile: tuple, seeds: int) -> list[dict[str, Any]]:
     """Records of the pours of the published representative solution that gave a pile."""
     from repose.apparatus.heap import run_once
 
     config, particle, berry = pile
     changed = {**config, "simulation": {**config["simulation"], "time_step_s": step_s}}
-    records = [run_once(changed, REPRESENTATIVE, seed, particle, berry)[0] for seed in range(1, seeds + 1)]
+    parameters = representative()
+    records = [run_once(changed, parameters, seed, particle, berry)[0] for seed in range(1, seeds + 1)]
     return [record for record in records if record["status"] == "ok"]
 
 
-def time_steps(effort):
-    """Restitution, and where a configuration is given AoR and Height, over time steps; too long ones are refused."""
+def time_steps(effort: Effort) -> Result:
+    """Restitution, and the targets' responses where a configuration is given, at each time step."""
     rows, bounces, piles = [], [], []
     for step in TIME_STEPS_S:
         at = f"time step {step:.3g} s" + (" (recommended)" if step == RECOMMENDED_S else "")
@@ -90,11 +95,11 @@ def time_steps(effort):
             log_x=True,
         )
     ]
-    for key, label, unit in RESPONSES:
-        found = np.array([values for name, *values in piles if name == key], float)
-        if len(found):
-            curve = Curve("repose, ± SE", found[:, 0], found[:, 1], error=np.nan_to_num(found[:, 2]))
-            panels.append(Panel("time step (s)", f"{label} ({unit})", (curve,), log_x=True))
+    for response in dict.fromkeys(found[0] for found in piles):
+        found = np.array([numbers for of, *numbers in piles if of == response], float)
+        curve = Curve("repose, ± SE", found[:, 0], found[:, 1], error=np.nan_to_num(found[:, 2]))
+        label = f"{response.label} ({response.unit})"
+        panels.append(Panel("time step (s)", label, (curve,), log_x=True))
     return Result(
         "Convergence over the time step",
         f"restitution of two spheres; piles of the representative solution, {effort.seeds} seeds a step",
@@ -103,15 +108,18 @@ def time_steps(effort):
     )
 
 
-def _pile_rows(rows, at, step, effort):
-    """Add a step's rows of AoR and Height; returns (key, step, mean, standard error) of each."""
+def _pile_rows(
+    rows: list[Row], at: str, step: float, effort: Effort
+) -> list[tuple[Response, float, float, float]]:
+    """Add a step's rows of the targets' responses; returns (response, step, mean, standard error) of each."""
     runs = _pours(step, effort.pile, effort.seeds)
     found = []
-    for key, label, unit in RESPONSES:
-        if runs:
-            mean, error = mean_and_error([run[key] for run in runs])
-            found.append((key, step, mean, error))
-            rows.append(
-                reported(f"{at}: {label}", unit, mean, f"standard error {error:.2g}, {len(runs)} pours")
-            )
+    for response in Targets.of(effort.pile[0]["targets"]).responses:
+        values = [run[response.name] for run in runs if run.get(response.name) is not None]
+        if not values:  # no pile, or not a response of the pile
+            continue
+        mean, error = _mean_and_error(values)
+        found.append((response, step, mean, error))
+        note = f"standard error {error:.2g}, {len(values)} pours"
+        rows.append(reported(f"{at}: {response.label}", response.unit, mean, note))
     return found

@@ -9,9 +9,9 @@ import math
 import numpy as np
 
 from repose.apparatus.scenes import Funnel
-from repose.dem import Contact, Cylinder
+from repose.dem import Contact, Cylinder, Simulation
 
-from .case import Curve, Panel, Result, at_most, close, reported
+from .case import Curve, Effort, Panel, Result, at_most, close, reported
 from .machine import BERRY_M, berry_simulation, frictionless, random_direction, random_quaternion
 
 FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)
@@ -24,7 +24,7 @@ ELASTIC_NOTE = "R* turns with the ellipsoids: the potential is not exactly conse
 SPACING, LANE = 0.2, 12  # distance of isolated impacts [m] and how many of them lie in a row
 
 
-def cloud_momentum(_effort):
+def cloud_momentum(_effort: Effort) -> Result:
     """A cloud of 64 berries that fly together, collide and fly apart keeps its momentum and angular momentum."""
     rng = np.random.default_rng(5)
     simulation = berry_simulation(
@@ -39,7 +39,7 @@ def cloud_momentum(_effort):
                 simulation.add("berry", place, random_quaternion(rng), velocity, 20.0 * rng.normal(size=3))
     mass = simulation.shapes["berry"].mass_kg
 
-    def totals():
+    def totals() -> tuple[np.ndarray, np.ndarray, float]:
         linear = mass * simulation.velocities
         angular = simulation.angular_momenta + np.cross(simulation.positions, linear)
         return linear.sum(axis=0), angular.sum(axis=0), simulation.kinetic_energies().sum()
@@ -85,7 +85,7 @@ def cloud_momentum(_effort):
     return Result("Momentum of a colliding cloud", "64 free berries, drift of the totals", rows, panels)
 
 
-def _ratios(simulation, checks, steps):
+def _ratios(simulation: Simulation, checks: int, steps: int) -> tuple[np.ndarray, np.ndarray]:
     """Largest kinetic energy at any look and the last one, both over the first (N,)."""
     start = simulation.kinetic_energies()
     most = np.zeros(len(start))
@@ -95,7 +95,9 @@ def _ratios(simulation, checks, steps):
     return most, simulation.kinetic_energies() / start
 
 
-def pair_hits(rng, contact, axes=BERRY_M, step=STEP):
+def pair_hits(
+    rng: np.random.Generator, contact: Contact, axes: tuple[float, float, float] = BERRY_M, step: float = STEP
+) -> tuple[np.ndarray, np.ndarray]:
     """Energy ratios of isolated pairs of ellipsoids of the given semi-axes [m]: largest and final, each (pairs,)."""
     n = LANE * LANE
     edge = LANE * SPACING
@@ -128,7 +130,7 @@ def pair_hits(rng, contact, axes=BERRY_M, step=STEP):
     return most[apart], ((energies[0::2] + energies[1::2]) / start)[apart]
 
 
-def funnel_hits(rng, contact, kind):
+def funnel_hits(rng: np.random.Generator, contact: Contact, kind: str) -> tuple[np.ndarray, np.ndarray]:
     """The same for one berry thrown at the cone, the rim or the tube of a funnel from inside."""
     funnel = TUBED if kind == "tube" else FUNNEL
     simulation = berry_simulation(
@@ -150,7 +152,7 @@ def funnel_hits(rng, contact, kind):
     return _ratios(simulation, 10, 100)
 
 
-def shell_hits(rng, contact, _kind):
+def shell_hits(rng: np.random.Generator, contact: Contact, _kind: str) -> tuple[np.ndarray, np.ndarray]:
     """The same for berries in a row along a drum, each thrown at its shell."""
     n, radius, spacing = 40, 0.06, 0.06
     length = n * spacing
@@ -180,7 +182,7 @@ KINDS = {
 }
 
 
-def energy_of_hits(effort):
+def energy_of_hits(effort: Effort) -> Result:
     """No impact with e below 1 and without rolling friction leaves with more energy than it came with."""
     rows, curves = [], []
     for kind, throw in KINDS.items():
@@ -208,7 +210,7 @@ def energy_of_hits(effort):
     )
 
 
-def elastic_impacts(effort):
+def elastic_impacts(effort: Effort) -> Result:
     """How far the force is from conservative: pairs with e = 1 and without friction; spheres as a control."""
     bodies = (
         ("berries", BERRY_M, STEP),

@@ -3,11 +3,13 @@
 The engine stores no forces: the force is the mass times the change of velocity in a time step.
 """
 
+from collections.abc import Callable, Mapping, Sequence
+
 import numpy as np
 
-from repose.dem import Contact
+from repose.dem import Contact, Simulation
 
-from .case import DIGITISED, Curve, Panel, Result, close
+from .case import DIGITISED, Curve, Effort, Panel, Result, close
 from .machine import (
     STEPS_PER_CONTACT,
     Solid,
@@ -28,7 +30,9 @@ CAST_IRON = Solid("cast iron", 100e9, 0.25, 7000.0)
 STILL = (0.0, 0.0, 0.0)
 
 
-def pair_history(solid, radius_m, speed_m_s):
+def pair_history(
+    solid: Solid, radius_m: float, speed_m_s: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Two equal spheres head-on, each with half the speed of approach: time, overlap, force over the contact."""
     hertz = hertz_of_pair(solid, radius_m, speed_m_s)
     step = hertz.duration_s / STEPS_PER_CONTACT
@@ -55,19 +59,24 @@ def pair_history(solid, radius_m, speed_m_s):
     )
 
 
-def plane_history(solid, radius_m, speed_m_s, restitution=1.0):
+def plane_history(
+    solid: Solid, radius_m: float, speed_m_s: float, restitution: float = 1.0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A sphere on a rigid plane: time, overlap, force over the contact."""
     simulation, steps = sphere_over_plane(solid, radius_m, frictionless(restitution), (0.0, 0.0, -speed_m_s))
+    step = hertz_on_plane(solid, radius_m, speed_m_s).duration_s / STEPS_PER_CONTACT
     return _history(
         simulation,
-        simulation.physics.dt,
+        step,
         solid.sphere_mass(radius_m),
         steps,
         lambda: (radius_m - simulation.positions[0, 2], simulation.velocities[0, 2]),
     )
 
 
-def _history(simulation, step, mass, steps, look):
+def _history(
+    simulation: Simulation, step: float, mass: float, steps: int, look: Callable[[], tuple[float, float]]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Time, overlap and m dv/dt of the steps in contact; `look` returns overlap and velocity now.
 
     Time 0 is where the overlap begins, between two steps.
@@ -85,13 +94,13 @@ def _history(simulation, step, mass, steps, look):
     return time, overlap[inside], force[inside]
 
 
-def duration_of(time, overlap):
+def duration_of(time: np.ndarray, overlap: np.ndarray) -> float:
     """Contact time: the last step in contact and what is left of the overlap at the speed it is undone with [s]."""
     step = time[1] - time[0]
     return time[-1] + step * overlap[-1] / (overlap[-2] - overlap[-1])
 
 
-def _elastic(title, compared, cases, published):
+def _elastic(title: str, compared: str, cases: Sequence[tuple], published: Mapping) -> Result:
     """Rows and plot of elastic impacts; cases: (solid, Hertz solution, (time, overlap, force))."""
     rows, force_curves, overlap_curves = [], [], []
     for solid, hertz, (time, overlap, force) in cases:
@@ -122,7 +131,7 @@ def _elastic(title, compared, cases, published):
     return Result(title, compared, rows, panels)
 
 
-def two_spheres(_effort):
+def two_spheres(_effort: Effort) -> Result:
     """Test 1: two equal spheres of radius 10 mm, head-on at 10 m/s each, elastic."""
     cases = [
         (solid, hertz_of_pair(solid, 0.01, 20.0), pair_history(solid, 0.01, 20.0))
@@ -136,7 +145,7 @@ def two_spheres(_effort):
     )
 
 
-def sphere_on_plane(_effort):
+def sphere_on_plane(_effort: Effort) -> Result:
     """Test 2: a sphere of radius 0.1 m on a rigid plane at 0.2 m/s, elastic."""
     cases = [
         (solid, hertz_on_plane(solid, 0.1, 0.2), plane_history(solid, 0.1, 0.2))
@@ -150,7 +159,7 @@ def sphere_on_plane(_effort):
     )
 
 
-def damped_impact(_effort):
+def damped_impact(_effort: Effort) -> Result:
     """Test 3: restitution out for restitution in, a sphere of radius 2.5 mm on a rigid plane at 3.9 m/s."""
     asked = np.linspace(0.2, 1.0, 9)
     rows, curves = [], [Curve("restitution out = in", asked, asked, reference=True)]
@@ -186,7 +195,7 @@ def damped_impact(_effort):
     )
 
 
-def _restitution(solid, restitution):
+def _restitution(solid: Solid, restitution: float) -> float:
     simulation, steps = sphere_over_plane(solid, 0.0025, Contact(restitution, 0.0, 0.0), (0.0, 0.0, -3.9))
     simulation.run_steps(steps)
     return simulation.velocities[0, 2] / 3.9

@@ -1,7 +1,9 @@
 """Simulations that several cases share: impacts of spheres, and the reference solution of the contact law."""
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -29,11 +31,11 @@ class Solid:
     density_kg_m3: float
 
     @property
-    def material(self):
+    def material(self) -> Material:
         """The engine's material: G = E / (2 (1 + nu))."""
         return Material(self.elastic_modulus_pa / (2.0 * (1.0 + self.poisson_ratio)), self.poisson_ratio)
 
-    def sphere_mass(self, radius_m):
+    def sphere_mass(self, radius_m: float) -> float:
         """Mass of a solid sphere [kg]."""
         return self.density_kg_m3 * 4.0 / 3.0 * math.pi * radius_m**3
 
@@ -51,22 +53,22 @@ class Hertz:
     speed: float
 
     @property
-    def overlap_m(self):
+    def overlap_m(self) -> float:
         """Largest overlap: (15 m* v^2 / (16 E* sqrt(R*)))^(2/5)."""
         return (15.0 * self.mass * self.speed**2 / (16.0 * self.young * math.sqrt(self.radius))) ** 0.4
 
     @property
-    def force_n(self):
+    def force_n(self) -> float:
         """Largest force: 4/3 E* sqrt(R*) delta^(3/2)."""
         return 4.0 / 3.0 * self.young * math.sqrt(self.radius) * self.overlap_m**1.5
 
     @property
-    def duration_s(self):
+    def duration_s(self) -> float:
         """Contact time: 2.9432 delta / v, the number being 4/5 sqrt(pi) Gamma(2/5) / Gamma(9/10)."""
         factor = 0.8 * math.sqrt(math.pi) * math.gamma(0.4) / math.gamma(0.9)
         return factor * self.overlap_m / self.speed
 
-    def history(self, restitution, count=400):
+    def history(self, restitution: float, count: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Time [s], overlap [m] and normal force [N] of the damped impact from its differential equation (Tsuji 1992).
 
         m* d2(delta)/dt2 = -F, F = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) b sqrt(S m*) d(delta)/dt, S = 2 E* sqrt(R*
@@ -74,14 +76,14 @@ class Hertz:
         """
         damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(restitution) * math.sqrt(15.0 / 8.0)
 
-        def force(x, v):
+        def force(x: np.ndarray, v: np.ndarray) -> np.ndarray:
             x = np.maximum(x, 0.0)
             return 1.25 * x**1.5 + damping * x**0.25 * v
 
-        def parts(_t, state):
+        def parts(_t: float, state: np.ndarray) -> tuple[float, np.ndarray]:
             return state[1], -force(state[0], state[1])
 
-        def leaves(_t, state):
+        def leaves(_t: float, state: np.ndarray) -> float:
             return state[0]
 
         leaves.terminal, leaves.direction = True, -1
@@ -95,24 +97,31 @@ class Hertz:
         return time * unit_s, overlap * self.overlap_m, force(overlap, speed) * unit_n
 
 
-def hertz_of_pair(solid, radius_m, speed_m_s):
+def hertz_of_pair(solid: Solid, radius_m: float, speed_m_s: float) -> Hertz:
     """Two equal spheres that approach with a speed."""
     young, _ = effective_moduli(solid.material, solid.material)
     return Hertz(0.5 * solid.sphere_mass(radius_m), 0.5 * radius_m, young, speed_m_s)
 
 
-def hertz_on_plane(solid, radius_m, speed_m_s):
+def hertz_on_plane(solid: Solid, radius_m: float, speed_m_s: float) -> Hertz:
     """A sphere on the wall that stands for a rigid plane."""
     young, _ = effective_moduli(solid.material, rigid(solid.material))
     return Hertz(solid.sphere_mass(radius_m), radius_m, young, speed_m_s)
 
 
-def rigid(material):
+def rigid(material: Material) -> Material:
     """A material that gives way to this one by one part in 1e9."""
     return Material(RIGID * material.shear_modulus_pa, material.poisson_ratio)
 
 
-def sphere_over_plane(solid, radius_m, contact, velocity_m_s, spin_rad_s=(0.0, 0.0, 0.0), tension="keep"):
+def sphere_over_plane(
+    solid: Solid,
+    radius_m: float,
+    contact: Contact,
+    velocity_m_s: Sequence[float],
+    spin_rad_s: Sequence[float] = (0.0, 0.0, 0.0),
+    tension: str = "keep",
+) -> tuple[Simulation, int]:
     """A sphere just above a rigid plane; returns the simulation and the steps until it has surely left.
 
     velocity_m_s (3,): towards the plane, z negative; no gravity.
@@ -142,12 +151,21 @@ def sphere_over_plane(solid, radius_m, contact, velocity_m_s, spin_rad_s=(0.0, 0
     return simulation, steps_of_impact(contact.restitution, tension)
 
 
-def steps_of_impact(restitution, tension="keep"):
+def steps_of_impact(restitution: float, tension: str = "keep") -> int:
     """Time steps after which an impact is over: a damped contact lasts longer than an elastic one."""
     return int(STEPS_PER_CONTACT * (1.3 + 1.5 * damping_ratio(restitution, tension)))
 
 
-def spheres(solids, radii_m, contact, places_m, velocities_m_s, spins_rad_s, step_s, tension="keep"):
+def spheres(
+    solids: Sequence[Solid],
+    radii_m: Sequence[float],
+    contact: Contact,
+    places_m: Sequence[Sequence[float]],
+    velocities_m_s: Sequence[Sequence[float]],
+    spins_rad_s: Sequence[Sequence[float]],
+    step_s: float,
+    tension: str = "keep",
+) -> Simulation:
     """Two spheres in space, each of its own solid and radius."""
     names = ("a", "b")
     reach = 4.0 * max(radii_m)
@@ -167,7 +185,15 @@ def spheres(solids, radii_m, contact, places_m, velocities_m_s, spins_rad_s, ste
     return simulation
 
 
-def berry_simulation(contact, step_s, capacity=1, walls=None, material=BERRY, axes=BERRY_M, **keywords):
+def berry_simulation(
+    contact: Contact,
+    step_s: float,
+    capacity: int = 1,
+    walls: Mapping[str, Any] | None = None,
+    material: Material = BERRY,
+    axes: tuple[float, float, float] = BERRY_M,
+    **keywords: Any,
+) -> Simulation:
     """Berries, ellipsoids of the mean axes unless given, with walls of PVC; without gravity unless asked for."""
     shape = Shape.ellipsoid(axes, BERRY_DENSITY, "berry")
     keywords.setdefault("gravity_m_s2", (0.0, 0.0, 0.0))
@@ -184,18 +210,18 @@ def berry_simulation(contact, step_s, capacity=1, walls=None, material=BERRY, ax
     )
 
 
-def random_direction(rng):
+def random_direction(rng: np.random.Generator) -> np.ndarray:
     """A uniformly random unit vector (3,)."""
     n = rng.normal(size=3)
     return n / np.linalg.norm(n)
 
 
-def random_quaternion(rng):
+def random_quaternion(rng: np.random.Generator) -> np.ndarray:
     """A uniformly random orientation (w, x, y, z)."""
     q = rng.normal(size=4)
     return q / np.linalg.norm(q)
 
 
-def frictionless(restitution=1.0):
+def frictionless(restitution: float = 1.0) -> Contact:
     """A contact without any friction."""
     return Contact(restitution, 0.0, 0.0)

@@ -7,15 +7,24 @@ an increment dF_t = S_t d(delta_t).
 """
 
 import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.integrate import trapezoid
 
 from repose.dem import Contact
 
-from .case import DIGITISED, Curve, Panel, Result, close, reported
+from .case import DIGITISED, Curve, Effort, Panel, Result, Row, close, reported
 from .impacts import ALUMINIUM_OXIDE, STILL
-from .machine import STEPS_PER_CONTACT, Solid, hertz_on_plane, sphere_over_plane, spheres, steps_of_impact
+from .machine import (
+    STEPS_PER_CONTACT,
+    Hertz,
+    Solid,
+    hertz_on_plane,
+    sphere_over_plane,
+    spheres,
+    steps_of_impact,
+)
 
 STEEL = Solid("steel", 208e9, 0.30, 7850.0)
 POLYETHYLENE = Solid("polyethylene", 1e9, 0.40, 1400.0)
@@ -39,19 +48,26 @@ LAW = "law of the engine integrated by scipy: mu times |F_n| over the impact"
 SLIDES = 1.25  # how far beyond the limit of sliding a case counts as gross sliding
 
 
-def impact(solid, radius_m, contact, velocity_m_s, spin_rad_s, tension="keep"):
+def impact(
+    solid: Solid,
+    radius_m: float,
+    contact: Contact,
+    velocity_m_s: Sequence[float],
+    spin_rad_s: Sequence[float],
+    tension: str = "keep",
+) -> tuple[np.ndarray, np.ndarray]:
     """Velocity (3,) [m/s] and spin (3,) [rad/s] after an impact on the rigid plane."""
     simulation, steps = sphere_over_plane(solid, radius_m, contact, velocity_m_s, spin_rad_s, tension)
     simulation.run_steps(steps)
     return simulation.velocities[0].copy(), simulation.angular_velocities[0].copy()
 
 
-def sliding_impulse(contact, normal_m_s):
+def sliding_impulse(contact: Contact, normal_m_s: float) -> float:
     """Change of the tangential velocity of rigid bodies in gross sliding: mu (1 + e) V_n [m/s]."""
     return contact.static_friction * (1.0 + contact.restitution) * normal_m_s
 
 
-def sliding_law(contact, hertz, radius_m):
+def sliding_law(contact: Contact, hertz: Hertz, radius_m: float) -> tuple[float, float]:
     """Changes of velocity [m/s] and spin [rad/s] in gross sliding by the law that the engine solves.
 
     mu times the integrals of |F_n| / m and of |F_n| (R - delta / 2) / I: the damped force pulls before it lets go, and
@@ -62,7 +78,14 @@ def sliding_law(contact, hertz, radius_m):
     return trapezoid(push, time), 2.5 * trapezoid(push * (radius_m - 0.5 * overlap), time) / radius_m**2
 
 
-def sliding_rows(at, contact, hertz, radius_m, found, before):
+def sliding_rows(
+    at: str,
+    contact: Contact,
+    hertz: Hertz,
+    radius_m: float,
+    found: tuple[float, float],
+    before: tuple[float, float],
+) -> list[Row]:
     """Gross sliding beside the law, and beside rigid bodies; found, before: tangential velocity and spin."""
     slowed, turned = sliding_law(contact, hertz, radius_m)
     rigid = sliding_impulse(contact, hertz.speed)
@@ -79,7 +102,7 @@ def sliding_rows(at, contact, hertz, radius_m, found, before):
     ]
 
 
-def angles(_effort):
+def angles(_effort: Effort) -> Result:
     """Test 4: aluminium oxide, radius 2.5 mm, 3.9 m/s at angles of 5 to 85 degrees from the normal."""
     contact, radius, speed = Contact(0.98, 0.092, 0.0), 0.0025, 3.9
     degrees = np.array([5, 10, 15, 20, 25, 30, 35, 40, 50, 60, 70, 80, 85])
@@ -119,7 +142,9 @@ def angles(_effort):
     )
 
 
-def _over_angle(label, degrees, found, fine, sliding, column):
+def _over_angle(
+    label: str, degrees: np.ndarray, found: np.ndarray, fine: np.ndarray, sliding: np.ndarray, column: int
+) -> Panel:
     return Panel(
         "angle from the normal (deg)",
         label,
@@ -131,7 +156,7 @@ def _over_angle(label, degrees, found, fine, sliding, column):
     )
 
 
-def tangential_speeds(_effort):
+def tangential_speeds(_effort: Effort) -> Result:
     """Test 5: radius 10 um, normal 5 m/s, e 1, mu 0.3, tangential velocities; steel and polyethylene."""
     contact, radius, normal = Contact(1.0, 0.3, 0.0), 1e-5, 5.0
     incoming = np.array([0.5, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 13.5, 16.0, 20.0, 25.0])
@@ -168,7 +193,7 @@ SLIDING = [7, 9, 11]  # places of the spins that slide through the whole impact
 SPIN_CONTACT, SPIN_RADIUS, SPIN_NORMAL = Contact(0.5, 0.4, 0.0), 0.1, 0.2
 
 
-def _plane_spins(solid, spins, tension="keep"):
+def _plane_spins(solid: Solid, spins: np.ndarray, tension: str = "keep") -> tuple[np.ndarray, np.ndarray]:
     """Tangential velocity and spin after test 6's impacts, each (len(spins),)."""
     found = [
         impact(solid, SPIN_RADIUS, SPIN_CONTACT, (0.0, 0.0, -SPIN_NORMAL), (0.0, float(w), 0.0), tension)
@@ -177,7 +202,14 @@ def _plane_spins(solid, spins, tension="keep"):
     return np.array([v[0] for v, _ in found]), np.array([w[1] for _, w in found])
 
 
-def _pair_spins(solid, spins, sense=1.0, radius=SPIN_RADIUS, factor=1.0, tension="keep"):
+def _pair_spins(
+    solid: Solid,
+    spins: np.ndarray,
+    sense: float = 1.0,
+    radius: float = SPIN_RADIUS,
+    factor: float = 1.0,
+    tension: str = "keep",
+) -> tuple[np.ndarray, np.ndarray]:
     """The same for two spheres: of the first, which is above; the second spins with `sense` times the first's spin.
 
     radius, factor: of the second sphere, and how many times stiffer and denser it is; with a factor it is at rest.
@@ -206,7 +238,7 @@ def _pair_spins(solid, spins, sense=1.0, radius=SPIN_RADIUS, factor=1.0, tension
     return np.array(tangential), np.array(turning)
 
 
-def _released_rows(solid, spins_after):
+def _released_rows(solid: Solid, spins_after: Callable[..., tuple[np.ndarray, np.ndarray]]) -> list[Row]:
     """Rows of impacts whose contact ends when its force vanishes, beside rigid bodies.
 
     spins_after: gives velocities and spins after the impacts at some spins before.
@@ -220,7 +252,7 @@ def _released_rows(solid, spins_after):
     return rows
 
 
-def _spin_rows(solid, tangential, turning):
+def _spin_rows(solid: Solid, tangential: np.ndarray, turning: np.ndarray) -> list[Row]:
     """Rows of the spins that slide through the whole impact."""
     hertz = hertz_on_plane(solid, SPIN_RADIUS, SPIN_NORMAL)
     rows = []
@@ -231,7 +263,7 @@ def _spin_rows(solid, tangential, turning):
     return rows
 
 
-def _spin_panels(velocities, spins):
+def _spin_panels(velocities: tuple[Curve, ...], spins: tuple[Curve, ...]) -> list[Panel]:
     x = "spin before the impact (rad/s)"
     sliding = np.array([3.5 * 1.2, 21.0])
     rigid = sliding_impulse(SPIN_CONTACT, SPIN_NORMAL)
@@ -244,7 +276,7 @@ def _spin_panels(velocities, spins):
     ]
 
 
-def plane_spins(_effort):
+def plane_spins(_effort: Effort) -> Result:
     """Test 6: radius 0.1 m, 0.2 m/s, e 0.5, mu 0.4, spins 0.175 to 21 rad/s; aluminium and nylon."""
     rows, velocities, spins = [], [], []
     for solid in (ALUMINIUM, NYLON):
@@ -260,7 +292,7 @@ def plane_spins(_effort):
     )
 
 
-def equal_spheres(_effort):
+def equal_spheres(_effort: Effort) -> Result:
     """Test 7: two equal spheres of test 6's materials, each 0.2 m/s, spins of the same and of opposite sense.
 
     With one sense of rotation, as vectors, the surfaces move against each other and the contact point stays: each
@@ -291,7 +323,7 @@ def equal_spheres(_effort):
     )
 
 
-def unequal_spheres(_effort):
+def unequal_spheres(_effort: Effort) -> Result:
     """Test 8: spheres of radii 0.1 and 0.5 m, the second 1000 times stiffer and denser: test 6 again."""
     rows, velocities, spins = [], [], []
     for solid in (ALUMINIUM, NYLON):

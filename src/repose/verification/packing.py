@@ -7,7 +7,7 @@ import numpy as np
 from repose.dem import Contact, Material, Plane, Shape, Simulation, rotation_matrix
 from repose.dem.materials import effective_moduli
 
-from .case import Curve, Panel, Result, at_most, close, within
+from .case import Curve, Effort, Panel, Result, at_most, close, within
 from .machine import BERRY_DENSITY, BERRY_M, FLOOR, PVC, UP, frictionless, random_quaternion
 
 GRAVITY = 9.81
@@ -29,7 +29,7 @@ SOURCES = (
 )
 
 
-def hexagonal_packing(_effort):
+def hexagonal_packing(_effort: Effort) -> Result:
     """Rows of spheres without friction between a floor and walls settle into their lattice and stay."""
     rows_of, columns = 6, 8
     shape = Shape.sphere(RADIUS, BERRY_DENSITY, "sphere")
@@ -92,7 +92,7 @@ def hexagonal_packing(_effort):
     )
 
 
-def poured_packing(effort):
+def poured_packing(effort: Effort) -> Result:
     """Berries poured into a box, with friction and without: solid fraction and coordination number of the core."""
     rows, curves = [], []
     cases = (
@@ -126,7 +126,7 @@ def poured_packing(effort):
     )
 
 
-def _pour(n, contact):
+def _pour(n: int, contact: Contact) -> tuple[Simulation, float]:
     """A box of berries at rest: all let fall at once from a loose lattice, in random orientations."""
     rng = np.random.default_rng(29)
     columns = max(2, round((n / 3.5) ** (1.0 / 3.0)))
@@ -159,12 +159,14 @@ def _pour(n, contact):
     return simulation, side
 
 
-def _top(simulation):
+def _top(simulation: Simulation) -> float:
     """Height of the filling: the mean centre of the ten highest berries [m]."""
     return float(np.sort(simulation.positions[:, 2])[-10:].mean())
 
 
-def solid_fraction_profile(simulation, side, points=900):
+def solid_fraction_profile(
+    simulation: Simulation, side: float, points: int = 900
+) -> tuple[np.ndarray, np.ndarray]:
     """Share of random points inside a berry over height: middles of slices [m] and shares.
 
     Points within MARGIN of a side wall are left out.
@@ -186,7 +188,7 @@ def solid_fraction_profile(simulation, side, points=900):
     return heights, np.array(profile)
 
 
-def coordination(simulation, side, top):
+def coordination(simulation: Simulation, side: float, top: float) -> float:
     """Mean number of touching neighbours of the berries away from the walls and the top."""
     x, y, z = simulation.positions.T
     margin = MARGIN

@@ -2,12 +2,17 @@
 
 import csv
 import html
+import io
+from collections.abc import Mapping
 from pathlib import Path
 
+from matplotlib.figure import Figure
+
+from repose.core.files import write_text
 from repose.pictures.figures import style
 from repose.pictures.pages import STYLE
 
-from .case import KNOWN, MISSED
+from .case import KNOWN, MISSED, Result, Row
 
 COLUMNS = (
     "case",
@@ -31,29 +36,30 @@ img {{ max-width: 100%; }}
 """
 
 
-def write(results, out_dir):
+def write(results: Mapping[str, Result], out_dir: str | Path) -> None:
     """Write index.html, verification.csv and one PNG for each case; results: names to `case.Result`."""
     out_dir = Path(out_dir)
-    out_dir.mkdir(parents=True, exist_ok=True)
     _write_csv(results, out_dir / "verification.csv")
     for name, result in results.items():
         if result.panels:
             with style.applied():
                 style.save(draw(result), out_dir / f"{name}.png", small_run=False)
-    (out_dir / "index.html").write_text(_page(results), encoding="utf-8")
+    write_text(out_dir / "index.html", _page(results))
 
 
-def _write_csv(results, path):
-    with path.open("w", encoding="utf-8", newline="") as lines:
-        writer = csv.writer(lines)
-        writer.writerow(COLUMNS)
-        for name, result in results.items():
-            for row in result.rows:
-                values = [getattr(row, column) for column in COLUMNS[1:]]
-                writer.writerow([name, *("" if value is None else value for value in values)])
+def _write_csv(results: Mapping[str, Result], path: Path) -> None:
+    """All rows of all cases as a table."""
+    lines = io.StringIO(newline="")
+    writer = csv.writer(lines)
+    writer.writerow(COLUMNS)
+    for name, result in results.items():
+        for row in result.rows:
+            values = [getattr(row, column) for column in COLUMNS[1:]]
+            writer.writerow([name, *("" if value is None else value for value in values)])
+    write_text(path, lines.getvalue())
 
 
-def draw(result):
+def draw(result: Result) -> Figure:
     """The figure of a case: its panels side by side."""
     figure = style.new_figure(style.PAGE if len(result.panels) > 1 else 1.3 * style.COLUMN, 3.2)
     axes = figure.subplots(1, len(result.panels), squeeze=False)[0]
@@ -82,7 +88,7 @@ def draw(result):
     return figure
 
 
-def _page(results):
+def _page(results: Mapping[str, Result]) -> str:
     rows = sum(len(result.rows) for result in results.values())
     missed = sum(row.status == MISSED for result in results.values() for row in result.rows)
     known = sum(row.status == KNOWN for result in results.values() for row in result.rows)
@@ -101,11 +107,11 @@ def _page(results):
     return f"<!doctype html>\n<html><head>{head}</head>\n<body>" + "\n".join(body) + "</body></html>\n"
 
 
-def _number(value):
+def _number(value: object) -> str:
     return value if isinstance(value, str) else "" if value is None else f"{value:.6g}"
 
 
-def _table(rows):
+def _table(rows: list[Row]) -> str:
     head = ("quantity", "unit", "result", "reference", "source", "deviation", "allowed", "status")
     lines = ["<table><tr>" + "".join(f"<th>{name}</th>" for name in head) + "</tr>"]
     for row in rows:

@@ -1,6 +1,7 @@
 """Sphere and berry on a plane under gravity: rest, sliding, rolling, slope, rocking."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.special import ellipe, ellipk
@@ -8,7 +9,7 @@ from scipy.special import ellipe, ellipk
 from repose.dem import Contact, Material, Plane, Shape, Simulation
 from repose.dem.materials import effective_moduli
 
-from .case import Curve, Panel, Result, close, reported
+from .case import Curve, Effort, Panel, Result, close, reported
 from .machine import BERRY, BERRY_DENSITY, BERRY_M, FLOOR, PVC, UP, berry_simulation
 
 GRAVITY = 9.81
@@ -17,13 +18,13 @@ STIFF = Material(4.3e7, 0.32)  # a thousand berries stiff: the overlap is 1e-5 o
 ELLIPTIC_NOTE = "the engine takes R* = sqrt(R1 R2) in the law of spheres; Hertz's own solution is elliptic"
 
 
-def resting_overlap(mass, radius, material):
+def resting_overlap(mass: float, radius: float, material: Material) -> float:
     """Overlap that carries the weight: (m g / (4/3 E* sqrt(R*)))^(2/3) [m]."""
     young, _ = effective_moduli(material, PVC)
     return (mass * GRAVITY / (4.0 / 3.0 * young * math.sqrt(radius))) ** (2.0 / 3.0)
 
 
-def sphere_on_floor(contact, speed_m_s, spin_rad_s):
+def sphere_on_floor(contact: Contact, speed_m_s: float, spin_rad_s: float) -> Simulation:
     """A stiff sphere at its resting overlap, moving along x and spinning about y."""
     shape = Shape.sphere(RADIUS, BERRY_DENSITY, "sphere")
     simulation = Simulation(
@@ -47,7 +48,7 @@ def sphere_on_floor(contact, speed_m_s, spin_rad_s):
     return simulation
 
 
-def _track(simulation, steps, every):
+def _track(simulation: Simulation, steps: int, every: int) -> np.ndarray:
     """Time, speed and R times spin of the first body every so many steps."""
     found = []
     for _ in range(steps // every):
@@ -58,7 +59,7 @@ def _track(simulation, steps, every):
     return np.array(found).T
 
 
-def slip_to_roll(_effort):
+def slip_to_roll(_effort: Effort) -> Result:
     """A sphere that begins sliding ends rolling with 5/7 of its speed, and a rolling one is slowed by 5/7 mu_r g."""
     start, friction = 0.5, 0.4
     time, speed, rim = _track(sphere_on_floor(Contact(0.3, friction, 0.0), start, 0.0), 6000, 150)
@@ -104,7 +105,7 @@ def slip_to_roll(_effort):
     )
 
 
-def slope_acceleration(angle_deg, friction):
+def slope_acceleration(angle_deg: float, friction: float) -> float:
     """Acceleration of a berry that cannot roll, lying on a slope [m/s2], between 0.06 s and 0.16 s."""
     slope = math.radians(angle_deg)
     down = (GRAVITY * math.sin(slope), 0.0, -GRAVITY * math.cos(slope))
@@ -123,7 +124,7 @@ def slope_acceleration(angle_deg, friction):
     return (simulation.velocities[0, 0] - before) / 0.1
 
 
-def coulomb_slope(_effort):
+def coulomb_slope(_effort: Effort) -> Result:
     """A berry on a slope sticks below the angle of friction and slides above it."""
     friction = 0.5
     limit = math.degrees(math.atan(friction))
@@ -131,7 +132,7 @@ def coulomb_slope(_effort):
     found = np.array([slope_acceleration(angle, friction) for angle in angles])
     fine = np.linspace(5.0, 50.0, 200)
 
-    def exact(angle):
+    def exact(angle: float | np.ndarray) -> np.ndarray:
         a = np.radians(angle)
         return np.maximum(GRAVITY * (np.sin(a) - friction * np.cos(a)), 0.0)
 
@@ -151,7 +152,7 @@ def coulomb_slope(_effort):
     )
 
 
-def elliptic_overlap(mass, radii, young):
+def elliptic_overlap(mass: float, radii: Sequence[float], young: float) -> float:
     """Hertz's overlap of an elliptic contact under the weight [m] (Johnson 1985, Eq. 4.26-4.28).
 
     radii: the two relative radii of curvature, the larger first. The eccentricity solves
@@ -171,7 +172,7 @@ def elliptic_overlap(mass, radii, young):
     return 1.5 * mass * GRAVITY / (math.pi * a * b * young) * b * ellipk(m)
 
 
-def berry_at_rest(_effort):
+def berry_at_rest(_effort: Effort) -> Result:
     """A berry lies on a plate, each of its axes vertical in turn, at the overlap of its curvature."""
     quarter = math.sqrt(0.5)
     turns = {
@@ -215,7 +216,7 @@ def berry_at_rest(_effort):
     return Result("A berry at rest on a plate", "overlap under its own weight", rows, [panel])
 
 
-def rocking_period(a, c):
+def rocking_period(a: float, c: float) -> float:
     """Period of a berry that rocks without slipping in the plane of the semi-axes a (level) and c (upright) [s].
 
     Its potential energy is m g h(theta), h the support function; the moment of inertia about the contact is
@@ -224,7 +225,7 @@ def rocking_period(a, c):
     return 2.0 * math.pi * math.sqrt(((a * a + c * c) / 5.0 + c * c) / (GRAVITY * (a * a / c - c)))
 
 
-def rocking(_effort):
+def rocking(_effort: Effort) -> Result:
     """A berry tilted by a degree from its flat rest rocks with the period of theory, about either level axis."""
     rows, curves = [], []
     for name, level, about in (("about the middle axis", 0, 1), ("about the long axis", 1, 0)):
@@ -244,7 +245,7 @@ def rocking(_effort):
     )
 
 
-def _rocking_history(level, about, duration_s):
+def _rocking_history(level: int, about: int, duration_s: float) -> np.ndarray:
     """Time and tilt [deg] about a body axis of a berry released at one degree."""
     step, start = 2e-5, math.radians(1.0)
     simulation = berry_simulation(
@@ -269,7 +270,7 @@ def _rocking_history(level, about, duration_s):
     return np.array(found).T
 
 
-def period_of(time, wave):
+def period_of(time: np.ndarray, wave: np.ndarray) -> float:
     """Mean period from the zero crossings of a wave."""
     k = np.flatnonzero(wave[:-1] * wave[1:] < 0.0)
     zeros = time[k] - wave[k] * (time[k + 1] - time[k]) / (wave[k + 1] - wave[k])

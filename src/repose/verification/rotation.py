@@ -7,11 +7,13 @@ from scipy.special import ellipj, ellipk
 
 from repose.dem import rotation_matrix
 
-from .case import Curve, Panel, Result, close
+from .case import Curve, Effort, Panel, Result, close
 from .machine import berry_simulation, frictionless
 
 
-def euler_solution(inertia, first, third, time):
+def euler_solution(
+    inertia: np.ndarray, first: float, third: float, time: np.ndarray
+) -> tuple[np.ndarray, float]:
     """Angular velocity in the body frame of a free body (3, T) (Landau & Lifshitz, Mechanics, section 37).
 
     inertia: three principal moments, rising; the body begins with (first, 0, third) [rad/s] and L^2 > 2 E I_2.
@@ -29,7 +31,7 @@ def euler_solution(inertia, first, third, time):
     return np.array([first * cn, second * sn, third * dn]), 4.0 * ellipk(modulus) / rate
 
 
-def free_rotation(_effort):
+def free_rotation(_effort: Effort) -> Result:
     """A tumbling berry in space keeps its angular momentum and energy, and turns as Euler's equations say."""
     step, every, first, third = 2e-5, 50, 8.0, 25.0
     simulation = berry_simulation(frictionless(), step)

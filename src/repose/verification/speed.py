@@ -6,21 +6,15 @@ of a time step to it compares engines across machines and moments.
 
 import math
 import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numba
 import numpy as np
 
 from repose.apparatus import scenes
+from repose.particle.build import Particle
 
-# The published representative solution (paper, section 4.2.1).
-REPRESENTATIVE = {
-    "e_gg": 0.203,
-    "mus_gg": 0.642,
-    "mur_gg": 0.037,
-    "e_gp": 0.244,
-    "mus_gp": 0.483,
-    "mur_gp": 0.185,
-}
 REFERENCE_LOOPS = 20_000
 REPEATS = 7
 ROUNDS = 3
@@ -35,56 +29,94 @@ def reference_kernel(n):
     return x
 
 
-def _median_s(function, repeats=REPEATS):
-    """Median wall time of a call [s]."""
-    times = []
-    for _ in range(repeats):
-        began = time.perf_counter()
-        function()
-        times.append(time.perf_counter() - began)
-    return float(np.median(times))
-
-
-def run(config, particles, berry, seed=1):
+def run(
+    config: Mapping[str, Any],
+    particles: Mapping[str, Particle],
+    berry: Mapping[str, float],
+    parameters: Mapping[str, float],
+    seed: int = 1,
+) -> dict[str, Any]:
     """Time whole pours and settled piles on one core, the particles in turn so that all see the same machine.
 
-    config: whole configuration. particles: name to `shape.Particle`; the first is what the others are set beside.
-    berry: mapping with the moduli. Returns a dict: reference_us (microseconds of the reference kernel), berries,
-    time_step_s, and particles, a list of dicts of name, us_per_step (microseconds a step over the last second of
-    the pour), job_s (wall seconds of the pour), ratio (us_per_step / reference_us) and to_first; medians of three.
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    particles : mapping from name to Particle
+        The first is what the others are set beside.
+    berry : mapping
+        With the moduli.
+    parameters : mapping
+        The contact parameters of the pours.
+    seed : int
+        Of the pours.
+
+    Returns
+    -------
+    dict
+        What `summary` gives, with ``berries`` and ``time_step_s`` of the pours.
     """
     warm = {**config, "funnel": {**config["funnel"], "berries": 2, "duration_s": 1.0}}
-    for particle in particles.values():
-        scenes.pour(warm, REPRESENTATIVE, seed, particle, berry)
+    for particle in particles.values():  # compiles what is timed afterwards
+        timed_pour(warm, parameters, seed, particle, berry)
     reference_kernel(10)
-    references, jobs, steps = [], {name: [] for name in particles}, {name: [] for name in particles}
+    references, pours = [], {name: [] for name in particles}
     for _ in range(ROUNDS):
         references.append(1e6 * _median_s(lambda: reference_kernel(REFERENCE_LOOPS)))
         for name, particle in particles.items():
-            poured = scenes.pour(config, REPRESENTATIVE, seed, particle, berry)
-            jobs[name].append(poured.wall_s)
-            steps[name].append(poured.us_per_step)
+            pours[name].append(timed_pour(config, parameters, seed, particle, berry))
+    of_pours = {"berries": config["funnel"]["berries"], "time_step_s": config["simulation"]["time_step_s"]}
+    return of_pours | summary(references, pours)
+
+
+def timed_pour(
+    config: Mapping[str, Any],
+    parameters: Mapping[str, float],
+    seed: int,
+    particle: Particle,
+    berry: Mapping[str, float],
+) -> tuple[float, float]:
+    """Microseconds a step over the last second of a pour, and seconds of wall time that the whole pour took."""
+    poured = scenes.pour(config, parameters, seed, particle, berry)
+    return poured.us_per_step, poured.wall_s
+
+
+def summary(
+    references: Sequence[float], pours: Mapping[str, Sequence[tuple[float, float]]]
+) -> dict[str, Any]:
+    """Medians of all rounds, and their ratios.
+
+    Parameters
+    ----------
+    references : sequence of float
+        Microseconds of the reference kernel.
+    pours : mapping from a particle's name to pairs of numbers
+        What `timed_pour` gave in each round.
+
+    Returns
+    -------
+    dict
+        ``reference_us`` [µs]; ``particles``, a list of dicts of ``name``, ``us_per_step`` [µs], ``job_s`` (wall time
+        of the whole pour [s]), ``ratio`` (of a step to the reference kernel) and ``to_first`` (to a step of the first
+        particle).
+    """
     reference_us = float(np.median(references))
-    us = {name: float(np.median(found)) for name, found in steps.items()}
+    us = {name: float(np.median([step for step, _ in found])) for name, found in pours.items()}
     first = next(iter(us.values()))
-    return {
-        "reference_us": round(reference_us, 2),
-        "berries": config["funnel"]["berries"],
-        "time_step_s": config["simulation"]["time_step_s"],
-        "particles": [
-            {
-                "name": name,
-                "us_per_step": round(us[name], 2),
-                "job_s": round(float(np.median(jobs[name])), 3),
-                "ratio": round(us[name] / reference_us, 4),
-                "to_first": round(us[name] / first, 3),
-            }
-            for name in particles
-        ],
-    }
+    particles = [
+        {
+            "name": name,
+            "us_per_step": round(us[name], 2),
+            "job_s": round(float(np.median([job for _, job in found])), 3),
+            "ratio": round(us[name] / reference_us, 4),
+            "to_first": round(us[name] / first, 3),
+        }
+        for name, found in pours.items()
+    ]
+    return {"reference_us": round(reference_us, 2), "particles": particles}
 
 
-def message(result):
+def message(result: Mapping[str, Any]) -> str:
     """The table of `run` for a terminal."""
     lines = [
         f"{result['berries']} berries, time step {result['time_step_s']:g} s, one core; "
@@ -97,3 +129,13 @@ def message(result):
             f"{row['ratio']:10.3f} {row['job_s']:8.2f}"
         )
     return "\n".join(lines)
+
+
+def _median_s(function: Callable[[], Any], repeats: int = REPEATS) -> float:
+    """Median wall time of a call [s]."""
+    times = []
+    for _ in range(repeats):
+        began = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - began)
+    return float(np.median(times))

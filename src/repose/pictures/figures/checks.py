@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from repose.core.files import read_table
+from repose.core.published import published_responses
 from repose.core.responses import derived
 from repose.core.targets import Target
 
@@ -25,14 +26,14 @@ def validation(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     simulated = [one.response.simulated for one in targets]
     ours = read_table(inputs["table4"], ("solution", *targets.predicted, *simulated))
     theirs = read_table(inputs["published"], ("solution",)) if "published" in inputs else pd.DataFrame()
-    published = [one for one in targets if {one.response.predicted, one.response.simulated} <= set(theirs)]
+    published = published_responses(theirs.columns, targets.responses)
     sides = 2 if published else 1
     figure = style.new_figure(style.PAGE, 0.6 + 1.9 * len(targets))
     panels = figure.subplots(len(targets), sides, sharey="row", squeeze=False, width_ratios=(1.15, 1)[:sides])
     for row, target in zip(panels, targets, strict=True):
         _predicted_and_simulated(row[0], ours, target)
         row[0].set_ylabel(style.response_label(target.response))
-        if target in published:
+        if target.response in published:
             _predicted_and_simulated(row[1], theirs, target)
         elif published:
             row[1].axis("off")
