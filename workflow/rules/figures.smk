@@ -1,3 +1,7 @@
+# Bench tests whose responses are targets, and the figures that show the funnel or its pile.
+BENCH_TESTS = Targets.of(config["targets"]).apparatus
+OF_THE_FUNNEL = ("figure05", "figure06", "figure08", "definitions")
+
 # Each figure: its name in the report, what it shows, and the sections of the configuration that it reads.
 FIGURES = {
     "figure02": ("Figure 2", {"sizes": config["berry"]["sizes"]}, ()),
@@ -45,7 +49,7 @@ FIGURES = {
             "predictions": rules.network.output.predictions,
             "dataset": rules.dataset.output.dataset,
         },
-        (),
+        ("targets",),
     ),
     "figure14": (
         "Figure 14",
@@ -89,7 +93,7 @@ FIGURES = {
     "dataset": (
         "Responses",
         {"dataset": rules.dataset.output.dataset},
-        ("parameters",),
+        ("parameters", "targets"),
     ),
     "validation": (
         "Table 4, drawn",
@@ -105,6 +109,12 @@ FIGURES = {
         ("targets",),
     ),
 }
+
+if "funnel" not in BENCH_TESTS:
+    for figure in OF_THE_FUNNEL:
+        del FIGURES[figure]
+if not THEIRS:
+    del FIGURES["published"], FIGURES["validation"][1]["published"]
 
 
 rule rule_graph:

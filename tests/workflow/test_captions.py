@@ -1,0 +1,30 @@
+"""Captions of the report: each names keys that the configurations have."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import jinja2
+import pytest
+
+from repose.config import loader
+
+ROOT = Path(__file__).parents[2]
+CAPTIONS = sorted((ROOT / "workflow" / "report").glob("*.rst"))
+
+
+@pytest.mark.parametrize("name", ["config", "quick", "paper"])
+def test_every_caption_can_be_filled_in(name, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    config = loader.load(f"config/{name}.yaml")
+    words = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
+    for path in CAPTIONS:
+        text = words.from_string(path.read_text()).render(snakemake=SimpleNamespace(config=config))
+        assert text.strip(), path.name
+        assert "{" not in text, path.name
+
+
+def test_a_caption_for_each_figure_and_table_of_the_rules():
+    text = "".join(path.read_text() for path in (ROOT / "workflow" / "rules").rglob("*.smk"))
+    text += (ROOT / "workflow" / "Snakefile").read_text()
+    unused = [path.stem for path in CAPTIONS if path.stem.removeprefix("table_") not in text]
+    assert unused == []
