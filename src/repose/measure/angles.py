@@ -1,9 +1,13 @@
 """Angle of repose of a pile's profile by four definitions, each stated in docs/measurement.md.
 
-flank     regression of height on distance between two heights (section 2.3 of the paper)
-secant    atan(2 H / D): H the crest over the plate, D the pile's width one berry above the plate
-steepest  the largest slope of such a line over any stretch of half the flank's height
-whole     such a line from foot to crest
+flank
+    regression of height on distance between two heights (section 2.3 of the paper)
+secant
+    atan(2 H / D): H the crest over the plate, D the pile's width one berry above the plate
+steepest
+    the largest slope of such a line over any stretch of half the flank's height
+whole
+    such a line from foot to crest
 
 A profile here is one side of a pile: heights (M,) over the plate from outside the foot to the crest, one a
 pixel column, in pixels. All lengths are pixels, all angles degrees.
@@ -11,12 +15,14 @@ pixel column, in pixels. All lengths are pixels, all angles degrees.
 What the line goes through where the boundary is lumpy is said by a rule; `FLANK_RULES` names them and can
 take another:
 
-levels   at every height the middle of the outermost and the innermost place where the boundary crosses it. The
-         heights are not scattered, so the ends of the band bend nothing.
-rows     the outermost crossing alone.
-columns  the top of every pixel column that lies in the band: the plain reading of a linear fit to the
-         boundary. Lumps cut off at the ends of the band, and the regression on a scattered distance, both
-         flatten the line.
+levels
+    at every height the middle of the outermost and the innermost place where the boundary crosses it. The
+    heights are not scattered, so the ends of the band bend nothing.
+rows
+    the outermost crossing alone.
+columns
+    the top of every pixel column that lies in the band: the plain reading of a linear fit to the boundary.
+    Lumps cut off at the ends of the band, and the regression on a scattered distance, both flatten the line.
 
 Numbers from different definitions or rules must not be compared.
 """

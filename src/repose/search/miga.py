@@ -2,25 +2,31 @@
 
 Section 3.3 of the paper: 5 islands of 40 in normalised parameters [-1, 1], tournaments of three, arithmetic
 crossover, mutation with probability 0.05 and amplitude 0.1, the island's best kept, and sent round the ring
-every 10 generations, 870 times. `islands_ga` minimises any function of whole populations inside bounds:
+every 10 generations, 870 times. `islands_ga` minimises any function of whole populations inside bounds::
 
-    from repose.miga import islands_ga
+    from repose.search.miga import islands_ga
     result = islands_ga(lambda x: ((x - 1) ** 2).sum(axis=1), bounds=[(-5, 5)] * 6)
 
 `MIGA` is the same by ask and tell, in [-1, 1]; both need numpy alone. `Objective` is Eq. 11-12, `Archive`
 collects solutions met on the way; `run` is the workflow's stage around them.
 
 Where the publication is silent, this is what is done here:
-  crossover     always; a child is r a + (1 - r) b with one r, uniform in [0, 1], for all its genes; each
-                child has two parents of its own, winners of tournaments drawn with replacement inside the
-                island
-  mutation      each gene by itself, by 0.1 times a standard normal number, then cut to the box
-  best kept     the best of an island is copied unchanged into its next generation, in place of one child
-  migration     the best of island i replaces the worst of island i + 1, all islands at once, before breeding,
-                and stays at home as well
-  constraints   fitness is F (Eq. 11) inside the target box and F + 2 + 10 V outside, V being how far the
-                responses lie outside in the units of F; F is at most 2 inside, so any feasible point beats
-                any other one, and with none the search goes to the nearest
+
+crossover
+    always; a child is r a + (1 - r) b with one r, uniform in [0, 1], for all its genes; each
+    child has two parents of its own, winners of tournaments drawn with replacement inside the
+    island
+mutation
+    each gene by itself, by 0.1 times a standard normal number, then cut to the box
+best kept
+    the best of an island is copied unchanged into its next generation, in place of one child
+migration
+    the best of island i replaces the worst of island i + 1, all islands at once, before breeding,
+    and stays at home as well
+constraints
+    fitness is F (Eq. 11) inside the target box and F + 2 + 10 V outside, V being how far the
+    responses lie outside in the units of F; F is at most 2 inside, so any feasible point beats
+    any other one, and with none the search goes to the nearest
 """
 
 import json

@@ -1,0 +1,73 @@
+"""The documentation site: `sphinx-build -W -c docs . docs/_build/html`.
+
+Its source is the whole checkout, so that a link between two pages holds here and on a code host alike.
+"""
+
+import re
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "src"))
+
+import repose  # noqa: E402
+
+project = "repose"
+author = "The repose developers"
+version = release = repose.__version__
+html_title = f"repose {version}"
+
+root_doc = "docs/index"
+include_patterns = [
+    "*.md",
+    "benchmarks/*.md",
+    "config/*.md",
+    "docs/**.md",
+    "examples/*.md",
+    "resources/*.md",
+    "src/repose/dem/README.md",
+]
+exclude_patterns = [".*", "build", "dist", "docs/_build", "results", "tests", "workflow"]
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+    "sphinx_copybutton",
+]
+myst_heading_anchors = 4
+myst_enable_extensions = ["dollarmath"]
+suppress_warnings = ["myst.header"]
+
+# Docstrings are NumPy style; a name in single backquotes is code.
+default_role = "code"
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+autodoc_default_options = {
+    "members": True,
+    "ignore-module-all": True,
+    # Written by scikit-learn itself.
+    "exclude-members": "set_fit_request, set_predict_request, set_score_request",
+}
+
+html_theme = "furo"
+# The first page of the site lies in docs/.
+html_extra_path = ["site"]
+
+
+def as_prose(app, what, name, obj, options, lines):
+    """Docstrings are prose: a bar is a bar, and a last underscore belongs to its name; neither is a reference."""
+    for number, line in enumerate(lines):
+        parts = line.split("`")
+        for outside in range(0, len(parts), 2):
+            text = re.sub(r"(?<!\\)\|", r"\\|", parts[outside])
+            parts[outside] = re.sub(r"(?<=[A-Za-z0-9])_(?!\w)", r"\\_", text)
+        lines[number] = "`".join(parts)
+
+
+def setup(app):
+    # after napoleon, which comes at 500
+    app.connect("autodoc-process-docstring", as_prose, priority=600)
