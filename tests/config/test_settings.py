@@ -126,6 +126,7 @@ def test_no_section_of_the_schema_allows_an_unknown_key_or_forgets_one():
         ("measure.fit_from", 0.95, "berry or a number from 0 to 0.9"),
         ("measure.response", "slope", "flank or secant or steepest or whole"),
         ("measure.berry_height_mm", 0, "above 0 and up to 1000 or null"),
+        ("surrogate", "cubic", "network or gaussian_process or quadratic"),
         ("network.split", [0.7, 0.2, 0.2], "sum to 1"),
         ("network.split", [0.8, 0.2, 0.0], "above 0"),
         ("funnel.outlet_diameter_mm", 150.0, "below funnel.inlet_diameter_mm"),
@@ -173,6 +174,20 @@ def test_weights_need_standard_errors(config):
         config["network"] |= {"weights_from_errors": False, "correlated_noise": False, key: True}
         with pytest.raises(InputError, match=key):
             checks.check(config)
+
+
+def test_a_quadratic_surface_needs_more_samples_than_terms(config):
+    """28 terms of six parameters, 21 of five; 0.7 of the samples train."""
+    config |= {"surrogate": "quadratic"}
+    config["second_responses"]["drum_samples"] = 20
+    config["design"]["samples"] = 41
+    with pytest.raises(InputError, match=r"surrogate is 'quadratic'; .*below 29"):
+        checks.check(config)
+    config["design"]["samples"] = 42
+    checks.check(config)
+    config["design"]["samples"] = 32
+    config["parameters"]["e_gp"] = {"fixed": 0.3}
+    checks.check(config)
 
 
 def test_a_proposal_is_cut_into_a_hundred_blocks_at_most(config):

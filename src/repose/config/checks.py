@@ -7,7 +7,7 @@ from repose.apparatus.stability import LARGEST_RAYLEIGH_SHARE, rayleigh_time_s
 from repose.config.reading import get, origin_of
 from repose.config.schema import allowed_by, input_error, subschema, validator
 from repose.core.errors import InputError
-from repose.core.parameter_space import range_of
+from repose.core.parameter_space import ParameterSpace, range_of
 from repose.core.parameters import PARAMETERS
 from repose.core.published import published_count
 from repose.core.responses import responses_of
@@ -81,6 +81,7 @@ def _contradictions(config):
         )
     if abs(sum(network["split"]) - 1) > 1e-6 or network["split"][0] == 0 or network["split"][2] == 0:
         yield "network.split", "three shares that sum to 1, those of training and test above 0"
+    yield from _surrogate_contradictions(config)
     if network["weights_from_errors"] and config["funnel"]["seeds"] < 4:
         yield (
             "network.weights_from_errors",
@@ -101,6 +102,16 @@ def _contradictions(config):
         yield "refine.neighbours", "0 or at least 2: they fill a Latin hypercube"
     if config["miga"]["tournament"] > config["miga"]["population"]:
         yield "miga.tournament", f"at most miga.population, {config['miga']['population']}"
+
+
+def _surrogate_contradictions(config):
+    """Too few samples for a quadratic surface: a constant, linear terms, squares and products, and one sample more."""
+    free = ParameterSpace.of(config["parameters"]).dimensions
+    needed = (free + 1) * (free + 2) // 2 + 1
+    training = int(config["network"]["split"][0] * config["design"]["samples"] + 1e-9)
+    if config["surrogate"] == "quadratic" and training < needed:
+        allowed = "network or gaussian_process where design.samples times the first of network.split is below"
+        yield "surrogate", f"{allowed} {needed}"
 
 
 def _target_contradictions(targets):

@@ -84,7 +84,7 @@ def train_start(
     size = np.array([w[c].size for c in classes], dtype=float)
     data = (x, t, root_weight)
     # FH 0 sets alpha = 0, with which gamma is N and beta negative as soon as n < N; any small prior avoids it
-    alpha, beta, gamma, mu = np.full(len(classes), 0.01), 1.0, size, settings.mu
+    alpha, beta, gamma, mu = np.full(len(classes), 0.01), 1.0, size, max(settings.mu, SMALLEST_MU)
     alpha_of_weight = of_each_weight(alpha, classes, w.size)
     at = _point(w, data, classes)
     epoch, reason = 0, "epochs"

@@ -22,9 +22,9 @@ rule network:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("network"),
+        depends=sections("surrogate", "network"),
     message:
-        "Training the network"
+        "Training the surrogate"
     shell:
         "python -m repose network --config {params.config} --dataset {input.dataset} --runs {input.runs}"
         " --out {params.folder} > {log} 2>&1"

@@ -47,7 +47,7 @@ use rule network as refine_network with:
     wildcard_constraints:
         round=r"[1-9]\d?",
     message:
-        "Refitting the network for round {wildcards.round}"
+        "Refitting the surrogate for round {wildcards.round}"
 
 
 rule refine_search:
