@@ -41,12 +41,6 @@ def simulation(semi_axes=BERRY, contact=None, wall_contact=None, walls=None, dt=
     )
 
 
-def random_quaternion(rng):
-    """A uniformly random orientation."""
-    q = rng.normal(size=4)
-    return q / np.linalg.norm(q)
-
-
 def random_direction(rng):
     """A uniformly random unit vector."""
     n = rng.normal(size=3)

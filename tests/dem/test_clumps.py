@@ -6,10 +6,10 @@ import math
 import numpy as np
 import pytest
 import trimesh
-from dem.common import DENSITY, GOJI, PVC, random_direction, random_quaternion
+from dem.common import DENSITY, GOJI, PVC, random_direction
 from oracles import rotation
 
-from repose.apparatus.scenes import Funnel
+from repose.apparatus.funnel_geometry import Funnel
 from repose.dem import (
     Clump,
     Cone,
@@ -22,6 +22,7 @@ from repose.dem import (
     RingEdge,
     Shape,
     Simulation,
+    random_quaternion,
     write_vtk,
 )
 from repose.dem.kernels import state as st

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from dem.common import BARREL, BERRY, GOJI, random_direction, random_quaternion
+from dem.common import BARREL, BERRY, GOJI, random_direction
 from oracles import gap as slow_gap
 from oracles import hertz_mindlin, support_point
 
-from repose.dem import Contact
+from repose.dem import Contact, random_quaternion
 from repose.dem.kernels import state as st
 from repose.dem.kernels import tile as tl
 from repose.dem.kernels.contact import solve_gap

@@ -2,10 +2,10 @@ import math
 
 import numpy as np
 import pytest
-from dem.common import BERRY, GOJI, PVC, random_direction, random_quaternion, simulation
+from dem.common import BERRY, GOJI, PVC, random_direction, simulation
 from scipy.integrate import solve_ivp
 
-from repose.dem import Contact, Plane, Shape
+from repose.dem import Contact, Plane, Shape, random_quaternion
 from repose.dem.materials import damping_ratio, effective_moduli
 
 SPHERE = np.full((1, 3), 0.006)

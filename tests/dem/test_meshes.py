@@ -3,10 +3,10 @@ import math
 import numpy as np
 import pytest
 import trimesh
-from dem.common import random_direction, random_quaternion, simulation
+from dem.common import random_direction, simulation
 from oracles import mesh_distance, rotation
 
-from repose.dem import Contact, Mesh, Motion, Plane
+from repose.dem import Contact, Mesh, Motion, Plane, random_quaternion
 from repose.dem.kernels.features import EDGE, FACE, VERTEX
 
 LONG = np.array([[10.57e-3, 5.685e-3, 4.94e-3]])

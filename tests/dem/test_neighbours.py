@@ -2,9 +2,9 @@ import itertools
 
 import numpy as np
 import pytest
-from dem.common import BERRY, random_quaternion, simulation
+from dem.common import BERRY, simulation
 
-from repose.dem import Contact, Plane
+from repose.dem import Contact, Plane, random_quaternion
 from repose.dem.kernels import state as st
 from repose.dem.kernels.contact import solve_gap
 

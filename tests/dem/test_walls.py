@@ -2,11 +2,11 @@ import math
 
 import numpy as np
 import pytest
-from dem.common import BERRY, random_quaternion, simulation
+from dem.common import BERRY, simulation
 from oracles import circle_distance, cone_gap
 
-from repose.apparatus.scenes import Funnel
-from repose.dem import Contact, Plane
+from repose.apparatus.funnel_geometry import Funnel
+from repose.dem import Contact, Plane, random_quaternion
 from repose.dem.kernels import state as st
 
 FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)

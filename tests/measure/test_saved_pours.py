@@ -12,10 +12,12 @@ import yaml
 from test_pile import BERRY as PARTICLE
 from test_pile import cone_of_berries
 
+from repose.apparatus import funnel
+from repose.apparatus.job import measure_job
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
-from repose.measure import pile, saved_pours
-from repose.measure.angles import DEFINITIONS, MEAN_KEYS, RESPONSES, VIEW_KEYS
+from repose.measure import pile, saved_piles, saved_pours
+from repose.measure.angles import DEFINITIONS, MEAN_KEYS, VIEW_KEYS
 
 ROOT = Path(__file__).parents[2]
 CONFIG = yaml.safe_load((ROOT / "config" / "quick.yaml").read_text())
@@ -50,18 +52,18 @@ def saved(tmp_path):
 
 
 def test_a_job_holds_every_response_of_every_run(saved):
-    result = saved_pours.measure_job(config(response="flank"), saved, PARTICLE, AXES)
+    result = measure_job(config(response="flank"), saved, PARTICLE, AXES)
     assert json.loads(saved.with_name("007.json").read_text()) == result
     assert (result["sample"], result["time_step_s"]) == (7, 2e-4)
     assert "pours" not in result
     first, second, jammed = result["runs"]
     for run in (first, second):
-        assert set(RESPONSES) <= set(run)
+        assert set(funnel.ALWAYS) <= set(run)
         assert run["aor_deg"] == run["aor_flank_deg"] == pytest.approx(30, abs=4)
         assert run["height_view_mm"] == pytest.approx(run["height_mm"], abs=0.5)
         assert run["discharge_s"] == 16.0
     assert (jammed["status"], jammed["reason"]) == ("jammed", "9 berries in the funnel")
-    assert [jammed[key] for key in RESPONSES] == [None] * len(RESPONSES)
+    assert [jammed[key] for key in funnel.ALWAYS] == [None] * len(funnel.ALWAYS)
     summary = result["summary"]
     for key in ("aor_secant_deg", "aor_steepest_view_deg", "height_view_mm"):
         mean, half = (first[key] + second[key]) / 2, abs(first[key] - second[key]) / 2
@@ -71,8 +73,8 @@ def test_a_job_holds_every_response_of_every_run(saved):
 
 @pytest.mark.parametrize("name", DEFINITIONS)
 def test_another_response_measures_the_same_piles_again(saved, name):
-    before = saved_pours.measure_job(config(), saved, PARTICLE, AXES)["runs"][0]
-    after = saved_pours.measure_job(config(response=name), saved, PARTICLE, AXES)["runs"][0]
+    before = measure_job(config(), saved, PARTICLE, AXES)["runs"][0]
+    after = measure_job(config(response=name), saved, PARTICLE, AXES)["runs"][0]
     assert after["aor_deg"] == before[MEAN_KEYS[name]]
     assert {k: v for k, v in after.items() if k != "aor_deg"} == {
         k: v for k, v in before.items() if k != "aor_deg"
@@ -82,12 +84,12 @@ def test_another_response_measures_the_same_piles_again(saved, name):
 def test_a_definition_that_fails_fails_the_run_only_as_the_response(saved):
     tall = {"berry_height_mm": 30.0}  # the cone is some 55 mm high: berry to 60 % is too thin a band for half
     keys = {"fit_from": "berry", "fit_to": 0.6, **tall}
-    kept = saved_pours.measure_job(config(response="secant", **keys), saved, PARTICLE, AXES)["runs"][0]
+    kept = measure_job(config(response="secant", **keys), saved, PARTICLE, AXES)["runs"][0]
     assert kept["status"] == "ok"
     assert kept["aor_steepest_deg"] is None
     assert kept["aor_steepest_view_deg"] is None
     assert kept["aor_deg"] == kept["aor_secant_deg"]
-    failed = saved_pours.measure_job(config(response="steepest", **keys), saved, PARTICLE, AXES)
+    failed = measure_job(config(response="steepest", **keys), saved, PARTICLE, AXES)
     run = failed["runs"][0]
     assert (run["status"], run["aor_deg"]) == ("no_flank", None)
     assert "12 are needed" in run["reason"]
@@ -100,8 +102,8 @@ def test_a_picture_of_a_simulated_pile_is_measured_as_its_first_view(saved, tmp_
     settings = pile.MeasureSettings.of(config(fit_from=fit_from)["measure"], AXES)
     assert settings.berry_height_mm == pytest.approx(BERRY_MM)
     poured = saved_pours.first_pour(saved.with_name("007.npz"))
-    run = saved_pours.measure_pour(one_pour(1), poured, PARTICLE, settings)
-    view = saved_pours.side_view(poured, PARTICLE, settings)
+    run = funnel.measure(one_pour(1), poured, config(fit_from=fit_from), PARTICLE, AXES)
+    view = saved_piles.side_view(poured, PARTICLE, settings)
     on_plate = np.vstack([view, np.full((30, view.shape[1]), view.min(), np.uint8)])
     cv2.imwrite(str(tmp_path / "photo.png"), on_plate)
     seen = pile.measure_image(pile.read_image(tmp_path / "photo.png"), settings.mm_per_pixel, settings)
@@ -121,7 +123,7 @@ def test_the_lines_of_the_overlay_are_those_of_the_response(saved):
     lines = set()
     for name in DEFINITIONS:
         settings = pile.MeasureSettings.of(config(response=name)["measure"], AXES)
-        seen = pile.measure_image(saved_pours.side_view(poured, PARTICLE, settings), 0.25, settings)
+        seen = pile.measure_image(saved_piles.side_view(poured, PARTICLE, settings), 0.25, settings)
         lines.add(seen.lines)
         for line, sign, angle in zip(seen.lines, (1, -1), (seen.left_deg, seen.right_deg), strict=True):
             (u0, row0), (u1, row1) = line
@@ -132,11 +134,11 @@ def test_the_lines_of_the_overlay_are_those_of_the_response(saved):
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("008.pours.json", None, "008.pours.json: pours"),
+        ("008.pours.json", None, "008.pours.json: content"),
         ("007.json", "{}", "007.json: pours is None"),
         ("009.pours.json", '{"pours": []}', r"009.pours.json: pours is \[\]"),
-        ("009.pours.json", '{"pours": [{"seed": 1, "status": "fine"}]}', "records with a seed"),
-        ("009.pours.json", '{"pours": [{"seed": 1, "status": "ok"}]}', r"009.npz: positions"),
+        ("009.pours.json", '{"pours": [{"seed": 1, "status": "fine"}]}', "status is 'fine'"),
+        ("009.pours.json", '{"pours": [{"seed": 1, "status": "ok"}]}', r"009.npz: arrays"),
         ("007.pours.json", '{"pours": [{"seed": 4, "status": "ok"}]}', "position_4"),
     ],
 )
@@ -145,4 +147,4 @@ def test_files_that_are_no_pours_are_named(saved, name, content, message):
     if content is not None:
         path.write_text(content)
     with pytest.raises(InputError, match=message):
-        saved_pours.measure_job(config(), path, PARTICLE, AXES)
+        measure_job(config(), path, PARTICLE, AXES)

@@ -7,10 +7,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from repose.apparatus import scenes
+from repose.apparatus import factory
 from repose.config import loader
 from repose.core.errors import InputError
-from repose.dem.rotations import rotation_matrices
+from repose.dem.rotations import random_quaternion, rotation_matrices
 from repose.measure.angles import MEAN_KEYS
 from repose.studies import shape_study
 
@@ -192,7 +192,7 @@ def test_signal_and_noise_of_a_known_model(signal, noise):
 @pytest.mark.parametrize(("orientation", "level"), [("lying", 0.0), ("upright", 1.0)])
 def test_new_berries_lie_or_stand_as_told(orientation, level):
     rng = np.random.default_rng(6)
-    quaternions = np.array([scenes.turned_as(orientation, rng) for _ in range(300)])
+    quaternions = np.array([factory.random_orientation(orientation, rng) for _ in range(300)])
     assert np.allclose(np.linalg.norm(quaternions, axis=1), 1.0)
     turned = rotation_matrices(quaternions)
     assert np.allclose(np.abs(turned[:, 2, 0]), level, atol=1e-12)
@@ -205,4 +205,4 @@ def test_new_berries_lie_or_stand_as_told(orientation, level):
 
 def test_random_berries_draw_as_they_always_did():
     one, two = np.random.default_rng(7), np.random.default_rng(7)
-    assert np.array_equal(scenes.turned_as("random", one), scenes.random_quaternion(two))
+    assert np.array_equal(factory.random_orientation("random", one), random_quaternion(two))

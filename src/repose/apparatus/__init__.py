@@ -1,10 +1,10 @@
-"""The bench tests, built from the engine: build, run, measure.
+"""The bench tests: each one a module that is registered by name, and what they share.
 
-Importing this package makes their responses known (`repose.core.responses`); the engine is loaded when a test runs.
+Importing this package makes all bench tests and their responses known. It loads neither the engine nor what measures
+pictures; these are loaded when a bench test runs.
 """
 
-from repose.apparatus import responses
+from repose.apparatus import funnel, drum  # isort: skip (the order in which they are listed)
+from repose.apparatus.bench import BenchTest, Run, bench, bench_tests, names, register
 
-NAMES = ("funnel", "drum")
-
-__all__ = ["NAMES", "responses"]
+__all__ = ["BenchTest", "Run", "bench", "bench_tests", "drum", "funnel", "names", "register"]

@@ -1,12 +1,21 @@
-"""Runs of the drum to tables: every run, means with standard errors over seeds, the record, the slipping layer."""
+"""The drum's validation: a file of each run, and the tables of all runs."""
 
-import json
+from collections.abc import Iterable, Mapping, Sequence
+from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
+from repose.apparatus import drum
+from repose.apparatus.job import about_job
 from repose.core.errors import InputError
+from repose.core.files import read_json, read_npz, write_json, write_npz, write_table
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from repose.particle.particle import Particle
 
 # What is averaged over seeds, and its name in the table.
 SUMMARY = {
@@ -30,38 +39,128 @@ RECORD = ["seed", "time_s", "turned_deg", "surface_deg", "bed_deg", "energy_j"]
 PROFILE = ["seed", "depth_mm", "moved_mm", "moved_sd_mm", "berries"]
 
 
-def run(json_paths, out_dir):
+WHAT = "a JSON file of `repose drum`, its .npz beside it"
+
+
+def run_job(
+    config: Mapping[str, Any],
+    parameters: Mapping[str, float],
+    seeds: Iterable[int],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    out_dir: str | PathLike,
+    trajectory: bool = False,
+) -> list[dict[str, Any]]:
+    """Turn the drum with each seed; write OUT/turn_SEED.json and OUT/turn_SEED.npz.
+
+    Parameters
+    ----------
+    config, parameters, particle, berry
+        Those of `repose.apparatus.bench.BenchTest.run`.
+    seeds : iterable of int
+    out_dir : path
+    trajectory : bool
+        Whether OUT/turn_SEED_trajectory.npz is written, too: every frame of the record.
+
+    Returns
+    -------
+    list of dict
+        Contents of the JSON files. Each is written last, so a run whose file is there is complete.
+    """
+    out, results = Path(out_dir), []
+    for seed in seeds:
+        run = drum.run(config, parameters, seed, particle, berry, 0.0 if trajectory else None)
+        write_npz(out / f"turn_{seed}.npz", run.arrays)
+        if run.frames is not None:
+            write_npz(out / f"turn_{seed}_trajectory.npz", run.frames)
+        about = about_job(drum.BENCH, config, seed, parameters)
+        result = {key: about[key] for key in ("config", "parameters", "time_step_s")} | {"run": run.record}
+        write_json(out / f"turn_{seed}.json", result)
+        results.append(result)
+    return results
+
+
+def design_job(
+    config: Mapping[str, Any],
+    sample: int,
+    parameters: Mapping[str, float],
+    seeds: Iterable[int],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    out_dir: str | PathLike,
+) -> dict[str, Any]:
+    """Turn the drum with one sample of the design; write OUT/SAMPLE.json and return its content."""
+    about = about_job(drum.BENCH, config, sample, parameters)
+    runs = [drum.run(config, parameters, seed, particle, berry).record for seed in seeds]
+    result = {key: about[key] for key in ("sample", "config", "parameters")} | {"runs": runs}
+    write_json(Path(out_dir) / f"{sample:03d}.json", result)
+    return result
+
+
+def run(json_paths: Sequence[str | PathLike], out_dir: str | PathLike) -> "dict[str, pd.DataFrame]":
     """Write runs.csv, summary.csv, record.csv and profile.csv into out_dir; return the tables by name.
 
-    json_paths: of `drum.run_job`, each with its .npz beside it. summary.csv: quantity, key, mean, standard_error (none
-    of one run), lowest, highest, runs. Raises InputError for a file that is missing or none of these, or a seed twice.
+    Parameters
+    ----------
+    json_paths : sequence of path
+        Files of `run_job`, each with its .npz beside it.
+    out_dir : path
+
+    Raises
+    ------
+    InputError
+        If a file is missing or none of these, or a seed is there twice.
     """
-    runs, records, profiles = [], [], []
+    found: dict[int, tuple[dict, dict]] = {}
     for path in map(Path, json_paths):
-        one, arrays = _read(path)
-        if any(one["seed"] == other["seed"] for other in runs):
+        one = read_json(path, {"run": dict}, WHAT)["run"]
+        if one.get("seed") in found:
             raise InputError(path, "run.seed", one["seed"], "each seed once")
-        runs.append(one)
-        record = pd.DataFrame({key: arrays[key] for key in RECORD[1:]})
-        records.append(record.assign(seed=one["seed"])[RECORD])
-        profile = pd.DataFrame(arrays["profile"], columns=PROFILE[1:])
-        profiles.append(profile.assign(seed=one["seed"])[PROFILE])
-    table = pd.DataFrame(runs)
-    tables = {
+        found[one["seed"]] = one, read_npz(path.with_suffix(".npz"), (*RECORD[1:], "profile"), WHAT)
+    made = tables(list(found.values()))
+    for name, content in made.items():
+        write_table(Path(out_dir) / f"{name}.csv", content)
+    return made
+
+
+def tables(runs: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]]) -> "dict[str, pd.DataFrame]":
+    """The tables of the runs of a drum.
+
+    Parameters
+    ----------
+    runs : sequence of (record, arrays)
+        As `repose.apparatus.drum.run` gives them.
+
+    Returns
+    -------
+    dict
+        runs: a row a run. summary: quantity, key, mean, standard_error (none of one run), lowest, highest, runs.
+        record: the record of all runs over time. profile: motion by depth of all runs, lengths in mm.
+    """
+    import pandas as pd
+
+    records = [pd.DataFrame({key: arrays[key] for key in RECORD[1:]}) for _, arrays in runs]
+    profiles = [pd.DataFrame(arrays["profile"], columns=PROFILE[1:]) for _, arrays in runs]
+    seeds = [one["seed"] for one, _ in runs]
+    table = pd.DataFrame([one for one, _ in runs])
+    return {
         "runs": table,
         "summary": summarise(table),
-        "record": pd.concat(records, ignore_index=True),
-        "profile": pd.concat(profiles, ignore_index=True),
+        "record": pd.concat(
+            [one.assign(seed=seed)[RECORD] for one, seed in zip(records, seeds, strict=True)],
+            ignore_index=True,
+        ),
+        "profile": pd.concat(
+            [one.assign(seed=seed)[PROFILE] for one, seed in zip(profiles, seeds, strict=True)],
+            ignore_index=True,
+        ),
     }
-    out = Path(out_dir)
-    out.mkdir(parents=True, exist_ok=True)
-    for name, content in tables.items():
-        content.to_csv(out / f"{name}.csv", index=False)
-    return tables
 
 
-def summarise(runs):
+def summarise(runs: "pd.DataFrame") -> "pd.DataFrame":
     """Mean and standard error of every quantity of SUMMARY over the runs that have it."""
+    import pandas as pd
+
     rows = []
     for key, quantity in SUMMARY.items():
         values = runs[key].dropna().to_numpy(float) if key in runs else np.zeros(0)
@@ -78,16 +177,3 @@ def summarise(runs):
             }
         )
     return pd.DataFrame(rows)
-
-
-def _read(path):
-    """A run's mapping and its arrays, or InputError."""
-    try:
-        run = json.loads(path.read_text())["run"]
-        with np.load(path.with_suffix(".npz")) as file:
-            arrays = {key: file[key] for key in (*RECORD[1:], "profile")}
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(
-            path, "run of the drum", str(error), "a JSON file of `repose drum`, its .npz beside it"
-        ) from None
-    return run, arrays

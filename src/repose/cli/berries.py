@@ -6,7 +6,6 @@ from pathlib import Path
 
 from repose.cli.options import PUBLISHED
 from repose.cli.registry import Option
-from repose.config import checks
 from repose.core.errors import InputError
 
 BERRY_AND_PARTICLE = (
@@ -21,6 +20,7 @@ def berry_and_particle(config, source, berry_json=None, particle_json=None):
     config: checked configuration; source: its file, for messages; berry_json, particle_json: files to read
     instead of making them from the configuration. Raises InputError.
     """
+    from repose.config import checks
     from repose.particle.build import Particle
 
     with tempfile.TemporaryDirectory() as folder:

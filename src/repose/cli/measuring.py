@@ -79,7 +79,8 @@ def silhouette(args):
     import cv2
 
     from repose.measure.pile import MeasureSettings
-    from repose.measure.saved_pours import first_pour, side_view
+    from repose.measure.saved_piles import side_view
+    from repose.measure.saved_pours import first_pour
     from repose.particle.build import Particle
 
     how = MeasureSettings(**loader.load(args.config)["measure"])

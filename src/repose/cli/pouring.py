@@ -1,6 +1,7 @@
-"""Verbs that simulate: heaps through the funnel, beds in the drum."""
+"""Verbs that simulate: berries in any bench test, and the tables of the drum."""
 
 import json
+from typing import NamedTuple
 
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import JSON
@@ -10,70 +11,83 @@ from repose.config import loader
 from repose.core.errors import InputError
 
 SIMULATION = (*PARAMETER_SET, SEED, *BERRY_AND_PARTICLE)
+APPARATUS = Option("--apparatus", default="funnel", metavar="NAME", help="bench test (funnel)")
 POUR = (
     *SIMULATION,
     *STUDY_SEEDS,
     Option("--trajectory", type=float, metavar="S", help="also write positions every S seconds"),
 )
-# Runs in words.
-POURED = (
-    "angle of repose {aor_deg:.2f} deg, Height {height_mm:.1f} mm, "
-    "{berries_on_plate} berries on the plate, {wall_s:.1f} s"
-)
-TURNED = (
-    "first slip after {before_time_s:.1f} s, {before_turned_deg:.1f} deg; "
-    "surface {before_surface_deg:.1f} deg before, {after_surface_deg:.1f} deg after it, {wall_s:.0f} s"
-)
 
 family = Family()
 
 
+class _Job(NamedTuple):
+    """A job as the command line asks for it: the arguments of `repose.apparatus.job.pour_job`."""
+
+    test: object
+    config: dict
+    name: str
+    parameters: dict
+    seeds: list
+    particle: object
+    berry: dict
+    out_dir: str
+    interval_s: float | None
+    progress: object
+
+
 @family.verb(
-    "pour berries through the funnel, measure the pile; one parameter set, one seed or several",
+    "run a bench test and save its runs, to be measured by measure_heap; one parameter set, one seed or several",
+    example="--apparatus funnel --set mus_gg=0.642 --seed 1 --out results/try",
+    out="results/try",
+    options=[APPARATUS, *POUR],
+)
+def pour(args):
+    from repose.apparatus.job import pour_job
+
+    print(pour_job(*_job(args, args.apparatus)))
+
+
+@family.verb(
+    "pour berries through the funnel and measure the pile: the verbs pour and measure_heap in one",
     example="--set e_gg=0.203 --set mus_gg=0.642 --seed 1 --out results/try --json",
     out="results/try",
     options=[*POUR, JSON.but(help="print the result as JSON")],
 )
 def heap(args):
-    from repose.apparatus.heap import run_job
+    from repose.apparatus.job import measure_job, pour_job
 
-    result = run_job(*_pour_arguments(args))
+    job = _job(args, "funnel")
+    result = measure_job(job.config, pour_job(*job), job.particle, job.berry)
     if args.json:
         print(json.dumps(_flat(result) if len(result["runs"]) == 1 else result, indent=1))
     else:
         for run in result["runs"]:
-            print(told(run, POURED))
+            print(told(run, job.test.in_words))
 
 
-@family.verb(
-    "pour as the verb heap does and write where the berries lie, to be measured by measure_heap",
-    example="--set mus_gg=0.642 --seed 1 --out results/try",
-    out="results/try",
-    options=POUR,
-)
-def pour(args):
-    from repose.apparatus.heap import pour_job
+def _job(args, apparatus):
+    """The job that the options ask for."""
+    from repose.apparatus import bench
+    from repose.apparatus.settings import SimulationSettings
+    from repose.dem.io.progress import display
 
-    print(pour_job(*_pour_arguments(args)))
-
-
-def _pour_arguments(args):
-    """The arguments of `heap.pour_job` and `heap.run_job`."""
+    test = bench(apparatus, "command line")
     config = loader.load(args.config)
     values = parameters(args.set, args.samples, args.sample, config["parameters"])
     seeds = pour_seeds(args, config["design"]["seed"])
-    step, end = config["simulation"]["time_step_s"], config["funnel"]["duration_s"]
+    step, end = SimulationSettings.of(config).time_step_s, test.duration_s(config)
     if args.trajectory is not None and not step <= args.trajectory <= end:
         raise InputError("command line", "--trajectory", args.trajectory, f"from {step:g} to {end:g} s")
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
 
-    from repose.dem.io.progress import display
-
     def progress(seed):
         return display(0.0, end, step, label=f"seed {seed}")
 
-    name = f"{args.sample:03d}" if args.sample is not None else "heap"
-    return config, name, values, seeds, particle, berry_of, args.out, args.trajectory, progress
+    name = (
+        f"{args.sample:03d}" if args.sample is not None else ("heap" if apparatus == "funnel" else apparatus)
+    )
+    return _Job(test, config, name, values, seeds, particle, berry_of, args.out, args.trajectory, progress)
 
 
 def _flat(result):
@@ -83,7 +97,7 @@ def _flat(result):
 
 
 @family.verb(
-    "measure the piles of saved pours, without pouring again",
+    "measure the saved runs of any bench test, without running it again",
     example="results/try/heap.pours.json --out results/try",
     options=[
         Option("pours", nargs="+", help="NAME.pours.json files of pour or heap, NAME.npz beside them"),
@@ -92,14 +106,16 @@ def _flat(result):
     ],
 )
 def measure_heap(args):
+    from repose.apparatus import bench
+    from repose.apparatus.job import FIRST, measure_job
+
     config = loader.load(args.config)
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
-
-    from repose.measure.saved_pours import measure_job
-
     for path in args.pours:
-        for run in measure_job(config, path, particle, berry_of, args.out)["runs"]:
-            print(f"{path}: {told(run, POURED)}")
+        result = measure_job(config, path, particle, berry_of, args.out)
+        words = bench(result.get("apparatus", FIRST)).in_words
+        for run in result["runs"]:
+            print(f"{path}: {told(run, words)}")
 
 
 @family.verb(
@@ -113,19 +129,18 @@ def measure_heap(args):
     ],
 )
 def drum(args):
+    from repose.apparatus import bench, drum_tables
+
     config = loader.load(args.config)
     values = parameters(args.set, args.samples, args.sample, config["parameters"])
     seeds = run_seeds(args.seed)
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
-
-    from repose.apparatus.drum import run_job
-
-    results = run_job(config, values, seeds, particle, berry_of, args.out, args.trajectory)
+    results = drum_tables.run_job(config, values, seeds, particle, berry_of, args.out, args.trajectory)
     if args.json:
         print(json.dumps(results, indent=1))
     else:
         for result in results:
-            print(told(result["run"], TURNED))
+            print(told(result["run"], bench("drum").in_words))
 
 
 @family.verb(
@@ -145,4 +160,7 @@ def told(run, words):
     """One run in words, a template of its values; or why there are none."""
     if run["status"] != "ok":
         return f"seed {run['seed']}: {run['status']}: {run['reason']}"
-    return f"seed {run['seed']}: {words.format(**run)}"
+    try:
+        return f"seed {run['seed']}: {words.format(**run)}"
+    except TypeError:  # a number that is no target and could not be measured
+        return f"seed {run['seed']}: ok"

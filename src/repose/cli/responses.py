@@ -3,7 +3,7 @@
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import DATASET, RUNS, SAMPLES
 from repose.cli.parameter_sets import parameters
-from repose.cli.pouring import TURNED, told
+from repose.cli.pouring import told
 from repose.cli.registry import Family, Option
 from repose.config import loader
 from repose.core.parameter_space import ParameterSpace
@@ -43,15 +43,16 @@ def measure_responses(args):
     ],
 )
 def drum_design(args):
-    from repose.apparatus import drum
+    from repose.apparatus import bench, drum_tables
 
     config = loader.load(args.config)
     count = config["second_responses"]["drum_seeds"]
     seeds = pour_seeds(config["design"]["seed"], "drum_design", args.sample, count)
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
     values = parameters([], args.samples, args.sample, config["parameters"])
-    for run in drum.design_job(config, args.sample, values, seeds, particle, berry_of, args.out)["runs"]:
-        print(told(run, TURNED))
+    result = drum_tables.design_job(config, args.sample, values, seeds, particle, berry_of, args.out)
+    for run in result["runs"]:
+        print(told(run, bench("drum").in_words))
 
 
 @family.verb(

@@ -5,7 +5,7 @@ import json
 from repose.cli.berries import berry_and_particle
 from repose.cli.options import JSON
 from repose.cli.registry import Family, Option
-from repose.config import checks, cost, loader
+from repose.config import loader
 from repose.core import published
 from repose.core.errors import InputError
 
@@ -38,6 +38,8 @@ def bench(args):
 def check(args):
     if args.cores < 1:
         raise InputError("command line", "--cores", args.cores, "at least 1")
+    from repose.config import checks, cost
+
     config = loader.load(args.config)
     checks.check_inputs(config, args.config)
     work = cost.work(config)

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from repose.apparatus import NAMES
+from repose.apparatus import bench_tests, names
 from repose.apparatus.stability import LARGEST_RAYLEIGH_SHARE, rayleigh_time_s
 from repose.config.reading import get, origin_of
 from repose.config.schema import allowed_by, input_error, subschema, validator
@@ -54,8 +54,9 @@ def check_inputs(config, source="configuration"):
         shear = berry.shear_modulus(elastic, poisson) if shear is None else shear
     axes_mm = [float(sizes[column].mean()) for column in berry.SIZE_COLUMNS]
     published_count(config["validation"]["published"], Targets.of(config["targets"]).responses)
-    _check_fits_berry(config["funnel"], axes_mm, source)
-    _check_fits_drum(config["drum"], max(axes_mm), source)
+    for test in _used(config):
+        for key, allowed in test.misfits(config, axes_mm):
+            raise InputError(origin_of(source, key), key, get(config, key), allowed)
     limit = LARGEST_RAYLEIGH_SHARE * rayleigh_time_s(axes_mm, section["density_kg_m3"], poisson, shear)
     if config["simulation"]["time_step_s"] > limit:
         key = "simulation.time_step_s"
@@ -66,10 +67,9 @@ def check_inputs(config, source="configuration"):
 def _contradictions(config):
     """Pairs (dotted key, what is allowed) where a value does not go with another one."""
     yield from _range_contradictions(config)
-    yield from _target_contradictions(config["targets"])
-    yield from _simulation_contradictions(config)
-    yield from _funnel_contradictions(config["funnel"])
-    yield from _drum_contradictions(config["drum"], config["simulation"]["time_step_s"])
+    yield from _target_contradictions(config)
+    for test in _used(config):
+        yield from test.contradictions(config)
     folder = Path(config["results_dir"])
     if ".." in folder.parts or folder == Path() or any(folder.is_relative_to(own) for own in OUR_OWN_FOLDERS):
         yield "results_dir", f"a folder of its own, without .. and outside {', '.join(OUR_OWN_FOLDERS)}"
@@ -114,23 +114,25 @@ def _surrogate_contradictions(config):
         yield "surrogate", f"{allowed} {needed}"
 
 
-def _target_contradictions(targets):
+def _target_contradictions(config):
     """Targets that no bench test gives, given twice, or outside of their own range."""
     seen = set()
-    for k, target in enumerate(targets):
+    for k, target in enumerate(config["targets"]):
         key = f"targets.{k}"
         known = responses_of(target["apparatus"])
         if not known:
-            yield f"{key}.apparatus", f"one of {', '.join(NAMES)}"
+            yield f"{key}.apparatus", f"one of {', '.join(names())}"
             continue
-        names = [one.name for one in known]
-        if target["response"] not in names:
-            yield f"{key}.response", f"one of {', '.join(names)}, the responses of {target['apparatus']}"
+        if target["apparatus"] not in config:
+            yield f"{key}.apparatus", "a bench test that has a section of its name in the configuration"
+        given = [one.name for one in known]
+        if target["response"] not in given:
+            yield f"{key}.response", f"one of {', '.join(given)}, the responses of {target['apparatus']}"
             continue
         if target["response"] in seen:
             yield f"{key}.response", "each response once"
         seen.add(target["response"])
-        limits = known[names.index(target["response"])]
+        limits = known[given.index(target["response"])]
         low, high = target["range"]
         if not limits.low <= low < high <= limits.high:
             yield f"{key}.range", f"a pair [low, high] from {limits.low:g} to {limits.high:g} with low < high"
@@ -157,79 +159,6 @@ def _range_contradictions(config):
         yield "measure.fit_to", f"at least 0.1 above measure.fit_from, {start:g}"
 
 
-def _simulation_contradictions(config):
-    """A step that is too long for what has to be seen."""
-    window = config["funnel"]["rest_window_s"]
-    if config["simulation"]["time_step_s"] > window / 2:
-        yield "simulation.time_step_s", f"at most half of funnel.rest_window_s, {window:g}"
-
-
-def _funnel_contradictions(funnel):
-    """A bench that cannot be built or a pour that cannot end."""
-    if funnel["outlet_diameter_mm"] >= funnel["inlet_diameter_mm"]:
-        yield "funnel.outlet_diameter_mm", f"below funnel.inlet_diameter_mm, {funnel['inlet_diameter_mm']:g}"
-    if funnel["factory_diameter_mm"] > funnel["inlet_diameter_mm"]:
-        yield (
-            "funnel.factory_diameter_mm",
-            f"at most funnel.inlet_diameter_mm, {funnel['inlet_diameter_mm']:g}",
-        )
-    if funnel["plate_diameter_mm"] < funnel["outlet_diameter_mm"]:
-        yield (
-            "funnel.plate_diameter_mm",
-            f"at least funnel.outlet_diameter_mm, {funnel['outlet_diameter_mm']:g}",
-        )
-    wall = (funnel["inlet_diameter_mm"] - funnel["outlet_diameter_mm"]) / 4
-    if funnel["rim_radius_mm"] > wall:
-        yield "funnel.rim_radius_mm", f"at most {wall:g}, or no cone is left between inlet and outlet"
-    if funnel["rest_window_s"] >= funnel["duration_s"]:
-        yield "funnel.rest_window_s", f"below funnel.duration_s, {funnel['duration_s']:g}"
-    last = (funnel["berries"] - 1) / funnel["rate_per_s"]
-    if last >= funnel["duration_s"] - funnel["rest_window_s"]:
-        yield (
-            "funnel.duration_s",
-            f"above {last + funnel['rest_window_s']:g}: the last berry appears at {last:g} s",
-        )
-
-
-def _drum_contradictions(drum, time_step_s):
-    """A drum without room, a rotation that begins before the last berry is there, a record finer than the steps."""
-    radius = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"]
-    if radius <= 0:
-        yield "drum.wall_thickness_mm", f"below half of drum.outer_diameter_mm, {drum['outer_diameter_mm']:g}"
-    elif abs(drum["factory_height_mm"]) >= radius:
-        yield "drum.factory_height_mm", f"inside the drum, between -{radius:g} and {radius:g}"
-    last = (drum["berries"] - 1) / drum["rate_per_s"]
-    if last >= drum["rotate_from_s"]:
-        yield "drum.rotate_from_s", f"above {last:g}, when the last berry appears"
-    if drum["report_s"] < drum["rotate_from_s"]:
-        yield "drum.report_s", f"at least drum.rotate_from_s, {drum['rotate_from_s']:g}"
-    if drum["record_s"] < time_step_s:
-        yield "drum.record_s", f"at least simulation.time_step_s, {time_step_s:g}"
-
-
-def _check_fits_berry(funnel, axes_mm, source):
-    """Raise InputError where a mean berry fits neither through the outlet nor into the factory."""
-    for key, smallest in (("outlet_diameter_mm", axes_mm[2]), ("factory_diameter_mm", axes_mm[0])):
-        if funnel[key] <= smallest:
-            name = f"funnel.{key}"
-            raise InputError(
-                origin_of(source, name), name, funnel[key], f"above {smallest:.4g}, the size of a mean berry"
-            )
-
-
-def _check_fits_drum(drum, long_mm, source):
-    """Raise InputError where a mean berry of length long_mm cannot lie across the drum at the factory's height."""
-    radius = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"]
-    highest = radius - long_mm / 2
-    for key, value, fits, allowed in (
-        ("length_mm", drum["length_mm"], drum["length_mm"] > long_mm, f"above {long_mm:.4g}"),
-        (
-            "factory_height_mm",
-            drum["factory_height_mm"],
-            abs(drum["factory_height_mm"]) < highest,
-            f"between -{highest:.4g} and {highest:.4g}" if highest > 0 else "a wider drum",
-        ),
-    ):
-        if not fits:
-            name = f"drum.{key}"
-            raise InputError(origin_of(source, name), name, value, f"{allowed}, so that a mean berry fits")
+def _used(config):
+    """Bench tests that have a section in the configuration."""
+    return [test for test in bench_tests() if test.name in config]

@@ -7,7 +7,6 @@ import copy
 import json
 from pathlib import Path
 
-from repose.config.checks import check, check_inputs
 from repose.config.reading import Origin, parse, read
 from repose.core import places
 
@@ -19,6 +18,8 @@ WHOLE = {f"shape_study.{key}" for key in ("particles", "fillings", "sensitivitie
 
 def load(path):
     """A complete configuration from a file, checked by `check`; see `places.find` for where files are looked for."""
+    from repose.config.checks import check  # here and below: the help of a verb loads none of it
+
     return check(_with_files_found(read(places.find(path))), str(path))
 
 
@@ -28,6 +29,8 @@ def resolve(files, overrides=None):
     files: paths, the first complete, the others as partial as one likes; overrides: nested mapping whose
     text is read as YAML values. An error names the file that the bad value came from. Raises InputError.
     """
+    from repose.config.checks import check, check_inputs
+
     config, origin = {}, {}
     for path in files:
         _merge(config, read(path), origin, str(path))

@@ -1,6 +1,6 @@
 """The schema of a configuration, and its faults in words.
 
-`schema.yaml` beside this file says which keys there are and their ranges.
+`schema.yaml` beside this file says which keys there are and their ranges; each bench test says it of its own section.
 """
 
 import difflib
@@ -10,6 +10,7 @@ from pathlib import Path
 
 import yaml
 
+from repose.apparatus import bench, names
 from repose.config.reading import get, origin_of
 from repose.core.errors import InputError
 
@@ -23,9 +24,14 @@ MOVED = {
 }
 
 
-@cache
 def validator():
     """The schema's validator; numbers are finite, and 8.0 is no integer."""
+    return _validator(names())
+
+
+@cache
+def _validator(apparatus):
+    """The same for these bench tests, whose sections are part of the schema."""
     import jsonschema
 
     base = jsonschema.Draft202012Validator
@@ -35,7 +41,8 @@ def validator():
             "integer": lambda _, value: type(value) is int,
         }
     )
-    schema = yaml.safe_load(SCHEMA_PATH.read_text())
+    schema = yaml.safe_load(SCHEMA_PATH.read_text(encoding="utf-8"))
+    schema["properties"] |= {name: bench(name).section_schema() for name in apparatus}
     return jsonschema.validators.extend(base, type_checker=types)(schema)
 
 

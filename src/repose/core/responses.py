@@ -6,8 +6,8 @@ from here by name, and works for any number of them.
 """
 
 import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from repose.core.errors import InputError
@@ -36,6 +36,9 @@ class Response:
         What a target of it may be, in its unit.
     definition : tuple of str
         Dotted keys of the configuration that define the number. Tables made with another definition must not be mixed.
+    function : function, optional
+        ``function(run)`` is the number of a measured run, a mapping, or None where it could not be measured. By
+        default the run holds it by the response's name.
     """
 
     name: str
@@ -46,6 +49,11 @@ class Response:
     low: float = 0.0
     high: float = math.inf
     definition: tuple[str, ...] = ()
+    function: Callable[[Mapping[str, Any]], float | None] | None = field(default=None, compare=False)
+
+    def of(self, run: Mapping[str, Any]) -> float | None:
+        """Its number in a measured run; None where it could not be measured."""
+        return run.get(self.name) if self.function is None else self.function(run)
 
     @property
     def predicted(self) -> str:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from .io.recorder import Recorder
     from .io.vtk import VtkSeries, write_vtk
     from .materials import Contact, Material
-    from .rotations import rotation_matrices, rotation_matrix
+    from .rotations import random_quaternion, rotation_matrices, rotation_matrix
     from .shapes import Clump, Shape
     from .simulation import Simulation
     from .surfaces import Cone, Cylinder, Mesh, Motion, Plane, RingEdge
@@ -30,6 +30,7 @@ _HOME = {
     "Shape": "shapes",
     "Simulation": "simulation",
     "VtkSeries": "io.vtk",
+    "random_quaternion": "rotations",
     "rotation_matrices": "rotations",
     "rotation_matrix": "rotations",
     "write_vtk": "io.vtk",
@@ -49,6 +50,7 @@ __all__ = [
     "Shape",
     "Simulation",
     "VtkSeries",
+    "random_quaternion",
     "rotation_matrices",
     "rotation_matrix",
     "write_vtk",

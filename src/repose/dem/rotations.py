@@ -18,3 +18,9 @@ def rotation_matrices(quaternions):
 def rotation_matrix(quaternion):
     """Rotation body to world (3, 3) of one quaternion (4,)."""
     return rotation_matrices(np.asarray(quaternion, dtype=float)[None])[0]
+
+
+def random_quaternion(rng):
+    """A uniformly random orientation (w, x, y, z) of a generator of numpy."""
+    q = rng.normal(size=4)
+    return q / np.linalg.norm(q)

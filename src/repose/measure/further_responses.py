@@ -215,14 +215,12 @@ def of_pours(
     found = {}
     for path in map(Path, pours_json):
         job = saved_pours.read_pours(path)
-        with saved_pours.saved_positions(
-            path.with_name(path.name.replace(saved_pours.POURS, ".npz"))
-        ) as arrays:
-            for record in job["pours"]:
-                key = (job["sample"], record["seed"])
-                if key in good:
-                    saved = saved_pours.pour_arrays(arrays, record["seed"], path)
-                    found[key] = _or_nothing(saved, particle, settings, plate_mm)
+        arrays = saved_pours.saved_positions(saved_pours.positions_beside(path))
+        for record in job["pours"]:
+            key = (job["sample"], record["seed"])
+            if key in good:
+                saved = saved_pours.pour_arrays(arrays, record["seed"], path)
+                found[key] = _or_nothing(saved, particle, settings, plate_mm)
     return found
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from repose.apparatus.scenes import Funnel
+from repose.apparatus.funnel_geometry import Funnel
 from repose.dem.surfaces import Cone, Mesh
 from repose.dem.tessellation import cone_circles, endless, in_world, plane_polygon
 

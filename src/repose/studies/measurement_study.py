@@ -70,16 +70,16 @@ def measured_piles(npz, particle, settings):
     npz = Path(npz)
     job = saved_pours.read_pours(npz.with_name(npz.stem + saved_pours.POURS))
     rows = []
-    with saved_pours.saved_positions(npz) as arrays:
-        for record in job["pours"]:
-            if record["status"] != "ok":
-                continue
-            poured = saved_pours.pour_arrays(arrays, record["seed"], npz)
-            try:
-                found = variants_of(poured, particle, settings)
-            except NoFlankError:
-                continue
-            rows.append({"sample": job["sample"], "seed": record["seed"], **found})
+    arrays = saved_pours.saved_positions(npz)
+    for record in job["pours"]:
+        if record["status"] != "ok":
+            continue
+        poured = saved_pours.pour_arrays(arrays, record["seed"], npz)
+        try:
+            found = variants_of(poured, particle, settings)
+        except NoFlankError:
+            continue
+        rows.append({"sample": job["sample"], "seed": record["seed"], **found})
     return pd.DataFrame(rows)
 
 

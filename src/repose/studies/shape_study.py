@@ -119,7 +119,8 @@ def dependencies(config, cell):
 
 def run_cell(config, cell, berry_json, samples_csv, out_dir):
     """Pour and measure one cell of the study; write OUT/CELL.csv (RUN_COLUMNS) and OUT/CELL.json of its particle."""
-    from repose.apparatus import heap
+    from repose.apparatus import bench
+    from repose.apparatus.job import run_once
     from repose.particle import build
 
     kind, particle_name, filling, own = cell_settings(config, cell)
@@ -141,7 +142,7 @@ def run_cell(config, cell, berry_json, samples_csv, out_dir):
     seeds = study["design_seeds" if kind == "design" else "seeds"]
     for number, one in enumerate(sets.to_dict("records")):
         for seed in pour_seeds(own["design"]["seed"], f"shape_{kind}", number, seeds):
-            record, _ = heap.run_once(own, one, seed, particle, berry)
+            record, _ = run_once(bench("funnel"), own, one, seed, particle, berry)
             rows.append(
                 {"kind": kind, "particle": particle_name, "filling": filling, "set": one["set"]}
                 | {key: record[key] for key in RUN_COLUMNS if key in record}

@@ -49,12 +49,16 @@ def _mean_and_error(values: Sequence[float]) -> tuple[float, float]:
 
 def _pours(step_s: float, pile: tuple, seeds: int) -> list[dict[str, Any]]:
     """Records of the pours of the published representative solution that gave a pile."""
-    from repose.apparatus.heap import run_once
+    from repose.apparatus import bench
+    from repose.apparatus.job import run_once
 
     config, particle, berry = pile
     changed = {**config, "simulation": {**config["simulation"], "time_step_s": step_s}}
     parameters = representative()
-    records = [run_once(changed, parameters, seed, particle, berry)[0] for seed in range(1, seeds + 1)]
+    records = [
+        run_once(bench("funnel"), changed, parameters, seed, particle, berry)[0]
+        for seed in range(1, seeds + 1)
+    ]
     return [record for record in records if record["status"] == "ok"]
 
 

@@ -8,11 +8,11 @@ import math
 
 import numpy as np
 
-from repose.apparatus.scenes import Funnel
-from repose.dem import Contact, Cylinder, Simulation
+from repose.apparatus.funnel_geometry import Funnel
+from repose.dem import Contact, Cylinder, Simulation, random_quaternion
 
 from .case import Curve, Effort, Panel, Result, at_most, close, reported
-from .machine import BERRY_M, berry_simulation, frictionless, random_direction, random_quaternion
+from .machine import BERRY_M, berry_simulation, frictionless, random_direction
 
 FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)
 TUBED = Funnel(0.15, 0.032, 60.0, 0.02, 0.001, 0.1)

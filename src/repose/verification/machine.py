@@ -216,12 +216,6 @@ def random_direction(rng: np.random.Generator) -> np.ndarray:
     return n / np.linalg.norm(n)
 
 
-def random_quaternion(rng: np.random.Generator) -> np.ndarray:
-    """A uniformly random orientation (w, x, y, z)."""
-    q = rng.normal(size=4)
-    return q / np.linalg.norm(q)
-
-
 def frictionless(restitution: float = 1.0) -> Contact:
     """A contact without any friction."""
     return Contact(restitution, 0.0, 0.0)

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from repose.dem import Contact, Material, Plane, Shape, Simulation, rotation_matrix
+from repose.dem import Contact, Material, Plane, Shape, Simulation, random_quaternion, rotation_matrix
 from repose.dem.materials import effective_moduli
 
 from .case import Curve, Effort, Panel, Result, at_most, close, within
-from .machine import BERRY_DENSITY, BERRY_M, FLOOR, PVC, UP, frictionless, random_quaternion
+from .machine import BERRY_DENSITY, BERRY_M, FLOOR, PVC, UP, frictionless
 
 GRAVITY = 9.81
 STIFF = Material(1.3e6, 0.32)  # thirty times a berry, so that overlaps under the weight stay below a per cent

@@ -12,7 +12,7 @@ from typing import Any
 import numba
 import numpy as np
 
-from repose.apparatus import scenes
+from repose.apparatus import funnel
 from repose.particle.build import Particle
 
 REFERENCE_LOOPS = 20_000
@@ -77,7 +77,7 @@ def timed_pour(
     berry: Mapping[str, float],
 ) -> tuple[float, float]:
     """Microseconds a step over the last second of a pour, and seconds of wall time that the whole pour took."""
-    poured = scenes.pour(config, parameters, seed, particle, berry)
+    poured = funnel.pour(config, parameters, seed, particle, berry)
     return poured.us_per_step, poured.wall_s
 
 

@@ -7,7 +7,8 @@ import numpy as np
 
 from repose.measure import pile
 from repose.measure.angles import DEFINITIONS
-from repose.measure.saved_pours import first_pour, side_view
+from repose.measure.saved_piles import side_view
+from repose.measure.saved_pours import first_pour
 from repose.particle import build
 
 from . import style

@@ -8,7 +8,8 @@ from matplotlib.collections import PolyCollection
 from matplotlib.patches import Circle
 
 from repose.measure import pile
-from repose.measure.saved_pours import first_pour, side_view
+from repose.measure.saved_piles import side_view
+from repose.measure.saved_pours import first_pour
 from repose.measure.silhouette import outlines
 from repose.particle import build
 from repose.pictures.render import render_pile

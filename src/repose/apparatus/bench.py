@@ -1,0 +1,164 @@
+"""What a bench test is, and the registry of all of them.
+
+A bench test is one module. It says which numbers it gives (`Response`), what its section of the configuration holds,
+how its scene is built and run, and how a run is measured. The job that pours, the tables and the workflow take it
+from here by its name.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from repose.core import responses as core
+from repose.core.errors import InputError
+from repose.core.responses import Response
+from repose.core.runs import Recorded
+
+Config = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a bench test, before it is measured.
+
+    Attributes
+    ----------
+    record : dict
+        ``seed``, ``status``, ``reason`` and numbers with their units in the keys. Status ``ok`` means that the run can
+        be measured.
+    arrays : dict
+        What measuring needs: arrays by name.
+    frames : dict or None
+        Frames of a film, where they were asked for: ``time_s`` (T,), ``position`` (T, N, 3) [m], ``quaternion``
+        (T, N, 4), ``scale`` (N,) and what else the bench test shows.
+    """
+
+    record: dict[str, Any]
+    arrays: dict[str, np.ndarray]
+    frames: dict[str, np.ndarray] | None = None
+
+
+def _nothing(*_: Any) -> Iterator[Any]:
+    return iter(())
+
+
+@dataclass(frozen=True)
+class BenchTest:
+    """A bench test: what it gives, and the functions that run it.
+
+    Attributes
+    ----------
+    name : str
+        Of the bench test, and of its section in the configuration.
+    responses : tuple of Response
+        Numbers that it gives. Each function of a measured run (`Response.of`) takes what `measure` returns.
+    recorded : Recorded
+        Numbers of a run that the tables keep besides the targets.
+    statuses : tuple of str
+        How a run may end; ``ok`` first.
+    schema : Path or mapping
+        JSON schema of the section's keys, or the YAML file that holds it: a mapping from key to its schema. All keys
+        are required.
+    build : function
+        ``build(config, parameters, particle, berry, largest_scale=1.0)`` makes the empty simulation.
+    run : function
+        ``run(config, parameters, seed, particle, berry, interval_s=None, progress=None)`` makes a `Run`. interval_s
+        asks for frames; progress is called with the simulated time.
+    measure : function
+        ``measure(record, arrays, config, particle, berry)`` returns the measured run: the record with every response
+        that is a target of the configuration; None where it cannot be measured.
+    duration_s : function
+        ``duration_s(config)`` is the longest simulated time of a run [s].
+    contradictions : function
+        ``contradictions(config)`` yields (dotted key, what is allowed) where values do not go together.
+    misfits : function
+        ``misfits(config, axes_mm)`` yields the same where the bench test does not fit the mean berry, whose three axes
+        are given in mm, the longest first.
+    kept : tuple of str
+        Arrays that every saved run must have.
+    stream : str
+        Stream of random numbers of its runs of the design; see `repose.core.seeds.PURPOSES`.
+    in_words : str
+        A measured run in words, as a template of its values.
+    """
+
+    name: str
+    responses: tuple[Response, ...]
+    recorded: Recorded
+    statuses: tuple[str, ...]
+    schema: Path | Mapping[str, Any]
+    build: Callable[..., Any]
+    run: Callable[..., Run]
+    measure: Callable[..., dict[str, Any]]
+    duration_s: Callable[[Config], float]
+    contradictions: Callable[[Config], Iterator[tuple[str, str]]] = _nothing
+    misfits: Callable[[Config, Sequence[float]], Iterator[tuple[str, str]]] = _nothing
+    kept: tuple[str, ...] = ()
+    stream: str = "design"
+    in_words: str = ""
+
+    def wanted(self, config: Config) -> tuple[Response, ...]:
+        """Those of its responses that are targets of a configuration, in the order of the targets."""
+        own = {one.name: one for one in self.responses}
+        return tuple(own[one["response"]] for one in config["targets"] if one["apparatus"] == self.name)
+
+    def recorded_for(self, config: Config) -> Recorded:
+        """What the tables of a study keep of its runs: the targets first."""
+        return self.recorded.beginning_with(core.names(self.wanted(config)))
+
+    def section_schema(self) -> dict[str, Any]:
+        """JSON schema of its section of the configuration."""
+        keys = self.schema
+        if isinstance(keys, Path):
+            import yaml
+
+            keys = yaml.safe_load(keys.read_text(encoding="utf-8"))
+        return {
+            "type": "object",
+            "additionalProperties": False,
+            "required": list(keys),
+            "properties": dict(keys),
+        }
+
+
+_REGISTRY: dict[str, BenchTest] = {}
+
+
+def register(test: BenchTest) -> BenchTest:
+    """Make a bench test and its responses known by name; returns it.
+
+    Raises
+    ------
+    ValueError
+        If another bench test has the name, or a response of it is registered already.
+    """
+    if _REGISTRY.setdefault(test.name, test) is not test:
+        raise ValueError(f"bench test {test.name!r} is registered already")
+    core.register(*test.responses)
+    return test
+
+
+def bench(name: str, source: object = "apparatus") -> BenchTest:
+    """The bench test of a name; `source` is named in the error.
+
+    Raises
+    ------
+    InputError
+        If no bench test has this name.
+    """
+    if name not in _REGISTRY:
+        raise InputError(source, "apparatus", name, f"one of {', '.join(_REGISTRY)}")
+    return _REGISTRY[name]
+
+
+def names() -> tuple[str, ...]:
+    """Names of all bench tests, in the order of their registration."""
+    return tuple(_REGISTRY)
+
+
+def bench_tests() -> tuple[BenchTest, ...]:
+    """All bench tests, in the order of their registration."""
+    return tuple(_REGISTRY.values())

@@ -1,0 +1,67 @@
+"""The inside of the drum: a cylinder between two flat caps."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from repose import dem
+from repose.apparatus.factory import Strip
+
+if TYPE_CHECKING:
+    from repose.dem import Cylinder, Plane
+
+WALLS = ("shell", "near_cap", "far_cap")
+
+
+@dataclass(frozen=True)
+class Drum:
+    """The inside of a cylinder about the y axis between two flat caps.
+
+    Attributes
+    ----------
+    radius_m, length_m : float
+        Of the inside [m].
+    """
+
+    radius_m: float
+    length_m: float
+
+    @classmethod
+    def of(cls, section: Mapping[str, Any]) -> "Drum":
+        """The drum of the configuration's section `drum`."""
+        radius_mm = 0.5 * section["outer_diameter_mm"] - section["wall_thickness_mm"]
+        return cls(1e-3 * radius_mm, 1e-3 * section["length_mm"])
+
+    def walls(self, material: str) -> "dict[str, Cylinder | Plane]":
+        """The drum's walls by name, of a material."""
+        half = 0.5 * self.length_m
+        ends = ((0.0, -half, 0.0), (0.0, half, 0.0))
+        return {
+            "shell": dem.Cylinder(ends[0], (0.0, 1.0, 0.0), self.length_m, self.radius_m, material),
+            "near_cap": dem.Plane(ends[0], (0.0, 1.0, 0.0), material),
+            "far_cap": dem.Plane(ends[1], (0.0, -1.0, 0.0), material),
+        }
+
+    def factory(self, height_m: float, berry_radius_m: float) -> Strip:
+        """The widest `Strip` at a height above the axis [m] in which a berry of this radius [m] touches no wall.
+
+        Raises
+        ------
+        ValueError
+            If there is none.
+        """
+        room = self.radius_m - berry_radius_m
+        half_y = 0.5 * self.length_m - berry_radius_m
+        if not (abs(height_m) < room and half_y > 0.0):
+            raise ValueError(
+                f"height_m is {height_m!r}; allowed: below {room:.4g}, in a drum longer than a berry"
+            )
+        return Strip(math.sqrt(room**2 - height_m**2), half_y, height_m)
+
+    def holds(self, centres_m: np.ndarray) -> np.ndarray:
+        """Which centres (N, 3) lie inside (N,)."""
+        inside = np.hypot(centres_m[:, 0], centres_m[:, 2]) < self.radius_m
+        return inside & (np.abs(centres_m[:, 1]) < 0.5 * self.length_m)

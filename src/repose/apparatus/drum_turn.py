@@ -1,0 +1,278 @@
+"""The drum, simulated: filled, turned until its bed slips, and the slip measured."""
+
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from repose import dem
+from repose.apparatus.drum_geometry import WALLS, Drum
+from repose.apparatus.factory import fill
+from repose.apparatus.scene import berry_simulation
+from repose.apparatus.settings import SimulationSettings
+from repose.measure import bed
+from repose.particle.size_distribution import of_pour
+
+if TYPE_CHECKING:
+    from repose.particle.particle import Particle
+
+RECORD = ("time_s", "turned_deg", "surface_deg", "bed_deg", "energy_j")
+STATES = ("start", "report", "before", "after")
+
+
+@dataclass(frozen=True)
+class Turn:
+    """One run: its record over time, the frames at the same times, the slip, and what judges the run.
+
+    Attributes
+    ----------
+    record : dict
+        Columns (T,) of `RECORD`: time since the rotation began [s], angle by which the drum has turned, angle of the
+        bed's surface, angle of its centre of mass [degrees], mean energy of a berry in the drum's frame [J].
+    centres_m, quaternions, scales : numpy.ndarray
+        Of the N berries at these times: (T, N, 3) [m], (T, N, 4); sizes (N,).
+    slip : Slip or None
+        The first one.
+    report : int
+        Row of the record at the configured time of the report.
+    rotation_from_s, rest_energy_j : float
+        When the rotation began [s], and the mean energy of a berry then [J].
+    held : bool
+        Whether all berries are inside the drum.
+    wall_s : float
+        Wall time of the run [s].
+    """
+
+    record: dict
+    centres_m: np.ndarray
+    quaternions: np.ndarray
+    scales: np.ndarray
+    slip: bed.Slip | None
+    report: int
+    rotation_from_s: float
+    rest_energy_j: float
+    held: bool
+    wall_s: float
+
+    def rows(self) -> dict[str, int]:
+        """Rows of the record of each state: start, report, and before and after the slip where there is one."""
+        rows = {"start": 0, "report": self.report}
+        if self.slip is not None:
+            rows |= {"before": self.slip.begins, "after": self.slip.ends}
+        return rows
+
+
+def set_rotation(simulation: "dem.Simulation", angular_velocity_rad_s: float) -> None:
+    """Let all of the drum turn about its axis, and measure rolling against that rotation."""
+    turning = (0.0, -angular_velocity_rad_s, 0.0)
+    for wall in WALLS:
+        simulation.set_motion(wall, dem.Motion(angular_velocity_rad_s=turning))
+    simulation.rolling_frame_rad_s[:] = turning
+
+
+class _Watch:
+    """Keeps the record of a drum that turns."""
+
+    def __init__(self, simulation, drum, particle, config):
+        self.simulation, self.drum, self.particle = simulation, drum, particle
+        self.fit_share = config["drum"]["fit_share"]
+        self.mm_per_pixel = config["measure"]["mm_per_pixel"]
+        self.began_s, self.turned_rad = simulation.time_s, 0.0
+        self.rows, self.centres, self.quaternions = [], [], []
+
+    def surface(self, row):
+        """`bed.Surface` at a row of the record."""
+        centres, quaternions = self.centres[row], self.quaternions[row]
+        radius_m = self.drum.radius_m
+        return bed.measure_surface(
+            centres,
+            quaternions,
+            self.particle,
+            radius_m,
+            self.mm_per_pixel,
+            self.fit_share,
+            self.simulation.scales,
+        )
+
+    def keep(self):
+        """Add the present state to the record."""
+        s = self.simulation
+        self.centres.append(s.positions.copy())
+        self.quaternions.append(s.quaternions)
+        energy = bed.relative_energy(
+            s.positions,
+            s.quaternions,
+            s.velocities,
+            s.angular_velocities,
+            self.particle,
+            s.rolling_frame_rad_s,
+            s.scales,
+        )
+        try:
+            angle = self.surface(-1).angle_deg
+        except ValueError:
+            angle = math.nan
+        time_s = s.time_s - self.began_s
+        self.rows.append((time_s, math.degrees(self.turned_rad), angle, bed.bed_angle(s.positions), energy))
+
+    def advance(self, steps):
+        """Run, turn and keep."""
+        self.simulation.run_steps(steps)
+        self.turned_rad -= steps * self.simulation.physics.dt * self.simulation.rolling_frame_rad_s[1]
+        self.keep()
+
+    def record(self):
+        """The record by name."""
+        return dict(zip(RECORD, np.array(self.rows).T, strict=True))
+
+
+def build(
+    config: Mapping[str, Any],
+    parameters: Mapping[str, float],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    largest_scale: float = 1.0,
+) -> "dem.Simulation":
+    """The empty simulation of the drum; see `repose.apparatus.bench.BenchTest.build`."""
+    drum = Drum.of(config["drum"])
+    half = np.array([drum.radius_m, 0.5 * drum.length_m, drum.radius_m])
+    return berry_simulation(
+        config,
+        parameters,
+        particle,
+        berry,
+        config["drum"]["berries"],
+        walls=drum.walls("wall"),
+        lower=-half,
+        upper=half,
+        largest_scale=largest_scale,
+    )
+
+
+def turn(
+    config: Mapping[str, Any],
+    parameters: Mapping[str, float],
+    seed: int,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    progress: Callable[[float], object] | None = None,
+) -> Turn:
+    """Fill the drum, let the bed rest, turn the drum until the bed slips, and let it rest again.
+
+    Parameters are those of `repose.apparatus.bench.BenchTest.run`.
+
+    Notes
+    -----
+    Berries appear at `drum.rate_per_s`, drawn from `seed`; see `repose.apparatus.factory.fill`. The rotation begins at
+    `drum.rotate_from_s`, or later when the bed is at rest (`simulation.rest_energy_j` a berry), at most twice as late.
+    It lasts until a slip is judged (`bed.find_slip`), at most `drum.longest_rotation_s`. The run ends when the bed
+    rests, at most `drum.settle_s` after the drum, and not before `drum.report_s`.
+    """
+    section, settings = config["drum"], SimulationSettings.of(config)
+    began = time.perf_counter()
+    drum = Drum.of(section)
+    scales, largest = of_pour(config["berry"]["size_distribution"], berry, seed, section["berries"])
+    simulation = build(config, parameters, particle, berry, largest)
+    latest = settings.steps(2.0 * section["rotate_from_s"])
+    every = max(1, settings.steps(section["record_s"]))
+    factory = drum.factory(1e-3 * section["factory_height_mm"], largest * particle.bounding_radius_m)
+
+    def run_to(step):
+        simulation.run_steps(max(0, step - simulation.steps))
+
+    fill(
+        simulation,
+        np.random.default_rng(seed),
+        factory,
+        section["berries"],
+        section["rate_per_s"],
+        latest,
+        run_to,
+        scales,
+    )
+    run_to(max(simulation.steps, settings.steps(section["rotate_from_s"])))
+    calm = settings.rest_energy_j
+    while simulation.kinetic_energies().mean() > calm and simulation.steps < latest:
+        run_to(min(latest, simulation.steps + every))
+    rest_energy = float(simulation.kinetic_energies().mean())
+    watch = _Watch(simulation, drum, particle, config)
+    slip = _rotate(watch, section, calm, every, progress) if np.isfinite(rest_energy) else None
+    record = watch.record() if watch.rows else {name: np.zeros(0) for name in RECORD}
+    late = np.abs(watch.began_s + record["time_s"] - section["report_s"])
+    return Turn(
+        record=record,
+        centres_m=np.array(watch.centres),
+        quaternions=np.array(watch.quaternions),
+        scales=simulation.scales.copy(),
+        slip=slip,
+        report=int(np.argmin(late)) if len(late) else 0,
+        rotation_from_s=watch.began_s,
+        rest_energy_j=rest_energy,
+        held=bool(simulation.n_bodies == section["berries"] and drum.holds(simulation.positions).all()),
+        wall_s=time.perf_counter() - began,
+    )
+
+
+def _rotate(watch, section, calm, every, progress):
+    """Turn until the first slip and let the bed rest; returns the `bed.Slip` or None."""
+    simulation = watch.simulation
+    step_s = every * simulation.physics.dt
+    report_s = section["report_s"] - watch.began_s
+    set_rotation(simulation, section["angular_velocity_rad_s"])
+    watch.keep()
+    slip, stopped_s = None, math.inf
+    while math.isfinite(watch.rows[-1][4]):
+        now, energy = watch.rows[-1][0], watch.rows[-1][4]
+        if progress is not None:
+            progress(simulation.time_s)
+        rests = now > stopped_s and energy < calm
+        if (rests or now >= stopped_s + section["settle_s"]) and now >= report_s - 0.5 * step_s:
+            break
+        if stopped_s == math.inf:
+            if now >= section["longest_rotation_s"] - 0.5 * step_s:
+                break
+            record = watch.record()
+            slip = bed.find_slip(record["bed_deg"], record["energy_j"], section["slip_drop_deg"], calm)
+            if slip is not None:
+                set_rotation(simulation, 0.0)
+                stopped_s = now
+        watch.advance(every)
+    if slip is not None:
+        record = watch.record()
+        slip = bed.find_slip(record["bed_deg"], record["energy_j"], section["slip_drop_deg"], calm)
+    return slip
+
+
+def slip_numbers(
+    turned: Turn, section: Mapping[str, Any], particle: "Particle", mm_per_pixel: float
+) -> tuple[dict[str, float], np.ndarray]:
+    """Numbers of the slip, and the motion by depth: rows of `bed.depth_profile`, lengths in mm."""
+    record, slip = turned.record, turned.slip
+    drum = Drum.of(section)
+    before = bed.measure_surface(
+        turned.centres_m[slip.begins],
+        turned.quaternions[slip.begins],
+        particle,
+        drum.radius_m,
+        mm_per_pixel,
+        section["fit_share"],
+        turned.scales,
+    )
+    turned_rad = math.radians(record["turned_deg"][slip.ends] - record["turned_deg"][slip.begins])
+    depth, moved = bed.slip_displacement(
+        turned.centres_m[slip.begins], turned.centres_m[slip.ends], turned_rad, before
+    )
+    profile = bed.depth_profile(depth, moved, 1e-3 * section["depth_bin_mm"]) * (1e3, 1e3, 1e3, 1.0)
+    numbers = {
+        "surface_drop_deg": float(record["surface_deg"][slip.begins] - record["surface_deg"][slip.ends]),
+        "bed_drop_deg": float(record["bed_deg"][slip.begins] - record["bed_deg"][slip.ends]),
+        "slip_duration_s": float(record["time_s"][slip.ends] - record["time_s"][slip.begins]),
+        "largest_energy_j": float(record["energy_j"][slip.begins : slip.ends + 1].max()),
+        "moved_share": bed.moved_share(moved, particle),
+        "surface_moved_mm": float(profile[0, 1]),
+        "wall_moved_mm": float(profile[-1, 1]),
+    }
+    return numbers, profile

@@ -1,0 +1,157 @@
+"""Where berries appear, how they are turned, and how a scene is filled with them."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from repose.dem.rotations import random_quaternion
+
+if TYPE_CHECKING:
+    from repose.dem import Simulation
+
+# Random places that are tried for a new berry before the factory waits a time step.
+PLACES_TRIED = 200
+
+
+class Factory(Protocol):
+    """A horizontal area in which berries appear."""
+
+    @property
+    def height_m(self) -> float:
+        """Its height [m]."""
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """A uniformly random point of it (3,) [m]."""
+
+
+@dataclass(frozen=True)
+class Disc:
+    """A horizontal disc about the z axis.
+
+    Attributes
+    ----------
+    radius_m, height_m : float
+        Lengths [m].
+    """
+
+    radius_m: float
+    height_m: float
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """A uniformly random point of it (3,) [m]."""
+        r = self.radius_m * math.sqrt(rng.random())
+        angle = 2.0 * math.pi * rng.random()
+        return np.array([r * math.cos(angle), r * math.sin(angle), self.height_m])
+
+
+@dataclass(frozen=True)
+class Strip:
+    """A horizontal rectangle about the z axis.
+
+    Attributes
+    ----------
+    half_x_m, half_y_m, height_m : float
+        Half its lengths along x and y, and its height [m].
+    """
+
+    half_x_m: float
+    half_y_m: float
+    height_m: float
+
+    def draw(self, rng: np.random.Generator) -> np.ndarray:
+        """A uniformly random point of it (3,) [m]."""
+        x, y = rng.uniform(-1.0, 1.0, 2)
+        return np.array([self.half_x_m * x, self.half_y_m * y, self.height_m])
+
+
+def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Factory) -> np.ndarray | None:
+    """A random point (3,) [m] of a factory where a new berry cannot touch another; None where none was found."""
+    others = simulation.positions[simulation.present]
+    reach = 2.0 * simulation.radius
+    others = others[others[:, 2] > factory.height_m - reach]
+    for _ in range(PLACES_TRIED):
+        place = factory.draw(rng)
+        if not len(others) or np.min(np.sum((others - place) ** 2, axis=1)) > reach * reach:
+            return place
+    return None
+
+
+def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray:
+    """Random orientation of a new berry.
+
+    Parameters
+    ----------
+    orientation : str
+        ``random``, ``lying`` (long axis level) or ``upright`` (long axis vertical).
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    numpy.ndarray
+        Quaternion (4,), w, x, y, z, body to world; uniform among the orientations that are asked for.
+    """
+    if orientation == "random":
+        return random_quaternion(rng)
+    axis, about = rng.uniform(0.0, 2.0 * math.pi, 2)
+    # about the long axis x, then for "upright" up, then about the vertical
+    q = np.array([math.cos(about / 2), math.sin(about / 2), 0.0, 0.0])
+    if orientation == "upright":
+        half = math.sqrt(0.5)
+        q = half * np.array([q[0], q[1], -q[0], q[1]])
+    c, s = math.cos(axis / 2), math.sin(axis / 2)
+    w, x, y, z = q
+    return np.array([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w])
+
+
+def fill(
+    simulation: "Simulation",
+    rng: np.random.Generator,
+    factory: Factory,
+    berries: int,
+    rate_per_s: float,
+    last_step: int,
+    run_to: Callable[[int], None],
+    scales: Sequence[float] | None = None,
+    orientation: str = "random",
+) -> None:
+    """Add berries one by one, at rest.
+
+    A berry appears where it cannot touch another one. Where no such place is found the factory waits a time step.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        With a shape of the name ``berry``.
+    rng : numpy.random.Generator
+        Draws places and orientations.
+    factory : Factory
+        Where they appear.
+    berries : int
+        How many.
+    rate_per_s : float
+        Berries in a second [1/s].
+    last_step : int
+        From this time step on no berry is added.
+    run_to : function
+        Advances the simulation to a time step.
+    scales : sequence of float, optional
+        Sizes (berries,) relative to the shape; by default 1.
+    orientation : str
+        See `random_orientation`.
+    """
+    for k in range(berries):
+        due = round(k / rate_per_s / simulation.physics.dt)
+        if due >= last_step:
+            return
+        run_to(due)
+        place = free_place(rng, simulation, factory)
+        while place is None and simulation.steps < last_step:
+            run_to(simulation.steps + 1)
+            place = free_place(rng, simulation, factory)
+        if place is None:
+            return
+        scale = 1.0 if scales is None else scales[k]
+        simulation.add("berry", place, random_orientation(orientation, rng), scale=scale)

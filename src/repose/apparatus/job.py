@@ -1,0 +1,166 @@
+"""Jobs: one parameter set in any bench test with all its seeds, poured, saved, and measured.
+
+A job's files are NAME.pours.json (how each run ended), NAME.npz (arrays of each run, ARRAY_SEED),
+NAME_trajectory_SEED.npz (frames, where they are asked for) and, measured, NAME.json.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import AbstractContextManager, nullcontext
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from repose.apparatus.bench import BenchTest, Run, bench
+from repose.core.errors import InputError
+from repose.core.files import write_json, write_npz
+from repose.core.parameters import PARAMETERS
+from repose.core.runs import summarise_runs
+
+if TYPE_CHECKING:
+    from repose.particle.particle import Particle
+
+# A file that names no bench test is of this one: it was the first.
+FIRST = "funnel"
+Progress = Callable[[int], AbstractContextManager[Callable[[float], object] | None]]
+
+
+def run_once(
+    test: BenchTest,
+    config: Mapping[str, Any],
+    parameters: Mapping[str, float],
+    seed: int,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+) -> tuple[dict[str, Any], Run]:
+    """Run and measure once, without files.
+
+    Parameters are those of `BenchTest.run`.
+
+    Returns
+    -------
+    measured : dict
+        What `BenchTest.measure` gives.
+    run : Run
+    """
+    run = test.run(config, parameters, seed, particle, berry)
+    return test.measure(run.record, run.arrays, config, particle, berry), run
+
+
+def about_job(
+    test: BenchTest, config: Mapping[str, Any], name: object, parameters: Mapping[str, float]
+) -> dict[str, Any]:
+    """What every file of a job says of it."""
+    named = {} if test.name == FIRST else {"apparatus": test.name}
+    return named | {
+        "sample": int(str(name)) if str(name).isdigit() else name,
+        "config": config["label"],
+        "parameters": {p: float(parameters[p]) for p in PARAMETERS},
+        "time_step_s": config["simulation"]["time_step_s"],
+    }
+
+
+def pour_job(
+    test: BenchTest,
+    config: Mapping[str, Any],
+    name: str,
+    parameters: Mapping[str, float],
+    seeds: Iterable[int],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    out_dir: str | PathLike,
+    interval_s: float | None = None,
+    progress: Progress | None = None,
+) -> Path:
+    """Run one parameter set with all its seeds and write the files of the job.
+
+    Parameters
+    ----------
+    test : BenchTest
+    config : mapping
+        The whole configuration.
+    name : str
+        Stem of the files: the sample's number.
+    parameters : mapping
+        The six contact parameters by name.
+    seeds : iterable of int
+    particle : Particle
+    berry : mapping
+        What the verb ``berry`` writes.
+    out_dir : path
+        Folder of the files.
+    interval_s : float, optional
+        Also write frames at this interval [s].
+    progress : function, optional
+        Called with each seed; gives a context manager that is called with the simulated time.
+
+    Returns
+    -------
+    Path
+        NAME.pours.json. It is written last, so a job whose file is there is complete.
+    """
+    from repose.measure.saved_pours import POURS
+
+    out = Path(out_dir)
+    records, saved = [], {}
+    for seed in seeds:
+        with progress(seed) if progress else nullcontext() as report:
+            run = test.run(config, parameters, seed, particle, berry, interval_s, report)
+        records.append(run.record)
+        saved |= {f"{key}_{seed}": values for key, values in run.arrays.items()}
+        if run.frames is not None:
+            write_npz(out / f"{name}_trajectory_{seed}.npz", run.frames)
+    write_npz(out / f"{name}.npz", saved)
+    path = out / f"{name}{POURS}"
+    write_json(path, about_job(test, config, name, parameters) | {"pours": records})
+    return path
+
+
+def measure_job(
+    config: Mapping[str, Any],
+    pours_json: str | PathLike,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    out_dir: str | PathLike | None = None,
+) -> dict[str, Any]:
+    """Measure the runs of a saved job and write NAME.json.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    pours_json : path
+        NAME.pours.json of `pour_job`, with NAME.npz beside it.
+    particle : Particle
+    berry : mapping
+        What the verb ``berry`` writes.
+    out_dir : path, optional
+        By default where the pours are.
+
+    Returns
+    -------
+    dict
+        The content of NAME.json: that of the pours, with the measured ``runs`` and their ``summary``.
+
+    Raises
+    ------
+    InputError
+        If a file is missing, or holds something else.
+    """
+    from repose.measure.saved_pours import POURS, positions_beside, pour_arrays, read_pours, saved_positions
+
+    path = Path(pours_json)
+    job = read_pours(path)
+    test = bench(job.get("apparatus", FIRST), path)
+    pours = job.pop("pours")
+    for one in pours:
+        if one["status"] not in test.statuses:
+            raise InputError(path, "status", one["status"], ", ".join(test.statuses))
+    arrays = saved_positions(positions_beside(path))
+    runs = [
+        test.measure(one, pour_arrays(arrays, one["seed"], path, test.kept), config, particle, berry)
+        for one in pours
+    ]
+    result = job | {"summary": summarise_runs(runs, test.recorded_for(config)), "runs": runs}
+    out = path.parent if out_dir is None else Path(out_dir)
+    write_json(out / f"{path.name.removesuffix(POURS)}.json", result)
+    return result

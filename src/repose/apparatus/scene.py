@@ -1,0 +1,145 @@
+"""A simulation of berries among walls of one material, frames of it on the way, and its largest heap."""
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from repose import dem
+from repose.apparatus.settings import SimulationSettings
+
+if TYPE_CHECKING:
+    from repose.particle.particle import Particle
+
+
+def berry_simulation(
+    config: Mapping[str, Any],
+    parameters: Mapping[str, float],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    capacity: int,
+    **scene: Any,
+) -> "dem.Simulation":
+    """An empty simulation of berries among walls of the material ``wall``.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration. Time step, gravity and tension are those of its section ``simulation``.
+    parameters : mapping
+        The six contact parameters by name.
+    particle : Particle
+        The berry's body.
+    berry : mapping
+        With ``shear_modulus_pa`` and ``poisson_ratio``.
+    capacity : int
+        Most berries.
+    **scene
+        Walls, lower, upper and the other arguments of `repose.dem.Simulation`.
+
+    Raises
+    ------
+    ValueError
+        If the engine refuses a value, as a time step that is too long.
+    """
+    wall, settings = config["wall"], SimulationSettings.of(config)
+    return dem.Simulation(
+        {"berry": particle.dem_shape("berry")},
+        {
+            "berry": dem.Material(berry["shear_modulus_pa"], berry["poisson_ratio"]),
+            "wall": dem.Material(wall["shear_modulus_pa"], wall["poisson_ratio"]),
+        },
+        {
+            ("berry", "berry"): dem.Contact(parameters["e_gg"], parameters["mus_gg"], parameters["mur_gg"]),
+            ("berry", "wall"): dem.Contact(parameters["e_gp"], parameters["mus_gp"], parameters["mur_gp"]),
+        },
+        settings.time_step_s,
+        capacity=capacity,
+        gravity_m_s2=(0.0, 0.0, -settings.gravity_m_s2),
+        tension=settings.tension,
+        **scene,
+    )
+
+
+class Filmed:
+    """Advances a simulation to given time steps and records frames on the way.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    interval_s : float or None
+        Simulated time between two frames [s]; None records none.
+    progress : function, optional
+        Called with the simulated time.
+    """
+
+    def __init__(
+        self,
+        simulation: "dem.Simulation",
+        interval_s: float | None = None,
+        progress: Callable[[float], object] | None = None,
+    ):
+        self.simulation, self.progress = simulation, progress
+        self.every = None if interval_s is None else max(1, round(interval_s / simulation.physics.dt))
+        self.recorder = None if interval_s is None else dem.Recorder()
+
+    def run_to(self, step: int) -> None:
+        """Advance to a time step; nothing happens where it has passed."""
+        now = self.simulation.steps
+        while now < step:
+            stop = step if self.every is None else min(step, (now // self.every + 1) * self.every)
+            self.simulation.run_steps(stop - now)
+            now = stop
+            if self.every is not None and now % self.every == 0:
+                self.recorder(self.simulation)
+        if self.progress is not None:
+            self.progress(self.simulation.time_s)
+
+    def frames(self) -> dict[str, np.ndarray] | None:
+        """What was recorded, None where nothing was to be.
+
+        Returns
+        -------
+        dict or None
+            ``scale`` (N,), ``time_s`` (T,), ``position`` (T, N, 3) [m] and ``quaternion`` (T, N, 4) of all N bodies
+            that there is room for; NaN where a body is not there.
+        """
+        if self.recorder is None:
+            return None
+        kept, room = self.recorder.frames(), self.simulation.capacity
+        missing = room - len(kept["scale"])
+        absent = ((0, 0), (0, missing), (0, 0))
+        return {
+            "scale": np.pad(kept["scale"], (0, missing), constant_values=1.0),
+            "time_s": kept["time_s"],
+            "position": np.pad(kept["position"], absent, constant_values=np.nan),
+            "quaternion": np.pad(kept["quaternion"], absent, constant_values=np.nan),
+        }
+
+
+def largest_cluster(contacts: np.ndarray, allowed: np.ndarray) -> np.ndarray:
+    """Mask of the largest set of allowed bodies that contacts connect.
+
+    Parameters
+    ----------
+    contacts : numpy.ndarray
+        Indices of touching bodies (M, 2).
+    allowed : numpy.ndarray
+        Which bodies count (N,), bool.
+
+    Returns
+    -------
+    numpy.ndarray
+        Mask (N,); of equally large sets the one with the lowest index.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    n = len(allowed)
+    if not n or not allowed.any():
+        return np.zeros(n, bool)
+    kept = contacts[allowed[contacts[:, 0]] & allowed[contacts[:, 1]]] if len(contacts) else contacts
+    graph = coo_array((np.ones(len(kept)), (kept[:, 0], kept[:, 1])), shape=(n, n))
+    _, label = connected_components(graph, directed=False)
+    sizes = np.bincount(label[allowed])
+    return allowed & (label == sizes.argmax())

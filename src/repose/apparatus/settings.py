@@ -1,0 +1,36 @@
+"""What all bench tests share: the configuration's section ``simulation``."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class SimulationSettings:
+    """Settings of every simulation of a study.
+
+    Attributes
+    ----------
+    time_step_s : float
+        Length of a time step [s].
+    gravity_m_s2 : float
+        Acceleration along -z [m/s2].
+    tension : str
+        How the normal force ends an impact; see `repose.dem.Simulation`.
+    rest_energy_j : float
+        A bed is at rest when its mean kinetic energy of a berry is below this [J].
+    """
+
+    time_step_s: float
+    gravity_m_s2: float
+    tension: str
+    rest_energy_j: float
+
+    @classmethod
+    def of(cls, config: Mapping[str, Any]) -> "SimulationSettings":
+        """Those of a whole configuration."""
+        return cls(**config["simulation"])
+
+    def steps(self, seconds: float) -> int:
+        """Number of time steps of a duration [s], to the nearest one."""
+        return round(seconds / self.time_step_s)

@@ -1,0 +1,86 @@
+"""Where the berries of a pour came to rest, to the responses of their pile."""
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from repose.core.errors import NoFlankError
+from repose.measure import pile
+from repose.measure.silhouette import silhouette
+
+if TYPE_CHECKING:
+    from repose.particle.particle import Particle
+
+
+def pile_responses(
+    arrays: Mapping[str, np.ndarray],
+    particle: "Particle",
+    settings: pile.MeasureSettings,
+    plate_mm: float,
+    further: Iterable[str] = (),
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """Responses of a pile by name.
+
+    Parameters
+    ----------
+    arrays : mapping
+        ``position`` (N, 3) [m], ``quaternion`` (N, 4), ``in_pile`` (N,) and, where berries differ in size, ``scale``
+        (N,).
+    particle : Particle
+    settings : MeasureSettings
+    plate_mm : float
+        Diameter of the plate.
+    further : iterable of str
+        Names of the responses of `repose.measure.further_responses` that are measured, too.
+
+    Returns
+    -------
+    found : dict
+        Numbers by name; None for an angle that cannot be measured in half of the views.
+    reasons : dict
+        Why a response could not be measured, by its name.
+    """
+    found: dict[str, Any] = {}
+    reasons: dict[str, str] = {}
+    try:
+        seen = pile.measure_pile(
+            arrays["position"],
+            arrays["quaternion"],
+            particle,
+            settings,
+            members=arrays["in_pile"],
+            scales=arrays.get("scale"),
+        )
+        found |= seen.record()
+        reasons |= {pile.MEAN_KEYS[name]: why for name, why in seen.reasons.items()}
+        if settings.response in seen.reasons:
+            reasons["aor_deg"] = seen.reasons[settings.response]
+    except NoFlankError as error:
+        reasons |= dict.fromkeys(("aor_deg", "height_mm", *pile.MEAN_KEYS.values()), error.reason)
+    further = tuple(further)
+    if further:
+        from repose.measure import further_responses
+
+        try:
+            more = further_responses.of_pour(arrays, particle, settings, plate_mm)
+            found |= {name: more[name] for name in further}
+        except NoFlankError as error:
+            reasons |= dict.fromkeys(further, error.reason)
+    return found, reasons
+
+
+def side_view(
+    arrays: Mapping[str, np.ndarray],
+    particle: "Particle",
+    settings: pile.MeasureSettings,
+    azimuth_deg: float = 0.0,
+) -> np.ndarray:
+    """Silhouette (H, W) uint8 of a pour's pile, the plate at its lower border.
+
+    It shows all berries where the settings keep loose ones. Parameters are those of `pile_responses`.
+    """
+    kept = arrays["in_pile"] if settings.largest_pile_only else np.ones(len(arrays["position"]), bool)
+    sizes = {"scales": arrays["scale"][kept]} if "scale" in arrays else {}
+    bodies = arrays["position"][kept], arrays["quaternion"][kept], particle
+    return silhouette(*bodies, azimuth_deg, settings.mm_per_pixel, **sizes)
