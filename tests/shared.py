@@ -1,5 +1,7 @@
 """What several tests share."""
 
+from repose.core.targets import Targets
+
 # The article's targets.
 TARGETS = [
     {
@@ -19,3 +21,19 @@ TARGETS = [
         "range": [64.0, 69.0],
     },
 ]
+
+
+def targets_of(sd_percent=5.0, **values):
+    """Targets of these values by the names of their responses, all measured four times."""
+    return Targets.of(
+        [
+            {
+                "response": name,
+                "value": value,
+                "sd": sd_percent / 100 * value,
+                "repetitions": 4,
+                "range": [0.95 * value, 1.05 * value],
+            }
+            for name, value in values.items()
+        ]
+    )

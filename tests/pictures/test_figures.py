@@ -11,7 +11,7 @@ from shared import TARGETS
 
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
-from repose.core.targets import section_of
+from repose.core.targets import Targets
 from repose.measure import saved_pours
 from repose.measure.angles import DEFINITIONS
 from repose.particle import build
@@ -289,7 +289,7 @@ def made_up_uncertainty(folder, rng):
     for column, mean, spread in (("aor_deg", 24.0, 1.5), ("height_mm", 61.0, 3.0)):
         runs[column] = mean + 1.4 * spread * np.sin(runs["sample"]) + rng.normal(0, spread, 80)
     runs.to_csv(folder / "noise_runs.csv", index=False)
-    noise.run(folder / "noise_runs.csv", section_of(CONFIG), folder / "floor")
+    noise.run(folder / "noise_runs.csv", Targets.of(CONFIG["targets"]), folder / "floor")
     for name in ("seeds.csv", "noise.json"):
         (folder / "floor" / name).rename(folder / name)
     draws = pd.DataFrame(

@@ -1,30 +1,44 @@
-"""Noise floor of a study: the tables."""
+"""Noise floor: tables of made-up runs, for one target, two, and four of two bench tests."""
 
 import json
 
 import numpy as np
 import pandas as pd
 import pytest
+from shared import TARGETS, targets_of
 
 from repose.core.errors import InputError
+from repose.core.targets import Targets
 from repose.studies import noise
 
-TARGET = {"aor_deg": 32.0, "height_mm": 64.0}
+TWO = Targets.of(TARGETS)
+FOUR = targets_of(aor_deg=32.0, height_mm=64.0, base_radius_mm=110.0, drum_slip_deg=40.0)
 
 
-def write_runs(folder, seeds):
+def made_up_runs(seeds=4, samples=30):
+    """Runs of four responses: three of one bench test that follow each other, and one of another bench test."""
     random = np.random.default_rng(1)
-    runs = pd.DataFrame({"sample": np.repeat(np.arange(1, 31), seeds), "seed": np.arange(30 * seeds)})
-    runs["status"], runs["aor_deg"] = "ok", 25 + np.repeat(random.normal(size=30), seeds)
-    runs["aor_deg"] += random.normal(size=len(runs))
-    runs["height_mm"] = 2 * runs["aor_deg"] + random.normal(size=len(runs))
-    runs.loc[[0, 1, 2, 3], ["status", "aor_deg", "height_mm"]] = ["jammed", np.nan, np.nan]
-    runs.to_csv(folder / "runs.csv", index=False)
+    count = samples * seeds
+    runs = pd.DataFrame({"sample": np.repeat(np.arange(1, samples + 1), seeds), "seed": np.arange(count)})
+    runs["status"], runs["apparatus"] = "ok", "funnel"
+    runs["aor_deg"] = 25 + np.repeat(random.normal(size=samples), seeds) + random.normal(size=count)
+    runs["height_mm"] = 2 * runs["aor_deg"] + random.normal(size=count)
+    runs["base_radius_mm"] = 150 - runs["aor_deg"] + 2 * random.normal(size=count)
+    failed = ["status", "aor_deg", "height_mm", "base_radius_mm"]
+    runs.loc[[0, 1, 2, 3], failed] = ["jammed", np.nan, np.nan, np.nan]
+    other = runs[["sample", "seed"]].assign(status="ok", apparatus="drum")
+    other["drum_slip_deg"] = 40 + 3 * random.normal(size=count)
+    return pd.concat([runs, other], ignore_index=True)
+
+
+def write_runs(folder, seeds=4):
+    runs = made_up_runs(seeds)
+    runs[runs["apparatus"] == "funnel"].to_csv(folder / "runs.csv", index=False)
     return folder / "runs.csv"
 
 
 def test_tables_of_a_study_with_failed_pours(tmp_path):
-    summary = noise.run(write_runs(tmp_path, 4), TARGET, tmp_path / "out")
+    summary = noise.run(write_runs(tmp_path), TWO, tmp_path / "out")
     row = pd.read_csv(tmp_path / "out/noise.csv").iloc[0]
     assert (row["samples"], row["runs"], row["failed_runs"], row["samples_without_runs"]) == (29, 116, 4, 1)
     seeds = pd.read_csv(tmp_path / "out/seeds.csv")
@@ -33,9 +47,47 @@ def test_tables_of_a_study_with_failed_pours(tmp_path):
     assert seeds["aor_reachable_r2"][0] == pytest.approx(row["icc"])
     assert seeds["aor_se_percent"][row["seeds_for_1_percent"] - 1] <= 1 < seeds["aor_se_percent"][0]
     assert json.loads((tmp_path / "out/noise.json").read_text()) == summary
-    assert "intraclass correlation" in noise.message(summary)
+    assert "height_mm: sd 2." in noise.message(summary, TWO)
+    # height is twice the angle plus noise of one: 2 / sqrt(5)
+    assert summary["correlation"]["low"] < 2 / np.sqrt(5) < summary["correlation"]["high"]
+
+
+def test_one_target_has_no_correlation():
+    one = targets_of(drum_slip_deg=40.0)
+    found = noise.noise_floor(made_up_runs(), one)
+    assert list(found.seeds.columns) == [
+        "seeds",
+        "drum_slip_se_deg",
+        "drum_slip_se_percent",
+        *(f"drum_slip_reachable_r2{end}" for end in ("", "_low", "_high")),
+    ]
+    assert found.responses["sd_within"][0] == pytest.approx(3, rel=0.2)
+    assert found.responses["failed_runs"][0] == 0, "runs of the other bench test do not count"
+    assert found.summary["correlation"] == {}
+
+
+def test_responses_of_different_bench_tests_are_independent():
+    matrix, pairs = noise.within_correlation(made_up_runs(), FOUR)
+    assert list(pairs) == [
+        "aor_deg, height_mm",
+        "aor_deg, base_radius_mm",
+        "height_mm, base_radius_mm",
+    ]
+    assert matrix[:3, :3] == pytest.approx(
+        np.array([[1, 0.89, -0.45], [0.89, 1, -0.4], [-0.45, -0.4, 1]]), abs=0.15
+    )
+    assert matrix[3].tolist() == [0, 0, 0, 1]
+    assert (np.linalg.eigvalsh(matrix) > 0).all()
+    assert len(noise.noise_floor(made_up_runs(), FOUR).responses) == 4
 
 
 def test_one_seed_a_sample_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"runs a sample is 1; allowed: 2 or more"):
-        noise.run(write_runs(tmp_path, 1), TARGET, tmp_path / "out")
+        noise.run(write_runs(tmp_path, 1), TWO, tmp_path / "out")
+
+
+def test_too_few_runs_for_a_correlation_are_told_with_the_file(tmp_path):
+    runs = made_up_runs(2, 4).query("apparatus == 'funnel'")
+    runs.to_csv(tmp_path / "runs.csv", index=False)
+    with pytest.raises(InputError, match=r"runs\.csv: runs is '2 degrees of freedom within samples"):
+        noise.run(tmp_path / "runs.csv", TWO, tmp_path / "out")

@@ -1,4 +1,4 @@
-"""The posterior: sampler and diagnostics on closed forms, and one small study from files."""
+"""The posterior: its terms and statements; priors, fixed parameters, any number of targets; one study from files."""
 
 import json
 import math
@@ -6,121 +6,50 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from linear import Linear
 from scipy import stats
+from shared import targets_of
 
 from repose.chain import train
 from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.studies import posterior
 
-TARGET = {
-    "physical_aor_deg": 30.0,
-    "physical_aor_sd_deg": 2.0,
-    "physical_height_mm": 60.0,
-    "physical_height_sd_mm": 4.0,
-    "physical_piles": 4,
-}
+# standard errors of the means 1 deg and 2 mm
+TARGETS = targets_of(sd_percent=20 / 3, aor_deg=30.0, height_mm=60.0)
+UNIT = {name: [0.0, 1.0] for name in PARAMETERS}
+SETTINGS = {"discrepancy_percent": 2.0, "discrepancy_correlation": 0.0}
+SETTINGS |= {"walkers": 24, "steps": 1000, "seed": 1}
+
+
+def correlated(value):
+    return np.array([[1.0, value], [value, 1.0]])
 
 
 def test_observation_adds_discrepancy_to_the_error_of_the_mean():
-    mean, covariance = posterior.observation(TARGET, 0.5, 2.0)
+    mean, covariance = posterior.observation(TARGETS, correlated(0.5), 2.0)
     assert mean.tolist() == [30.0, 60.0]
     # standard errors 1 and 2, discrepancies 0.6 and 1.2
     assert covariance == pytest.approx(np.array([[1 + 0.36, 1.0], [1.0, 4 + 1.44]]))
-    with pytest.raises(ValueError, match="correlation is 1"):
-        posterior.observation(TARGET, 1, 2.0)
+    with pytest.raises(ValueError, match="allowed: a positive definite matrix"):
+        posterior.observation(TARGETS, correlated(1.0), 2.0)
+
+
+def test_discrepancies_of_one_bench_test_may_be_correlated():
+    targets = targets_of(sd_percent=0.0, aor_deg=30.0, height_mm=60.0, drum_slip_deg=40.0)
+    _, covariance = posterior.observation(targets, np.eye(3), 10.0, 0.9)
+    assert covariance == pytest.approx(np.array([[9, 16.2, 0], [16.2, 36, 0], [0, 0, 16]]))
 
 
 def test_likelihood_is_a_normal_density_with_its_determinant():
-    mean, covariance = posterior.observation(TARGET, 0.3, 2.0)
+    mean, covariance = posterior.observation(TARGETS, correlated(0.3), 2.0)
     responses = np.array([[29.0, 62.0], [33.0, 55.0]])
     weights = np.array([[[0.5, 0.1], [0.1, 0.7]], [[2.0, 0.0], [0.0, 3.0]]])
     found = posterior.log_likelihood(responses, weights, mean, covariance)
     for k in range(2):
         known = stats.multivariate_normal(responses[k], covariance + weights[k]).logpdf(mean)
         assert found[k] == pytest.approx(known)
-
-
-@pytest.fixture(scope="module")
-def linear():
-    """y = A theta + c with noise: the posterior of theta, well inside the cube, is normal in closed form."""
-    A, c = np.array([[8.0, 3.0], [-2.0, 10.0]]), np.array([20.0, 50.0])
-    truth = np.array([0.45, 0.55])
-    mean, covariance = A @ truth + c, np.array([[0.3, 0.1], [0.1, 0.4]])
-    known = np.linalg.inv(A.T @ np.linalg.solve(covariance, A))
-
-    def log_density(theta):
-        return posterior.log_likelihood(theta @ A.T + c, np.zeros((len(theta), 2, 2)), mean, covariance)
-
-    chains, times = posterior.sample(log_density, 2, 24, 1200, 3)
-    return log_density, chains, times, truth, known
-
-
-def test_linear_model_has_its_closed_form_posterior(linear):
-    _, chains, times, truth, known = linear
-    draws, effective = chains.reshape(-1, 2), chains[:, :, 0].size / times.max()
-    assert effective > 1000
-    error = np.sqrt(np.diag(known) / effective)
-    assert draws.mean(axis=0) == pytest.approx(truth, abs=4 * error.max())
-    assert np.cov(draws.T) == pytest.approx(known, abs=5 * known.max() * math.sqrt(2 / effective))
-    assert (posterior.split_r_hat(chains) < 1.01).all()
-
-
-def test_information_of_the_linear_model(linear):
-    """KL(normal || uniform on the cube) = -entropy, since the uniform density is one."""
-    log_density, chains, times, _, known = linear
-    draws = chains.reshape(-1, 2)
-    joint = -0.5 * np.log2((2 * math.pi * math.e) ** 2 * np.linalg.det(known))
-    found, error = posterior.joint_information_bits(log_density, draws, 1)
-    assert found == pytest.approx(joint, abs=0.03)
-    assert error < 0.05
-    for k in range(2):
-        marginal = -0.5 * math.log2(2 * math.pi * math.e * known[k, k])
-        effective = draws[:, k].size / times[k]
-        assert posterior.information_bits(draws[:, k], effective) == pytest.approx(marginal, abs=0.06)
-
-
-def test_prior_ends_at_its_bounds():
-    """A slope of 3 over [0, 1]: a truncated exponential, mean 1 / (1 - e^-3) - 1 / 3."""
-    chains, _ = posterior.sample(lambda u: 3 * u[:, 0], 1, 16, 1500, 1)
-    assert chains.min() >= 0
-    assert chains.max() <= 1
-    assert chains.mean() == pytest.approx(1 / (1 - math.exp(-3)) - 1 / 3, abs=0.01)
-
-
-def test_same_seed_same_draws():
-    first, second, other = (posterior.sample(lambda u: -u[:, 0], 2, 16, 100, seed)[0] for seed in (1, 1, 2))
-    assert np.array_equal(first, second)
-    assert not np.array_equal(first, other)
-
-
-def test_r_hat_of_known_chains():
-    random = np.random.default_rng(1)
-    good = random.normal(size=(4, 2000, 1))
-    assert posterior.split_r_hat(good) == pytest.approx(1, abs=0.005)
-    apart = good + np.array([0, 0, 0, 3.0])[:, None, None]
-    # means 0, 0, 0, 3 twice each: variance 18 - 9 * 8 / 16 over 7 beside one within
-    assert posterior.split_r_hat(apart) == pytest.approx(math.sqrt(1 + (18 - 4.5) / 7), rel=0.02)
-    drifting = good + np.linspace(0, 3, 2000)[None, :, None]
-    # halves' means 0.75 and 2.25 four times each, and a ramp of 1.5 within each
-    assert posterior.split_r_hat(drifting) == pytest.approx(
-        math.sqrt(1 + 4.5 / 7 / (1 + 1.5**2 / 12)), rel=0.02
-    )
-    with pytest.raises(ValueError, match=r"shape \(4, 3, 1\)"):
-        posterior.split_r_hat(good[:, :3])
-
-
-def test_information_of_known_draws():
-    """Uniform: none. Density 2u: 1 - 1 / (2 ln 2) bits. A quarter of the range: two."""
-    random = np.random.default_rng(2)
-    u = random.uniform(size=40_000)
-    assert posterior.information_bits(u, 40_000) < 0.002
-    assert posterior.information_bits(np.sqrt(u), 40_000) == pytest.approx(
-        1 - 1 / (2 * math.log(2)), abs=0.01
-    )
-    assert posterior.information_bits(u / 4, 40_000) == pytest.approx(2, abs=0.01)
-    few = [posterior.information_bits(random.uniform(size=400), 400) for _ in range(200)]
-    assert np.mean(few) < 0.02  # 0.07 without the correction
 
 
 def test_statements():
@@ -131,6 +60,88 @@ def test_statements():
     assert "weakly determined, in the high half with probability 0.55" in posterior.statement(row)
     row |= {"information_bits": 1.5}
     assert "e_gp is determined, 0.21 to 0.49" in posterior.statement(row)
+
+
+# Any number of targets, priors and fixed parameters, on a surrogate with a closed form
+
+
+class Everywhere:
+    """Samples that are thin nowhere."""
+
+    def is_thin(self, X):
+        return np.zeros(len(X), bool)
+
+
+def runs_of(targets, seeds=4, samples=20):
+    """Runs whose responses scatter independently of each other."""
+    random = np.random.default_rng(1)
+    runs = pd.DataFrame({"sample": np.repeat(np.arange(samples), seeds), "status": "ok"})
+    return runs.assign(**{name: random.normal(30, 1, len(runs)) for name in targets.names})
+
+
+def inferred(targets, slopes, space=UNIT, **changes):
+    """Posterior for a linear surrogate whose responses are 30 in the middle of the ranges."""
+    beside = {
+        name: pd.DataFrame({"low": 0.4, "high": 0.6}, index=PARAMETERS) for name in ("published", "miga")
+    }
+    model = Linear(targets.names, slopes, error=0.1)
+    settings = SETTINGS | {"discrepancy_percent": 0.0} | changes
+    parts = (model, Everywhere(), runs_of(targets), ParameterSpace.of(space), targets, settings, beside)
+    return posterior.infer(*parts)
+
+
+def test_one_target_determines_the_one_parameter_that_moves_it():
+    found = inferred(targets_of(sd_percent=4.0, drum_slip_deg=30.0), [{"mus_gp": 12.0}])
+    table = found.parameters.set_index("parameter")
+    # standard error 0.6, of the prediction 0.1
+    assert table.loc["mus_gp", "sd"] == pytest.approx(math.hypot(0.6, 0.1) / 12, rel=0.1)
+    assert (table["information_bits"].drop("mus_gp") < 0.1).all()
+    assert list(found.draws.columns) == [*PARAMETERS, "drum_slip_predicted_deg", "drum_slip_linear_se_deg"]
+    assert found.summary["correlation"] == {}
+    assert found.summary["linear_se"] == pytest.approx([0.1])
+
+
+def test_four_targets_of_two_bench_tests_determine_four_parameters():
+    names = {"aor_deg": "e_gg", "height_mm": "mus_gg", "base_radius_mm": "mur_gg", "drum_slip_deg": "e_gp"}
+    targets = targets_of(sd_percent=4.0, **dict.fromkeys(names, 30.0))
+    found = inferred(targets, [{name: 12.0} for name in names.values()], steps=2000)
+    table = found.parameters.set_index("parameter")
+    assert (table.loc[list(names.values()), "information_bits"] > 1).all()
+    assert (table.loc[["mus_gp", "mur_gp"], "information_bits"] < 0.1).all()
+    assert set(found.summary["predicted"]) == set(names)
+    assert len(found.summary["correlation"]) == 3
+
+
+def test_a_prior_narrows_its_parameter_and_counts_as_no_information():
+    """Prior N(0.3, 0.05) on a parameter that moves nothing, and on one that moves the target."""
+    space = UNIT | {"e_gg": {"prior": {"mean": 0.3, "sd": 0.05}, "range": [0.0, 1.0]}}
+    space["mus_gp"] = {"prior": {"mean": 0.4, "sd": 0.1}, "range": [0.0, 1.0]}
+    found = inferred(targets_of(sd_percent=4.0, drum_slip_deg=30.0), [{"mus_gp": 6.0}], space)
+    table = found.parameters.set_index("parameter")
+    assert table.loc["e_gg", ["mean", "sd"]].tolist() == pytest.approx([0.3, 0.05], abs=0.006)
+    assert table.loc["e_gg", "width_ratio"] == pytest.approx(1, abs=0.07)
+    assert table.loc["e_gg", "information_bits"] < 0.1
+    assert table.loc["e_gg", "published_prior_probability"] == pytest.approx(stats.norm.sf(2), abs=1e-3)
+    # two measurements of one number: the prior, and the target through its slope
+    precision = np.array([1 / 0.1**2, 6**2 / (0.6**2 + 0.1**2)])
+    assert table.loc["mus_gp", "mean"] == pytest.approx(precision @ [0.4, 0.5] / precision.sum(), abs=0.01)
+    assert table.loc["mus_gp", "sd"] == pytest.approx(precision.sum() ** -0.5, rel=0.1)
+
+
+def test_fixed_parameters_are_not_sampled():
+    space = UNIT | {name: {"fixed": 0.5} for name in PARAMETERS if name not in ("mus_gp", "e_gg")}
+    found = inferred(targets_of(sd_percent=4.0, drum_slip_deg=30.0), [{"mus_gp": 12.0}], space)
+    assert list(found.parameters["parameter"]) == ["e_gg", "mus_gp"]
+    assert (found.draws["mur_gg"] == 0.5).all()
+    assert found.draws["mus_gp"].std() == pytest.approx(math.hypot(0.6, 0.1) / 12, rel=0.1)
+    assert "mur_gg is fixed at 0.5" in posterior.message(found.summary)
+    alone = inferred(
+        targets_of(drum_slip_deg=30.0), [{"mus_gp": 12.0}], space | {"e_gg": {"fixed": 0.5}}, steps=200
+    )
+    assert alone.summary["correlations"] == [[1.0]]
+
+
+# From files
 
 
 @pytest.fixture(scope="module")
@@ -165,12 +176,8 @@ def study(tmp_path_factory):
     return {key: folder / name for key, name in names.items()}
 
 
-SETTINGS = {"discrepancy_percent": 2.0, "walkers": 24, "steps": 1000, "seed": 1}
-RANGES = dict.fromkeys(PARAMETERS, (0.0, 1.0))
-
-
 def test_a_study_determines_what_moves_its_responses_and_says_what_it_does_not(study, tmp_path):
-    summary = posterior.run(study, RANGES, TARGET, SETTINGS, tmp_path)
+    summary = posterior.run(study, ParameterSpace.of(UNIT), TARGETS, SETTINGS, tmp_path)
     table = pd.read_csv(tmp_path / "posterior.csv").set_index("parameter")
     assert table.loc[["mus_gp", "mur_gg"], "median"].to_numpy() == pytest.approx([0.5, 0.5], abs=0.03)
     # 20 units of AoR over a range: se 1 and discrepancy 0.6 are 0.058 of it

@@ -1,14 +1,16 @@
 """Sobol indices and main effects with closed forms."""
 
-import json
-
 import numpy as np
 import pandas as pd
 import pytest
+from linear import Linear
+from shared import targets_of
 
+from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.studies import sensitivity
-from repose.surrogate.bayesian_bp import PlainBayesianBP
+from repose.surrogate.bayesian_bp import BayesianBP
 
 LOW, HIGH = [-np.pi] * 3, [np.pi] * 3
 
@@ -62,19 +64,62 @@ def test_bad_arguments_are_told():
         sensitivity.indices(lambda X: np.ones(len(X)), LOW, HIGH, 64, 20, 1)
 
 
-def test_tables_of_a_network(tmp_path):
+UNIT = {name: [0.0, 1.0] for name in PARAMETERS}
+SETTINGS = {"samples": 256, "resamples": 20, "seed": 1}
+SLOPES = [{"e_gg": 1.0, "mus_gp": 2.0}, {"mur_gg": 5.0}, {"mus_gp": 1.0}, {"e_gp": 3.0, "mur_gp": 4.0}]
+
+
+@pytest.mark.parametrize(
+    "names", [("drum_slip_deg",), ("aor_deg", "height_mm", "base_radius_mm", "drum_slip_deg")]
+)
+def test_one_target_and_four(names):
+    targets, slopes = targets_of(**dict.fromkeys(names, 30.0)), SLOPES[: len(names)]
+    table, effects = sensitivity.analyse(Linear(names, slopes), ParameterSpace.of(UNIT), targets, SETTINGS)
+    assert len(table) == 6 * len(names)
+    first = table.set_index(["response", "parameter"])["first"]
+    assert first[names[0], "mus_gp"] == pytest.approx(4 / 5, abs=0.02)
+    if len(names) == 4:
+        assert first["drum_slip_deg", "mur_gp"] == pytest.approx(16 / 25, abs=0.02)
+    assert effects.columns.tolist() == ["parameter", "value", *names]
+
+
+def test_a_fixed_parameter_has_no_index():
+    space = ParameterSpace.of(UNIT | {"e_gg": {"fixed": 0.9}})
+    targets = targets_of(drum_slip_deg=30.0)
+    table, effects = sensitivity.analyse(Linear(targets.names, SLOPES[:1]), space, targets, SETTINGS)
+    assert "e_gg" not in set(table["parameter"]) | set(effects["parameter"])
+    assert table.set_index("parameter").loc["mus_gp", "first"] == pytest.approx(1, abs=0.02)
+    middle = effects[(effects["parameter"] == "mus_gp") & (effects["value"] == 0.5)]
+    assert middle["drum_slip_deg"].item() == pytest.approx(30.4)  # e_gg is 0.4 above its middle
+
+
+def test_tables_of_a_surrogate(tmp_path):
     random = np.random.RandomState(1)
-    X = random.uniform(size=(60, 6))
-    model = PlainBayesianBP(hidden=3, starts=1, epochs=100).fit(X, X @ random.uniform(size=(6, 2)))
-    model.save(tmp_path / "network.json")
-    ranges = dict.fromkeys(PARAMETERS, (0.0, 1.0))
-    settings = {"samples": 256, "resamples": 20, "seed": 1}
-    table = sensitivity.run(tmp_path / "network.json", ranges, settings, tmp_path / "out")
-    again = sensitivity.run(tmp_path / "network.json", ranges, settings, tmp_path / "again")
-    pd.testing.assert_frame_equal(table, again)
+    X, targets = random.uniform(size=(60, 6)), targets_of(aor_deg=30.0, height_mm=60.0)
+    model = BayesianBP(hidden=3, starts=1, epochs=100).fit(X, X @ random.uniform(size=(6, 2)))
+    model.describe(PARAMETERS, targets.names).save(tmp_path / "network.json")
+    parts = (tmp_path / "network.json", ParameterSpace.of(UNIT), targets, SETTINGS)
+    table = sensitivity.run(*parts, tmp_path / "out")
+    pd.testing.assert_frame_equal(table, sensitivity.run(*parts, tmp_path / "again"))
     assert len(table) == 12
     assert table.groupby("response")["first"].sum().to_numpy() == pytest.approx([1, 1], abs=0.05)
     effects = pd.read_csv(tmp_path / "out/main_effects.csv")
     assert effects.columns.tolist() == ["parameter", "value", "aor_deg", "height_mm"]
     assert "aor_deg: first-order (total)" in sensitivity.message(table)
-    assert json.loads((tmp_path / "network.json").read_text())["inputs"] == list(PARAMETERS)
+
+
+def test_faults_are_told_with_the_file(tmp_path):
+    path, targets = tmp_path / "network.json", targets_of(aor_deg=30.0)
+    X = np.random.RandomState(1).uniform(size=(20, 6))
+    flat = BayesianBP(hidden=2, starts=1, epochs=20).fit(X, X[:, :1])
+    flat.W1_ = 0 * flat.W1_
+    flat.describe(PARAMETERS, targets.names).save(path)
+    with pytest.raises(
+        InputError, match=r"network\.json: surrogate is 'an output of the function does not vary"
+    ):
+        sensitivity.run(path, ParameterSpace.of(UNIT), targets, SETTINGS, tmp_path)
+    with pytest.raises(InputError, match="outputs"):
+        sensitivity.run(path, ParameterSpace.of(UNIT), targets_of(height_mm=60.0), SETTINGS, tmp_path)
+    fixed = ParameterSpace.of({name: {"fixed": 0.5} for name in PARAMETERS})
+    with pytest.raises(InputError, match="all fixed"):
+        sensitivity.run(path, fixed, targets, SETTINGS, tmp_path)

@@ -3,11 +3,11 @@
 from repose.cli.options import NETWORK, PUBLISHED, RUNS, chosen_files, file_options
 from repose.cli.registry import Family
 from repose.config import loader
-from repose.core.targets import section_of
+from repose.core.parameter_space import ParameterSpace
+from repose.core.targets import Targets
 
 POSTERIOR_FILES = {
     "network": "results/network/network.json",
-    "metrics": "results/network/metrics.json",
     "predictions": "results/network/predictions.csv",
     "dataset": "results/dataset.csv",
     "runs": "results/runs.csv",
@@ -19,7 +19,7 @@ family = Family()
 
 
 @family.verb(
-    "variance of both responses within and between samples, what seeds buy, what a predictor can reach",
+    "variance of the responses within and between samples, what seeds buy, what a predictor can reach",
     example="--runs results/runs.csv",
     out="results/noise",
     options=[RUNS],
@@ -27,11 +27,12 @@ family = Family()
 def noise(args):
     from repose.studies import noise
 
-    print(noise.message(noise.run(args.runs, section_of(loader.load(args.config)), args.out)))
+    targets = Targets.of(loader.load(args.config)["targets"])
+    print(noise.message(noise.run(args.runs, targets, args.out), targets))
 
 
 @family.verb(
-    "posterior of the six parameters given the physical piles, with what they do not determine",
+    "posterior of the free parameters given the physical measurements, with what these do not determine",
     example="--network results/network/network.json",
     out="results/posterior",
     options=file_options(POSTERIOR_FILES),
@@ -40,13 +41,13 @@ def posterior(args):
     from repose.studies import posterior
 
     config = loader.load(args.config)
+    space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     files = chosen_files(args, POSTERIOR_FILES)
-    summary = posterior.run(files, config["parameters"], section_of(config), config["posterior"], args.out)
-    print(posterior.message(summary))
+    print(posterior.message(posterior.run(files, space, targets, config["posterior"], args.out)))
 
 
 @family.verb(
-    "Sobol indices of both responses on the network, with intervals, and main effects",
+    "Sobol indices of the responses on the surrogate, with intervals, and main effects",
     example="--network results/network/network.json",
     out="results/sensitivity",
     options=[NETWORK],
@@ -55,5 +56,6 @@ def sensitivity(args):
     from repose.studies import sensitivity
 
     config = loader.load(args.config)
-    table = sensitivity.run(args.network, config["parameters"], config["sensitivity"], args.out)
+    space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
+    table = sensitivity.run(args.network, space, targets, config["sensitivity"], args.out)
     print(sensitivity.message(table))

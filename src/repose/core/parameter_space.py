@@ -91,6 +91,30 @@ class ParameterSpace:
             total -= 0.5 * ((value - mean) / sd) ** 2
         return total
 
+    def prior_cdf(self, unit: np.ndarray) -> np.ndarray:
+        """The prior's distribution function (n, d), of each parameter by itself, at points (n, d) in the unit cube."""
+        from scipy import stats
+
+        share = np.array(unit, dtype=float)
+        for name, (mean, sd) in self.prior.items():
+            k = self.free.index(name)
+            ends = (np.array([self.low[k], self.high[k]]) - mean) / sd
+            value = self.low[k] + share[:, k] * (self.high[k] - self.low[k])
+            share[:, k] = stats.truncnorm.cdf((value - mean) / sd, *ends)
+        return share
+
+    def from_prior(self, share: np.ndarray) -> np.ndarray:
+        """Points (n, d) in the unit cube, distributed as the prior, of uniform points (n, d); inverts `prior_cdf`."""
+        from scipy import stats
+
+        unit = np.array(share, dtype=float)
+        for name, (mean, sd) in self.prior.items():
+            k = self.free.index(name)
+            ends = (np.array([self.low[k], self.high[k]]) - mean) / sd
+            value = mean + sd * stats.truncnorm.ppf(unit[:, k], *ends)
+            unit[:, k] = (value - self.low[k]) / (self.high[k] - self.low[k])
+        return unit
+
 
 def range_of(name: str, given: Any) -> tuple[float, float]:
     """Lowest and highest value of a parameter as the configuration gives it; a fixed one has no width."""

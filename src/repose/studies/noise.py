@@ -1,78 +1,208 @@
-"""Noise floor: how far the pours of one sample scatter, how far samples differ, what seeds buy.
+"""Noise floor: how far the runs of one sample scatter, how far samples differ, what more seeds buy.
 
-The statistics are in `repose.core.variance`.
+The statistics stand in `repose.core.variance`. Here they are applied to the table of runs, for each target by itself
+and for each pair of targets that one bench test gives.
 """
 
-import json
 import math
+import os
+from itertools import combinations
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from repose.core.errors import InputError
-from repose.core.files import read_table
-from repose.core.variance import CONFIDENCE, residual_correlation, variance_components
-from repose.surrogate.bayesian_bp import RESPONSES
+from repose.core.files import read_table, write_json, write_table
+from repose.core.targets import Target, Targets
+from repose.core.variance import CONFIDENCE, Components, residual_correlation, variance_components
 
 MOST_SEEDS = 64
 WANTED_PERCENT = (0.5, 1.0, 2.0)  # standard errors, in percent of the target
 
 
-def read_runs(runs_csv):
-    """All runs of a study and those that gave a pile, or InputError where no sample has two of these."""
-    runs = read_table(runs_csv, ("sample", "seed", "status", *RESPONSES))
-    ok = runs[runs["status"] == "ok"]
-    sizes = ok.groupby("sample").size()
-    if len(sizes) < 2 or sizes.max() < 2:
-        raise InputError(
-            runs_csv,
-            "runs a sample",
-            int(sizes.max()) if len(sizes) else 0,
-            "2 or more, of 2 samples or more",
-        )
-    return runs, ok
+class NoiseFloor(NamedTuple):
+    """Tables of the noise floor.
 
-
-def run(runs_csv, target, out_dir):
-    """Write noise.csv (one row a response), seeds.csv (1 to 64 seeds) and noise.json; return the summary.
-
-    runs_csv: as `repose.chain.dataset` writes it; target: that section of the configuration. Raises InputError for a
-    missing column, or where no sample has two runs that gave a pile.
+    Attributes
+    ----------
+    responses : pandas.DataFrame
+        One row a target: variances, intraclass correlation, what a perfect predictor reaches (``noise.csv``).
+    seeds : pandas.DataFrame
+        Standard error and reachable R2 of a mean over 1 to `MOST_SEEDS` seeds (``seeds.csv``).
+    summary : dict
+        The rows by response, and the correlations (``noise.json``).
     """
-    import pandas as pd
 
-    runs, ok = read_runs(runs_csv)
-    failed = runs[runs["status"] != "ok"]
-    found = {name: variance_components(ok[name], ok["sample"]) for name in RESPONSES}
+    responses: pd.DataFrame
+    seeds: pd.DataFrame
+    summary: dict[str, Any]
+
+
+def read_runs(runs_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
+    """The table of runs of a study.
+
+    Parameters
+    ----------
+    runs_csv : path
+        As `repose.chain.dataset` writes it.
+    targets : Targets
+
+    Returns
+    -------
+    pandas.DataFrame
+        All runs, those that failed as well.
+
+    Raises
+    ------
+    InputError
+        If a column is missing, or a target has no sample with two usable runs, or usable runs of one sample alone.
+    """
+    runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
+    for name in targets.names:
+        sizes = usable(runs, (name,)).groupby("sample").size()
+        if len(sizes) < 2 or sizes.max() < 2:
+            most = int(sizes.max()) if len(sizes) else 0
+            raise InputError(runs_csv, "runs a sample", most, "2 or more, of 2 samples or more")
+    return runs
+
+
+def of_bench(runs: pd.DataFrame, apparatus: str) -> pd.DataFrame:
+    """The runs of one bench test; a table without the column apparatus has those of a single one."""
+    return runs[runs["apparatus"] == apparatus] if "apparatus" in runs else runs
+
+
+def usable(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
+    """The runs that ended well and have a number for each of these responses."""
+    return runs[(runs["status"] == "ok") & runs[list(names)].notna().all(axis=1)]
+
+
+def within_correlation(
+    runs: pd.DataFrame, targets: Targets
+) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
+    """Correlation of the responses from run to run of one sample.
+
+    Responses of one bench test come from the same runs and are correlated. Responses of different bench tests are
+    independent: no run gives both.
+
+    Parameters
+    ----------
+    runs : pandas.DataFrame
+        With the columns sample, status and the k responses.
+    targets : Targets
+        The k targets.
+
+    Returns
+    -------
+    matrix : numpy.ndarray
+        Correlations (k, k), 1 on the diagonal, 0 between bench tests.
+    pairs : dict
+        For each pair of one bench test, named ``"first, second"``: value, its interval low and high (Fisher's
+        transformation), degrees_of_freedom.
+
+    Raises
+    ------
+    ValueError
+        If a pair has fewer than four degrees of freedom, or a response does not vary within samples.
+    """
+    matrix, pairs = np.eye(len(targets)), {}
+    for bench in targets.apparatus:
+        rows = [k for k, one in enumerate(targets) if one.response.apparatus == bench]
+        # the same runs for all pairs of a bench test, so that the matrix is one of a covariance
+        ok = usable(runs, tuple(targets.names[k] for k in rows))
+        for i, j in combinations(rows, 2):
+            first, second = targets.names[i], targets.names[j]
+            found = residual_correlation(ok[first], ok[second], ok["sample"])
+            matrix[i, j] = matrix[j, i] = found[0]
+            names = ("value", "low", "high", "degrees_of_freedom")
+            pairs[f"{first}, {second}"] = dict(zip(names, found, strict=True))
+    return matrix, pairs
+
+
+def told(pairs: dict[str, dict[str, float]]) -> dict[str, Any]:
+    """Correlations as the JSON files have them: by the names of the pair, or the only pair by itself."""
+    return next(iter(pairs.values())) if len(pairs) == 1 else pairs
+
+
+def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
+    """Variance components of every target, and what more seeds would buy.
+
+    Parameters
+    ----------
+    runs : pandas.DataFrame
+        With the columns sample, status and the responses; at least two samples, one of them with two usable runs.
+    targets : Targets
+        A standard error is also given in percent of the target's aim.
+
+    Returns
+    -------
+    NoiseFloor
+
+    Raises
+    ------
+    ValueError
+        As `within_correlation` and `repose.core.variance.variance_components`.
+    """
     seeds = np.arange(1, MOST_SEEDS + 1)
-    table = pd.DataFrame({"seeds": seeds})
-    rows = []
-    for name, one in found.items():
-        response, unit = name.rsplit("_", 1)
-        table[f"{response}_se_{unit}"] = one.standard_error(seeds)
-        table[f"{response}_se_percent"] = 100 * one.standard_error(seeds) / target[name]
+    table, rows = pd.DataFrame({"seeds": seeds}), []
+    for target in targets:
+        own = of_bench(runs, target.response.apparatus)
+        ok = usable(own, (target.name,))
+        one = variance_components(ok[target.name], ok["sample"])
+        error, quantity = one.standard_error(seeds), target.response.quantity
+        table[target.response.error] = error
+        table[f"{quantity}_se_percent"] = 100 * error / target.aim
         for label, icc in (("", one.icc), ("_low", one.icc_low), ("_high", one.icc_high)):
-            table[f"{response}_reachable_r2{label}"] = icc / (icc + (1 - icc) / seeds)
-        rows.append(_row(name, one, ok, failed, target[name]))
-    correlation = residual_correlation(ok[RESPONSES[0]], ok[RESPONSES[1]], ok["sample"])
+            table[f"{quantity}_reachable_r2{label}"] = icc / (icc + (1 - icc) / seeds)
+        rows.append(_row(target, one, ok, own[own["status"] != "ok"]))
     summary = {
         "responses": {row["response"]: row for row in rows},
-        "correlation": dict(zip(("value", "low", "high", "degrees_of_freedom"), correlation, strict=True)),
+        "correlation": told(within_correlation(runs, targets)[1]),
         "confidence": CONFIDENCE,
     }
+    return NoiseFloor(pd.DataFrame(rows), table, summary)
+
+
+def run(runs_csv: str | os.PathLike, targets: Targets, out_dir: str | os.PathLike) -> dict[str, Any]:
+    """Read the runs, write noise.csv, seeds.csv and noise.json; return the summary.
+
+    Parameters
+    ----------
+    runs_csv : path
+        As `repose.chain.dataset` writes it.
+    targets : Targets
+    out_dir : path
+
+    Returns
+    -------
+    dict
+        `NoiseFloor.summary`.
+
+    Raises
+    ------
+    InputError
+        As `read_runs`, and where the runs are too few or too alike for a correlation.
+    """
+    runs = read_runs(runs_csv, targets)
+    try:
+        found = noise_floor(runs, targets)
+    except ValueError as error:
+        raise InputError(
+            runs_csv, "runs", str(error), "enough runs a sample for variances and correlations"
+        ) from None
     out = Path(out_dir)
-    out.mkdir(parents=True, exist_ok=True)
-    pd.DataFrame(rows).to_csv(out / "noise.csv", index=False)
-    table.to_csv(out / "seeds.csv", index=False)
-    (out / "noise.json").write_text(json.dumps(summary, indent=1) + "\n")
-    return summary
+    write_table(out / "noise.csv", found.responses)
+    write_table(out / "seeds.csv", found.seeds)
+    write_json(out / "noise.json", found.summary)
+    return found.summary
 
 
-def message(summary):
+def message(summary: dict[str, Any], targets: Targets) -> str:
     """The noise floor in words, one line a response."""
     lines = []
-    for name, row in summary["responses"].items():
-        unit = name.rsplit("_", 1)[1]
+    for target in targets:
+        name, unit, row = target.name, target.response.unit, summary["responses"][target.name]
         lines.append(
             f"{name}: sd {row['sd_within']:.2f} {unit} within a sample, {row['sd_between']:.2f} between; intraclass "
             f"correlation {row['icc']:.3f} ({row['icc_low']:.3f} to {row['icc_high']:.3f}); a perfect predictor "
@@ -81,10 +211,10 @@ def message(summary):
     return "\n".join(lines)
 
 
-def _row(name, one, ok, failed, target):
+def _row(target: Target, one: Components, ok: pd.DataFrame, failed: pd.DataFrame) -> dict[str, Any]:
     """The row of noise.csv of one response."""
     row = {
-        "response": name,
+        "response": target.name,
         "samples": one.groups,
         "runs": one.values,
         "failed_runs": len(failed),
@@ -102,4 +232,4 @@ def _row(name, one, ok, failed, target):
         "r2_single_runs": float(one.reachable_r2(1)),
         "r2_sample_means": float(one.reachable_r2(one.harmonic_seeds)),
     }
-    return row | {f"seeds_for_{p:g}_percent": one.seeds_for(p / 100 * target) for p in WANTED_PERCENT}
+    return row | {f"seeds_for_{p:g}_percent": one.seeds_for(p / 100 * target.aim) for p in WANTED_PERCENT}

@@ -1,30 +1,60 @@
-"""Which parameter moves which response, by the network: Sobol indices and main effects.
+"""Which parameter moves which response, by the surrogate: Sobol indices and main effects.
 
-Indices by the estimators of Saltelli et al. 2010 (Computer Physics Communications 181, 259) on a Sobol sequence, as
-scipy.stats.sobol_indices has them; parameters are independent and uniform on their ranges. The intervals are those of
-the sampling, by bootstrap over the rows of the sequence; they know nothing of the network's own error.
+The indices use the estimators of Saltelli et al. 2010 (Computer Physics Communications 181, 259) on a Sobol sequence,
+as scipy.stats.sobol_indices has them. The free parameters are independent and uniform on their ranges; prior knowledge
+of a parameter does not enter. The intervals are those of the sampling, by bootstrap over the rows of the sequence. They
+do not contain the surrogate's own error.
 """
 
+import os
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from scipy import stats
 
-from repose.core.parameters import PARAMETERS
-from repose.surrogate.bayesian_bp import RESPONSES, evaluate, load
+from repose.core.errors import InputError
+from repose.core.files import write_table
+from repose.core.parameter_space import ParameterSpace
+from repose.core.targets import Targets
+from repose.surrogate.base import Surrogate, load
 
 CONFIDENCE = 0.95
 EFFECT_POINTS = 41
 EFFECT_DRAWS = 2048
+ROUNDING = 1e-12  # a constant output varies by no more than this share of it
+
+Function = Callable[[np.ndarray], np.ndarray]
 
 
-def indices(function, low, high, samples, resamples, seed):
-    """First-order and total indices with intervals, each (outputs, d), as a dict.
+def indices(
+    function: Function, low: np.ndarray, high: np.ndarray, samples: int, resamples: int, seed: int
+) -> dict[str, np.ndarray]:
+    """First-order and total Sobol indices with intervals.
 
-    function: points (n, d) to (n, outputs). low, high (d,): ranges. samples: a power of two; the function is
-    evaluated samples (d + 2) times. resamples: of the rows of the sequence, for percentile intervals. Keys
-    first, first_low, first_high, total, total_low, total_high. Raises ValueError where samples is no power of
-    two, or an output does not vary.
+    Parameters
+    ----------
+    function : callable
+        Points (n, d) to (n, outputs). It is evaluated at samples (d + 2) points.
+    low, high : array_like
+        Ranges (d,).
+    samples : int
+        Rows of the Sobol sequence, a power of two.
+    resamples : int
+        Bootstrap samples of these rows, for percentile intervals.
+    seed : int
+
+    Returns
+    -------
+    dict
+        first, first_low, first_high, total, total_low, total_high, each (outputs, d).
+
+    Raises
+    ------
+    ValueError
+        If samples is no power of two, or an output does not vary.
     """
     if samples < 2 or samples & (samples - 1):
         raise ValueError(f"samples is {samples!r}; allowed: a power of two")
@@ -35,7 +65,7 @@ def indices(function, low, high, samples, resamples, seed):
     AB[np.arange(d), :, np.arange(d)] = B.T
     f_A, f_B = _values(function, A, low, high), _values(function, B, low, high)
     f_AB = np.array([_values(function, points, low, high) for points in AB])
-    if not (f_A.std(axis=1) > 0).all():
+    if not (f_A.std(axis=1) > ROUNDING * np.abs(f_A).max(axis=1)).all():
         raise ValueError("an output of the function does not vary; allowed: outputs that do")
 
     def of(rows):
@@ -54,8 +84,32 @@ def indices(function, low, high, samples, resamples, seed):
     return result
 
 
-def main_effects(function, low, high, seed, points=EFFECT_POINTS, draws=EFFECT_DRAWS):
-    """Mean outputs over all other inputs along each input: grid (d, points), means (d, points, outputs)."""
+def main_effects(
+    function: Function,
+    low: np.ndarray,
+    high: np.ndarray,
+    seed: int,
+    points: int = EFFECT_POINTS,
+    draws: int = EFFECT_DRAWS,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean outputs over all other inputs, along each input.
+
+    Parameters
+    ----------
+    function, low, high, seed
+        As for `indices`.
+    points : int
+        Values along each input.
+    draws : int
+        Points over which a mean is taken.
+
+    Returns
+    -------
+    grid : numpy.ndarray
+        Values of the inputs (d, points).
+    means : numpy.ndarray
+        (d, points, outputs).
+    """
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     base = low + (high - low) * stats.qmc.Sobol(len(low), rng=seed).random(draws)
     grid = np.linspace(low, high, points, axis=1)
@@ -70,45 +124,98 @@ def main_effects(function, low, high, seed, points=EFFECT_POINTS, draws=EFFECT_D
     return grid, np.array(means)
 
 
-def run(network_json, ranges, settings, out_dir):
-    """Write sobol.csv and main_effects.csv for both responses; return the first table.
+def analyse(
+    model: Surrogate, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Sobol indices and main effects of a surrogate.
 
-    ranges: parameter to (low, high). settings: samples, resamples, seed. Raises InputError for a bad file.
+    Parameters
+    ----------
+    model : Surrogate
+        Of the responses of the targets.
+    space : ParameterSpace
+        Only free parameters vary.
+    targets : Targets
+    settings : mapping
+        The section `sensitivity` of the configuration: samples, resamples, seed.
+
+    Returns
+    -------
+    indices : pandas.DataFrame
+        One row for each response and free parameter (``sobol.csv``).
+    effects : pandas.DataFrame
+        Mean responses along each free parameter (``main_effects.csv``).
+
+    Raises
+    ------
+    ValueError
+        As `indices`.
     """
-    import pandas as pd
 
-    network = load(network_json)
-    low, high = np.array([ranges[name] for name in PARAMETERS], dtype=float).T
+    def respond(values):
+        return model.predict(space.complete(values))
 
-    def respond(X):
-        return evaluate(network, X)
-
-    found = indices(respond, low, high, settings["samples"], settings["resamples"], settings["seed"])
+    found = indices(
+        respond, space.low, space.high, settings["samples"], settings["resamples"], settings["seed"]
+    )
     rows = [
         {"response": response, "parameter": name} | {key: value[i, k] for key, value in found.items()}
-        for i, response in enumerate(RESPONSES)
-        for k, name in enumerate(PARAMETERS)
+        for i, response in enumerate(targets.names)
+        for k, name in enumerate(space.free)
     ]
-    table = pd.DataFrame(rows)
-    grid, means = main_effects(respond, low, high, settings["seed"])
+    grid, means = main_effects(respond, space.low, space.high, settings["seed"])
     effects = [
-        {"parameter": name, "value": grid[k, j]} | dict(zip(RESPONSES, means[k, j], strict=True))
-        for k, name in enumerate(PARAMETERS)
+        {"parameter": name, "value": grid[k, j]} | dict(zip(targets.names, means[k, j], strict=True))
+        for k, name in enumerate(space.free)
         for j in range(grid.shape[1])
     ]
-    out = Path(out_dir)
-    out.mkdir(parents=True, exist_ok=True)
-    table.to_csv(out / "sobol.csv", index=False)
-    pd.DataFrame(effects).to_csv(out / "main_effects.csv", index=False)
+    return pd.DataFrame(rows), pd.DataFrame(effects)
+
+
+def run(
+    surrogate_json: str | os.PathLike,
+    space: ParameterSpace,
+    targets: Targets,
+    settings: Mapping[str, Any],
+    out_dir: str | os.PathLike,
+) -> pd.DataFrame:
+    """Read a surrogate, write sobol.csv and main_effects.csv; return the first table.
+
+    Parameters
+    ----------
+    surrogate_json : path
+        What the verb network wrote.
+    space, targets, settings
+        As `analyse` takes them.
+    out_dir : path
+
+    Returns
+    -------
+    pandas.DataFrame
+
+    Raises
+    ------
+    InputError
+        For a bad file, other responses than the targets, a response that does not vary, or no free parameter.
+    """
+    if not space.dimensions:
+        raise InputError("configuration", "parameters", "all fixed", "at least one range or prior")
+    model = load(surrogate_json, targets.names)
+    try:
+        table, effects = analyse(model, space, targets, settings)
+    except ValueError as error:
+        raise InputError(surrogate_json, "surrogate", str(error), "responses that vary") from None
+    write_table(Path(out_dir) / "sobol.csv", table)
+    write_table(Path(out_dir) / "main_effects.csv", effects)
     return table
 
 
-def _values(function, unit, low, high):
+def _values(function: Function, unit: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Outputs (outputs, n) at points (n, d) of the unit cube."""
     return np.asarray(function(low + (high - low) * unit), dtype=float).reshape(len(unit), -1).T
 
 
-def message(table):
+def message(table: pd.DataFrame) -> str:
     """First-order and total indices in words, one line a response."""
     lines = []
     for response, rows in table.groupby("response", sort=False):

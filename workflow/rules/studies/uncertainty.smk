@@ -18,7 +18,7 @@ rule noise_tables:
         folder=folder,
         depends=sections("targets"),
     message:
-        "Noise of the pours within and between samples"
+        "Noise of the runs within and between samples"
     shell:
         "python -m repose noise --config {params.config} --runs {input.runs} --out {params.folder} > {log} 2>&1"
 
@@ -26,7 +26,6 @@ rule noise_tables:
 rule posterior_tables:
     input:
         network=rules.network.output.network,
-        metrics=rules.network.output.metrics,
         predictions=rules.network.output.predictions,
         dataset=rules.dataset.output.dataset,
         runs=rules.dataset.output.runs,
@@ -48,9 +47,9 @@ rule posterior_tables:
         folder=folder,
         depends=sections("parameters", "targets", "posterior"),
     message:
-        "Posterior of the parameters given the physical piles"
+        "Posterior of the parameters given the physical measurements"
     shell:
-        "python -m repose posterior --config {params.config} --network {input.network} --metrics {input.metrics}"
+        "python -m repose posterior --config {params.config} --network {input.network}"
         " --predictions {input.predictions} --dataset {input.dataset} --runs {input.runs}"
         " --feasible {input.feasible} --table3 {input.table3} --out {params.folder} > {log} 2>&1"
 
@@ -71,9 +70,9 @@ rule sensitivity_tables:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("parameters", "sensitivity"),
+        depends=sections("parameters", "targets", "sensitivity"),
     message:
-        "Sobol indices and main effects on the network"
+        "Sobol indices and main effects on the surrogate"
     shell:
         "python -m repose sensitivity --config {params.config} --network {input.network} --out {params.folder}"
         " > {log} 2>&1"
@@ -147,7 +146,7 @@ for figure, (where, label, shown) in UNCERTAINTY_FIGURES.items():
             config=CONFIG,
             figure=figure,
             inputs=[f"--input {key}={path}" for key, path in shown.items()],
-            depends=sections("small_run", "parameters"),
+            depends=sections("small_run", "parameters", "targets"),
         message:
             "Drawing {params.figure}"
         shell:

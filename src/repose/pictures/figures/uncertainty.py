@@ -1,109 +1,122 @@
 """How sure the answer is: noise floor, posterior, sensitivity."""
 
-import json
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
+from repose.core.files import read_json, read_table
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS, SYMBOLS
+from repose.core.targets import Target, Targets
 
 from . import style
 
-COLOURS = (style.BLUE, style.ORANGE)
 CREDIBLE_SHARES = (0.95, 0.5)  # of the posterior inside a contour
+SEEDS = (1, 2, 4, 8, 16, 32, 64)
+PERCENT = (0.5, 1, 2, 5)
+
+Inputs, Config = Mapping[str, str], Mapping[str, Any]
 
 
-def noise_floor(inputs, config):
+def noise_floor(inputs: Inputs, config: Config) -> Figure:
     """Runs of each sample about their mean; standard error and reachable R2 over the number of seeds."""
-    runs = pd.read_csv(inputs["runs"])
-    ok = runs[runs["status"] == "ok"]
-    seeds = pd.read_csv(inputs["seeds"])
-    with open(inputs["noise"]) as file:
-        rows = json.load(file)["responses"]
-    figure = style.new_figure(style.PAGE, 4.6)
-    panels = figure.subplots(2, 2, height_ratios=[1.15, 1])
-    for panel, (column, label, unit), letter, colour in zip(
-        panels[0], style.RESPONSES, "ab", COLOURS, strict=True
-    ):
-        _runs_by_mean(panel, ok, column, colour)
-        panel.set(xlabel="samples, in order of their mean", ylabel=f"{label} ({unit})")
-        row = rows[column]
-        panel.set_title(letter, fontweight="bold")
-        text = (
-            f"standard deviation within samples {row['sd_within']:.2f} {unit}\n"
-            f"between samples {row['sd_between']:.2f} {unit}\n"
-            f"intraclass correlation {row['icc']:.2f} ({row['icc_low']:.2f}–{row['icc_high']:.2f})"
-        )
-        bottom, top = panel.get_ylim()
-        panel.set_ylim(bottom, top + 0.2 * (top - bottom))
-        style.note(panel, text, y=0.99)
-    for (column, label, _), colour in zip(style.RESPONSES, COLOURS, strict=True):
-        response = column.rsplit("_", 1)[0]
-        panels[1, 0].plot(seeds["seeds"], seeds[f"{response}_se_percent"], color=colour, label=label)
-        panels[1, 1].fill_between(
-            seeds["seeds"],
-            seeds[f"{response}_reachable_r2_low"],
-            seeds[f"{response}_reachable_r2_high"],
-            color=colour,
-            alpha=0.2,
-            lw=0,
-        )
-        style_of = {"color": colour, "ls": "-" if response == "aor" else "--", "label": label}
-        panels[1, 1].plot(seeds["seeds"], seeds[f"{response}_reachable_r2"], **style_of)
-    panels[1, 0].set(ylabel="standard error of a mean\n(% of the target)", yscale="log")
-    panels[1, 0].set_yticks([0.5, 1, 2, 5], ["0.5", "1", "2", "5"])
-    panels[1, 0].minorticks_off()
-    panels[1, 1].set(ylabel="R² of a perfect predictor\non means over the seeds", ylim=(None, 1))
-    for panel, letter in zip(panels[1], "cd", strict=True):
+    targets = style.targets_of(config)
+    runs, seeds = (
+        read_table(inputs["runs"], ("sample", "status", *targets.names)),
+        read_table(inputs["seeds"]),
+    )
+    rows = read_json(inputs["noise"], ("responses",))["responses"]
+    figure = style.new_figure(style.PAGE, 2.15 + 2.45 * style.grid_rows(len(targets)))
+    above, below = _noise_panels(figure, len(targets))
+    for k, (panel, target) in enumerate(zip(above, targets, strict=True)):
+        ok = runs[(runs["status"] == "ok") & runs[target.name].notna()]
+        _runs_by_mean(panel, ok, target.name, style.series(k)["color"])
+        panel.set(xlabel="samples, in order of their mean", ylabel=style.response_label(target.response))
+        panel.set_title(style.letter(k), fontweight="bold")
+        _variances(panel, target, rows[target.name])
+    for k, target in enumerate(targets):
+        _over_seeds(below, seeds, target, style.series(k))
+    below[0].set(ylabel="standard error of a mean\n(% of the target)", yscale="log")
+    below[0].set_yticks(PERCENT, [f"{value:g}" for value in PERCENT])
+    below[0].minorticks_off()
+    below[1].set(ylabel="R² of a perfect predictor\non means over the seeds", ylim=(None, 1))
+    for k, panel in enumerate(below, start=len(targets)):
         panel.set(xlabel="seeds a sample", xscale="log")
-        panel.set_xticks([1, 2, 4, 8, 16, 32, 64], [1, 2, 4, 8, 16, 32, 64])
+        panel.set_xticks(SEEDS, SEEDS)
         panel.minorticks_off()
         panel.grid(True)
-        panel.set_title(letter, fontweight="bold")
-    panels[1, 0].legend()
-    panels[1, 1].legend(loc="lower right", title="band: 95 % interval", title_fontsize=6.8)
+        panel.set_title(style.letter(k), fontweight="bold")
+    below[0].legend()
+    below[1].legend(loc="lower right", title="band: 95 % interval", title_fontsize=6.8)
     return figure
 
 
-def _runs_by_mean(panel, ok, column, colour):
+def _noise_panels(figure: Figure, count: int) -> tuple[list[Axes], list[Axes]]:
+    """A panel for each response, two in a row, and two panels over the seeds below them."""
+    rows = [[f"{k}", f"{min(k + 1, count - 1)}"] for k in range(0, count, 2)]
+    panels = figure.subplot_mosaic([*rows, ["error", "r2"]], height_ratios=[1.15] * len(rows) + [1])
+    return [panels[f"{k}"] for k in range(count)], [panels["error"], panels["r2"]]
+
+
+def _variances(panel: Axes, target: Target, row: Mapping[str, float]) -> None:
+    """Standard deviations of a response, in words, above its runs."""
+    unit = target.response.unit
+    text = (
+        f"standard deviation within samples {row['sd_within']:.2f} {unit}\n"
+        f"between samples {row['sd_between']:.2f} {unit}\n"
+        f"intraclass correlation {row['icc']:.2f} ({row['icc_low']:.2f}–{row['icc_high']:.2f})"
+    )
+    bottom, top = panel.get_ylim()
+    panel.set_ylim(bottom, top + 0.2 * (top - bottom))
+    style.note(panel, text, y=0.99)
+
+
+def _over_seeds(panels: list[Axes], seeds: pd.DataFrame, target: Target, look: Mapping[str, str]) -> None:
+    """Standard error and reachable R2 of one response."""
+    name, label = target.response.quantity, target.response.symbol
+    panels[0].plot(seeds["seeds"], seeds[f"{name}_se_percent"], color=look["color"], label=label)
+    band = (seeds[f"{name}_reachable_r2_{end}"] for end in ("low", "high"))
+    panels[1].fill_between(seeds["seeds"], *band, color=look["color"], alpha=0.2, lw=0)
+    panels[1].plot(seeds["seeds"], seeds[f"{name}_reachable_r2"], label=label, **look)
+
+
+def _runs_by_mean(panel: Axes, ok: pd.DataFrame, column: str, colour: str) -> None:
+    """Runs of each sample, the samples in order of their means."""
     means = ok.groupby("sample")[column].mean().sort_values()
     place = pd.Series(np.arange(len(means)), index=means.index)
     panel.scatter(ok["sample"].map(place), ok[column], s=2.5, color=colour, alpha=0.45, lw=0)
     panel.plot(place, means, color=style.BLACK, lw=1.2)
 
 
-def corner(inputs, config):
-    """Draws of the posterior in every pair of parameters and of each, with the search's cloud and the published
-    intervals."""
-    draws, table = pd.read_csv(inputs["draws"]), pd.read_csv(inputs["posterior"]).set_index("parameter")
-    cloud = pd.read_csv(inputs["feasible"])
-    with open(inputs["summary"]) as file:
-        summary = json.load(file)
-    ranges, count = config["parameters"], len(PARAMETERS)
+def corner(inputs: Inputs, config: Config) -> Figure:
+    """Draws of the posterior in every pair of parameters and of each, with the search's solutions and the published
+    intervals; free parameters only.
+    """
+    draws, table = read_table(inputs["draws"], PARAMETERS), read_table(inputs["posterior"], ("parameter",))
+    cloud, summary = read_table(inputs["feasible"], PARAMETERS), read_json(inputs["summary"], ("predicted",))
+    ranges, table = style.ranges_of(config), table.set_index("parameter")
+    space = ParameterSpace.of(config["parameters"])
     figure = style.new_figure(style.PAGE, style.PAGE)
-    panels = figure.subplots(count, count, sharex="col")
-    for row, down in enumerate(PARAMETERS):
-        for column, across in enumerate(PARAMETERS):
-            panel = panels[row, column]
-            if column > row:
-                panel.axis("off")
-                continue
-            low, high = ranges[across]
-            panel.set_xlim(low - 0.02 * (high - low), high + 0.02 * (high - low))
-            panel.tick_params(labelsize=6, labelleft=column == 0 and row > 0)
-            if column == row:
-                _marginal(panel, draws[across], ranges[across], table.loc[across])
-            else:
-                _pair(panel, draws, across, down, ranges)
-                panel.scatter(cloud[across], cloud[down], s=5, color=style.RED, lw=0, zorder=4)
-                panel.add_patch(_published_box(table, across, down))
-            if row == count - 1:
-                panel.set_xlabel(f"{SYMBOLS[across]} (–)", fontsize=8.5)
-            if column == 0 and row > 0:
-                panel.set_ylabel(f"{SYMBOLS[down]} (–)", fontsize=8.5)
-    figure.text(0.47, 0.975, _account(summary), fontsize=7.5, va="top", linespacing=1.5)
+    for panel, across, down in style.pairs_of_parameters(figure, space.free):
+        low, high = ranges[across]
+        panel.set_xlim(low - 0.02 * (high - low), high + 0.02 * (high - low))
+        if across == down:
+            _marginal(panel, draws[across], ranges[across], space, table)
+            continue
+        low, high = ranges[down]
+        panel.set_ylim(low - 0.02 * (high - low), high + 0.02 * (high - low))
+        _pair(panel, draws, across, down, ranges)
+        panel.scatter(cloud[across], cloud[down], s=5, color=style.RED, lw=0, zorder=4)
+        panel.add_patch(_published_box(table, across, down))
+    figure.text(
+        0.47, 0.975, _account(summary, style.targets_of(config)), fontsize=7.5, va="top", linespacing=1.5
+    )
     handles = [
         Rectangle((0, 0), 1, 1, color=style.BLUE, alpha=0.35, lw=0),
         Line2D([], [], color=style.GREY, ls="--", lw=0.9),
@@ -112,7 +125,7 @@ def corner(inputs, config):
     ]
     labels = [
         "posterior: 50 and 95 % of it",
-        "uniform prior",
+        "prior" if space.prior else "uniform prior",
         "solutions of the search",
         "published intervals",
     ]
@@ -120,20 +133,33 @@ def corner(inputs, config):
     return figure
 
 
-def _marginal(panel, values, bounds, row):
-    panel.hist(values, bins=25, range=tuple(bounds), density=True, color=style.BLUE, alpha=0.35)
-    panel.axhline(1 / (bounds[1] - bounds[0]), color=style.GREY, lw=0.9, ls="--")
+def _marginal(
+    panel: Axes, values: pd.Series, bounds: tuple[float, float], space: ParameterSpace, table: pd.DataFrame
+) -> None:
+    """Histogram of one parameter's draws with its prior and the published interval."""
+    panel.hist(values, bins=25, range=bounds, density=True, color=style.BLUE, alpha=0.35)
+    panel.plot(*_prior_density(space, str(values.name)), color=style.GREY, lw=0.9, ls="--")
+    row = table.loc[values.name]
     panel.axvspan(row["published_low"], row["published_high"], fill=False, ec=style.BLACK, lw=0.9)
     panel.set_title(f"{row['information_bits']:.2f} bits", fontsize=6.5, loc="center", pad=2)
     panel.set_yticks([])
     panel.spines["left"].set_visible(False)
 
 
-def _pair(panel, draws, across, down, ranges):
+def _prior_density(space: ParameterSpace, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Values of a free parameter over its range, and the density of its prior there."""
+    k = space.free.index(name)
+    unit = np.full((201, space.dimensions), 0.5)
+    unit[:, k] = np.linspace(0, 1, 201)
+    value = space.low[k] + unit[:, k] * (space.high[k] - space.low[k])
+    return value, np.gradient(space.prior_cdf(unit)[:, k], value)
+
+
+def _pair(
+    panel: Axes, draws: pd.DataFrame, across: str, down: str, ranges: Mapping[str, tuple[float, float]]
+) -> None:
     """Smoothed counts of two parameters' draws, filled down to each credible share."""
-    counts, x, y = np.histogram2d(
-        draws[across], draws[down], bins=25, range=(tuple(ranges[across]), tuple(ranges[down]))
-    )
+    counts, x, y = np.histogram2d(draws[across], draws[down], bins=25, range=(ranges[across], ranges[down]))
     counts = _smoothed(_smoothed(counts).T).T
     order = np.sort(counts.ravel())[::-1]
     inside = np.cumsum(order) / order.sum()
@@ -143,11 +169,9 @@ def _pair(panel, draws, across, down, ranges):
     x, y = ((edges[:-1] + edges[1:]) / 2 for edges in (x, y))
     x[0], x[-1], y[0], y[-1] = *ranges[across], *ranges[down]
     panel.contourf(x, y, counts.T, levels=levels, colors=["#BCD9EC", "#6FAED6"])
-    low, high = ranges[down]
-    panel.set_ylim(low - 0.02 * (high - low), high + 0.02 * (high - low))
 
 
-def _smoothed(counts):
+def _smoothed(counts: np.ndarray) -> np.ndarray:
     """Counts (n, m) smoothed along the first axis by (1, 2, 1) / 4 twice, their ends reflected."""
     for _ in range(2):
         wide = np.concatenate([counts[:1], counts, counts[-1:]])
@@ -155,23 +179,24 @@ def _smoothed(counts):
     return counts
 
 
-def _published_box(table, across, down):
+def _published_box(table: pd.DataFrame, across: str, down: str) -> Rectangle:
+    """The published intervals of two parameters."""
     (x0, x1), (y0, y1) = (
         table.loc[name, ["published_low", "published_high"]].astype(float) for name in (across, down)
     )
     return Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, ec=style.BLACK, lw=1.1, zorder=5)
 
 
-def _account(summary):
+def _account(summary: Mapping[str, Any], targets: Targets) -> str:
     """What the posterior predicts, in words."""
     predicted = summary["predicted"]
     parts = [
-        f"predicted {label} {predicted[column]['mean']:.1f} {unit} "
-        f"({predicted[column]['low']:.1f}–{predicted[column]['high']:.1f})"
-        for column, label, unit in style.RESPONSES
+        f"predicted {one.symbol} {predicted[one.name]['mean']:.1f} {one.unit} "
+        f"({predicted[one.name]['low']:.1f}–{predicted[one.name]['high']:.1f})"
+        for one in targets.responses
     ]
     distance = summary["misfit"]["squared_distance"] ** 0.5
-    parts.append(f"best draw {distance:.2f} standard deviations from the piles")
+    parts.append(f"best draw {distance:.2f} standard deviations from the targets")
     parts.append(f"{100 * summary['thin_share']:.0f} % of the draws lie where samples are thin")
     parts.append(
         f"R-hat ≤ {summary['largest_r_hat']:.3f}, effective draws ≥ {summary['least_effective_draws']:.0f}"
@@ -183,9 +208,9 @@ def _account(summary):
     return "\n".join(parts)
 
 
-def intervals(inputs, config):
-    """Credible intervals beside the published intervals and the search's cloud, in the parameters' ranges."""
-    table = pd.read_csv(inputs["posterior"])
+def intervals(inputs: Inputs, config: Config) -> Figure:
+    """Credible intervals beside the published intervals and the search's solutions, in the parameters' ranges."""
+    table = read_table(inputs["posterior"], ("parameter", "credible_low", "miga_low", "published_low"))
     figure = style.new_figure(style.PAGE, 3.3)
     panel = figure.subplots()
     for k, row in table.iterrows():
@@ -208,7 +233,9 @@ def intervals(inputs, config):
         for x, value in ((0, row["low"]), (1, row["high"])):
             panel.text(x, y - 0.47, f"{value:g}", fontsize=6, ha="center", va="center", color=style.GREY)
     panel.text(1.03, len(table) - 0.45, "width, information", fontsize=6.3, va="bottom", color=style.GREY)
-    panel.set_yticks(range(len(table)), [SYMBOLS[name] for name in reversed(PARAMETERS)], fontsize=9)
+    panel.set_yticks(
+        range(len(table)), [SYMBOLS[name] for name in reversed(list(table["parameter"]))], fontsize=9
+    )
     panel.set(xlim=(-0.03, 1.17), ylim=(-1.2, len(table) - 0.35))
     panel.set_xticks([0, 0.25, 0.5, 0.75, 1.0])
     panel.set_xlabel("place in the parameter's range (dimensionless)")
@@ -218,55 +245,62 @@ def intervals(inputs, config):
     return figure
 
 
-def sobol_indices(inputs, config):
+def sobol_indices(inputs: Inputs, config: Config) -> Figure:
     """First-order and total indices of each parameter, with their intervals."""
-    table = pd.read_csv(inputs["sobol"])
-    figure = style.new_figure(style.PAGE, 2.4)
-    panels = figure.subplots(1, 2)
-    place = np.arange(len(PARAMETERS))
-    for panel, (column, label, _), letter in zip(panels, style.RESPONSES, "ab", strict=True):
-        rows = table[table["response"] == column].set_index("parameter").loc[list(PARAMETERS)]
-        for name, offset, colour, text in (
-            ("first", -0.2, style.BLUE, "first order"),
-            ("total", 0.2, style.ORANGE, "total"),
-        ):
-            value = rows[name].to_numpy()
-            ends = np.abs([value - rows[f"{name}_low"], rows[f"{name}_high"] - value])
-            panel.bar(place + offset, value, 0.38, color=colour, label=text)
-            panel.errorbar(
-                place + offset, value, yerr=ends, fmt="none", ecolor=style.BLACK, lw=0.8, capsize=2
-            )
-        panel.axhline(0, color=style.BLACK, lw=0.6)
-        panel.set_xticks(place, [SYMBOLS[name] for name in PARAMETERS], fontsize=9)
-        panel.set_title(f"{letter}   {label}", fontweight="bold")
-        panel.set_ylim(None, 1.15 * panel.get_ylim()[1])
-        alone = rows["first"].sum()
-        style.note(panel, f"first orders sum to {alone:.2f}", x=0.97, ha="right")
-    panels[0].set_ylabel("share of the variance (–)")
+    table = read_table(inputs["sobol"], ("response", "parameter", "first", "total"))
+    targets = style.targets_of(config)
+    figure = style.new_figure(style.PAGE, 2.4 * style.grid_rows(len(targets)))
+    panels = style.grid(figure, len(targets))
+    for k, (panel, target) in enumerate(zip(panels, targets, strict=True)):
+        _bars(panel, table[table["response"] == target.name].set_index("parameter"))
+        panel.set_title(f"{style.letter(k)}   {target.response.symbol}", fontweight="bold")
+        if k % 2 == 0:
+            panel.set_ylabel("share of the variance (–)")
     panels[0].legend(loc="upper left")
     return figure
 
 
-def main_effects(inputs, config):
-    """Mean response of the network along each parameter, on the simulated points."""
-    effects, table = pd.read_csv(inputs["effects"]), pd.read_csv(inputs["dataset"])
-    sobol = pd.read_csv(inputs["sobol"]).set_index(["response", "parameter"])
-    good = table[table["status"] == "ok"]
-    figure = style.new_figure(style.PAGE, 3.3)
-    panels = figure.subplots(2, len(PARAMETERS), sharex="col", sharey="row")
-    for row, (column, label, unit) in enumerate(style.RESPONSES):
-        for panel, name in zip(panels[row], PARAMETERS, strict=True):
+def _bars(panel: Axes, rows: pd.DataFrame) -> None:
+    """Indices of one response, a pair of bars for each parameter."""
+    place = np.arange(len(rows))
+    for name, offset, colour, text in (
+        ("first", -0.2, style.BLUE, "first order"),
+        ("total", 0.2, style.ORANGE, "total"),
+    ):
+        value = rows[name].to_numpy()
+        ends = np.abs([value - rows[f"{name}_low"], rows[f"{name}_high"] - value])
+        panel.bar(place + offset, value, 0.38, color=colour, label=text)
+        panel.errorbar(place + offset, value, yerr=ends, fmt="none", ecolor=style.BLACK, lw=0.8, capsize=2)
+    panel.axhline(0, color=style.BLACK, lw=0.6)
+    panel.set_xticks(place, [SYMBOLS[name] for name in rows.index], fontsize=9)
+    panel.set_ylim(None, 1.15 * panel.get_ylim()[1])
+    style.note(panel, f"first orders sum to {rows['first'].sum():.2f}", x=0.97, ha="right")
+
+
+def main_effects(inputs: Inputs, config: Config) -> Figure:
+    """Mean response of the surrogate along each free parameter, on the simulated points."""
+    targets, ranges = style.targets_of(config), style.ranges_of(config)
+    effects = read_table(inputs["effects"], ("parameter", "value", *targets.names))
+    table = read_table(inputs["dataset"], (*PARAMETERS, "status", *targets.names))
+    sobol = read_table(inputs["sobol"], ("response", "parameter", "first"))
+    sobol, good = sobol.set_index(["response", "parameter"]), table[table["status"] == "ok"]
+    names = list(dict.fromkeys(effects["parameter"]))
+    figure = style.new_figure(style.PAGE, 0.5 + 1.4 * len(targets))
+    panels = figure.subplots(len(targets), len(names), sharex="col", sharey="row", squeeze=False)
+    for row, target in enumerate(targets):
+        for panel, name in zip(panels[row], names, strict=True):
             line = effects[effects["parameter"] == name]
-            panel.scatter(good[name], good[column], s=4, color=style.GREY, alpha=0.6, lw=0)
-            panel.plot(line["value"], line[column], color=style.BLUE, lw=1.8)
-            share = sobol.loc[(column, name), "first"]
+            panel.scatter(good[name], good[target.name], s=4, color=style.GREY, alpha=0.6, lw=0)
+            panel.plot(line["value"], line[target.name], color=style.BLUE, lw=1.8)
+            share = sobol.loc[(target.name, name), "first"]
             panel.set_title(f"{100 * max(share, 0.0):.0f} %", fontsize=6.8, loc="right", pad=2)
-            panel.set_xlim(config["parameters"][name])
-        panels[row, 0].set_ylabel(f"{label} ({unit})")
-    for panel, name in zip(panels[1], PARAMETERS, strict=True):
-        panel.set_xlabel(f"{SYMBOLS[name]} (–)", fontsize=8.5)
+            panel.set_xlim(ranges[name])
+        panels[row, 0].set_ylabel(style.response_label(target.response))
+    for panel, name in zip(panels[-1], names, strict=True):
+        panel.set_xlabel(style.parameter_label(name), fontsize=8.5)
     text = (
-        "points: samples; line: mean of the network over the other five; %: first-order share of the variance"
+        "points: samples; line: mean of the surrogate over the other parameters; "
+        "%: first-order share of the variance"
     )
     figure.supxlabel(text, fontsize=6.8)
     return figure

@@ -1,0 +1,107 @@
+"""The sampler and its diagnostics, on densities with closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from repose.studies import sampler
+from repose.studies.posterior import log_likelihood
+
+
+@pytest.fixture(scope="module")
+def linear():
+    """y = A theta + c with noise: the posterior of theta, well inside the cube, is normal in closed form."""
+    A, c = np.array([[8.0, 3.0], [-2.0, 10.0]]), np.array([20.0, 50.0])
+    truth = np.array([0.45, 0.55])
+    mean, covariance = A @ truth + c, np.array([[0.3, 0.1], [0.1, 0.4]])
+    known = np.linalg.inv(A.T @ np.linalg.solve(covariance, A))
+
+    def log_density(theta):
+        return log_likelihood(theta @ A.T + c, np.zeros((len(theta), 2, 2)), mean, covariance)
+
+    chains, times = sampler.sample(log_density, 2, 24, 1200, 3)
+    return log_density, chains, times, truth, known
+
+
+def test_linear_model_has_its_closed_form_posterior(linear):
+    _, chains, times, truth, known = linear
+    draws, effective = chains.reshape(-1, 2), chains[:, :, 0].size / times.max()
+    assert effective > 1000
+    error = np.sqrt(np.diag(known) / effective)
+    assert draws.mean(axis=0) == pytest.approx(truth, abs=4 * error.max())
+    assert np.cov(draws.T) == pytest.approx(known, abs=5 * known.max() * math.sqrt(2 / effective))
+    assert (sampler.split_r_hat(chains) < 1.01).all()
+
+
+def test_information_of_the_linear_model(linear):
+    """KL(normal || uniform on the cube) = -entropy, since the uniform density is one."""
+    log_density, chains, times, _, known = linear
+    draws = chains.reshape(-1, 2)
+    joint = -0.5 * np.log2((2 * math.pi * math.e) ** 2 * np.linalg.det(known))
+    found, error = sampler.joint_information_bits(log_density, draws, 1)
+    assert found == pytest.approx(joint, abs=0.03)
+    assert error < 0.05
+    for k in range(2):
+        marginal = -0.5 * math.log2(2 * math.pi * math.e * known[k, k])
+        effective = draws[:, k].size / times[k]
+        assert sampler.information_bits(draws[:, k], effective) == pytest.approx(marginal, abs=0.06)
+
+
+def test_prior_ends_at_its_bounds():
+    """A slope of 3 over [0, 1]: a truncated exponential, mean 1 / (1 - e^-3) - 1 / 3."""
+    chains, _ = sampler.sample(lambda u: 3 * u[:, 0], 1, 16, 1500, 1)
+    assert chains.min() >= 0
+    assert chains.max() <= 1
+    assert chains.mean() == pytest.approx(1 / (1 - math.exp(-3)) - 1 / 3, abs=0.01)
+
+
+def test_same_seed_same_draws():
+    first, second, other = (sampler.sample(lambda u: -u[:, 0], 2, 16, 100, seed)[0] for seed in (1, 1, 2))
+    assert np.array_equal(first, second)
+    assert not np.array_equal(first, other)
+
+
+def test_r_hat_of_known_chains():
+    random = np.random.default_rng(1)
+    good = random.normal(size=(4, 2000, 1))
+    assert sampler.split_r_hat(good) == pytest.approx(1, abs=0.005)
+    apart = good + np.array([0, 0, 0, 3.0])[:, None, None]
+    # means 0, 0, 0, 3 twice each: variance 18 - 9 * 8 / 16 over 7 beside one within
+    assert sampler.split_r_hat(apart) == pytest.approx(math.sqrt(1 + (18 - 4.5) / 7), rel=0.02)
+    drifting = good + np.linspace(0, 3, 2000)[None, :, None]
+    # halves' means 0.75 and 2.25 four times each, and a ramp of 1.5 within each
+    assert sampler.split_r_hat(drifting) == pytest.approx(
+        math.sqrt(1 + 4.5 / 7 / (1 + 1.5**2 / 12)), rel=0.02
+    )
+    with pytest.raises(ValueError, match=r"shape \(4, 3, 1\)"):
+        sampler.split_r_hat(good[:, :3])
+
+
+def test_information_of_known_draws():
+    """Uniform: none. Density 2u: 1 - 1 / (2 ln 2) bits. A quarter of the range: two."""
+    random = np.random.default_rng(2)
+    u = random.uniform(size=40_000)
+    assert sampler.information_bits(u, 40_000) < 0.002
+    assert sampler.information_bits(np.sqrt(u), 40_000) == pytest.approx(1 - 1 / (2 * math.log(2)), abs=0.01)
+    assert sampler.information_bits(u / 4, 40_000) == pytest.approx(2, abs=0.01)
+    few = [sampler.information_bits(random.uniform(size=400), 400) for _ in range(200)]
+    assert np.mean(few) < 0.02  # 0.07 without the correction
+
+
+def test_information_beyond_an_informative_prior():
+    """Prior N(0.5, 0.1), likelihood N(0.6; u, 0.1): posterior N(0.55, 0.1 / sqrt 2)."""
+    random = np.random.default_rng(3)
+    draws = random.normal(0.55, 0.1 / math.sqrt(2), (20_000, 1))
+
+    def likelihood(u):
+        return -0.5 * ((u[:, 0] - 0.6) / 0.1) ** 2
+
+    def from_prior(share):
+        return stats.norm(0.5, 0.1).ppf(np.clip(share, 1e-9, 1 - 1e-9))
+
+    found, _ = sampler.joint_information_bits(likelihood, draws, 1, from_prior=from_prior)
+    # between normals: ln(sd / sd') + (sd'^2 + shift^2) / (2 sd^2) - 1 / 2
+    known = 0.5 * math.log(2) + (0.5 + 0.25) / 2 - 0.5
+    assert found == pytest.approx(known / math.log(2), abs=0.02)
