@@ -11,7 +11,7 @@ from repose.core.errors import InputError
 from repose.core.published import published_count
 from repose.core.seeds import pour_seeds
 from repose.core.targets import Targets
-from repose.studies import refine, shape_study
+from repose.studies import rounds, shape_study
 
 # The verbs run under the Python that runs snakemake, whether its environment is activated or not.
 shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; ")

@@ -5,7 +5,8 @@ from pathlib import Path
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, TABLE3, file_options
 from repose.cli.registry import Family, Option
 from repose.config import loader
-from repose.core.targets import section_of
+from repose.core.parameter_space import ParameterSpace
+from repose.core.targets import Targets
 
 ROUND = "results/refined/round_0"
 NEXT_ROUND = "results/refined/round_1"
@@ -28,15 +29,15 @@ family = Family()
 def refine_data(args):
     from repose.studies import refine
 
-    refine.write_extended(args.dataset, args.runs, args.rounds, args.out)
+    refine.run_extended(args.dataset, args.runs, args.rounds, args.out)
 
 
 @family.verb(
-    "set the refitted network right near the last proposal and search there",
+    "correct the refitted surrogate near the last proposal and search there",
     example=f"--near {ROUND}/proposal.csv",
     out=f"{NEXT_ROUND}/miga",
     options=[
-        NETWORK.but(default=f"{NEXT_ROUND}/network/network.json", help="the refitted network"),
+        NETWORK.but(default=f"{NEXT_ROUND}/network/network.json", help="the refitted surrogate"),
         DATASET.but(default=f"{NEXT_ROUND}/data/dataset.csv", help="what it was fitted to"),
         Option("--near", default=f"{ROUND}/proposal.csv", help="the last proposal"),
         TABLE3,
@@ -46,7 +47,9 @@ def refine_search(args):
     from repose.studies import refine
 
     config = loader.load(args.config)
-    summary = refine.search(args.network, args.dataset, args.near, config, args.table3, args.out)
+    space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
+    files = (args.network, args.dataset, args.near)
+    summary = refine.run_search(*files, space, targets, config, args.table3, args.out)
     print(summary["message"])
 
 
@@ -57,32 +60,31 @@ def refine_search(args):
     options=[
         Option("--round", type=int, required=True, help="its number, from 0"),
         FEASIBLE.but(help="what the search wrote"),
-        NETWORK.but(help="the network that it searched"),
+        NETWORK.but(help="the surrogate that it searched"),
     ],
 )
 def refine_propose(args):
     from repose.studies import refine
 
     config = loader.load(args.config)
+    space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     seed, out = config["design"]["seed"], Path(args.out) / "proposal.csv"
-    refine.write_proposal(
-        args.feasible, args.network, config["parameters"], config["refine"], args.round, seed, out
-    )
+    refine.run_propose(args.feasible, args.network, space, targets, config["refine"], args.round, seed, out)
 
 
 @family.verb(
-    "a round's proposal beside the target: outcome, reason, and all its points predicted beside simulated",
+    "a round's proposal beside the targets: outcome, reason, and all its points predicted beside simulated",
     example=f"--out {ROUND}",
     out=ROUND,
     options=file_options(ROUND_FILES, "of the round "),
 )
 def refine_judge(args):
-    from repose.studies import refine
+    from repose.studies import verdict
 
     config = loader.load(args.config)
     files = (args.proposal, args.dataset, args.runs)
-    verdict = refine.write_verdict(*files, section_of(config), config["refine"], args.out)
-    print(f"round {verdict['round']} {verdict['outcome']}", verdict["reason"], sep=": ")
+    found = verdict.run(*files, Targets.of(config["targets"]), config["refine"], args.out)
+    print(f"round {found['round']} {found['outcome']}", found["reason"], sep=": ")
 
 
 @family.verb(
@@ -92,8 +94,10 @@ def refine_judge(args):
     options=[Option("verdicts", nargs="+", help="JSON files that refine_judge wrote")],
 )
 def refine_tables(args):
-    from repose.studies import refine
+    from repose.studies import verdict
 
-    summary = refine.write_tables(args.verdicts, loader.load(args.config)["refine"]["rounds"], args.out)
+    config = loader.load(args.config)
+    targets, limit = Targets.of(config["targets"]), config["refine"]["rounds"]
+    summary = verdict.run_tables(args.verdicts, limit, targets, args.out)
     print(summary["why"])
     print(summary["claim"])

@@ -1,5 +1,5 @@
 # The loop closed: `snakemake --cores 2 refined`. Each round pours its proposal, judges it and, as long as it misses
-# the target, refits the network and searches again; a round is a checkpoint, so the next one is planned when it is done.
+# a target, refits the surrogate and searches again; a round is a checkpoint, so the next one is planned when it is done.
 rule refine_data:
     input:
         dataset=rules.dataset.output.dataset,
@@ -106,6 +106,7 @@ rule refine_propose:
         folder=folder,
         depends=sections(
             "parameters",
+            "targets",
             "design.seed",
             *(
                 f"refine.{key}"
@@ -226,7 +227,7 @@ rule refine_tables:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("refine.rounds"),
+        depends=sections("targets", "refine.rounds"),
     message:
         "All rounds of the refinement"
     shell:
@@ -255,10 +256,13 @@ rule draw_approach:
     params:
         config=CONFIG,
         depends=sections(
-            "small_run", "refine.tolerance_percent", "refine.standard_error_percent"
+            "small_run",
+            "targets",
+            "refine.tolerance_percent",
+            "refine.standard_error_percent",
         ),
     message:
-        "Drawing the approach to the target"
+        "Drawing the approach to the targets"
     shell:
         "python -m repose figure approach --config {params.config} --out {output}"
         " --input rounds={input.rounds} --input summary={input.summary} > {log} 2>&1"

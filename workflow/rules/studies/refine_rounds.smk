@@ -27,7 +27,7 @@ def searched(wildcards):
 
 def round_seeds(wildcards):
     """Seeds of one of a round's jobs."""
-    jobs = refine.jobs(config["refine"], int(wildcards.round))
+    jobs = rounds.jobs(config["refine"], int(wildcards.round))
     return {str(sample): seeds for sample, _, seeds in jobs}[wildcards.job]
 
 
@@ -35,7 +35,7 @@ def round_jobs(wildcards):
     """Measured jobs of a round."""
     return [
         f"{REFINED}/round_{wildcards.round}/heaps/{sample}.json"
-        for sample, _, _ in refine.jobs(config["refine"], int(wildcards.round))
+        for sample, _, _ in rounds.jobs(config["refine"], int(wildcards.round))
     ]
 
 
@@ -45,6 +45,6 @@ def verdicts(wildcards):
     for k in range(config["refine"]["rounds"] + 1):
         found.append(checkpoints.refine_round.get(round=k).output.verdict)
         with open(found[-1]) as file:
-            if not refine.goes_on(json.load(file)):
+            if not rounds.goes_on(json.load(file)):
                 break
     return found

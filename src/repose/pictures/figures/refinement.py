@@ -1,46 +1,58 @@
-"""The loop closed: how the simulated proposal comes near the target, round by round."""
+"""The loop closed: how the simulated proposal comes near the targets, round by round."""
 
-import json
 import textwrap
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from repose.core.files import read_table
+from repose.core.files import read_json, read_table
+from repose.core.responses import derived
 
 from . import style
 
-COLOURS = (style.BLUE, style.ORANGE)
 COLUMNS = ("predicted", "simulated", "se", "target")
+HEIGHTS = [2.6, 1]  # of deviations and standard errors
 
 
-def approach(inputs, config):
+def approach(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """Each round's proposal, predicted and simulated, off the target in percent of it; its standard errors."""
-    names = [key.rsplit("_", 1) for key, _, _ in style.RESPONSES]
-    columns = [f"{name}_{what}_{unit}" for name, unit in names for what in COLUMNS]
+    responses = style.targets_of(config).responses
+    columns = [derived(one.name, what) for one in responses for what in COLUMNS]
     rounds = read_table(inputs["rounds"], ("round", "n_seeds", "outcome", *columns))
-    section = config["refine"]
-    figure = style.new_figure(style.PAGE, 3.9)
-    panels = figure.subplots(2, 2, sharex=True, height_ratios=[2.6, 1])
-    for k, ((name, unit), (_, label, _)) in enumerate(zip(names, style.RESPONSES, strict=True)):
-        values = {what: rounds[f"{name}_{what}_{unit}"].to_numpy(float) for what in COLUMNS}
-        _deviations(panels[0, k], rounds, values, section["tolerance_percent"], COLOURS[k])
-        panels[0, k].set_title(f"{label}, target {values['target'][0]:g} {unit}")
-        error = 100 * values["se"] / values["target"]
-        panels[1, k].plot(rounds["round"], error, "o-", color=COLOURS[k], ms=4)
-        panels[1, k].axhline(section["standard_error_percent"], color=style.GREY, ls="--", lw=0.9)
-        panels[1, k].set(xlabel="round", ylim=(0, None))
-        panels[1, k].set_xticks(rounds["round"])
-    panels[0, 0].set_ylabel("off the target (% of it)")
-    panels[1, 0].set_ylabel("standard error\n(% of the target)")
+    section, rows = config["refine"], style.grid_rows(len(responses))
+    figure = style.new_figure(style.PAGE, 3.9 * rows)
+    panels = figure.subplots(
+        2 * rows, min(2, len(responses)), sharex=True, height_ratios=HEIGHTS * rows, squeeze=False
+    )
+    for k, one in enumerate(responses):
+        upper, lower = panels[k // 2 * 2 : k // 2 * 2 + 2, k % 2]
+        values = {what: rounds[derived(one.name, what)].to_numpy(float) for what in COLUMNS}
+        colour = style.series(k)["color"]
+        _deviations(upper, rounds, values, section["tolerance_percent"], colour)
+        upper.set_title(f"{one.symbol}, target {values['target'][0]:g} {one.unit}")
+        lower.plot(rounds["round"], 100 * values["se"] / values["target"], "o-", color=colour, ms=4)
+        lower.axhline(section["standard_error_percent"], color=style.GREY, ls="--", lw=0.9)
+        lower.set(xlabel="round", ylim=(0, None))
+        lower.set_xticks(rounds["round"])
+        if k % 2 == 0:
+            upper.set_ylabel("off the target (% of it)")
+            lower.set_ylabel("standard error\n(% of the target)")
+    for panel in panels[-2:, 1:].ravel() if len(responses) % 2 else ():
+        panel.axis("off")
     panels[0, 0].legend(loc="best")
     if "summary" in inputs:
-        with open(inputs["summary"]) as file:
-            summary = json.load(file)
-        figure.suptitle(_wrapped(summary["why"]), fontsize=7.5, x=0.02, ha="left")
+        why = read_json(inputs["summary"], ("why",))["why"]
+        figure.suptitle(_wrapped(why), fontsize=7.5, x=0.02, ha="left")
     return figure
 
 
-def _deviations(panel, rounds, values, tolerance, colour):
+def _deviations(
+    panel: Axes, rounds: pd.DataFrame, values: Mapping[str, np.ndarray], tolerance: float, colour: str
+) -> None:
     """One response: its bar as a band, predictions as hollow diamonds, simulated means with standard errors."""
     place = rounds["round"].to_numpy(float)
     simulated, predicted = (
@@ -71,7 +83,6 @@ def _deviations(panel, rounds, values, tolerance, colour):
     panel.set_xlim(place[0] - 0.4, place[-1] + 0.4)
 
 
-def _wrapped(text, width=130):
+def _wrapped(text: str, width: int = 130) -> str:
     """Text in lines."""
-
     return "\n".join(textwrap.wrap(text, width))

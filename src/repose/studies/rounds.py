@@ -1,0 +1,51 @@
+"""Rounds of the refinement: which jobs a round has, and how its samples are numbered.
+
+Samples of round k are numbered from 1000 (k + 1). The proposal's seeds are cut into jobs from 1 on, each a sample of
+its own; the neighbours follow from 101.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+OF_A_ROUND, FIRST_NEIGHBOUR = 1000, 101
+PROPOSAL, NEIGHBOUR = "proposal", "neighbour"
+
+
+def jobs(section: Mapping[str, Any], round_: int) -> list[tuple[int, str, int]]:
+    """Jobs of a round: the proposal in blocks of seeds, then the neighbours.
+
+    A block is one job, so that all cores work and a kill costs one block.
+
+    Parameters
+    ----------
+    section : mapping
+        `refine` of the configuration: seeds, block, neighbours, neighbour_seeds.
+    round_ : int
+        From 0.
+
+    Returns
+    -------
+    list of (sample, role, seeds)
+        Its number, `PROPOSAL` or `NEIGHBOUR`, and how many seeds are run.
+    """
+    first, block = OF_A_ROUND * (round_ + 1), section["block"]
+    counts = [min(block, section["seeds"] - start) for start in range(0, section["seeds"], block)]
+    proposed = [(first + 1 + k, PROPOSAL, count) for k, count in enumerate(counts)]
+    numbers = range(first + FIRST_NEIGHBOUR, first + FIRST_NEIGHBOUR + section["neighbours"])
+    return proposed + [(number, NEIGHBOUR, section["neighbour_seeds"]) for number in numbers]
+
+
+def round_of(sample: int) -> int:
+    """Round to which a sample's number belongs; numbers of the design give -1."""
+    return sample // OF_A_ROUND - 1
+
+
+def goes_on(verdict: Mapping[str, Any]) -> bool:
+    """Whether another round has something to gain: the bar is missed and there are new data to learn from.
+
+    Parameters
+    ----------
+    verdict : mapping
+        Of `repose.studies.verdict`: outcome, and the number of usable samples.
+    """
+    return verdict["outcome"] != "within" and verdict["usable"] > 0

@@ -1,0 +1,158 @@
+"""Verdicts of the refinement's rounds, for one target, two and four."""
+
+from itertools import chain
+
+import numpy as np
+import pandas as pd
+import pytest
+from shared import targets_of
+
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
+from repose.core.seeds import pour_seeds
+from repose.studies import rounds, verdict
+
+SECTION = {
+    "seeds": 20,
+    "block": 8,
+    "neighbours": 4,
+    "neighbour_seeds": 3,
+    "tolerance_percent": 1.0,
+    "standard_error_percent": 0.7,
+}
+TARGETS = targets_of(aor_deg=30.0, height_mm=60.0)
+
+
+def proposed(targets, seeds):
+    """A proposal of round 0 in two blocks, the second of one seed, and a neighbour, all predicted to be on target."""
+    table = pd.DataFrame({"sample": [1001, 1002, 1101], "role": ["proposal", "proposal", "neighbour"]})
+    table = table.assign(**dict.fromkeys(PARAMETERS, 0.5), seeds=[seeds - 1, 1, 3], warning="")
+    return table.assign(**{one.response.predicted: one.value for one in targets})
+
+
+def runs_of(samples, **responses):
+    """Runs, all ok, of one sample a value."""
+    return pd.DataFrame({"sample": samples, "status": "ok", "reason": ""}).assign(**responses)
+
+
+def judged(targets=TARGETS, section=SECTION, **responses):
+    """Verdict of round 0 whose proposal was run with these results."""
+    count = len(next(iter(responses.values())))
+    noise = runs_of([1101], **dict.fromkeys(responses, 99.0))  # a neighbour, which has no say
+    runs = pd.concat([runs_of([1001] * (count - 1) + [1002], **responses), noise])
+    return verdict.judge(proposed(targets, count), runs, targets, section, 0)
+
+
+def test_a_round_is_cut_into_blocks_of_its_seeds_and_neighbours():
+    jobs = rounds.jobs(SECTION, 2)
+    assert jobs[:3] == [(3001, "proposal", 8), (3002, "proposal", 8), (3003, "proposal", 4)]
+    assert jobs[3:] == [(number, "neighbour", 3) for number in (3101, 3102, 3103, 3104)]
+    assert [rounds.round_of(number) for number in (1001, 3104, 150)] == [0, 2, -1]
+
+
+def test_no_seed_of_a_round_was_used_before():
+    seeds = [
+        pour_seeds(2026, "refine", sample, count)
+        for round_ in range(4)
+        for sample, _, count in rounds.jobs(SECTION, round_)
+    ]
+    seeds.append(pour_seeds(2026, "validation", 1, 32))
+    seeds += [pour_seeds(2026, "design", sample, 6) for sample in range(1, 151)]
+    every = list(chain.from_iterable(seeds))
+    assert len(every) == 4 * 32 + 32 + 900
+    assert len(set(every)) == len(every)
+
+
+def test_a_round_within_both_bars_is_within():
+    row = judged(aor_deg=[30.1, 30.3, 30.2, 30.2], height_mm=[60.2, 59.8, 60.0, 60.0])
+    assert (row["outcome"], row["reason"], row["n_seeds"]) == ("within", "", 4)
+    assert row["aor_deviation_percent"] == pytest.approx(100 * 0.2 / 30)
+    assert row["aor_se_deg"] == pytest.approx(np.std([30.1, 30.3, 30.2, 30.2], ddof=1) / 2)
+    assert row["aor_deviation_se"] == pytest.approx(0.2 / row["aor_se_deg"])
+
+
+def test_a_round_that_misses_says_by_how_much_each_response_is_off():
+    row = judged(aor_deg=[30.6, 31.0, 30.8, 30.8], height_mm=[58.8, 59.2, 59.0, 59.0])
+    assert row["outcome"] == "not within"
+    assert row["reason"] == (
+        "AoR 30.80 deg is 2.67 % (9.8 standard errors) above 30 deg; "
+        "Height 59.00 mm is 1.67 % (12.2 standard errors) below 60 mm"
+    )
+    alone = judged(aor_deg=[30.6, 31.0, 30.8, 30.8], height_mm=[60.2, 59.8, 60.3, 60.3])
+    assert alone["outcome"] == "not within"
+    assert alone["reason"].endswith("Height 60.15 mm is 0.25 % (1.3 standard errors) above 60 mm, within 1 %")
+
+
+def test_a_mean_that_is_near_by_luck_is_not_precise_enough():
+    row = judged(aor_deg=[28.0, 32.0, 30.0, 30.0], height_mm=[60.2, 59.8, 60.0, 60.0])
+    assert row["outcome"] == "not precise"
+    assert "its standard error is 2.72 %, not below 0.7 %" in row["reason"]
+    single = judged(
+        section=SECTION | {"standard_error_percent": 1e-9}, aor_deg=[30.0, 30.0], height_mm=[60.0, 60.0]
+    )
+    assert single["outcome"] == "within", "a standard error of nought is below any"
+
+
+def test_a_proposal_without_a_pile_has_an_outcome_of_its_own():
+    runs = runs_of([1001, 1002], aor_deg=30.0, height_mm=60.0).assign(status="jammed", reason="stuck")
+    row = verdict.judge(proposed(TARGETS, 2), runs, TARGETS, SECTION, 0)
+    assert row["outcome"] == "no pile"
+    assert row["reason"] == "jammed: 2 of 2 runs jammed (stuck)"
+    assert np.isnan(row["aor_simulated_deg"])
+
+
+def test_one_target():
+    row = judged(targets_of(drum_slip_deg=40.0), drum_slip_deg=[40.2, 40.2, 40.0, 40.0])
+    assert row["outcome"] == "within"
+    assert row["drum_slip_simulated_deg"] == pytest.approx(40.1)
+    assert verdict.why_stopped(row, 4, targets_of(drum_slip_deg=40.0)) == "round 0 meets the target"
+    assert verdict.claim(row, targets_of(drum_slip_deg=40.0)).startswith(
+        "slip 40.10 ± 0.06 deg (+0.25 %), mean"
+    )
+
+
+FOUR = targets_of(aor_deg=30.0, height_mm=60.0, base_radius_mm=110.0, drum_slip_deg=40.0)
+
+
+def of_two_bench_tests(slip):
+    """Runs of a proposal: four in the funnel, all on target, and one a value of slip in the drum."""
+    funnel = runs_of([1001] * 4, aor_deg=30.0, height_mm=60.0, base_radius_mm=110.0).assign(
+        apparatus="funnel"
+    )
+    drum = runs_of([1001] * len(slip), drum_slip_deg=slip).assign(apparatus="drum")
+    return pd.concat([funnel, drum])
+
+
+def test_four_targets_of_two_bench_tests():
+    row = verdict.judge(proposed(FOUR, 4), of_two_bench_tests([40.0, 40.2, 44.0]), FOUR, SECTION, 0)
+    assert (row["poured"], row["n_seeds"]) == (7, 3)
+    assert row["outcome"] == "not within"
+    assert row["base_radius_simulated_mm"] == pytest.approx(110)
+    assert row["drum_slip_se_deg"] == pytest.approx(np.std([40.0, 40.2, 44.0], ddof=1) / np.sqrt(3))
+    assert "slip 41.40 deg is 3.50 %" in row["reason"]
+    failed = of_two_bench_tests([40.0, 40.2])
+    failed.loc[failed["apparatus"] == "drum", ["status", "reason"]] = ["jammed", "stuck"]
+    row = verdict.judge(proposed(FOUR, 4), failed, FOUR, SECTION, 0)
+    assert (row["outcome"], row["reason"]) == ("no pile", "jammed: 2 of 2 runs jammed (stuck)")
+    assert verdict.why_stopped(row | {"outcome": "within"}, 4, FOUR) == "round 0 meets all targets"
+
+
+def test_the_loop_goes_on_while_there_is_something_to_learn():
+    missed = {"round": 1, "outcome": "not within", "reason": "AoR off", "usable": 3}
+    assert rounds.goes_on(missed)
+    why = verdict.why_stopped(missed, 1, TARGETS)
+    assert "limit of 1 refits is reached, and round 1 is not within: AoR off" in why
+    assert not rounds.goes_on(missed | {"outcome": "within"})
+    assert verdict.why_stopped(missed | {"outcome": "within"}, 4, TARGETS) == "round 1 meets both targets"
+    empty = missed | {"outcome": "no pile", "usable": 0}
+    assert not rounds.goes_on(empty)
+    assert "no pile to learn from" in verdict.why_stopped(empty, 4, TARGETS)
+
+
+def test_rounds_with_a_gap_are_refused(tmp_path):
+    (tmp_path / "verdict.json").write_text('{"round": 1, "outcome": "within"}')
+    with pytest.raises(InputError, match="without a gap"):
+        verdict.run_tables([tmp_path / "verdict.json"], 4, TARGETS, tmp_path)
+    (tmp_path / "verdict.json").write_text("{}")
+    with pytest.raises(InputError, match=r"verdict\.json: round"):
+        verdict.run_tables([tmp_path / "verdict.json"], 4, TARGETS, tmp_path)
