@@ -1,9 +1,9 @@
-"""What it costs to train angle and Height as if their noises were independent, on a study's own piles.
+"""What it costs to train a study's targets as if their noises were independent.
 
 python benchmarks/correlated_noise.py --dataset results/dataset.csv --runs results/runs.csv --splits 8
 
-Each split trains on 70 % of the samples, as the workflow does, and tests on the others' means; R2 is the mean over
-the splits with its standard error, gamma the number of weights that the data determine.
+Each split trains on 70 % of the samples, as the workflow does, and tests on the means of the others. R2 is the mean
+over the splits with its standard error; gamma is the number of weights that the data determine.
 """
 
 import argparse
@@ -12,20 +12,24 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from repose.config import loader
 from repose.core.parameters import PARAMETERS
-from repose.studies.noise import within_covariance
-from repose.surrogate.bayesian_bp import RESPONSES, PlainBayesianBP, r2, weights_from_errors
+from repose.core.targets import Targets
+from repose.core.variance import within_covariance
+from repose.surrogate.accuracy import r2
+from repose.surrogate.bayesian_bp import BayesianBP
+from repose.surrogate.samples import weights_from_errors
 
 TRAINING_SHARE = 0.7
 STARTS, EPOCHS = 4, 400
 
 
-def trial(prior, told, X, Y, errors, covariance, order):
-    """R2 of both responses on the test samples, and gamma."""
+def trial(prior, used, X, Y, errors, covariance, order):
+    """R2 of each response on the test samples, and gamma."""
     train, test = np.split(order, [int(TRAINING_SHARE * len(X))])
     precision = weights_from_errors(errors[train])
-    model = PlainBayesianBP(hidden=12, starts=STARTS, epochs=EPOCHS, goal=0.0, prior=prior)
-    if told:
+    model = BayesianBP(hidden=12, starts=STARTS, epochs=EPOCHS, goal=0.0, prior=prior)
+    if used:
         model.fit(X[train], Y[train], precision=precision.mean(axis=1), noise_covariance=covariance)
     else:
         model.fit(X[train], Y[train], precision=precision)
@@ -39,27 +43,29 @@ def main():
     parser.add_argument(
         "--runs", required=True, help="runs.csv of the same study, two seeds a sample or more"
     )
+    parser.add_argument("--config", default="config/config.yaml", help="its targets are taken (%(default)s)")
     parser.add_argument("--splits", type=int, default=8)
     parser.add_argument("--out", help="markdown file to write the table to")
     args = parser.parse_args()
+    targets = Targets.of(loader.load(args.config)["targets"])
     table, runs = (pd.read_csv(path).query("status == 'ok'") for path in (args.dataset, args.runs))
-    X, Y = table[list(PARAMETERS)].to_numpy(), table[list(RESPONSES)].to_numpy()
-    errors = table[["aor_se_deg", "height_se_mm"]].to_numpy()
-    covariance, _ = within_covariance(runs[list(RESPONSES)], runs["sample"])
-    correlation = covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])
-    print(f"correlation of the noises {correlation:.2f}\n")
-    titles = ("prior", "covariance", "R2 angle", "R2 Height", "gamma")
+    X, Y = table[list(PARAMETERS)].to_numpy(), table[list(targets.names)].to_numpy()
+    errors = table[list(targets.errors)].to_numpy()
+    covariance, _ = within_covariance(runs[list(targets.names)], runs["sample"])
+    sd = np.sqrt(np.diag(covariance))
+    print(f"correlations of the noises\n{np.round(covariance / np.outer(sd, sd), 2)}\n")
+    titles = ("prior", "covariance", *(f"R2 {one.response.symbol}" for one in targets), "gamma")
     lines = ["| " + " | ".join(titles) + " |", "|" + "---|" * len(titles)]
     for prior in ("one", "inputs"):
-        for told in (False, True):
+        for used in (False, True):
             rows = [
-                trial(prior, told, X, Y, errors, covariance, np.random.RandomState(k).permutation(len(X)))
+                trial(prior, used, X, Y, errors, covariance, np.random.RandomState(k).permutation(len(X)))
                 for k in range(args.splits)
             ]
             mean, error = np.mean(rows, axis=0), np.std(rows, axis=0, ddof=1) / np.sqrt(args.splits)
-            cells = [f"{m:.3f} ± {e:.3f}" for m, e in zip(mean[:2], error[:2], strict=True)]
+            cells = [f"{m:.3f} ± {e:.3f}" for m, e in zip(mean[:-1], error[:-1], strict=True)]
             lines.append(
-                "| " + " | ".join([prior, "told" if told else "not told", *cells, f"{mean[2]:.0f}"]) + " |"
+                "| " + " | ".join([prior, "used" if used else "not used", *cells, f"{mean[-1]:.0f}"]) + " |"
             )
     print("\n".join(lines))
     if args.out:

@@ -129,6 +129,24 @@ def test_the_best_start_by_evidence_is_chosen_and_bad_starts_are_not(monkeypatch
     assert model.starts_[1]["mse"] < 0.1 * min(model.starts_[0]["mse"], model.starts_[2]["mse"])
 
 
+def test_training_on_pure_noise_ends(monkeypatch):
+    """Here mu falls for more than 320 steps and then has to rise: from 0 it could not."""
+    honest, trials = levenberg_marquardt.residuals, []
+
+    def counted(*arguments):
+        trials.append(1)
+        assert len(trials) < 5000, "the training does not end"
+        return honest(*arguments)
+
+    monkeypatch.setattr(levenberg_marquardt, "residuals", counted)
+    random = np.random.RandomState(0)
+    X, y = random.uniform(size=(60, 6)), random.normal(size=(60, 1))
+    model = BayesianBP(hidden=8, starts=1, prior="layers", goal=0.0, seed=5).fit(X, y)
+    assert len(trials) > model.epochs_
+    trials.clear()
+    assert BayesianBP(hidden=8, starts=1, goal=0.0, mu=0.0, epochs=30).fit(X, y).epochs_ == 30
+
+
 def test_evidence_of_no_number_is_minus_infinity():
     assert evidence.log_evidence(0.0, 1.0, 1.0, 1.0, np.eye(2), 3) == -np.inf
     assert evidence.log_evidence(1.0, np.nan, 1.0, 1.0, np.eye(2), 3) == -np.inf
