@@ -114,11 +114,14 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
     h = k / (1 / size).sum()
     spread = h * mean.var(ddof=1)
     # theta = tau^2 / sigma^2 between (F / F_upper - 1) / h and (F / F_lower - 1) / h  (TH78)
-    ends = [_share((_ratio(spread, within * stats.f.ppf(q, k - 1, n - k)) - 1) / h) for q in (1 - tail, tail)]
-    sigma = [within * (n - k) / stats.chi2.ppf(q, n - k) for q in (1 - tail, tail)]
+    icc_low, icc_high = (
+        _share((_ratio(spread, within * stats.f.ppf(q, k - 1, n - k)) - 1) / h) for q in (1 - tail, tail)
+    )
+    low, high = (float(within * (n - k) / stats.chi2.ppf(q, n - k)) for q in (1 - tail, tail))
     total = between + within
     icc = between / total if total > 0 else 0.0
-    return Components(k, n, float(values.mean()), within, *map(float, sigma), between, icc, *ends, float(h))
+    mean_of_all = float(values.mean())
+    return Components(k, n, mean_of_all, within, low, high, between, icc, icc_low, icc_high, float(h))
 
 
 def within_covariance(values: ArrayLike, groups: ArrayLike) -> tuple[np.ndarray, int]:

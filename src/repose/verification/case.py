@@ -75,8 +75,9 @@ def reported(
     quantity: str, unit: str, result: float, note: str, reference: float | str = "", source: str = ""
 ) -> Row:
     """A result that is shown and not judged; with a number as reference its deviation too."""
-    number = isinstance(reference, float) and reference != 0.0
-    deviation = abs(result - reference) / abs(reference) if number else None
+    deviation = None
+    if isinstance(reference, float) and reference != 0.0:
+        deviation = abs(result - reference) / abs(reference)
     return Row(quantity, unit, reference, source, result, deviation, None, REPORTED, note)
 
 

@@ -38,13 +38,14 @@ def restitution_at(step_s: float) -> tuple[float, float]:
 
 def longest_step_named(message: str) -> float:
     """The limit that a refusal names [s]."""
-    return float(re.search(r"at most ([-+.e\d]+)", message).group(1))
+    named = re.search(r"at most ([-+.e\d]+)", message)
+    return float(named.group(1)) if named else math.nan
 
 
 def _mean_and_error(values: Sequence[float]) -> tuple[float, float]:
     """Mean and standard error, the latter NaN for one value."""
     mean, error = mean_and_error(values)
-    return mean, math.nan if error is None else error
+    return math.nan if mean is None else mean, math.nan if error is None else error
 
 
 def _pours(step_s: float, pile: tuple, seeds: int) -> list[dict[str, Any]]:
@@ -80,11 +81,12 @@ def time_steps(effort: Effort) -> Result:
                 )
             )
             if effort.pile is not None:
-                piles += _pile_rows(rows, at, step, effort)
+                piles += _pile_rows(rows, at, step, effort.pile, effort.seeds)
         except ValueError as error:
             limit = longest_step_named(str(error))
             rows.append(reported(f"{at}: longest step allowed", "s", limit, f"{REFUSED}: {error}"))
     finest = bounces[0]
+    steps, bounced, errors = np.array(bounces).T
     rows.append(
         close("restitution at the finest step", "", finest[1], ASKED, tolerance=0.01, source="asked for")
     )
@@ -94,7 +96,7 @@ def time_steps(effort: Effort) -> Result:
             "restitution",
             (
                 Curve("asked for", [TIME_STEPS_S[0], 3e-4], [ASKED, ASKED], reference=True),
-                Curve("repose", *np.array(bounces).T[:2], error=np.array(bounces).T[2]),
+                Curve("repose", steps, bounced, error=errors),
             ),
             log_x=True,
         )
@@ -113,12 +115,12 @@ def time_steps(effort: Effort) -> Result:
 
 
 def _pile_rows(
-    rows: list[Row], at: str, step: float, effort: Effort
+    rows: list[Row], at: str, step: float, pile: tuple, seeds: int
 ) -> list[tuple[Response, float, float, float]]:
     """Add a step's rows of the targets' responses; returns (response, step, mean, standard error) of each."""
-    runs = _pours(step, effort.pile, effort.seeds)
+    runs = _pours(step, pile, seeds)
     found = []
-    for response in Targets.of(effort.pile[0]["targets"]).responses:
+    for response in Targets.of(pile[0]["targets"]).responses:
         values = [run[response.name] for run in runs if run.get(response.name) is not None]
         if not values:  # no pile, or not a response of the pile
             continue

@@ -187,13 +187,14 @@ def energy_of_hits(effort: Effort) -> Result:
     rows, curves = [], []
     for kind, throw in KINDS.items():
         rng = np.random.default_rng([13, len(kind)])
-        most, final = [], []
-        while sum(np.count_nonzero(f < HIT) for f in final) < effort.hits:
+        peaks: list[np.ndarray] = []
+        ends: list[np.ndarray] = []
+        while sum(int(np.count_nonzero(end < HIT)) for end in ends) < effort.hits:
             contact = Contact(rng.uniform(0.1, 0.6), rng.uniform(0.2, 0.8), 0.0)
             highest, last = throw(rng, contact, kind)
-            most.append(highest)
-            final.append(last)
-        most, final = np.concatenate(most), np.concatenate(final)
+            peaks.append(highest)
+            ends.append(last)
+        most, final = np.concatenate(peaks), np.concatenate(ends)
         hits = final < HIT
         note = f"largest ratio on the way, {np.count_nonzero(hits)} hits"
         rows.append(
@@ -220,8 +221,8 @@ def elastic_impacts(effort: Effort) -> Result:
     rows, curves = [], []
     for name, axes, step in bodies:
         rng = np.random.default_rng(17)
-        final = []
-        while sum(map(len, final)) < effort.hits:
+        final: list[np.ndarray] = []
+        while sum(len(ratios) for ratios in final) < effort.hits:
             final.append(pair_hits(rng, frictionless(), axes, step)[1])
         change = 100.0 * (np.concatenate(final) - 1.0)
         if name == "spheres":

@@ -86,7 +86,7 @@ class Hertz:
         def leaves(_t: float, state: np.ndarray) -> float:
             return state[0]
 
-        leaves.terminal, leaves.direction = True, -1
+        leaves.terminal, leaves.direction = True, -1  # type: ignore[attr-defined]  # so scipy wants it
         found = solve_ivp(
             parts, (0.0, 40.0), (0.0, 1.0), events=leaves, rtol=1e-9, atol=1e-12, dense_output=True
         )

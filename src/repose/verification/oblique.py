@@ -8,6 +8,7 @@ an increment dF_t = S_t d(delta_t).
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from scipy.integrate import trapezoid
@@ -62,7 +63,7 @@ def impact(
     return simulation.velocities[0].copy(), simulation.angular_velocities[0].copy()
 
 
-def sliding_impulse(contact: Contact, normal_m_s: float) -> float:
+def sliding_impulse(contact: Contact, normal_m_s: Any) -> Any:
     """Change of the tangential velocity of rigid bodies in gross sliding: mu (1 + e) V_n [m/s]."""
     return contact.static_friction * (1.0 + contact.restitution) * normal_m_s
 
@@ -127,12 +128,19 @@ def angles(_effort: Effort) -> Result:
             else:
                 rows.append(close(name, "rad/s", spins[-1], spin, DIGITISED))
     fine = np.linspace(34.0, 86.0, 100)
-    lost = sliding_impulse(contact, speed * np.cos(np.radians(fine)))
+    lost_fine = sliding_impulse(contact, speed * np.cos(np.radians(fine)))
     panels = [
         _over_angle(
-            "tangential restitution", degrees, kept, fine, 1.0 - lost / speed / np.sin(np.radians(fine)), 0
+            "tangential restitution",
+            degrees,
+            np.array(kept),
+            fine,
+            1.0 - lost_fine / speed / np.sin(np.radians(fine)),
+            0,
         ),
-        _over_angle("spin after the impact (rad/s)", degrees, spins, fine, -2.5 * lost / radius, 1),
+        _over_angle(
+            "spin after the impact (rad/s)", degrees, np.array(spins), fine, -2.5 * lost_fine / radius, 1
+        ),
     ]
     return Result(
         "Chung & Ooi 4: oblique impact on a rigid plane at 3.9 m/s, angle from the normal",

@@ -53,13 +53,13 @@ def hexagonal_packing(_effort: Effort) -> Result:
         walls=walls,
         gravity_m_s2=(0.0, 0.0, -GRAVITY),
     )
-    lattice = []
+    places = []
     for row in range(rows_of):
         for k in range(columns - row % 2):
-            lattice.append(((2 * k + 1 + row % 2) * RADIUS, 0.0, RADIUS * (1.0 + math.sqrt(3.0) * row)))
-    for place in lattice:
+            places.append(((2 * k + 1 + row % 2) * RADIUS, 0.0, RADIUS * (1.0 + math.sqrt(3.0) * row)))
+    for place in places:
         simulation.add("sphere", place)
-    lattice = np.array(lattice)
+    lattice = np.array(places)
     simulation.run_steps(10000)
     settled = simulation.positions.copy()
     simulation.run_steps(10000)

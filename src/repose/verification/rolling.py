@@ -138,7 +138,11 @@ def coulomb_slope(_effort: Effort) -> Result:
 
     rows = [
         close(
-            f"acceleration at {angle:.2f} deg", "m/s2", a, float(exact(angle)), scale=max(exact(angle), 0.1)
+            f"acceleration at {angle:.2f} deg",
+            "m/s2",
+            a,
+            float(exact(angle)),
+            scale=max(float(exact(angle)), 0.1),
         )
         for angle, a in zip(angles, found, strict=True)
     ]

@@ -38,19 +38,19 @@ def free_rotation(_effort: Effort) -> Result:
     inertia = simulation.shapes["berry"].inertia_kg_m2
     simulation.add("berry", (0.0, 0.0, 0.0), angular_velocity_rad_s=(first, 0.0, third))
     momentum, energy = simulation.angular_momenta[0], simulation.kinetic_energies()[0]
-    _, period = euler_solution(inertia, first, third, 0.0)
-    time, turning, energies = [], [], []
+    _, period = euler_solution(inertia, first, third, np.zeros(1))
+    times, turned, energies = [], [], []
     for _ in range(int(2.0 * period / step / every)):
         simulation.run_steps(every)
         turn = rotation_matrix(simulation.quaternions[0])
-        time.append(simulation.time_s)
-        turning.append((turn.T @ simulation.angular_momenta[0]) / inertia)
+        times.append(simulation.time_s)
+        turned.append((turn.T @ simulation.angular_momenta[0]) / inertia)
         energies.append(simulation.kinetic_energies()[0])
-    time, turning = np.array(time), np.array(turning).T
+    time, turning = np.array(times), np.array(turned).T
     exact, _ = euler_solution(inertia, first, third, time)
-    drift = np.linalg.norm(simulation.angular_momenta[0] - momentum) / np.linalg.norm(momentum)
-    size = np.linalg.norm(exact, axis=0).max()
-    worst = np.abs(turning - exact).max()
+    drift = float(np.linalg.norm(simulation.angular_momenta[0] - momentum) / np.linalg.norm(momentum))
+    size = float(np.linalg.norm(exact, axis=0).max())
+    worst = float(np.abs(turning - exact).max())
     rows = [
         close("angular velocity, largest difference over two periods", "rad/s", worst, 0.0, scale=size),
         close("angular momentum, relative drift", "", drift, 0.0, tolerance=1e-14, scale=1.0),

@@ -60,7 +60,8 @@ def run(
     for particle in particles.values():  # compiles what is timed afterwards
         timed_pour(warm, parameters, seed, particle, berry)
     reference_kernel(10)
-    references, pours = [], {name: [] for name in particles}
+    references: list[float] = []
+    pours: dict[str, list] = {name: [] for name in particles}
     for _ in range(ROUNDS):
         references.append(1e6 * _median_s(lambda: reference_kernel(REFERENCE_LOOPS)))
         for name, particle in particles.items():
