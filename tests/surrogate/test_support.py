@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.surrogate.support import Support, quadratic_terms
 
@@ -62,15 +63,25 @@ def test_support_of_a_dataset_takes_usable_samples(tmp_path):
     table["sample"], table["status"] = np.arange(40), "ok"
     table.loc[0, "status"] = "jammed"
     table.to_csv(tmp_path / "dataset.csv", index=False)
-    ranges = dict.fromkeys(PARAMETERS, (0.0, 1.0))
-    support = Support.of_dataset(tmp_path / "dataset.csv", ranges)
+    space = ParameterSpace.of(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
+    support = Support.of_dataset(tmp_path / "dataset.csv", space)
     first = table.loc[[0, 1], list(PARAMETERS)].to_numpy()
     assert support.distance(first)[0] > 0
     assert support.distance(first)[1] == 0
     table["status"] = "jammed"
     table.to_csv(tmp_path / "dataset.csv", index=False)
     with pytest.raises(InputError, match="usable samples is 0"):
-        Support.of_dataset(tmp_path / "dataset.csv", ranges)
+        Support.of_dataset(tmp_path / "dataset.csv", space)
+
+
+def test_a_fixed_parameter_plays_no_part():
+    points = np.insert(grid(), 1, 0.3, axis=1)
+    fixed = Support(points, [0, 0.3, 0], [1, 0.3, 1], ("a", "fixed", "b"))
+    free = Support(grid(), [0, 0], [1, 1], NAMES)
+    asked = np.array([[0.45, 0.5], [0.005, 0.995], [0.45, 0.9]])
+    assert fixed.warnings(np.insert(asked, 1, 0.3, axis=1)) == free.warnings(asked)
+    assert fixed.at_bounds(np.insert(asked, 1, 0.3, axis=1))[:, 1].tolist() == [False] * 3
+    assert fixed.largest_leverage == free.largest_leverage
 
 
 def test_points_of_another_shape_are_refused():

@@ -96,6 +96,7 @@ def validate(args):
 
 def _support(dataset, config):
     """The samples that tell an extrapolation, or None without a dataset."""
+    from repose.core.parameter_space import ParameterSpace
     from repose.surrogate.support import Support
 
-    return Support.of_dataset(dataset, config["parameters"]) if dataset else None
+    return Support.of_dataset(dataset, ParameterSpace.of(config["parameters"])) if dataset else None

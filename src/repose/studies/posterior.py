@@ -251,7 +251,7 @@ def run(
     if not space.dimensions:
         raise InputError("configuration", "parameters", "all fixed", "at least one range or prior")
     model = train.restore(*(files[key] for key in ("network", "predictions", "dataset")))
-    support = Support.of_dataset(files["dataset"], _ranges(space))
+    support = Support.of_dataset(files["dataset"], space)
     feasible = read_table(files["feasible"], PARAMETERS)[list(PARAMETERS)]
     published = read_table(files["table3"], ("parameter", "low", "high")).set_index("parameter")
     runs = noise.read_runs(files["runs"], targets)

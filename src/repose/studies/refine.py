@@ -291,7 +291,7 @@ def run_search(
     except ValueError as error:
         raise InputError(dataset_csv, "samples", str(error), "data of the last round") from None
     model.save(out / "network.json")
-    support = Support.of_dataset(dataset_csv, _ranges(space))
+    support = Support.of_dataset(dataset_csv, space)
     for share in WIDENING:
         box = search_box(space, centre, share * reach)
         summary = miga.run(

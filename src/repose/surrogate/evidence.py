@@ -8,18 +8,43 @@ their scalar product.
 """
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 
-def log_evidence(alpha, beta, Ed, Ew, JJ, n, classes=(slice(None),)):
+def log_evidence(
+    alpha: float | np.ndarray,
+    beta: float,
+    Ed: float,
+    Ew: float | np.ndarray,
+    JJ: np.ndarray,
+    n: float,
+    classes: Sequence[Any] = (slice(None),),
+) -> float:
     """log p(D | alpha, beta) by Laplace's approximation at the most probable weights (M92).
 
     Likelihood (beta/pi)^(n/2) exp(-beta E_d), prior (alpha/pi)^(N/2) exp(-alpha E_w),
     H = 2 beta J'J + 2 alpha I:
     log p = n/2 log(beta/pi) + N/2 log(2 alpha) - 1/2 log det H - beta E_d - alpha E_w,
     with N/2 log(2 alpha) summed over the classes of weights where there are several.
-    -inf where that is no number, so such a start is never the best.
+
+    Parameters
+    ----------
+    alpha, Ew : float, or array (classes,)
+    beta, Ed : float
+    JJ : array (N, N)
+        J'J of the weighted residuals.
+    n : float
+        Number of residuals.
+    classes : sequence
+        As `two_layer.weight_classes` gives them.
+
+    Returns
+    -------
+    float
+        -inf where that is no number, so such a start is never the best.
     """
     alpha, Ew = np.atleast_1d(alpha), np.atleast_1d(Ew)
     if not (np.all(alpha > 0) and beta > 0):
@@ -31,19 +56,30 @@ def log_evidence(alpha, beta, Ed, Ew, JJ, n, classes=(slice(None),)):
     return float(value) if math.isfinite(value) else -math.inf
 
 
-def posterior_root(alpha, beta, JJ):
-    """A root R (N, N), R R' = H^-1, of the weights' covariance about the most probable ones (M92).
+def posterior_root(alpha: np.ndarray, beta: float, JJ: np.ndarray) -> np.ndarray:
+    """A root R of the covariance of the weights about the most probable ones, R R' = H^-1 (M92).
 
-    alpha (N,): each weight's own. H = 2 beta J'J + 2 diag(alpha), made symmetric about its prior first, so
-    that rounding can make no variance negative.
+    H = 2 beta J'J + 2 diag(alpha). It is made symmetric about its prior first, so that rounding can make no variance
+    negative.
+
+    Parameters
+    ----------
+    alpha : array (N,)
+        Of each weight.
+    beta : float
+    JJ : array (N, N)
+
+    Returns
+    -------
+    array (N, N)
     """
     prior_root = 1 / np.sqrt(2 * alpha)
     eigenvalues, vectors = np.linalg.eigh(2 * beta * prior_root[:, None] * JJ * prior_root)
     return prior_root[:, None] * vectors / np.sqrt(1 + np.maximum(eigenvalues, 0.0))
 
 
-def of_each_weight(alpha, classes, N):
-    """alpha of each class (classes,) to alpha of each weight (N,)."""
+def of_each_weight(alpha: np.ndarray, classes: Sequence[Any], N: int) -> np.ndarray:
+    """alpha of each weight (N,) from alpha of each class."""
     of_weight = np.empty(N)
     for value, c in zip(alpha, classes, strict=True):
         of_weight[c] = value

@@ -57,13 +57,14 @@ class QuadraticSurface(Surrogate):
         freedom = len(A) - A.shape[1]
         if freedom < 1:
             raise ValueError(f"{len(A)} samples; allowed: at least {A.shape[1] + 1}, one more than the terms")
-        if np.ptp(precision, axis=1).any():
-            found = [_weighted(A, Y[:, k : k + 1], np.sqrt(precision[:, k])) for k in range(Y.shape[1])]
-            coefficients, residuals, self._roots = zip(*found, strict=True)
-            self.coefficients_, residuals = np.hstack(coefficients), np.hstack(residuals)
-        else:
-            self.coefficients_, residuals, root = _weighted(A, Y, np.sqrt(precision[:, 0]))
-            self._roots = (root,) * Y.shape[1]
+        # one system of equations for all responses, unless their precisions differ
+        groups = (
+            [slice(k, k + 1) for k in range(Y.shape[1])] if np.ptp(precision, axis=1).any() else [slice(None)]
+        )
+        found = [_weighted(A, Y[:, group], np.sqrt(precision[:, group][:, 0])) for group in groups]
+        self.coefficients_ = np.hstack([one[0] for one in found])
+        residuals = np.hstack([one[1] for one in found])
+        self._roots = [one[2] for one in found] * (Y.shape[1] // len(found))
         self.residual_covariance_ = residuals.T @ residuals / freedom
         self._variances = (residuals**2).sum(axis=0) / freedom
         return self

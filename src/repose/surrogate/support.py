@@ -1,15 +1,22 @@
 """Where a surrogate is asked beyond its data: parameter sets at a bound, or where samples are thin.
 
-A solution is told of when a parameter lies within 1 % of its range from an end, when the nearest sample is
-farther away than most samples are from theirs, or when it lies outside the cloud of samples as a quadratic model
-sees it (Cook 1979, Influential observations in linear regression, J. Am. Stat. Assoc. 74, 169: leverage).
+A parameter set gets a warning when a parameter lies within 1 % of its range from an end, when the nearest sample is
+farther away than most samples are from their nearest neighbour, or when its leverage in a quadratic model is larger
+than that of every sample.
+
+  (C79)  Cook 1979, Influential observations in linear regression, J. Am. Stat. Assoc. 74, 169: leverage
 """
+
+import os
+from collections.abc import Sequence
+from typing import Self
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from repose.core.errors import InputError
 from repose.core.files import read_table
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 
 BOUND_SHARE = 0.01
@@ -19,14 +26,35 @@ DISTANCE_QUANTILE = 0.95
 class Support:
     """What a set of samples covers.
 
-    points (n, d): parameters of the samples; low, high (d,): the ranges; names (d,). Raises ValueError for other
-    shapes or fewer than two samples.
+    Parameters
+    ----------
+    points : array (n, d)
+        Parameters of the samples.
+    low, high : array (d,)
+        Ranges of the parameters. A parameter with low = high is fixed and plays no part.
+    names : sequence of str
+        Of the d parameters.
+
+    Attributes
+    ----------
+    farthest : float
+        Distance to the nearest other sample, in ranges, that 95 % of the samples keep below.
+    largest_leverage : float
+        Of all samples; infinite where the samples are too few for a quadratic model.
+
+    Raises
+    ------
+    ValueError
+        For other shapes, or fewer than two samples.
     """
 
-    def __init__(self, points, low, high, names=PARAMETERS):
+    def __init__(
+        self, points: np.ndarray, low: np.ndarray, high: np.ndarray, names: Sequence[str] = PARAMETERS
+    ):
         points = np.asarray(points, dtype=float)
         self.low, self.high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
         self.names = tuple(names)
+        self._free = self.high > self.low
         if points.ndim != 2 or len(points) < 2 or points.shape[1] != len(self.names):
             allowed = f"at least two rows of {len(self.names)}"
             raise ValueError(f"points has shape {points.shape}; allowed: {allowed}")
@@ -42,43 +70,51 @@ class Support:
             self.largest_leverage = float(self._leverage(unit).max())
 
     @classmethod
-    def of_dataset(cls, dataset_csv, ranges):
-        """The support of a study's usable samples; ranges: parameter to (low, high). Raises InputError."""
+    def of_dataset(cls, dataset_csv: str | os.PathLike, space: ParameterSpace) -> Self:
+        """The support of the usable samples of a study.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read, or has fewer than two usable samples.
+        """
         table = read_table(dataset_csv, ("sample", *PARAMETERS, "status"))
         usable = table[table["status"] == "ok"]
         if len(usable) < 2:
             raise InputError(dataset_csv, "usable samples", len(usable), "at least 2 with status ok")
-        low, high = np.array([ranges[name] for name in PARAMETERS], dtype=float).T
+        low, high = space.complete(np.array([space.low, space.high]))
         return cls(usable[list(PARAMETERS)].to_numpy(float), low, high)
 
-    def at_bounds(self, points):
-        """Which parameters of points (m, d) lie within 1 % of their range from an end, (m, d)."""
+    def at_bounds(self, points: np.ndarray) -> np.ndarray:
+        """Which free parameters of points (m, d) lie within 1 % of their range from an end, (m, d)."""
         unit = self._unit(points)
-        return (unit <= BOUND_SHARE) | (unit >= 1 - BOUND_SHARE)
+        found = np.zeros((len(unit), len(self.names)), dtype=bool)
+        found[:, self._free] = (unit <= BOUND_SHARE) | (unit >= 1 - BOUND_SHARE)
+        return found
 
-    def distance(self, points):
+    def distance(self, points: np.ndarray) -> np.ndarray:
         """Distance (m,) of points (m, d) to the nearest sample, in ranges."""
         return self.tree.query(self._unit(points))[0]
 
-    def leverage(self, points):
-        """Leverage (m,) of points (m, d) in a quadratic model of the samples; zeros where they bear none."""
+    def leverage(self, points: np.ndarray) -> np.ndarray:
+        """Leverage (m,) of points (m, d) in a quadratic model of the samples (C79); 0 with too few samples for one."""
         return self._leverage(self._unit(points))
 
-    def is_thin(self, points):
+    def is_thin(self, points: np.ndarray) -> np.ndarray:
         """Whether points (m, d) lie where samples are thin, (m,)."""
         return (self.distance(points) > self.farthest) | (self.leverage(points) > self.largest_leverage)
 
-    def warnings(self, points):
-        """What there is to say of each of points (m, d): a list of texts, empty where nothing is."""
+    def warnings(self, points: np.ndarray) -> list[str]:
+        """A warning in words for each of points (m, d), empty where there is nothing to warn of."""
         points = np.atleast_2d(np.asarray(points, dtype=float))
-        bounds, unit = self.at_bounds(points), self._unit(points)
+        bounds, middle = self.at_bounds(points), (self.low + self.high) / 2
         distance, leverage = self.distance(points), self.leverage(points)
         texts = []
-        for k in range(len(points)):
+        for k, point in enumerate(points):
             parts = []
             if bounds[k].any():
                 ends = [
-                    f"{name} {'low' if unit[k, i] < 0.5 else 'high'}"
+                    f"{name} {'low' if point[i] < middle[i] else 'high'}"
                     for i, name in enumerate(self.names)
                     if bounds[k, i]
                 ]
@@ -93,15 +129,19 @@ class Support:
         return texts
 
     def _unit(self, points):
-        return (np.asarray(points, dtype=float) - self.low) / (self.high - self.low)
+        """The free parameters in ranges."""
+        return (
+            ((np.asarray(points, dtype=float) - self.low)[:, self._free]) / (self.high - self.low)[self._free]
+        )
 
     def _leverage(self, unit):
+        """Leverage of points in the unit cube."""
         if self.root is None:
             return np.zeros(len(unit))
         return ((quadratic_terms(unit) @ self.root) ** 2).sum(axis=1)
 
 
-def quadratic_terms(unit):
+def quadratic_terms(unit: np.ndarray) -> np.ndarray:
     """1, x_i and x_i x_j of points (m, d) in the unit cube, centred: (m, (d + 1)(d + 2) / 2)."""
     x = np.column_stack([np.ones(len(unit)), 2 * unit - 1])
     i, j = np.triu_indices(x.shape[1])

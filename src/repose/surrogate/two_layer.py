@@ -11,14 +11,28 @@ The N weights stand in one vector w: W1 (hidden, inputs) row by row, b1 (hidden,
 b2 (outputs,).
 """
 
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
 import numpy as np
 
 PRIORS = ("one", "layers", "inputs")
 ARRAYS = ("input_min", "input_max", "output_min", "output_max", "W1", "b1", "W2", "b2")
 
 
-def evaluate(network, X):
-    """Responses (samples, outputs) of a network read from JSON for X (samples, inputs); Eq. 6-8."""
+def evaluate(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
+    """Responses of a network (Eq. 6-8).
+
+    Parameters
+    ----------
+    network : mapping
+        `ARRAYS` and `scaled_range`, as arrays or lists.
+    X : array (samples, inputs)
+
+    Returns
+    -------
+    array (samples, outputs)
+    """
     a = {key: np.asarray(network[key], dtype=float) for key in (*ARRAYS, "scaled_range")}
     low, high = a["scaled_range"]
     x = scale(np.asarray(X, dtype=float), a["input_min"], a["input_max"], (low, high))
@@ -26,11 +40,20 @@ def evaluate(network, X):
     return a["output_min"] + (y - low) / (high - low) * width(a["output_min"], a["output_max"])
 
 
-def response_function(network, low, high):
-    """The same network as a function of populations in [-1, 1]: (points, inputs) to (points, outputs).
+def response_function(
+    network: Mapping[str, Any], low: np.ndarray, high: np.ndarray
+) -> Callable[[np.ndarray], np.ndarray]:
+    """The same network as a function of points in [-1, 1]: (points, inputs) to (points, outputs).
 
-    low, high: what -1 and 1 stand for in each input. Every scaling is folded into the weights, which leaves
-    two small matrix products and a tanh for a search that calls it millions of times.
+    Every scaling is folded into the weights. Two small matrix products and a tanh remain, for a search that calls the
+    function millions of times.
+
+    Parameters
+    ----------
+    network : mapping
+        As for `evaluate`.
+    low, high : array (inputs,)
+        What -1 and 1 stand for.
     """
     a = {key: np.asarray(network[key], dtype=float) for key in (*ARRAYS, "scaled_range")}
     bottom, top = a["scaled_range"]
@@ -44,8 +67,13 @@ def response_function(network, low, high):
     return lambda points: np.tanh(points @ W1 + b1) @ W2 + b2
 
 
-def nguyen_widrow(inputs, hidden, outputs, scaled_range, seed):
-    """Random weights (N,) whose neurons' slopes are spread over the inputs' interval (NW90)."""
+def nguyen_widrow(
+    inputs: int, hidden: int, outputs: int, scaled_range: tuple[float, float], seed: Any
+) -> np.ndarray:
+    """Random weights (N,) with the slopes of the neurons spread over the interval of the inputs (NW90).
+
+    `seed` is of numpy's RandomState.
+    """
     random = np.random.RandomState(seed)
     length = 0.7 * hidden ** (1 / inputs)  # (NW90)
     W1 = random.uniform(-1, 1, (hidden, inputs))
@@ -58,15 +86,25 @@ def nguyen_widrow(inputs, hidden, outputs, scaled_range, seed):
     return np.concatenate([W1.ravel(), b1, random.uniform(-0.5, 0.5, outputs * (hidden + 1))])
 
 
-def unpack(w, inputs, hidden, outputs):
+def unpack(
+    w: np.ndarray, inputs: int, hidden: int, outputs: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Views W1 (hidden, inputs), b1 (hidden,), W2 (outputs, hidden), b2 (outputs,) of the weights w (N,)."""
     ends = np.cumsum([hidden * inputs, hidden, outputs * hidden])
     W1, b1, W2, b2 = np.split(w, ends)
     return W1.reshape(hidden, inputs), b1, W2.reshape(outputs, hidden), b2
 
 
-def mix_outputs(w, mixing, hidden):
-    """Weights (N,), or (N, columns), of the network whose outputs are the given one's times mixing."""
+def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
+    """Weights of a network with other outputs: those of the given network times `mixing`.
+
+    Parameters
+    ----------
+    w : array (N,) or (N, columns)
+    mixing : array (outputs, outputs)
+    hidden : int
+        Neurons of the hidden layer.
+    """
     outputs = len(mixing)
     first = len(w) - outputs * (hidden + 1)
     W2 = w[first : len(w) - outputs].reshape(outputs, -1)
@@ -75,8 +113,11 @@ def mix_outputs(w, mixing, hidden):
     return np.concatenate([w[:first], *tail])
 
 
-def weight_classes(prior, inputs, hidden, outputs):
-    """Which of the N weights share an alpha: a list of index arrays into w, or of the slice of all of it."""
+def weight_classes(prior: str, inputs: int, hidden: int, outputs: int) -> list[Any]:
+    """Classes of weights that share an alpha, each as an index into w (M92, M94).
+
+    `prior` is one of `PRIORS`: one class, the two layers and the hidden biases, or a class for each input as well.
+    """
     if prior == "one":
         return [slice(None)]
     w = np.arange(hidden * (inputs + 1) + outputs * (hidden + 1))
@@ -86,10 +127,22 @@ def weight_classes(prior, inputs, hidden, outputs):
     return [*input_weights, w[first:second], w[second:]]
 
 
-def jacobian(w, x, outputs):
-    """Scaled outputs y (samples, outputs) and dy/dw (samples, outputs, N) at inputs x (samples, inputs).
+def jacobian(w: np.ndarray, x: np.ndarray, outputs: int) -> tuple[np.ndarray, np.ndarray]:
+    """Scaled outputs and their derivatives by the weights.
 
     The chain rule of the paper's step (3), for each output by itself as Levenberg-Marquardt needs it (HM94).
+
+    Parameters
+    ----------
+    w : array (N,)
+    x : array (samples, inputs)
+        Scaled.
+    outputs : int
+
+    Returns
+    -------
+    y : array (samples, outputs)
+    J : array (samples, outputs, N)
     """
     samples, inputs = x.shape
     hidden = (w.size - outputs) // (inputs + 1 + outputs)
@@ -108,11 +161,11 @@ def jacobian(w, x, outputs):
     return y, J
 
 
-def scale(X, minimum, maximum, interval):
-    """mapminmax: minimum to the interval's lower end, maximum to its upper."""
+def scale(X: np.ndarray, minimum: np.ndarray, maximum: np.ndarray, interval: Sequence[float]) -> np.ndarray:
+    """mapminmax: the minimum of each column to the lower end of the interval, the maximum to the upper end."""
     return interval[0] + (X - minimum) / width(minimum, maximum) * (interval[1] - interval[0])
 
 
-def width(minimum, maximum):
-    """maximum - minimum, 1 for a column that does not vary and has nothing to be scaled by."""
+def width(minimum: np.ndarray, maximum: np.ndarray) -> np.ndarray:
+    """maximum - minimum; 1 for a column that does not vary."""
     return np.where(maximum > minimum, maximum - minimum, 1.0)
