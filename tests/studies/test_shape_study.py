@@ -6,15 +6,20 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import shared
 
 from repose.apparatus import factory
 from repose.config import loader
 from repose.core.errors import InputError
+from repose.core.targets import Targets
 from repose.dem.rotations import random_quaternion, rotation_matrices
-from repose.measure.angles import MEAN_KEYS
-from repose.studies import shape_study
+from repose.measure.angles import DEFINITIONS, MEAN_KEYS
+from repose.studies import shape_study, shape_tables
 
 ROOT = Path(__file__).parents[2]
+PUBLISHED_PAIR = ["aor_simulated_deg", "height_simulated_mm"]
+ANGLE, HEIGHT = shared.TARGETS
+TARGETS = Targets.of([ANGLE, HEIGHT])
 
 
 @pytest.fixture
@@ -122,8 +127,8 @@ def test_a_sensitivity_of_an_unknown_particle_and_an_unknown_cell_are_refused(co
 def test_published_sets_end_with_the_representative_that_stands_for_the_physical_pile(config):
     table = shape_study.published_sets(config)
     assert table["set"].tolist() == ["22", "15", "56", "84", "2", "representative"]
-    assert table.iloc[-1][list(shape_study.PUBLISHED_PAIR)].tolist() == [32.87, 65.57]
-    assert table.iloc[0][list(shape_study.PUBLISHED_PAIR)].tolist() == [32.00, 65.63]
+    assert table.iloc[-1][PUBLISHED_PAIR].tolist() == [32.87, 65.57]
+    assert table.iloc[0][PUBLISHED_PAIR].tolist() == [32.00, 65.63]
 
 
 def test_the_choice_is_the_nearest_measured_berry_with_enough_signal(config, tmp_path):
@@ -131,7 +136,7 @@ def test_the_choice_is_the_nearest_measured_berry_with_enough_signal(config, tmp
     published = shape_study.published_sets(config).set_index("set")
 
     def piles(angle_off, height_off):
-        pairs = published[list(shape_study.PUBLISHED_PAIR)]
+        pairs = published[PUBLISHED_PAIR]
         return [
             (name, seed, aor + angle_off + error, height + height_off - error)
             for name, (aor, height) in pairs.iterrows()
@@ -145,7 +150,7 @@ def test_the_choice_is_the_nearest_measured_berry_with_enough_signal(config, tmp
         write_cell(tmp_path, "published", "egg", "there", piles(1.10, 0.0)),
         write_cell(tmp_path, "design", "egg", "here", a_design(rng, 2.0, 1.0)),
     ]
-    found = shape_study.tables(config, files, tmp_path / "out")
+    found = shape_study.run_tables(config, files, tmp_path / "out")
     assert (found["choice"]["particle"], found["choice"]["filling"]) == ("egg", "there")
     assert found["choice"]["definition"] == "secant"
     rows = found["combinations"].query("definition == 'secant'").set_index(["particle", "filling"])
@@ -168,7 +173,7 @@ def test_nothing_is_chosen_where_the_signal_is_lost_in_noise(config, tmp_path):
         write_cell(tmp_path, "published", "egg", "here", piles),
         write_cell(tmp_path, "design", "egg", "here", a_design(rng, 0.7, 1.0)),
     ]
-    found = shape_study.tables(config, files, tmp_path / "out")
+    found = shape_study.run_tables(config, files, tmp_path / "out")
     assert found["choice"] is None
     assert json.loads((tmp_path / "out" / "choice.json").read_text()) is None
 
@@ -181,12 +186,78 @@ def test_signal_and_noise_of_a_known_model(signal, noise):
     runs = runs.assign(
         particle="egg", filling="here", **{key: 1.0 for key in MEAN_KEYS.values() if key != "aor_secant_deg"}
     )
-    table = shape_study.noise_table(runs).set_index("response")
+    table = shape_tables.noise_table(runs, TARGETS).set_index("response")
     found = table.loc["secant"]
     assert found["noise"] == pytest.approx(noise, rel=0.06)
     assert found["signal_to_noise"] == pytest.approx(signal / noise, abs=4 * found["standard_error"])
     assert 0 < found["standard_error"] < 0.15 * max(1.0, signal / noise)
     assert table.loc["height", "signal"] < 0.5 * noise
+
+
+def fourth(name, value):
+    return ANGLE | {"response": name, "value": value, "range": [value - 1, value + 1]}
+
+
+def test_a_single_target_is_compared_alone(config):
+    config["targets"] = [HEIGHT]
+    assert [one.name for one in shape_study.compared_targets(config)] == ["height_mm"]
+    assert shape_study.published_sets(config).columns[-1] == "height_simulated_mm"
+
+
+def test_targets_that_nobody_published_are_left_out(config):
+    config["targets"] = [ANGLE, fourth("packing_percent", 60.0), HEIGHT]
+    config["targets"] += [fourth("drum_slip_deg", 45.0) | {"apparatus": "drum"}]
+    assert [one.name for one in shape_study.compared_targets(config)] == ["aor_deg", "height_mm"]
+    config["targets"] = config["targets"][1:2]
+    with pytest.raises(InputError, match="some target's predicted and simulated values"):
+        shape_study.compared_targets(config)
+
+
+def test_a_study_without_published_solutions_is_refused(config):
+    config["validation"]["published"] = None
+    with pytest.raises(InputError, match=r"validation\.published"):
+        shape_study.published_sets(config)
+
+
+@pytest.mark.parametrize("names", [["height_mm"], ["aor_deg", "height_mm", "packing_percent", "upper_deg"]])
+def test_tables_for_one_target_and_for_four(names):
+    """Every pile is off by a standard deviation and a half unit in each target."""
+    section = {"aor_deg": ANGLE, "height_mm": HEIGHT}
+    targets = Targets.of([section.get(name) or fourth(name, 50.0) for name in names])
+    published = pd.DataFrame({"set": ["a", "b"]} | {one.response.simulated: one.value for one in targets})
+    rows = []
+    for kind, noise in (("published", 0.1), ("design", 1.0)):
+        for name, seed in ((name, seed) for name in "abcd" for seed in range(4)):
+            if kind == "published" and name in "cd":
+                continue
+            row = {
+                "kind": kind,
+                "particle": "egg",
+                "filling": "here",
+                "set": name,
+                "seed": seed,
+                "status": "ok",
+            }
+            row |= dict.fromkeys(MEAN_KEYS.values(), 30.0)
+            for one in targets:
+                shift = 5 * "abcd".index(name) if kind == "design" else 0
+                value = one.value + one.sd + shift + noise * (seed - 1.5) + 0.5 * (kind == "published")
+                row |= {column: value for column in {shape_tables.measured_as(one, d) for d in DEFINITIONS}}
+            rows.append(row)
+    about = {"particle": "egg", "axes_mm": [21, 11, 10], "measured_axes_mm": [21, 11, 10]}
+    about |= {"mass_g": 1.25, "volume_mm3": 1487.0}
+    runs = pd.DataFrame(rows)
+    assert set(shape_tables.run_columns(targets)) <= set(runs.columns)
+    tables, choice = shape_tables.tables_of(runs, [about], published, targets, 1.25)
+    distance = math.sqrt(sum(((one.sd + 0.5) / one.sd) ** 2 for one in targets))
+    assert tables["combinations"]["distance"].tolist() == pytest.approx([distance] * 4)
+    assert (
+        tables["sets"][f"{names[0].rsplit('_', 1)[0]}_difference_{names[0].rsplit('_', 1)[1]}"].notna().all()
+    )
+    others = {one.response.quantity for one in targets if one.name != "aor_deg"}
+    assert set(tables["noise"]["response"]) == others | set(DEFINITIONS)
+    assert choice["sets_within"] == 0  # each pile is a tenth of a unit beyond one standard deviation, or more
+    assert choice["signal_to_noise"] > 3
 
 
 @pytest.mark.parametrize(("orientation", "level"), [("lying", 0.0), ("upright", 1.0)])

@@ -34,4 +34,4 @@ def shape_cell(args):
 def shape_study(args):
     from repose.studies import shape_study
 
-    shape_study.tables(loader.load(args.config), args.cells, args.out)
+    shape_study.run_tables(loader.load(args.config), args.cells, args.out)

@@ -1,38 +1,33 @@
 """Which particle, which definition of the angle, which filling: every combination at the published solutions.
 
-The paper gives six parameter sets with the piles that they made in its simulator, and leaves open what its particle,
+A publication gives parameter sets with the piles that they made in its simulator. It may leave open what its particle,
 its funnel and its angle were in detail. Here each particle (`shape_study.particles`, changes of the section `berry`) is
-poured in each way (`shape_study.fillings`, changes of `heap`) with each published set and several seeds, and every pile
-is measured by all definitions. A combination is judged by how far its piles are from the published ones, in units of
-the physical pile's standard deviations; by whether its particle has the measured axes and mass; and by the
-signal-to-noise ratio of its angle over a designed set of parameters.
+poured in each way (`shape_study.fillings`, changes of `funnel`) with each published set and several seeds, and every
+pile is measured by all definitions. `repose.studies.shape_tables` says how a combination is judged.
 """
 
 import copy
-import json
-import math
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from repose.config import checks
 from repose.core.errors import InputError
-from repose.core.files import read_table
+from repose.core.files import read_json, read_table, write_json, write_table
 from repose.core.parameters import PARAMETERS
+from repose.core.published import published_responses
 from repose.core.seeds import pour_seeds
-from repose.core.targets import section_of
-from repose.measure.angles import DEFINITIONS, MEAN_KEYS
+from repose.core.targets import Target, Targets
+from repose.measure.further_responses import BENCH
+from repose.particle.particle import Particle
+from repose.studies import shape_tables
 
-PUBLISHED_PAIR = ("aor_simulated_deg", "height_simulated_mm")
-KINDS = ("published", "sensitivity", "design")
-RUN_COLUMNS = ("kind", "particle", "filling", "set", "seed", "status", "height_mm", *MEAN_KEYS.values())
-# A particle stands for the measured berry when its extents and its mass are as near as this.
-NEAR_AXES, NEAR_MASS = 0.05, 0.02
-LEAST_SIGNAL_TO_NOISE = 1.3
+Config = Mapping[str, Any]
 
 
-def cells(config):
+def cells(config: Config) -> list[str]:
     """Names KIND-PARTICLE-FILLING of the study's jobs."""
     study = config["shape_study"]
     names = [
@@ -46,7 +41,7 @@ def cells(config):
     ]
 
 
-def check(config, source="configuration"):
+def check(config: Config, source: str = "configuration") -> None:
     """InputError unless every particle, filling and sensitivity of the study is a good configuration."""
     study = config["shape_study"]
     for key, section in (("sensitivity_particle", "particles"), ("sensitivity_filling", "fillings")):
@@ -62,15 +57,34 @@ def check(config, source="configuration"):
             checks.check(changed(config, part, changes), f"{source}, shape_study.{section}.{name}")
 
 
-def changed(config, section, changes):
+def changed(config: Config, section: str, changes: Mapping[str, Any]) -> dict[str, Any]:
     """A copy of the configuration with some keys of a section changed."""
-    other = copy.deepcopy(config)
+    other = copy.deepcopy(dict(config))
     other[section] = other[section] | changes
     return other
 
 
-def parameter_sets(config, samples_csv, kind):
-    """Table of the parameter sets of a kind of job: column set, the six, and the published pair where there is one."""
+def compared_targets(config: Config) -> list[Target]:
+    """The targets that are compared: those of the pile that the published table has, in their order.
+
+    Raises
+    ------
+    InputError
+        If the configuration names no published table, or the table has none of them.
+    """
+    path = config["validation"]["published"]
+    if path is None:
+        raise InputError("configuration", "validation.published", None, "the table of published solutions")
+    pile = [one for one in Targets.of(config["targets"]) if one.response.apparatus == BENCH]
+    columns = read_table(path, ("solution", *PARAMETERS))
+    there = published_responses(columns, [one.response for one in pile])
+    if not there:
+        raise InputError(path, "columns", list(columns), "some target's predicted and simulated values")
+    return [one for one in pile if one.response in there]
+
+
+def parameter_sets(config: Config, samples_csv: str | Path, kind: str) -> pd.DataFrame:
+    """Parameter sets of a kind of job: ``set``, the six parameters, and the published piles where there are some."""
     if kind == "design":
         table = read_table(samples_csv, ("sample", *PARAMETERS)).head(config["shape_study"]["design_samples"])
         return table.rename(columns={"sample": "set"})[["set", *PARAMETERS]]
@@ -78,22 +92,23 @@ def parameter_sets(config, samples_csv, kind):
     return table.tail(1) if kind == "sensitivity" else table
 
 
-def published_sets(config):
+def published_sets(config: Config) -> pd.DataFrame:
     """The published solutions, the representative last, with what their piles were published to be.
 
-    The representative's own pile is known only as nearly the physical one, which stands for it.
+    A solution without a published pile is known only as nearly the physical pile, which stands for it.
     """
-    path = config["validation"]["published"]
-    table = read_table(path, ("solution", *PARAMETERS, *PUBLISHED_PAIR)).rename(columns={"solution": "set"})
+    targets = compared_targets(config)
+    simulated = [one.response.simulated for one in targets]
+    table = read_table(config["validation"]["published"], ("solution", *PARAMETERS, *simulated))
+    table = table.rename(columns={"solution": "set"})
     table["set"] = table["set"].astype(str)
-    target = (section_of(config)["physical_aor_deg"], section_of(config)["physical_height_mm"])
-    for column, value in zip(PUBLISHED_PAIR, target, strict=True):
-        table[column] = table[column].fillna(value)
+    for column, one in zip(simulated, targets, strict=True):
+        table[column] = table[column].fillna(one.value)
     named = table["set"] == "representative"
-    return pd.concat([table[~named], table[named]])[["set", *PARAMETERS, *PUBLISHED_PAIR]]
+    return pd.concat([table[~named], table[named]])[["set", *PARAMETERS, *simulated]]
 
 
-def cell_settings(config, cell):
+def cell_settings(config: Config, cell: str) -> tuple[str, str, str, dict[str, Any]]:
     """Kind, particle's name, filling's name and the configuration of a cell, or InputError."""
     kind, _, rest = cell.partition("-")
     particle, _, filling = rest.partition("-")
@@ -107,8 +122,8 @@ def cell_settings(config, cell):
     return kind, particle, filling, changed(config, "funnel", changes)
 
 
-def dependencies(config, cell):
-    """What a cell's pours and measurements depend on."""
+def dependencies(config: Config, cell: str) -> dict[str, Any]:
+    """What the pours and measurements of a cell depend on."""
     kind, _, _, own = cell_settings(config, cell)
     seeds = ("design_samples", "design_seeds") if kind == "design" else ("seeds",)
     found = {key: own["shape_study"][key] for key in seeds} | {"seed": own["design"]["seed"]}
@@ -117,15 +132,70 @@ def dependencies(config, cell):
     return found | {"funnel": funnel} | {key: own[key] for key in kept}
 
 
-def run_cell(config, cell, berry_json, samples_csv, out_dir):
-    """Pour and measure one cell of the study; write OUT/CELL.csv (RUN_COLUMNS) and OUT/CELL.json of its particle."""
+def poured(
+    config: Config, cell: str, sets: pd.DataFrame, particle: Particle, berry: Mapping[str, Any]
+) -> pd.DataFrame:
+    """Pour and measure all sets of a cell with all their seeds.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    cell : str
+        Name of the cell.
+    sets : pandas.DataFrame
+        Of `parameter_sets`.
+    particle : Particle
+        The cell's.
+    berry : mapping
+        What the verb berry wrote.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each pour, with the columns of `shape_tables.run_columns`.
+    """
     from repose.apparatus import bench
     from repose.apparatus.job import run_once
+
+    kind, name, filling, own = cell_settings(config, cell)
+    columns = shape_tables.run_columns(compared_targets(config))
+    count = own["shape_study"]["design_seeds" if kind == "design" else "seeds"]
+    rows = []
+    for number, one in enumerate(sets.to_dict("records")):
+        for seed in pour_seeds(own["design"]["seed"], f"shape_{kind}", number, count):
+            record, _ = run_once(bench(BENCH), own, one, seed, particle, berry)
+            about = {"kind": kind, "particle": name, "filling": filling, "set": one["set"]}
+            rows.append(about | {key: record[key] for key in columns if key in record})
+    return pd.DataFrame(rows, columns=list(columns))
+
+
+def run_cell(
+    config: Config, cell: str, berry_json: str | Path, samples_csv: str | Path, out_dir: str | Path
+) -> None:
+    """Pour and measure one cell; write OUT/CELL.csv of its pours and OUT/CELL.json of its particle.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    cell : str
+        Name of the cell.
+    berry_json : path
+        What the verb berry wrote.
+    samples_csv : path
+        The design.
+    out_dir : path
+
+    Raises
+    ------
+    InputError
+        If a file is bad, or the study has no such cell.
+    """
     from repose.particle import build
 
-    kind, particle_name, filling, own = cell_settings(config, cell)
-    section = own["berry"]
-    out = Path(out_dir)
+    kind, name, _, own = cell_settings(config, cell)
+    section, out = own["berry"], Path(out_dir)
     particle = build.run(
         berry_json,
         section["stl"],
@@ -136,214 +206,46 @@ def run_cell(config, cell, berry_json, samples_csv, out_dir):
         surface=section["surface"],
         time_step_s=own["simulation"]["time_step_s"],
     )
-    berry = json.loads(Path(berry_json).read_text())
-    study, rows = own["shape_study"], []
-    sets = parameter_sets(own, samples_csv, kind)
-    seeds = study["design_seeds" if kind == "design" else "seeds"]
-    for number, one in enumerate(sets.to_dict("records")):
-        for seed in pour_seeds(own["design"]["seed"], f"shape_{kind}", number, seeds):
-            record, _ = run_once(bench("funnel"), own, one, seed, particle, berry)
-            rows.append(
-                {"kind": kind, "particle": particle_name, "filling": filling, "set": one["set"]}
-                | {key: record[key] for key in RUN_COLUMNS if key in record}
-            )
+    berry = read_json(berry_json, ("long_mm", "major_mm", "minor_mm"), "what the verb berry wrote")
     about = {
-        "particle": particle_name,
+        "particle": name,
         "axes_mm": (1e3 * particle.axes_m).tolist(),
         "mass_g": 1e3 * particle.mass_kg,
         "volume_mm3": 1e9 * particle.volume_m3,
-        "measured_axes_mm": [berry[name] for name in ("long_mm", "major_mm", "minor_mm")],
+        "measured_axes_mm": [berry[key] for key in ("long_mm", "major_mm", "minor_mm")],
     }
-    (out / f"{cell}.json").write_text(json.dumps(about, indent=1) + "\n")
-    pd.DataFrame(rows, columns=list(RUN_COLUMNS)).to_csv(out / f"{cell}.csv", index=False)
+    write_json(out / f"{cell}.json", about)
+    table = poured(config, cell, parameter_sets(own, samples_csv, kind), particle, berry)
+    write_table(out / f"{cell}.csv", table)
 
 
-def tables(config, cell_csvs, out_dir):
-    """Write sets.csv, combinations.csv, noise.csv, particles.csv and choice.json into out_dir; return them by name.
+def run_tables(config: Config, cell_csvs: list[str | Path], out_dir: str | Path) -> dict[str, Any]:
+    """Write sets.csv, combinations.csv, noise.csv, particles.csv and choice.json; return them by name.
 
-    sets: mean and standard error of every particle, filling, definition and parameter set beside the published pile;
-    combinations: the sets of a combination taken together, the best first; noise: signal-to-noise over the design.
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    cell_csvs : list of path
+        What `run_cell` wrote, the JSON files beside them.
+    out_dir : path
+
+    Raises
+    ------
+    InputError
+        If a file is bad.
     """
-    runs = pd.concat([read_table(path, RUN_COLUMNS) for path in cell_csvs], ignore_index=True)
-    runs["set"] = runs["set"].astype(str)
-    about = pd.DataFrame([_particle_row(path, config) for path in cell_csvs]).drop_duplicates("particle")
-    noise = noise_table(runs[runs["kind"] == "design"])
-    sets = set_table(runs[runs["kind"] != "design"], published_sets(config))
-    combinations = combination_table(sets[sets["kind"] == "published"], noise, about, section_of(config))
-    eligible = combinations[combinations["eligible"]]
-    choice = None if eligible.empty else eligible.iloc[0].to_dict()
-    out = Path(out_dir)
-    out.mkdir(parents=True, exist_ok=True)
-    named = {"sets": sets, "combinations": combinations, "noise": noise, "particles": about}
-    for name, table in named.items():
-        table.to_csv(out / f"{name}.csv", index=False, float_format="%.6g")
-    text = json.dumps(choice, indent=1, default=lambda value: value.item())
-    (out / "choice.json").write_text(text + "\n")
-    return named | {"choice": choice}
-
-
-def _particle_row(cell_csv, config):
-    """Axes and mass of a cell's particle, and whether they are the measured berry's."""
-    path = Path(cell_csv).with_suffix(".json")
-    about = json.loads(path.read_text())
-    axes, measured = np.array(about["axes_mm"]), np.array(about["measured_axes_mm"])
-    mass, target = about["mass_g"], config["shape_study"]["measured_mass_g"]
-    off_axes, off_mass = float(np.abs(axes / measured - 1).max()), abs(mass / target - 1)
-    return {
-        "particle": about["particle"],
-        **{f"axis_{k + 1}_mm": value for k, value in enumerate(axes)},
-        "mass_g": mass,
-        "volume_mm3": about["volume_mm3"],
-        "largest_axis_deviation": off_axes,
-        "mass_deviation": off_mass,
-        "measured_berry": off_axes <= NEAR_AXES and off_mass <= NEAR_MASS,
-    }
-
-
-def set_table(runs, published):
-    """Mean, standard error and difference from the published pile of each cell, definition and parameter set."""
-    rows, pairs = [], published.set_index("set")
-    for (kind, particle, filling, name), group in runs.groupby(
-        ["kind", "particle", "filling", "set"], sort=False
-    ):
-        height = _mean(group["height_mm"])
-        for definition in DEFINITIONS:
-            angle = _mean(group[MEAN_KEYS[definition]])
-            rows.append(
-                {
-                    "kind": kind,
-                    "particle": particle,
-                    "filling": filling,
-                    "definition": definition,
-                    "set": name,
-                }
-                | {
-                    "aor_deg": angle[0],
-                    "aor_se_deg": angle[1],
-                    "height_mm": height[0],
-                    "height_se_mm": height[1],
-                }
-                | {
-                    "aor_difference_deg": angle[0] - pairs.at[name, PUBLISHED_PAIR[0]],
-                    "height_difference_mm": height[0] - pairs.at[name, PUBLISHED_PAIR[1]],
-                    "n_ok": int((group["status"] == "ok").sum()),
-                    "n": len(group),
-                }
-            )
-    return pd.DataFrame(rows)
-
-
-def combination_table(sets, noise, particles, target):
-    """Each combination over all published sets: mean differences with standard errors, sets within the physical
-    pile's standard deviations, and the distance sqrt(mean (dA / sd_A)^2 + (dH / sd_H)^2); eligible ones first."""
-    sd_aor, sd_height = target["physical_aor_sd_deg"], target["physical_height_sd_mm"]
-    rows = []
-    for (particle, filling, definition), group in sets.groupby(
-        ["particle", "filling", "definition"], sort=False
-    ):
-        aor, height = group["aor_difference_deg"], group["height_difference_mm"]
-        off = (aor / sd_aor) ** 2 + (height / sd_height) ** 2
-        signal, signal_se = _signal_of(noise, particle, filling, definition)
-        measured = bool(particles.set_index("particle").at[particle, "measured_berry"])
-        count = len(group)
-        rows.append(
-            {
-                "particle": particle,
-                "filling": filling,
-                "definition": definition,
-                "aor_difference_deg": aor.mean(),
-                "aor_se_deg": math.sqrt((group["aor_se_deg"] ** 2).sum()) / count,
-                "height_difference_mm": height.mean(),
-                "height_se_mm": math.sqrt((group["height_se_mm"] ** 2).sum()) / count,
-                "sets_within": int(((aor.abs() <= sd_aor) & (height.abs() <= sd_height)).sum()),
-                "sets": count,
-                "distance": math.sqrt(off.mean()),
-                "signal_to_noise": signal,
-                "signal_to_noise_se": signal_se,
-                "measured_berry": measured,
-                "eligible": bool(
-                    measured
-                    and signal + 2 * signal_se >= LEAST_SIGNAL_TO_NOISE
-                    and not math.isnan(off.mean())
-                ),
-            }
-        )
-    table = pd.DataFrame(rows)
-    return table.sort_values(["eligible", "distance"], ascending=[False, True], ignore_index=True)
-
-
-def _signal_of(noise, particle, filling, definition):
-    """Signal-to-noise ratio and its standard error; of the first filling that has one where this has none."""
-    rows = noise[(noise["particle"] == particle) & (noise["response"] == definition)]
-    own = rows[rows["filling"] == filling]
-    row = own if len(own) else rows.head(1)
-    if row.empty:
-        return math.nan, math.nan
-    return float(row["signal_to_noise"].iloc[0]), float(row["standard_error"].iloc[0])
-
-
-def noise_table(runs):
-    """Signal and noise of every particle's angle and Height over the designed parameter sets, for each filling.
-
-    noise: standard deviation from seed to seed; signal: of the true means, the spread of the sets' means less what the
-    noise adds to it; signal_to_noise with a standard error from leaving out one set at a time (jackknife).
-    """
-    columns = MEAN_KEYS | {"height": "height_mm"}
-    rows = []
-    for (particle, filling), group in runs.groupby(["particle", "filling"], sort=False):
-        for response, column in columns.items():
-            by_set = [one[column].dropna().to_numpy() for _, one in group.groupby("set")]
-            by_set = [values for values in by_set if len(values) > 1]
-            signal, noise = _signal_and_noise(by_set)
-            left_out = [_ratio(by_set[:k] + by_set[k + 1 :]) for k in range(len(by_set))]
-            spread = (len(by_set) - 1) * np.var(left_out) if by_set else math.nan
-            rows.append(
-                {
-                    "particle": particle,
-                    "filling": filling,
-                    "response": response,
-                    "signal": signal,
-                    "noise": noise,
-                    "signal_to_noise": _ratio(by_set),
-                    "standard_error": math.sqrt(spread),
-                    "sets": len(by_set),
-                }
-            )
-    return pd.DataFrame(
-        rows,
-        columns=[
-            "particle",
-            "filling",
-            "response",
-            "signal",
-            "noise",
-            "signal_to_noise",
-            "standard_error",
-            "sets",
-        ],
-    )
-
-
-def _signal_and_noise(by_set):
-    """Standard deviations of the true means and of single runs, from the runs of each set."""
-    if len(by_set) < 3:
-        return math.nan, math.nan
-    within = np.average(
-        [values.var(ddof=1) for values in by_set], weights=[len(values) - 1 for values in by_set]
-    )
-    between = np.var([values.mean() for values in by_set], ddof=1)
-    added = within * np.mean([1 / len(values) for values in by_set])
-    return math.sqrt(max(between - added, 0.0)), math.sqrt(within)
-
-
-def _ratio(by_set):
-    signal, noise = _signal_and_noise(by_set)
-    return signal / noise if noise else math.nan
-
-
-def _mean(values):
-    """Mean and standard error of what is there."""
-    values = values.dropna().astype(float)
-    if len(values) < 2:
-        return math.nan, math.nan
-    return float(values.mean()), float(values.std(ddof=1) / math.sqrt(len(values)))
+    targets = compared_targets(config)
+    columns = shape_tables.run_columns(targets)
+    runs = pd.concat([read_table(path, columns) for path in cell_csvs], ignore_index=True)
+    keys = ("particle", "axes_mm", "measured_axes_mm", "mass_g", "volume_mm3")
+    abouts = [
+        read_json(Path(path).with_suffix(".json"), keys, "a file of the verb shape_cell")
+        for path in cell_csvs
+    ]
+    mass_g = config["shape_study"]["measured_mass_g"]
+    tables, choice = shape_tables.tables_of(runs, abouts, published_sets(config), targets, mass_g)
+    for name, table in tables.items():
+        write_table(Path(out_dir) / f"{name}.csv", table, float_format="%.6g")
+    write_json(Path(out_dir) / "choice.json", choice)
+    return tables | {"choice": choice}
