@@ -3,7 +3,8 @@
 from repose.cli.options import DATASET, NETWORK, RUNS, chosen_files, file_options
 from repose.cli.registry import Family
 from repose.config import loader
-from repose.core.targets import section_of
+from repose.core.parameter_space import ParameterSpace
+from repose.core.targets import Targets
 
 POOL_FILES = {
     f"{points}_{table}": f"results/{place}{table}.csv"
@@ -30,8 +31,9 @@ def compare_search(args):
     from repose.studies.comparison import search
 
     config = loader.load(args.config)
-    parameters, target, section = config["parameters"], section_of(config), config["compare_search"]
-    table = search.run(args.network, parameters, target, section, config["miga"], args.out)
+    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
+    settings, section = config["compare_search"], config["miga"]
+    table = search.run(args.network, space, targets, settings, section, args.out)
     print(search.message(table))
 
 
@@ -48,11 +50,13 @@ def compare_whole(args):
     from repose.studies.comparison import whole
 
     config = loader.load(args.config)
-    section = config["compare_whole"]
-    section |= {"network": config["network"] | {key: section[key] for key in ("starts", "epochs")}}
-    section |= {"miga": config["miga"] | {"rounds": section["rounds"]}}
-    table = whole.run(args.dataset, args.runs, config["parameters"], section_of(config), section, args.out)
-    print(whole.message(table))
+    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
+    settings = config["compare_whole"]
+    settings |= {"network": config["network"] | {key: settings[key] for key in ("starts", "epochs")}}
+    settings |= {"miga": config["miga"] | {"rounds": settings["rounds"]}}
+    samples = whole.read_samples(args.dataset, args.runs, space, targets.names)
+    table = whole.run(samples, space, targets, settings, args.out)
+    print(whole.message(table, targets))
 
 
 @family.verb(
@@ -61,10 +65,12 @@ def compare_whole(args):
     options=file_options(POOL_FILES),
 )
 def compare_accuracy(args):
-    from repose.studies.comparison import accuracy
+    from repose.studies.comparison import accuracy, points
 
-    files = chosen_files(args, POOL_FILES)
-    print(accuracy.message(accuracy.run(files, loader.load(args.config)["network"], args.out)))
+    config = loader.load(args.config)
+    names = Targets.of(config["targets"]).names
+    sets = points.read_sets(chosen_files(args, POOL_FILES), names)
+    print(accuracy.message(accuracy.run(sets, names, config["network"], args.out)))
 
 
 @family.verb(
@@ -73,10 +79,12 @@ def compare_accuracy(args):
     options=file_options(POOL_FILES),
 )
 def compare_surrogates(args):
-    from repose.studies.comparison import surrogates
+    from repose.studies.comparison import points, surrogates
 
-    config, files = loader.load(args.config), chosen_files(args, POOL_FILES)
-    surrogates.run(files, config["network"], config["pool"]["seed"], args.out)
+    config = loader.load(args.config)
+    names = Targets.of(config["targets"]).names
+    sets = points.read_sets(chosen_files(args, POOL_FILES), names)
+    surrogates.run(sets, names, config["network"], config["pool"]["seed"], args.out)
 
 
 @family.verb(
@@ -85,11 +93,13 @@ def compare_surrogates(args):
     options=file_options(POOL_FILES),
 )
 def compare_sampling(args):
-    from repose.studies.comparison import sampling
+    from repose.studies.comparison import points, sampling
 
-    config, files = loader.load(args.config), chosen_files(args, POOL_FILES)
+    config = loader.load(args.config)
+    names, space = Targets.of(config["targets"]).names, ParameterSpace.of(config["parameters"])
+    sets = points.read_sets(chosen_files(args, POOL_FILES), names)
     seeds, seed = config["funnel"]["seeds"], config["pool"]["seed"]
-    sampling.run(files, config["parameters"], config["network"], seeds, seed, args.out)
+    sampling.run(sets, names, space, config["network"], seeds, seed, args.out)
 
 
 @family.verb(

@@ -3,8 +3,12 @@
 import numpy as np
 import pytest
 
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
 from repose.search.miga import INFEASIBLE, Objective
 from repose.studies.comparison import search
+from repose.studies.comparison.region import Region
+from repose.studies.comparison.searches import Log, Spent, logged, searches
 
 SECTION = {"islands": 2, "population": 10, "generations": 5, "rounds": 20, "tournament": 3}
 SECTION |= {"mutation_probability": 0.05, "mutation_amplitude": 0.1}
@@ -17,21 +21,21 @@ def respond(points):
 
 
 def test_log_counts_every_point_and_ends_when_they_are_used_up():
-    log = search.Log(respond, OBJECTIVE, 5)
+    log = Log(respond, OBJECTIVE, 5, 6)
     points = np.zeros((4, 6))
     points[:, 0] = [0, 0.1, 0.2, 1]
     # F = |3 x| / 2 inside the box; at x = 1 it is 1.5, outside by 1
     assert log(points) == pytest.approx([0, 0.15, 0.3, 1.5 + INFEASIBLE + 10 * 1.0])
-    with pytest.raises(search.Spent):
+    with pytest.raises(Spent):
         log(points)
     assert log.used == 5
     assert np.array_equal(log.points[4], points[0])
-    with pytest.raises(search.Spent):
+    with pytest.raises(Spent):
         log.of_one(points[0])
 
 
 def test_derivatives_are_those_of_the_responses_and_are_counted():
-    log = search.Log(respond, OBJECTIVE, 100)
+    log = Log(respond, OBJECTIVE, 100, 6)
     x = np.array([1.0, -1.0, 0.2, 0.3, 0, 0])
     known = np.array([[3, 1, 0, 0, 0, 0], [0, 0, 3, -1, 0, 0]]) / 2  # over the box's width
     assert log.jacobian(x) == pytest.approx(known, abs=1e-6)
@@ -39,11 +43,11 @@ def test_derivatives_are_those_of_the_responses_and_are_counted():
     assert (np.abs(log.points) <= 1).all()
 
 
-@pytest.mark.parametrize("name", [*search.searches(SECTION)])
+@pytest.mark.parametrize("name", [*searches(SECTION)])
 def test_every_search_uses_its_evaluations_inside_the_box_and_is_repeatable(name):
-    run, own = search.searches(SECTION)[name]
+    run, own = searches(SECTION)[name]
     assert own == (2000 if name == "miga_whole" else None)
-    first, again, other = (search.logged(run, respond, OBJECTIVE, 600, seed)[0] for seed in (1, 1, 2))
+    first, again, other = (logged(run, respond, OBJECTIVE, 600, 6, seed)[0] for seed in (1, 1, 2))
     assert first.used == 600
     assert np.abs(first.points).max() <= 1
     assert np.array_equal(first.points, again.points)
@@ -52,15 +56,15 @@ def test_every_search_uses_its_evaluations_inside_the_box_and_is_repeatable(name
 
 
 def test_least_squares_solves_a_linear_problem_at_once():
-    run, _ = search.searches(SECTION)["least_squares"]
-    log, _ = search.logged(run, respond, OBJECTIVE, 2000, 3)
+    run, _ = searches(SECTION)["least_squares"]
+    log, _ = logged(run, respond, OBJECTIVE, 2000, 6, 3)
     assert np.flatnonzero(log.fitness <= 1e-6)[0] < 100
     assert (log.fitness <= 1e-6).sum() > 20  # and again from other points
 
 
 def test_region_has_its_share_and_random_points_cover_half_of_it():
     """Feasible is |3 a + b| <= 1 and |3 c - d| <= 1: each has probability 1 / 3 (the band of slope 3)."""
-    region = search.Region(respond, OBJECTIVE, 2**14, 90, 1)
+    region = Region(respond, OBJECTIVE, 2**14, 90, 6, 1)
     assert region.share == pytest.approx((1 / 3) ** 2, abs=0.005)
     spread = region.spread(region.lists[3])
     assert spread["coverage"] == pytest.approx(0.5, abs=0.06)
@@ -71,16 +75,27 @@ def test_region_has_its_share_and_random_points_cover_half_of_it():
     assert bunched["pairwise_distance"] == pytest.approx(0.0332, rel=0.15)  # sqrt(2) times the mean of chi_6
     assert bunched["volume"] < 1e-6
     with pytest.raises(ValueError, match="0 of 1024 points are feasible"):
-        search.Region(lambda x: respond(x) + 99, OBJECTIVE, 1024, 90, 1)
+        Region(lambda x: respond(x) + 99, OBJECTIVE, 1024, 90, 6, 1)
 
 
 def test_evaluations_are_counted_to_the_first_that_meets_it():
-    log = search.Log(respond, OBJECTIVE, 3)
+    log = Log(respond, OBJECTIVE, 3, 6)
     log(np.array([[1.0, 0, 0, 0, 0, 0], [0.2, 0, 0, 0, 0, 0], [0.001, 0, 0, 0, 0, 0]]))
-    region = search.Region(respond, OBJECTIVE, 2**13, 90, 1)
+    region = Region(respond, OBJECTIVE, 2**13, 90, 6, 1)
     row, best = search.judged(log, region, 0.01, 90, 0.02, 1)
     assert (row["evaluations_to_feasible"], row["evaluations_to_tolerance"], row["listed"]) == (2, 3, 2)
     assert best[0] == 0.001
     assert search.curve(log.fitness, np.array([1, 2, 3])) == pytest.approx([13.5, 0.3, 0.0015])
     assert search.checkpoints(1000).tolist()[0] == 10
     assert search.checkpoints(1000).tolist()[-1] == 1000
+
+
+def test_a_fixed_parameter_stays_where_it_is():
+    given = dict.fromkeys(PARAMETERS, (0.0, 2.0)) | {"mus_gg": {"fixed": 0.3}}
+
+    class Model:
+        def response_function(self, low, high):
+            return lambda points: (low + high) / 2 + points * (high - low) / 2
+
+    respond = search.respond_in(ParameterSpace.of(given), Model())
+    assert respond(np.array([[-1.0, 0, 0, 0, 1]])).tolist() == [[0, 0.3, 1, 1, 1, 2]]

@@ -4,6 +4,7 @@ import pandas as pd
 import pytest
 
 from repose.core.errors import InputError
+from repose.core.responses import derived
 from repose.studies.comparison import summary
 
 SIZES = {"points": 30, "seeds": 4, "simulations": 120, "response": "aor_deg", "repetitions": 10}
@@ -24,7 +25,8 @@ def files(tmp_path):
         | WHOLE,
     }
     for name, row in tables.items():
-        pd.DataFrame([row]).to_csv(tmp_path / f"{name}.csv", index=False)
+        rows = [row | {"response": "height_mm"}, row] if name == "sampling" else [row]
+        pd.DataFrame(rows).to_csv(tmp_path / f"{name}.csv", index=False)
     return {name: tmp_path / f"{name}.csv" for name in tables}
 
 
@@ -32,7 +34,7 @@ def test_every_comparison_is_in_the_table(files, tmp_path):
     summary.run(files, tmp_path / "out")
     table = pd.read_csv(tmp_path / "out" / "comparison.csv")
     assert tuple(table.columns) == summary.COLUMNS
-    assert table["part"].value_counts().to_dict() == {"designs": 2, "surrogate": 2, "search": 4, "whole": 2}
+    assert table["part"].value_counts().to_dict() == {"designs": 4, "surrogate": 2, "search": 4, "whole": 2}
     row = table[(table["part"] == "surrogate") & (table["measure"] == "rmse")].iloc[0]
     assert (row["choice"], row["data"], row["simulations"]) == ("network, pool", "real", 120)
     assert (row["value"], row["standard_error"], row["repetitions"]) == (0.5, 0.02, 10)
@@ -53,3 +55,16 @@ def test_a_table_without_its_column_is_named(files, tmp_path):
     with pytest.raises(InputError, match=r"whole\.csv: aor_off_deg_se"):
         summary.run(files, tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("names", [["slip_deg"], ["a_mm", "b_mm", "c_s", "d_percent"]])
+def test_any_number_of_responses_of_any_names(files, tmp_path, names):
+    for table in ("sampling", "surrogates"):
+        one = pd.read_csv(files[table])
+        pd.concat([one.assign(response=name) for name in names]).to_csv(files[table], index=False)
+    row = pd.read_csv(files["whole"]).drop(columns=list(WHOLE))
+    off = {derived(name, "off"): 0.1 * k for k, name in enumerate(names)}
+    row.assign(**off, **{f"{key}_se": 0.01 for key in off}).to_csv(files["whole"], index=False)
+    table = summary.run(files, tmp_path)
+    found = table[table["part"] == "whole"].set_index("response")["value"]
+    assert found.to_dict() == {name: 0.1 * k for k, name in enumerate(names)}

@@ -4,14 +4,18 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import repose.apparatus  # noqa: F401  (makes the responses known)
 from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
+from repose.core.targets import Targets
 from repose.search.miga import Objective
-from repose.studies.comparison import whole
+from repose.studies.comparison import proposals, whole
 from repose.surrogate.support import quadratic_terms
 
-RANGES = {name: (k, k + 2.0) for k, name in enumerate(PARAMETERS)}
+SPACE = ParameterSpace.of({name: (k, k + 2.0) for k, name in enumerate(PARAMETERS)})
 LOW = np.arange(6.0)
+NAMES = ("aor_deg", "height_mm")
 OBJECTIVE = Objective(np.array([28.0, 55.0]), np.array([32.0, 65.0]))
 
 
@@ -40,59 +44,84 @@ def files(tmp_path_factory):
     return folder
 
 
-def test_study_joins_datasets_and_knows_the_scatter_of_a_pour(files):
-    study = whole.Study([files / "dataset.csv"] * 2, [files / "runs.csv"] * 2, RANGES)
-    assert len(study) == 120
-    assert study.seeds == 4
-    assert study.covariance == pytest.approx(np.array([[0.25, 0.4], [0.4, 1.0]]), rel=0.2)
-    assert study.errors[0] == pytest.approx(np.sqrt(np.diag(study.covariance) / 4))
+def one_study(files):
+    return whole.read_samples([files / "dataset.csv"], [files / "runs.csv"], SPACE, NAMES)
+
+
+def test_samples_join_datasets_and_know_the_scatter_of_a_pour(files):
+    samples = whole.read_samples([files / "dataset.csv"] * 2, [files / "runs.csv"] * 2, SPACE, NAMES)
+    assert len(samples.points.X) == 120
+    assert samples.seeds == 4
+    assert samples.covariance == pytest.approx(np.array([[0.25, 0.4], [0.4, 1.0]]), rel=0.2)
+    assert samples.errors[0] == pytest.approx(np.sqrt(np.diag(samples.covariance) / 4))
+    assert samples.points.X.max() <= 1
     with pytest.raises(InputError, match="as many files as datasets, 2"):
-        whole.Study([files / "dataset.csv"] * 2, [files / "runs.csv"], RANGES)
+        whole.read_samples([files / "dataset.csv"] * 2, [files / "runs.csv"], SPACE, NAMES)
+
+
+def test_a_usable_sample_without_runs_is_named(files, tmp_path):
+    runs = pd.read_csv(files / "runs.csv")
+    runs[runs["sample"] != 7].to_csv(tmp_path / "runs.csv", index=False)
+    with pytest.raises(InputError, match="sample is 7; allowed: runs of each usable sample"):
+        whole.read_samples([files / "dataset.csv"], [tmp_path / "runs.csv"], SPACE, NAMES)
 
 
 def test_truth_is_what_the_samples_came_from(files):
-    study = whole.Study([files / "dataset.csv"], [files / "runs.csv"], RANGES)
-    truth = whole.Truth(study, 1)
+    samples = one_study(files)
+    truth = whole.truth_of(samples, 1)
     unit = np.random.default_rng(9).uniform(size=(200, 6))
-    off = np.sqrt(((truth(unit) - responses(unit)) ** 2).mean(axis=0))
+    off = np.sqrt(((truth.mean(unit) - responses(unit)) ** 2).mean(axis=0))
     assert (off < [0.4, 0.8]).all()  # of deviations of 4 and 9 over the design
-    assert all(values["r2_noise_corrected"] > 0.95 for values in truth.cross_validated.values())
-    places, runs = whole.emulated(study, truth, 300, np.random.default_rng(1))
-    scatter = np.concatenate(runs) - np.repeat(truth(places), 4, axis=0)
-    assert np.cov(scatter.T) == pytest.approx(study.covariance, rel=0.2)
+    assert (truth.explainable > 0.95).all()
+    data = whole.emulated(samples, truth, 300, np.random.default_rng(1))
+    scatter = (data.values - truth.mean(data.X)[:, None]).reshape(-1, 2)
+    assert np.cov(scatter.T) == pytest.approx(samples.covariance, rel=0.2)
 
 
 def test_surfaces_are_exact_on_their_own_kind_and_local_search_inverts_them():
     unit = np.random.default_rng(2).uniform(size=(60, 6))
-    quadratic = whole.surface(unit, responses(unit), quadratic_terms)
+    quadratic = proposals.surface(unit, responses(unit), quadratic_terms)
     fresh = np.random.default_rng(3).uniform(size=(20, 6))
     assert quadratic(fresh) == pytest.approx(responses(fresh), abs=0.02)
-    plane = whole.plane(unit, responses(unit)[:, 1:])
+    plane = proposals.plane(unit, responses(unit)[:, 1:])
     assert plane(fresh) == pytest.approx(responses(fresh)[:, 1:], abs=1e-9)
     goal = Objective(np.array([32.0, 60.0]), np.array([36.0, 70.0]))
-    place, evaluations = whole.local_search(responses, goal, 3, np.random.default_rng(1))
+    place, evaluations = proposals.local_search(responses, goal, 6, 3, np.random.default_rng(1))
     assert responses(place[None])[0] == pytest.approx([34, 65], abs=1e-3)
     assert 10 < evaluations < 1000
-    nearest, _ = whole.local_search(responses, OBJECTIVE, 3, np.random.default_rng(1))
+    nearest, _ = proposals.local_search(responses, OBJECTIVE, 6, 3, np.random.default_rng(1))
     assert nearest == pytest.approx(np.full(6, 0.5), abs=1e-6)  # the centre meets its target and is kept
 
 
-def test_small_study_judges_every_method_by_the_truth(files, tmp_path):
+def target(name, value, half):
+    return {
+        "response": name,
+        "value": value,
+        "sd": 1.0,
+        "repetitions": 4,
+        "range": [value - half, value + half],
+    }
+
+
+def small(samples, repetitions=2):
     network = {"hidden": 3, "epochs": 60, "goal": 0.0, "starts": 2, "seed": 1, "prior": "inputs"}
     network |= {"split": [0.7, 0.15, 0.15], "weights_from_errors": False, "correlated_noise": True}
     search = {"islands": 2, "population": 20, "rounds": 5, "generations": 10, "tournament": 3}
     search |= {"mutation_probability": 0.05, "mutation_amplitude": 0.1, "solutions": 10, "distance": 0.02}
-    target = {"aor_deg": 31.0, "height_mm": 62.0, "aor_range_deg": [29, 33], "height_range_mm": [57, 67]}
-    settings = {"samples": [40, 60], "repetitions": 2, "local_starts": 2, "seed": 1}
-    settings |= {"network": network, "miga": search | {"seed": 1}}
-    table = whole.run([files / "dataset.csv"], [files / "runs.csv"], RANGES, target, settings, tmp_path)
+    settings = {"samples": samples, "repetitions": repetitions, "local_starts": 2, "seed": 1}
+    return settings | {"network": network, "miga": search | {"seed": 1}}
+
+
+def test_small_study_judges_every_method_by_the_truth(files, tmp_path):
+    targets = Targets.of([target("aor_deg", 31.0, 2.0), target("height_mm", 62.0, 5.0)])
+    table = whole.run(one_study(files), SPACE, targets, small([40, 60]), tmp_path)
     # all 60 samples are no random subset
     assert set(zip(table["data"], table["samples"], strict=True)) == {
         ("real", 40),
         ("emulated", 40),
         ("emulated", 60),
     }
-    assert set(table["method"]) == set(whole.METHODS)
+    assert set(table["method"]) == set(proposals.METHODS)
     proposed = pd.read_csv(tmp_path / "whole_proposals.csv")
     at = (proposed[list(PARAMETERS)].to_numpy() - LOW) / 2
     assert proposed[["aor_deg", "height_mm"]].to_numpy() == pytest.approx(responses(at), abs=2.5)
@@ -100,4 +129,4 @@ def test_small_study_judges_every_method_by_the_truth(files, tmp_path):
     assert (quadratic["aor_off_deg"] < 0.6).all()
     assert (table.loc[table["method"] == "best_sample", "evaluations"] == 0).all()
     assert (table["simulations"] == 4 * table["samples"]).all()
-    assert "quadratic" in whole.message(table)
+    assert "quadratic" in whole.message(table, targets)

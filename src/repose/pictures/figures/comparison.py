@@ -1,6 +1,10 @@
 """Parts of the method beside their alternatives."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
+from matplotlib.figure import Figure
 
 from repose.core.files import read_table
 
@@ -19,93 +23,105 @@ MARKERS = "osD^vP*X"
 LEAST_MISSED = 0.003  # of the explainable variance; an unbiased share may exceed one
 
 
-def accuracy(inputs, config):
-    """R2 at the fresh points and its explainable share over the simulations trained on, one column a response."""
-    columns = (
-        "training",
-        "simulations",
-        "seeds",
-        "response",
-        "r2",
-        "r2_bar",
-        "explainable",
-        "explainable_bar",
-    )
+def accuracy(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
+    """R2 at the fresh points and its explainable share over the simulations trained on, a column for each response.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Path of ``accuracy``, table of the verb compare_accuracy.
+    config : mapping
+        The whole configuration.
+    """
+    keys = ("r2", "r2_low", "r2_high", "r2_bar", "explainable", "explainable_low", "explainable_high")
+    columns = ("training", "simulations", "seeds", "response", "reachable_r2", *keys, "explainable_bar")
     table = read_table(inputs["accuracy"], columns)
+    responses = style.targets_of(config).responses
     figure = style.new_figure(style.PAGE, 4.4)
-    panels = figure.subplots(2, 2, sharex=True, sharey="row")
-    sources = list(dict.fromkeys(table["training"]))
-    for column, (response, label, _) in enumerate(style.RESPONSES):
-        rows = table[table["response"] == response]
-        for panel, key, words in zip(
-            panels[:, column], ("r2", "explainable"), ("R²", "share of the explainable"), strict=True
-        ):
-            for k, source in enumerate(sources):
-                of = rows[rows["training"] == source]
-                bars = np.abs(of[[f"{key}_low", f"{key}_high"]].to_numpy().T - of[key].to_numpy())
-                place = of["simulations"] * 1.04 ** (k - len(sources) / 2)  # so that no bar hides another
-                look = {"color": COLOURS[k], "marker": MARKERS[k], "ms": 4, "ls": "none", "lw": 0.8}
-                panel.errorbar(place, of[key], yerr=bars, label=source, **look)
-            panel.axhline(rows[f"{key}_bar"].iloc[0], color=style.BLACK, ls="--", lw=0.8)
-            panel.set(xscale="log", ylabel=words if column == 0 else None)
-            panel.set_ylim(_limits(table[key]))
+    panels = figure.subplots(2, len(responses), sharex=True, sharey="row", squeeze=False)
+    for column, response in zip(panels.T, responses, strict=True):
+        rows = table[table["response"] == response.name]
+        for panel, key in zip(column, ("r2", "explainable"), strict=True):
+            _with_intervals(panel, rows, key)
+            panel.set(ylim=_limits(table[key]))
             _plain_ticks(panel, table["simulations"])
-        panels[0, column].set_title(label)
-        panels[0, column].plot(
-            rows["simulations"], rows["reachable_r2"], "_", color=style.GREY, label="reachable"
-        )
-        panels[1, column].set_xlabel("simulations trained on")
+        column[0].set_title(response.symbol)
+        column[0].plot(rows["simulations"], rows["reachable_r2"], "_", color=style.GREY, label="reachable")
+        column[1].set_xlabel("simulations trained on")
+    for panel, words in zip(panels[:, 0], ("R²", "share of the explainable"), strict=True):
+        panel.set_ylabel(words)
     _legend_below(figure, panels[0, 0])
     return figure
 
 
-def surrogates(inputs, config):
-    """Explainable variance that is missed over the simulations, one line a model; the main design's as open marks."""
+def _with_intervals(panel, rows, key):
+    """A mark for each training set with its interval, and the bar that a surrogate should reach."""
+    sources = list(dict.fromkeys(rows["training"]))
+    for k, source in enumerate(sources):
+        of = rows[rows["training"] == source]
+        bars = np.abs(of[[f"{key}_low", f"{key}_high"]].to_numpy().T - of[key].to_numpy())
+        place = of["simulations"] * 1.04 ** (k - len(sources) / 2)  # so that no bar hides another
+        look = {"color": COLOURS[k], "marker": MARKERS[k], "ms": 4, "ls": "none", "lw": 0.8}
+        panel.errorbar(place, of[key], yerr=bars, label=source, **look)
+    panel.axhline(rows[f"{key}_bar"].iloc[0], color=style.BLACK, ls="--", lw=0.8)
+    panel.set_xscale("log")
+
+
+def surrogates(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
+    """Explainable variance that is missed over the simulations, one line a model; the main design's as open marks.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Path of ``surrogates``, table of the verb compare_surrogates.
+    config : mapping
+        The whole configuration.
+    """
     table = read_table(
         inputs["surrogates"],
         ("model", "training", "simulations", "response", "explainable", "explainable_se"),
     )
+    responses = style.targets_of(config).responses
     figure = style.new_figure(style.PAGE, 3.5)
-    panels = figure.subplots(1, 2, sharey=True)
-    for panel, (response, label, _) in zip(panels, style.RESPONSES, strict=True):
+    panels = figure.subplots(1, len(responses), sharey=True, squeeze=False)[0]
+    for panel, response in zip(panels, responses, strict=True):
         for k, model in enumerate(dict.fromkeys(table["model"])):
-            rows = table[(table["model"] == model) & (table["response"] == response)]
+            rows = table[(table["model"] == model) & (table["response"] == response.name)]
             drawn = rows[rows["training"] == "pool"].sort_values("simulations")
             look = {"color": COLOURS[k], "marker": MARKERS[k], "ms": 4}
             _missed(panel, drawn["simulations"], drawn, label=model, **look)
             main = rows[rows["training"] != "pool"]
             _missed(panel, main["simulations"] * 1.1, main, mfc="none", **look | {"ls": "none"})
-        panel.set(title=label, xscale="log", xlabel="simulations")
+        panel.set(title=response.symbol, xscale="log", xlabel="simulations")
         _plain_ticks(panel, table.loc[table["training"] == "pool", "simulations"])
     _missed_axes(panels)
     _legend_below(figure, panels[0])
     return figure
 
 
-def sampling(inputs, config):
-    """Explainable variance that the network misses by design and size, all fits by seeds a point; real ones open."""
-    columns = (
-        "comparison",
-        "design",
-        "data",
-        "fit",
-        "points",
-        "seeds",
-        "response",
-        "explainable",
-        "explainable_se",
-    )
-    table = read_table(inputs["sampling"], columns)
+def sampling(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
+    """Explainable variance that the network misses by design and size, all fits by seeds per point; real ones open.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Path of ``sampling``, table of the verb compare_sampling.
+    config : mapping
+        The whole configuration.
+    """
+    keys = ("comparison", "design", "data", "fit", "points", "seeds", "response")
+    table = read_table(inputs["sampling"], (*keys, "explainable", "explainable_se"))
     designs = table[(table["comparison"] == "designs") & (table["fit"] == "network")]
     trades = table[table["comparison"] == "points against seeds"]
+    responses = style.targets_of(config).responses
     figure = style.new_figure(style.PAGE, 5.8)
     halves = figure.subfigures(2, 1)
-    panels = np.array([half.subplots(1, 2, sharey=True) for half in halves])
-    for column, (response, label, _) in enumerate(style.RESPONSES):
-        _lines(panels[0, column], designs[designs["response"] == response], "design", "points")
-        _lines(panels[1, column], trades[trades["response"] == response], "fit", "seeds")
-        panels[0, column].set(title=label)
-        panels[1, column].set(xlabel="seeds a point, simulations alike")
+    panels = np.array([half.subplots(1, len(responses), sharey=True, squeeze=False)[0] for half in halves])
+    for column, response in zip(panels.T, responses, strict=True):
+        _lines(column[0], designs[designs["response"] == response.name], "design", "points")
+        _lines(column[1], trades[trades["response"] == response.name], "fit", "seeds")
+        column[0].set(title=response.symbol)
+        column[1].set(xlabel="seeds per point, simulations alike")
     for half, row in zip(halves, panels, strict=True):
         _missed_axes(row)
         _legend_below(half, row[0])

@@ -1,40 +1,56 @@
 """Accuracy of the network at points that no fit has seen, over what it was trained on."""
 
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from repose.chain.train import split
-from repose.studies.comparison import models, points, scores
-from repose.surrogate.bayesian_bp import RESPONSES
+from repose.core.files import write_table
+from repose.studies.comparison import models, scores
+from repose.studies.comparison.points import Points, joined
 
 BARS = {"r2": 0.94, "explainable": 0.95}  # a network below them is no surrogate to search on
 SHARES = (0.25, 0.5, 1.0)  # of the pool's points
 
 
-def run(files, settings, out_dir):
-    """Write accuracy.csv, one row for each training set and response; return the table.
+def table_of(sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any]) -> pd.DataFrame:
+    """Accuracy of the network, one row for each training set and response.
 
-    files: mapping with main_dataset, main_runs, pool_dataset, pool_runs, fresh_dataset, fresh_runs; settings:
-    the configuration's section `network`. Raises InputError for a file without its columns.
+    Parameters
+    ----------
+    sets : sequence of Points
+        The main design, the pool and the fresh points, as `points.read_sets` gives them.
+    names : sequence of str, (k,)
+        Responses.
+    settings : mapping
+        The configuration's section `network`.
     """
-    import pandas as pd
-
-    main, pool, fresh = points.read_sets(files)
+    main, pool, fresh = sets
     rows = []
     for name, training in training_sets(main, pool, settings):
         predict = models.configured_network(training, settings, settings["seed"])
-        rows.extend(_rows(name, training, fresh, predict(fresh.X)))
-    table = pd.DataFrame(rows)
-    out = Path(out_dir)
-    out.mkdir(parents=True, exist_ok=True)
-    table.to_csv(out / "accuracy.csv", index=False, float_format="%.6g")
+        rows.extend(_rows(name, names, training, fresh, predict(fresh.X)))
+    return pd.DataFrame(rows)
+
+
+def run(
+    sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any], out_dir: str | Path
+) -> pd.DataFrame:
+    """Write accuracy.csv; return the table. Parameters are those of `table_of`."""
+    table = table_of(sets, names, settings)
+    write_table(Path(out_dir) / "accuracy.csv", table, float_format="%.6g")
     return table
 
 
-def training_sets(main, pool, settings):
-    """Pairs (source, points): the main design as the chain splits it, all of it with fewer and with all runs, the
-    pool's leading points with fewer and with all runs."""
+def training_sets(main: Points, pool: Points, settings: Mapping[str, Any]) -> Iterator[tuple[str, Points]]:
+    """Pairs (source, points) of what the network is trained on.
+
+    They are the main design as the chain splits it, all of it with fewer and with all runs, the pool's leading points
+    with fewer and with all runs, and both together.
+    """
     train = split(len(main.X), settings["split"], settings["seed"])["train"]
     yield "main design, training samples", main.take(train)
     for seeds in _doublings(main.values.shape[1]):
@@ -44,15 +60,11 @@ def training_sets(main, pool, settings):
         for seeds in _doublings(pool.values.shape[1]):
             yield "pool", pool.take(rows, seeds)
     both = min(main.values.shape[1], pool.values.shape[1])
-    together = [
-        np.concatenate([one, other])
-        for one, other in zip(main.take(slice(None), both), pool.take(slice(None), both), strict=True)
-    ]
-    yield "main design and pool", points.Points(*together)
+    yield "main design and pool", joined([main.take(slice(None), both), pool.take(slice(None), both)])
 
 
-def message(table):
-    """How the largest and the main training set fare, in words."""
+def message(table: pd.DataFrame) -> str:
+    """Accuracy after each training set in words, one line a response."""
     lines = []
     for row in table.itertuples():
         lines.append(
@@ -63,11 +75,11 @@ def message(table):
     return "\n".join(lines)
 
 
-def _rows(name, training, fresh, predicted):
-    """Rows of the table for one training set, one a response."""
+def _rows(name, names, training, fresh, predicted):
+    """Rows of the table for one training set, one for each response."""
     means, errors, (mean, std) = fresh.means(), fresh.known_errors(), predicted
     seeds = training.values.shape[1]
-    for k, response in enumerate(RESPONSES):
+    for k, response in enumerate(names):
         y, se, p = means[:, k], errors[:, k], mean[:, k]
         row = {
             "training": name,

@@ -1,87 +1,231 @@
-"""A stand-in for the simulator: mean responses and their noise, fitted to all poured points.
+"""A stand-in for the simulator: mean responses and the noise of a run, fitted to points that were simulated.
 
-Ten repetitions of every design cannot be poured. The emulator's mean is then the truth by definition, and its
-noise is the measured one: correlated between the two responses of a pile, and of another size at other parameters.
+Ten repetitions of every design cannot be poured. The emulator's mean is the truth by definition, and its noise is the
+measured one. Mean and noise are chosen by the user of the emulator:
+
+  mean    the better surrogate of two by cross-validation (`chosen_by_cross_validation`); or a Gaussian
+          process with a kernel of one's own, on means with known errors (`with_process`)
+  noise   of one covariance everywhere (`EvenNoise`), or of another size at other parameters (`ScalingNoise`)
 """
 
 import math
 import warnings
-from typing import NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from repose.chain.train import r2_noise_corrected
-from repose.studies.comparison import points as poured
 from repose.studies.comparison.models import configured_network, gaussian_process
+from repose.studies.comparison.points import Points
 
 CANDIDATES = {"network": configured_network, "Gaussian process": gaussian_process}
 FOLDS = 5
+MOST_FOR_SCALES = 600  # points that the lengths of a kernel are fitted to
+
+Predict = Callable[[np.ndarray], np.ndarray]
 
 
-class Emulator(NamedTuple):
-    """mean: function of X (n, 6) to (n, 2); log_variance (7, 2): of a run's responses, linear in x; correlation of
-    the two within points; low, width (6,): of the box that x is scaled by; name and cross-validated explainable share
-    (2,) of what the mean is."""
+class Noise(Protocol):
+    """The deviations of single runs from the mean."""
 
-    mean: object
+    def draw(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> np.ndarray:
+        """Deviations (n, seeds, k) at points X (n, d)."""
+
+
+class EvenNoise(NamedTuple):
+    """Normal noise of one covariance (k, k) everywhere."""
+
+    covariance: np.ndarray
+
+    def draw(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> np.ndarray:
+        zeros = np.zeros(len(self.covariance))
+        return rng.multivariate_normal(zeros, self.covariance, size=(len(X), seeds))
+
+
+class ScalingNoise(NamedTuple):
+    """Normal noise of one correlation everywhere, and of another size at other parameters.
+
+    Attributes
+    ----------
+    log_variance : numpy.ndarray, (1 + d, k)
+        Logarithm of a run's variance, linear in x: constant and slopes.
+    correlation : numpy.ndarray, (k, k)
+        Of the responses of a run.
+    low, width : numpy.ndarray, (d,)
+        Of the box that x is scaled by.
+    """
+
     log_variance: np.ndarray
-    correlation: float
+    correlation: np.ndarray
     low: np.ndarray
     width: np.ndarray
-    name: str
-    explainable: np.ndarray
 
-    def noise_std(self, X):
-        """Standard deviations (n, 2) of a single run's responses at X (n, 6)."""
+    def std(self, X: np.ndarray) -> np.ndarray:
+        """Standard deviations (n, k) of a single run's responses at X (n, d)."""
         x = np.column_stack([np.ones(len(X)), (X - self.low) / self.width])
         return np.exp(0.5 * x @ self.log_variance)
 
-    def pour(self, X, seeds, rng):
-        """Points at X (n, 6) with this many emulated runs each."""
-        normal = rng.standard_normal((len(X), seeds, 2))
-        normal[:, :, 1] = (
-            self.correlation * normal[:, :, 0] + math.sqrt(1 - self.correlation**2) * normal[:, :, 1]
-        )
-        return poured.Points(X, self.mean(X)[:, None] + self.noise_std(X)[:, None] * normal)
+    def draw(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> np.ndarray:
+        root = np.linalg.cholesky(self.correlation)
+        normal = rng.standard_normal((len(X), seeds, len(root)))
+        mixed = np.empty_like(normal)
+        for j, row in enumerate(root):
+            mixed[:, :, j] = sum(row[i] * normal[:, :, i] for i in range(j + 1))
+        return self.std(X)[:, None] * mixed
 
 
-def fit(points, settings, seed):
-    """The emulator of some points: the better candidate by cross-validation, and the noise.
+class Emulator(NamedTuple):
+    """The stand-in.
 
-    settings: the configuration's section `network`. Raises ValueError where no point has two runs.
+    Attributes
+    ----------
+    mean : callable
+        Points (n, d) to responses (n, k).
+    noise : Noise
+    name : str
+        What the mean is.
+    explainable : numpy.ndarray, (k,)
+        Cross-validated share of the explainable variance.
+    """
+
+    mean: Predict
+    noise: Noise
+    name: str
+    explainable: np.ndarray
+
+    def pour(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> Points:
+        """Points at X (n, d) with this many emulated runs each."""
+        return Points(X, self.mean(X)[:, None] + self.noise.draw(X, seeds, rng))
+
+
+def chosen_by_cross_validation(points: Points, settings: Mapping[str, Any], seed: int) -> Emulator:
+    """The emulator of some points: the better of `CANDIDATES`, with noise that scales.
+
+    Parameters
+    ----------
+    points : Points
+    settings : mapping
+        The configuration's section `network`.
+    seed : int
+        Of the folds and of the network.
+
+    Raises
+    ------
+    ValueError
+        If the runs do not determine the covariance of the noise.
     """
     covariance = points.covariance()
     if covariance is None:
-        raise ValueError("no point has two runs; allowed: some, for the noise")
-    shares = {name: cross_validated(points, model, settings, seed) for name, model in CANDIDATES.items()}
-    name = max(shares, key=lambda key: shares[key].mean())
-    predict = CANDIDATES[name](points, settings, seed)
-    low = points.X.min(axis=0)
-    width = points.X.max(axis=0) - low
-    return Emulator(
-        lambda X: predict(X)[0],
-        _log_variance((points.X - low) / width, points),
-        float(covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])),
-        low,
-        width,
-        name,
-        shares[name],
-    )
-
-
-def cross_validated(points, model, settings, seed):
-    """Explainable share (2,) of a model's predictions for points left out of its fit, in FOLDS parts."""
+        raise ValueError("too few points have two runs or more; allowed: some, for the noise")
     parts = np.array_split(np.random.default_rng(seed).permutation(len(points.X)), FOLDS)
-    predicted = np.empty((len(points.X), 2))
+    shares = {}
+    for name, model in CANDIDATES.items():
+        predicted = left_out(points, lambda rest, model=model: _mean_of(model(rest, settings, seed)), parts)
+        shares[name] = explainable(points.means(), predicted, points.known_errors())
+    name = max(shares, key=lambda key: shares[key].mean())
+    mean = _mean_of(CANDIDATES[name](points, settings, seed))
+    return Emulator(mean, scaling_noise(points, covariance), name, shares[name])
+
+
+def with_process(
+    points: Points,
+    errors: np.ndarray,
+    covariance: np.ndarray,
+    kernel: Callable[[int], Any],
+    seed: int,
+) -> Emulator:
+    """The emulator of some points: a Gaussian process for each response on means with known errors, even noise.
+
+    Parameters
+    ----------
+    points : Points
+        X (n, d) in the unit cube.
+    errors : numpy.ndarray, (n, k)
+        Standard errors of the means.
+    covariance : numpy.ndarray, (k, k)
+        Of a single run.
+    kernel : callable
+        The number of inputs to a kernel of scikit-learn with the values that the fit begins with.
+    seed : int
+        Of the points that the kernel is fitted to, and of the folds.
+
+    Notes
+    -----
+    The kernel of each response is fitted to at most `MOST_FOR_SCALES` points, and held in the cross-validation.
+    """
+    rows = np.random.default_rng(seed).permutation(len(points.X))
+    means, scaled, parts = (
+        points.means(),
+        rows[:MOST_FOR_SCALES],
+        [rows[fold::FOLDS] for fold in range(FOLDS)],
+    )
+    processes, shares = [], []
+    for k in range(points.responses):
+        x, y, error = points.X, means[:, k], errors[:, k]
+        first = kernel(x.shape[1])
+        fitted = _process(x[scaled], y[scaled], error[scaled], first, fit=True).kernel_
+        processes.append(_process(x, y, error, fitted, fit=False))
+        predicted = np.empty(len(y))
+        for part in parts:
+            rest = np.setdiff1d(rows, part)
+            predicted[part] = _process(x[rest], y[rest], error[rest], fitted, fit=False).predict(x[part])
+        shares.append(r2_noise_corrected(y, predicted, error))
+
+    def mean(X):
+        return np.column_stack([process.predict(np.atleast_2d(X)) for process in processes])
+
+    return Emulator(mean, EvenNoise(covariance), "Gaussian process", np.array(shares, float))
+
+
+def left_out(points: Points, fit: Callable[[Points], Predict], parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Predictions (n, k) for the points of each part by a fit to all the others."""
+    predicted = np.empty((len(points.X), points.responses))
     for part in parts:
         rest = np.setdiff1d(np.arange(len(points.X)), part)
-        predicted[part] = model(points.take(rest), settings, seed)(points.X[part])[0]
-    means, errors = points.means(), points.known_errors()
-    return np.array([r2_noise_corrected(means[:, k], predicted[:, k], errors[:, k]) for k in range(2)], float)
+        predicted[part] = fit(points.take(rest))(points.X[part])
+    return predicted
+
+
+def explainable(means: np.ndarray, predicted: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """Share (k,) of the explainable variance that predictions (n, k) have."""
+    columns = zip(means.T, predicted.T, errors.T, strict=True)
+    return np.array([r2_noise_corrected(*column) for column in columns], float)
+
+
+def scaling_noise(points: Points, covariance: np.ndarray) -> ScalingNoise:
+    """The noise of points of which some have several runs; covariance (k, k): of a single run, over all points."""
+    low = points.X.min(axis=0)
+    width = points.X.max(axis=0) - low
+    width = np.where(width > 0, width, 1.0)  # a parameter that is fixed
+    std = np.sqrt(np.outer(np.diagonal(covariance), np.diagonal(covariance)))
+    return ScalingNoise(_log_variance((points.X - low) / width, points), covariance / std, low, width)
+
+
+def _mean_of(predict):
+    """The mean alone of a prediction of mean and standard deviation."""
+    return lambda X: predict(X)[0]
+
+
+def _process(x, y, error, kernel, fit):
+    """A process on inputs in the unit cube; its kernel is fitted or held."""
+    from sklearn.exceptions import ConvergenceWarning
+    from sklearn.gaussian_process import GaussianProcessRegressor
+
+    model = GaussianProcessRegressor(
+        kernel,
+        alpha=(error / y.std()) ** 2,
+        normalize_y=True,
+        optimizer="fmin_l_bfgs_b" if fit else None,
+    )
+    with warnings.catch_warnings():
+        # a length at its upper bound is a parameter without effect, which is no fault
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        return model.fit(x, y)
 
 
 def _log_variance(x, points):
-    """Coefficients (7, 2) of the log of a run's variance, by gamma regression on each point's own variance.
+    """Coefficients (1 + d, k) of the log of a run's variance, by gamma regression on each point's own variance.
 
     A variance out of n runs is gamma distributed about the true one with n - 1 degrees of freedom, so a regression
     with log link is unbiased, whereas logarithms of variances are not.
@@ -92,7 +236,7 @@ def _log_variance(x, points):
     several = points.counts() > 1
     freedom = points.counts()[several] - 1
     coefficients = []
-    for k in range(2):
+    for k in range(points.responses):
         variance = np.nanvar(points.values[several, :, k], axis=1, ddof=1)
         scale = np.average(variance, weights=freedom)
         with warnings.catch_warnings():

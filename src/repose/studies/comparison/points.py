@@ -1,5 +1,7 @@
-"""Poured points as arrays: parameters, and the responses of every run."""
+"""Simulated points as arrays: parameters, and the responses of every run."""
 
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -8,87 +10,132 @@ from repose.core.errors import InputError
 from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS
 from repose.core.variance import within_covariance
-from repose.surrogate.bayesian_bp import RESPONSES
+
+SETS = ("main", "pool", "fresh")
 
 
 class Points(NamedTuple):
     """Points of a design with their runs.
 
-    X (points, 6): parameters; values (points, seeds, 2): angle in deg and Height in mm of each run, NaN where a
-    run gave no pile. Every point has at least one that did.
+    Attributes
+    ----------
+    X : numpy.ndarray, (points, d)
+        Parameters, or places in their ranges.
+    values : numpy.ndarray, (points, seeds, k)
+        Responses of every run; NaN where a run failed. Every point has at least one that did not.
     """
 
     X: np.ndarray
     values: np.ndarray
 
-    def means(self):
-        """Mean over the runs of each point, (points, 2)."""
+    @property
+    def responses(self) -> int:
+        """Number of responses k."""
+        return self.values.shape[2]
+
+    def good(self) -> np.ndarray:
+        """Which runs have all responses, (points, seeds)."""
+        return np.isfinite(self.values).all(axis=2)
+
+    def means(self) -> np.ndarray:
+        """Mean over the runs of each point, (points, k)."""
         return np.nanmean(self.values, axis=1)
 
-    def counts(self):
-        """Runs of each point that gave a pile, (points,)."""
-        return np.isfinite(self.values[:, :, 0]).sum(axis=1)
+    def counts(self) -> np.ndarray:
+        """Good runs of each point, (points,)."""
+        return self.good().sum(axis=1)
 
-    def errors(self):
-        """Standard errors of the means, (points, 2), from each point's own runs; NaN for a single run."""
-        spread = np.full((len(self.X), 2), np.nan)
+    def errors(self) -> np.ndarray:
+        """Standard errors of the means, (points, k), from each point's own runs; NaN for a single run."""
+        spread = np.full((len(self.X), self.responses), np.nan)
         several = self.counts() > 1
         spread[several] = np.nanstd(self.values[several], axis=1, ddof=1)
         return spread / np.sqrt(self.counts())[:, None]
 
-    def known_errors(self):
-        """The same, a single run given the noise of all points; zeros where no point has two runs."""
+    def known_errors(self) -> np.ndarray:
+        """The same; a single run is given the noise of all points, and zeros where no point has two runs."""
         covariance, errors = self.covariance(), self.errors()
-        pooled = np.zeros(2) if covariance is None else np.sqrt(np.diagonal(covariance))
+        pooled = np.zeros(self.responses) if covariance is None else np.sqrt(np.diagonal(covariance))
         return np.where(np.isfinite(errors), errors, pooled / np.sqrt(self.counts())[:, None])
 
-    def covariance(self):
-        """Covariance (2, 2) of a single run about the mean of its point, None where no rank can be had."""
-        ok = np.isfinite(self.values[:, :, 0])
-        covariance, freedom = within_covariance(self.values[ok], np.nonzero(ok)[0])
-        return covariance if freedom > 2 and np.linalg.eigvalsh(covariance)[0] > 0 else None
+    def covariance(self) -> np.ndarray | None:
+        """Covariance (k, k) of a single run about the mean of its point; None where the runs do not determine it."""
+        good = self.good()
+        covariance, freedom = within_covariance(self.values[good], np.nonzero(good)[0])
+        enough = freedom > self.responses and np.linalg.eigvalsh(covariance)[0] > 0
+        return covariance if enough else None
 
-    def simulations(self):
-        """Runs poured for them, those without a pile included."""
+    def simulations(self) -> int:
+        """Number of runs, failed ones included."""
         return self.values.shape[0] * self.values.shape[1]
 
-    def take(self, rows, seeds=None):
-        """Some points, with all runs or with their first ones; points that are left without any run are dropped."""
-        values = self.values[rows, :seeds]
-        kept = np.isfinite(values[:, :, 0]).any(axis=1)
-        return Points(self.X[rows][kept], values[kept])
+    def take(self, rows: np.ndarray | Sequence[int] | slice, seeds: int | None = None) -> "Points":
+        """Some points, with all runs or with their first ones; points that are left without a good run are dropped."""
+        return Points(self.X[rows], self.values[rows, :seeds])._with_runs()
 
-    def with_seeds_drawn(self, seeds, rng):
+    def with_seeds_drawn(self, seeds: int, rng: np.random.Generator) -> "Points":
         """The same points with `seeds` of their runs, drawn at random for each."""
         order = rng.permuted(np.tile(np.arange(self.values.shape[1]), (len(self.X), 1)), axis=1)[:, :seeds]
-        values = np.take_along_axis(self.values, order[:, :, None], axis=1)
-        kept = np.isfinite(values[:, :, 0]).any(axis=1)
-        return Points(self.X[kept], values[kept])
+        return Points(self.X, np.take_along_axis(self.values, order[:, :, None], axis=1))._with_runs()
+
+    def _with_runs(self):
+        """The points that have a good run."""
+        kept = self.good().any(axis=1)
+        return Points(self.X[kept], self.values[kept])
 
 
-def read_sets(files):
-    """Points of the main design, of the pool and the fresh ones, a list.
+def joined(sets: Sequence[Points]) -> Points:
+    """All points of several sets; where a set has fewer runs than another, NaN stands in their place."""
+    seeds = max(one.values.shape[1] for one in sets)
+    padded = [
+        np.pad(one.values, ((0, 0), (0, seeds - one.values.shape[1]), (0, 0)), constant_values=np.nan)
+        for one in sets
+    ]
+    return Points(np.concatenate([one.X for one in sets]), np.concatenate(padded))
 
-    files: mapping with main_dataset, main_runs, pool_dataset, pool_runs, fresh_dataset, fresh_runs. Raises as `read`.
+
+def read_sets(files: Mapping[str, str | Path], names: Sequence[str]) -> list[Points]:
+    """Points of the main design, of the pool and the fresh ones.
+
+    Parameters
+    ----------
+    files : mapping
+        Paths ``main_dataset``, ``main_runs``, ``pool_dataset``, ``pool_runs``, ``fresh_dataset``, ``fresh_runs``.
+    names : sequence of str
+        Responses. Faults are those of `read`.
     """
-    return [read(files[f"{name}_dataset"], files[f"{name}_runs"]) for name in ("main", "pool", "fresh")]
+    return [read(files[f"{name}_dataset"], files[f"{name}_runs"], names) for name in SETS]
 
 
-def read(dataset_csv, runs_csv):
+def read(dataset_csv: str | Path, runs_csv: str | Path, names: Sequence[str]) -> Points:
     """Points of the tables that the verb dataset wrote; those that are not ok are left out.
 
-    Raises InputError for a missing column, or where no point is left.
+    Parameters
+    ----------
+    dataset_csv, runs_csv : path
+    names : sequence of str, (k,)
+        Responses.
+
+    Raises
+    ------
+    InputError
+        If a column is missing, no point is left, or a usable point has no good run.
     """
     dataset = read_table(dataset_csv, ("sample", "status", *PARAMETERS))
-    runs = read_table(runs_csv, ("sample", "seed", "status", *RESPONSES))
+    runs = read_table(runs_csv, ("sample", "status", *names))
     usable = dataset[dataset["status"] == "ok"].reset_index(drop=True)
     runs = runs[runs["sample"].isin(usable["sample"])]
     if usable.empty or runs.empty:
         raise InputError(dataset_csv, "usable samples", 0, "some with status ok, with their runs")
     place = runs.groupby("sample").cumcount().to_numpy()
     row = usable.set_index("sample").index.get_indexer(runs["sample"])
-    values = np.full((len(usable), place.max() + 1, len(RESPONSES)), np.nan)
-    responses = runs[list(RESPONSES)].to_numpy(float)
+    values = np.full((len(usable), place.max() + 1, len(names)), np.nan)
+    responses = runs[list(names)].to_numpy(float)
     responses[runs["status"].to_numpy() != "ok"] = np.nan
     values[row, place] = responses
-    return Points(usable[list(PARAMETERS)].to_numpy(float), values)
+    found = Points(usable[list(PARAMETERS)].to_numpy(float), values)
+    without = usable.loc[found.counts() == 0, "sample"]
+    if len(without):
+        allowed = f"runs of each usable sample of {dataset_csv}"
+        raise InputError(runs_csv, "sample", int(without.iloc[0]), allowed)
+    return found

@@ -3,38 +3,52 @@
 Emulated rows: each repetition is a new design with new noise, poured by `emulator`, judged against the emulator's
 own mean, which has no noise. Real rows: the main design and parts of the pool, judged at the fresh points.
 
-Sources
-  (JCS05)  Jin, Chen & Sudjianto 2005: the optimal design of `repose.chain.design`
-  (MM09)   Myers, Montgomery & Anderson-Cook 2009, Response Surface Methodology: central composite designs
+References
+----------
+(JCS05) Jin, Chen & Sudjianto 2005: the optimal design of `repose.chain.design`.
+(MM09) Myers, Montgomery & Anderson-Cook 2009, Response Surface Methodology: central composite designs.
 """
 
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from repose.chain import design
-from repose.core.parameters import PARAMETERS
-from repose.studies.comparison import emulator, models, points, scores
-from repose.surrogate.bayesian_bp import RESPONSES, r2
+from repose.core.files import write_json, write_table
+from repose.core.parameter_space import ParameterSpace
+from repose.studies.comparison import emulator, models, scores
+from repose.studies.comparison.points import Points
+from repose.surrogate.accuracy import r2
 
 SAMPLES = (30, 60, 100, 150)
 REPETITIONS = 10
 REPETITION_STARTS = 4  # of the network, at most
 LARGEST_PROCESS = 500  # points of a Gaussian process, whose time grows with their cube
-TRADES = (1, 2, 4, 8)  # seeds a point, at the main design's number of simulations
+TRADES = (1, 2, 4, 8)  # seeds per point, at the main design's number of simulations
 JUDGED_AT = 1024  # points of a Sobol sequence
 FITS = {name: models.MODELS[name] for name in ("network", "Gaussian process", "quadratic surface")}
 # Words of the generators of the factorial part: of factors beyond the free ones, the product of which.  (MM09)
 GENERATORS = {0: (), 1: ((0, 1, 2, 3, 4),), 2: ((0, 1, 2), (1, 2, 3))}
 
 
-def central_composite(n, d=6):
-    """Face-centred central composite design in the unit cube, n rows (n, d).
+COMPOSITE_DIMENSIONS = 6
 
-    Corners (all, half or a quarter of the 2^6, whichever fits), 12 face centres and the middle; what is left of n is
-    spent on the same points again, from the first. Raises ValueError for another d or n below 29.
+
+def central_composite(n: int, d: int = COMPOSITE_DIMENSIONS) -> np.ndarray:
+    """Face-centred central composite design (n, d) in the unit cube (MM09).
+
+    Corners (all, half or a quarter of the 2^6, the largest fraction that fits), 12 face centres and the middle; what is
+    left of n is spent on the same points again, from the first.
+
+    Raises
+    ------
+    ValueError
+        For another d than 6, or n below 29.
     """
-    if d != 6 or n < 29:
+    if d != COMPOSITE_DIMENSIONS or n < 29:
         raise ValueError(f"n is {n}, d {d}; allowed: at least 29 points in 6 dimensions")
     fraction = next(k for k in GENERATORS if 2 ** (d - k) + 2 * d + 1 <= n)
     free = d - fraction
@@ -46,83 +60,152 @@ def central_composite(n, d=6):
     return 0.5 + 0.5 * np.resize(whole, (n, d))
 
 
-DESIGNS = {
-    "random Latin hypercube": lambda n, seed: design.random_lhs(n, 6, np.random.default_rng(seed)),
-    "best of 20 Latin hypercubes": lambda n, seed: design.lhsdesign(n, 6, rng=np.random.default_rng(seed)),
-    "optimal Latin hypercube": lambda n, seed: design.optimal_lhs(n, 6, seed),
-    "Sobol sequence": lambda n, seed: design.sobol(n, 6, seed),
-    "central composite": lambda n, seed: central_composite(n),
+DESIGNS: dict[str, Callable[[int, int, list[int]], np.ndarray]] = {
+    "random Latin hypercube": lambda n, d, seed: design.random_lhs(n, d, np.random.default_rng(seed)),
+    "best of 20 Latin hypercubes": lambda n, d, seed: design.lhsdesign(n, d, rng=np.random.default_rng(seed)),
+    "optimal Latin hypercube": lambda n, d, seed: design.optimal_lhs(n, d, seed),
+    "Sobol sequence": lambda n, d, seed: design.sobol(n, d, seed),
+    "central composite": lambda n, d, seed: central_composite(n, d),
 }
 
 
-def run(files, ranges, settings, seeds, seed, out_dir):
-    """Write sampling.csv and emulator.json; return the table.
-
-    files: as `accuracy.run`; ranges: the configuration's `parameters`; settings: its section `network`; seeds: pours
-    a sample of the main design; seed: of the repetitions. Raises InputError for a file without its columns.
-    """
-    import json
-
-    import pandas as pd
-
-    main, pool, fresh = points.read_sets(files)
-    settings = settings | {"starts": min(settings["starts"], REPETITION_STARTS)}
-    stand_in = emulator.fit(pool, settings, seed)
-    box = [ranges[name] for name in PARAMETERS]
-    rows = [*_designs(stand_in, box, settings, seeds, seed), *_trades(stand_in, box, settings, seeds, seed)]
-    rows += _real(main, pool, fresh, settings, seed)
-    table = pd.DataFrame(rows)
-    out = Path(out_dir)
-    out.mkdir(parents=True, exist_ok=True)
-    table.to_csv(out / "sampling.csv", index=False, float_format="%.6g")
-    summary = {
-        "mean": stand_in.name,
-        "explainable": dict(zip(RESPONSES, stand_in.explainable.tolist(), strict=True)),
-        "noise_correlation": stand_in.correlation,
-        "noise_std": dict(zip(RESPONSES, stand_in.noise_std(pool.X).mean(axis=0).tolist(), strict=True)),
+def designs_for(d: int) -> dict[str, Callable[[int, int, list[int]], np.ndarray]]:
+    """The designs that exist in d dimensions."""
+    return {
+        name: make
+        for name, make in DESIGNS.items()
+        if name != "central composite" or d == COMPOSITE_DIMENSIONS
     }
-    (out / "emulator.json").write_text(json.dumps(summary, indent=1) + "\n")
+
+
+class Case(NamedTuple):
+    """What all emulated cases share.
+
+    Attributes
+    ----------
+    stand_in : emulator.Emulator
+    space : ParameterSpace
+    names : sequence of str, (k,)
+        Responses.
+    settings : mapping
+        The configuration's section `network`, with no more than `REPETITION_STARTS` starts.
+    seed : int
+        Of the repetitions.
+    """
+
+    stand_in: emulator.Emulator
+    space: ParameterSpace
+    names: Sequence[str]
+    settings: Mapping[str, Any]
+    seed: int
+
+
+def table_of(
+    sets: Sequence[Points],
+    names: Sequence[str],
+    space: ParameterSpace,
+    settings: Mapping[str, Any],
+    seeds: int,
+    seed: int,
+) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Designs, and points against seeds.
+
+    Parameters
+    ----------
+    sets : sequence of Points
+        The main design, the pool and the fresh points, as `points.read_sets` gives them.
+    names : sequence of str, (k,)
+        Responses.
+    space : ParameterSpace
+    settings : mapping
+        The configuration's section `network`.
+    seeds : int
+        Runs of a sample of the main design.
+    seed : int
+        Of the repetitions.
+
+    Returns
+    -------
+    table : pandas.DataFrame
+    summary : dict
+        Of the emulator.
+    """
+    main, pool, fresh = sets
+    settings = {**settings, "starts": min(settings["starts"], REPETITION_STARTS)}
+    stand_in = emulator.chosen_by_cross_validation(pool, settings, seed)
+    case = Case(stand_in, space, names, settings, seed)
+    rows = [*_designs(case, seeds), *_trades(case, seeds), *_real(main, pool, fresh, names, settings, seed)]
+    return pd.DataFrame(rows), _emulator_summary(stand_in, pool, names)
+
+
+def run(
+    sets: Sequence[Points],
+    names: Sequence[str],
+    space: ParameterSpace,
+    settings: Mapping[str, Any],
+    seeds: int,
+    seed: int,
+    out_dir: str | Path,
+) -> pd.DataFrame:
+    """Write sampling.csv and emulator.json; return the table. Parameters are those of `table_of`."""
+    table, summary = table_of(sets, names, space, settings, seeds, seed)
+    write_table(Path(out_dir) / "sampling.csv", table, float_format="%.6g")
+    write_json(Path(out_dir) / "emulator.json", summary)
     return table
 
 
-def _designs(stand_in, box, settings, seeds, seed):
-    """Every design at every size, with the main design's seeds a point."""
+def _emulator_summary(stand_in, pool, names):
+    """What emulator.json tells; the correlation is a number for two responses and a matrix for others."""
+    correlation = stand_in.noise.correlation
+    return {
+        "mean": stand_in.name,
+        "explainable": dict(zip(names, stand_in.explainable.tolist(), strict=True)),
+        "noise_correlation": float(correlation[0, 1]) if len(names) == 2 else correlation.tolist(),
+        "noise_std": dict(zip(names, stand_in.noise.std(pool.X).mean(axis=0).tolist(), strict=True)),
+    }
+
+
+def _designs(case, seeds):
+    """Every design at every size, with as many runs of a point as the main design has."""
+    d = case.space.dimensions
     for samples in SAMPLES:
-        for name, make in DESIGNS.items():
-            case = {"comparison": "designs", "design": name}
-            units = [make(samples, [seed, samples, k]) for k in range(REPETITIONS)]
-            yield from _emulated(case, stand_in, box, units, seeds, settings, seed)
+        for name, make in designs_for(d).items():
+            units = [make(samples, d, [case.seed, samples, k]) for k in range(REPETITIONS)]
+            yield from _emulated(case, {"comparison": "designs", "design": name}, units, seeds)
 
 
-def _trades(stand_in, box, settings, seeds, seed):
+def _trades(case, seeds):
     """The main design's simulations, on few points with many seeds or many with one; Sobol sequences."""
     total = SAMPLES[-1] * seeds
     for each in TRADES:
         samples = total // each
-        case = {"comparison": "points against seeds", "design": "Sobol sequence"}
-        units = [design.sobol(samples, 6, [seed, 9, k]) for k in range(REPETITIONS)]
-        yield from _emulated(case, stand_in, box, units, each, settings, seed)
+        about = {"comparison": "points against seeds", "design": "Sobol sequence"}
+        units = [design.sobol(samples, case.space.dimensions, [case.seed, 9, k]) for k in range(REPETITIONS)]
+        yield from _emulated(case, about, units, each)
 
 
-def _emulated(case, stand_in, box, units, seeds, settings, seed):
+def _emulated(case, about, units, seeds):
     """Rows of one emulated case: each fit's R2 on the emulator's mean, over the repetitions."""
-    X = design.scale(design.sobol(JUDGED_AT, 6, [seed, 8]), box)
-    truth = stand_in.mean(X)
+    X = case.space.values(design.sobol(JUDGED_AT, case.space.dimensions, [case.seed, 8]))
+    truth = case.stand_in.mean(X)
     found = {name: [] for name in FITS}
     for k, unit in enumerate(units):
-        sample = stand_in.pour(design.scale(unit, box), seeds, np.random.default_rng([seed, 7, k]))
+        rng = np.random.default_rng([case.seed, 7, k])
+        sample = case.stand_in.pour(case.space.values(unit), seeds, rng)
         for name in FITS:
-            predict = _fitted(name, sample, settings, seed + k)
+            predict = _fitted(name, sample, case.settings, case.seed + k)
             found[name].append(None if predict is None else _on_truth(truth, predict(X)[0]))
     sizes = {"points": len(units[0]), "seeds": seeds, "simulations": len(units[0]) * seeds}
     for name, scored in found.items():
         if None not in scored:
-            yield from _rows(case | {"data": "emulated", "fit": name} | sizes, scored)
+            yield from _rows(about | {"data": "emulated", "fit": name} | sizes, case.names, scored)
 
 
-def _real(main, pool, fresh, settings, seed):
-    """Rows of poured points: the main design, the pool's leading points, and parts of the pool drawn at random that
-    trade points for seeds."""
+def _real(main, pool, fresh, names, settings, seed):
+    """Rows of simulated points: the main design, the pool's leading points, and random parts of the pool.
+
+    The parts trade points for seeds.
+    """
     every = pool.values.shape[1]
     cases = [("designs", "main design", [main])]
     cases += [("designs", "Sobol sequence", [pool.take(np.arange(n))]) for n in SAMPLES if n < len(pool.X)]
@@ -145,7 +228,7 @@ def _real(main, pool, fresh, settings, seed):
                 continue
             scored = [_on_fresh(fresh, predict(fresh.X)[0]) for predict in predicted]
             case = {"comparison": comparison, "design": name, "data": "real", "fit": fit_name}
-            yield from _rows(case | sizes, scored)
+            yield from _rows(case | sizes, names, scored)
 
 
 def _fitted(name, sample, settings, seed):
@@ -169,9 +252,9 @@ def _on_fresh(fresh, predicted):
     return [scores.accuracy(y, se, p) for y, se, p in columns]
 
 
-def _rows(case, scored):
-    """One row a response: mean and standard error over the repetitions."""
-    for k, response in enumerate(RESPONSES):
+def _rows(case, names, scored):
+    """One row for each response: mean and standard error over the repetitions."""
+    for k, response in enumerate(names):
         row = case | {"response": response, "repetitions": len(scored)}
         for key in ("explainable", "rmse"):
             row[key], row[f"{key}_se"] = scores.mean_and_error([one[k][key] for one in scored])

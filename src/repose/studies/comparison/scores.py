@@ -10,7 +10,7 @@ import numpy as np
 from scipy import stats
 
 from repose.chain.train import r2_noise_corrected
-from repose.surrogate.bayesian_bp import r2
+from repose.surrogate.accuracy import r2
 
 LEVELS = (0.5, 0.9)
 

@@ -1,8 +1,13 @@
 """All comparisons in one table: which part of the method, which choice, at which budget, and how good it is."""
 
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
-from repose.core.files import read_table
+import pandas as pd
+
+from repose.core.files import read_table, write_table
+from repose.core.responses import derived
 
 COLUMNS = (
     "part",
@@ -18,57 +23,86 @@ COLUMNS = (
     "repetitions",
 )
 SHARES = ("explainable", "rmse")
-# Measures of a search on the network, which costs evaluations and no simulations; of the whole method, by response.
+# Measures of a search on the network, which costs evaluations and no simulations.
 SEARCH = ("evaluations_to_tolerance", "best", "listed_coverage", "met_coverage")
-WHOLE = {"aor_off_deg": "aor_deg", "height_off_mm": "height_mm"}
 
 
-def run(files, out_dir):
-    """Write comparison.csv, a row for each choice, budget, response and measure; return the table.
+def table_of(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """A row for each choice, budget, response and measure.
 
-    files: mapping with sampling, surrogates, search and whole, the tables of those comparisons. `data` tells rows of
-    poured samples (real) from those of an emulator fitted to them (emulated) and of the trained network (network);
-    explainable is the share of the explainable variance, rmse and off in the response's unit. Raises InputError for a
-    file without its columns.
+    Parameters
+    ----------
+    tables : mapping
+        ``sampling``, ``surrogates``, ``search`` and ``whole``, as `read` gives them.
+
+    Notes
+    -----
+    ``data`` tells rows of simulated samples (``real``) from those of an emulator fitted to them (``emulated``) and of
+    the trained network (``network``). ``explainable`` is the share of the explainable variance, ``rmse`` and ``off``
+    are in the response's unit.
     """
-    import pandas as pd
+    responses = tuple(dict.fromkeys(tables["sampling"]["response"]))
+    rows = [*_sampling(tables["sampling"]), *_surrogates(tables["surrogates"])]
+    rows += [*_search(tables["search"]), *_whole(tables["whole"], responses)]
+    return pd.DataFrame(rows, columns=list(COLUMNS))
 
-    rows = [*_sampling(files["sampling"]), *_surrogates(files["surrogates"])]
-    rows += [*_search(files["search"]), *_whole(files["whole"])]
-    table = pd.DataFrame(rows, columns=COLUMNS)
-    out = Path(out_dir)
-    out.mkdir(parents=True, exist_ok=True)
-    table.to_csv(out / "comparison.csv", index=False, float_format="%.6g")
+
+def read(files: Mapping[str, str | Path]) -> dict[str, pd.DataFrame]:
+    """The tables of the four comparisons, by name.
+
+    Parameters
+    ----------
+    files : mapping
+        Paths ``sampling``, ``surrogates``, ``search`` and ``whole``.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read or a column is missing.
+    """
+    sizes = ("points", "seeds", "simulations", "response", "repetitions", *_with_errors(SHARES))
+    sampling = read_table(files["sampling"], ("comparison", "design", "data", "fit", *sizes))
+    off = _with_errors([derived(name, "off") for name in dict.fromkeys(sampling["response"])])
+    whole = ("data", "samples", "method", "simulations", "repetitions", *off)
+    return {
+        "sampling": sampling,
+        "surrogates": read_table(files["surrogates"], ("model", "training", *sizes)),
+        "search": read_table(
+            files["search"], ("method", "evaluations", "repetitions", *_with_errors(SEARCH))
+        ),
+        "whole": read_table(files["whole"], whole),
+    }
+
+
+def run(files: Mapping[str, str | Path], out_dir: str | Path) -> pd.DataFrame:
+    """Write comparison.csv; return the table. Parameters and faults are those of `read`."""
+    table = table_of(read(files))
+    write_table(Path(out_dir) / "comparison.csv", table, float_format="%.6g")
     return table
 
 
-def _sampling(path):
-    sizes = ("points", "seeds", "simulations", "response", "repetitions")
-    keys = ("comparison", "design", "data", "fit", *sizes, *_with_errors(SHARES))
-    for row in read_table(path, keys).to_dict("records"):
+def _sampling(table: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    for row in table.to_dict("records"):
         choice = f"{row['design']}, {row['fit']}"
         yield from _measured(row, SHARES, part=row["comparison"], choice=choice)
 
 
-def _surrogates(path):
-    sizes = ("points", "seeds", "simulations", "response", "repetitions")
-    for row in read_table(path, ("model", "training", *sizes, *_with_errors(SHARES))).to_dict("records"):
+def _surrogates(table: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    for row in table.to_dict("records"):
         choice = f"{row['model']}, {row['training']}"
         yield from _measured(row, SHARES, part="surrogate", choice=choice, data="real")
 
 
-def _search(path):
-    table = read_table(path, ("method", "evaluations", "repetitions", *_with_errors(SEARCH)))
+def _search(table: pd.DataFrame) -> Iterator[dict[str, Any]]:
     for row in table.dropna(subset="evaluations").to_dict("records"):
         yield from _measured(row, SEARCH, part="search", choice=row["method"], data="network")
 
 
-def _whole(path):
-    keys = ("data", "samples", "method", "simulations", "repetitions", *_with_errors(WHOLE))
-    for row in read_table(path, keys).to_dict("records"):
+def _whole(table: pd.DataFrame, responses: tuple[str, ...]) -> Iterator[dict[str, Any]]:
+    for row in table.to_dict("records"):
         about = {"part": "whole", "choice": row["method"], "points": row["samples"]}
-        for key, response in WHOLE.items():
-            for found in _measured(row, (key,), **about, response=response):
+        for response in responses:
+            for found in _measured(row, (derived(response, "off"),), **about, response=response):
                 yield found | {"measure": "off"}
 
 

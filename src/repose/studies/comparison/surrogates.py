@@ -1,12 +1,16 @@
 """Surrogates compared: the same simulations to each, judged at the fresh points."""
 
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from repose.studies.comparison import points, scores
+from repose.core.files import write_table
+from repose.studies.comparison import scores
 from repose.studies.comparison.models import MODELS
-from repose.surrogate.bayesian_bp import RESPONSES
+from repose.studies.comparison.points import Points
 
 BUDGETS = (30, 60, 110, 220)  # points drawn from the pool, those that it has twice as many of
 REPETITIONS = 12
@@ -21,31 +25,51 @@ MEASURES = (
 )
 
 
-def run(files, settings, seed, out_dir):
-    """Write surrogates.csv: each model at each budget, mean and standard error over the training sets.
+def table_of(
+    sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any], seed: int
+) -> pd.DataFrame:
+    """Each model at each budget, mean and standard error over the training sets.
 
-    files: as `accuracy.run`; settings: the configuration's section `network`; seed: of the training sets. Rows of
-    one training set (the main design, the whole pool) have no standard error. Raises InputError for a file without
-    its columns.
+    Parameters
+    ----------
+    sets : sequence of Points
+        The main design, the pool and the fresh points, as `points.read_sets` gives them.
+    names : sequence of str, (k,)
+        Responses.
+    settings : mapping
+        The configuration's section `network`.
+    seed : int
+        Of the training sets.
+
+    Notes
+    -----
+    Rows of one training set (the main design, the whole pool) have no standard error.
     """
-    import pandas as pd
-
-    main, pool, fresh = points.read_sets(files)
-    settings = settings | {"starts": min(settings["starts"], REPETITION_STARTS)}
+    main, pool, fresh = sets
+    settings = {**settings, "starts": min(settings["starts"], REPETITION_STARTS)}
     rows = []
-    for source, sets in training_sets(main, pool, seed):
+    for source, drawn in training_sets(main, pool, seed):
         for name, fit in MODELS.items():
-            found = [judged(fit(one, settings, seed + k), fresh) for k, one in enumerate(sets)]
+            found = [judged(fit(one, settings, seed + k), fresh) for k, one in enumerate(drawn)]
             if None not in found:
-                rows.extend(_rows(source, name, sets, found))
-    table = pd.DataFrame(rows)
-    out = Path(out_dir)
-    out.mkdir(parents=True, exist_ok=True)
-    table.to_csv(out / "surrogates.csv", index=False, float_format="%.6g")
+                rows.extend(_rows(source, name, names, drawn, found))
+    return pd.DataFrame(rows)
+
+
+def run(
+    sets: Sequence[Points],
+    names: Sequence[str],
+    settings: Mapping[str, Any],
+    seed: int,
+    out_dir: str | Path,
+) -> pd.DataFrame:
+    """Write surrogates.csv; return the table. Parameters are those of `table_of`."""
+    table = table_of(sets, names, settings, seed)
+    write_table(Path(out_dir) / "surrogates.csv", table, float_format="%.6g")
     return table
 
 
-def training_sets(main, pool, seed):
+def training_sets(main: Points, pool: Points, seed: int) -> Iterator[tuple[str, list[Points]]]:
     """Pairs (source, list of points): random parts of the pool, then the main design and the whole pool."""
     rng = np.random.default_rng([seed, 1])
     for count in BUDGETS:
@@ -56,13 +80,13 @@ def training_sets(main, pool, seed):
     yield "main design", [main]
 
 
-def judged(predict, fresh):
-    """Measures by response of a fitted model at the fresh points, None of a model that could not be fitted."""
+def judged(predict: Callable | None, fresh: Points) -> list[dict[str, Any]] | None:
+    """Measures of a fitted model at the fresh points, one mapping for each response; None without a model."""
     if predict is None:
         return None
     means, errors, (mean, std) = fresh.means(), fresh.known_errors(), predict(fresh.X)
     found = []
-    for k in range(len(RESPONSES)):
+    for k in range(fresh.responses):
         one = scores.accuracy(means[:, k], errors[:, k], mean[:, k])
         if std is not None:
             one |= scores.calibration(means[:, k], errors[:, k], mean[:, k], std[:, k])
@@ -70,9 +94,9 @@ def judged(predict, fresh):
     return found
 
 
-def _rows(source, name, sets, found):
-    """Rows of the table, one a response."""
-    for k, response in enumerate(RESPONSES):
+def _rows(source, name, names, sets, found):
+    """Rows of the table, one for each response."""
+    for k, response in enumerate(names):
         row = {
             "model": name,
             "training": source,

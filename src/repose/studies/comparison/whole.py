@@ -1,329 +1,227 @@
 """What the whole method buys over its plain counterpart: proposals from few simulations, judged by the truth.
 
-For equal numbers of samples, each proposal is one set of parameters for the target:
+For equal numbers of samples, each method of `proposals` proposes one set of parameters for the targets.
 
-  best_sample        the simulated sample whose means lie nearest to the target: no model at all
-  linear             plane by least squares, inverted by a local search
-  quadratic          all squares and products, ridge by leave-one-out, inverted by a local search
-  network            the BP network as the study trains it, inverted by a local search
-  network_miga       the same network, inverted by the island genetic algorithm
-  network_all        the network trained on all of the samples, no validation or test part, local search
+The truth is an emulator: a Gaussian process (Matern 5/2, a length for each parameter) fitted to all samples that are
+given. The error of a proposal is that of the truth's responses there, free of noise. Data come in two kinds:
 
-The local search is SLSQP on the squared deviations in widths of the target's box, from the centre of the ranges and
-from random points; another start replaces the centre's only where it comes nearer by more than NEARER.
-
-The truth is an emulator: a Gaussian process fitted to all samples that are given, its hyperparameters to at most 600 of
-them. A proposal's error is that of the truth's responses there, free of noise. Data come in two kinds: `real`, random
-subsets of the samples themselves (which the truth has seen too, so errors come out too small where the subset is most
-of them), and `emulated`, new Latin hypercubes with the truth's responses and the scatter of real pours.
+  real      random subsets of the samples themselves; the truth has seen them too, so errors come out too small where
+            the subset is most of them
+  emulated  new Latin hypercubes with the truth's responses and the scatter of real runs
 """
 
-import math
-import tempfile
-import warnings
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import optimize, stats
+import pandas as pd
+from scipy import stats
 
-from repose.chain import train
-from repose.chain.train import r2_noise_corrected
 from repose.core import variance
 from repose.core.errors import InputError
-from repose.core.files import read_table
+from repose.core.files import write_table
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
-from repose.search import miga
+from repose.core.responses import derived
+from repose.core.targets import Targets
+from repose.search.miga import Objective
 from repose.studies.comparison import scores
-from repose.surrogate.bayesian_bp import RESPONSES, PlainBayesianBP, evaluate, load, r2, response_function
-from repose.surrogate.support import quadratic_terms
-
-METHODS = ("best_sample", "linear", "quadratic", "network", "network_miga", "network_all")
-ERRORS = ("aor_se_deg", "height_se_mm")
-MOST_FOR_SCALES = 600
-FOLDS = 5
-NEARER = 1e-4
-RIDGES = np.geomspace(1e-4, 1e2, 13)
+from repose.studies.comparison.emulator import Emulator, with_process
+from repose.studies.comparison.points import Points, joined, read
+from repose.studies.comparison.proposals import proposed
 
 
-class Study:
-    """Samples of one or several studies: unit (n, d) places in the ranges, means (n, 2), errors (n, 2), runs.
+class Samples(NamedTuple):
+    """Samples of one or several studies.
 
-    datasets, runs: CSV files as `dataset` writes them, in pairs. runs is a list of (seeds, 2) arrays, one a
-    sample. covariance (2, 2): of a single pour about its sample's mean. Raises InputError for bad files.
+    Attributes
+    ----------
+    points : Points
+        X (n, d): places in the ranges.
+    covariance : numpy.ndarray, (k, k)
+        Of a single run about its sample's mean.
     """
 
-    def __init__(self, datasets, runs, ranges):
-        if len(datasets) != len(runs):
-            raise InputError("command line", "runs", len(runs), f"as many files as datasets, {len(datasets)}")
-        low, high = np.array([ranges[name] for name in PARAMETERS], dtype=float).T
-        unit, means, singles, number = [], [], [], []
-        for dataset_csv, runs_csv in zip(datasets, runs, strict=True):
-            table = read_table(dataset_csv, ("sample", *PARAMETERS, "status", *RESPONSES))
-            table = table[table["status"] == "ok"]
-            single = read_table(runs_csv, ("sample", "status", *RESPONSES))
-            groups = dict(list(single[single["status"] == "ok"].groupby("sample")))
-            unit.append((table[list(PARAMETERS)].to_numpy(float) - low) / (high - low))
-            means.append(table[list(RESPONSES)].to_numpy(float))
-            for sample in table["sample"]:
-                if sample not in groups:
-                    raise InputError(
-                        runs_csv, "sample", sample, f"runs of each usable sample of {dataset_csv}"
-                    )
-                singles.append(groups[sample][list(RESPONSES)].to_numpy(float))
-                number += [len(singles) - 1] * len(singles[-1])
-        self.ranges, self.low, self.high = ranges, low, high
-        self.unit, self.means, self.runs = np.concatenate(unit), np.concatenate(means), singles
-        values = np.concatenate(singles)
-        try:
-            parts = [
-                variance.variance_components(values[:, k], np.array(number)) for k in range(len(RESPONSES))
-            ]
-            correlation = variance.residual_correlation(*values.T, np.array(number))[0]
-        except ValueError as error:
-            raise InputError(runs[0], "runs", str(error), "two or more of most samples") from None
-        scatter = np.sqrt([part.within for part in parts])
-        self.covariance = np.outer(scatter, scatter) * np.array([[1, correlation], [correlation, 1]])
-        count = np.array([len(one) for one in singles])
-        self.errors = scatter / np.sqrt(count)[:, None]
-        self.seeds = round(float(count.mean()))
+    points: Points
+    covariance: np.ndarray
 
-    def __len__(self):
-        return len(self.unit)
+    @property
+    def errors(self) -> np.ndarray:
+        """Standard errors (n, k) of the means, by the scatter over all samples."""
+        return np.sqrt(np.diagonal(self.covariance)) / np.sqrt(self.points.counts())[:, None]
+
+    @property
+    def seeds(self) -> int:
+        """Good runs of a sample, on average."""
+        return round(float(self.points.counts().mean()))
 
 
-class Truth:
-    """Gaussian process of each response (Matern 5/2, a length for each parameter), on means with known errors.
+def samples_of(points: Points) -> Samples:
+    """Points with the covariance of a single run.
 
-    Called with places in the ranges (m, d), gives responses (m, 2). cross_validated: R2 of each, on the means and with
-    their noise taken off, by five parts.
+    Raises
+    ------
+    ValueError
+        If too few points have two runs.
     """
-
-    def __init__(self, study, seed):
-        random = np.random.default_rng(seed)
-        rows = random.permutation(len(study))
-        self.models, self.cross_validated = [], {}
-        for k, name in enumerate(RESPONSES):
-            x, y, error = study.unit, study.means[:, k], study.errors[:, k]
-            scaled = rows[:MOST_FOR_SCALES]
-            kernel = _process(x[scaled], y[scaled], error[scaled], None).kernel_
-            self.models.append(_process(x, y, error, kernel))
-            predicted = np.empty(len(y))
-            for fold in range(FOLDS):
-                out = rows[fold::FOLDS]
-                rest = np.setdiff1d(rows, out)
-                predicted[out] = _process(x[rest], y[rest], error[rest], kernel).predict(x[out])
-            self.cross_validated[name] = {
-                "r2": r2(y, predicted),
-                "r2_noise_corrected": r2_noise_corrected(y, predicted, error),
-            }
-
-    def __call__(self, unit):
-        return np.column_stack([model.predict(np.atleast_2d(unit)) for model in self.models])
+    good = points.good()
+    values, number = points.values[good], np.nonzero(good)[0]
+    within = [variance.variance_components(column, number).within for column in values.T]
+    correlation = np.eye(len(within))
+    for i, j in zip(*np.triu_indices(len(within), 1), strict=True):
+        pair = variance.residual_correlation(values[:, i], values[:, j], number)[0]
+        correlation[i, j] = correlation[j, i] = pair
+    scatter = np.sqrt(within)
+    return Samples(points, np.outer(scatter, scatter) * correlation)
 
 
-def _process(x, y, error, kernel):
-    """A process on unit inputs; its kernel is fitted where none is given."""
-    from sklearn.exceptions import ConvergenceWarning
-    from sklearn.gaussian_process import GaussianProcessRegressor
+def read_samples(
+    datasets: Sequence[str | Path], runs: Sequence[str | Path], space: ParameterSpace, names: Sequence[str]
+) -> Samples:
+    """Samples of files that the verb dataset wrote, in pairs.
+
+    Parameters
+    ----------
+    datasets, runs : sequence of path
+    space : ParameterSpace
+    names : sequence of str, (k,)
+        Responses.
+
+    Raises
+    ------
+    InputError
+        If a file is bad, the numbers of files differ, or too few samples have two runs.
+    """
+    if len(datasets) != len(runs):
+        raise InputError("command line", "runs", len(runs), f"as many files as datasets, {len(datasets)}")
+    points = joined([read(*pair, names) for pair in zip(datasets, runs, strict=True)])
+    try:
+        return samples_of(points._replace(X=space.unit(points.X)))
+    except ValueError as error:
+        raise InputError(runs[0], "runs", str(error), "two or more of most samples") from None
+
+
+def matern(inputs: int) -> Any:
+    """Kernel of the truth: Matern 5/2 with a length for each input."""
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
-    width = y.std()
-    first = ConstantKernel(1.0, (1e-2, 1e3)) * Matern(np.ones(x.shape[1]), (0.1, 30.0), nu=2.5)
-    model = GaussianProcessRegressor(
-        kernel or first,
-        alpha=(error / width) ** 2,
-        normalize_y=True,
-        optimizer="fmin_l_bfgs_b" if kernel is None else None,
-    )
-    with warnings.catch_warnings():
-        # a length at its upper bound is a parameter without effect, which is no fault
-        warnings.simplefilter("ignore", ConvergenceWarning)
-        return model.fit(x, y)
+    return ConstantKernel(1.0, (1e-2, 1e3)) * Matern(np.ones(inputs), (0.1, 30.0), nu=2.5)
 
 
-# --- data for one proposal ------------------------------------------------------------------------
+def truth_of(samples: Samples, seed: int) -> Emulator:
+    """The emulator of all samples that proposals are judged by."""
+    return with_process(samples.points, samples.errors, samples.covariance, matern, seed)
 
 
-def real(study, count, random):
-    """Places (count, d) and runs, a list of (seeds, 2), of a random subset of the samples."""
-    rows = random.choice(len(study), count, replace=False)
-    return study.unit[rows], [study.runs[row] for row in rows]
+def emulated(samples: Samples, truth: Emulator, count: int, random: np.random.Generator) -> Points:
+    """A new Latin hypercube of `count` samples whose runs scatter about the truth as real ones do."""
+    dimensions = samples.points.X.shape[1]
+    unit = stats.qmc.LatinHypercube(dimensions, rng=random).random(count)
+    return truth.pour(unit, samples.seeds, random)
 
 
-def emulated(study, truth, count, random):
-    """The same of a new Latin hypercube, its pours scattering about the truth as real ones do."""
-    unit = stats.qmc.LatinHypercube(len(PARAMETERS), rng=random).random(count)
-    scatter = random.multivariate_normal(np.zeros(2), study.covariance, size=(count, study.seeds))
-    return unit, list(truth(unit)[:, None, :] + scatter)
+def compared(
+    samples: Samples, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """All methods on real and emulated data.
 
+    Parameters
+    ----------
+    samples : Samples
+    space : ParameterSpace
+    targets : Targets
+    settings : mapping
+        ``samples`` (a list of numbers), ``repetitions``, ``local_starts``, ``seed``, and the sections ``network`` and
+        ``miga`` to use. Numbers of samples beyond those that are there have emulated data alone.
 
-# --- models and their inversion -------------------------------------------------------------------
-
-
-def surface(unit, means, terms):
-    """A function of places (m, d), in the span of terms(unit), fitted by ridge regression with leave-one-out."""
-    from sklearn.linear_model import RidgeCV
-
-    models = [RidgeCV(RIDGES, fit_intercept=False).fit(terms(unit), y - y.mean()) for y in means.T]
-    return lambda x: (
-        np.column_stack([m.predict(terms(np.atleast_2d(x))) for m in models]) + means.mean(axis=0)
-    )
-
-
-def plane(unit, means):
-    """A function of places (m, d), linear, fitted by least squares."""
-    X = np.column_stack([np.ones(len(unit)), unit])
-    found = np.linalg.lstsq(X, means, rcond=None)[0]
-    return lambda x: np.column_stack([np.ones(len(np.atleast_2d(x))), np.atleast_2d(x)]) @ found
-
-
-def local_search(respond, objective, starts, random):
-    """Place (d,) by SLSQP on the squared deviations, and how often the model was evaluated.
-
-    respond: places (m, d) to (m, 2); objective: `miga.Objective`; starts: the centre and random points.
+    Returns
+    -------
+    table : pandas.DataFrame
+        Means with standard errors over the repetitions.
+    proposals : pandas.DataFrame
+        Every proposal.
     """
-    evaluations = 0
-
-    def deviation(x):
-        nonlocal evaluations
-        evaluations += 1
-        off = (respond(np.clip(x, 0, 1)[None])[0] - objective.target) / objective.width
-        return float(off @ off)
-
-    best = None
-    for start in [np.full(len(PARAMETERS), 0.5), *random.uniform(size=(starts - 1, len(PARAMETERS)))]:
-        # tighter than its default, which ends far from where a squared deviation has no value left
-        found = optimize.minimize(
-            deviation, start, method="SLSQP", bounds=[(0, 1)] * len(PARAMETERS), options={"ftol": 1e-12}
-        )
-        if best is None or found.fun < best.fun - NEARER:
-            best = found
-    return np.clip(best.x, 0, 1), evaluations
-
-
-def study_network(study, unit, runs, settings, folder):
-    """The network as the study's stage trains it on these samples (`training.run`), read back."""
-    import pandas as pd
-
-    folder = Path(folder)
-    table = pd.DataFrame(study.low + unit * (study.high - study.low), columns=list(PARAMETERS))
-    table.insert(0, "sample", np.arange(len(unit)))
-    table["status"] = "ok"
-    for k, (name, error) in enumerate(zip(RESPONSES, ERRORS, strict=True)):
-        table[name] = [one[:, k].mean() for one in runs]
-        table[error] = [
-            one[:, k].std(ddof=1) / math.sqrt(len(one)) if len(one) > 1 else math.nan for one in runs
-        ]
-    single = pd.DataFrame(np.concatenate(runs), columns=list(RESPONSES))
-    single.insert(0, "sample", np.repeat(np.arange(len(runs)), [len(one) for one in runs]))
-    single["status"] = "ok"
-    table.to_csv(folder / "dataset.csv", index=False)
-    single.to_csv(folder / "runs.csv", index=False)
-    train.run(folder / "dataset.csv", folder / "runs.csv", settings, folder)
-    return load(folder / "network.json")
-
-
-def proposals(study, unit, runs, objective, settings, random):
-    """What each method proposes from one set of data: name to (place (d,), evaluations of the model)."""
-    means = np.array([one.mean(axis=0) for one in runs])
-    F, V = objective(means)
-    found = {"best_sample": (unit[objective.fitness(F, V).argmin()], 0)}
-    starts = settings["local_starts"]
-    models = {"linear": plane(unit, means), "quadratic": surface(unit, means, quadratic_terms)}
-    with tempfile.TemporaryDirectory() as folder:
-        network = study_network(study, unit, runs, settings["network"], folder)
-    models["network"] = lambda x: evaluate(network, study.low + x * (study.high - study.low))
-    keys = ("hidden", "epochs", "goal", "starts", "seed", "prior")
-    everything = PlainBayesianBP(
-        **{key: settings["network"][key] for key in keys if key in settings["network"]}
-    )
-    covariance = study.covariance if settings["network"].get("correlated_noise", False) else None
-    models["network_all"] = everything.fit(unit, means, noise_covariance=covariance).predict
-    for name, model in models.items():
-        found[name] = local_search(model, objective, starts, random)
-    respond = response_function(network, study.low, study.high)
-    section = settings["miga"] | {"seed": int(random.integers(2**31))}
-    archive, history, _ = miga.search(respond, objective, section)
-    found["network_miga"] = ((archive.points[0] + 1) / 2, history[-1][2])
-    return found
-
-
-# --- the study ------------------------------------------------------------------------------------
-
-
-def run(datasets, runs, ranges, target, settings, out_dir):
-    """Compare; write whole.csv and whole_proposals.csv; return the first.
-
-    datasets, runs: lists of CSV files, in pairs. ranges: parameter to (low, high); target: that section of the
-    configuration. settings: samples (a list of numbers), repetitions, local_starts, seed, and the sections network and
-    miga to use. Numbers of samples beyond those that are there have emulated data alone. Raises InputError.
-    """
-    import pandas as pd
-
-    study = Study(datasets, runs, ranges)
-    truth = Truth(study, settings["seed"])
-    box = np.array([target["aor_range_deg"], target["height_range_mm"]], dtype=float)
-    objective = miga.Objective(box[:, 0], box[:, 1], (target["aor_deg"], target["height_mm"]))
-    rows = []
+    truth = truth_of(samples, settings["seed"])
+    available, rows = len(samples.points.X), []
     for count in settings["samples"]:
         for repetition in range(settings["repetitions"]):
             for kind in ("real", "emulated"):
-                random = np.random.default_rng([settings["seed"], count, repetition, kind == "real"])
-                if kind == "real" and count >= len(study):
+                if kind == "real" and count >= available:
                     continue
-                data = real(study, count, random) if kind == "real" else emulated(study, truth, count, random)
-                for name, (place, evaluations) in proposals(
-                    study, *data, objective, settings, random
-                ).items():
-                    row = {"data": kind, "samples": count, "method": name, "repetition": repetition}
-                    row |= {"simulations": sum(map(len, data[1])), "evaluations": evaluations}
-                    row |= dict(zip(PARAMETERS, study.low + place * (study.high - study.low), strict=True))
-                    rows.append(row | _judged(truth(place), objective))
-    proposed = pd.DataFrame(rows)
-    table = _table(pd, proposed, truth, len(study))
-    out = Path(out_dir)
-    out.mkdir(parents=True, exist_ok=True)
-    proposed.to_csv(out / "whole_proposals.csv", index=False)
-    table.to_csv(out / "whole.csv", index=False)
+                random = np.random.default_rng([settings["seed"], count, repetition, kind == "real"])
+                if kind == "real":
+                    data = samples.points.take(random.choice(available, count, replace=False))
+                else:
+                    data = emulated(samples, truth, count, random)
+                about = {"data": kind, "samples": count, "repetition": repetition}
+                rows += _rows(about, data, samples.covariance, truth, space, targets, settings, random)
+    proposals = pd.DataFrame(rows)
+    return _table(proposals, truth, targets, available), proposals
+
+
+def run(
+    samples: Samples,
+    space: ParameterSpace,
+    targets: Targets,
+    settings: Mapping[str, Any],
+    out_dir: str | Path,
+) -> pd.DataFrame:
+    """Write whole.csv and whole_proposals.csv; return the first. Parameters are those of `compared`."""
+    table, proposals = compared(samples, space, targets, settings)
+    write_table(Path(out_dir) / "whole_proposals.csv", proposals)
+    write_table(Path(out_dir) / "whole.csv", table)
     return table
 
 
-def _judged(responses, objective):
-    """A proposal's true responses (1, 2) beside the target, by name."""
+def _rows(about, data, covariance, truth, space, targets, settings, random):
+    """Rows of whole_proposals.csv of one set of data, one for each method."""
+    found = proposed(data, covariance, space, targets, settings, random)
+    objective = Objective(targets.low, targets.high, targets.aim)
+    for name, (place, evaluations) in found.items():
+        row = {key: about[key] for key in ("data", "samples")} | {"method": name}
+        row |= {"repetition": about["repetition"], "simulations": int(data.counts().sum())}
+        row |= {"evaluations": evaluations}
+        row |= dict(zip(PARAMETERS, space.values(place)[0], strict=True))
+        yield row | _judged(truth.mean(place), objective, targets)
+
+
+def _judged(responses, objective, targets):
+    """A proposal's true responses (1, k) beside the targets, by name."""
     F, V = objective(responses)
+    off = np.abs(responses[0] - objective.target)
     return {
-        "aor_deg": responses[0, 0],
-        "height_mm": responses[0, 1],
-        "aor_off_deg": abs(responses[0, 0] - objective.target[0]),
-        "height_off_mm": abs(responses[0, 1] - objective.target[1]),
+        **dict(zip(targets.names, responses[0], strict=True)),
+        **{derived(name, "off"): value for name, value in zip(targets.names, off, strict=True)},
         "objective": F[0],
         "inside": bool(V[0] == 0),
     }
 
 
-def _table(pd, proposed, truth, samples):
+def _table(proposals, truth, targets, available):
     """Means with standard errors over the repetitions."""
     rows = []
-    for (kind, count, method), group in proposed.groupby(["data", "samples", "method"], sort=False):
+    for (kind, count, method), group in proposals.groupby(["data", "samples", "method"], sort=False):
         row = {"data": kind, "samples": count, "method": method, "repetitions": len(group)}
         row |= {key: group[key].mean() for key in ("simulations", "evaluations")}
-        for key in ("aor_off_deg", "height_off_mm", "objective", "inside"):
+        for key in (*(derived(name, "off") for name in targets.names), "objective", "inside"):
             row[key], row[f"{key}_se"] = scores.mean_and_error(group[key])
         rows.append(row)
     table = pd.DataFrame(rows)
-    for name, values in truth.cross_validated.items():
-        table[f"truth_{name}_r2"] = values["r2_noise_corrected"]
-    return table.assign(truth_samples=samples)
+    for name, share in zip(targets.names, truth.explainable, strict=True):
+        table[f"truth_{name}_r2"] = share
+    return table.assign(truth_samples=available)
 
 
-def message(table):
-    """The largest number of samples in words, one line a method."""
+def message(table: pd.DataFrame, targets: Targets) -> str:
+    """The largest number of samples in words, one line for each method."""
     lines = []
     for kind, group in table.groupby("data", sort=False):
         last = group[group["samples"] == group["samples"].max()]
-        for row in last.itertuples():
-            lines.append(
-                f"{kind}, {row.samples} samples, {row.method}: {row.aor_off_deg:.2f} ± {row.aor_off_deg_se:.2f} deg, "
-                f"{row.height_off_mm:.2f} ± {row.height_off_mm_se:.2f} mm off"
-            )
+        for row in last.to_dict("records"):
+            parts = []
+            for one in targets.responses:
+                off = derived(one.name, "off")
+                parts.append(f"{one.symbol} {row[off]:.2f} ± {row[f'{off}_se']:.2f} {one.unit}".rstrip())
+            lines.append(f"{kind}, {row['samples']} samples, {row['method']}: off by {', '.join(parts)}")
     return "\n".join(lines)

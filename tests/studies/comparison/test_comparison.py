@@ -7,14 +7,15 @@ from scipy import stats
 
 from repose.config import loader
 from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.pictures import figures
 from repose.studies.comparison import accuracy, emulator, models, points, sampling, scores, surrogates
 from repose.studies.comparison.early_stopping import EarlyStoppingBP
-from repose.surrogate.bayesian_bp import RESPONSES
 from repose.surrogate.support import quadratic_terms
 
-RANGES = {name: (0.0, 1.0) for name in PARAMETERS}
+RESPONSES = ("aor_deg", "height_mm")
+SPACE = ParameterSpace.of(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
 NETWORK = {"hidden": 3, "epochs": 60, "goal": 0.0, "split": [0.7, 0.15, 0.15], "starts": 2, "seed": 1}
 NETWORK |= {"prior": "inputs", "weights_from_errors": False, "correlated_noise": True}
 
@@ -104,15 +105,15 @@ def write(folder, name, one):
 def test_points_read_back_without_what_failed(tmp_path):
     one = poured(6, 3, 5)
     write(tmp_path, "", one)
-    found = points.read(tmp_path / "dataset.csv", tmp_path / "runs.csv")
+    found = points.read(tmp_path / "dataset.csv", tmp_path / "runs.csv", RESPONSES)
     np.testing.assert_allclose(found.X, one.X[[0, 2, 3, 4, 5]])
     assert found.counts().tolist() == [3, 2, 3, 3, 3]
     assert found.simulations() == 15
     np.testing.assert_allclose(found.means()[1], one.values[2, 1:].mean(axis=0))
     # of the third point the first run failed: with one seed it is gone
     assert len(found.take([0, 1, 2], seeds=1).X) == 2
-    with pytest.raises(InputError, match="status"):
-        points.read(tmp_path / "runs.csv", tmp_path / "runs.csv")
+    with pytest.raises(InputError, match=PARAMETERS[0]):
+        points.read(tmp_path / "runs.csv", tmp_path / "runs.csv", RESPONSES)
 
 
 def test_runs_drawn_are_runs_of_the_same_point():
@@ -125,7 +126,7 @@ def test_runs_drawn_are_runs_of_the_same_point():
 
 @pytest.mark.parametrize("name", sampling.DESIGNS)
 def test_designs_have_the_points_asked_for_inside_the_cube(name):
-    unit = sampling.DESIGNS[name](30, [1, 2])
+    unit = sampling.DESIGNS[name](30, 6, [1, 2])
     assert unit.shape == (30, 6)
     assert unit.min() >= 0
     assert unit.max() <= 1
@@ -183,15 +184,15 @@ def test_early_stopping_learns_and_stops_before_the_noise():
 
 def test_emulator_has_the_mean_and_the_noise_that_it_was_fitted_to(monkeypatch):
     monkeypatch.setattr(emulator, "CANDIDATES", {"quadratic": models.quadratic_surface})
-    fitted = emulator.fit(poured(200, 6, 12), NETWORK, 1)
-    assert fitted.correlation == pytest.approx(0.9, abs=0.02)
+    fitted = emulator.chosen_by_cross_validation(poured(200, 6, 12), NETWORK, 1)
+    assert fitted.noise.correlation == pytest.approx(np.array([[1, 0.9], [0.9, 1]]), abs=0.02)
     X = np.random.default_rng(13).uniform(size=(100, 6))
     expected = np.array([1, 2]) * np.exp(np.log(3) * X[:, :1])
-    np.testing.assert_allclose(fitted.noise_std(X), expected, rtol=0.35)
+    np.testing.assert_allclose(fitted.noise.std(X), expected, rtol=0.35)
     again = fitted.pour(X, 400, np.random.default_rng(14))
-    error = (again.means() - fitted.mean(X)) / (fitted.noise_std(X) / 20)
+    error = (again.means() - fitted.mean(X)) / (fitted.noise.std(X) / 20)
     assert np.abs(error).max() < 4.5
-    np.testing.assert_allclose(again.values.std(axis=1), fitted.noise_std(X), rtol=0.15)
+    np.testing.assert_allclose(again.values.std(axis=1), fitted.noise.std(X), rtol=0.15)
     assert (fitted.explainable > 0.9).all()
 
 
@@ -216,10 +217,11 @@ def tables(files, tmp_path_factory):
         patch.setattr(sampling, "TRADES", (1, 2))
         patch.setattr(models, "TREES", 10)
         patch.setattr(models, "ROUNDS", 10)
+        sets = points.read_sets(files, RESPONSES)
         return folder, {
-            "accuracy": accuracy.run(files, NETWORK, folder),
-            "surrogates": surrogates.run(files, NETWORK, 1, folder),
-            "sampling": sampling.run(files, RANGES, NETWORK, 2, 1, folder),
+            "accuracy": accuracy.run(sets, RESPONSES, NETWORK, folder),
+            "surrogates": surrogates.run(sets, RESPONSES, NETWORK, 1, folder),
+            "sampling": sampling.run(sets, RESPONSES, SPACE, NETWORK, 2, 1, folder),
         }
 
 
@@ -264,3 +266,63 @@ def test_each_comparison_can_be_drawn(tables, name, tmp_path):
     config = loader.load("config/quick.yaml")
     figures.draw(name, {name: str(tables[0] / f"{name}.csv")}, tmp_path / "a.png", config)
     assert (tmp_path / "a.png").stat().st_size > 10_000
+
+
+def of_many(count, seeds, k, seed):
+    """Points of k responses, each of two parameters, with noise of correlation 0.5."""
+    rng = np.random.default_rng(seed)
+    X = rng.uniform(size=(count, 6))
+    root = np.linalg.cholesky(0.5 + 0.5 * np.eye(k))
+    noise = rng.normal(size=(count, seeds, k)) @ root.T
+    return points.Points(X, 50 + 10 * (X[:, :k] - X[:, 1 : k + 1] ** 2)[:, None] + noise)
+
+
+@pytest.mark.parametrize("k", [1, 4])
+def test_comparisons_take_any_number_of_responses(k, monkeypatch, tmp_path):
+    names = ("drum_slip_deg", "packing_percent", "height_mm", "discharge_s")[:k]
+    sets = [of_many(30, 4, k, 1), of_many(40, 4, k, 2), of_many(10, 8, k, 3)]
+    quick = {"quadratic surface": models.quadratic_surface, "network": models.configured_network}
+    monkeypatch.setattr(surrogates, "MODELS", quick)
+    monkeypatch.setattr(surrogates, "BUDGETS", ())
+    monkeypatch.setattr(sampling, "FITS", {"network": models.quadratic_surface})
+    monkeypatch.setattr(emulator, "CANDIDATES", {"quadratic": models.quadratic_surface})
+    monkeypatch.setattr(sampling, "SAMPLES", (40,))
+    monkeypatch.setattr(sampling, "REPETITIONS", 2)
+    monkeypatch.setattr(sampling, "TRADES", (1,))
+    tables = {
+        "accuracy": accuracy.run(sets, names, NETWORK, tmp_path),
+        "surrogates": surrogates.run(sets, names, NETWORK, 1, tmp_path),
+        "sampling": sampling.run(sets, names, SPACE, NETWORK, 2, 1, tmp_path),
+    }
+    config = {
+        "targets": [
+            {"response": name, "value": 50, "sd": 1, "repetitions": 4, "range": [45, 55]} for name in names
+        ]
+    }
+    for name, table in tables.items():
+        assert tuple(dict.fromkeys(table["response"])) == names
+        figures.draw(name, {name: str(tmp_path / f"{name}.csv")}, tmp_path / f"{name}.png", config)
+
+
+@pytest.mark.parametrize("k", [1, 3])
+def test_noise_that_scales_has_its_correlation_and_size(k):
+    correlation = 0.6 + 0.4 * np.eye(k)
+    slopes = np.log(4) * np.eye(7, k, -1)  # each response's variance grows with a parameter of its own
+    noise = emulator.ScalingNoise(slopes, correlation, np.zeros(6), np.ones(6))
+    X = np.zeros((1, 6))
+    X[0, 0] = 1.0
+    drawn = noise.draw(X, 100_000, np.random.default_rng(1))[0]
+    assert drawn.std(axis=0) == pytest.approx([2.0, 1, 1][:k], rel=0.02)
+    assert np.atleast_2d(np.corrcoef(drawn.T)) == pytest.approx(correlation, abs=0.01)
+
+
+def test_joined_points_keep_their_runs():
+    both = points.joined([poured(3, 2, 1), poured(2, 4, 2)])
+    assert both.counts().tolist() == [2, 2, 2, 4, 4]
+    assert both.means()[:3] == pytest.approx(poured(3, 2, 1).means(), abs=0)
+
+
+def test_designs_in_five_dimensions_leave_out_the_composite():
+    found = sampling.designs_for(5)
+    assert "central composite" not in found
+    assert found["Sobol sequence"](30, 5, [1, 2]).shape == (30, 5)

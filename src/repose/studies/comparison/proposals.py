@@ -1,0 +1,182 @@
+"""What each method proposes for the targets from one set of simulated samples.
+
+  best_sample        the simulated sample whose means lie nearest to the target: no model at all
+  linear             plane by least squares, inverted by a local search
+  quadratic          all squares and products, ridge by leave-one-out, inverted by a local search
+  network            the surrogate as the study trains it, inverted by a local search
+  network_miga       the same surrogate, inverted by the island genetic algorithm
+  network_all        the surrogate trained on all of the samples, no validation or test part, local search
+
+The local search is SLSQP on the squared deviations in widths of the targets' ranges, from the centre of the parameters'
+ranges and from random points; another start replaces the centre's only where it comes nearer by more than NEARER.
+"""
+
+import tempfile
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import optimize
+
+from repose.chain import train
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
+from repose.core.targets import Targets
+from repose.search import miga
+from repose.search.miga import Objective
+from repose.studies.comparison.points import Points
+from repose.studies.comparison.search import respond_in
+from repose.surrogate import Surrogate, load, make
+from repose.surrogate.support import quadratic_terms
+
+METHODS = ("best_sample", "linear", "quadratic", "network", "network_miga", "network_all")
+NEARER = 1e-4
+RIDGES = np.geomspace(1e-4, 1e2, 13)
+Model = Callable[[np.ndarray], np.ndarray]
+
+
+def surface(unit: np.ndarray, means: np.ndarray, terms: Model) -> Model:
+    """A surface fitted by ridge regression with leave-one-out.
+
+    Parameters
+    ----------
+    unit : numpy.ndarray, (n, d)
+        Places of the samples in the ranges.
+    means : numpy.ndarray, (n, k)
+        Responses.
+    terms : callable
+        Places (m, d) to the terms of the surface (m, t).
+
+    Returns
+    -------
+    callable
+        Places (m, d) to responses (m, k).
+    """
+    from sklearn.linear_model import RidgeCV
+
+    models = [RidgeCV(RIDGES, fit_intercept=False).fit(terms(unit), y - y.mean()) for y in means.T]
+    return lambda x: (
+        np.column_stack([m.predict(terms(np.atleast_2d(x))) for m in models]) + means.mean(axis=0)
+    )
+
+
+def plane(unit: np.ndarray, means: np.ndarray) -> Model:
+    """A linear function of places (m, d), fitted by least squares; arguments as for `surface`."""
+    X = np.column_stack([np.ones(len(unit)), unit])
+    found = np.linalg.lstsq(X, means, rcond=None)[0]
+    return lambda x: np.column_stack([np.ones(len(np.atleast_2d(x))), np.atleast_2d(x)]) @ found
+
+
+def local_search(
+    respond: Model, objective: Objective, dimensions: int, starts: int, random: np.random.Generator
+) -> tuple[np.ndarray, int]:
+    """Place (d,) by SLSQP on the squared deviations, and the number of evaluations of the model.
+
+    Parameters
+    ----------
+    respond : callable
+        Places (m, d) to responses (m, k).
+    objective : Objective
+    dimensions : int
+        Number of free parameters d.
+    starts : int
+        The centre of the ranges and random points.
+    random : numpy.random.Generator
+    """
+    evaluations = 0
+
+    def deviation(x):
+        nonlocal evaluations
+        evaluations += 1
+        off = (respond(np.clip(x, 0, 1)[None])[0] - objective.target) / objective.width
+        return float(off @ off)
+
+    best = None
+    for start in [np.full(dimensions, 0.5), *random.uniform(size=(starts - 1, dimensions))]:
+        # tighter than its default, which ends far from where a squared deviation has no value left
+        found = optimize.minimize(
+            deviation, start, method="SLSQP", bounds=[(0, 1)] * dimensions, options={"ftol": 1e-12}
+        )
+        if best is None or found.fun < best.fun - NEARER:
+            best = found
+    return np.clip(best.x, 0, 1), evaluations
+
+
+def tables_of(samples: Points, space: ParameterSpace, targets: Targets) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The samples as tables of the dataset stage: samples with their means and errors, and single runs.
+
+    Parameters
+    ----------
+    samples : Points
+        X (n, d): places in the ranges.
+    space : ParameterSpace
+    targets : Targets
+        Responses of the samples, in their order.
+    """
+    table = pd.DataFrame(space.values(samples.X), columns=list(PARAMETERS))
+    table.insert(0, "sample", np.arange(len(table)))
+    table["status"] = "ok"
+    columns = zip(targets.responses, samples.means().T, samples.errors().T, strict=True)
+    for response, mean, error in columns:
+        table[response.name], table[response.error] = mean, error
+    good = samples.good()
+    runs = pd.DataFrame(samples.values[good], columns=list(targets.names))
+    runs.insert(0, "sample", np.nonzero(good)[0])
+    runs["status"] = "ok"
+    return table, runs
+
+
+def study_surrogate(
+    samples: Points, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]
+) -> Surrogate:
+    """The surrogate as the study's stage trains it on these samples; settings: the section `network`."""
+    table, runs = tables_of(samples, space, targets)
+    with tempfile.TemporaryDirectory() as folder:
+        table.to_csv(f"{folder}/dataset.csv", index=False)
+        runs.to_csv(f"{folder}/runs.csv", index=False)
+        train.run(f"{folder}/dataset.csv", f"{folder}/runs.csv", settings, folder)
+        return load(f"{folder}/network.json")
+
+
+def proposed(
+    samples: Points,
+    covariance: np.ndarray,
+    space: ParameterSpace,
+    targets: Targets,
+    settings: Mapping[str, Any],
+    random: np.random.Generator,
+) -> dict[str, tuple[np.ndarray, int]]:
+    """What each method proposes: place in the ranges (d,), and the number of evaluations of the model, by name.
+
+    Parameters
+    ----------
+    samples : Points
+        X (n, d): places in the ranges.
+    covariance : numpy.ndarray, (k, k)
+        Of a single run.
+    space : ParameterSpace
+    targets : Targets
+    settings : mapping
+        ``local_starts`` and the sections ``network`` and ``miga``.
+    random : numpy.random.Generator
+    """
+    means, section = samples.means(), settings["network"]
+    objective = Objective(targets.low, targets.high, targets.aim)
+    F, V = objective(means)
+    found = {"best_sample": (samples.X[objective.fitness(F, V).argmin()], 0)}
+    surrogate = study_surrogate(samples, space, targets, section)
+    everything = make(section.get("surrogate", "network"), section, "network.surrogate")
+    noise = covariance if section.get("correlated_noise", False) else None
+    models = {
+        "linear": plane(samples.X, means),
+        "quadratic": surface(samples.X, means, quadratic_terms),
+        "network": lambda x: surrogate.predict(space.values(x)),
+        "network_all": everything.fit(samples.X, means, noise_covariance=noise).predict,
+    }
+    for name, model in models.items():
+        found[name] = local_search(model, objective, space.dimensions, settings["local_starts"], random)
+    islands = {**settings["miga"], "seed": int(random.integers(2**31))}
+    archive, history, _ = miga.search(respond_in(space, surrogate), objective, islands)
+    found["network_miga"] = ((archive.points[0] + 1) / 2, history[-1][2])
+    return found

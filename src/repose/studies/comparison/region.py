@@ -1,0 +1,92 @@
+"""The feasible region of a surrogate, and how much of it a list of solutions covers."""
+
+import math
+
+import numpy as np
+from scipy import stats
+from scipy.spatial import cKDTree
+from scipy.spatial.distance import pdist
+
+from repose.search.miga import Objective
+from repose.studies.comparison.searches import Respond
+
+FEWEST_FEASIBLE = 200  # of the reference sample, or nothing can be said about the region
+CLOUD = 5000  # reference points that coverage is taken over
+LISTS = 10  # of random feasible points
+
+
+class Region:
+    """A uniform sample of the feasible region, and what a list of solutions can cover of it.
+
+    Parameters
+    ----------
+    respond : callable
+        Populations in [-1, 1] (n, d) to responses (n, k).
+    objective : Objective
+    points : int
+        Of the Sobol sequence over the whole box, a power of two.
+    listed : int
+        Solutions in a list.
+    dimensions : int
+        Number of free parameters d.
+    seed : int
+
+    Attributes
+    ----------
+    points : numpy.ndarray, (feasible, d)
+    share : float
+        Of the box that is feasible.
+    lists : list of numpy.ndarray, (listed, d)
+        Random feasible points.
+    reach : float
+        Median distance from a feasible point to the nearest one of such a list.
+
+    Raises
+    ------
+    ValueError
+        If fewer than 200 points are feasible.
+    """
+
+    def __init__(
+        self, respond: Respond, objective: Objective, points: int, listed: int, dimensions: int, seed: int
+    ):
+        unit = 2 * stats.qmc.Sobol(dimensions, rng=seed).random(points) - 1
+        _, V = objective(respond(unit))
+        self.points = unit[V == 0]
+        self.share = len(self.points) / points
+        if len(self.points) < FEWEST_FEASIBLE:
+            raise ValueError(
+                f"{len(self.points)} of {points} points are feasible; allowed: at least {FEWEST_FEASIBLE}"
+            )
+        self.cloud = self.points[:CLOUD]
+        self.volume = _volume(self.points)
+        random = np.random.default_rng(seed)
+        self.lists = [
+            random.choice(self.points, min(listed, len(self.points)), replace=False) for _ in range(LISTS)
+        ]
+        self.reach = float(np.median([cKDTree(one).query(self.cloud)[0] for one in self.lists]))
+
+    def spread(self, points: np.ndarray) -> dict[str, float]:
+        """How widely feasible points (n, d) lie, by name; NaN of fewer than two.
+
+        Returns
+        -------
+        dict
+            ``pairwise_distance``: mean. ``coverage``: share of the feasible region within `reach` of one of them; a
+            half for as many random points. ``width``: mean over the parameters of their interval over the region's
+            (dispersion of Table 3). ``volume``: root of the determinant of their covariance over the region's.
+        """
+        if len(points) < 2:
+            return dict.fromkeys(("pairwise_distance", "coverage", "width", "volume"), math.nan)
+        covered = cKDTree(points).query(self.cloud)[0] <= self.reach
+        return {
+            "pairwise_distance": float(pdist(points).mean()),
+            "coverage": float(covered.mean()),
+            "width": float((np.ptp(points, axis=0) / np.ptp(self.points, axis=0)).mean()),
+            "volume": _volume(points) / self.volume,
+        }
+
+
+def _volume(points):
+    """Root of the determinant of the covariance of points (n, d)."""
+    return float(np.sqrt(max(0.0, np.linalg.det(np.atleast_2d(np.cov(points.T))))))

@@ -1,0 +1,206 @@
+"""The searches that are compared: functions of a `Log` and a seed that end by `Spent`.
+
+Every search minimises the fitness that `miga` does (Eq. 11-12 and its constraints) over the free parameters in
+[-1, 1]. Its log counts the evaluations. A search that ends early starts again elsewhere until all are used.
+
+  miga                    multi-island genetic algorithm, as configured
+  miga_whole              the same with all of its configured evaluations
+  one_population          the same operators, one island of as many individuals
+  differential_evolution  scipy's, population 15 times the number of parameters
+  dual_annealing          scipy's, with its local search
+  cma_es                  covariance matrix adaptation (cmaes 0.13), population by its rule
+  least_squares           scipy's trust region on the deviations, from random points, derivatives by differences
+  random                  uniform points
+"""
+
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import partial
+from typing import Any
+
+import numpy as np
+from scipy import optimize
+
+from repose.search.miga import MIGA, OPERATORS, Objective
+
+STEP = 1e-6  # of the differences
+Respond = Callable[[np.ndarray], np.ndarray]
+Search = Callable[["Log", int], None]
+
+
+class Spent(Exception):
+    """All evaluations are used."""
+
+
+class Log:
+    """Counts and keeps what a search evaluates, and ends it by `Spent` when the evaluations are used up.
+
+    Parameters
+    ----------
+    respond : callable
+        Populations in [-1, 1] (n, d) to responses (n, k).
+    objective : Objective
+    evaluations : int
+        Allowed.
+    dimensions : int
+        Number of free parameters d.
+
+    Attributes
+    ----------
+    points : numpy.ndarray, (used, d)
+    fitness : numpy.ndarray, (used,)
+        In the order in which they were asked for.
+    """
+
+    def __init__(self, respond: Respond, objective: Objective, evaluations: int, dimensions: int):
+        self.respond, self.objective, self.dimensions = respond, objective, dimensions
+        self._points = np.empty((evaluations, dimensions))
+        self._fitness = np.empty(evaluations)
+        self.used = 0
+
+    @property
+    def points(self) -> np.ndarray:
+        return self._points[: self.used]
+
+    @property
+    def fitness(self) -> np.ndarray:
+        return self._fitness[: self.used]
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        """Fitness (n,) of points (n, d)."""
+        return self._keep(points, self.respond(points))
+
+    def of_one(self, x: np.ndarray) -> float:
+        """Fitness of one point (d,)."""
+        return float(self(np.asarray(x)[None])[0])
+
+    def residuals(self, x: np.ndarray) -> np.ndarray:
+        """Deviations (k,) of one point (d,) from the targets, in widths of their ranges."""
+        return self._residuals(np.asarray(x)[None])[0]
+
+    def jacobian(self, x: np.ndarray) -> np.ndarray:
+        """Derivatives (k, d) of the deviations by differences into the box; costs d evaluations."""
+        steps = STEP * np.where(np.asarray(x) > 0, -1.0, 1.0)
+        moved = self._residuals(np.asarray(x) + np.diag(steps))
+        return ((moved - self._residuals_at(x)) / steps[:, None]).T
+
+    def _residuals_at(self, x):
+        """Residuals of a point that was counted already."""
+        return (self.respond(np.asarray(x)[None])[0] - self.objective.target) / self.objective.width
+
+    def _residuals(self, points):
+        responses = self.respond(points)
+        self._keep(points, responses)
+        return (responses - self.objective.target) / self.objective.width
+
+    def _keep(self, points, responses):
+        room = len(self._fitness) - self.used
+        if room == 0:
+            raise Spent
+        rows = slice(self.used, self.used + min(room, len(points)))
+        self._points[rows] = points[:room]
+        self._fitness[rows] = self.objective.fitness(*self.objective(responses[:room]))
+        self.used = rows.stop
+        if room < len(points):
+            raise Spent
+        return self._fitness[rows]
+
+
+def miga(log: Log, seed: int, **settings: Any) -> None:
+    """The multi-island genetic algorithm; settings: `OPERATORS`."""
+    search = MIGA(log.dimensions, **settings, seed=seed)
+    while True:
+        search.tell(log(search.ask()))
+
+
+def differential_evolution(log: Log, seed: int) -> None:
+    """Differential evolution of scipy, whole populations at once."""
+    for restart in range(10**6):
+        optimize.differential_evolution(
+            lambda x: log(x.T),
+            [(-1, 1)] * log.dimensions,
+            maxiter=10**6,
+            tol=0.0,
+            atol=1e-9,
+            polish=False,
+            updating="deferred",
+            vectorized=True,
+            rng=np.random.default_rng([seed, restart]),
+        )
+
+
+def dual_annealing(log: Log, seed: int) -> None:
+    """Dual annealing of scipy."""
+    for restart in range(10**6):
+        random = np.random.default_rng([seed, restart])
+        optimize.dual_annealing(
+            log.of_one, [(-1, 1)] * log.dimensions, maxiter=10**6, maxfun=1e12, rng=random
+        )
+
+
+def cma_es(log: Log, seed: int) -> None:
+    """Covariance matrix adaptation of the package cmaes."""
+    from cmaes import CMA
+
+    bounds = np.tile([-1.0, 1.0], (log.dimensions, 1))
+    for restart in range(10**6):
+        random = np.random.default_rng([seed, restart])
+        start, stream = random.uniform(-1, 1, log.dimensions), int(random.integers(2**31))
+        search = CMA(mean=start, sigma=0.5, bounds=bounds, seed=stream)
+        while not search.should_stop():
+            asked = np.array([search.ask() for _ in range(search.population_size)])
+            search.tell(list(zip(asked, log(asked), strict=True)))
+
+
+def least_squares(log: Log, seed: int) -> None:
+    """Least squares of scipy from one random point after another."""
+    random = np.random.default_rng(seed)
+    while True:
+        start = random.uniform(-1, 1, log.dimensions)
+        optimize.least_squares(log.residuals, start, log.jacobian, bounds=(-1, 1))
+
+
+def uniform(log: Log, seed: int) -> None:
+    """Uniform points."""
+    random = np.random.default_rng(seed)
+    while True:
+        log(random.uniform(-1, 1, (2000, log.dimensions)))
+
+
+SEARCHES: dict[str, Search] = {
+    "differential_evolution": differential_evolution,
+    "dual_annealing": dual_annealing,
+    "cma_es": cma_es,
+    "least_squares": least_squares,
+    "random": uniform,
+}
+
+
+def searches(section: Mapping[str, Any]) -> dict[str, tuple[Search, int | None]]:
+    """All searches by name, each with its number of evaluations where it has one of its own.
+
+    Parameters
+    ----------
+    section : mapping
+        `miga` of the configuration.
+    """
+    own = {key: section[key] for key in OPERATORS}
+    alone = own | {"islands": 1, "population": section["islands"] * section["population"]}
+    whole = section["rounds"] * section["generations"] * alone["population"]
+    found: dict[str, tuple[Search, int | None]] = {
+        "miga": (partial(miga, **own), None),
+        "miga_whole": (partial(miga, **own), whole),
+        "one_population": (partial(miga, **alone), None),
+    }
+    return found | {name: (search, None) for name, search in SEARCHES.items()}
+
+
+def logged(
+    search: Search, respond: Respond, objective: Objective, evaluations: int, dimensions: int, seed: int
+) -> tuple[Log, float]:
+    """The `Log` of one search with all its evaluations used, and the seconds it took."""
+    log, began = Log(respond, objective, evaluations, dimensions), time.perf_counter()
+    with suppress(Spent):
+        search(log, seed)
+    return log, time.perf_counter() - began
