@@ -14,6 +14,7 @@ from repose.core.parameters import PARAMETERS
 from repose.core.seeds import pour_seeds
 from repose.search import miga
 from repose.studies import refine, rounds, verdict
+from repose.surrogate import load, make, names
 
 RANGES = {name: [0.0, 1.0] for name in PARAMETERS} | {"mus_gg": [2.0, 6.0]}
 SPACE = ParameterSpace.of(RANGES)
@@ -128,6 +129,22 @@ def test_the_correction_meets_the_samples_of_the_box_on_average_by_their_seeds(n
     assert (model.constant == 30).all(), "the surrogate itself stays as it was"
     with pytest.raises(ValueError, match="at least one"):
         refine.corrected(model, table[table["round"].isna()], box, targets)
+
+
+@pytest.mark.parametrize("name", names())
+def test_every_surrogate_can_be_corrected_and_is_saved_so(name, tmp_path):
+    random = np.random.default_rng(2)
+    X = LOW + random.random((60, 6)) * (HIGH - LOW)
+    model = make(name, CONFIG["network"]).describe(PARAMETERS, TARGETS.names)
+    model.fit(X, np.column_stack([X[:, 0] + 30, 60 - X[:, 2]]))
+    rows = [{"sample": 1001, **MIDDLE, "status": "ok", "n_seeds": 8, "round": 0}]
+    table = pd.DataFrame(rows).assign(aor_deg=35.0, height_mm=50.0)
+    moved, offset, _ = refine.corrected(model, table, refine.search_box(SPACE, MIDDLE, 0.1), TARGETS)
+    middle = np.array([list(MIDDLE.values())])
+    moved.save(tmp_path / "network.json")
+    np.testing.assert_allclose(load(tmp_path / "network.json").predict(middle), [[35.0, 50.0]])
+    np.testing.assert_allclose(moved.predict(X) - model.predict(X), np.tile(offset, (60, 1)))
+    np.testing.assert_allclose(moved.covariance(X), model.covariance(X))
 
 
 # The whole loop

@@ -10,6 +10,7 @@ from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.studies import sensitivity
+from repose.surrogate import make, names
 from repose.surrogate.bayesian_bp import BayesianBP
 
 LOW, HIGH = [-np.pi] * 3, [np.pi] * 3
@@ -93,11 +94,13 @@ def test_a_fixed_parameter_has_no_index():
     assert middle["drum_slip_deg"].item() == pytest.approx(30.4)  # e_gg is 0.4 above its middle
 
 
-def test_tables_of_a_surrogate(tmp_path):
+@pytest.mark.parametrize("name", names())
+def test_tables_of_every_surrogate(name, tmp_path):
     random = np.random.RandomState(1)
     X, targets = random.uniform(size=(60, 6)), targets_of(aor_deg=30.0, height_mm=60.0)
-    model = BayesianBP(hidden=3, starts=1, epochs=100).fit(X, X @ random.uniform(size=(6, 2)))
-    model.describe(PARAMETERS, targets.names).save(tmp_path / "network.json")
+    model = make(name, {"hidden": 3, "starts": 1, "epochs": 100, "goal": 0.0, "seed": 1})
+    model.describe(PARAMETERS, targets.names).fit(X, X @ random.uniform(size=(6, 2)))
+    model.save(tmp_path / "network.json")
     parts = (tmp_path / "network.json", ParameterSpace.of(UNIT), targets, SETTINGS)
     table = sensitivity.run(*parts, tmp_path / "out")
     pd.testing.assert_frame_equal(table, sensitivity.run(*parts, tmp_path / "again"))
