@@ -290,11 +290,15 @@ def write_states(folder, names):
         np.savez(folder / f"{name}.npz", wall_s=time.perf_counter() - began, **state)
 
 
+def environment_of(checkout):
+    """The environment of a process that imports a checkout's sources."""
+    return {**os.environ, "PYTHONPATH": str(checkout.resolve() / "src")}
+
+
 def start(checkout, folder, names):
     """A process that writes the states of scenes with the engine of a checkout."""
-    environment = {**os.environ, "PYTHONPATH": str(checkout / "src")}
     command = [sys.executable, __file__, "--write", str(folder), "--scenes", *names]
-    return subprocess.Popen(command, env=environment)
+    return subprocess.Popen(command, env=environment_of(checkout))
 
 
 def differences(one, two):
@@ -331,7 +335,7 @@ def main():
         for folder in folders:
             folder.mkdir()
         runs = [
-            start(checkout.resolve(), folder, arguments.scenes)
+            start(checkout, folder, arguments.scenes)
             for checkout, folder in zip(arguments.checkouts, folders, strict=True)
         ]
         if any([run.wait() for run in runs]):

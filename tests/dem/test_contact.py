@@ -8,7 +8,7 @@ from repose.dem import Contact, random_quaternion
 from repose.dem.kernels import state as st
 from repose.dem.kernels import tile as tl
 from repose.dem.kernels.contact import solve_gap
-from repose.dem.kernels.engine import gather, scatter
+from repose.dem.kernels.forces import gather, scatter
 from repose.dem.kernels.jit import kernel
 from repose.dem.kernels.simd import rsqrt
 from repose.dem.materials import contact_law, damping_ratio, effective_moduli

@@ -13,11 +13,9 @@ from .kernels import features, parallel
 from .kernels import state as st
 from .kernels import tile as tl
 from .kernels.atomics import BARRIER_SIZE
-from .kernels.clump_engine import advance_clumps
 from .kernels.engine import advance
 from .kernels.order import reorder
 from .kernels.rigid import TILE_ROWS, place_shape
-from .kernels.walls import STARTS
 from .materials import Contact, Material, contact_law, effective_moduli
 from .rotations import rotation_matrices, rotation_matrix
 from .shapes import Clump, Shape
@@ -150,6 +148,7 @@ class Simulation:
             ("meshed", n_meshes, ghost + spare if n_meshes else 1),
         ):
             setattr(self, name, st.new_wall_contacts(most, walls, ghost, ghost, rows))
+        self.clumps = ()
         if self._of_clumps:
             self.clumps = cl.new_clumps(
                 list(self.shapes.values()),
@@ -158,7 +157,6 @@ class Simulation:
                 (n_planes, n_curved),
                 len(self.meshed.body),
             )
-            self._clump_scratch = st.zeros(cl.SCRATCH)
 
     def _set_materials(self, contacts):
         """Number the materials, those of bodies first, and make the table of force laws."""
@@ -212,7 +210,7 @@ class Simulation:
             raise ValueError(f"threads is {threads!r}; allowed: 1 to {parallel.SHARES}")
         self._tiles = st.zeros(threads, tl.ROWS * st.LANES)
         self._body_tiles = st.zeros(threads, TILE_ROWS * st.LANES)
-        self._scratches = st.zeros(threads, 64 + STARTS)
+        self._scratches = st.zeros(threads, st.SCRATCH)
 
     @property
     def rolling_frame_rad_s(self):
@@ -382,19 +380,11 @@ class Simulation:
 
     def _advance(self, steps):
         """Advance by at most so many steps, less where a list has to grow; returns the steps made."""
-        if self._of_clumps:
-            return advance_clumps(
-                self.bodies, self.pairs, self.flat, self.curved, self.meshed,
-                self.meshed._replace(body=self.clumps.mesh_sphere), self.clumps, self.grid, self.walls, self.meshes,
-                self.counts, self.physics, self._tiles[0], self._body_tiles[0], self._clump_scratch,
-                self._scratches[0], steps,
-            )  # fmt: skip
-        arrays = (
-            self.bodies, self.pairs, self.flat, self.curved, self.meshed, self.grid, self.walls, self.meshes,
-            self.counts, self.physics,
-        )  # fmt: skip
+        lists = (self.bodies, self.pairs, self.flat, self.curved, self.meshed)
+        world = (self.grid, self.walls, self.meshes, self.counts, self.physics)
         if not self._shared:
-            return advance(*arrays, self._tiles[0], self._body_tiles[0], self._scratches[0], steps)
+            scratch = (self._tiles[0], self._body_tiles[0], self._scratches[0])
+            return advance(*lists, self.clumps, *world, *scratch, steps)
         if self.steps % parallel.REORDER_EVERY == 0:
             self._reorder()
         steps = min(steps, parallel.REORDER_EVERY - self.steps % parallel.REORDER_EVERY)
@@ -406,7 +396,7 @@ class Simulation:
             due=np.zeros(len(self.pairs.dormant_limit), np.int64),
         )
         tiles = (self._tiles, self._body_tiles, self._scratches)
-        return parallel.run_threads(arrays, tiles, shared, steps)
+        return parallel.run_threads((*lists, *world), tiles, shared, steps)
 
     def _reorder(self):
         """Number the bodies in the order of space; what users see keeps their numbers."""

@@ -20,7 +20,6 @@ from .state import LANES, MOST_SPHERES, SHAPE
 from .walls import add_wall_contact, drop_wall_contact, effective_radius
 
 L = LANES
-OFFSET = 16  # place in a row of scratch for a sphere's centre relative to its body's
 NEAREST = 1e-30  # of two points, for a direction [m]
 
 
@@ -153,7 +152,7 @@ def free_way(gap, beyond, radius, one_sided):
 
 
 @kernel
-def look_at_planes(bodies, flat, clumps, walls, counts, wall, i, s, out):
+def spheres_at_plane(bodies, flat, clumps, walls, counts, wall, i, s, out):
     """Find the spheres of body i that have come to a plane; returns how far it may move before the next look."""
     nearest = math.inf
     for k in range(clumps.sizes[clumps.shape[i]]):
@@ -173,8 +172,8 @@ def look_at_planes(bodies, flat, clumps, walls, counts, wall, i, s, out):
 
 
 @kernel
-def look_at_curved(bodies, curved, clumps, walls, counts, wall, i, s, out):
-    """Find the spheres of body i that have come to a cone or ring, as `look_at_planes`."""
+def spheres_at_curved(bodies, curved, clumps, walls, counts, wall, i, s, out):
+    """Find the spheres of body i that have come to a cone or ring, as `spheres_at_plane`."""
     nearest = math.inf
     for k in range(clumps.sizes[clumps.shape[i]]):
         if is_set(clumps.curved_known[wall, i : i + 1], k):
@@ -207,38 +206,6 @@ def place_clump(bodies, clumps, i, s):
     )
 
 
-@kernel
-def look_at_clump(bodies, flat, curved, clumps, walls, counts, i, reading, lowest, s, out):
-    """Find new contacts of body i with walls; returns the reading that calls for the next look."""
-    place_clump(bodies, clumps, i, s)
-    alarm = math.inf
-    for w in range(walls.planes.shape[0]):
-        if reading >= flat.limit[w, i]:
-            flat.limit[w, i] = reading + look_at_planes(bodies, flat, clumps, walls, counts, w, i, s, out)
-        alarm = min(alarm, flat.limit[w, i])
-    if bodies.rows[i, 2] + bodies.motion[i // L, st.RADIUS + i % L] < lowest:
-        bodies.passed[i] = 1
-    if bodies.passed[i]:
-        return alarm
-    for w in range(walls.cones.shape[0] + walls.rings.shape[0]):
-        if reading >= curved.limit[w, i]:
-            curved.limit[w, i] = reading + look_at_curved(bodies, curved, clumps, walls, counts, w, i, s, out)
-        alarm = min(alarm, curved.limit[w, i])
-    return alarm
-
-
-@kernel
-def update_clump_walls(bodies, flat, curved, clumps, walls, counts, lowest, s, out):
-    """Find new contacts with planes, cones and rings, as `walls.update_walls`."""
-    creep = walls.creep[0]
-    for i in range(counts[st.N_BODIES]):
-        reading = bodies.odometer[i] + creep
-        if reading >= bodies.alarm[i]:
-            bodies.alarm[i] = look_at_clump(
-                bodies, flat, curved, clumps, walls, counts, i, reading, lowest, s, out
-            )
-
-
 @inlined
 def sphere_row(walls, frame, x, y, z, radius, local):
     """Write the row of a sphere, as `meshes` knows bodies, in a frame."""
@@ -253,18 +220,22 @@ def sphere_row(walls, frame, x, y, z, radius, local):
 
 
 @inlined
-def follow_sphere(bodies, walls, meshes, meshed, touches, n, k, out, other, local):
-    """Track contact k of a sphere with a mesh through one step, as `meshes.follow_mesh`.
+def by_sphere(meshed, clumps):
+    """The contacts with meshes, with the numbers of spheres in place of those of bodies."""
+    return st.WallContacts(
+        clumps.mesh_sphere, meshed.wall, meshed.feature, meshed.data, meshed.limit, meshed.ended
+    )
 
-    The sphere's centre relative to its body's is left in `local` from OFFSET on. touches: `meshed` with the numbers
-    of spheres for bodies.
-    """
+
+@inlined
+def follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, out, other, local):
+    """Track contact k of a sphere with a mesh through one step, as `meshes.follow_mesh`."""
+    touches = by_sphere(meshed, clumps)
     mesh = meshed.wall[k]
     frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
     tile, lane = meshed.data[k // L], k % L
     row = bodies.rows[meshed.body[k]]
     x, y, z = turned_centre(row, tile, lane)
-    local[OFFSET], local[OFFSET + 1], local[OFFSET + 2] = x, y, z
     radius = tile[ct.RADIUS + lane]
     sphere_row(walls, frame, row[0] + x, row[1] + y, row[2] + z, radius, local)
     at = st.NORMAL + lane
@@ -279,16 +250,21 @@ def follow_sphere(bodies, walls, meshes, meshed, touches, n, k, out, other, loca
     if walls.turned[frame]:
         turn_place(walls.frames[frame], out, 0)
         turn_place(walls.frames[frame], out, 5)
+    # from the body's centre, not the sphere's
+    out[5] += x
+    out[6] += y
+    out[7] += z
     return touching and out[3] <= 0.0
 
 
 @inlined
-def look_at_mesh(bodies, meshed, touches, clumps, walls, meshes, counts, mesh, i, s, out, other, local):
+def spheres_at_mesh(bodies, meshed, clumps, walls, meshes, counts, mesh, i, s, out, other, local):
     """Find the spheres of body i that have come to a mesh; returns how far it may move before the next look."""
     n = counts[st.N_MESHED]
+    touches = by_sphere(meshed, clumps)
     for k in range(n):
         if meshed.body[k] == i and meshed.wall[k] == mesh:
-            follow_sphere(bodies, walls, meshes, meshed, touches, n, k, out, other, local)
+            follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, out, other, local)
             for c in range(3):
                 meshed.data[k // L, st.NORMAL + c * L + k % L] = out[c]
     place_clump(bodies, clumps, i, s)
@@ -307,17 +283,3 @@ def look_at_mesh(bodies, meshed, touches, clumps, walls, meshes, counts, mesh, i
             meshed.body[k] = i
             write_sphere(meshed, clumps, k, i, sphere)
     return nearest
-
-
-@kernel
-def update_clump_meshes(bodies, meshed, touches, clumps, walls, meshes, counts, s, out, other, local):
-    """Find new contacts with meshes, as `meshes.update_meshes`."""
-    creep = walls.creep[0]
-    for mesh in range(meshes.box.shape[0]):
-        for i in range(counts[st.N_BODIES]):
-            reading = bodies.odometer[i] + creep
-            if reading < meshed.limit[mesh, i] or bodies.presence[i] != st.PRESENT:
-                continue
-            meshed.limit[mesh, i] = reading + look_at_mesh(
-                bodies, meshed, touches, clumps, walls, meshes, counts, mesh, i, s, out, other, local
-            )

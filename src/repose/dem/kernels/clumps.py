@@ -16,14 +16,13 @@ from . import clump_tile as ct
 from . import state as st
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
-from .neighbours import bounding_radius, link, listed, next_due, unlink
+from .neighbours import bounding_radius, listed, next_due
 from .state import LANES, MOST_SPHERES
 
 L = LANES
 WORD = 64  # bits of a word of flags
-# Rows of MOST_SPHERES numbers of the scratch for a look: x, y, z, radius and number of the spheres of either body.
-PLACES_A, PLACES_B = (k * MOST_SPHERES for k in (0, 5))
-SCRATCH = 10 * MOST_SPHERES
+# Places in `Scratch.spheres` of the spheres of either body: rows of x, y, z, radius and number.
+PLACES_A, PLACES_B = 0, st.SPHERE_COLUMNS * MOST_SPHERES
 
 # spheres (S, 4, MOST_SPHERES): centres and radii of each shape's spheres; sizes (S,): how many. shape, scale (N,): of
 # each body. flat_known, curved_known (walls, N): which spheres of a body touch a wall, a bit each. mesh_sphere: of each
@@ -320,23 +319,6 @@ def list_clumps(bodies, pairs, counts, grid, clumps, i, j, s):
 
 
 @kernel
-def find_clumps(bodies, pairs, counts, grid, clumps, i, s):
-    """List the pairs of body i with neighbours that are not marked with i, which have an entry already."""
-    cell = grid.cell[i]
-    kz = cell % grid.shape[2]
-    ky = (cell // grid.shape[2]) % grid.shape[1]
-    kx = cell // (grid.shape[2] * grid.shape[1])
-    for cx in range(max(kx - 1, 0), min(kx + 2, grid.shape[0])):
-        for cy in range(max(ky - 1, 0), min(ky + 2, grid.shape[1])):
-            for cz in range(max(kz - 1, 0), min(kz + 2, grid.shape[2])):
-                j = grid.head[(cx * grid.shape[1] + cy) * grid.shape[2] + cz]
-                while j >= 0:
-                    if j != i and grid.mark[j] != i and not (grid.moved[j] == 1 and j < i):
-                        list_clumps(bodies, pairs, counts, grid, clumps, min(i, j), max(i, j), s)
-                    j = grid.following[j]
-
-
-@kernel
 def chain_entries(pairs, counts, grid, ghost):
     """Chain the partners in the entries of each body whose neighbours are found anew."""
     left = listed(grid.dormant, grid, counts)
@@ -358,40 +340,6 @@ def chain_entries(pairs, counts, grid, ghost):
             pairs.link[used] = grid.chain[j]
             grid.chain[j] = used
             used += 1
-
-
-@inlined
-def mark_partners(pairs, grid, i, mark):
-    """Mark all bodies that have an entry with body i."""
-    k = grid.chain[i]
-    while k >= 0:
-        grid.mark[pairs.partner[k]] = mark
-        k = pairs.link[k]
-
-
-@kernel
-def renew_clumps(bodies, pairs, counts, grid, clumps, s, ghost):
-    """Find the new neighbours of the bodies that moved on; the entries they have stay until they are due."""
-    n_moved = counts[st.N_MOVED]
-    if n_moved == 0:
-        return
-    for m in range(n_moved):
-        i = grid.moved_list[m]
-        unlink(grid, i)
-        if bodies.presence[i] == st.PRESENT:
-            link(grid, bodies, i)
-    chain_entries(pairs, counts, grid, ghost)
-    for m in range(n_moved):
-        i = grid.moved_list[m]
-        if bodies.presence[i] == st.PRESENT:
-            mark_partners(pairs, grid, i, i)
-            find_clumps(bodies, pairs, counts, grid, clumps, i, s)
-            mark_partners(pairs, grid, i, -1)
-    for m in range(n_moved):
-        i = grid.moved_list[m]
-        grid.moved[i] = 0
-        grid.chain[i] = -1
-    counts[st.N_MOVED] = 0
 
 
 @kernel

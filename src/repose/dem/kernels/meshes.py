@@ -496,22 +496,14 @@ def bring_along(bodies, parts, walls, meshes, contacts, counts, mesh, i, out, ot
                 contacts.data[k // st.LANES, st.NORMAL + c * st.LANES + k % st.LANES] = out[c]
 
 
-@kernel
-def update_meshes(bodies, contacts, walls, meshes, counts, parts, out, other, local):
-    """Find new contacts with meshes: what counts for a look is how far a body and the walls may have moved."""
-    creep = walls.creep[0]
-    curved = walls.cones.shape[0] + walls.rings.shape[0]
-    for mesh in range(meshes.box.shape[0]):
-        for i in range(counts[st.N_BODIES]):
-            reading = bodies.odometer[i] + creep
-            if reading < contacts.limit[mesh, i] or bodies.presence[i] != st.PRESENT:
-                continue
-            radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
-            bring_along(bodies, parts, walls, meshes, contacts, counts, mesh, i, out, other, local)
-            row = bodies.rows[i]
-            if walls.turned[curved + mesh]:
-                row_in_frame(row, parts, walls.frames[curved + mesh], local)
-                row = local
-            contacts.limit[mesh, i] = reading + search_mesh(
-                row, contacts, counts, parts, walls, meshes, mesh, i, radius, out
-            )
+@inlined
+def body_at_mesh(bodies, meshed, walls, meshes, counts, parts, mesh, i, out, other, local):
+    """Find new contacts of smooth body i with a mesh; returns how far it may move before the next look."""
+    frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
+    radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
+    bring_along(bodies, parts, walls, meshes, meshed, counts, mesh, i, out, other, local)
+    row = bodies.rows[i]
+    if walls.turned[frame]:
+        row_in_frame(row, parts, walls.frames[frame], local)
+        row = local
+    return search_mesh(row, meshed, counts, parts, walls, meshes, mesh, i, radius, out)

@@ -258,50 +258,14 @@ def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
 
 
 @kernel
-def find_partners(bodies, pairs, counts, grid, parts, i, normal):
-    """List body i's pairs anew, but for those marked with i, which touch already."""
-    cell = grid.cell[i]
-    kz = cell % grid.shape[2]
-    ky = (cell // grid.shape[2]) % grid.shape[1]
-    kx = cell // (grid.shape[2] * grid.shape[1])
-    for cx in range(max(kx - 1, 0), min(kx + 2, grid.shape[0])):
-        for cy in range(max(ky - 1, 0), min(ky + 2, grid.shape[1])):
-            for cz in range(max(kz - 1, 0), min(kz + 2, grid.shape[2])):
-                j = grid.head[(cx * grid.shape[1] + cy) * grid.shape[2] + cz]
-                while j >= 0:
-                    # two bodies that both moved find each other once
-                    if j != i and grid.mark[j] != i and not (grid.moved[j] == 1 and j < i):
-                        list_pair(bodies, pairs, counts, grid, parts, min(i, j), max(i, j), normal)
-                    j = grid.following[j]
-
-
-@kernel
-def renew_pairs(bodies, pairs, counts, grid, parts, normal):
-    """List the pairs of the bodies that moved on anew."""
-    n_moved = counts[st.N_MOVED]
-    if n_moved == 0:
-        return
-    forget_dormant(pairs, counts, grid)
-    for m in range(n_moved):
-        i = grid.moved_list[m]
-        unlink(grid, i)
-        if bodies.presence[i] == st.PRESENT:
-            link(grid, bodies, i)
-    chain_contacts(pairs, counts, grid)
-    for m in range(n_moved):
-        i = grid.moved_list[m]
-        if bodies.presence[i] == st.PRESENT:
-            k = grid.chain[i]
-            while k >= 0:
-                grid.mark[pairs.partner[k]] = i
-                k = pairs.link[k]
-            find_partners(bodies, pairs, counts, grid, parts, i, normal)
-            k = grid.chain[i]
-            while k >= 0:
-                grid.mark[pairs.partner[k]] = -1
-                k = pairs.link[k]
-    for m in range(n_moved):
-        i = grid.moved_list[m]
-        grid.moved[i] = 0
-        grid.chain[i] = -1
-    counts[st.N_MOVED] = 0
+def retire_pairs(bodies, pairs, counts, grid, begin, ended, ghost):
+    """List the pairs that parted as dormant, the last first."""
+    for e in range(begin + ended - 1, begin - 1, -1):
+        k = pairs.ended[e]
+        i = pairs.first[k]
+        j = pairs.second[k]
+        limit = bodies.odometer[i] + bodies.odometer[j] + pairs.gap[k]
+        tile = pairs.data[k // L]
+        n = st.NORMAL + k % L
+        add_dormant(pairs, counts, grid, i, j, limit, tile[n], tile[n + L], tile[n + 2 * L])
+        drop_contact(pairs, counts, grid, k, ghost)

@@ -14,9 +14,11 @@ import numpy as np
 from . import state as st
 from .atomics import wait_for_all
 from .contact import solve_gap
-from .engine import begin_step, has_room, pair_forces, retire_pairs, wall_contacts_and_forces
+from .engine import begin_step, has_room, wall_contacts_and_forces
+from .forces import pair_forces
 from .jit import inlined, kernel, kernel_without_gil
-from .neighbours import EARLY, TOLERANCE, add_contact, drop_dormant, next_due, renew_pairs
+from .neighbours import EARLY, TOLERANCE, add_contact, drop_dormant, next_due, retire_pairs
+from .renewal import renew
 from .rigid import act_on_events, integrate
 
 SHARES = 8
@@ -170,13 +172,13 @@ def advance_shared(
     threads = tiles.shape[0]
     ghost = grid.cell.shape[0]
     lead = thread == 0
-    t, m, scratch = tiles[thread], body_tiles[thread], scratches[thread]
+    t, m, scratch = tiles[thread], body_tiles[thread], st.scratch_of(scratches[thread])
     begins, numbers = shared.begins, shared.numbers
     for step in range(steps):
         if lead:
             shared.orders[STOP] = 0 if has_room(pairs, flat, curved, meshed, counts) else 1
             if shared.orders[STOP] == 0:
-                begin_step(bodies, pairs, flat, curved, meshed, grid, walls, counts, physics, ghost)
+                begin_step(bodies, pairs, flat, curved, meshed, (), grid, walls, counts, physics, ghost)
         wait_for_all(shared.counters, threads)
         if shared.orders[STOP] != 0:
             return step
@@ -185,21 +187,21 @@ def advance_shared(
             begin, end = share_of(counts[st.N_DORMANT], share, st.BLOCK)
             begins[share] = begin
             numbers[share] = look_at_share(
-                bodies, pairs, grid, physics.parts, begin, end, shared.due, scratch[0:3]
+                bodies, pairs, grid, physics.parts, begin, end, shared.due, scratch.normal
             )
         wait_for_all(shared.counters, threads)
         if lead:
             wake_shares(pairs, counts, grid, shared.due, numbers, begins)
-            renew_pairs(bodies, pairs, counts, grid, physics.parts, scratch[0:3])
+            renew(bodies, pairs, (), counts, grid, physics.parts, scratch, ghost)
             wall_contacts_and_forces(
-                bodies, flat, curved, meshed, walls, meshes, counts, physics, t, scratch, ghost
+                bodies, flat, curved, meshed, (), walls, meshes, counts, physics, t, scratch, ghost
             )
         wait_for_all(shared.counters, threads)
 
         for share in range(thread, SHARES, threads):
             begin, end = share_of(counts[st.N_PAIRS], share, L)
             begins[share] = begin
-            numbers[share] = pair_forces(bodies, pairs, counts, physics, t, share, begin, end)
+            numbers[share] = pair_forces(bodies, pairs, (), counts, physics, t, share, begin, end)
         wait_for_all(shared.counters, threads)
         if lead:
             for share in range(SHARES - 1, -1, -1):

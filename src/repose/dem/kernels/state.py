@@ -4,6 +4,8 @@ from collections import namedtuple
 
 import numpy as np
 
+from .jit import inlined
+
 # Contacts and bodies lie in tiles of LANES, a row a quantity: number k is lane k % LANES of tile k // LANES.
 LANES = 32
 CACHE_LINE = 8  # numbers
@@ -68,6 +70,26 @@ Physics = namedtuple(
 # Columns of Walls.cones: m_r, m_z (normal into the wall), offset k, s_min, s_max, e_r, e_z (up along the wall), radius.
 # Columns of Walls.rings: core radius, height, edge radius, two gates (g_r, g_z) that the normal must not oppose.
 PLANE_COLUMNS, CONE_COLUMNS, RING_COLUMNS = 7, 8, 7
+
+# What a thread writes down for a moment: a normal, the geometry of a contact and of another, a body's row in the frame
+# of a wall, overlaps at STARTS places about an axis, the spheres of two bodies.
+Scratch = namedtuple("Scratch", "normal out other local profile spheres")
+STARTS = 24
+SPHERE_COLUMNS = 5  # x, y, z, radius and number
+SCRATCH = 64 + 32 + 2 * SPHERE_COLUMNS * MOST_SPHERES
+
+
+@inlined
+def scratch_of(numbers):
+    """The places of a `Scratch` in SCRATCH numbers."""
+    return Scratch(
+        numbers[0:3],
+        numbers[8:16],
+        numbers[16:24],
+        numbers[24:56],
+        numbers[64 : 64 + STARTS],
+        numbers[96:SCRATCH],
+    )
 
 
 def zeros(*shape):

@@ -20,9 +20,8 @@ from .geometry import extent, support_terms, tangents
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
 
-STARTS = 24
-COSINES = np.cos(2.0 * np.pi * np.arange(STARTS) / STARTS)
-SINES = np.sin(2.0 * np.pi * np.arange(STARTS) / STARTS)
+COSINES = np.cos(2.0 * np.pi * np.arange(st.STARTS) / st.STARTS)
+SINES = np.sin(2.0 * np.pi * np.arange(st.STARTS) / st.STARTS)
 # A body whose overlap is already deeper than this share of its bounding radius came from outside: no contact.
 DEEPEST_NEW = 0.3
 # Two contacts of one body with one wall closer than this (radians about the axis) are the same contact.
@@ -213,7 +212,7 @@ def solve_ring(row, parts, ring, theta, nx, ny, nz):
 
 @inlined
 def towards_ring(row, ring, start):
-    """Unit vector and distance from a body's centre to a circle's point at one of the STARTS."""
+    """Unit vector and distance from a body's centre to a circle's point at one of the st.STARTS."""
     dx = ring[0] * COSINES[start] - row[0]
     dy = ring[0] * SINES[start] - row[1]
     dz = ring[1] - row[2]
@@ -296,16 +295,16 @@ def look_again(contacts, counts, walls, body, wall, theta, on_wall, radius, out)
 def search_cone(row, contacts, counts, parts, walls, wall, i, radius, profile, out):
     """Look for contacts of body i with a cone; returns how far it may move before the next look."""
     cone = walls.cones[wall]
-    step = 2.0 * math.pi / STARTS
-    for s in range(STARTS):
+    step = 2.0 * math.pi / st.STARTS
+    for s in range(st.STARTS):
         nx, ny = cone[0] * COSINES[s], cone[0] * SINES[s]
         profile[s] = (
             nx * row[0] + ny * row[1] + cone[1] * row[2] + extent(row, parts, nx, ny, cone[1]) - cone[2]
         )
     nearest = 1e300
-    for s in range(STARTS):
+    for s in range(st.STARTS):
         here = profile[s]
-        if here < profile[s - 1] or here < profile[(s + 1) % STARTS]:
+        if here < profile[s - 1] or here < profile[(s + 1) % st.STARTS]:
             continue
         # phi varies by less than (distance from the axis + reach) * step between starts
         theta = solve_cone(row, parts, cone, s * step)
@@ -326,14 +325,14 @@ def search_ring(row, contacts, counts, parts, walls, wall, i, radius, profile, o
     clear = math.sqrt(axial * axial + radial * radial) - ring[2] - radius
     if clear > 0.0:
         return clear
-    step = 2.0 * math.pi / STARTS
-    for s in range(STARTS):
+    step = 2.0 * math.pi / st.STARTS
+    for s in range(st.STARTS):
         nx, ny, nz, distance = towards_ring(row, ring, s)
         profile[s] = distance - extent(row, parts, nx, ny, nz)
     nearest = 1e300
-    for s in range(STARTS):
+    for s in range(st.STARTS):
         here = profile[s]
-        if here > profile[s - 1] or here > profile[(s + 1) % STARTS]:
+        if here > profile[s - 1] or here > profile[(s + 1) % st.STARTS]:
             continue
         nx, ny, nz, _distance = towards_ring(row, ring, s)
         theta, nx, ny, nz = solve_ring(row, parts, ring, s * step, nx, ny, nz)
@@ -374,60 +373,14 @@ def seen_from(walls, wall, row, parts, local):
     return row
 
 
-@kernel
-def look_at_walls(bodies, flat, curved, walls, counts, parts, i, reading, lowest, profile, out, local):
-    """Find new contacts of body i with walls; returns the reading that calls for the next look."""
-    n_cones = walls.cones.shape[0]
+@inlined
+def search_curved(bodies, curved, walls, counts, parts, wall, i, profile, out, local):
+    """Look for contacts of smooth body i with a cone or ring; returns how far it may move before the next look."""
     radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
-    alarm = math.inf
-    for w in range(walls.planes.shape[0]):
-        if reading >= flat.limit[w, i]:
-            flat.limit[w, i] = reading + search_plane(bodies, flat, counts, parts, walls.planes[w], w, i, out)
-        alarm = min(alarm, flat.limit[w, i])
-    if bodies.rows[i, 2] + radius < lowest:
-        bodies.passed[i] = 1
-    if bodies.passed[i]:
-        return alarm
-    for w in range(n_cones + walls.rings.shape[0]):
-        if reading >= curved.limit[w, i]:
-            row = seen_from(walls, w, bodies.rows[i], parts, local)
-            if w < n_cones:
-                free = search_cone(row, curved, counts, parts, walls, w, i, radius, profile, out)
-            else:
-                free = search_ring(row, curved, counts, parts, walls, w, i, radius, profile, out)
-            curved.limit[w, i] = reading + free
-        alarm = min(alarm, curved.limit[w, i])
-    return alarm
-
-
-@kernel
-def update_walls(bodies, flat, curved, walls, counts, parts, lowest, profile, out, local):
-    """Find new contacts with walls. `lowest`: a body below it has left them for good.
-
-    What counts for a look is how far a body may have moved, and the walls with it. In a large simulation whose walls
-    stand still a tile of bodies is left alone until its fastest, one after another, could have used up its leeway.
-    """
-    odometer = bodies.odometer
-    alarm = bodies.alarm
-    creep = walls.creep[0]
-    n = counts[st.N_BODIES]
-    patient = bodies.load.shape[0] > 1 and walls.creep[2] == 0.0
-    for base in range(0, n, st.LANES):
-        tile = base // st.LANES
-        if patient and bodies.leeway[tile] > st.ROUNDING:
-            continue
-        last = min(base + st.LANES, n)
-        for i in range(base, last):
-            if odometer[i] + creep >= alarm[i]:
-                reading = odometer[i] + creep
-                alarm[i] = look_at_walls(
-                    bodies, flat, curved, walls, counts, parts, i, reading, lowest, profile, out, local
-                )
-        if patient:
-            free = math.inf
-            for i in range(base, last):
-                free = min(free, alarm[i] - (odometer[i] + creep))
-            bodies.leeway[tile] = free
+    row = seen_from(walls, wall, bodies.rows[i], parts, local)
+    if wall < walls.cones.shape[0]:
+        return search_cone(row, curved, counts, parts, walls, wall, i, radius, profile, out)
+    return search_ring(row, curved, counts, parts, walls, wall, i, radius, profile, out)
 
 
 @inlined

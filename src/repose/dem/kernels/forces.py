@@ -1,0 +1,348 @@
+"""Forces of all contacts: one set of loops for smooth bodies and for clumps of spheres.
+
+`clumps` is an empty tuple in a simulation of smooth bodies, else a `clumps.Clumps`. The length of a tuple is part of
+its type: numba drops the branch that the type rules out before it compiles a function, so a loop costs what it would
+cost if it were written for one kind of body alone. What differs is the geometry of a contact: `tile`,
+`walls` and `meshes` have it for smooth bodies, `clump_tile` and `clump_walls` for spheres.
+"""
+
+from . import clump_tile as ct
+from . import state as st
+from . import tile as tl
+from .clump_walls import drop_sphere, follow_sphere, sphere_on_curved, turned_centre
+from .frames import surface_velocity
+from .jit import inlined, kernel
+from .meshes import follow_mesh
+from .simd import WIDTH, add_lanes_to_rows, prefetch, rows_to_lanes
+from .walls import SAME_AZIMUTH, angle_between, azimuth, drop_wall_contact, follow_wall
+
+L = tl.LANES
+
+
+@inlined
+def gather(rows, index, base, t, at):
+    """Copy the rows of a tile's bodies into lanes."""
+    for k in range(0, L, WIDTH):
+        for column in range(0, rows.shape[1], WIDTH):
+            rows_to_lanes(rows, column, index, base + k, t, at + column * L + k, L)
+
+
+@inlined
+def scatter(load, index, base, t, at):
+    """Add the forces and torques of a tile to the loads of its bodies."""
+    for k in range(0, L, WIDTH):
+        add_lanes_to_rows(load, 0, index, base + k, t, at + k, L)
+
+
+@inlined
+def mark_touched(bodies, share, index, base):
+    """Note that a share of the loads of a tile's bodies is no longer zero."""
+    for k in range(base, base + L):
+        bodies.touched[share, index[k] // L] = 1
+
+
+@inlined
+def fetch_bodies(rows, load, index, base):
+    """Ask for what a tile of contacts will gather and scatter."""
+    for k in range(base, base + L):
+        for column in range(0, rows.shape[1], WIDTH):
+            prefetch(rows, index[k], column)
+        prefetch(load, index[k], 0)
+
+
+@inlined
+def fetch_contacts(pairs, load, rows, base):
+    """Ask for the next tile but one of contacts and the next one's second bodies, which in a large simulation are far.
+
+    The first bodies come nearly in order, which a processor foresees by itself.
+    """
+    if base + 2 * L < pairs.first.shape[0]:
+        for column in range(0, st.PAIR_ROWS * L, WIDTH):
+            prefetch(pairs.data, base // L + 2, column)
+    if base + L < pairs.first.shape[0]:
+        fetch_bodies(rows, load, pairs.second, base + L)
+
+
+@inlined
+def mute_lane(t, lane):
+    """Take back the forces of a lane."""
+    for c in range(st.LOAD_COLUMNS):
+        t[tl.TO_A + c * L + lane] = 0.0
+        t[tl.TO_B + c * L + lane] = 0.0
+
+
+@inlined
+def lane_law(t, lane, law):
+    """Give one lane its force law."""
+    for c in range(tl.LAW_ROWS):
+        t[tl.LAW + c * L + lane] = law[c]
+
+
+@inlined
+def pair_geometry(t, contacts, parts, clumps):
+    """Normal, gap, effective radius and contact point of each lane's pair."""
+    if len(clumps) == 0:
+        tl.tangent_rows(t, contacts)
+        tl.body_a(t, contacts, parts)
+        tl.body_b(t, contacts, parts)
+        tl.pair_geometry(t, contacts)
+    else:
+        ct.sphere_pair_geometry(t, contacts)
+
+
+@kernel
+def pair_forces(bodies, pairs, clumps, counts, physics, t, share, begin, end):
+    """Forces of the touching pairs begin to end (whole tiles), added to a share of the loads.
+
+    Pairs that parted are written to pairs.ended from place `begin` on, their gaps to pairs.gap; returns how many.
+    """
+    n = min(counts[st.N_PAIRS], end)
+    load = bodies.load[share]
+    ended = 0
+    tl.fill_law(t, physics.laws[0, 0])
+    large = bodies.load.shape[0] > 1
+    for base in range(begin, n, L):
+        contacts = pairs.data[base // L]
+        if large:
+            fetch_contacts(pairs, load, bodies.rows, base)
+        if physics.mixed_pairs:
+            for lane in range(L):
+                k = base + lane
+                lane_law(t, lane, physics.laws[bodies.kind[pairs.first[k]], bodies.kind[pairs.second[k]]])
+        gather(bodies.rows, pairs.first, base, t, tl.A)
+        gather(bodies.rows, pairs.second, base, t, tl.B)
+        pair_geometry(t, contacts, physics.parts, clumps)
+        tl.forces(t, contacts, physics.dt, physics.tension)
+        if tl.open_lanes(t) > 0:
+            for lane in range(min(L, n - base)):
+                if t[tl.GAP + lane] > 0.0:
+                    mute_lane(t, lane)
+                    pairs.gap[base + lane] = t[tl.GAP + lane]
+                    pairs.ended[begin + ended] = base + lane
+                    ended += 1
+        scatter(load, pairs.first, base, t, tl.TO_A)
+        scatter(load, pairs.second, base, t, tl.TO_B)
+        if large:
+            mark_touched(bodies, share, pairs.first, base)
+            mark_touched(bodies, share, pairs.second, base)
+    return ended
+
+
+@kernel
+def still_wall(t):
+    """Zero what the force law reads of body B: a wall that neither moves nor turns, of infinite mass."""
+    for k in range(L):
+        for c in range(st.SHAPE):
+            t[tl.B + c * L + k] = 0.0
+        for c in range(3):
+            t[tl.RB + c * L + k] = 0.0
+
+
+@inlined
+def wall_tile(bodies, contacts, walls, physics, first_wall, base, n, t):
+    """Law and motion of the walls of a tile of contacts; `first_wall`: number of wall 0 of this kind of contacts."""
+    if not (physics.mixed_walls or walls.creep[2] > 0.0):
+        return
+    for lane in range(L):
+        k = base + lane
+        vx = vy = vz = 0.0
+        if k < n:
+            wall = first_wall + contacts.wall[k]
+            if physics.mixed_walls:
+                lane_law(t, lane, physics.laws[bodies.kind[contacts.body[k]], walls.material[wall]])
+            x = t[tl.A + lane] + t[tl.RA + lane]
+            y = t[tl.A + L + lane] + t[tl.RA + L + lane]
+            z = t[tl.A + 2 * L + lane] + t[tl.RA + 2 * L + lane]
+            vx, vy, vz = surface_velocity(walls.motion[wall], x, y, z)
+        t[tl.B + st.VELOCITY * L + lane] = vx
+        t[tl.B + (st.VELOCITY + 1) * L + lane] = vy
+        t[tl.B + (st.VELOCITY + 2) * L + lane] = vz
+
+
+@inlined
+def look_soon(bodies, contacts, walls, k, gap):
+    """Ask for a new look at the body and the wall of a contact when the two may have closed a gap."""
+    wall, i = contacts.wall[k], contacts.body[k]
+    limit = bodies.odometer[i] + walls.creep[0] + max(gap, 0.0)
+    contacts.limit[wall, i] = min(contacts.limit[wall, i], limit)
+    bodies.alarm[i] = min(bodies.alarm[i], limit)
+    bodies.leeway[i // L] = 0.0
+
+
+@inlined
+def drop_flat(flat, clumps, counts, k, ghost):
+    """Remove contact k with a plane."""
+    if len(clumps) == 0:
+        drop_wall_contact(flat, counts, st.N_PLANE, k, ghost)
+    else:
+        drop_sphere(flat, counts, st.N_PLANE, clumps.flat_known, k, ghost)
+
+
+@inlined
+def drop_curved(curved, clumps, counts, k, ghost):
+    """Remove contact k with a cone, tube or ring."""
+    if len(clumps) == 0:
+        drop_wall_contact(curved, counts, st.N_CURVED, k, ghost)
+    else:
+        drop_sphere(curved, counts, st.N_CURVED, clumps.curved_known, k, ghost)
+
+
+@inlined
+def drop_meshed(meshed, clumps, counts, k, ghost):
+    """Remove contact k with a mesh."""
+    if len(clumps) > 0:
+        clumps.mesh_sphere[k] = clumps.mesh_sphere[counts[st.N_MESHED] - 1]
+    drop_wall_contact(meshed, counts, st.N_MESHED, k, ghost)
+
+
+@inlined
+def plane_geometry(t, contacts, parts, clumps):
+    """Gap, effective radius and contact point of each lane's body or sphere against a plane."""
+    if len(clumps) == 0:
+        tl.tangent_rows(t, contacts)
+        tl.body_a(t, contacts, parts)
+        tl.plane_geometry(t, contacts)
+    else:
+        ct.sphere_plane_geometry(t, contacts)
+
+
+@kernel
+def plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost):
+    """Forces of all contacts with planes."""
+    n = counts[st.N_PLANE]
+    large = bodies.load.shape[0] > 1
+    ended = 0
+    for base in range(0, n, L):
+        contacts = flat.data[base // L]
+        if large and base + L < n:
+            fetch_bodies(bodies.rows, bodies.load[0], flat.body, base + L)
+        gather(bodies.rows, flat.body, base, t, tl.A)
+        plane_geometry(t, contacts, physics.parts, clumps)
+        wall_tile(bodies, flat, walls, physics, 0, base, n, t)
+        tl.forces(t, contacts, physics.dt, physics.tension)
+        if tl.open_lanes(t) > 0:
+            for lane in range(min(L, n - base)):
+                gap = t[tl.GAP + lane]
+                if gap > 0.0:
+                    mute_lane(t, lane)
+                    look_soon(bodies, flat, walls, base + lane, gap if gap < tl.BEYOND else 0.0)
+                    flat.ended[ended] = base + lane
+                    ended += 1
+        scatter(bodies.load[0], flat.body, base, t, tl.TO_A)
+        if large:
+            mark_touched(bodies, 0, flat.body, base)
+    for e in range(ended - 1, -1, -1):
+        drop_flat(flat, clumps, counts, flat.ended[e], ghost)
+
+
+@inlined
+def is_double(contacts, k):
+    """Whether an earlier contact of the same body and wall has come to the same place."""
+    for m in range(k):
+        if contacts.body[m] == contacts.body[k] and contacts.wall[m] == contacts.wall[k]:
+            apart = angle_between(azimuth(contacts.data, m), azimuth(contacts.data, k))
+            if apart < 0.5 * SAME_AZIMUTH:
+                return True
+    return False
+
+
+@inlined
+def write_lane(t, contacts, lane, out):
+    """Write the geometry of a contact, found alone, to its lane."""
+    for c in range(3):
+        contacts[tl.N + c * L + lane] = out[c]
+        t[tl.RA + c * L + lane] = out[5 + c]
+    t[tl.GAP + lane] = out[3]
+    t[tl.RADIUS + lane] = out[4]
+
+
+@inlined
+def curved_geometry(bodies, curved, clumps, walls, parts, t, lane, k, out, local):
+    """Geometry of contact k with a cone, tube or ring, written to its lane; returns whether the contact ended."""
+    contacts = curved.data[k // L]
+    row = bodies.rows[curved.body[k]]
+    if len(clumps) == 0:
+        on_wall = follow_wall(parts, row, walls, curved.wall[k], contacts, lane, out, local)
+        write_lane(t, contacts, lane, out)
+        return out[3] > 0.0 or not on_wall or is_double(curved, k)
+    x, y, z = turned_centre(row, contacts, lane)
+    beyond = sphere_on_curved(
+        walls, curved.wall[k], row[0] + x, row[1] + y, row[2] + z, contacts[ct.RADIUS + lane], out
+    )
+    out[5] += x
+    out[6] += y
+    out[7] += z
+    write_lane(t, contacts, lane, out)
+    return out[3] > 0.0 or beyond > 0.0
+
+
+@kernel
+def curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local, ghost):
+    """Forces of all contacts with cones, tubes and rings."""
+    n = counts[st.N_CURVED]
+    large = bodies.load.shape[0] > 1
+    ended = 0
+    for base in range(0, n, L):
+        lanes = min(L, n - base)
+        contacts = curved.data[base // L]
+        gather(bodies.rows, curved.body, base, t, tl.A)
+        for lane in range(lanes):
+            k = base + lane
+            if curved_geometry(bodies, curved, clumps, walls, physics.parts, t, lane, k, out, local):
+                curved.ended[ended] = k
+                ended += 1
+                t[tl.GAP + lane] = 1.0
+        wall_tile(bodies, curved, walls, physics, walls.planes.shape[0], base, n, t)
+        tl.forces(t, contacts, physics.dt, physics.tension)
+        for lane in range(lanes):
+            if t[tl.GAP + lane] > 0.0:
+                mute_lane(t, lane)
+                look_soon(bodies, curved, walls, base + lane, 0.0)
+        scatter(bodies.load[0], curved.body, base, t, tl.TO_A)
+        if large:
+            mark_touched(bodies, 0, curved.body, base)
+    for e in range(ended - 1, -1, -1):
+        drop_curved(curved, clumps, counts, curved.ended[e], ghost)
+
+
+@inlined
+def mesh_geometry(bodies, meshed, clumps, walls, meshes, parts, n, k, out, other, local):
+    """Geometry of contact k with a mesh, left in `out`; returns whether there is one."""
+    if len(clumps) == 0:
+        return follow_mesh(bodies, parts, walls, meshes, meshed, n, k, out, other, local)
+    return follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, out, other, local)
+
+
+@kernel
+def mesh_forces(bodies, meshed, clumps, walls, meshes, counts, physics, t, out, other, local, ghost):
+    """Forces of all contacts with meshes."""
+    n = counts[st.N_MESHED]
+    large = bodies.load.shape[0] > 1
+    first_wall = walls.planes.shape[0] + walls.cones.shape[0] + walls.rings.shape[0]
+    ended = 0
+    for base in range(0, n, L):
+        lanes = min(L, n - base)
+        contacts = meshed.data[base // L]
+        gather(bodies.rows, meshed.body, base, t, tl.A)
+        for lane in range(lanes):
+            k = base + lane
+            touching = mesh_geometry(
+                bodies, meshed, clumps, walls, meshes, physics.parts, n, k, out, other, local
+            )
+            write_lane(t, contacts, lane, out)
+            contacts[st.MESH_GAP + lane] = out[3]
+            if not touching:
+                meshed.ended[ended] = k
+                ended += 1
+                t[tl.GAP + lane] = 1.0
+        wall_tile(bodies, meshed, walls, physics, first_wall, base, n, t)
+        tl.forces(t, contacts, physics.dt, physics.tension)
+        for lane in range(lanes):
+            if t[tl.GAP + lane] > 0.0:
+                mute_lane(t, lane)
+                meshed.limit[meshed.wall[base + lane], meshed.body[base + lane]] = -1.0
+        scatter(bodies.load[0], meshed.body, base, t, tl.TO_A)
+        if large:
+            mark_touched(bodies, 0, meshed.body, base)
+    for e in range(ended - 1, -1, -1):
+        drop_meshed(meshed, clumps, counts, meshed.ended[e], ghost)

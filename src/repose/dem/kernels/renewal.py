@@ -1,0 +1,112 @@
+"""Bodies that moved on: their pairs are listed anew; bodies that are gone: all they had is dropped.
+
+`clumps` is empty in a simulation of smooth bodies, see `forces`.
+"""
+
+from . import state as st
+from .clumps import chain_entries, drop_entries_of_gone, list_clumps
+from .forces import drop_curved, drop_flat, drop_meshed
+from .jit import inlined, kernel
+from .neighbours import chain_contacts, drop_contact, forget_dormant, link, list_pair, unlink
+from .rigid import take_away
+
+
+@inlined
+def list_bodies(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
+    """List the pair of two bodies where they touch or are near."""
+    if len(clumps) == 0:
+        list_pair(bodies, pairs, counts, grid, parts, i, j, scratch.normal)
+    else:
+        list_clumps(bodies, pairs, counts, grid, clumps, i, j, scratch.spheres)
+
+
+@kernel
+def find_partners(bodies, pairs, clumps, counts, grid, parts, i, scratch):
+    """List body i's pairs anew, but for those with bodies marked with i, which are listed already."""
+    cell = grid.cell[i]
+    kz = cell % grid.shape[2]
+    ky = (cell // grid.shape[2]) % grid.shape[1]
+    kx = cell // (grid.shape[2] * grid.shape[1])
+    for cx in range(max(kx - 1, 0), min(kx + 2, grid.shape[0])):
+        for cy in range(max(ky - 1, 0), min(ky + 2, grid.shape[1])):
+            for cz in range(max(kz - 1, 0), min(kz + 2, grid.shape[2])):
+                j = grid.head[(cx * grid.shape[1] + cy) * grid.shape[2] + cz]
+                while j >= 0:
+                    # two bodies that both moved find each other once
+                    if j != i and grid.mark[j] != i and not (grid.moved[j] == 1 and j < i):
+                        list_bodies(bodies, pairs, clumps, counts, grid, parts, min(i, j), max(i, j), scratch)
+                    j = grid.following[j]
+
+
+@inlined
+def mark_partners(pairs, grid, i, mark):
+    """Mark all bodies that have a place in the lists with body i."""
+    k = grid.chain[i]
+    while k >= 0:
+        grid.mark[pairs.partner[k]] = mark
+        k = pairs.link[k]
+
+
+@kernel
+def renew(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
+    """List the pairs of the bodies that moved on anew.
+
+    Touching pairs stay, and so do the entries of pairs of clumps, which name their contacts.
+    """
+    n_moved = counts[st.N_MOVED]
+    if n_moved == 0:
+        return
+    if len(clumps) == 0:
+        forget_dormant(pairs, counts, grid)
+    for m in range(n_moved):
+        i = grid.moved_list[m]
+        unlink(grid, i)
+        if bodies.presence[i] == st.PRESENT:
+            link(grid, bodies, i)
+    if len(clumps) == 0:
+        chain_contacts(pairs, counts, grid)
+    else:
+        chain_entries(pairs, counts, grid, ghost)
+    for m in range(n_moved):
+        i = grid.moved_list[m]
+        if bodies.presence[i] == st.PRESENT:
+            mark_partners(pairs, grid, i, i)
+            find_partners(bodies, pairs, clumps, counts, grid, parts, i, scratch)
+            mark_partners(pairs, grid, i, -1)
+    for m in range(n_moved):
+        i = grid.moved_list[m]
+        grid.moved[i] = 0
+        grid.chain[i] = -1
+    counts[st.N_MOVED] = 0
+
+
+@inlined
+def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
+    """Drop the pairs of bodies that are gone."""
+    presence = bodies.presence
+    if len(clumps) == 0:
+        for k in range(counts[st.N_PAIRS] - 1, -1, -1):
+            if presence[pairs.first[k]] != st.PRESENT or presence[pairs.second[k]] != st.PRESENT:
+                drop_contact(pairs, counts, grid, k, ghost)
+    else:
+        drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost)
+
+
+@kernel
+def drop_gone(bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost):
+    """Drop all contacts of the bodies that went below the floor in the last step."""
+    presence = bodies.presence
+    drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost)
+    for k in range(counts[st.N_PLANE] - 1, -1, -1):
+        if presence[flat.body[k]] != st.PRESENT:
+            drop_flat(flat, clumps, counts, k, ghost)
+    for k in range(counts[st.N_CURVED] - 1, -1, -1):
+        if presence[curved.body[k]] != st.PRESENT:
+            drop_curved(curved, clumps, counts, k, ghost)
+    for k in range(counts[st.N_MESHED] - 1, -1, -1):
+        if presence[meshed.body[k]] != st.PRESENT:
+            drop_meshed(meshed, clumps, counts, k, ghost)
+    for m in range(counts[st.N_MOVED]):
+        if presence[grid.moved_list[m]] != st.PRESENT:
+            take_away(bodies, grid.moved_list[m])
+    counts[st.N_GONE] = 0

@@ -1,0 +1,115 @@
+"""New contacts with walls: which bodies have to be looked at, and at which walls.
+
+What counts for a look is how far a body may have moved since the last one, and the walls with it. `clumps` is empty in
+a simulation of smooth bodies, see `forces`.
+"""
+
+import math
+
+from . import state as st
+from .clump_walls import place_clump, spheres_at_curved, spheres_at_mesh, spheres_at_plane
+from .jit import inlined, kernel
+from .meshes import body_at_mesh
+from .walls import search_curved, search_plane
+
+L = st.LANES
+
+
+@inlined
+def find_on_plane(bodies, flat, clumps, walls, counts, parts, wall, i, scratch):
+    """Find new contacts of body i with a plane; returns how far it may move before the next look."""
+    if len(clumps) == 0:
+        return search_plane(bodies, flat, counts, parts, walls.planes[wall], wall, i, scratch.out)
+    return spheres_at_plane(bodies, flat, clumps, walls, counts, wall, i, scratch.spheres, scratch.out)
+
+
+@inlined
+def find_on_curved(bodies, curved, clumps, walls, counts, parts, wall, i, scratch):
+    """Find new contacts of body i with a cone, tube or ring; returns how far it may move before the next look."""
+    if len(clumps) == 0:
+        return search_curved(
+            bodies, curved, walls, counts, parts, wall, i, scratch.profile, scratch.out, scratch.local
+        )
+    return spheres_at_curved(bodies, curved, clumps, walls, counts, wall, i, scratch.spheres, scratch.out)
+
+
+@kernel
+def look_at_walls(bodies, flat, curved, clumps, walls, counts, parts, i, reading, lowest, scratch):
+    """Find new contacts of body i with walls; returns the reading that calls for the next look."""
+    if len(clumps) > 0:
+        place_clump(bodies, clumps, i, scratch.spheres)
+    alarm = math.inf
+    for w in range(walls.planes.shape[0]):
+        if reading >= flat.limit[w, i]:
+            free = find_on_plane(bodies, flat, clumps, walls, counts, parts, w, i, scratch)
+            flat.limit[w, i] = reading + free
+        alarm = min(alarm, flat.limit[w, i])
+    if bodies.rows[i, 2] + bodies.motion[i // L, st.RADIUS + i % L] < lowest:
+        bodies.passed[i] = 1
+    if bodies.passed[i]:
+        return alarm
+    for w in range(walls.cones.shape[0] + walls.rings.shape[0]):
+        if reading >= curved.limit[w, i]:
+            free = find_on_curved(bodies, curved, clumps, walls, counts, parts, w, i, scratch)
+            curved.limit[w, i] = reading + free
+        alarm = min(alarm, curved.limit[w, i])
+    return alarm
+
+
+@inlined
+def look_at_bodies(bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch, begin, end):
+    """Look at the walls of the bodies begin to end that may have come to one."""
+    creep = walls.creep[0]
+    for i in range(begin, end):
+        reading = bodies.odometer[i] + creep
+        if reading >= bodies.alarm[i]:
+            bodies.alarm[i] = look_at_walls(
+                bodies, flat, curved, clumps, walls, counts, parts, i, reading, lowest, scratch
+            )
+
+
+@kernel
+def update_walls(bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch):
+    """Find new contacts with planes, cones, tubes and rings. A body below `lowest` has left the last three for good.
+
+    In a large simulation whose walls stand still a tile of bodies is left alone until its fastest, one after another,
+    could have used up its leeway.
+    """
+    n = counts[st.N_BODIES]
+    if bodies.load.shape[0] == 1 or walls.creep[2] > 0.0:
+        look_at_bodies(bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch, 0, n)
+        return
+    for base in range(0, n, L):
+        tile = base // L
+        if bodies.leeway[tile] > st.ROUNDING:
+            continue
+        last = min(base + L, n)
+        look_at_bodies(bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch, base, last)
+        free = math.inf
+        for i in range(base, last):
+            free = min(free, bodies.alarm[i] - (bodies.odometer[i] + walls.creep[0]))
+        bodies.leeway[tile] = free
+
+
+@inlined
+def find_on_mesh(bodies, meshed, clumps, walls, meshes, counts, parts, mesh, i, scratch):
+    """Find new contacts of body i with a mesh; returns how far it may move before the next look."""
+    out, other, local = scratch.out, scratch.other, scratch.local
+    if len(clumps) == 0:
+        return body_at_mesh(bodies, meshed, walls, meshes, counts, parts, mesh, i, out, other, local)
+    return spheres_at_mesh(
+        bodies, meshed, clumps, walls, meshes, counts, mesh, i, scratch.spheres, out, other, local
+    )
+
+
+@kernel
+def update_meshes(bodies, meshed, clumps, walls, meshes, counts, parts, scratch):
+    """Find new contacts with meshes."""
+    creep = walls.creep[0]
+    for mesh in range(meshes.box.shape[0]):
+        for i in range(counts[st.N_BODIES]):
+            reading = bodies.odometer[i] + creep
+            if reading < meshed.limit[mesh, i] or bodies.presence[i] != st.PRESENT:
+                continue
+            free = find_on_mesh(bodies, meshed, clumps, walls, meshes, counts, parts, mesh, i, scratch)
+            meshed.limit[mesh, i] = reading + free
