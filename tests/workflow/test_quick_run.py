@@ -12,7 +12,7 @@ import pytest
 from repose.config import loader
 from repose.core.parameters import PARAMETERS
 from repose.core.seeds import pour_seeds
-from repose.surrogate.bayesian_bp import evaluate
+from repose.surrogate import load
 
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "results" / "quick"
@@ -100,11 +100,11 @@ def test_more_friction_makes_a_steeper_higher_pile(dataset):
 
 
 def test_network_file_gives_the_predictions(dataset):
-    network = json.loads((RESULTS / "network" / "network.json").read_text())
+    network = load(RESULTS / "network" / "network.json")
     predictions = pd.read_csv(RESULTS / "network" / "predictions.csv")
     X = dataset.set_index("sample").loc[predictions["sample"], list(PARAMETERS)].to_numpy()
     expected = predictions[["aor_predicted_deg", "height_predicted_mm"]]
-    np.testing.assert_allclose(evaluate(network, X), expected, rtol=1e-6)
+    np.testing.assert_allclose(network.predict(X), expected, rtol=1e-6)
     metrics = json.loads((RESULTS / "network" / "metrics.json").read_text())
     assert {"train", "validation", "test", "gamma", "alpha", "beta", "epochs", "stop_reason"} <= set(metrics)
 

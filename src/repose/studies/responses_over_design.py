@@ -14,7 +14,9 @@ from repose.core.files import read_json, read_table
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.measure import further_responses
-from repose.surrogate.bayesian_bp import PlainBayesianBP, r2, weights_from_errors
+from repose.surrogate.accuracy import r2
+from repose.surrogate.bayesian_bp import BayesianBP
+from repose.surrogate.samples import weights_from_errors
 
 FEWEST_SAMPLES = 12
 EPOCHS = 300  # of the surrogates, most
@@ -235,7 +237,7 @@ def noise_correlation(runs: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
 # --- surrogates -----------------------------------------------------------------------------------
 
 
-def trained(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> PlainBayesianBP:
+def trained(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> BayesianBP:
     """A network of one response on all samples that have it.
 
     Parameters
@@ -247,7 +249,7 @@ def trained(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> PlainBa
         ``hidden``, ``epochs``, ``starts`` and ``seed``.
     """
     there = np.isfinite(known.mean)
-    model = PlainBayesianBP(
+    model = BayesianBP(
         hidden=settings["hidden"],
         epochs=min(EPOCHS, settings["epochs"]),
         goal=0.0,

@@ -1,50 +1,86 @@
 """The same network without regularisation: least squares by Levenberg-Marquardt, stopped early.
 
-Part of the samples is held back; training ends when the error on these has not fallen for some epochs, and the
-weights of its minimum are kept. It is what a network of the same shape does where nothing is Bayesian.
+Part of the samples is held back. Training ends when the error on these samples has not fallen for some epochs, and the
+weights of its minimum are kept.
 """
+
+from typing import Self
 
 import numpy as np
 
-from repose.surrogate.bayesian_bp import BayesianBP
 from repose.surrogate.levenberg_marquardt import linearise, residuals
-from repose.surrogate.two_layer import nguyen_widrow, scale, unpack
+from repose.surrogate.two_layer import evaluate, nguyen_widrow, scale, unpack
+
+SCALED_RANGE = (0.1, 0.9)  # as the paper scales inputs and outputs
 
 
 class EarlyStoppingBP:
-    """Two-layer network of `hidden` neurons; of `starts` trainings the one of least held-back error is kept.
+    """Two-layer network; of several trainings the one with the least held-back error is kept.
 
-    held_back: share of the samples that stop the training (0.15 / 0.85 of what is not for testing, as published);
-    patience: epochs without a lower error on them before training ends, six as in MATLAB's trainlm.
+    Parameters
+    ----------
+    hidden : int
+        Neurons of the hidden layer.
+    epochs : int
+        Most accepted steps of a training.
+    starts : int
+        Trainings from different first weights.
+    held_back : float
+        Share of the samples that stop the training: as published, 0.15 of the 0.85 that are not for testing.
+    patience : int
+        Epochs without a lower error on them before training ends, six as in MATLAB's trainlm.
+    seed : int
+
+    Attributes
+    ----------
+    network_ : dict
+        Scalings and weights, as `repose.surrogate.two_layer.evaluate` takes them.
+    held_back_error_ : float
+        Mean squared error of the held-back samples, scaled.
+    epochs_ : int
+        Of the training that was kept.
     """
 
-    def __init__(self, hidden=12, epochs=1500, starts=5, held_back=0.15 / 0.85, patience=6, seed=2026):
+    def __init__(
+        self,
+        hidden: int = 12,
+        epochs: int = 1500,
+        starts: int = 5,
+        held_back: float = 0.15 / 0.85,
+        patience: int = 6,
+        seed: int = 2026,
+    ):
         self.hidden, self.epochs, self.starts = hidden, epochs, starts
         self.held_back, self.patience, self.seed = held_back, patience, seed
 
-    def fit(self, X, Y):
-        """Train on X (samples, inputs) and Y (samples, outputs), four samples or more; return self."""
+    def fit(self, X: np.ndarray, Y: np.ndarray) -> Self:
+        """Train on X (samples, inputs) and Y (samples, outputs).
+
+        Raises
+        ------
+        ValueError
+            With fewer than four samples.
+        """
         if len(X) < 4:
             raise ValueError(f"{len(X)} samples; allowed: at least 4")
-        shape = self.network = BayesianBP(hidden=self.hidden)
-        shape.input_min_, shape.input_max_ = X.min(axis=0), X.max(axis=0)
-        shape.output_min_, shape.output_max_ = Y.min(axis=0), Y.max(axis=0)
-        x = scale(X, shape.input_min_, shape.input_max_, shape.scaled_range)
-        t = scale(Y, shape.output_min_, shape.output_max_, shape.scaled_range)
+        ends = {"input_min": X.min(axis=0), "input_max": X.max(axis=0)}
+        ends |= {"output_min": Y.min(axis=0), "output_max": Y.max(axis=0)}
+        x = scale(X, ends["input_min"], ends["input_max"], SCALED_RANGE)
+        t = scale(Y, ends["output_min"], ends["output_max"], SCALED_RANGE)
         order = np.random.default_rng(self.seed).permutation(len(x))
         held, used = np.split(order, [max(1, round(self.held_back * len(x)))])
-        ends = []
+        found = []
         for k in range(self.starts):
-            w = nguyen_widrow(x.shape[1], self.hidden, t.shape[1], shape.scaled_range, (self.seed, k))
-            ends.append(self._train(w, (x[used], t[used]), (x[held], t[held])))
-        w, self.held_back_error_, self.epochs_ = min(ends, key=lambda end: end[1])
-        shape.W1_, shape.b1_, shape.W2_, shape.b2_ = unpack(w, x.shape[1], self.hidden, t.shape[1])
-        shape.one_output_ = False
+            w = nguyen_widrow(x.shape[1], self.hidden, t.shape[1], SCALED_RANGE, (self.seed, k))
+            found.append(self._train(w, (x[used], t[used]), (x[held], t[held])))
+        w, self.held_back_error_, self.epochs_ = min(found, key=lambda end: end[1])
+        weights = zip(("W1", "b1", "W2", "b2"), unpack(w, x.shape[1], self.hidden, t.shape[1]), strict=True)
+        self.network_ = ends | dict(weights) | {"scaled_range": SCALED_RANGE}
         return self
 
-    def predict(self, X):
-        """Responses (samples, outputs)."""
-        return self.network.predict(X)
+    def predict(self, X: np.ndarray) -> np.ndarray:
+        """Responses (samples, outputs) at X (samples, inputs)."""
+        return evaluate(self.network_, X)
 
     def _train(self, w, used, held, mu=0.005, mu_max=1e10):
         """One start: (weights of least held-back error, that error, epochs)."""

@@ -1,42 +1,50 @@
 """Surrogates on equal terms: each takes points with their runs and gives a function of parameters.
 
-Every fit takes (points, settings, seed), with settings the configuration's section `network`, and returns
-predict(X) -> mean (n, 2) and the standard deviation of that mean (n, 2), None where the model has none.
-All runs of the points are used: what a model wants to hold back, it holds back from these.
+Each fit uses all runs of the points: what a model holds back for its own validation, it holds back from these.
 """
+
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
 from repose.chain.train import precisions
 from repose.studies.comparison.early_stopping import EarlyStoppingBP
+from repose.studies.comparison.points import Points
+from repose.surrogate.base import Surrogate
 from repose.surrogate.bayesian_bp import BayesianBP
 from repose.surrogate.gaussian_process import GaussianProcess
 from repose.surrogate.quadratic import QuadraticSurface
+
+Settings = Mapping[str, Any]
+"""The section `network` of the configuration."""
+Predict = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray | None]]
+"""From parameters (n, d) to the mean (n, k) and its standard deviation (n, k), None where the model has none."""
 
 TREES = 300
 ROUNDS = 300  # of boosting
 PUBLISHED = {"prior": "one", "goal": 1e-4, "weights_from_errors": False, "correlated_noise": False}
 
 
-def configured_network(points, settings, seed):
+def configured_network(points: Points, settings: Settings, seed: int) -> Predict:
     """The network as the main chain trains it, with the noise that the points' own runs show."""
     covariance = points.covariance() if settings["correlated_noise"] else None
     errors, precision = points.errors(), None
     if settings["weights_from_errors"] and np.isfinite(errors).any() and points.counts().max() >= 4:
         precision = precisions(errors, covariance is not None)
-    network = BayesianBP.of(settings | {"seed": seed})
+    network = BayesianBP.of({**settings, "seed": seed})
     return _of_the_mean(
         network.fit(points.X, points.means(), precision=precision, noise_covariance=covariance)
     )
 
 
-def published_network(points, settings, seed):
+def published_network(points: Points, settings: Settings, seed: int) -> Predict:
     """The same network with the published prior and goal, its samples weighed alike, its outputs independent."""
-    return configured_network(points, settings | PUBLISHED, seed)
+    return configured_network(points, {**settings, **PUBLISHED}, seed)
 
 
-def unregularised_network(points, settings, seed):
-    """Plain least squares with early stopping, `early_stopping.EarlyStoppingBP`."""
+def unregularised_network(points: Points, settings: Settings, seed: int) -> Predict:
+    """A network of the same shape without regularisation, `EarlyStoppingBP`."""
     train, validation, _ = settings["split"]
     network = EarlyStoppingBP(
         hidden=settings["hidden"],
@@ -48,20 +56,20 @@ def unregularised_network(points, settings, seed):
     return lambda X: (network.predict(X), None)
 
 
-def quadratic_surface(points, settings, seed):
-    """`QuadraticSurface`; None with no more points than its terms."""
+def quadratic_surface(points: Points, settings: Settings, seed: int) -> Predict | None:
+    """`QuadraticSurface`, or None where its terms are as many as the points."""
     varying = np.count_nonzero(np.ptp(points.X, axis=0))
-    if len(points.X) < QuadraticSurface.least_samples(varying):
+    if len(points.X) < QuadraticSurface.least_samples(int(varying)):
         return None
     return _of_the_mean(QuadraticSurface().fit(points.X, points.means()))
 
 
-def gaussian_process(points, settings, seed):
+def gaussian_process(points: Points, settings: Settings, seed: int) -> Predict:
     """`GaussianProcess`, one process a response."""
     return _of_the_mean(GaussianProcess().fit(points.X, points.means()))
 
 
-def random_forest(points, settings, seed):
+def random_forest(points: Points, settings: Settings, seed: int) -> Predict:
     """Random forest of TREES trees."""
     from sklearn.ensemble import RandomForestRegressor
 
@@ -70,7 +78,7 @@ def random_forest(points, settings, seed):
     return lambda X: (forest.predict(X), None)
 
 
-def gradient_boosting(points, settings, seed):
+def gradient_boosting(points: Points, settings: Settings, seed: int) -> Predict:
     """Gradient boosting, ROUNDS trees of depth 3 a response."""
     from sklearn.ensemble import GradientBoostingRegressor
 
@@ -83,7 +91,7 @@ def gradient_boosting(points, settings, seed):
     return lambda X: (np.column_stack([boost.predict(X) for boost in boosts]), None)
 
 
-MODELS = {
+MODELS: dict[str, Callable[[Points, Settings, int], Predict | None]] = {
     "network": configured_network,
     "network, published prior": published_network,
     "network, unregularised": unregularised_network,
@@ -94,6 +102,6 @@ MODELS = {
 }
 
 
-def _of_the_mean(surrogate):
+def _of_the_mean(surrogate: Surrogate) -> Predict:
     """Prediction of a fitted surrogate with the errors of its mean."""
     return lambda X: surrogate.predict(X, return_std=True, noise=False)
