@@ -78,7 +78,7 @@ def indices(
     again = [of(random.integers(samples, size=samples)) for _ in range(resamples)]
     tail = (1 - CONFIDENCE) / 2
     ends = np.quantile(again, [tail, 1 - tail], axis=0)
-    result = {}
+    result: dict[str, np.ndarray] = {}
     for k, (name, value) in enumerate(zip(("first", "total"), of(slice(None)), strict=True)):
         result |= {name: value, f"{name}_low": ends[0, k], f"{name}_high": ends[1, k]}
     return result

@@ -52,7 +52,7 @@ def judge(
     rows = proposal[proposal["role"] == PROPOSAL]
     own = runs[runs["sample"].isin(rows["sample"])].astype(object)
     summary = _summary(own.where(own.notna(), None), targets)
-    row = {"round": round_, **{name: float(rows[name].iloc[0]) for name in PARAMETERS}}
+    row: dict[str, Any] = {"round": round_, **{name: float(rows[name].iloc[0]) for name in PARAMETERS}}
     row |= {"poured": len(own), "n_seeds": summary["n_seeds"]}
     for target in targets:
         predicted = float(rows[target.response.predicted].iloc[0])

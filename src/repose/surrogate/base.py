@@ -11,9 +11,9 @@ To add a surrogate, write a subclass of `Surrogate` in a module of its own, put 
 the module in `repose.surrogate`, and add the name to the key `surrogate` of the configuration's schema.
 """
 
+import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
@@ -144,7 +144,7 @@ class Surrogate(ABC):
         self.definitions, self.samples = dict(definitions or {}), tuple(int(sample) for sample in samples)
         return self
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | os.PathLike) -> None:
         """Write a JSON file that `load` reads."""
         described = {
             "inputs": list(self.inputs),
@@ -203,7 +203,7 @@ def make(name: str, settings: Mapping[str, Any], source: object = "surrogate") -
     return _kind(name, source).of(settings)
 
 
-def load(path: str | Path, outputs: Sequence[str] | None = None) -> Surrogate:
+def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surrogate:
     """The trained surrogate in a file that `Surrogate.save` wrote.
 
     Parameters

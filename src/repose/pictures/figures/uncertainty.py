@@ -21,7 +21,8 @@ CREDIBLE_SHARES = (0.95, 0.5)  # of the posterior inside a contour
 SEEDS = (1, 2, 4, 8, 16, 32, 64)
 PERCENT = (0.5, 1, 2, 5)
 
-Inputs, Config = Mapping[str, str], Mapping[str, Any]
+Inputs = Mapping[str, str]
+Config = Mapping[str, Any]
 
 
 def noise_floor(inputs: Inputs, config: Config) -> Figure:
@@ -163,7 +164,7 @@ def _pair(
     counts = _smoothed(_smoothed(counts).T).T
     order = np.sort(counts.ravel())[::-1]
     inside = np.cumsum(order) / order.sum()
-    levels = [order[min(np.searchsorted(inside, share), order.size - 1)] for share in CREDIBLE_SHARES]
+    levels = [order[min(int(np.searchsorted(inside, share)), order.size - 1)] for share in CREDIBLE_SHARES]
     levels = [levels[0], max(levels[1], levels[0] * (1 + 1e-9)), order[0] * (1 + 1e-6)]
     # the outermost cells are drawn out to the bounds, where the prior ends
     x, y = ((edges[:-1] + edges[1:]) / 2 for edges in (x, y))
