@@ -1,10 +1,16 @@
 """Figure 15 and its numbers: the bed in the drum before and after its first slip."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from repose.measure import bed
 from repose.particle import build
+from repose.particle.build import Particle
 from repose.pictures.film import drum_inside
 from repose.pictures.render import render_pile
 from repose.pictures.scenery import look_at
@@ -21,7 +27,7 @@ TITLES = {
 }
 
 
-def states(inputs, config):
+def states(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 15: side views along the axis with the line fitted to the upper edge, in the states there are."""
     with np.load(inputs["states"]) as file:
         arrays = dict(file)
@@ -41,7 +47,15 @@ def states(inputs, config):
     return figure
 
 
-def _side_view(panel, centres, quaternions, scales, particle, turned_deg, config):
+def _side_view(
+    panel: Axes,
+    centres: np.ndarray,
+    quaternions: np.ndarray,
+    scales: np.ndarray | None,
+    particle: Particle,
+    turned_deg: float,
+    config: Mapping[str, Any],
+) -> float:
     """Draw one state with its fitted line; returns the line's angle (degrees)."""
     section = config["drum"]
     inside = drum_inside(section, np.radians(turned_deg))
@@ -79,7 +93,7 @@ def _side_view(panel, centres, quaternions, scales, particle, turned_deg, config
     return surface.angle_deg
 
 
-def course(inputs, config):
+def course(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Angles over the turned angle of every run, and the motion of the slipping layer by depth."""
     record, profile, runs = (pd.read_csv(inputs[key]) for key in ("record", "profile", "runs"))
     figure = style.new_figure(style.PAGE, 2.9)
@@ -91,7 +105,7 @@ def course(inputs, config):
     return figure
 
 
-def _angles(panel, record, runs, section):
+def _angles(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, section: Mapping[str, Any]) -> None:
     for k, (seed, run) in enumerate(record.groupby("seed")):
         one = runs[runs["seed"] == seed].iloc[0]
         turning = run if one["status"] != "ok" else run[run["time_s"] <= one["after_time_s"]]
@@ -132,7 +146,7 @@ def _angles(panel, record, runs, section):
     panel.legend(loc="upper left", ncols=2, fontsize=6.2)
 
 
-def _layers(panel, profile, section):
+def _layers(panel: Axes, profile: pd.DataFrame, section: Mapping[str, Any]) -> None:
     panel.set(xlabel="motion against the drum (mm)", ylabel="depth below the surface (mm)")
     panel.invert_yaxis()
     if not len(profile):

@@ -1,10 +1,14 @@
 """Figures 5, 6 and 8: the simulated pile, its measurement, and the bench it is poured on."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from repose.measure import pile
@@ -22,7 +26,7 @@ PILE_PIXELS = 1300
 SNAPSHOT_S = 9.0
 
 
-def simulated_pile(inputs, config):
+def simulated_pile(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 5's counterpart: a shaded picture of a simulated pile."""
     poured = first_pour(inputs["heap"])
     centres, quaternions, in_pile = (poured[name] for name in ("position", "quaternion", "in_pile"))
@@ -51,7 +55,7 @@ def simulated_pile(inputs, config):
     return figure
 
 
-def measurement(inputs, config):
+def measurement(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 6: the steps of the measurement; the left flank's line is red, the right one's green."""
     settings = pile.MeasureSettings.of(config["measure"], json.loads(Path(inputs["berry"]).read_text()))
     image = side_view(first_pour(inputs["heap"]), build.Particle.load(inputs["particle"]), settings)
@@ -71,7 +75,7 @@ def measurement(inputs, config):
     return figure
 
 
-def apparatus(inputs, config):
+def apparatus(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 8: the virtual test bench from the side, to scale, with the berries of a pour if given."""
     heap = config["funnel"]
     walls = funnel_walls(heap)
@@ -102,7 +106,7 @@ def apparatus(inputs, config):
     return figure
 
 
-def _levels(panel, heap, factory, half_view):
+def _levels(panel: Axes, heap: Mapping[str, Any], factory: float, half_view: float) -> None:
     """The three red lines: factory, outlet and plate."""
     levels = ((factory, "particle factory"), (heap["outlet_height_mm"], "funnel outlet"), (0.0, "PVC plate"))
     for z, name in levels:
@@ -112,7 +116,9 @@ def _levels(panel, heap, factory, half_view):
     panel.plot([-half_factory, half_factory], [factory, factory], color=LINE, lw=2.6, zorder=4)
 
 
-def _dimensions(panel, heap, top, half_inlet, half_view):
+def _dimensions(
+    panel: Axes, heap: Mapping[str, Any], top: float, half_inlet: float, half_view: float
+) -> None:
     """Measured arrows with their numbers."""
     style_of = {
         "arrowstyle": "<->",
@@ -123,7 +129,13 @@ def _dimensions(panel, heap, top, half_inlet, half_view):
         "mutation_scale": 7,
     }
 
-    def arrow(start, end, text, place, **options):
+    def arrow(
+        start: tuple[float, float],
+        end: tuple[float, float],
+        text: str,
+        place: tuple[float, float],
+        **options: Any,
+    ) -> None:
         panel.annotate("", start, xytext=end, arrowprops=style_of, zorder=5)
         box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
         panel.text(*place, text, color=style.BLUE, fontsize=6.5, zorder=5, bbox=box, **options)
@@ -166,7 +178,7 @@ def _dimensions(panel, heap, top, half_inlet, half_view):
     )
 
 
-def _berries(panel, inputs):
+def _berries(panel: Axes, inputs: Mapping[str, Any]) -> None:
     """Side view of the berries amid a pour, each with its true outline, the nearest drawn last."""
     particle = build.Particle.load(inputs["particle"])
     with np.load(inputs["trajectory"]) as record:
