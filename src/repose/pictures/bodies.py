@@ -120,8 +120,9 @@ def _tessellated(
     whole: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> Bodies:
     """`Bodies` of convex parts; whole: the last three fields."""
-    points, normals, triangles = zip(*(tessellate(shape) for shape in shapes), strict=True)
-    points, normals = np.array(points), np.array(normals)
+    tessellated = [tessellate(shape) for shape in shapes]
+    points, normals = (np.array([one[k] for one in tessellated]) for k in range(2))
+    triangles = tessellated[0][2]
     turn = rotation_matrices(quaternions)
     vertices = np.einsum("nij,nvj->nvi", turn, scales[:, None, None] * points[shape_ids])
-    return Bodies(points, normals, triangles[0], shape_ids, turn, centres[:, None, :] + vertices, *whole)
+    return Bodies(points, normals, triangles, shape_ids, turn, centres[:, None, :] + vertices, *whole)

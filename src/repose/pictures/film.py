@@ -165,7 +165,7 @@ def animate_drum(
     pictures = []
     for k in _spread(times, frames):
         inside = drum_inside(section, turned[k])
-        look = {"frame_m": inside.outline(), "backdrop": inside, "scales": scales}
+        look: dict[str, Any] = {"frame_m": inside.outline(), "backdrop": inside, "scales": scales}
         pictures.append(render_pile(positions[k], quaternions[k], particle, 0.0, -90.0, width, width, **look))
     _write_within(pictures, frame_s, out_path, max_bytes)
 
@@ -200,14 +200,14 @@ def _write_within(pictures: Sequence[np.ndarray], frame_s: float, out_path: Path
     """Write RGB pictures, with as many colours as max_bytes allow; InputError where none do."""
     images = [Image.fromarray(picture) for picture in pictures]
     shown_ms = [round(1000 * frame_s)] * (len(images) - 1) + [round(1000 * LAST_S)]
-    smallest = 0
+    kind, content = FORMATS[out_path.suffix.lower()], b""
     for effort in range(5):
-        content = _encoded(images, shown_ms, FORMATS[out_path.suffix.lower()], effort)
+        content = _encoded(images, shown_ms, kind, effort)
         if len(content) <= max_bytes:
-            write_whole(out_path, lambda handle, content=content: handle.write(content))
-            return
-        smallest = len(content)
-    raise InputError(out_path, "max_bytes", max_bytes, f"at least {smallest} at this size and length")
+            break
+    else:
+        raise InputError(out_path, "max_bytes", max_bytes, f"at least {len(content)} at this size and length")
+    write_whole(out_path, lambda handle: handle.write(content))
 
 
 def _encoded(pictures: Sequence[Image.Image], shown_ms: list[int], kind: str, effort: int) -> bytes:

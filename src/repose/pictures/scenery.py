@@ -105,10 +105,11 @@ class Camera:
         return x[None, :, None] * right + y[:, None, None] * up + forward
 
 
-def funnel_walls(heap: Mapping[str, Any]) -> list[Frustum]:
-    """The funnel's walls as `Frustum`s from the configuration's `heap` section (mm and degrees there)."""
+def funnel_walls(section: Mapping[str, Any]) -> list[Frustum]:
+    """The funnel's walls as `Frustum`s from the configuration's section `funnel` (mm and degrees there)."""
     funnel = Funnel(
-        **{f"{key}_m": heap[f"{key}_mm"] / 1e3 for key in LENGTHS}, cone_angle_deg=heap["cone_angle_deg"]
+        **{f"{key}_m": section[f"{key}_mm"] / 1e3 for key in LENGTHS},
+        cone_angle_deg=section["cone_angle_deg"],
     )
     outlet, inlet, top = funnel.outlet_diameter_m / 2, funnel.inlet_diameter_m / 2, funnel.inlet_height_m
     neck = funnel.outlet_height_m + funnel.tube_length_m

@@ -8,6 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from repose.core.files import read_npz, read_table
 from repose.measure import bed
 from repose.particle import build
 from repose.particle.build import Particle
@@ -29,8 +30,7 @@ TITLES = {
 
 def states(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 15: side views along the axis with the line fitted to the upper edge, in the states there are."""
-    with np.load(inputs["states"]) as file:
-        arrays = dict(file)
+    arrays = read_npz(inputs["states"], ("position_start", "quaternion_start"), "the states of a drum")
     particle, scales = build.Particle.load(inputs["particle"]), arrays.get("scale")
     slipped = "position_before" in arrays
     shown = ("start", "before", "after") if slipped else ("start", "report")
@@ -38,8 +38,8 @@ def states(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02)
     for panel, state, letter in zip(figure.subplots(1, len(shown)), shown, "abc", strict=False):
         turned_deg = float(arrays[f"turned_{state}_deg"])
-        place = (arrays[f"{key}_{state}"].astype(float) for key in ("position", "quaternion"))
-        angle = _side_view(panel, *place, scales, particle, turned_deg, config)
+        centres, quaternions = (arrays[f"{key}_{state}"].astype(float) for key in ("position", "quaternion"))
+        angle = _side_view(panel, centres, quaternions, scales, particle, turned_deg, config)
         panel.set_title(f"{letter}  {TITLES[state]}: surface {angle:.1f}°")
         panel.set_xlabel(f"drum turned by {turned_deg:.1f}°")
     if not slipped:
@@ -95,7 +95,9 @@ def _side_view(
 
 def course(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Angles over the turned angle of every run, and the motion of the slipping layer by depth."""
-    record, profile, runs = (pd.read_csv(inputs[key]) for key in ("record", "profile", "runs"))
+    record = read_table(inputs["record"], ("seed", "time_s", "surface_deg", "bed_deg"))
+    profile = read_table(inputs["profile"], ("seed", "depth_mm", "moved_mm"))
+    runs = read_table(inputs["runs"], ("seed", "status"))
     figure = style.new_figure(style.PAGE, 2.9)
     left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
     _angles(left, record, runs, config["drum"])

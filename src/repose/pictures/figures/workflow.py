@@ -41,7 +41,7 @@ def read_dot(path: str | Path) -> tuple[dict[str, str], dict[str, float], list[t
 
 def reduced(edges: Sequence[tuple]) -> list[tuple]:
     """The edges without those that a longer way implies; the graph has no cycles."""
-    after = {}
+    after: dict[Any, set] = {}
     for a, b in edges:
         after.setdefault(a, set()).add(b)
 
@@ -102,10 +102,10 @@ def _mean_neighbour(node: Any, links: Sequence, place: Mapping) -> float:
 
 def _spread(wishes: Sequence[float]) -> list[float]:
     """Places at least 1 apart, in order, as near to the sorted wishes as a shift of the row brings them."""
-    places = []
+    places: list[float] = []
     for wish in wishes:
         places.append(wish if not places else max(wish, places[-1] + 1.0))
-    shift = np.mean(wishes) - np.mean(places)
+    shift = float(np.mean(wishes) - np.mean(places))
     return [p + shift for p in places]
 
 
@@ -146,11 +146,11 @@ def _arrow(panel: Axes, way: np.ndarray) -> None:
     ends = way.copy()
     ends[0, 1] += 0.22
     ends[-1, 1] -= 0.24
-    curve = []
+    parts = []
     for (x0, y0), (x1, y1) in pairwise(ends):
         t = np.linspace(0, 1, 24)
-        curve.append(np.column_stack([x0 + (x1 - x0) * (3 * t**2 - 2 * t**3), y0 + (y1 - y0) * t]))
-    curve = np.concatenate(curve)
+        parts.append(np.column_stack([x0 + (x1 - x0) * (3 * t**2 - 2 * t**3), y0 + (y1 - y0) * t]))
+    curve = np.concatenate(parts)
     panel.plot(*curve[:-2].T, color=style.GREY, lw=0.9, zorder=1, solid_capstyle="round")
     panel.annotate(
         "",
