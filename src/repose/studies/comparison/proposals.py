@@ -92,7 +92,7 @@ def local_search(
         off = (respond(np.clip(x, 0, 1)[None])[0] - objective.target) / objective.width
         return float(off @ off)
 
-    best = None
+    best: Any = None
     for start in [np.full(dimensions, 0.5), *random.uniform(size=(starts - 1, dimensions))]:
         # tighter than its default, which ends far from where a squared deviation has no value left
         found = optimize.minimize(

@@ -129,7 +129,8 @@ def compared(
     """
     solutions, distance, seed = section["solutions"], section["distance"], settings["seed"]
     region = Region(respond, objective, settings["region_points"], solutions, dimensions, seed)
-    rows, curves, bests = [], [], {}
+    rows, curves = [], []
+    bests: dict[str, list] = {}
     for name, (search, own) in searches(section).items():
         evaluations = own or settings["evaluations"]
         at, courses, bests[name] = checkpoints(evaluations), [], []
