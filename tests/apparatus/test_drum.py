@@ -10,6 +10,7 @@ import yaml
 from PIL import Image
 
 from repose.apparatus import drum, drum_geometry, drum_tables, drum_turn
+from repose.apparatus.job import measure_job, pour_job
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.measure import bed
@@ -185,6 +186,19 @@ def test_a_job_writes_what_tables_and_film_read(tmp_path):
     )
     run = results[0]["run"]
     assert json.loads((tmp_path / "turn_3.json").read_text()) == results[0]
+    # the job of all bench tests gives the same, and its responses
+    pours = pour_job(drum.BENCH, config(**keys), "004", REPRESENTATIVE, [3], PARTICLE, BERRY, tmp_path)
+    job = measure_job(config(**keys), pours, PARTICLE, BERRY)
+    (measured,) = job["runs"]
+    assert {key: measured[key] for key in run if key != "wall_s"} == {
+        key: value for key, value in run.items() if key != "wall_s"
+    }
+    assert (measured["drum_slip_deg"], measured["drum_rest_deg"]) == (
+        run["before_surface_deg"],
+        run["after_surface_deg"],
+    )
+    assert job["apparatus"] == "drum"
+    assert job["summary"]["drum_slip_deg"] == measured["drum_slip_deg"]
     assert run["status"] == "ok", run["reason"]
     assert run["after_time_s"] > run["before_time_s"] > 0
     tables = drum_tables.run([tmp_path / "turn_3.json"], tmp_path)

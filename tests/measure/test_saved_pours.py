@@ -16,8 +16,9 @@ from repose.apparatus import funnel
 from repose.apparatus.job import measure_job
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
-from repose.measure import pile, saved_piles, saved_pours
+from repose.measure import further_responses, pile, saved_piles, saved_pours
 from repose.measure.angles import DEFINITIONS, MEAN_KEYS, VIEW_KEYS
+from repose.particle.build import ellipsoid_mesh, fit_particle
 
 ROOT = Path(__file__).parents[2]
 CONFIG = yaml.safe_load((ROOT / "config" / "quick.yaml").read_text())
@@ -95,6 +96,53 @@ def test_a_definition_that_fails_fails_the_run_only_as_the_response(saved):
     assert "12 are needed" in run["reason"]
     assert run["aor_secant_deg"] == kept["aor_secant_deg"]
     assert failed["summary"]["status"] == "no_flank"
+
+
+FURTHER = ("radius_90_mm", "base_radius_mm", "packing_percent", "loose_percent", "lower_deg", "upper_deg")
+
+
+def targeted(*names):
+    """The small configuration with these responses of the funnel as its targets."""
+    changed = config()
+    changed["targets"] = [
+        {"response": name, "apparatus": "funnel", "value": 1, "sd": 1, "repetitions": 1, "range": [0, 2]}
+        for name in names
+    ]
+    return changed
+
+
+def test_further_responses_are_measured_where_they_are_targets(saved):
+    whole_berry = fit_particle(ellipsoid_mesh(list(AXES.values())), 840.0)
+    without = measure_job(config(), saved, whole_berry, AXES)
+    assert not set(FURTHER) & set(without["runs"][0])
+    assert not set(FURTHER) & set(without["summary"])
+    whole = targeted("aor_deg", "height_mm", *FURTHER, "discharge_s")
+    result = measure_job(whole, saved, whole_berry, AXES)
+    settings = pile.MeasureSettings.of(whole["measure"], AXES)
+    plate = whole["funnel"]["plate_diameter_mm"]
+    expected = further_responses.of_pour(
+        saved_pours.first_pour(saved.with_name("007.npz")), whole_berry, settings, plate
+    )
+    first, _, jammed = result["runs"]
+    assert {name: first[name] for name in FURTHER} == {name: expected[name] for name in FURTHER}
+    assert [jammed[name] for name in FURTHER] == [None] * len(FURTHER)
+    for name in ("packing_percent", "discharge_s"):
+        unit = name.rsplit("_", 1)
+        assert result["summary"][f"{unit[0]}_se_{unit[1]}"] is not None
+    kept = {key: first[key] for key in without["runs"][0]}
+    assert kept == without["runs"][0]
+
+
+def test_a_run_fails_where_a_target_of_its_own_cannot_be_measured_and_only_then(saved):
+    path = saved.with_name("007.npz")
+    arrays = dict(np.load(path))
+    arrays["position_1"][:, 2] = 0.005  # a layer and no pile
+    np.savez(path, **arrays)
+    flat = measure_job(targeted("aor_deg"), saved, PARTICLE, AXES)["runs"][0]
+    assert (flat["status"], flat["aor_deg"]) == ("no_flank", None)
+    assert "mm high" in flat["reason"]
+    timed = measure_job(targeted("discharge_s"), saved, PARTICLE, AXES)["runs"][0]
+    assert (timed["status"], timed["aor_deg"], timed["discharge_s"]) == ("ok", None, 16.0)
 
 
 @pytest.mark.parametrize("fit_from", [0.1, "berry"])

@@ -84,7 +84,7 @@ def test_overfilling_is_refused_with_the_step_it_would_need(goji, clump):
     sphere_packing.check_time_step(clump, BERRY, 0.2, 2e-4)
     row = np.column_stack([np.linspace(-6, 6, 15), np.zeros((15, 2)), np.full(15, 4.5)]) * 1e-3
     stacked = Particle(**(vars(clump) | {"spheres_m": row, "stacking": sphere_packing.stacking(row)}))
-    with pytest.raises(InputError, match=r"15\.0 of them act at one place.*heap\.time_step_s 0\.000"):
+    with pytest.raises(InputError, match=r"15\.0 of them act at one place.*simulation\.time_step_s 0\.000"):
         sphere_packing.check_time_step(stacked, BERRY, 0.2, 2e-4)
     for keys in ({"count": 0}, {"count": 101}, {"surface": "furry"}):
         with pytest.raises(InputError, match=r"spheres|surface"):

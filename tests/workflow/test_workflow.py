@@ -118,6 +118,23 @@ def test_the_workflow_runs_from_either_file(project):
     assert itself["heap"] == 20
 
 
+def test_samples_are_run_in_every_bench_test_of_the_targets(project):
+    target = {"value": 40, "sd": 2, "repetitions": 5, "range": [38, 42]}
+    mixed = [
+        {"response": "height_mm", "apparatus": "funnel"} | target,
+        {"response": "drum_slip_deg", "apparatus": "drum"} | target,
+    ]
+    for targets, folders in ((mixed, ("heaps", "drum_runs")), (mixed[1:], ("drum_runs",))):
+        (project / "mine.yaml").write_text(json.dumps({"targets": targets}))
+        words = ("--configfile", "config/quick.yaml", "mine.yaml", "--", "dataset")
+        jobs = planned(project, *words)
+        assert (jobs["heap"], jobs["measure_heap"]) == (20 * len(folders), 20 * len(folders))
+        shown = snakemake(project, "-n", "-p", *words).stdout
+        for folder in folders:
+            assert f"results/quick/{folder}/020.json" in shown
+        assert "--apparatus drum" in shown
+
+
 def test_the_small_run_has_the_same_rules(project):
     small = planned(project, "--configfile", "config/quick.yaml")
     assert set(small) == set(planned(project))
@@ -188,7 +205,8 @@ POURS = ("heap", "validation_heap", "trajectory", "turn")
     [
         ("measure={response: flank}", ("measure_heap", "measure_validation_heap"), ()),
         ("measure={mm_per_pixel: 0.3}", ("measure_heap", "measure_validation_heap"), ("turn",)),
-        ("funnel={rest_motion_mm: 2}", ("measure_heap", "measure_validation_heap"), POURS),
+        ("funnel={rest_motion_mm: 2}", ("measure_heap", "measure_validation_heap"), POURS[:3]),
+        ("drum={fit_share: 0.5}", (), ("turn",)),
         (
             "validation={seeds: 3, representative_seeds: 3}",
             ("measure_validation_heap",),

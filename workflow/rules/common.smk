@@ -5,6 +5,7 @@ import os
 import shlex
 import sys
 
+from repose.apparatus import bench, names
 from repose.config import loader
 from repose.core import places
 from repose.core.errors import InputError
@@ -51,13 +52,41 @@ def sections(*names):
     }
 
 
-def pouring_settings():
-    """What a pour depends on, its measurement left out; the number of seeds is the caller's."""
-    funnel = {key: value for key, value in config["funnel"].items() if key != "seeds"}
+# Folder of each bench test's runs. Wildcard `runs`: one of these.
+RUN_FOLDERS = {
+    name: "heaps" if name == "funnel" else f"{name}_runs" for name in names()
+}
+APPARATUS_OF = {runs: name for name, runs in RUN_FOLDERS.items()}
+
+
+def folders_of_targets():
+    """Folders of the runs that the study is calibrated by: one for each bench test of the targets."""
+    return [RUN_FOLDERS[name] for name in Targets.of(config["targets"]).apparatus]
+
+
+def apparatus(wildcards):
+    """Name of the bench test whose runs a rule makes."""
+    return APPARATUS_OF[wildcards.get("runs", "heaps")]
+
+
+def pouring_settings(name="funnel"):
+    """What a run of a bench test depends on, its measurement left out; the number of seeds is the caller's."""
+    own = {key: value for key, value in config[name].items() if key != "seeds"}
     return sections("wall", "simulation") | {
-        "funnel": funnel,
+        name: own,
         "seed": config["design"]["seed"],
     }
+
+
+def pouring(wildcards):
+    """The same of the bench test whose runs a rule makes."""
+    return pouring_settings(apparatus(wildcards))
+
+
+def measuring(wildcards):
+    """What the measurement of a run depends on."""
+    wanted = bench(apparatus(wildcards)).wanted(config)
+    return sections("measure") | {"responses": [one.name for one in wanted]}
 
 
 def folder(wildcards, output):

@@ -5,6 +5,6 @@ pictures; these are loaded when a bench test runs.
 """
 
 from repose.apparatus import funnel, drum  # isort: skip (the order in which they are listed)
-from repose.apparatus.bench import BenchTest, Run, bench, bench_tests, names, register
+from repose.apparatus.bench_test import BenchTest, Run, bench, bench_tests, names, register
 
 __all__ = ["BenchTest", "Run", "bench", "bench_tests", "drum", "funnel", "names", "register"]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from repose.apparatus.bench import BenchTest, Run, register
+from repose.apparatus.bench_test import BenchTest, Run, register
 from repose.apparatus.settings import SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
@@ -144,8 +144,9 @@ def run(
     if status in ("ok", "no_slip"):
         for state, row in turned.rows().items():
             record |= {f"{state}_{key}": float(turned.record[key][row]) for key in RECORD}
-    if status == "ok":
-        numbers, profile = slip_numbers(turned, config[NAME], particle, config["measure"]["mm_per_pixel"])
+    if status == "ok" and turned.slip is not None:
+        scale = config["measure"]["mm_per_pixel"]
+        numbers, profile = slip_numbers(turned, turned.slip, config[NAME], particle, scale)
         record |= numbers
     record["wall_s"] = round(turned.wall_s, 2)
     position, quaternion = turned.centres_m.astype(np.float32), turned.quaternions.astype(np.float32)
@@ -195,7 +196,6 @@ BENCH = register(
         duration_s=longest_s,
         contradictions=contradictions,
         misfits=misfits,
-        stream="drum_design",
         in_words="first slip after {before_time_s:.1f} s, {before_turned_deg:.1f} deg; "
         "surface {before_surface_deg:.1f} deg before, {after_surface_deg:.1f} deg after it, {wall_s:.0f} s",
     )

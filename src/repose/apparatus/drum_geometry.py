@@ -11,7 +11,7 @@ from repose import dem
 from repose.apparatus.factory import Strip
 
 if TYPE_CHECKING:
-    from repose.dem import Cylinder, Plane
+    from repose.dem import Cone, Plane
 
 WALLS = ("shell", "near_cap", "far_cap")
 
@@ -35,7 +35,7 @@ class Drum:
         radius_mm = 0.5 * section["outer_diameter_mm"] - section["wall_thickness_mm"]
         return cls(1e-3 * radius_mm, 1e-3 * section["length_mm"])
 
-    def walls(self, material: str) -> "dict[str, Cylinder | Plane]":
+    def walls(self, material: str) -> "dict[str, Cone | Plane]":
         """The drum's walls by name, of a material."""
         half = 0.5 * self.length_m
         ends = ((0.0, -half, 0.0), (0.0, half, 0.0))

@@ -56,7 +56,7 @@ def run_job(
     Parameters
     ----------
     config, parameters, particle, berry
-        Those of `repose.apparatus.bench.BenchTest.run`.
+        Those of `repose.apparatus.bench_test.BenchTest.run`.
     seeds : iterable of int
     out_dir : path
     trajectory : bool

@@ -136,7 +136,7 @@ def build(
     berry: Mapping[str, Any],
     largest_scale: float = 1.0,
 ) -> "dem.Simulation":
-    """The empty simulation of the drum; see `repose.apparatus.bench.BenchTest.build`."""
+    """The empty simulation of the drum; see `repose.apparatus.bench_test.BenchTest.build`."""
     drum = Drum.of(config["drum"])
     half = np.array([drum.radius_m, 0.5 * drum.length_m, drum.radius_m])
     return berry_simulation(
@@ -162,7 +162,7 @@ def turn(
 ) -> Turn:
     """Fill the drum, let the bed rest, turn the drum until the bed slips, and let it rest again.
 
-    Parameters are those of `repose.apparatus.bench.BenchTest.run`.
+    Parameters are those of `repose.apparatus.bench_test.BenchTest.run`.
 
     Notes
     -----
@@ -247,10 +247,10 @@ def _rotate(watch, section, calm, every, progress):
 
 
 def slip_numbers(
-    turned: Turn, section: Mapping[str, Any], particle: "Particle", mm_per_pixel: float
+    turned: Turn, slip: bed.Slip, section: Mapping[str, Any], particle: "Particle", mm_per_pixel: float
 ) -> tuple[dict[str, float], np.ndarray]:
-    """Numbers of the slip, and the motion by depth: rows of `bed.depth_profile`, lengths in mm."""
-    record, slip = turned.record, turned.slip
+    """Numbers of a slip, and the motion by depth: rows of `bed.depth_profile`, lengths in mm."""
+    record = turned.record
     drum = Drum.of(section)
     before = bed.measure_surface(
         turned.centres_m[slip.begins],

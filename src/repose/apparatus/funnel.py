@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from repose import dem
-from repose.apparatus.bench import BenchTest, Run, register
+from repose.apparatus.bench_test import BenchTest, Run, register
 from repose.apparatus.factory import Disc, fill
 from repose.apparatus.funnel_geometry import Funnel
 from repose.apparatus.scene import Filmed, berry_simulation, largest_cluster

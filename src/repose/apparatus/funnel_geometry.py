@@ -121,7 +121,7 @@ class Funnel:
     def walls(self, material: str) -> "dict[str, Cone | RingEdge]":
         """The funnel's walls by name, of a material: cone, outlet, and with a tube also tube and neck."""
         up, edge = (math.cos(self._slope), math.sin(self._slope)), self.rim_radius_m
-        walls = {"cone": dem.Cone(self.cone_line(), material)}
+        walls: dict[str, Cone | RingEdge] = {"cone": dem.Cone(self.cone_line(), material)}
         if self.tube_length_m == 0.0:
             walls["outlet"] = dem.RingEdge(
                 self._core_m, edge, material, (up, (0.0, 0.0)), self.outlet_height_m

@@ -10,17 +10,18 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from repose.apparatus.bench import BenchTest, Run, bench
+import numpy as np
+
+from repose.apparatus.bench_test import BenchTest, Run, bench
 from repose.core.errors import InputError
 from repose.core.files import write_json, write_npz
 from repose.core.parameters import PARAMETERS
 from repose.core.runs import summarise_runs
+from repose.core.seeds import UNNAMED
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
 
-# A file that names no bench test is of this one: it was the first.
-FIRST = "funnel"
 Progress = Callable[[int], AbstractContextManager[Callable[[float], object] | None]]
 
 
@@ -50,7 +51,7 @@ def about_job(
     test: BenchTest, config: Mapping[str, Any], name: object, parameters: Mapping[str, float]
 ) -> dict[str, Any]:
     """What every file of a job says of it."""
-    named = {} if test.name == FIRST else {"apparatus": test.name}
+    named = {} if test.name == UNNAMED else {"apparatus": test.name}
     return named | {
         "sample": int(str(name)) if str(name).isdigit() else name,
         "config": config["label"],
@@ -101,7 +102,8 @@ def pour_job(
     from repose.measure.saved_pours import POURS
 
     out = Path(out_dir)
-    records, saved = [], {}
+    records: list[dict[str, Any]] = []
+    saved: dict[str, np.ndarray] = {}
     for seed in seeds:
         with progress(seed) if progress else nullcontext() as report:
             run = test.run(config, parameters, seed, particle, berry, interval_s, report)
@@ -150,7 +152,7 @@ def measure_job(
 
     path = Path(pours_json)
     job = read_pours(path)
-    test = bench(job.get("apparatus", FIRST), path)
+    test = bench(job.get("apparatus", UNNAMED), path)
     pours = job.pop("pours")
     for one in pours:
         if one["status"] not in test.statuses:

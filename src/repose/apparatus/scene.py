@@ -90,7 +90,7 @@ class Filmed:
             stop = step if self.every is None else min(step, (now // self.every + 1) * self.every)
             self.simulation.run_steps(stop - now)
             now = stop
-            if self.every is not None and now % self.every == 0:
+            if self.recorder is not None and self.every is not None and now % self.every == 0:
                 self.recorder(self.simulation)
         if self.progress is not None:
             self.progress(self.simulation.time_s)

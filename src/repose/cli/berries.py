@@ -1,17 +1,13 @@
 """The berry and its particle: from files that the options name, or made from the configuration."""
 
-import json
-import tempfile
-from pathlib import Path
-
 from repose.cli.options import PUBLISHED
 from repose.cli.registry import Option
-from repose.core.errors import InputError
 
 BERRY_AND_PARTICLE = (
     Option("--berry", help="berry.json; made from the configuration if not given"),
     Option("--particle", help="particle.json; made from the configuration if not given"),
 )
+WRITTEN = "what the verb berry wrote"
 
 
 def berry_and_particle(config, source, berry_json=None, particle_json=None):
@@ -21,26 +17,23 @@ def berry_and_particle(config, source, berry_json=None, particle_json=None):
     instead of making them from the configuration. Raises InputError.
     """
     from repose.config import checks
-    from repose.particle.build import Particle
+    from repose.core.files import read_json
+    from repose.particle import berry, build
+    from repose.particle.particle import Particle
 
-    with tempfile.TemporaryDirectory() as folder:
-        if berry_json is None:
-            checks.check_inputs(config, source)
-            write_berry(config, PUBLISHED / "table1.csv", folder)
-            berry_json = Path(folder) / "berry.json"
-        check_berry(berry_json)
-        particle = (
-            write_particle(config, berry_json, folder)
-            if particle_json is None
-            else Particle.load(particle_json)
-        )
-        return json.loads(Path(berry_json).read_text()), particle
-
-
-def check_berry(berry_json):
-    """InputError unless the file exists."""
-    if not Path(berry_json).is_file():
-        raise InputError(berry_json, "file", None, "an existing file, written by `repose berry`")
+    if berry_json is None:
+        checks.check_inputs(config, source)
+        section = config["berry"]
+        of_berry = berry.of_files(
+            section["sizes"], section["compression"], PUBLISHED / "table1.csv", *_material(section)
+        )[1]
+    else:
+        of_berry = read_json(berry_json, berry.SIZE_COLUMNS, WRITTEN)
+    if particle_json is not None:
+        return of_berry, Particle.load(particle_json)
+    stl = config["berry"]["stl"]
+    scan = {} if stl is None else {"scan": build.load_mesh(stl), "source": stl}
+    return of_berry, build.make(of_berry, **scan, **_how(config)).particle
 
 
 def write_berry(config, table1, out_dir):
@@ -48,23 +41,31 @@ def write_berry(config, table1, out_dir):
     from repose.particle import berry
 
     section = config["berry"]
-    material = (section["density_kg_m3"], section["poisson_ratio"], section["shear_modulus_pa"])
-    berry.run(section["sizes"], section["compression"], table1, out_dir, *material)
+    berry.run(section["sizes"], section["compression"], table1, out_dir, *_material(section))
 
 
 def write_particle(config, berry_json, out_dir):
     """The configuration's Particle, written to a folder."""
     from repose.particle import build
 
+    return build.run(berry_json, config["berry"]["stl"], out_dir, **_how(config))
+
+
+def _material(section):
+    """Density, Poisson's ratio and shear modulus of the section `berry`; None what the compression tests give."""
+    return section["density_kg_m3"], section["poisson_ratio"], section["shear_modulus_pa"]
+
+
+def _how(config):
+    """Options of `build.make`."""
+    from repose.core.parameter_space import range_of
+
     section = config["berry"]
-    return build.run(
-        berry_json,
-        section["stl"],
-        out_dir,
-        kind=section["particle"],
-        mass_g=section["mass_g"],
-        spheres=section["spheres"],
-        surface=section["surface"],
-        time_step_s=config["simulation"]["time_step_s"],
-        restitution=config["parameters"]["e_gp"][0],
-    )
+    return {
+        "kind": section["particle"],
+        "mass_g": section["mass_g"],
+        "spheres": section["spheres"],
+        "surface": section["surface"],
+        "time_step_s": config["simulation"]["time_step_s"],
+        "restitution": range_of("e_gp", config["parameters"]["e_gp"])[0],
+    }

@@ -7,7 +7,6 @@ from repose.cli.options import BERRY, PUBLISHED
 from repose.cli.registry import Family, Option
 from repose.config import loader
 from repose.core.errors import InputError
-from repose.core.parameter_space import ParameterSpace
 
 family = Family()
 
@@ -74,8 +73,7 @@ def design(args):
 
     config = loader.load(args.config)
     section = config["design"]
-    space = ParameterSpace.of(config["parameters"])
-    design.run(space, section["samples"], section["method"], section["seed"], args.out)
+    design.run(config["parameters"], section["samples"], section["method"], section["seed"], args.out)
 
 
 @family.verb(
@@ -87,4 +85,4 @@ def pool_design(args):
     from repose.studies import pool
 
     config = loader.load(args.config)
-    pool.run(ParameterSpace.of(config["parameters"]), config["pool"], args.out)
+    pool.run(config["parameters"], config["pool"], args.out)

@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle, check_berry
+from repose.cli.berries import BERRY_AND_PARTICLE, WRITTEN, berry_and_particle
 from repose.cli.options import JSON
 from repose.cli.registry import Family, Option
 from repose.config import loader
@@ -55,8 +55,9 @@ def measure(args):
 def _axes(berry_json, config):
     """Mean axes of the berry, from the file given or from the sizes of the configuration."""
     if berry_json is not None:
-        check_berry(berry_json)
-        return json.loads(Path(berry_json).read_text())
+        from repose.core.files import read_json
+
+        return read_json(berry_json, what=WRITTEN)
     if config["measure"]["berry_height_mm"] is not None:
         return {}
     from repose.particle import berry

@@ -1,6 +1,5 @@
 """Verbs of what a reader sees: figures, films, tables as pages."""
 
-import argparse
 from pathlib import Path
 
 from repose.cli.options import pairs
@@ -22,7 +21,7 @@ family = Family()
         Option("--input", action="append", default=[], metavar="NAME=PATH", help="a file that it shows"),
     ],
 )
-def figure(args: argparse.Namespace) -> None:
+def figure(args):
     from repose.pictures import figures
 
     Path(args.out).parent.mkdir(parents=True, exist_ok=True)
@@ -39,7 +38,7 @@ def figure(args: argparse.Namespace) -> None:
         Option("--drum", action="store_true", help="it is that of a drum"),
     ],
 )
-def film(args: argparse.Namespace) -> None:
+def film(args):
     from repose.particle.build import Particle
     from repose.pictures import film, scenery
 
@@ -63,7 +62,7 @@ def film(args: argparse.Namespace) -> None:
         Option("--title", required=True, help="headline of the page"),
     ],
 )
-def table(args: argparse.Namespace) -> None:
+def table(args):
     from repose.pictures import pages
 
     pages.write_page(args.csv, args.title, args.out, loader.load(args.config)["small_run"])

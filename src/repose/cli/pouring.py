@@ -75,7 +75,7 @@ def _job(args, apparatus):
     test = bench(apparatus, "command line")
     config = loader.load(args.config)
     values = parameters(args.set, args.samples, args.sample, config["parameters"])
-    seeds = pour_seeds(args, config["design"]["seed"])
+    seeds = pour_seeds(args, config["design"]["seed"], apparatus)
     step, end = SimulationSettings.of(config).time_step_s, test.duration_s(config)
     if args.trajectory is not None and not step <= args.trajectory <= end:
         raise InputError("command line", "--trajectory", args.trajectory, f"from {step:g} to {end:g} s")
@@ -107,13 +107,14 @@ def _flat(result):
 )
 def measure_heap(args):
     from repose.apparatus import bench
-    from repose.apparatus.job import FIRST, measure_job
+    from repose.apparatus.job import measure_job
+    from repose.core.seeds import UNNAMED
 
     config = loader.load(args.config)
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
     for path in args.pours:
         result = measure_job(config, path, particle, berry_of, args.out)
-        words = bench(result.get("apparatus", FIRST)).in_words
+        words = bench(result.get("apparatus", UNNAMED)).in_words
         for run in result["runs"]:
             print(f"{path}: {told(run, words)}")
 

@@ -1,8 +1,6 @@
 """Verbs around a study: speed, the configuration's check, the verification suite, what a repository keeps."""
 
-import argparse
 import json
-from typing import TYPE_CHECKING
 
 from repose.cli.berries import berry_and_particle
 from repose.cli.options import JSON
@@ -10,9 +8,6 @@ from repose.cli.registry import Family, Option
 from repose.config import loader
 from repose.core import published
 from repose.core.errors import InputError
-
-if TYPE_CHECKING:
-    from repose.verification.case import Result
 
 family = Family()
 
@@ -23,7 +18,7 @@ family = Family()
     example="--json",
     options=[JSON],
 )
-def bench(args: argparse.Namespace) -> None:
+def bench(args):
     from repose.studies import shape_study
     from repose.verification import speed
 
@@ -40,7 +35,7 @@ def bench(args: argparse.Namespace) -> None:
     example="--config config/paper.yaml",
     options=[Option("--cores", type=int, default=2, help="cores of the run (2)")],
 )
-def check(args: argparse.Namespace) -> None:
+def check(args):
     if args.cores < 1:
         raise InputError("command line", "--cores", args.cores, "at least 1")
     from repose.config import checks, cost
@@ -66,7 +61,7 @@ def check(args: argparse.Namespace) -> None:
         Option("--seeds", type=int, default=2, help="pours of each time step in the case convergence (2)"),
     ],
 )
-def verify(args: argparse.Namespace) -> int:
+def verify(args):
     for option in ("hits", "seeds"):
         if getattr(args, option) < 1:
             raise InputError("command line", f"--{option}", getattr(args, option), "at least 1")
@@ -89,7 +84,7 @@ def verify(args: argparse.Namespace) -> int:
     return 0 if all(result.passed for result in results.values()) else 1
 
 
-def _case_line(name: str, result: "Result") -> str:
+def _case_line(name, result):
     """One case in words."""
     missed = [row for row in result.rows if not row.passed]
     words = (
@@ -105,7 +100,7 @@ def _case_line(name: str, result: "Result") -> str:
     config=False,
     options=[Option("results", help="folder of the finished study")],
 )
-def snapshot(args: argparse.Namespace) -> None:
+def snapshot(args):
     from repose.studies import snapshot
 
     for path in snapshot.take(args.results, args.out):

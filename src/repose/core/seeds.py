@@ -1,5 +1,7 @@
 """Seeds of every pour of a study."""
 
+import zlib
+
 # What the random numbers of a pour are for: one stream each, so that no check reuses the pours it checks.
 PURPOSES = {
     "design": 0,
@@ -15,13 +17,28 @@ PURPOSES = {
 }
 
 
-def pour_seeds(study_seed, purpose, number, count):
-    """Seeds of the `count` pours of one parameter set.
+# The first bench test: its seeds and its files carry no name of a bench test.
+UNNAMED = "funnel"
 
-    study_seed: `design.seed`; purpose: one of PURPOSES; number: of the sample. The first k seeds
-    are the same for any count of at least k.
+
+def pour_seeds(study_seed: int, purpose: str, number: int, count: int, apparatus: str = UNNAMED) -> list[int]:
+    """Seeds of the pours of one parameter set.
+
+    Parameters
+    ----------
+    study_seed : int
+        `design.seed` of the configuration.
+    purpose : str
+        One of `PURPOSES`.
+    number : int
+        Of the sample.
+    count : int
+        How many seeds. The first k are the same for any count of at least k.
+    apparatus : str
+        Bench test: each has streams of its own, so that its noise is independent of the others'.
     """
     import numpy as np
 
-    state = np.random.SeedSequence([study_seed, PURPOSES[purpose], number]).generate_state(count)
+    own = [] if apparatus == UNNAMED else [zlib.crc32(apparatus.encode())]
+    state = np.random.SeedSequence([study_seed, PURPOSES[purpose], number, *own]).generate_state(count)
     return [int(seed) for seed in state]

@@ -1,13 +1,15 @@
 """Measured berries: sizes to sphericity and equivalent diameter, compression tests to moduli (Eq. 1-4)."""
 
-import json
 import math
+from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from repose.core.errors import InputError
+from repose.core.files import read_table, write_json, write_table
 from repose.particle import size_distribution
 
 SIZE_COLUMNS = ("long_mm", "major_mm", "minor_mm")
@@ -139,50 +141,110 @@ def summarise(sizes, published):
     return table
 
 
-def run(
-    sizes_csv, compression_csv, table1_csv, out_dir, density_kg_m3, poisson_ratio=None, shear_modulus_pa=None
-):
-    """Write summary.csv and berry.json to out_dir; return (summary frame, berry dict).
+def measured_berry(
+    sizes: pd.DataFrame,
+    tests: pd.DataFrame | None,
+    published: pd.DataFrame,
+    density_kg_m3: float,
+    poisson: float | None = None,
+    shear_modulus_pa: float | None = None,
+    source: object = "berry",
+) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Statistics and material of the measured berries.
 
-    A Poisson's ratio or shear modulus (Pa) that is given replaces the one of the compression tests;
-    compression_csv may be None when both are. The elastic modulus then follows by Eq. 4.
-    Raises InputError for bad files or values.
+    Parameters
+    ----------
+    sizes : pandas.DataFrame
+        As `read_sizes` gives it.
+    tests : pandas.DataFrame or None
+        As `read_compression` gives it; None where Poisson's ratio and shear modulus are both given.
+    published : pandas.DataFrame
+        Published statistics: columns dimension, maximum, minimum, mean.
+    density_kg_m3 : float
+    poisson, shear_modulus_pa : float, optional
+        Replace those of the compression tests. The elastic modulus follows by Eq. 4.
+    source : object
+        Named in the error where the compression tests give an impossible material.
+
+    Returns
+    -------
+    summary : pandas.DataFrame
+        See `summarise`.
+    berry : dict
+        Mean axes [mm], density, moduli [Pa], number of berries, whether the data are a reconstruction, and the spread
+        of the sizes.
+
+    Raises
+    ------
+    InputError
+        If the material is impossible, or compression tests are missing.
     """
-    check_material(density_kg_m3, poisson_ratio, shear_modulus_pa)
-    sizes = read_sizes(sizes_csv)
-    given = poisson_ratio is not None and shear_modulus_pa is not None
-    if compression_csv is None and not given:
-        raise InputError(
-            "berry", "compression", None, "a file, unless poisson_ratio and shear_modulus_pa are both given"
-        )
+    check_material(density_kg_m3, poisson, shear_modulus_pa)
     reconstruction = sizes.attrs["reconstruction"]
-    if given:
-        poisson, shear = float(poisson_ratio), float(shear_modulus_pa)
+    if poisson is not None and shear_modulus_pa is not None:
+        nu, shear = float(poisson), float(shear_modulus_pa)
+    elif tests is None:
+        allowed = "a file, unless poisson_ratio and shear_modulus_pa are both given"
+        raise InputError("berry", "compression", None, allowed)
     else:
-        tests = read_compression(compression_csv)
         reconstruction = reconstruction or tests.attrs["reconstruction"]
         elastic, measured_poisson, _ = moduli(tests)
-        poisson = measured_poisson if poisson_ratio is None else float(poisson_ratio)
-        check_material(density_kg_m3, poisson, shear_modulus_pa, source=compression_csv)
-        shear = shear_modulus(elastic, poisson) if shear_modulus_pa is None else float(shear_modulus_pa)
+        nu = measured_poisson if poisson is None else float(poisson)
+        check_material(density_kg_m3, nu, shear_modulus_pa, source=source)
+        shear = shear_modulus(elastic, nu) if shear_modulus_pa is None else float(shear_modulus_pa)
     values = {column: sizes[column].mean() for column in SIZE_COLUMNS} | {
         "density_kg_m3": density_kg_m3,
-        "elastic_modulus_pa": 2 * (1 + poisson) * shear,
-        "poisson_ratio": poisson,
+        "elastic_modulus_pa": 2 * (1 + nu) * shear,
+        "poisson_ratio": nu,
         "shear_modulus_pa": shear,
     }
     # Ten digits: a mean of measurements should not read 21.139999999999997.
-    berry = {key: float(f"{value:.10g}") for key, value in values.items()}
+    berry: dict[str, Any] = {key: float(f"{value:.10g}") for key, value in values.items()}
     berry |= {"n": len(sizes), "reconstruction": bool(reconstruction)}
-    published = pd.read_csv(table1_csv)
     spread = _spread(sizes, published)
     berry |= {key: float(f"{value:.10g}") for key, value in zip(size_distribution.KEYS, spread, strict=True)}
-    summary = summarise(sizes, published)
+    return summarise(sizes, published), berry
 
-    out_dir = Path(out_dir)
-    out_dir.mkdir(parents=True, exist_ok=True)
-    summary.to_csv(out_dir / "summary.csv", index=False, float_format="%.4f")
-    (out_dir / "berry.json").write_text(json.dumps(berry, indent=2) + "\n")
+
+def of_files(
+    sizes_csv: str | PathLike,
+    compression_csv: str | PathLike | None,
+    table1_csv: str | PathLike,
+    density_kg_m3: float,
+    poisson_ratio: float | None = None,
+    shear_modulus_pa: float | None = None,
+) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """`measured_berry` of files; compression_csv is not read where both moduli are given.
+
+    Raises
+    ------
+    InputError
+        If a file is bad, or a value impossible.
+    """
+    check_material(density_kg_m3, poisson_ratio, shear_modulus_pa)
+    given = poisson_ratio is not None and shear_modulus_pa is not None
+    sizes = read_sizes(sizes_csv)
+    tests = None if given or compression_csv is None else read_compression(compression_csv)
+    published = read_table(table1_csv, ("dimension", "maximum", "minimum", "mean"))
+    material = density_kg_m3, poisson_ratio, shear_modulus_pa
+    return measured_berry(sizes, tests, published, *material, source=compression_csv)
+
+
+def run(
+    sizes_csv: str | PathLike,
+    compression_csv: str | PathLike | None,
+    table1_csv: str | PathLike,
+    out_dir: str | PathLike,
+    density_kg_m3: float,
+    poisson_ratio: float | None = None,
+    shear_modulus_pa: float | None = None,
+) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Write summary.csv and berry.json to out_dir; the rest is `of_files`."""
+    summary, berry = of_files(
+        sizes_csv, compression_csv, table1_csv, density_kg_m3, poisson_ratio, shear_modulus_pa
+    )
+    write_table(Path(out_dir) / "summary.csv", summary, float_format="%.4f")
+    write_json(Path(out_dir) / "berry.json", berry, indent=2)
     return summary, berry
 
 

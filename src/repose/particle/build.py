@@ -4,22 +4,28 @@ All kinds are made from the same mesh in its principal pose, and judged alike: v
 extents beside the mesh's own.
 """
 
-import json
 import math
+from collections.abc import Mapping
+from os import PathLike
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+import trimesh
 
 from repose.core.errors import InputError
+from repose.core.files import read_json, write_table, write_whole
 from repose.particle import mesh_from_axes, sphere_packing, support_fit
 from repose.particle.mesh import (
     MM,
     body_of,
     ellipsoid_mesh,
     load_mesh,
+    mesh_of,
     mesh_support,
     principal_pose,
     sphere_directions,
+    stl_of,
 )
 from repose.particle.particle import KINDS, Particle
 
@@ -30,6 +36,7 @@ __all__ = [
     "ellipsoid_mesh",
     "fit_particle",
     "load_mesh",
+    "make",
     "make_particle",
     "principal_pose",
     "run",
@@ -39,6 +46,8 @@ LARGEST_DEVIATION = 0.15
 # Sharp edges cost a smooth body volume, and with it mass.
 VOLUME_TOLERANCE = 0.1
 DIRECTIONS = 2000
+MESH_FILE = "berry.stl"
+AXES = ("long_mm", "major_mm", "minor_mm")
 
 
 def fit_particle(mesh, density_kg_m3, stl="", source="mesh", kind="smooth"):
@@ -141,59 +150,119 @@ def compare(particles):
     return rows
 
 
-def run(
-    berry_json,
-    stl=None,
-    out_dir="results/berry",
-    *,
-    kind="smooth",
-    mass_g=None,
-    spheres=14,
-    surface="smooth",
-    time_step_s=None,
-    restitution=0.1,
-):
-    """Write berry.stl (mm, principal pose), particle.json and particles.csv to out_dir; return the Particle.
+class Made(NamedTuple):
+    """A particle with what it was made from.
 
-    The mesh is the user's stl; or else built from the mean axes in berry_json and mass_g; without a mass the
-    ellipsoid of the mean axes. The particle is made from the file berry.stl. particles.csv has all kinds side by
-    side. Raises InputError for a bad file or mesh, and for spheres that would not be stable at time_step_s with
-    the wall's lowest restitution.
+    Attributes
+    ----------
+    stl : bytes
+        Content of the mesh file: mm, principal pose.
+    particle : Particle
+    comparison : list of dict
+        Rows of `compare`: all kinds of particles beside the mesh.
     """
-    if not Path(berry_json).is_file():
-        raise InputError(berry_json, "file", None, "an existing file, written by `repose berry`")
-    berry = json.loads(Path(berry_json).read_text())
-    axes_mm = [berry[name] for name in ("long_mm", "major_mm", "minor_mm")]
+
+    stl: bytes
+    particle: Particle
+    comparison: list[dict[str, Any]]
+
+
+def make(
+    berry: Mapping[str, Any],
+    scan: trimesh.Trimesh | None = None,
+    *,
+    kind: str = "smooth",
+    mass_g: float | None = None,
+    spheres: int = 14,
+    surface: str = "smooth",
+    time_step_s: float | None = None,
+    restitution: float = 0.1,
+    source: object = MESH_FILE,
+) -> Made:
+    """The particle of a berry, with its mesh.
+
+    The mesh is the user's scan; or else built from the mean axes and the mass; without a mass it is the ellipsoid of
+    the mean axes. The particle is made from the mesh as its file holds it, in single precision.
+
+    Parameters
+    ----------
+    berry : mapping
+        With ``long_mm``, ``major_mm``, ``minor_mm`` and ``density_kg_m3``, and perhaps the moduli.
+    scan : trimesh.Trimesh, optional
+        As `load_mesh` gives it.
+    kind : str
+        One of `KINDS`.
+    mass_g : float, optional
+    spheres, surface
+        Of a multisphere, see `sphere_packing.fill`.
+    time_step_s : float, optional
+        Of the study; a multisphere must be stable with it, at the wall's lowest `restitution`.
+    source : object
+        Named in errors of the mesh.
+
+    Raises
+    ------
+    InputError
+        If the mesh is bad, or spheres would not be stable.
+    """
+    axes_mm = [berry[name] for name in AXES]
     density = berry["density_kg_m3"]
-    if stl is not None:
-        mesh = load_mesh(stl)
+    if scan is not None:
+        mesh = scan
     elif mass_g is None:
         mesh = ellipsoid_mesh(axes_mm)
     else:
         mesh = mesh_from_axes.berry_mesh(axes_mm, mass_g, density)[0]
-    out_dir = Path(out_dir)
-    out_dir.mkdir(parents=True, exist_ok=True)
-    target = out_dir / "berry.stl"
-    mesh.export(target, file_type="stl")
-    source = target if stl is None else stl
-    mesh = load_mesh(target)
-    particles = {}
+    stl = stl_of(mesh)
+    mesh = mesh_of(stl, source)
+    particles: dict[str, Particle | InputError] = {}
     for name in (kind, *(other for other in KINDS if other != kind)):
         try:
-            particles[name] = make_particle(mesh, density, name, spheres, surface, target.name, source)
+            particles[name] = make_particle(mesh, density, name, spheres, surface, MESH_FILE, source)
         except InputError as error:
             if name == kind:
                 raise
             particles[name] = error
     particle = particles[kind]
+    assert isinstance(particle, Particle)
     if time_step_s is not None and particle.is_clump and "shear_modulus_pa" in berry:
         sphere_packing.check_time_step(particle, berry, restitution, time_step_s)
+    return Made(stl, particle, compare({name: particles[name] for name in KINDS}))
+
+
+def run(
+    berry_json: str | PathLike,
+    stl: str | PathLike | None = None,
+    out_dir: str | PathLike = "results/berry",
+    **how: Any,
+) -> Particle:
+    """Write berry.stl, particle.json and particles.csv to out_dir; return the particle.
+
+    Parameters
+    ----------
+    berry_json : path
+        What the verb ``berry`` wrote.
+    stl : path, optional
+        The user's mesh.
+    out_dir : path
+    **how
+        The options of `make`.
+
+    Raises
+    ------
+    InputError
+        If a file or mesh is bad, or spheres would not be stable.
+    """
     import pandas as pd
 
-    rows = compare({name: particles[name] for name in KINDS})
-    pd.DataFrame(rows).to_csv(out_dir / "particles.csv", index=False, float_format="%.6g")
-    particle.save(out_dir / "particle.json")
-    return particle
+    berry = read_json(berry_json, (*AXES, "density_kg_m3"), "what the verb berry wrote")
+    out = Path(out_dir)
+    source = out / MESH_FILE if stl is None else stl
+    made = make(berry, None if stl is None else load_mesh(stl), source=source, **how)
+    write_whole(out / MESH_FILE, lambda handle: handle.write(made.stl))
+    write_table(out / "particles.csv", pd.DataFrame(made.comparison), float_format="%.6g")
+    made.particle.save(out / "particle.json")
+    return made.particle
 
 
 def _row(name, body):

@@ -5,6 +5,8 @@ A mesh is in millimetres, all else in metres.
 
 import math
 from dataclasses import dataclass
+from io import BytesIO
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -25,11 +27,14 @@ def ellipsoid_mesh(axes_mm, subdivisions=4):
     return mesh
 
 
-def load_mesh(path):
+def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
     """Mesh of a file (STL and what else trimesh reads, mm), centred and turned to its principal axes.
 
-    Raises InputError where the file is no mesh, or the mesh is not closed, inside out, of implausible size,
-    or so far from convex that no convex particle could stand for it.
+    Raises
+    ------
+    InputError
+        If the file is no mesh, or the mesh is not closed, inside out, of implausible size, or so far from convex that
+        no convex particle could stand for it.
     """
     path = Path(path)
     if not path.is_file():
@@ -39,6 +44,20 @@ def load_mesh(path):
     except Exception as error:  # trimesh's readers raise whatever their parsers do
         raise InputError(path, "file", str(error), "a mesh that trimesh can read, such as an STL") from None
     check_mesh(mesh, path)
+    return principal_pose(mesh)
+
+
+def stl_of(mesh: trimesh.Trimesh) -> bytes:
+    """The mesh as the content of an STL file, in single precision."""
+    content = mesh.export(file_type="stl")
+    assert isinstance(content, bytes)
+    return content
+
+
+def mesh_of(stl: bytes, source: object) -> trimesh.Trimesh:
+    """The mesh of an STL file's content, as `load_mesh` gives it; source: named in the error."""
+    mesh = trimesh.load(BytesIO(stl), file_type="stl", force="mesh")
+    check_mesh(mesh, source)
     return principal_pose(mesh)
 
 

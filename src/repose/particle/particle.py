@@ -1,12 +1,13 @@
 """The particle a simulation pours: a convex body by its support function, or a rigid clump of spheres."""
 
-import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
+from os import PathLike
+from typing import Any
 
 import numpy as np
 
-from repose.core.errors import InputError
+from repose.core.files import read_json, write_json
 from repose.dem import Shape
 from repose.particle import support_fit
 from repose.particle.mesh import MM, Body
@@ -89,32 +90,42 @@ class Particle:
             return Clump(self.spheres_m, self.mass_kg, self.inertia_kg_m2, material)
         return Shape(self.semi_axes_m, self.mass_kg, self.inertia_kg_m2, material)
 
-    def save(self, path):
-        """Write the particle as JSON (lengths in mm, mass in g)."""
+    def record(self) -> dict[str, Any]:
+        """The particle as plain values for a file: lengths in mm, mass in g."""
         record = {name: getattr(self, name) for name in ("kind", "density_kg_m3", "stl", "stacking")}
         for name, (key, unit) in FIELDS.items():
             value = getattr(self, name)
             record[key] = None if value is None else _rounded(np.asarray(value) / unit)
-        Path(path).write_text(json.dumps(record, indent=2) + "\n")
+        return record
 
     @classmethod
-    def load(cls, path):
-        """Read what `save` wrote; raises InputError for a missing file or key."""
-        if not Path(path).is_file():
-            raise InputError(path, "file", None, "an existing particle file")
-        record = json.loads(Path(path).read_text())
-        try:
-            values = {name: record[name] for name in ("kind", "density_kg_m3", "stl", "stacking")}
-            for name, (key, unit) in FIELDS.items():
-                value = record[key]
-                if isinstance(value, list):
-                    value = np.array(value, float) * unit
-                values[name] = value * unit if isinstance(value, float | int) else value
-        except KeyError as missing:
-            raise InputError(path, missing.args[0], None, "the key in a file of `repose shape`") from None
+    def of_record(cls, record: Mapping[str, Any]) -> "Particle":
+        """The particle of `record`."""
+        values = {name: record[name] for name in ("kind", "density_kg_m3", "stl", "stacking")}
+        for name, (key, unit) in FIELDS.items():
+            value = record[key]
+            if isinstance(value, list):
+                value = np.array(value, float) * unit
+            values[name] = value * unit if isinstance(value, float | int) else value
         for name in ("semi_axes_m", "spheres_m"):
             values[name] = values[name].reshape(-1, 3 if name == "semi_axes_m" else 4)
         return cls(**values)
+
+    def save(self, path: str | PathLike) -> None:
+        """Write the particle as JSON; see `record`."""
+        write_json(path, self.record(), indent=2)
+
+    @classmethod
+    def load(cls, path: str | PathLike) -> "Particle":
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        InputError
+            If the file is missing, or holds something else.
+        """
+        keys = ("kind", "density_kg_m3", "stl", "stacking", *(key for key, _ in FIELDS.values()))
+        return cls.of_record(read_json(path, keys, "a file of `repose shape`"))
 
 
 # Names of the numbers in the file, and their units there.

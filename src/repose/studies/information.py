@@ -196,8 +196,7 @@ def in_order(
     list of dict
         ``place``, ``response``, ``bits`` of it with all before it, and ``gain_bits``.
     """
-    root = np.linalg.cholesky(covariance)
-    rows: list[dict[str, Any]] = []
+    root, rows = np.linalg.cholesky(covariance), []
     observed = prior.predicted[truths] + errors @ root.T
 
     def bits(columns):
@@ -209,7 +208,7 @@ def in_order(
     left = [name for name in names if name not in base]
     while left:
         tried = {name: bits([*columns, names.index(name)]) for name in left}
-        best = max(left, key=lambda name: tried[name])
+        best = max(left, key=tried.get)
         rows.append(
             {"place": len(rows) + 1, "response": best, "bits": tried[best], "gain_bits": tried[best] - before}
         )

@@ -1,7 +1,9 @@
 rule dataset:
     input:
         samples=rules.design.output.samples,
-        heaps=expand(rules.measure_heap.output.result, sample=SAMPLES),
+        heaps=expand(
+            rules.measure_heap.output.result, runs=folders_of_targets(), sample=SAMPLES
+        ),
     output:
         dataset=f"{RESULTS}/dataset.csv",
         runs=f"{RESULTS}/runs.csv",
@@ -14,11 +16,8 @@ rule dataset:
     resources:
         mem_mb=300,
     params:
-        config=CONFIG,
         folder=folder,
-        depends=Targets.of(config["targets"]).names,
     message:
         "Table of all samples and their responses"
     shell:
-        "python -m repose dataset {input.heaps} --config {params.config} --samples {input.samples}"
-        " --out {params.folder} > {log} 2>&1"
+        "python -m repose dataset {input.heaps} --samples {input.samples} --out {params.folder} > {log} 2>&1"

@@ -29,8 +29,7 @@ rule turn:
         config=CONFIG,
         folder=folder,
         sample=int(REPRESENTATIVE),
-        drum={key: value for key, value in config["drum"].items() if key != "seeds"},
-        depends=pouring_settings() | sections("measure.mm_per_pixel"),
+        depends=pouring_settings("drum") | sections("measure.mm_per_pixel"),
     message:
         "Turning the drum, seed {wildcards.seed}"
     shell:

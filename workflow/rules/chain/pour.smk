@@ -1,9 +1,11 @@
-# A pour that fails is a result with a status; only a crash ends with an error and is tried once more.
+# Runs of the bench tests; those of the funnel are heaps. A run that fails is a result with a status; only a crash ends
+# with an error and is tried once more.
 SAMPLES = [f"{number:03d}" for number in range(1, config["design"]["samples"] + 1)]
 
 
 wildcard_constraints:
     sample=r"\d{3}",
+    runs="|".join(APPARATUS_OF),
 
 
 rule heap:
@@ -12,12 +14,12 @@ rule heap:
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
     output:
-        pours=f"{RESULTS}/heaps/{{sample}}.pours.json",
-        berries=f"{RESULTS}/heaps/{{sample}}.npz",
+        pours=f"{RESULTS}/{{runs}}/{{sample}}.pours.json",
+        berries=f"{RESULTS}/{{runs}}/{{sample}}.npz",
     log:
-        f"{RESULTS}/logs/heaps/{{sample}}.log",
+        f"{RESULTS}/logs/{{runs}}/{{sample}}.log",
     benchmark:
-        f"{RESULTS}/benchmarks/heaps/{{sample}}.tsv"
+        f"{RESULTS}/benchmarks/{{runs}}/{{sample}}.tsv"
     retries: 1
     threads: 1
     resources:
@@ -25,17 +27,18 @@ rule heap:
     params:
         config=CONFIG,
         folder=folder,
+        apparatus=apparatus,
         purpose="design",
         sample=lambda wildcards: wildcards.sample,
-        seeds=config["funnel"]["seeds"],
+        seeds=lambda wildcards: config[apparatus(wildcards)]["seeds"],
         more="",
-        depends=pouring_settings(),
+        depends=pouring,
     message:
         "Pouring sample {wildcards.sample}"
     shell:
-        "python -m repose pour --config {params.config} --samples {input.samples} --sample {params.sample}"
-        " --seeds {params.seeds} --purpose {params.purpose} --berry {input.berry} --particle {input.particle}"
-        " {params.more} --out {params.folder} > {log} 2>&1"
+        "python -m repose pour --apparatus {params.apparatus} --config {params.config}"
+        " --samples {input.samples} --sample {params.sample} --seeds {params.seeds} --purpose {params.purpose}"
+        " --berry {input.berry} --particle {input.particle} {params.more} --out {params.folder} > {log} 2>&1"
 
 
 rule measure_heap:
@@ -45,18 +48,18 @@ rule measure_heap:
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
     output:
-        result=f"{RESULTS}/heaps/{{sample}}.json",
+        result=f"{RESULTS}/{{runs}}/{{sample}}.json",
     log:
-        f"{RESULTS}/logs/heaps/{{sample}}_measured.log",
+        f"{RESULTS}/logs/{{runs}}/{{sample}}_measured.log",
     benchmark:
-        f"{RESULTS}/benchmarks/heaps/{{sample}}_measured.tsv"
+        f"{RESULTS}/benchmarks/{{runs}}/{{sample}}_measured.tsv"
     threads: 1
     resources:
         mem_mb=300,
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("measure"),
+        depends=measuring,
     message:
         "Measuring the piles of sample {wildcards.sample}"
     shell:

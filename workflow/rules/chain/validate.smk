@@ -40,12 +40,12 @@ use rule heap as validation_heap with:
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
     output:
-        pours=f"{RESULTS}/validation/heaps/{{sample}}.pours.json",
-        berries=f"{RESULTS}/validation/heaps/{{sample}}.npz",
+        pours=f"{RESULTS}/validation/{{runs}}/{{sample}}.pours.json",
+        berries=f"{RESULTS}/validation/{{runs}}/{{sample}}.npz",
     log:
-        f"{RESULTS}/logs/validation/{{sample}}.log",
+        f"{RESULTS}/logs/validation/{{runs}}/{{sample}}.log",
     benchmark:
-        f"{RESULTS}/benchmarks/validation/{{sample}}.tsv"
+        f"{RESULTS}/benchmarks/validation/{{runs}}/{{sample}}.tsv"
     params:
         purpose="validation",
         seeds=validation_seeds,
@@ -60,11 +60,11 @@ use rule measure_heap as measure_validation_heap with:
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
     output:
-        result=f"{RESULTS}/validation/heaps/{{sample}}.json",
+        result=f"{RESULTS}/validation/{{runs}}/{{sample}}.json",
     log:
-        f"{RESULTS}/logs/validation/{{sample}}_measured.log",
+        f"{RESULTS}/logs/validation/{{runs}}/{{sample}}_measured.log",
     benchmark:
-        f"{RESULTS}/benchmarks/validation/{{sample}}_measured.tsv"
+        f"{RESULTS}/benchmarks/validation/{{runs}}/{{sample}}_measured.tsv"
     message:
         "Measuring the piles of solution {wildcards.sample}"
 
@@ -72,7 +72,11 @@ use rule measure_heap as measure_validation_heap with:
 rule validate:
     input:
         solutions=rules.solutions.output.solutions,
-        heaps=expand(rules.measure_validation_heap.output.result, sample=OURS + THEIRS),
+        heaps=expand(
+            rules.measure_validation_heap.output.result,
+            runs=folders_of_targets(),
+            sample=OURS + THEIRS,
+        ),
         dataset=rules.dataset.output.dataset,
     output:
         table4=f"{RESULTS}/validation/table4.csv",

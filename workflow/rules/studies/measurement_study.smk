@@ -1,11 +1,14 @@
 # Only on request, `snakemake measurement_study --cores 2`: the definitions of the angle compared on this study's piles.
+PUBLISHED_REPRESENTATIVE = [REPRESENTATIVE, *THEIRS][-1]
+
+
 rule measurement_study:
     input:
-        heaps=expand(rules.heap.output.berries, sample=SAMPLES),
-        pours=expand(rules.heap.output.pours, sample=SAMPLES),
-        # the published representative solution, the last of its table
-        representative=f"{RESULTS}/validation/heaps/{THEIRS[-1]}.npz",
-        its_pours=f"{RESULTS}/validation/heaps/{THEIRS[-1]}.pours.json",
+        heaps=expand(rules.heap.output.berries, runs="heaps", sample=SAMPLES),
+        pours=expand(rules.heap.output.pours, runs="heaps", sample=SAMPLES),
+        # the published representative solution, the last of its table; or else our own
+        representative=f"{RESULTS}/validation/heaps/{PUBLISHED_REPRESENTATIVE}.npz",
+        its_pours=f"{RESULTS}/validation/heaps/{PUBLISHED_REPRESENTATIVE}.pours.json",
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
     output:

@@ -43,16 +43,17 @@ use rule heap as pool_heap with:
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
     output:
-        pours=f"{POOL}/heaps/{{points}}/{{sample}}.pours.json",
-        berries=f"{POOL}/heaps/{{points}}/{{sample}}.npz",
+        pours=f"{POOL}/{{runs}}/{{points}}/{{sample}}.pours.json",
+        berries=f"{POOL}/{{runs}}/{{points}}/{{sample}}.npz",
     log:
-        f"{RESULTS}/logs/pool/{{points}}/{{sample}}.log",
+        f"{RESULTS}/logs/pool/{{runs}}/{{points}}/{{sample}}.log",
     benchmark:
-        f"{RESULTS}/benchmarks/pool/{{points}}/{{sample}}.tsv"
+        f"{RESULTS}/benchmarks/pool/{{runs}}/{{points}}/{{sample}}.tsv"
     params:
         purpose=lambda wildcards: wildcards.points,
         seeds=lambda wildcards: config["pool"][POOL_SETS[wildcards.points][2]],
-        depends=pouring_settings() | sections("parameters", "pool.seed"),
+        depends=lambda wildcards: pouring(wildcards)
+        | sections("parameters", "pool.seed"),
     message:
         "Pouring point {wildcards.sample} of the set {wildcards.points}"
 
@@ -64,11 +65,11 @@ use rule measure_heap as measure_pool_heap with:
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
     output:
-        result=f"{POOL}/heaps/{{points}}/{{sample}}.json",
+        result=f"{POOL}/{{runs}}/{{points}}/{{sample}}.json",
     log:
-        f"{RESULTS}/logs/pool/{{points}}/{{sample}}_measured.log",
+        f"{RESULTS}/logs/pool/{{runs}}/{{points}}/{{sample}}_measured.log",
     benchmark:
-        f"{RESULTS}/benchmarks/pool/{{points}}/{{sample}}_measured.tsv"
+        f"{RESULTS}/benchmarks/pool/{{runs}}/{{points}}/{{sample}}_measured.tsv"
     message:
         "Measuring point {wildcards.sample} of the set {wildcards.points}"
 
@@ -82,6 +83,7 @@ for points, (prefix, count, _) in POOL_SETS.items():
             samples=f"{POOL}/{prefix}samples.csv",
             heaps=expand(
                 rules.measure_pool_heap.output.result,
+                runs=folders_of_targets(),
                 points=points,
                 sample=[f"{k:03d}" for k in range(1, config["pool"][count] + 1)],
             ),
@@ -97,15 +99,13 @@ for points, (prefix, count, _) in POOL_SETS.items():
         resources:
             mem_mb=300,
         params:
-            config=CONFIG,
             folder=folder,
             prefix=prefix,
-            depends=Targets.of(config["targets"]).names,
         message:
             "Table of the set {rule}"
         shell:
-            "python -m repose dataset {input.heaps} --config {params.config} --samples {input.samples}"
-            " --prefix '{params.prefix}' --out {params.folder} > {log} 2>&1"
+            "python -m repose dataset {input.heaps} --samples {input.samples} --prefix '{params.prefix}'"
+            " --out {params.folder} > {log} 2>&1"
 
 
 rule pool:

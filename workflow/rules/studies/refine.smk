@@ -126,12 +126,12 @@ use rule heap as refine_heap with:
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
     output:
-        pours=f"{REFINED}/round_{{round}}/heaps/{{job}}.pours.json",
-        berries=f"{REFINED}/round_{{round}}/heaps/{{job}}.npz",
+        pours=f"{REFINED}/round_{{round}}/{{runs}}/{{job}}.pours.json",
+        berries=f"{REFINED}/round_{{round}}/{{runs}}/{{job}}.npz",
     log:
-        f"{RESULTS}/logs/refined/{{round}}_{{job}}.log",
+        f"{RESULTS}/logs/refined/{{round}}_{{runs}}_{{job}}.log",
     benchmark:
-        f"{RESULTS}/benchmarks/refined/{{round}}_{{job}}.tsv"
+        f"{RESULTS}/benchmarks/refined/{{round}}_{{runs}}_{{job}}.tsv"
     wildcard_constraints:
         round=r"\d{1,2}",
         job=r"\d{4,5}",
@@ -150,11 +150,11 @@ use rule measure_heap as measure_refine_heap with:
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
     output:
-        result=f"{REFINED}/round_{{round}}/heaps/{{job}}.json",
+        result=f"{REFINED}/round_{{round}}/{{runs}}/{{job}}.json",
     log:
-        f"{RESULTS}/logs/refined/{{round}}_{{job}}_measured.log",
+        f"{RESULTS}/logs/refined/{{round}}_{{runs}}_{{job}}_measured.log",
     benchmark:
-        f"{RESULTS}/benchmarks/refined/{{round}}_{{job}}_measured.tsv"
+        f"{RESULTS}/benchmarks/refined/{{round}}_{{runs}}_{{job}}_measured.tsv"
     wildcard_constraints:
         round=r"\d{1,2}",
         job=r"\d{4,5}",

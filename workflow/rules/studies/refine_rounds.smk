@@ -34,7 +34,8 @@ def round_seeds(wildcards):
 def round_jobs(wildcards):
     """Measured jobs of a round."""
     return [
-        f"{REFINED}/round_{wildcards.round}/heaps/{sample}.json"
+        f"{REFINED}/round_{wildcards.round}/{runs}/{sample}.json"
+        for runs in folders_of_targets()
         for sample, _, _ in rounds.jobs(config["refine"], int(wildcards.round))
     ]
 

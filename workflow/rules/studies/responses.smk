@@ -8,8 +8,8 @@ DRUM_SAMPLES = [
 
 rule measure_responses:
     input:
-        pours=expand(rules.heap.output.pours, sample=SAMPLES),
-        berries=expand(rules.heap.output.berries, sample=SAMPLES),
+        pours=expand(rules.heap.output.pours, runs="heaps", sample=SAMPLES),
+        berries=expand(rules.heap.output.berries, runs="heaps", sample=SAMPLES),
         runs=rules.dataset.output.runs,
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
@@ -51,8 +51,7 @@ rule drum_sample:
         config=CONFIG,
         folder=folder,
         number=lambda wildcards: int(wildcards.sample),
-        drum={key: value for key, value in config["drum"].items() if key != "seeds"},
-        depends=pouring_settings()
+        depends=pouring_settings("drum")
         | sections("measure.mm_per_pixel", "second_responses.drum_seeds"),
     message:
         "Turning the drum with sample {wildcards.sample}"

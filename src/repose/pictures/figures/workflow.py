@@ -2,14 +2,10 @@
 
 import colorsys
 import re
-from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from repose.core.errors import InputError
@@ -22,7 +18,7 @@ COLOUR = re.compile(r'color\s*=\s*"([\d.]+) ([\d.]+) ([\d.]+)"')
 SWEEPS = 12
 
 
-def read_dot(path: str | Path) -> tuple[dict[str, str], dict[str, float], list[tuple[str, str]]]:
+def read_dot(path):
     """Labels (dict of node to text), hues (dict of node to 0-1) and edges (list of pairs) of a rule graph.
 
     Raises InputError where the file holds no nodes.
@@ -39,13 +35,13 @@ def read_dot(path: str | Path) -> tuple[dict[str, str], dict[str, float], list[t
     return labels, hues, edges
 
 
-def reduced(edges: Sequence[tuple]) -> list[tuple]:
+def reduced(edges):
     """The edges without those that a longer way implies; the graph has no cycles."""
-    after: dict[Any, set] = {}
+    after = {}
     for a, b in edges:
         after.setdefault(a, set()).add(b)
 
-    def reach(node: Any, skip: Any) -> set:
+    def reach(node, skip):
         seen, stack = set(), [n for n in after.get(node, ()) if n != skip]
         while stack:
             n = stack.pop()
@@ -57,7 +53,7 @@ def reduced(edges: Sequence[tuple]) -> list[tuple]:
     return [(a, b) for a, b in edges if b not in reach(a, b)]
 
 
-def layers_of(nodes: Sequence, edges: Sequence[tuple]) -> dict[Any, int]:
+def layers_of(nodes, edges):
     """Layer of each node: the longest way to it, in edges. Raises InputError on a cycle."""
     layer = dict.fromkeys(nodes, 0)
     for _ in range(len(layer) + 1):
@@ -70,7 +66,7 @@ def layers_of(nodes: Sequence, edges: Sequence[tuple]) -> dict[Any, int]:
     raise InputError("rule graph", "edges", "a cycle", "a graph without cycles")
 
 
-def layout(nodes: Sequence, edges: Sequence[tuple]) -> tuple[dict, dict]:
+def layout(nodes, edges):
     """Places {node: (x, layer)} and for each edge its way as a list of such places.
 
     Edges over several layers pass through stand-ins; a layer is ordered by the mean place of its neighbours.
@@ -95,21 +91,21 @@ def layout(nodes: Sequence, edges: Sequence[tuple]) -> tuple[dict, dict]:
     return {n: where[n] for n in nodes}, {edge: [where[n] for n in way] for edge, way in ways.items()}
 
 
-def _mean_neighbour(node: Any, links: Sequence, place: Mapping) -> float:
+def _mean_neighbour(node, links, place):
     others = [place[a] for a, b in links if b == node] + [place[b] for a, b in links if a == node]
     return float(np.mean(others)) if others else place[node]
 
 
-def _spread(wishes: Sequence[float]) -> list[float]:
+def _spread(wishes):
     """Places at least 1 apart, in order, as near to the sorted wishes as a shift of the row brings them."""
-    places: list[float] = []
+    places = []
     for wish in wishes:
         places.append(wish if not places else max(wish, places[-1] + 1.0))
-    shift = float(np.mean(wishes) - np.mean(places))
+    shift = np.mean(wishes) - np.mean(places)
     return [p + shift for p in places]
 
 
-def rule_graph(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+def rule_graph(inputs, config):
     """Figure 9: rules as boxes from top to bottom, arrows along the data; implied arrows are left out."""
     labels, hues, edges = read_dot(inputs["dot"])
     edges = reduced(edges)
@@ -141,16 +137,16 @@ def rule_graph(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     return figure
 
 
-def _arrow(panel: Axes, way: np.ndarray) -> None:
+def _arrow(panel, way):
     """A smooth line through the places of a way (P, 2), from below the first box to the top of the last."""
     ends = way.copy()
     ends[0, 1] += 0.22
     ends[-1, 1] -= 0.24
-    parts = []
+    curve = []
     for (x0, y0), (x1, y1) in pairwise(ends):
         t = np.linspace(0, 1, 24)
-        parts.append(np.column_stack([x0 + (x1 - x0) * (3 * t**2 - 2 * t**3), y0 + (y1 - y0) * t]))
-    curve = np.concatenate(parts)
+        curve.append(np.column_stack([x0 + (x1 - x0) * (3 * t**2 - 2 * t**3), y0 + (y1 - y0) * t]))
+    curve = np.concatenate(curve)
     panel.plot(*curve[:-2].T, color=style.GREY, lw=0.9, zorder=1, solid_capstyle="round")
     panel.annotate(
         "",

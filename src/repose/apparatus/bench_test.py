@@ -61,7 +61,7 @@ class BenchTest:
         How a run may end; ``ok`` first.
     schema : Path or mapping
         JSON schema of the section's keys, or the YAML file that holds it: a mapping from key to its schema. All keys
-        are required.
+        are required. ``seeds`` among them is the number of runs of each sample of a design.
     build : function
         ``build(config, parameters, particle, berry, largest_scale=1.0)`` makes the empty simulation.
     run : function
@@ -79,8 +79,6 @@ class BenchTest:
         are given in mm, the longest first.
     kept : tuple of str
         Arrays that every saved run must have.
-    stream : str
-        Stream of random numbers of its runs of the design; see `repose.core.seeds.PURPOSES`.
     in_words : str
         A measured run in words, as a template of its values.
     """
@@ -97,7 +95,6 @@ class BenchTest:
     contradictions: Callable[[Config], Iterator[tuple[str, str]]] = _nothing
     misfits: Callable[[Config, Sequence[float]], Iterator[tuple[str, str]]] = _nothing
     kept: tuple[str, ...] = ()
-    stream: str = "design"
     in_words: str = ""
 
     def wanted(self, config: Config) -> tuple[Response, ...]:

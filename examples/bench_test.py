@@ -1,0 +1,136 @@
+"""A bench test of one's own: berries are dropped on a plate, and how far they spread is a response.
+
+Stands this module in `repose/apparatus/` and is imported there, `targets:` may name the response, and the verbs pour
+and measure_heap, the dataset and the workflow know the bench test. Here it is registered by running it.
+"""
+
+import time
+
+import numpy as np
+
+from repose import dem
+from repose.apparatus import BenchTest, Run, register
+from repose.apparatus.factory import Disc, fill
+from repose.apparatus.scene import Filmed, berry_simulation
+from repose.apparatus.settings import SimulationSettings
+from repose.core.responses import Response
+from repose.core.runs import Recorded
+
+NAME = "drop"
+# 1. What it gives. `definition` names the keys on which the number depends.
+SPREAD = Response(
+    name="spread_mm",
+    unit="mm",
+    label="mean distance from the axis",
+    symbol="spread",
+    apparatus=NAME,
+    low=0.0,
+    high=1000.0,
+    definition=("drop.height_mm",),
+)
+# 2. What its section of the configuration holds: a JSON schema of each key.
+SCHEMA = {
+    "berries": {"type": "integer", "minimum": 1, "maximum": 1000},
+    "seeds": {"type": "integer", "minimum": 1, "maximum": 100},
+    "height_mm": {"type": "number", "minimum": 1, "maximum": 1000},
+    "duration_s": {"type": "number", "minimum": 0.1, "maximum": 60},
+}
+
+
+def contradictions(config):
+    """Keys whose values do not go together, and what is allowed."""
+    fall_s = (2e-3 * config[NAME]["height_mm"] / config["simulation"]["gravity_m_s2"]) ** 0.5
+    if config[NAME]["duration_s"] < fall_s:
+        yield "drop.duration_s", f"at least {fall_s:.2g}, the time of the fall"
+
+
+# 3. The scene, and a run of it.
+def build(config, parameters, particle, berry, largest_scale=1.0):
+    """The empty simulation of a plate."""
+    top = 1e-3 * config[NAME]["height_mm"] + 4.0 * particle.bounding_radius_m
+    return berry_simulation(
+        config,
+        parameters,
+        particle,
+        berry,
+        config[NAME]["berries"],
+        walls={"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")},
+        lower=(-0.2, -0.2, 0.0),
+        upper=(0.2, 0.2, top),
+        largest_scale=largest_scale,
+    )
+
+
+def run(config, parameters, seed, particle, berry, interval_s=None, progress=None):
+    """Drop the berries within half of the time, and let them roll."""
+    section, settings = config[NAME], SimulationSettings.of(config)
+    began = time.perf_counter()
+    simulation = build(config, parameters, particle, berry)
+    filmed = Filmed(simulation, interval_s, progress)
+    end = settings.steps(section["duration_s"])
+    rate = 2.0 * section["berries"] / section["duration_s"]
+    factory = Disc(2.0 * particle.bounding_radius_m, 1e-3 * section["height_mm"])
+    fill(simulation, np.random.default_rng(seed), factory, section["berries"], rate, end, filmed.run_to)
+    filmed.run_to(end)
+    finite = bool(np.all(np.isfinite(simulation.positions)))
+    record = {
+        "seed": int(seed),
+        "status": "ok" if finite else "unstable",
+        "reason": "" if finite else "a position is not finite",
+        "wall_s": round(time.perf_counter() - began, 3),
+    }
+    return Run(record, {"position": simulation.positions.astype(np.float32)}, filmed.frames())
+
+
+# 4. The responses of a run that was saved.
+def measure(record, arrays, config, particle, berry):
+    """The record with the spread; None where the run failed."""
+    spread = None
+    if record["status"] == "ok":
+        x, y, _ = arrays["position"].astype(float).T
+        spread = float(1e3 * np.hypot(x, y).mean())
+    return {**record, SPREAD.name: spread}
+
+
+# 5. The registration.
+DROP = register(
+    BenchTest(
+        name=NAME,
+        responses=(SPREAD,),
+        recorded=Recorded(means=(SPREAD.name,), single=(SPREAD.name,)),
+        statuses=("ok", "unstable"),
+        schema=SCHEMA,
+        build=build,
+        run=run,
+        measure=measure,
+        duration_s=lambda config: config[NAME]["duration_s"],
+        contradictions=contradictions,
+        kept=("position",),
+        in_words="spread {spread_mm:.1f} mm, {wall_s:.1f} s",
+    )
+)
+
+if __name__ == "__main__":
+    from repose.apparatus.job import run_once
+    from repose.config import loader
+    from repose.core.parameters import PARAMETERS
+    from repose.particle.build import ellipsoid_mesh, fit_particle
+
+    config = loader.load("config/quick.yaml")
+    config["drop"] = {"berries": 20, "seeds": 1, "height_mm": 100.0, "duration_s": 2.0}
+    config["targets"] = [
+        {
+            "response": "spread_mm",
+            "apparatus": "drop",
+            "value": 30.0,
+            "sd": 2.0,
+            "repetitions": 5,
+            "range": [25.0, 35.0],
+        }
+    ]
+    berry = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32}
+    particle = fit_particle(ellipsoid_mesh([21.0, 11.4, 9.9]), density_kg_m3=840.0)
+    for rolling in (0.0, 0.3):
+        parameters = dict(zip(PARAMETERS, (0.2, 0.6, rolling, 0.2, 0.6, rolling), strict=True))
+        measured, _ = run_once(DROP, config, parameters, 1, particle, berry)
+        print(f"rolling friction {rolling}: {DROP.in_words.format(**measured)}")

@@ -1,0 +1,132 @@
+"""A bench test of one's own, as the example shows it: registered, configured, poured and measured."""
+
+import copy
+import dataclasses
+import importlib.util
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from repose.apparatus import bench, bench_tests, names, register
+from repose.apparatus.job import measure_job, pour_job
+from repose.config import checks, loader
+from repose.core import responses
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
+from repose.core.seeds import pour_seeds
+from repose.core.targets import Targets
+from repose.particle.build import ellipsoid_mesh, fit_particle
+
+ROOT = Path(__file__).parents[2]
+BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32, "long_mm": 21.1, "major_mm": 11.4, "minor_mm": 9.9}
+PARTICLE = fit_particle(ellipsoid_mesh([21.0, 11.4, 9.9]), 840.0)
+SET = dict(zip(PARAMETERS, (0.2, 0.6, 0.05, 0.2, 0.6, 0.2), strict=True))
+SECTION = {"berries": 5, "seeds": 2, "height_mm": 50.0, "duration_s": 0.6}
+TARGET = {"response": "spread_mm", "apparatus": "drop", "value": 30.0, "sd": 2.0, "repetitions": 5}
+TARGET["range"] = [25.0, 35.0]
+
+
+@pytest.fixture(scope="module")
+def drop():
+    """The example's bench test, known as long as this module's tests run."""
+    spec = importlib.util.spec_from_file_location("bench_test", ROOT / "examples" / "bench_test.py")
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    yield example.DROP
+    registry = importlib.import_module("repose.apparatus.bench_test")
+    del registry._REGISTRY["drop"], responses._REGISTRY["spread_mm"]
+
+
+@pytest.fixture
+def config(drop, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    config = copy.deepcopy(loader.load("config/quick.yaml"))
+    config["drop"] = dict(SECTION)
+    config["targets"].append(dict(TARGET))
+    return config
+
+
+def test_a_bench_test_is_found_by_name_and_brings_its_responses(drop):
+    assert bench("drop") is drop
+    assert names() == ("funnel", "drum", "drop")
+    assert responses.response("spread_mm").apparatus == "drop"
+    assert responses.responses_of("drop") == drop.responses
+    with pytest.raises(InputError, match="one of funnel, drum, drop"):
+        bench("shaker")
+
+
+def test_a_name_is_given_once(drop):
+    with pytest.raises(ValueError, match="registered already"):
+        register(dataclasses.replace(drop))
+
+
+def test_its_section_is_part_of_the_configuration(config):
+    checks.check(config)
+    assert Targets.of(config["targets"]).apparatus == ("funnel", "drop")
+    for key, value, allowed in (
+        ("berries", 0, "an integer from 1 to 1000"),
+        ("duration_s", 0.1, "the time of the fall"),
+        ("hight_mm", 3.0, "did you mean height_mm"),
+    ):
+        wrong = copy.deepcopy(config)
+        wrong["drop"][key] = value
+        with pytest.raises(InputError, match=rf"drop\.{key}.*{allowed}"):
+            checks.check(wrong)
+    del config["drop"]
+    with pytest.raises(InputError, match=r"targets\.2\.apparatus is 'drop'; .*has a section"):
+        checks.check(config)
+
+
+def test_the_job_pours_and_measures_it(drop, config, tmp_path):
+    pours = pour_job(drop, config, "007", SET, [3, 4], PARTICLE, BERRY, tmp_path, interval_s=0.1)
+    saved = json.loads(pours.read_text())
+    assert (saved["sample"], saved["apparatus"], len(saved["pours"])) == (7, "drop", 2)
+    with np.load(tmp_path / "007_trajectory_3.npz") as frames:
+        assert frames["position"].shape == (6, 5, 3)
+    result = measure_job(config, pours, PARTICLE, BERRY)
+    assert json.loads((tmp_path / "007.json").read_text()) == result
+    spread = [run["spread_mm"] for run in result["runs"]]
+    with np.load(tmp_path / "007.npz") as arrays:
+        x, y, _ = arrays["position_4"].T
+    assert spread[1] == pytest.approx(1e3 * np.hypot(x, y).mean(), rel=1e-5)
+    assert result["summary"]["spread_mm"] == pytest.approx(np.mean(spread))
+    assert result["summary"]["spread_se_mm"] == pytest.approx(abs(spread[0] - spread[1]) / 2)
+
+
+def test_a_job_that_is_no_run_of_its_bench_test_is_refused(drop, config, tmp_path):
+    path = tmp_path / "001.pours.json"
+    for name, status, message in (
+        ("shaker", "ok", "apparatus is 'shaker'"),
+        ("drop", "jammed", "status is 'jammed'; allowed: ok, unstable"),
+    ):
+        path.write_text(json.dumps({"apparatus": name, "pours": [{"seed": 1, "status": status}]}))
+        with pytest.raises(InputError, match=message):
+            measure_job(config, path, PARTICLE, BERRY)
+
+
+def test_every_bench_test_and_purpose_has_seeds_of_its_own(drop):
+    found = [
+        seed
+        for purpose in ("design", "validation")
+        for name in names()
+        for seed in pour_seeds(1, purpose, 3, 5, name)
+    ]
+    assert len(set(found)) == len(found) == 30
+
+
+@pytest.mark.parametrize("one", ["funnel", "drum"])
+def test_responses_name_keys_that_define_them_and_limits_that_fit(config, one):
+    for response in bench(one).responses:
+        for key in response.definition:
+            section, name = key.split(".")
+            assert name in config[section]
+        assert response.low < response.high
+
+
+def test_all_bench_tests_run_through_the_same_functions(drop):
+    for test in bench_tests():
+        assert test.statuses[0] == "ok"
+        assert "seeds" in test.section_schema()["required"]
+        assert set(test.section_schema()["required"]) == set(test.section_schema()["properties"])
