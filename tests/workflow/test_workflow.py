@@ -326,3 +326,25 @@ def test_every_figure_and_table_has_a_caption():
         assert name in captions or f"table_{name}" in captions
     for name in re.findall(r'caption="(?:../)+report/(\w+)\.rst"', text):
         assert name in captions
+
+
+def test_a_study_of_the_drum_alone_draws_no_funnel(project):
+    target = {"response": "drum_slip_deg", "apparatus": "drum", "value": 44.0, "sd": 2.0}
+    target |= {"repetitions": 5, "range": [40.0, 48.0]}
+    (project / "drum.json").write_text(json.dumps({"targets": [target], "surrogate": "gaussian_process"}))
+    both = planned(project, "--configfile", "config/quick.yaml")
+    alone = planned(project, "--configfile", "config/quick.yaml", "drum.json")
+    assert set(both) - set(alone) == {
+        *(
+            "draw_figure05",
+            "draw_figure06",
+            "draw_figure08",
+            "draw_definitions",
+            "measure",
+            "trajectory",
+            "film",
+        ),
+        *("draw_published", "page_published"),  # the article has no drum
+        "draw_figure10",  # a Gaussian process has no nodes
+    }
+    assert set(alone) < set(both)

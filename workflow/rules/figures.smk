@@ -113,6 +113,8 @@ FIGURES = {
 if "funnel" not in BENCH_TESTS:
     for figure in OF_THE_FUNNEL:
         del FIGURES[figure]
+if config["surrogate"] != "network":
+    del FIGURES["figure10"]
 if not THEIRS:
     del FIGURES["published"], FIGURES["validation"][1]["published"]
 
