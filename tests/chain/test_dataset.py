@@ -3,12 +3,17 @@ import math
 
 import pandas as pd
 import pytest
+import shared
 
+from repose.apparatus import bench
 from repose.chain import dataset
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
-from repose.measure.angles import RECORDED
+from repose.core.targets import Targets
 
+TARGETS = Targets.of(shared.TARGETS)
+RECORDED = bench("funnel").recorded
+DEFINITIONS = {"aor_deg": {"measure.response": "flank"}}
 VALUES = (0.2, 0.6, 0.04, 0.25, 0.5, 0.18)
 
 
@@ -46,9 +51,13 @@ def study(tmp_path):
     return tmp_path, paths
 
 
+def write(samples, paths, out):
+    return dataset.run(samples, paths, TARGETS, DEFINITIONS, out)
+
+
 def test_run_writes_tables_and_counts(study):
     folder, paths = study
-    summary = dataset.run(folder / "samples.csv", paths[::-1], folder / "out")
+    summary = write(folder / "samples.csv", paths[::-1], folder / "out")
     table = pd.read_csv(folder / "out/dataset.csv")
     assert list(table.columns) == ["sample", *PARAMETERS, *RECORDED.summary]
     assert table["sample"].tolist() == [1, 2, 3]
@@ -58,10 +67,15 @@ def test_run_writes_tables_and_counts(study):
     assert pd.isna(table["aor_deg"][2])
     assert table["reason"][2] == "2 of 3 runs jammed (stuck)"
     runs = pd.read_csv(folder / "out/runs.csv")
-    assert list(runs.columns) == ["sample", *dataset.RUN_COLUMNS]
+    assert list(runs.columns) == ["sample", *dataset.RUN, *RECORDED.single]
     assert len(runs) == 9
     assert json.loads((folder / "out/dataset_summary.json").read_text()) == summary
     assert (summary["samples"], summary["ok"], summary["left_out"], summary["runs_ok"]) == (3, 2, 1, 6)
+    assert dataset.read_definitions(folder / "out/dataset.csv") == (
+        DEFINITIONS,
+        folder / "out/dataset_summary.json",
+    )
+    assert dataset.read_definitions(folder / "samples.csv")[0] == {}
     assert summary["by_status"] == {"ok": 2, "jammed": 1}
     assert summary["reasons"] == {"3": "2 of 3 runs jammed (stuck)"}
     assert summary["text"] == "2 of 3 samples can be used; 1 left out: 1 jammed. 6 of 9 single runs are ok."
@@ -94,18 +108,18 @@ def test_a_bad_heap_job_is_named(study, change, message):
     folder, paths = study
     edit(paths[1], change)
     with pytest.raises(InputError, match=message):
-        dataset.run(folder / "samples.csv", paths, folder)
+        write(folder / "samples.csv", paths, folder)
 
 
 def test_missing_and_corrupt_files_are_named(study):
     folder, paths = study
     with pytest.raises(InputError, match=r"samples without a file is \[2\]"):
-        dataset.run(folder / "samples.csv", [paths[0], paths[2]], folder)
+        write(folder / "samples.csv", [paths[0], paths[2]], folder)
     with pytest.raises(InputError, match=r"absent.json"):
-        dataset.run(folder / "samples.csv", [folder / "absent.json"], folder)
+        write(folder / "samples.csv", [folder / "absent.json"], folder)
     paths[0].write_text(paths[0].read_text()[:50])
     with pytest.raises(InputError, match=r"001.json"):
-        dataset.run(folder / "samples.csv", paths, folder)
+        write(folder / "samples.csv", paths, folder)
 
 
 def test_bad_tables_of_samples_are_named(study):
@@ -113,7 +127,57 @@ def test_bad_tables_of_samples_are_named(study):
     samples = pd.read_csv(folder / "samples.csv")
     samples.drop(columns="mur_gp").to_csv(folder / "short.csv", index=False)
     with pytest.raises(InputError, match=r"short.csv: mur_gp"):
-        dataset.run(folder / "short.csv", paths, folder)
+        write(folder / "short.csv", paths, folder)
     pd.concat([samples, samples]).to_csv(folder / "twice.csv", index=False)
     with pytest.raises(InputError, match=r"twice.csv: sample is 1; allowed: each sample once"):
-        dataset.run(folder / "twice.csv", paths, folder)
+        write(folder / "twice.csv", paths, folder)
+
+
+def several(study):
+    """The study's samples in the drum, too: a second job each, whose runs give the angle of the slip."""
+    folder, paths = study
+    more = []
+    for number in (1, 2, 3):
+        job = json.loads((folder / f"{number:03}.json").read_text()) | {"apparatus": "drum"}
+        job["runs"] = [
+            {"seed": 1, "status": "ok", "reason": "", "drum_slip_deg": 30.0 + number},
+            {"seed": 2, "status": "ok" if number != 2 else "unstable", "reason": "", "drum_slip_deg": 32.0},
+        ]
+        more.append(folder / f"drum_{number:03}.json")
+        more[-1].write_text(json.dumps(job))
+    for path in paths:
+        edit(path, lambda job: job.update(apparatus="funnel"))
+    slip = {"response": "drum_slip_deg", "apparatus": "drum", "value": 31.0, "sd": 1.0, "repetitions": 5}
+    return folder, paths + more, Targets.of([slip | {"range": [20.0, 40.0]}, *shared.TARGETS])
+
+
+def test_bench_tests_of_one_sample_are_merged(study):
+    folder, paths, targets = several(study)
+    dataset.run(folder / "samples.csv", paths, targets, {}, folder / "out")
+    table = pd.read_csv(folder / "out/dataset.csv")
+    assert table.columns[7:16].tolist() == [
+        *("status", "reason", "n_seeds", "drum_slip_deg", "drum_slip_se_deg", "aor_deg", "aor_se_deg"),
+        *("height_mm", "height_se_mm"),
+    ]
+    assert table["drum_slip_deg"].tolist() == [31.5, 32.0, 32.5]
+    assert table["status"].tolist() == ["ok", "ok", "jammed"]
+    assert table["n_seeds"].tolist() == [2, 1, 1]
+    assert table["reason"][1].startswith("drum: 1 of 2 runs unstable; funnel: 1 of 3 runs no_flank")
+    runs = pd.read_csv(folder / "out/runs.csv")
+    assert runs.columns[:2].tolist() == ["sample", "apparatus"]
+    assert runs["apparatus"].tolist() == 3 * (2 * ["drum"] + 3 * ["funnel"])
+    assert runs.loc[runs["apparatus"] == "drum", "aor_deg"].isna().all()
+    assert runs.loc[(runs["apparatus"] == "drum"), "drum_slip_deg"].notna().all()
+
+
+def test_a_job_that_is_missing_twice_or_of_another_bench_test_is_named(study):
+    folder, paths, targets = several(study)
+    arguments = (targets, {}, folder / "out")
+    with pytest.raises(InputError, match=r"jobs of the drum: samples without a file is \[3\]"):
+        dataset.run(folder / "samples.csv", paths[:-1], *arguments)
+    with pytest.raises(InputError, match=r"sample is 3; .*once; also in .*drum_003"):
+        dataset.run(folder / "samples.csv", [*paths, paths[-1]], *arguments)
+    with pytest.raises(
+        InputError, match=r"apparatus is 'drum'; allowed: a bench test of the targets, funnel"
+    ):
+        dataset.run(folder / "samples.csv", paths, TARGETS, *arguments[1:])

@@ -6,6 +6,7 @@ import pytest
 
 from repose.chain import design
 from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 
 RANGES = {
@@ -111,7 +112,7 @@ def test_criteria_against_slow_twins():
 
 @pytest.mark.parametrize("method", ["lhsdesign", "optimal"])
 def test_written_samples_are_still_stratified(tmp_path, method):
-    design.run(RANGES, 40, method, 2026, tmp_path)
+    design.run(ParameterSpace.of(RANGES), 40, method, 2026, tmp_path)
     table = pd.read_csv(tmp_path / "samples.csv")
     assert list(table.columns) == ["sample", *PARAMETERS]
     assert list(table["sample"]) == list(range(1, 41))
@@ -124,28 +125,13 @@ def test_written_samples_are_still_stratified(tmp_path, method):
     assert distances["random"] <= distances["lhsdesign"] < distances["optimal"]
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"e_gg": (0.4, 0.1)}, "e_gg"),
-        ({"e_gg": (0.2, 0.2)}, "e_gg"),
-        ({"e_gp": (0.2, 1.5)}, "e_gp"),
-        ({"mus_gg": (-0.1, 0.5)}, "mus_gg"),
-        ({"mur_gg": (0.1, float("inf"))}, "mur_gg"),
-        ({"mur_gp": (float("nan"), 0.5)}, "mur_gp"),
-        ({"mur_gp": 0.5}, "mur_gp"),
-        ({"mur_gp": ("a", "b")}, "mur_gp"),
-        ({"mu_gp": (0.1, 0.5)}, "mu_gp"),
-    ],
-)
-def test_bad_ranges_are_refused(changes, words):
-    with pytest.raises(InputError, match=words):
-        design.check_ranges(RANGES | changes)
-
-
-def test_a_missing_range_is_refused():
-    with pytest.raises(InputError, match="mur_gp"):
-        design.check_ranges({name: RANGES[name] for name in PARAMETERS[:-1]})
+def test_a_fixed_parameter_is_a_column_and_a_prior_leaves_its_range_filled():
+    section = RANGES | {"e_gp": {"fixed": 0.4}, "mus_gg": {"prior": {"mean": 0.5, "sd": 0.02}}}
+    table, comparison = design.design(ParameterSpace.of(section), 30, "optimal", 1)
+    assert table["e_gp"].tolist() == 30 * [0.4]
+    strata = np.floor(30 * (table["mus_gg"] - 0.44) / 0.12)
+    assert sorted(strata) == list(range(30))
+    assert comparison["samples"].tolist() == [30, 30, 30]
 
 
 @pytest.mark.parametrize(
@@ -159,7 +145,7 @@ def test_a_missing_range_is_refused():
 )
 def test_bad_settings_are_refused(tmp_path, samples, method, seed, key):
     with pytest.raises(InputError, match=f"{key} is"):
-        design.run(RANGES, samples, method, seed, tmp_path)
+        design.run(ParameterSpace.of(RANGES), samples, method, seed, tmp_path)
 
 
 def test_sizes_without_a_design_are_refused():

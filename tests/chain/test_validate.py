@@ -3,19 +3,17 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+import shared
 
 from repose.chain import validate
 from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
+from repose.core.targets import Targets
 from repose.surrogate.support import Support
 
-RANGES = dict.fromkeys(PARAMETERS, (0.0, 1.0))
-TARGET = {
-    "physical_aor_deg": 32.87,
-    "physical_aor_sd_deg": 2.20,
-    "physical_height_mm": 65.57,
-    "physical_height_sd_mm": 4.10,
-}
+SPACE = ParameterSpace(PARAMETERS, np.zeros(6), np.ones(6))
+TARGETS = Targets.of(shared.TARGETS)
 PUBLISHED = (
     "solution,e_gg,mus_gg,mur_gg,e_gp,mus_gp,mur_gp,"
     "aor_predicted_deg,height_predicted_mm,aor_simulated_deg,height_simulated_mm\n"
@@ -59,13 +57,13 @@ def write_heaps(folder, solutions, failed=()):
 
 def select(folder, count=5):
     return validate.write_solutions(
-        folder / "feasible.csv", folder / "published4.csv", RANGES, count, folder / "v/solutions.csv"
+        folder / "feasible.csv", folder / "published4.csv", SPACE, TARGETS, count, folder / "v/solutions.csv"
     )
 
 
 def tables(folder, failed=()):
     paths = write_heaps(folder, select(folder), failed)
-    return validate.run(folder / "v/solutions.csv", paths, folder / "published4.csv", TARGET, folder / "v")
+    return validate.run(folder / "v/solutions.csv", paths, folder / "published4.csv", TARGETS, folder / "v")
 
 
 def test_solutions_are_samples_with_ours_first_and_the_published_from_101(study):
@@ -109,7 +107,7 @@ def test_representative_against_the_physical_pile(study):
             for b in ("predicted", "simulated", "se")
         }
         | {"n_seeds": 3, "status": "ok"},
-        TARGET,
+        TARGETS,
     )
     assert not far["within_one_sd"].any()
 
@@ -138,10 +136,10 @@ def test_solutions_beyond_the_samples_carry_a_warning(study):
     support = Support(random.uniform(0.3, 0.7, (200, 6)), np.zeros(6), np.ones(6))
     paths = write_heaps(study, select(study))
     plain = validate.run(
-        study / "v/solutions.csv", paths, study / "published4.csv", TARGET, study / "v/plain"
+        study / "v/solutions.csv", paths, study / "published4.csv", TARGETS, study / "v/plain"
     )
     told = validate.run(
-        study / "v/solutions.csv", paths, study / "published4.csv", TARGET, study / "v", support
+        study / "v/solutions.csv", paths, study / "published4.csv", TARGETS, study / "v", support
     )
     for name in ("table4", "published"):
         assert told[name].columns.tolist() == [*plain[name].columns, "warning"]
@@ -152,4 +150,44 @@ def test_solutions_beyond_the_samples_carry_a_warning(study):
 def test_a_missing_simulation_is_named(study):
     paths = write_heaps(study, select(study))
     with pytest.raises(InputError, match=r"samples without a file is \[102\]"):
-        validate.run(study / "v/solutions.csv", paths[:-1], study / "published4.csv", TARGET, study / "v")
+        validate.run(study / "v/solutions.csv", paths[:-1], study / "published4.csv", TARGETS, study / "v")
+
+
+WIDE = ParameterSpace(PARAMETERS, np.zeros(6), np.full(6, 2.0))
+
+
+def cloud(feasible):
+    x = np.linspace(0, 2, len(feasible))
+    table = pd.DataFrame({name: np.ones(len(x)) for name in PARAMETERS})
+    table["e_gg"], table["feasible"] = x, feasible
+    table["solution"], table["representative"] = np.arange(1, len(x) + 1), np.arange(len(x)) == 2
+    return table
+
+
+def test_validation_takes_the_representative_and_the_farthest_of_the_rest():
+    picked = validate.select_for_validation(cloud([True] * 11), 3, WIDE)
+    # positions 0.4; then 2.0 (1.6 away), then 1.2 (0.8 from both), then 0.0 (0.4) before 0.8 and 1.6 (0.4)
+    assert picked["e_gg"].tolist() == pytest.approx([0.4, 2.0, 1.2, 0.0])
+    assert picked["role"].tolist() == ["representative", "spread", "spread", "spread"]
+
+
+def test_validation_prefers_feasible_solutions_while_there_are_enough():
+    table = cloud([True] * 6 + [False] * 5)
+    assert validate.select_for_validation(table, 5, WIDE)["feasible"].all()
+    assert not validate.select_for_validation(table, 6, WIDE)["feasible"].all()
+
+
+def test_published_solutions_without_the_targets_are_left_out(study):
+    one = Targets([target for target in TARGETS if target.name == "height_mm"])
+    other = pd.read_csv(study / "published4.csv").drop(columns=["height_predicted_mm"])
+    other.to_csv(study / "other.csv", index=False)
+    for path in (study / "other.csv", None):
+        table = validate.write_solutions(
+            study / "feasible.csv", path, SPACE, one, 3, study / "v/solutions.csv"
+        )
+        assert table["origin"].unique().tolist() == ["miga"]
+        paths = write_heaps(study, table)
+        found = validate.run(study / "v/solutions.csv", paths, path, one, study / "v")
+        assert found["representative"]["response"].tolist() == ["height_mm"]
+        assert found["published"].empty
+        assert pd.read_csv(study / "v/published.csv").empty

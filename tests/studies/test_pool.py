@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from repose.chain import design
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.studies import pool
 
@@ -14,7 +15,7 @@ SETTINGS = {"samples": 40, "seeds": 2, "fresh_samples": 8, "fresh_seeds": 2, "se
 @pytest.fixture(scope="module")
 def tables(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pool")
-    return folder, pool.run(RANGES, SETTINGS, folder)
+    return folder, pool.run(ParameterSpace.of(RANGES), SETTINGS, folder)
 
 
 def test_both_sets_lie_in_the_ranges_and_are_numbered_from_one(tables):
@@ -27,9 +28,11 @@ def test_both_sets_lie_in_the_ranges_and_are_numbered_from_one(tables):
 
 
 def test_a_larger_pool_begins_with_the_smaller_one(tables, tmp_path):
-    larger = pool.run(RANGES, SETTINGS | {"samples": 70}, tmp_path)["pool"]
+    larger = pool.run(ParameterSpace.of(RANGES), SETTINGS | {"samples": 70}, tmp_path)["pool"]
     assert larger.head(40).equals(tables[1]["pool"])
-    assert not pool.run(RANGES, SETTINGS | {"seed": 6}, tmp_path)["pool"].equals(tables[1]["pool"])
+    assert not pool.run(ParameterSpace.of(RANGES), SETTINGS | {"seed": 6}, tmp_path)["pool"].equals(
+        tables[1]["pool"]
+    )
 
 
 def test_no_fresh_point_is_one_of_the_pool(tables):

@@ -15,6 +15,8 @@ from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.studies import posterior
+from repose.surrogate.bayesian_bp import BayesianBP
+from repose.surrogate.samples import weights_from_errors
 
 # standard errors of the means 1 deg and 2 mm
 TARGETS = targets_of(sd_percent=20 / 3, aor_deg=30.0, height_mm=60.0)
@@ -165,7 +167,7 @@ def study(tmp_path_factory):
     settings = {"hidden": 3, "epochs": 200, "goal": 0.0, "starts": 3, "seed": 1}
     settings |= {"split": [0.7, 0.15, 0.15], "weights_from_errors": True}
     settings |= {"correlated_noise": True, "prior": "inputs"}
-    train.run(folder / "dataset.csv", folder / "runs.csv", settings, folder)
+    train.run(folder / "dataset.csv", folder / "runs.csv", TARGETS, settings, folder)
     cloud = pd.DataFrame(random.uniform(0.4, 0.6, (10, 6)), columns=list(PARAMETERS))
     cloud.to_csv(folder / "feasible.csv", index=False)
     pd.DataFrame({"parameter": PARAMETERS, "low": 0.4, "high": 0.6}).to_csv(
@@ -202,8 +204,8 @@ def test_restored_network_has_the_error_bars_it_was_trained_with(study):
     assert len(metrics["alpha"]) == 8
     covariance = np.array(metrics["noise_covariance"])
     assert covariance == pytest.approx(np.diag([0.25, 1.0]), abs=0.25)
-    precision = train.weights_from_errors(errors)[rows].mean(axis=1)
-    trained = train.PlainBayesianBP(hidden=3, epochs=200, goal=0.0, starts=3, seed=1, prior="inputs")
+    precision = weights_from_errors(errors)[rows].mean(axis=1)
+    trained = BayesianBP(hidden=3, epochs=200, goal=0.0, starts=3, seed=1, prior="inputs")
     trained.fit(X[rows], Y[rows], precision=precision, noise_covariance=covariance)
     again = train.restore(*(study[key] for key in ("network", "predictions", "dataset")))
     for noise in (True, False):

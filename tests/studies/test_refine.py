@@ -8,11 +8,10 @@ import pytest
 from linear import Linear
 from shared import targets_of
 
-from repose.chain import dataset, train
+from repose.chain import dataset, invert, train
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.seeds import pour_seeds
-from repose.search import miga
 from repose.studies import refine, rounds, verdict
 from repose.surrogate import load, make, names
 
@@ -215,12 +214,13 @@ def study(simulator, out):
     table = pd.DataFrame(LOW + rng.random((60, 6)) * (HIGH - LOW), columns=list(PARAMETERS))
     table.insert(0, "sample", np.arange(1, 61))
     table.to_csv(out / "samples.csv", index=False)
-    dataset.run(out / "samples.csv", simulator.pour(table, [6] * 60, "design", out / "heaps"), out)
+    jobs = simulator.pour(table, [6] * 60, "design", out / "heaps")
+    dataset.run(out / "samples.csv", jobs, TARGETS, {}, out)
     intervals = pd.DataFrame({"parameter": PARAMETERS, "low": LOW, "high": HIGH, "dispersion_percent": 0.0})
     intervals.to_csv(out / "table3.csv", index=False)
-    train.run(out / "dataset.csv", out / "runs.csv", CONFIG["network"], out / "network")
+    train.run(out / "dataset.csv", out / "runs.csv", TARGETS, CONFIG["network"], out / "network")
     network = out / "network" / "network.json"
-    miga.run(network, RANGES, TARGETS.as_section(), CONFIG["miga"], out / "table3.csv", out / "miga")
+    invert.run(network, SPACE, TARGETS, CONFIG["miga"], out / "table3.csv", out / "miga")
     return network, out / "miga" / "feasible.csv"
 
 
@@ -233,14 +233,15 @@ def closed(simulator, out, limit):
         if k:
             refine.run_extended(out / "dataset.csv", out / "runs.csv", folders, own / "data")
             data = own / "data" / "dataset.csv"
-            train.run(data, own / "data" / "runs.csv", CONFIG["network"], own / "network")
+            train.run(data, own / "data" / "runs.csv", TARGETS, CONFIG["network"], own / "network")
             near = folders[-1] / "proposal.csv"
             fitted = own / "network" / "network.json"
             refine.run_search(fitted, data, near, SPACE, TARGETS, CONFIG, out / "table3.csv", own / "miga")
             network, feasible = own / "miga" / "network.json", own / "miga" / "feasible.csv"
         proposal = own / "proposal.csv"
         table = refine.run_propose(feasible, network, SPACE, TARGETS, CONFIG["refine"], k, 7, proposal)
-        dataset.run(proposal, simulator.pour(table, table["seeds"], "refine", own / "heaps"), own)
+        jobs = simulator.pour(table, table["seeds"], "refine", own / "heaps")
+        dataset.run(proposal, jobs, TARGETS, {}, own)
         files = (proposal, own / "dataset.csv", own / "runs.csv")
         verdicts.append(verdict.run(*files, TARGETS, CONFIG["refine"], own))
         folders.append(own)

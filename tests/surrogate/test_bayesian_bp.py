@@ -1,21 +1,14 @@
-import json
 import subprocess
 import sys
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from repose.chain import train
-from repose.core.errors import InputError
-from repose.core.parameters import PARAMETERS
 from repose.surrogate import bayesian_bp, evidence, levenberg_marquardt, load, two_layer
 from repose.surrogate.accuracy import r2
 from repose.surrogate.bayesian_bp import BayesianBP
 from repose.surrogate.samples import weights_from_errors
 from repose.surrogate.sklearn_estimator import BayesianBPRegressor
-
-SETTINGS = {"hidden": 6, "epochs": 200, "goal": 1e-4, "starts": 3, "seed": 2026, "split": [0.7, 0.15, 0.15]}
 
 
 def known_function(U):
@@ -467,103 +460,3 @@ def test_json_and_folded_function_are_the_same_network(fitted, tmp_path):
     real = low + (points + 1) / 2 * (high - low)
     folded = loaded.response_function(low, high)
     np.testing.assert_allclose(folded(points), model.predict(real), rtol=1e-10)
-
-
-@pytest.mark.parametrize(
-    ("samples", "sizes"), [(137, (95, 20, 22)), (150, (105, 22, 23)), (90, (63, 13, 14))]
-)
-def test_split_is_the_published_one_and_a_partition(samples, sizes):
-    rows = train.split(samples, [0.70, 0.15, 0.15], 2026)
-    assert tuple(len(rows[name]) for name in train.SPLITS) == sizes
-    assert sorted(np.concatenate(list(rows.values()))) == list(range(samples))
-
-
-def test_noise_correction_recovers_r2_on_the_noise_free_means():
-    random = np.random.RandomState(3)
-    m = 20_000
-    truth = random.normal(size=m) * 2
-    predicted = truth + random.normal(size=m) * 0.5
-    errors = random.uniform(0.5, 1.5, m)
-    y = truth + random.normal(size=m) * errors
-    assert train.r2_noise_corrected(y, predicted, errors) == pytest.approx(r2(truth, predicted), abs=0.01)
-    assert r2(y, predicted) < 0.8
-    assert train.r2_noise_corrected(y, predicted, np.full(m, np.nan)) is None
-    assert train.r2_noise_corrected(y, predicted, np.full(m, 10.0)) is None
-
-
-def write_tables(folder, samples=40, seeds=4):
-    random = np.random.RandomState(11)
-    U = random.uniform(-1, 1, (samples, 6))
-    truth = known_function(U)
-    rows, runs = [], []
-    for i in range(samples):
-        y = truth[i] + random.normal(size=(seeds, 2)) * (0.5, 1.0)
-        se = y.std(axis=0, ddof=1) / np.sqrt(seeds) if seeds > 1 else (np.nan, np.nan)
-        status = "jammed" if i == 3 else "ok"
-        mean = y.mean(axis=0) if status == "ok" else (np.nan, np.nan)
-        rows.append((i + 1, *U[i], status, seeds, mean[0], se[0], mean[1], se[1]))
-        runs.extend((i + 1, k, status, *y[k]) for k in range(seeds))
-    columns = [
-        "sample",
-        *PARAMETERS,
-        "status",
-        "n_seeds",
-        "aor_deg",
-        "aor_se_deg",
-        "height_mm",
-        "height_se_mm",
-    ]
-    pd.DataFrame(rows, columns=columns).to_csv(folder / "dataset.csv", index=False)
-    columns = ["sample", "seed", "status", "aor_deg", "height_mm"]
-    pd.DataFrame(runs, columns=columns).to_csv(folder / "runs.csv", index=False)
-    return folder / "dataset.csv", folder / "runs.csv"
-
-
-def test_run_writes_what_it_returns(tmp_path):
-    paths = write_tables(tmp_path)
-    metrics = train.run(*paths, SETTINGS, tmp_path / "out")
-    assert json.loads((tmp_path / "out/metrics.json").read_text()) == metrics
-    assert (metrics["n_samples"], metrics["left_out"]) == (39, 1)
-    predictions = pd.read_csv(tmp_path / "out/predictions.csv")
-    assert 4 not in set(predictions["sample"])
-    test = predictions[predictions["split"] == "test"]
-    by_hand = (
-        1
-        - ((test.aor_deg - test.aor_predicted_deg) ** 2).sum()
-        / ((test.aor_deg - test.aor_deg.mean()) ** 2).sum()
-    )
-    assert metrics["test"]["aor_deg"]["r2"] == pytest.approx(by_hand)
-    runs = pd.read_csv(paths[1]).merge(test[["sample", "height_predicted_mm"]], on="sample")
-    assert len(runs) == 4 * metrics["n_test"]
-    single = r2(runs["height_mm"].to_numpy(), runs["height_predicted_mm"].to_numpy())
-    assert metrics["r2_three_ways"]["height_mm"]["single_runs"] == pytest.approx(single)
-    starts = pd.read_csv(tmp_path / "out/starts.csv")
-    assert starts.loc[starts["chosen"], "log_evidence"].item() == starts["log_evidence"].max()
-    saved = load(tmp_path / "out/network.json")
-    assert (saved.inputs, saved.outputs) == (PARAMETERS, ("aor_deg", "height_mm"))
-
-
-def test_run_with_one_seed_has_no_noise_correction_and_no_weights(tmp_path):
-    paths = write_tables(tmp_path, seeds=1)
-    metrics = train.run(*paths, SETTINGS | {"weights_from_errors": True}, tmp_path / "out")
-    ways = metrics["r2_three_ways"]["aor_deg"]
-    assert ways["noise_corrected"] is None
-    assert ways["single_runs"] == pytest.approx(ways["sample_means"])
-    assert metrics["weighted"] is False
-
-
-def test_run_weighted_differs_from_unweighted(tmp_path):
-    paths = write_tables(tmp_path)
-    plain = train.run(*paths, SETTINGS, tmp_path / "a")
-    weighted = train.run(*paths, SETTINGS | {"weights_from_errors": True}, tmp_path / "b")
-    assert weighted["weighted"] is True
-    assert weighted["log_evidence"] != plain["log_evidence"]
-
-
-def test_too_few_samples_and_missing_columns_are_named(tmp_path):
-    paths = write_tables(tmp_path, samples=12)
-    with pytest.raises(InputError, match=r"usable samples is 11; allowed: at least 12"):
-        train.run(*paths, SETTINGS, tmp_path)
-    pd.read_csv(paths[0]).drop(columns="mus_gp").to_csv(paths[0], index=False)
-    with pytest.raises(InputError, match=r"dataset.csv: mus_gp"):
-        train.run(*paths, SETTINGS, tmp_path)

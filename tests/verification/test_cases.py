@@ -72,7 +72,7 @@ def test_piles_are_told_by_the_targets_of_the_configuration(names, monkeypatch):
     """One curve for each target that a pile has; the mean and its error over the seeds."""
     record = {"status": "ok", "aor_deg": 30.0, "height_mm": 60.0, "base_radius_mm": 110.0}
     pours = [record, {name: value + 2 if name != "status" else value for name, value in record.items()}]
-    monkeypatch.setattr(convergence, "_pours", lambda step_s, pile, seeds: pours[:seeds])
+    monkeypatch.setattr(convergence, "_runs", lambda step_s, pile, seeds: pours[:seeds])
     monkeypatch.setattr(convergence, "restitution_at", lambda step_s: (0.2, 0.0))
     targets = [TARGETS[0] | {"response": name} for name in names]
     result = convergence.time_steps(Effort(seeds=2, pile=({"targets": targets}, None, None)))
@@ -80,5 +80,5 @@ def test_piles_are_told_by_the_targets_of_the_configuration(names, monkeypatch):
     assert len(result.panels) == 1 + len(of_pile)
     angle = next(row for row in result.rows if row.quantity.endswith("angle of repose"))
     assert (angle.result, angle.unit) == (31.0, "deg")
-    assert angle.note == "standard error 1, 2 pours"
+    assert angle.note == "standard error 1, 2 runs"
     assert any("base radius (mm)" in panel.y_label for panel in result.panels) is (len(names) == 4)

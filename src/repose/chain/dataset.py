@@ -1,110 +1,83 @@
-"""Heap jobs to one table: what each designed sample's runs gave, with its standard error.
+"""Jobs of the bench tests to one table: what each sample's runs gave, with its standard error.
 
-Section 4.1.1 of the paper leaves out samples that formed no stable pile; here they stay in the table with a
-status and a reason, and are left out by whoever reads it.
+Section 4.1.1 of the paper leaves out samples that formed no stable pile. Here they stay in the table with a status and
+a reason, and whoever reads the table leaves them out.
+
+`assemble` is a function of jobs; `run` reads and writes.
 """
 
-import json
 import math
+import os
 from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+import pandas as pd
+
+from repose.apparatus import bench
+from repose.apparatus.job import FIRST
 from repose.core.errors import InputError
-from repose.core.files import read_table
+from repose.core.files import read_json, write_json, write_table
+from repose.core.parameter_sets import read_samples
 from repose.core.parameters import PARAMETERS
-from repose.core.runs import STATUSES, summarise_runs
-from repose.measure.angles import MAIN_RESPONSES, RECORDED
+from repose.core.responses import Definitions
+from repose.core.runs import Recorded, summarise_runs
+from repose.core.targets import Targets
 
-RUN_COLUMNS = ("seed", "status", "reason", *RECORDED.single)
+SUMMARY = "_summary.json"  # behind the stem of a dataset
+RUN = ("seed", "status", "reason")
+Job = Mapping[str, Any]
 
 
-def run(samples_csv, heap_json_paths, out_dir, prefix=""):
-    """Write dataset.csv, runs.csv and dataset_summary.json into out_dir; return the summary.
+def assemble(
+    samples: pd.DataFrame, jobs: Mapping[str, Mapping[int, Job]], targets: Targets
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The dataset and the single runs of a study.
 
-    samples_csv: the design. heap_json_paths: one heap job's JSON file for each of its samples, in any order.
-    prefix: put before the three names.
-    Raises InputError naming the file that is missing, corrupt, of another sample or of other parameters.
+    Parameters
+    ----------
+    samples : pandas.DataFrame
+        The design: `sample` and the six parameters.
+    jobs : mapping
+        For each bench test of the targets the job of each sample (`read_jobs`).
+    targets : Targets
+        Their responses are the first columns.
+
+    Returns
+    -------
+    dataset : pandas.DataFrame
+        A row for each sample: parameters, `status`, `reason`, `n_seeds`, then means and standard errors. A sample is
+        ok where it is in every bench test; `n_seeds` is then the smallest number of ok runs.
+    runs : pandas.DataFrame
+        A row for each run. With several bench tests the column `apparatus` tells them apart.
     """
-    import pandas as pd  # here and below, not above: each heap job imports this module for summarise_runs
-
-    samples = read_samples(samples_csv)
-    jobs = read_jobs(heap_json_paths, samples)
-    rows, single = [], []
-    for sample in samples["sample"]:
-        runs = jobs[sample]["runs"]
-        rows.append(summarise_runs(runs, RECORDED))
-        single.extend({"sample": sample, **{key: one.get(key) for key in RUN_COLUMNS}} for one in runs)
-    dataset = pd.concat(
-        [samples[["sample", *PARAMETERS]], pd.DataFrame(rows, columns=list(RECORDED.summary))], axis=1
+    summaries = [
+        _merged({name: summarise(jobs[name][sample]["runs"], name, targets) for name in targets.apparatus})
+        for sample in samples["sample"]
+    ]
+    columns = dict.fromkeys(("status", "reason", "n_seeds"))
+    columns |= dict.fromkeys(
+        name for pair in zip(targets.names, targets.errors, strict=True) for name in pair
     )
-    all_runs = pd.DataFrame(single, columns=["sample", *RUN_COLUMNS])
-    summary = _counts(dataset, all_runs)
-    out = Path(out_dir)
-    out.mkdir(parents=True, exist_ok=True)
-    dataset.to_csv(out / f"{prefix}dataset.csv", index=False)
-    all_runs.to_csv(out / f"{prefix}runs.csv", index=False)
-    (out / f"{prefix}dataset_summary.json").write_text(json.dumps(summary, indent=1) + "\n")
-    return summary
+    for name in targets.apparatus:
+        columns |= dict.fromkeys(recorded(name, targets).summary)
+    means = pd.DataFrame(summaries, columns=list(columns))
+    dataset = pd.concat([samples[["sample", *PARAMETERS]].reset_index(drop=True), means], axis=1)
+    return dataset, _all_runs(samples["sample"], jobs, targets)
 
 
-def read_samples(path):
-    """Table with the columns sample (int, each once) and the six parameters, or InputError."""
-    samples = read_table(path, ("sample", *PARAMETERS))
-    twice = samples["sample"][samples["sample"].duplicated()]
-    if len(twice):
-        raise InputError(path, "sample", int(twice.iloc[0]), "each sample once")
-    return samples
+def recorded(apparatus: str, targets: Targets) -> Recorded:
+    """What the tables keep of the runs of a bench test: the targets that it gives, then what it always records."""
+    return bench(apparatus).recorded.beginning_with(_own(targets, apparatus))
 
 
-def read_jobs(paths, samples):
-    """Heap jobs by sample number, checked against the table they were run from, or InputError."""
-    expected = samples.set_index("sample")[list(PARAMETERS)]
-    jobs, source = {}, {}
-    for path in paths:
-        job = read_job(path)
-        sample = job["sample"]
-        if sample not in expected.index or sample in jobs:
-            allowed = (
-                f"a sample of the table, once; also in {source[sample]}" if sample in jobs else "in the table"
-            )
-            raise InputError(path, "sample", sample, allowed)
-        for name in PARAMETERS:
-            value, wanted = job["parameters"].get(name), float(expected.at[sample, name])
-            if not isinstance(value, int | float) or not math.isclose(
-                value, wanted, rel_tol=1e-6, abs_tol=1e-9
-            ):
-                raise InputError(path, f"parameters.{name}", value, f"{wanted}, as in the table of samples")
-        jobs[sample], source[sample] = job, path
-    missing = [int(sample) for sample in expected.index if sample not in jobs]
-    if missing:
-        raise InputError("heap jobs", "samples without a file", missing, "one JSON file for each sample")
-    return jobs
+def summarise(runs: Sequence[Mapping[str, Any]], apparatus: str, targets: Targets) -> dict[str, Any]:
+    """The runs of one sample in one bench test as one, its targets first; see `repose.core.runs.summarise_runs`."""
+    return summarise_runs(runs, recorded(apparatus, targets))
 
 
-def read_job(path):
-    """One heap job as a dict whose runs have a known status and, when ok, finite responses; or InputError."""
-    try:
-        job = json.loads(Path(path).read_text())
-    except (OSError, ValueError) as error:
-        raise InputError(path, "heap job", str(error), "a heap job's JSON file") from error
-    for key, kind in (("sample", int), ("parameters", dict), ("runs", list)):
-        if not isinstance(job, dict) or not isinstance(job.get(key), kind):
-            raise InputError(path, key, job.get(key) if isinstance(job, dict) else job, f"{kind.__name__}")
-    if not job["runs"]:
-        raise InputError(path, "runs", [], "at least one run")
-    for i, one in enumerate(job["runs"]):
-        if not isinstance(one, dict) or one.get("status") not in STATUSES:
-            value = one.get("status") if isinstance(one, dict) else one
-            raise InputError(path, f"runs[{i}].status", value, ", ".join(STATUSES))
-        for key in MAIN_RESPONSES:
-            value = one.get(key)
-            finite = isinstance(value, int | float) and math.isfinite(value)
-            if one["status"] == "ok" and not finite:
-                raise InputError(path, f"runs[{i}].{key}", value, "a finite number, as the run is ok")
-    return job
-
-
-def _counts(dataset, runs):
+def counts(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
     """How many samples and runs ended how, and the same in words."""
     by_status = {status: int(n) for status, n in Counter(dataset["status"]).most_common()}
     left_out = dataset[dataset["status"] != "ok"]
@@ -124,3 +97,153 @@ def _counts(dataset, runs):
         "runs_by_status": {status: int(n) for status, n in Counter(runs["status"]).most_common()},
         "text": text,
     }
+
+
+def run(
+    samples_csv: str | os.PathLike,
+    job_json_paths: Iterable[str | os.PathLike],
+    targets: Targets,
+    definitions: Definitions,
+    out_dir: str | os.PathLike,
+    prefix: str = "",
+) -> dict[str, Any]:
+    """Write dataset.csv, runs.csv and dataset_summary.json; return the summary.
+
+    Parameters
+    ----------
+    samples_csv : path
+        The design.
+    job_json_paths : iterable of paths
+        A job's JSON file for each sample and bench test, in any order.
+    targets : Targets
+        Of the study.
+    definitions : mapping
+        How the study defines its responses (`repose.core.responses`); the summary keeps them.
+    out_dir : path
+        Folder to write.
+    prefix : str
+        Put before the three names.
+
+    Raises
+    ------
+    InputError
+        For a file that is missing, corrupt, of another sample or of other parameters.
+    """
+    samples = read_samples(samples_csv)
+    dataset, runs = assemble(samples, read_jobs(job_json_paths, samples, targets), targets)
+    summary = counts(dataset, runs) | {"definitions": definitions}
+    out = Path(out_dir)
+    write_table(out / f"{prefix}dataset.csv", dataset)
+    write_table(out / f"{prefix}runs.csv", runs)
+    write_json(out / f"{prefix}dataset{SUMMARY}", summary)
+    return summary
+
+
+def read_definitions(dataset_csv: str | os.PathLike) -> tuple[Definitions, Path]:
+    """How the responses of a dataset are defined, and the summary beside it that says so.
+
+    There are no definitions where no summary lies beside the dataset, or where the summary has none.
+    """
+    path = Path(dataset_csv)
+    path = path.with_name(f"{path.stem}{SUMMARY}")
+    return (read_json(path).get("definitions", {}) if path.is_file() else {}), path
+
+
+def read_jobs(
+    paths: Iterable[str | os.PathLike], samples: pd.DataFrame, targets: Targets
+) -> dict[str, dict[int, Job]]:
+    """Jobs by bench test and sample, checked against the table that they were run from.
+
+    Raises
+    ------
+    InputError
+        For a bad file, another sample or other parameters, two files of one sample and bench test, or none.
+    """
+    expected = samples.set_index("sample")[list(PARAMETERS)]
+    jobs: dict[str, dict[int, Job]] = {name: {} for name in targets.apparatus}
+    source: dict[tuple[str, int], object] = {}
+    for path in paths:
+        job, apparatus = read_job(path, targets)
+        sample = job["sample"]
+        if sample not in expected.index:
+            raise InputError(path, "sample", sample, "in the table")
+        if sample in jobs[apparatus]:
+            allowed = f"a sample of the table, once; also in {source[apparatus, sample]}"
+            raise InputError(path, "sample", sample, allowed)
+        for name in PARAMETERS:
+            value, wanted = job["parameters"].get(name), float(expected.at[sample, name])
+            if not isinstance(value, int | float) or not math.isclose(
+                value, wanted, rel_tol=1e-6, abs_tol=1e-9
+            ):
+                raise InputError(path, f"parameters.{name}", value, f"{wanted}, as in the table of samples")
+        jobs[apparatus][sample], source[apparatus, sample] = job, path
+    for name, found in jobs.items():
+        missing = [int(sample) for sample in expected.index if sample not in found]
+        if missing:
+            raise InputError(f"jobs of the {name}", "samples without a file", missing, "one file a sample")
+    return jobs
+
+
+def read_job(path: str | os.PathLike, targets: Targets) -> tuple[Job, str]:
+    """One job and its bench test.
+
+    Raises
+    ------
+    InputError
+        If the file is no job of a bench test of the targets, or a run has an unknown status, or is ok without a
+        finite number for a target.
+    """
+    job = read_json(path, {"sample": int, "parameters": dict, "runs": list}, "a job's JSON file")
+    apparatus = job.get("apparatus", FIRST)
+    if apparatus not in targets.apparatus:
+        raise InputError(
+            path, "apparatus", apparatus, f"a bench test of the targets, {', '.join(targets.apparatus)}"
+        )
+    if not job["runs"]:
+        raise InputError(path, "runs", [], "at least one run")
+    statuses = bench(apparatus, path).statuses
+    for i, one in enumerate(job["runs"]):
+        if not isinstance(one, dict) or one.get("status") not in statuses:
+            value = one.get("status") if isinstance(one, dict) else one
+            raise InputError(path, f"runs[{i}].status", value, ", ".join(statuses))
+        for key in _own(targets, apparatus):
+            value = one.get(key)
+            finite = isinstance(value, int | float) and math.isfinite(value)
+            if one["status"] == "ok" and not finite:
+                raise InputError(path, f"runs[{i}].{key}", value, "a finite number, as the run is ok")
+    return job, apparatus
+
+
+def _own(targets, apparatus):
+    """Names of the targets that a bench test gives."""
+    return tuple(one.name for one in targets if one.response.apparatus == apparatus)
+
+
+def _merged(summaries):
+    """One summary of a sample out of those of its bench tests, by name."""
+    first, *others = summaries.values()
+    if not others:
+        return first
+    merged = {key: value for one in summaries.values() for key, value in one.items()}
+    failed = [one["status"] for one in summaries.values() if one["status"] != "ok"]
+    merged["status"] = failed[0] if failed else "ok"
+    merged["reason"] = "; ".join(
+        f"{name}: {one['reason']}" for name, one in summaries.items() if one["reason"]
+    )
+    merged["n_seeds"] = min(one["n_seeds"] for one in summaries.values())
+    return merged
+
+
+def _all_runs(samples, jobs, targets):
+    """The table of single runs: sample after sample, bench test after bench test."""
+    several = len(targets.apparatus) > 1
+    columns = dict.fromkeys(("sample", *(["apparatus"] if several else []), *RUN, *targets.names))
+    for name in targets.apparatus:
+        columns |= dict.fromkeys(recorded(name, targets).single)
+    rows = [
+        {"sample": sample, "apparatus": name, **one}
+        for sample in samples
+        for name in targets.apparatus
+        for one in jobs[name][sample]["runs"]
+    ]
+    return pd.DataFrame(rows, columns=list(columns))

@@ -5,6 +5,8 @@ column. Distances are Euclidean and taken in the unit cube, so that no parameter
 """
 
 import math
+import os
+from collections.abc import Mapping
 from pathlib import Path
 
 import numba
@@ -14,7 +16,9 @@ from scipy.spatial.distance import pdist
 from scipy.stats import qmc
 
 from repose.core.errors import InputError
-from repose.core.parameters import PARAMETERS, PHYSICAL_LIMITS
+from repose.core.files import write_table
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
 
 PHI_POWER = 16
 # The first power shapes the whole design; the higher ones press on its closest pairs alone, which is what
@@ -27,28 +31,44 @@ EDGE_MARGIN = 1e-4
 ROUNDS_PER_STAGE = 100
 
 
-def random_lhs(n, d, rng):
+def random_lhs(n: int, d: int, rng: np.random.Generator) -> np.ndarray:
     """Random Latin hypercube, (n, d) in the unit cube: random pairing, random position in each stratum."""
     position = rng.uniform(EDGE_MARGIN, 1.0 - EDGE_MARGIN, (n, d))
     stratum = np.stack([rng.permutation(n) for _ in range(d)], axis=1)
     return (stratum + position) / n
 
 
-def minimum_distance(points):
+def minimum_distance(points: np.ndarray) -> float:
     """Smallest Euclidean distance between two rows of points (n, d): the maximin criterion, Eq. 5."""
     return float(pdist(points).min())
 
 
-def phi_p(points, power=PHI_POWER):
+def phi_p(points: np.ndarray, power: float = PHI_POWER) -> float:
     """Morris and Mitchell's criterion (sum of distance^-power)^(1/power); small is good, -> 1 / minimum."""
     return float(np.sum(pdist(points) ** -float(power)) ** (1.0 / power))
 
 
-def lhsdesign(n, d, iterations=20, rng=None):
+def lhsdesign(n: int, d: int, iterations: int = 20, rng: np.random.Generator | None = None) -> np.ndarray:
     """The paper's design: of `iterations` random Latin hypercubes the one with the largest minimum distance.
 
-    n >= 2 points, d >= 1 columns, rng a numpy Generator; returns (n, d) in the unit cube.
-    Raises ValueError where n, d or iterations is too small.
+    Parameters
+    ----------
+    n, d : int
+        At least 2 points and 1 column.
+    iterations : int
+        Number of hypercubes.
+    rng : numpy.random.Generator, optional
+        Where they are drawn from.
+
+    Returns
+    -------
+    numpy.ndarray, (n, d)
+        In the unit cube.
+
+    Raises
+    ------
+    ValueError
+        If n, d or iterations is too small.
     """
     _check_size(n, d)
     if iterations < 1:
@@ -57,13 +77,31 @@ def lhsdesign(n, d, iterations=20, rng=None):
     return max((random_lhs(n, d, rng) for _ in range(iterations)), key=minimum_distance)
 
 
-def optimal_lhs(n, d, seed):
+def optimal_lhs(n: int, d: int, seed: int) -> np.ndarray:
     """Latin hypercube with points as far apart as exchanges within its columns can put them.
 
-    Enhanced stochastic evolution (Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference 134:268) on phi_p,
-    in stages of growing power; the best design by minimum distance is kept. Starts from `lhsdesign` with the
-    same seed, so it is never worse than that. Deterministic for a seed.
-    Returns (n, d) in the unit cube. Raises ValueError where n or d is too small.
+    Parameters
+    ----------
+    n, d : int
+        At least 2 points and 1 column.
+    seed : int
+        The same seed gives the same design.
+
+    Returns
+    -------
+    numpy.ndarray, (n, d)
+        In the unit cube.
+
+    Raises
+    ------
+    ValueError
+        If n or d is too small.
+
+    References
+    ----------
+    Enhanced stochastic evolution (Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference 134:268) on phi_p, in stages
+    of growing power; the best design by minimum distance is kept. It starts from `lhsdesign` with the same seed, so it
+    is never worse than that.
     """
     _check_size(n, d)
     rng = np.random.default_rng(seed)
@@ -77,7 +115,7 @@ def optimal_lhs(n, d, seed):
     return best
 
 
-def sobol(n, d, seed):
+def sobol(n: int, d: int, seed: int | list[int]) -> np.ndarray:
     """First n points of a scrambled Sobol sequence, (n, d) in the unit cube; the seed picks the scrambling.
 
     A longer sequence of the same seed begins with a shorter one. Raises ValueError where n or d is too small.
@@ -87,38 +125,19 @@ def sobol(n, d, seed):
     return sequence.random_base2(math.ceil(math.log2(n)))[:n]
 
 
-def scale(points, ranges):
-    """Unit-cube points (n, d) to parameter values (n, d); ranges is a sequence of d pairs (low, high)."""
-    low, high = np.array(ranges, dtype=float).T
-    return low + points * (high - low)
+def compare(designs: Mapping[str, np.ndarray]) -> pd.DataFrame:
+    """How well designs fill the cube.
 
+    Parameters
+    ----------
+    designs : mapping
+        Points (n, d) by the name of their method.
 
-def check_ranges(ranges, source="parameters"):
-    """Raise InputError unless ranges gives low < high, within what the contact law takes, for all six."""
-    for name in ranges:
-        if name not in PARAMETERS:
-            raise InputError(
-                source, name, ranges[name], f"no such parameter; the six are {', '.join(PARAMETERS)}"
-            )
-    for name in PARAMETERS:
-        if name not in ranges:
-            raise InputError(source, name, None, "a pair [low, high]")
-        low_limit, high_limit = PHYSICAL_LIMITS[name]
-        allowed = f"[low, high] with {low_limit:g} <= low < high <= {high_limit:g}, both finite numbers"
-        try:
-            low, high = (float(bound) for bound in ranges[name])
-        except (TypeError, ValueError):
-            raise InputError(source, name, ranges[name], allowed) from None
-        inside = low_limit <= low < high <= high_limit and math.isfinite(high)
-        if not inside:
-            raise InputError(source, name, ranges[name], allowed)
-
-
-def compare(designs):
-    """Table of how well designs fill the cube; designs maps a method's name to its (n, d) points.
-
-    Columns: method, samples, min_distance, phi_p (power 16), centred_discrepancy (Hickernell 1998, squared as
-    scipy gives it).
+    Returns
+    -------
+    pandas.DataFrame
+        `method`, `samples`, `min_distance`, `phi_p` (power 16), `centred_discrepancy` (Hickernell 1998, squared as
+        scipy gives it).
     """
     rows = [
         {
@@ -133,34 +152,64 @@ def compare(designs):
     return pd.DataFrame(rows)
 
 
-def run(ranges, samples, method, seed, out_dir):
-    """Write samples.csv (sample, the six parameters) and comparison.csv to out_dir; return both as frames.
+def design(space: ParameterSpace, samples: int, method: str, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The parameter sets of a study, and how well each method fills the ranges.
 
-    ranges: dict parameter -> (low, high), all six; samples: number of points >= 2; method: "lhsdesign" or
-    "optimal"; seed: integer >= 0. Raises InputError for bad values.
+    Parameters
+    ----------
+    space : ParameterSpace
+        The free parameters fill their ranges evenly, also where there is a prior: the surrogate then holds for every
+        value that the prior allows, and the prior itself is applied in the search and the posterior. A fixed
+        parameter is a column with one value.
+    samples : int
+        Number of parameter sets, at least 2.
+    method : str
+        "lhsdesign" or "optimal".
+    seed : int
+        At least 0.
+
+    Returns
+    -------
+    table : pandas.DataFrame
+        `sample` from 1, and the six parameters.
+    comparison : pandas.DataFrame
+        See `compare`; for the methods random, lhsdesign and optimal in the free parameters.
+
+    Raises
+    ------
+    InputError
+        For a bad number, method or seed, and where the contact law cannot take a value of the space.
     """
-    check_ranges(ranges)
     if not _is_integer(samples) or samples < 2:
         raise InputError("design", "samples", samples, "an integer of at least 2")
     if not _is_integer(seed) or seed < 0:
         raise InputError("design", "seed", seed, "an integer of at least 0")
     if method not in ("lhsdesign", "optimal"):
         raise InputError("design", "method", method, "lhsdesign or optimal")
-    d = len(PARAMETERS)
+    space.check_searchable()
+    d = space.dimensions
     designs = {
         "random": random_lhs(samples, d, np.random.default_rng(seed)),
         "lhsdesign": lhsdesign(samples, d, rng=np.random.default_rng(seed)),
         "optimal": optimal_lhs(samples, d, seed),
     }
-    values = scale(designs[method], [ranges[name] for name in PARAMETERS])
-    table = pd.DataFrame(values, columns=list(PARAMETERS))
-    table.insert(0, "sample", np.arange(1, samples + 1))
-    comparison = compare(designs)
+    return parameter_sets(designs[method], space), compare(designs)
 
-    out_dir = Path(out_dir)
-    out_dir.mkdir(parents=True, exist_ok=True)
-    table.to_csv(out_dir / "samples.csv", index=False, float_format="%.10g")
-    comparison.to_csv(out_dir / "comparison.csv", index=False, float_format="%.6g")
+
+def parameter_sets(points: np.ndarray, space: ParameterSpace) -> pd.DataFrame:
+    """Points (n, d) of the unit cube as a table: `sample` from 1, and the six parameters."""
+    table = pd.DataFrame(space.values(points), columns=list(PARAMETERS))
+    table.insert(0, "sample", np.arange(1, len(table) + 1))
+    return table
+
+
+def run(
+    space: ParameterSpace, samples: int, method: str, seed: int, out_dir: str | os.PathLike
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Write samples.csv and comparison.csv to out_dir (`design`); return both tables."""
+    table, comparison = design(space, samples, method, seed)
+    write_table(Path(out_dir) / "samples.csv", table, float_format="%.10g")
+    write_table(Path(out_dir) / "comparison.csv", comparison, float_format="%.6g")
     return table, comparison
 
 

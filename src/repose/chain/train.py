@@ -1,129 +1,208 @@
-"""Training of the network on a study's dataset: split, weights, R2 three ways, and the files it leaves."""
+"""A study's samples to a surrogate of the simulator: section 3.2.2 of the paper.
 
-import json
+`train` is a function of tables; `run` reads and writes. The surrogate itself is in `repose.surrogate`.
+"""
+
 import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
+from repose.chain.dataset import read_definitions
 from repose.core.errors import InputError
-from repose.core.files import read_table
+from repose.core.files import read_table, write_json, write_table
 from repose.core.parameters import PARAMETERS
+from repose.core.responses import Definitions, require_same_definitions, response
+from repose.core.targets import Targets
 from repose.core.variance import within_covariance
-from repose.surrogate import load
-from repose.surrogate.bayesian_bp import RESPONSES, PlainBayesianBP, r2, weights_from_errors
+from repose.surrogate.accuracy import r2
+from repose.surrogate.base import Surrogate, load, make
+from repose.surrogate.samples import weights_from_errors
 
 SPLITS = ("train", "validation", "test")
-PREDICTED = ("aor_predicted_deg", "height_predicted_mm")
 FEWEST_SAMPLES = 12  # 8 to train, 1 to validate, 3 to test: below that no R2 means anything
 
 
-def run(dataset_csv, runs_csv, settings, out_dir):
-    """Train; write network.json, metrics.json, predictions.csv and starts.csv; return the metrics.
+@dataclass(frozen=True)
+class Training:
+    """What `train` gives.
 
-    dataset_csv, runs_csv: as `repose.chain.dataset` writes them. settings: hidden, epochs, goal, starts, seed,
-    split (three shares), prior ("one" unless given), and, both False unless given: weights_from_errors, weigh
-    samples by their standard errors; correlated_noise, reckon with the covariance of the responses within
-    the training samples. Both are left out where the samples have one run each. Raises InputError for a missing
-    column or fewer than 12 usable samples.
+    Attributes
+    ----------
+    model : Surrogate
+        Trained.
+    metrics : dict
+        Numbers of samples, R2 and RMSE of each response in each part, and what the surrogate reports.
+    predictions : pandas.DataFrame
+        A row for each usable sample: its part, its responses and their predictions.
+    starts : pandas.DataFrame
+        A row for each start of the training, where the surrogate has starts.
     """
-    import pandas as pd  # not needed by whoever wants the network alone
 
-    table = read_table(
-        dataset_csv, ("sample", *PARAMETERS, "status", *RESPONSES, "aor_se_deg", "height_se_mm")
-    )
-    runs = read_table(runs_csv, ("sample", "status", *RESPONSES))
-    usable = table[table["status"] == "ok"].reset_index(drop=True)
+    model: Surrogate
+    metrics: dict[str, Any]
+    predictions: pd.DataFrame
+    starts: pd.DataFrame
+
+
+def train(
+    dataset: pd.DataFrame,
+    runs: pd.DataFrame,
+    targets: Targets,
+    settings: Mapping[str, Any],
+    definitions: Definitions | None = None,
+    source: object = "dataset",
+) -> Training:
+    """Train a surrogate on the usable samples of a study.
+
+    Parameters
+    ----------
+    dataset, runs : pandas.DataFrame
+        As `repose.chain.dataset` makes them: samples with their means and standard errors, and single runs.
+    targets : Targets
+        Their responses are learned.
+    settings : mapping
+        `surrogate`, by default "network", and the section `network` of the configuration: the surrogate's own
+        settings, `seed`, `split` (three shares), and, both False unless given, `weights_from_errors` (weigh samples by
+        their standard errors) and `correlated_noise` (use the covariance of the responses within samples). Both are
+        left out where the samples have one run each.
+    definitions : mapping, optional
+        How the responses are defined, to be kept with the model.
+    source : object
+        Where the dataset stands, for the error.
+
+    Returns
+    -------
+    Training
+
+    Raises
+    ------
+    InputError
+        With fewer than 12 usable samples, or for an unknown surrogate.
+    """
+    usable = dataset[dataset["status"] == "ok"].reset_index(drop=True)
     if len(usable) < FEWEST_SAMPLES:
-        raise InputError(
-            dataset_csv, "usable samples", len(usable), f"at least {FEWEST_SAMPLES} with status ok"
-        )
-    X, Y = usable[list(PARAMETERS)].to_numpy(float), usable[list(RESPONSES)].to_numpy(float)
-    errors = usable[["aor_se_deg", "height_se_mm"]].to_numpy(float)
+        raise InputError(source, "usable samples", len(usable), f"at least {FEWEST_SAMPLES} with status ok")
+    X, Y = usable[list(PARAMETERS)].to_numpy(float), usable[list(targets.names)].to_numpy(float)
+    errors = usable[list(targets.errors)].to_numpy(float)
     rows = rows_of(usable, settings["split"], settings["seed"])
 
     weighted = bool(settings.get("weights_from_errors", False) and np.isfinite(errors).any(axis=0).all())
     covariance = None
     if settings.get("correlated_noise", False):
-        covariance = _noise_covariance(runs, usable["sample"].iloc[rows["train"]])
+        covariance = noise_covariance(runs, usable["sample"].iloc[rows["train"]], targets)
     weight = precisions(errors, covariance is not None)[rows["train"]] if weighted else None
-    network = PlainBayesianBP(
-        **{key: settings[key] for key in ("hidden", "epochs", "goal", "starts", "seed")},
-        prior=settings.get("prior", "one"),
-    )
-    network.fit(X[rows["train"]], Y[rows["train"]], precision=weight, noise_covariance=covariance)
-    P = network.predict(X)
+    model = make(settings.get("surrogate", "network"), settings)
+    model.describe(PARAMETERS, targets.names, definitions, usable["sample"].iloc[rows["train"]])
+    model.fit(X[rows["train"]], Y[rows["train"]], precision=weight, noise_covariance=covariance)
+    P = model.predict(X)
 
-    metrics = {"n_samples": len(X), "left_out": len(table) - len(X)}
-    metrics |= {f"n_{name}": len(rows[name]) for name in SPLITS}
-    for name in SPLITS:
-        i = rows[name]
-        metrics[name] = {
-            response: {"r2": r2(Y[i, k], P[i, k]), "rmse": float(np.sqrt(np.mean((Y[i, k] - P[i, k]) ** 2)))}
-            for k, response in enumerate(RESPONSES)
-        }
-    metrics["r2_three_ways"] = _three_ways(usable, runs, Y, P, errors, rows["test"])
-    for key in (
-        "gamma",
-        "beta",
-        "log_evidence",
-        "epochs",
-        "stop_reason",
-        "best_start",
-        "n_residuals",
-    ):
-        metrics[key] = getattr(network, key + "_")
-    metrics |= {"n_weights": int(sum(w.size for w in (network.W1_, network.b1_, network.W2_, network.b2_)))}
-    metrics |= {"starts": network.starts, "weighted": weighted, "prior": network.prior}
-    metrics["alpha"] = np.asarray(network.alpha_).tolist()
+    metrics = {"n_samples": len(X), "left_out": len(dataset) - len(X)}
+    metrics |= _accuracy(Y, P, targets.names, rows)
+    metrics["r2_three_ways"] = _three_ways(usable, runs, Y, P, errors, rows["test"], targets.names)
+    metrics |= model.report() | {"weighted": weighted}
     metrics["noise_covariance"] = None if covariance is None else covariance.tolist()
-
-    out = Path(out_dir)
-    out.mkdir(parents=True, exist_ok=True)
-    samples = usable["sample"].iloc[rows["train"]]
-    network.describe(PARAMETERS, RESPONSES, samples=samples).save(out / "network.json")
-    (out / "metrics.json").write_text(json.dumps(metrics, indent=1) + "\n")
-    predictions = pd.DataFrame({"sample": usable["sample"], "split": ""})
-    for name in SPLITS:
-        predictions.loc[rows[name], "split"] = name
-    for k, (response, predicted) in enumerate(zip(RESPONSES, PREDICTED, strict=True)):
-        predictions[response], predictions[predicted] = Y[:, k], P[:, k]
-    predictions.to_csv(out / "predictions.csv", index=False)
-    starts = pd.DataFrame(network.starts_)
-    starts["alpha"] = [
-        " ".join(f"{a:.6g}" for a in np.atleast_1d(start["alpha"])) for start in network.starts_
-    ]
-    starts["chosen"] = starts["start"] == network.best_start_
-    starts.to_csv(out / "starts.csv", index=False)
-    return metrics
-
-
-def restore(network_json, predictions_csv, dataset_csv):
-    """The trained network with its error bars, from the files that `run` left and the dataset it read.
-
-    Nothing is trained: the Hessian is that of the saved weights. Raises InputError for a bad file, and where the
-    files are not of one training.
-    """
-    model = load(network_json, RESPONSES)
-    predictions = read_table(predictions_csv, ("sample", "split", *PREDICTED))
-    table = read_table(
-        dataset_csv, ("sample", *PARAMETERS, "status", *RESPONSES, "aor_se_deg", "height_se_mm")
+    starts = model.start_rows()
+    return Training(
+        model,
+        metrics,
+        _predictions(usable["sample"], rows, Y, P, targets),
+        pd.DataFrame(starts) if starts else pd.DataFrame(columns=["start", "chosen"]),
     )
+
+
+def run(
+    dataset_csv: str | os.PathLike,
+    runs_csv: str | os.PathLike,
+    targets: Targets,
+    settings: Mapping[str, Any],
+    out_dir: str | os.PathLike,
+    definitions: Definitions | None = None,
+    source: object = "configuration",
+) -> dict[str, Any]:
+    """Train on files; write network.json, metrics.json, predictions.csv and starts.csv; return the metrics.
+
+    Parameters
+    ----------
+    dataset_csv, runs_csv : path
+        What the verb dataset wrote.
+    targets, settings
+        As for `train`.
+    out_dir : path
+        Folder to write.
+    definitions : mapping, optional
+        How the study defines its responses.
+    source : object
+        Where these definitions stand, for the error.
+
+    Raises
+    ------
+    InputError
+        For a bad file, a dataset with other definitions, or fewer than 12 usable samples.
+    """
+    dataset = read_dataset(dataset_csv, targets)
+    runs = read_table(runs_csv, ("sample", "status", *targets.names))
+    found, summary_json = read_definitions(dataset_csv)
+    require_same_definitions(found, summary_json, definitions or {}, source)
+    training = train(dataset, runs, targets, settings, definitions or found, dataset_csv)
+    out = Path(out_dir)
+    training.model.save(out / "network.json")
+    write_json(out / "metrics.json", training.metrics)
+    write_table(out / "predictions.csv", training.predictions)
+    write_table(out / "starts.csv", training.starts)
+    return training.metrics
+
+
+def read_dataset(dataset_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
+    """The table of samples with its parameters, status, responses and errors, or InputError."""
+    return read_table(dataset_csv, ("sample", *PARAMETERS, "status", *targets.names, *targets.errors))
+
+
+def restore(
+    surrogate_json: str | os.PathLike,
+    predictions_csv: str | os.PathLike,
+    dataset_csv: str | os.PathLike,
+) -> Surrogate:
+    """The trained surrogate, once its files are known to be of one training.
+
+    Parameters
+    ----------
+    surrogate_json, predictions_csv : path
+        What `run` wrote.
+    dataset_csv : path
+        What it read.
+
+    Raises
+    ------
+    InputError
+        For a bad file, and where the files are not of one training.
+    """
+    model = load(surrogate_json)
+    predicted = [response(name, surrogate_json).predicted for name in model.outputs]
+    predictions = read_table(predictions_csv, ("sample", "split", *predicted))
+    table = read_table(dataset_csv, ("sample", *PARAMETERS, "status"))
+    found, summary_json = read_definitions(dataset_csv)
+    require_same_definitions(model.definitions, surrogate_json, found, summary_json)
     usable = table[table["status"] == "ok"].set_index("sample")
     trained = predictions[predictions["split"] == "train"]
     missing = sorted(set(trained["sample"]) - set(usable.index))
     if missing or trained.empty:
         raise InputError(predictions_csv, "samples", missing, f"usable samples of {dataset_csv}")
     X = usable.loc[trained["sample"], list(PARAMETERS)].to_numpy(float)
-    if not np.allclose(model.predict(X), trained[list(PREDICTED)], rtol=1e-6):
+    if not np.allclose(model.predict(X), trained[predicted], rtol=1e-6):
         raise InputError(
-            predictions_csv, "predictions", "others", f"those of {network_json} on {dataset_csv}"
+            predictions_csv, "predictions", "others", f"those of {surrogate_json} on {dataset_csv}"
         )
     return model
 
 
-def split(samples, shares, seed):
-    """Row numbers of train, validation and test: a permutation by RandomState(seed) cut in three.
+def split(samples: int, shares: Sequence[float], seed: int) -> dict[str, np.ndarray]:
+    """Row numbers of train, validation and test: a permutation by RandomState(seed), cut in three.
 
     Train and validation are rounded down and test takes the rest, which is the paper's 95, 20, 22 of 137.
     """
@@ -133,10 +212,11 @@ def split(samples, shares, seed):
     return dict(zip(SPLITS, np.split(order, [train, train + validation]), strict=True))
 
 
-def rows_of(samples, shares, seed):
-    """Row numbers of train, validation and test of a table; samples with a `round` (`repose.studies.refine`) all train.
+def rows_of(samples: pd.DataFrame, shares: Sequence[float], seed: int) -> dict[str, np.ndarray]:
+    """Row numbers of train, validation and test of a table.
 
-    The others are split as if they were alone, so every round has the same test samples as the design had.
+    Samples with a `round` (`repose.studies.refine`) are all for training. The others are split as if they were alone,
+    so every round has the same test samples as the design.
     """
     added = samples["round"].notna().to_numpy() if "round" in samples else np.zeros(len(samples), bool)
     designed = np.flatnonzero(~added)
@@ -145,13 +225,25 @@ def rows_of(samples, shares, seed):
     return rows
 
 
-def r2_noise_corrected(y, predicted, errors):
-    """R2 against the responses' unknown noise-free means, from m noisy means y with standard errors.
+def r2_noise_corrected(y: np.ndarray, predicted: np.ndarray, errors: np.ndarray) -> float | None:
+    """R2 against the responses' unknown means without noise.
 
+    Parameters
+    ----------
+    y, predicted, errors : numpy.ndarray, (m,)
+        Noisy means of m samples, their predictions, and their standard errors.
+
+    Returns
+    -------
+    float or None
+        An estimate, so it may exceed one by chance. None without standard errors, or where the noise explains all of
+        SST.
+
+    Notes
+    -----
     With y = mean + noise of variance se^2, independent of predictions made from other samples,
-    E[SSE] = sum (mean - predicted)^2 + sum se^2 and E[SST] = sum (mean - its average)^2 + (1 - 1/m) sum se^2:
-    taking the noise off both sums gives 1 - (SSE - sum se^2) / (SST - (1 - 1/m) sum se^2). An estimate, so it
-    may exceed one by chance. None without standard errors, or where the noise explains all of SST.
+    E[SSE] = sum (mean - predicted)^2 + sum se^2 and E[SST] = sum (mean - its average)^2 + (1 - 1/m) sum se^2.
+    Taking the noise off both sums gives 1 - (SSE - sum se^2) / (SST - (1 - 1/m) sum se^2).
     """
     noise = np.sum(errors**2)
     between = np.sum((y - np.mean(y)) ** 2) - (1 - 1 / len(y)) * noise
@@ -160,30 +252,79 @@ def r2_noise_corrected(y, predicted, errors):
     return float(1 - (np.sum((y - predicted) ** 2) - noise) / between)
 
 
-def _noise_covariance(runs, samples):
-    """Covariance (responses, responses) of single runs about their samples' means, None where it has no rank."""
+def noise_covariance(runs: pd.DataFrame, samples: Sequence[int], targets: Targets) -> np.ndarray | None:
+    """Covariance of the noise of samples' means, up to a factor.
+
+    Parameters
+    ----------
+    runs : pandas.DataFrame
+        Single runs, with a column `apparatus` where they are of several bench tests.
+    samples : sequence of int
+        Those whose runs are used.
+    targets : Targets
+        The k responses.
+
+    Returns
+    -------
+    numpy.ndarray, (k, k), or None
+        Of single runs about their samples' means. Responses of different bench tests are independent; each block then
+        counts by the runs that a sample of its bench test has. None where a block has no full rank.
+    """
     ok = runs[(runs["status"] == "ok") & runs["sample"].isin(samples)]
-    covariance, freedom = within_covariance(ok[list(RESPONSES)], ok["sample"])
-    enough = freedom > len(RESPONSES) and np.linalg.eigvalsh(covariance)[0] > 0
-    return covariance if enough else None
+    covariance, first = np.zeros((len(targets), len(targets))), None
+    for apparatus in targets.apparatus:
+        own = ok[ok["apparatus"] == apparatus] if "apparatus" in ok else ok
+        columns = [k for k, one in enumerate(targets) if one.response.apparatus == apparatus]
+        block, freedom = within_covariance(own[[targets.names[k] for k in columns]], own["sample"])
+        if not (freedom > len(columns) and np.linalg.eigvalsh(block)[0] > 0):
+            return None
+        seeds = len(own) / own["sample"].nunique()
+        first = seeds if first is None else first
+        covariance[np.ix_(columns, columns)] = block * (first / seeds)
+    return covariance
 
 
-def precisions(errors, one_a_sample):
-    """Precisions (samples, responses) of the standard errors; those of a sample alike if one_a_sample."""
+def precisions(errors: np.ndarray, one_a_sample: bool) -> np.ndarray:
+    """Precisions (samples, k) of the standard errors; with `one_a_sample` the same for all responses of a sample."""
     precision = weights_from_errors(errors)
-    return np.repeat(precision.mean(axis=1, keepdims=True), 2, axis=1) if one_a_sample else precision
+    if not one_a_sample:
+        return precision
+    return np.repeat(precision.mean(axis=1, keepdims=True), precision.shape[1], axis=1)
 
 
-def _three_ways(usable, runs, Y, P, errors, test):
+def _accuracy(Y, P, names, rows):
+    """Number of samples in each part, and R2 and RMSE of each response there."""
+    counts = {f"n_{name}": len(rows[name]) for name in SPLITS}
+    return counts | {
+        name: {
+            response: {"r2": r2(Y[i, k], P[i, k]), "rmse": float(np.sqrt(np.mean((Y[i, k] - P[i, k]) ** 2)))}
+            for k, response in enumerate(names)
+        }
+        for name, i in rows.items()
+    }
+
+
+def _three_ways(usable, runs, Y, P, errors, test, names):
     """R2 of the test samples: on means, on single runs, and corrected for the noise of the means."""
     position = {sample: i for i, sample in zip(test, usable["sample"].iloc[test], strict=True)}
-    single = runs[(runs["status"] == "ok") & runs["sample"].isin(list(position))]
-    row = [position[sample] for sample in single["sample"]]
-    return {
-        response: {
+    ok = runs[(runs["status"] == "ok") & runs["sample"].isin(list(position))]
+    found = {}
+    for k, name in enumerate(names):
+        single = ok[ok[name].notna()]
+        row = [position[sample] for sample in single["sample"]]
+        found[name] = {
             "sample_means": r2(Y[test, k], P[test, k]),
-            "single_runs": r2(single[response].to_numpy(float), P[row, k]),
+            "single_runs": r2(single[name].to_numpy(float), P[row, k]),
             "noise_corrected": r2_noise_corrected(Y[test, k], P[test, k], errors[test, k]),
         }
-        for k, response in enumerate(RESPONSES)
-    }
+    return found
+
+
+def _predictions(samples, rows, Y, P, targets):
+    """The table of predictions."""
+    table = pd.DataFrame({"sample": samples, "split": ""})
+    for name in SPLITS:
+        table.loc[rows[name], "split"] = name
+    for k, one in enumerate(targets.responses):
+        table[one.name], table[one.predicted] = Y[:, k], P[:, k]
+    return table

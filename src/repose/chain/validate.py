@@ -1,123 +1,173 @@
-"""Calibrated solutions simulated again: Table 4, the physical pile, the published solutions in this engine.
+"""Calibrated solutions simulated again: Table 4, the physical measurement, the published solutions in this engine.
 
-Section 4.2.1 of the paper. `write_solutions` says what is to be simulated, `run` puts prediction, simulation
-and the physical pile side by side. Errors are relative, as in Table 4: |predicted - simulated| / simulated,
-and for the representative solution |simulated - physical| / physical, in percent.
+Section 4.2.1 of the paper. `solutions_to_simulate` says what is to be simulated, `validate` puts prediction,
+simulation and the physical measurement side by side; `write_solutions` and `run` read and write. Errors are relative,
+as in Table 4: |predicted - simulated| / simulated, and for the representative solution
+|simulated - physical| / physical, in percent.
 """
 
+import os
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 
-from repose.chain.dataset import read_jobs, read_samples
+from repose.chain.dataset import Job, assemble, read_jobs
 from repose.core.errors import InputError
-from repose.core.files import read_table
+from repose.core.files import check_columns, read_table, write_table
+from repose.core.parameter_sets import read_samples
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
-from repose.core.runs import summarise_runs
-from repose.measure.angles import RECORDED
-from repose.search.miga import select_for_validation
+from repose.core.published import published_responses
+from repose.core.responses import Response, derived
+from repose.core.targets import Targets
+from repose.surrogate.support import Support
 
-PREDICTED = ("aor_predicted_deg", "height_predicted_mm")
-SIMULATED = ("aor_simulated_deg", "height_simulated_mm")
-SOLUTION_COLUMNS = ("sample", *PARAMETERS, "origin", "solution", "role", *PREDICTED)
+SOLUTION = ("sample", *PARAMETERS, "origin", "solution", "role")
+ENDED = ("n_seeds", "status", "reason")
 FIRST_PUBLISHED = 101  # sample numbers of ours run from 1, so the two can never meet
 
 
-def write_solutions(feasible_csv, published_table4_csv, ranges, count, out_csv):
-    """Write what is to be simulated, as samples.csv with more columns behind it; return the table.
+def solutions_to_simulate(
+    feasible: pd.DataFrame,
+    published: pd.DataFrame | None,
+    space: ParameterSpace,
+    targets: Targets,
+    count: int,
+) -> pd.DataFrame:
+    """The solutions that are simulated again.
 
-    Ours are samples 1 to count + 1, the representative first (`repose.search.miga.select_for_validation`); the
-    published ones follow from 101 in the order of their table. origin: "miga" or "published"; solution: its
-    name in its own table; role: "representative" or "spread". Predictions are of the network that belongs to
-    the solution, so the published network's for the published. Raises InputError for a bad file or too few
-    solutions.
+    Parameters
+    ----------
+    feasible : pandas.DataFrame
+        Solutions as `repose.chain.invert` gives them, at least count + 1.
+    published : pandas.DataFrame or None
+        Published solutions; left out where they have none of the targets.
+    space : ParameterSpace
+        What the parameters are normalised by.
+    targets : Targets
+        Of the study.
+    count : int
+        Number of our solutions besides the representative.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each solution. `sample`: ours from 1, the representative first; the published from 101 in the order
+        of their table. `origin`: "miga" or "published". `solution`: its name in its own table. `role`:
+        "representative" or "spread". Then the six parameters, and the predictions of the network that the solution
+        belongs to: the published network's for the published ones.
     """
-    feasible = read_table(feasible_csv, ("solution", *PARAMETERS, *PREDICTED, "feasible", "representative"))
-    if len(feasible) < count + 1:
-        raise InputError(feasible_csv, "solutions", len(feasible), f"at least {count + 1}")
-    ours = select_for_validation(feasible, count, ranges)
+    columns = [*SOLUTION, *targets.predicted]
+    ours = select_for_validation(feasible, count, space)
     ours["origin"], ours["sample"] = "miga", range(1, len(ours) + 1)
-    theirs = read_table(published_table4_csv, ("solution", *PARAMETERS, *PREDICTED))
-    theirs["origin"] = "published"
-    theirs["sample"] = range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(theirs))
-    named = theirs["solution"].astype(str) == "representative"
-    theirs["role"] = named.map({True: "representative", False: "spread"})
-    columns = list(SOLUTION_COLUMNS)
-    both = pd.concat([ours[columns].astype({"solution": str}), theirs[columns].astype({"solution": str})])
-    Path(out_csv).parent.mkdir(parents=True, exist_ok=True)
-    both.to_csv(out_csv, index=False)
-    return both.reset_index(drop=True)
+    parts = [ours[columns]]
+    if published is not None and published_responses(published, targets.responses):
+        theirs = published.copy()
+        theirs["origin"] = "published"
+        theirs["sample"] = range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(theirs))
+        named = theirs["solution"].astype(str) == "representative"
+        theirs["role"] = named.map({True: "representative", False: "spread"})
+        parts.append(theirs.reindex(columns=columns))
+    return pd.concat([part.astype({"solution": str}) for part in parts]).reset_index(drop=True)
 
 
-def run(solutions_csv, heap_json_paths, published_table4_csv, target, out_dir, support=None):
-    """Write table4.csv, representative.csv and published.csv into out_dir; return the three tables.
+def select_for_validation(solutions: pd.DataFrame, count: int, space: ParameterSpace) -> pd.DataFrame:
+    """The representative and `count` others spread over the cloud, as rows of solutions with a column `role`.
 
-    solutions_csv: of `write_solutions`. heap_json_paths: one heap job for each of its samples. target:
-    physical_aor_deg, physical_aor_sd_deg, physical_height_mm, physical_height_sd_mm. A solution whose
-    simulation failed keeps its row, with its status and no numbers. support: `repose.surrogate.support.Support` of the
-    samples; with it the column `warning` of table4.csv and published.csv says which solutions lie beyond them.
-    Raises InputError for a missing or bad file.
+    Each next one is the solution farthest, in normalised parameters, from those already chosen (Gonzalez 1985). They
+    are feasible ones as long as there are enough. Fewer come back where solutions has fewer rows.
     """
-    solutions = read_samples(solutions_csv)
-    for column in SOLUTION_COLUMNS:
-        if column not in solutions:
-            raise InputError(solutions_csv, column, None, f"columns {', '.join(SOLUTION_COLUMNS)}")
-    solutions["solution"] = solutions["solution"].astype(str)
-    jobs = read_jobs(heap_json_paths, solutions)
-    simulated = pd.DataFrame(
-        [summarise_runs(jobs[sample]["runs"], RECORDED) for sample in solutions["sample"]]
-    )
-    simulated = simulated.rename(columns={"aor_deg": SIMULATED[0], "height_mm": SIMULATED[1]})
-    numbers = [*SIMULATED, "aor_se_deg", "height_se_mm"]
-    simulated[numbers] = simulated[numbers].astype(float)  # None of a failed solution, or of one seed, to NaN
-    rows = pd.concat([solutions, simulated], axis=1)
+    if np.count_nonzero(solutions["feasible"]) > count:
+        solutions = solutions[solutions["feasible"]]
+    points = 2 * space.unit(solutions[list(PARAMETERS)].to_numpy(float)) - 1
+    chosen = [int(np.flatnonzero(solutions["representative"])[0])]
+    nearest = np.linalg.norm(points - points[chosen[0]], axis=1)
+    while len(chosen) < min(count + 1, len(points)):
+        nearest[chosen] = -1.0
+        chosen.append(int(nearest.argmax()))
+        nearest = np.minimum(nearest, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    picked = solutions.iloc[chosen].copy()
+    picked["role"] = ["representative"] + ["spread"] * (len(chosen) - 1)
+    return picked
 
-    ours = rows[rows["origin"] == "miga"]
+
+def validate(
+    solutions: pd.DataFrame,
+    jobs: Mapping[str, Mapping[int, Job]],
+    targets: Targets,
+    published: pd.DataFrame | None = None,
+    support: Support | None = None,
+) -> dict[str, pd.DataFrame]:
+    """Prediction, simulation and the physical measurement side by side.
+
+    Parameters
+    ----------
+    solutions : pandas.DataFrame
+        As `solutions_to_simulate` gives them.
+    jobs : mapping
+        For each bench test the job of each solution (`repose.chain.dataset.read_jobs`).
+    targets : Targets
+        With the physical measurements.
+    published : pandas.DataFrame, optional
+        The published solutions with their own simulations.
+    support : Support, optional
+        Of the samples; with it a column `warning` says which solutions lie beyond them.
+
+    Returns
+    -------
+    dict
+        `table4`: our solutions. `representative`: one of them against the physical measurement, a row for each
+        response. `published`: the published solutions in this engine; it has no rows where there are none. A solution
+        whose simulation failed keeps its row, with its status and without numbers.
+    """
+    simulated = assemble(solutions, jobs, targets)[0].drop(columns=["sample", *PARAMETERS])
+    simulated = simulated.rename(columns={one.name: one.simulated for one in targets.responses})
+    numbers = [column for one in targets.responses for column in (one.simulated, one.error)]
+    simulated[numbers] = simulated[numbers].astype(float)  # None of a failed solution, or of one seed, to NaN
+    rows = pd.concat([solutions.reset_index(drop=True), simulated], axis=1)
+
+    ours, theirs = (rows[rows["origin"] == origin] for origin in ("miga", "published"))
     tables = {
-        "table4": table4(ours),
-        "representative": against_physical(ours[ours["role"] == "representative"].iloc[0], target),
-        "published": beside_published(rows[rows["origin"] == "published"], published_table4_csv),
+        "table4": table4(ours, targets.responses),
+        "representative": against_physical(ours[ours["role"] == "representative"].iloc[0], targets),
+        "published": beside_published(theirs, published, targets.responses),
     }
     if support is not None:
         for name in ("table4", "published"):
-            tables[name]["warning"] = support.warnings(tables[name][list(PARAMETERS)])
-    out = Path(out_dir)
-    out.mkdir(parents=True, exist_ok=True)
-    for name, table in tables.items():
-        table.to_csv(out / f"{name}.csv", index=False)
+            parameters = tables[name][list(PARAMETERS)].to_numpy(float)
+            tables[name]["warning"] = support.warnings(parameters) if len(parameters) else []
     return tables
 
 
-def table4(rows):
+def table4(rows: pd.DataFrame, responses: Iterable[Response]) -> pd.DataFrame:
     """Table 4: predicted, simulated with its standard error, and relative error (%) of each solution."""
     table = rows[["sample", "solution", "role", *PARAMETERS]].copy()
-    for response, unit in (("aor", "deg"), ("height", "mm")):
-        predicted, simulated = rows[f"{response}_predicted_{unit}"], rows[f"{response}_simulated_{unit}"]
-        table[f"{response}_predicted_{unit}"] = predicted
-        table[f"{response}_simulated_{unit}"] = simulated
-        table[f"{response}_se_{unit}"] = rows[f"{response}_se_{unit}"]
-        table[f"{response}_error_percent"] = 100 * (predicted - simulated).abs() / simulated
-    for column in ("n_seeds", "status", "reason"):
-        table[column] = rows[column]
+    for one in responses:
+        table[one.predicted], table[one.simulated] = rows[one.predicted], rows[one.simulated]
+        table[one.error] = rows[one.error]
+        off = (rows[one.predicted] - rows[one.simulated]).abs()
+        table[f"{one.quantity}_error_percent"] = 100 * off / rows[one.simulated]
+    table[list(ENDED)] = rows[list(ENDED)]
     return table
 
 
-def against_physical(row, target):
-    """The representative solution's simulation against the physical pile, one row a response."""
+def against_physical(row: pd.Series, targets: Targets) -> pd.DataFrame:
+    """The representative solution's simulation against the physical measurement, one row for each response."""
     rows = []
-    for response, unit in (("aor", "deg"), ("height", "mm")):
-        mean, sd = target[f"physical_{response}_{unit}"], target[f"physical_{response}_sd_{unit}"]
-        simulated = row[f"{response}_simulated_{unit}"]
+    for one in targets:
+        simulated = row[one.response.simulated]
         rows.append(
             {
-                "response": f"{response}_{unit}",
-                "physical_mean": mean,
-                "physical_sd": sd,
-                "predicted": row[f"{response}_predicted_{unit}"],
+                "response": one.name,
+                "physical_mean": one.value,
+                "physical_sd": one.sd,
+                "predicted": row[one.response.predicted],
                 "simulated": simulated,
-                "simulated_se": row[f"{response}_se_{unit}"],
-                "error_percent": 100 * abs(simulated - mean) / mean,
-                "within_one_sd": bool(abs(simulated - mean) <= sd),
+                "simulated_se": row[one.response.error],
+                "error_percent": 100 * abs(simulated - one.value) / abs(one.value),
+                "within_one_sd": bool(abs(simulated - one.value) <= one.sd),
                 "n_seeds": row["n_seeds"],
                 "status": row["status"],
             }
@@ -125,20 +175,89 @@ def against_physical(row, target):
     return pd.DataFrame(rows)
 
 
-def beside_published(rows, published_table4_csv):
-    """The published solutions: their simulation beside ours with its standard error, and ours minus
-    theirs."""
-    published = read_table(published_table4_csv, ("solution", *SIMULATED))
-    published["solution"] = published["solution"].astype(str)
-    theirs = published.set_index("solution").reindex(rows["solution"])
+def beside_published(
+    rows: pd.DataFrame, published: pd.DataFrame | None, responses: Iterable[Response]
+) -> pd.DataFrame:
+    """The published solutions: their simulation beside ours with its standard error, and ours less theirs.
+
+    Only of responses that the published table has.
+    """
     table = rows[["sample", "solution", *PARAMETERS]].copy()
-    for response, unit in (("aor", "deg"), ("height", "mm")):
-        simulated = f"{response}_simulated_{unit}"
-        table[f"{response}_published_predicted_{unit}"] = rows[f"{response}_predicted_{unit}"]
-        table[f"{response}_published_simulated_{unit}"] = theirs[simulated].to_numpy(float)
-        table[simulated] = rows[simulated]
-        table[f"{response}_se_{unit}"] = rows[f"{response}_se_{unit}"]
-        table[f"{response}_difference_{unit}"] = rows[simulated] - theirs[simulated].to_numpy(float)
-    for column in ("n_seeds", "status", "reason"):
-        table[column] = rows[column]
+    if published is not None:
+        theirs = published.astype({"solution": str}).set_index("solution").reindex(rows["solution"])
+        for one in published_responses(published, responses):
+            simulated = theirs[one.simulated].to_numpy(float)
+            table[derived(one.name, "published_predicted")] = rows[one.predicted]
+            table[derived(one.name, "published_simulated")] = simulated
+            table[one.simulated] = rows[one.simulated]
+            table[one.error] = rows[one.error]
+            table[derived(one.name, "difference")] = rows[one.simulated] - simulated
+    table[list(ENDED)] = rows[list(ENDED)]
     return table
+
+
+def write_solutions(
+    feasible_csv: str | os.PathLike,
+    published_csv: str | os.PathLike | None,
+    space: ParameterSpace,
+    targets: Targets,
+    count: int,
+    out_csv: str | os.PathLike,
+) -> pd.DataFrame:
+    """Write what is to be simulated (`solutions_to_simulate`); return the table.
+
+    Raises
+    ------
+    InputError
+        For a bad file, or too few solutions.
+    """
+    needed = ("solution", *PARAMETERS, *targets.predicted, "feasible", "representative")
+    feasible = read_table(feasible_csv, needed)
+    if len(feasible) < count + 1:
+        raise InputError(feasible_csv, "solutions", len(feasible), f"at least {count + 1}")
+    solutions = solutions_to_simulate(feasible, _published(published_csv), space, targets, count)
+    write_table(out_csv, solutions)
+    return solutions
+
+
+def run(
+    solutions_csv: str | os.PathLike,
+    job_json_paths: Iterable[str | os.PathLike],
+    published_csv: str | os.PathLike | None,
+    targets: Targets,
+    out_dir: str | os.PathLike,
+    support: Support | None = None,
+) -> dict[str, pd.DataFrame]:
+    """Write table4.csv, representative.csv and published.csv (`validate`); return the three tables.
+
+    Parameters
+    ----------
+    solutions_csv : path
+        Of `write_solutions`.
+    job_json_paths : iterable of paths
+        A job's JSON file for each of its samples and bench test.
+    published_csv : path or None
+        The published solutions.
+    targets, support
+        As for `validate`.
+    out_dir : path
+        Folder to write.
+
+    Raises
+    ------
+    InputError
+        For a missing or bad file.
+    """
+    solutions = read_samples(solutions_csv)
+    check_columns(solutions_csv, solutions, (*SOLUTION, *targets.predicted))
+    solutions["solution"] = solutions["solution"].astype(str)
+    jobs = read_jobs(job_json_paths, solutions, targets)
+    tables = validate(solutions, jobs, targets, _published(published_csv), support)
+    for name, table in tables.items():
+        write_table(Path(out_dir) / f"{name}.csv", table)
+    return tables
+
+
+def _published(path):
+    """The published solutions, if there are any."""
+    return None if path is None else read_table(path, ("solution", *PARAMETERS))

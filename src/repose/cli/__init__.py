@@ -6,6 +6,7 @@ verbs, so that help and parsing load none of them.
 
 import argparse
 import sys
+from collections.abc import Sequence
 
 from repose.cli import (
     calibration,
@@ -44,7 +45,7 @@ FAULTS = (FileNotFoundError, IsADirectoryError, NotADirectoryError, FileExistsEr
 VERBS = {verb.name: verb for module in FAMILIES for verb in module.family.verbs}
 
 
-def main(words=None):
+def main(words: Sequence[str] | None = None) -> int:
     """Run one verb. Returns the exit status: 0, 1 where a verification misses, or 2 where the input is at fault.
 
     A fault of the input is told in one line on stderr.
@@ -62,7 +63,7 @@ def main(words=None):
         return 2
 
 
-def parser():
+def parser() -> argparse.ArgumentParser:
     """The parser of all verbs."""
     top = argparse.ArgumentParser(
         prog=PROGRAM,

@@ -1,11 +1,13 @@
-"""Verbs of the calibration: heaps to a dataset, a network, its inversion, and the answer simulated again."""
+"""Verbs of the calibration: jobs to a dataset, a network, its inversion, and the answer simulated again."""
 
 from pathlib import Path
 
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, SAMPLES, TABLE3
 from repose.cli.registry import Family, Option
 from repose.config import loader
-from repose.core.targets import section_of
+from repose.config.definitions import definitions_of
+from repose.core.parameter_space import ParameterSpace
+from repose.core.targets import Targets
 
 SUPPORT = Option("--dataset", help="dataset.csv; with it solutions beyond its samples carry a warning")
 
@@ -13,10 +15,9 @@ family = Family()
 
 
 @family.verb(
-    "heaps to one table: responses with standard errors, failures with their reasons",
+    "jobs to one table: responses with standard errors, failures with their reasons",
     example="results/heaps/???.json --out results",
     out="results",
-    config=False,
     options=[
         Option("heaps", nargs="+", help="JSON files that the verb measure_heap or heap wrote"),
         SAMPLES.but(help="the design"),
@@ -26,11 +27,13 @@ family = Family()
 def dataset(args):
     from repose.chain import dataset
 
-    dataset.run(args.samples, args.heaps, args.out, args.prefix)
+    config = loader.load(args.config)
+    targets, definitions = Targets.of(config["targets"]), definitions_of(config)
+    dataset.run(args.samples, args.heaps, targets, definitions, args.out, args.prefix)
 
 
 @family.verb(
-    "train the BP network with Bayesian regularisation",
+    "train the surrogate, by default the BP network with Bayesian regularisation",
     example="--dataset results/dataset.csv --runs results/runs.csv",
     out="results/network",
     options=[DATASET, RUNS],
@@ -38,7 +41,10 @@ def dataset(args):
 def network(args):
     from repose.chain import train
 
-    train.run(args.dataset, args.runs, loader.load(args.config)["network"], args.out)
+    config = loader.load(args.config)
+    targets, definitions = Targets.of(config["targets"]), definitions_of(config)
+    settings = config["network"] | {"surrogate": config["surrogate"]}
+    train.run(args.dataset, args.runs, targets, settings, args.out, definitions, args.config)
 
 
 @family.verb(
@@ -48,12 +54,19 @@ def network(args):
     options=[NETWORK, TABLE3, SUPPORT],
 )
 def miga(args):
-    from repose.search import miga
+    from repose.chain import invert
 
     config = loader.load(args.config)
-    support = _support(args.dataset, config)
-    summary = miga.run(
-        args.network, config["parameters"], section_of(config), config["miga"], args.table3, args.out, support
+    summary = invert.run(
+        args.network,
+        ParameterSpace.of(config["parameters"]),
+        Targets.of(config["targets"]),
+        config["miga"],
+        args.table3,
+        args.out,
+        _support(args, config),
+        definitions_of(config),
+        args.config,
     )
     print(summary["message"])
 
@@ -69,9 +82,13 @@ def solutions(args):
 
     config = loader.load(args.config)
     section = config["validation"]
-    out = Path(args.out) / "solutions.csv"
     validate.write_solutions(
-        args.feasible, section["published"], config["parameters"], section["solutions"], out
+        args.feasible,
+        section["published"],
+        ParameterSpace.of(config["parameters"]),
+        Targets.of(config["targets"]),
+        section["solutions"],
+        Path(args.out) / "solutions.csv",
     )
 
 
@@ -89,14 +106,18 @@ def validate(args):
     from repose.chain import validate
 
     config = loader.load(args.config)
-    published = config["validation"]["published"]
-    support = _support(args.dataset, config)
-    validate.run(args.solutions, args.heaps, published, section_of(config), args.out, support)
+    published, targets = config["validation"]["published"], Targets.of(config["targets"])
+    validate.run(args.solutions, args.heaps, published, targets, args.out, _support(args, config))
 
 
-def _support(dataset, config):
-    """The samples that tell an extrapolation, or None without a dataset."""
-    from repose.core.parameter_space import ParameterSpace
+def _support(args, config):
+    """The samples that tell an extrapolation, or None without a dataset; InputError for other definitions."""
+    if not args.dataset:
+        return None
+    from repose.chain.dataset import read_definitions
+    from repose.core.responses import require_same_definitions
     from repose.surrogate.support import Support
 
-    return Support.of_dataset(dataset, ParameterSpace.of(config["parameters"])) if dataset else None
+    found, summary = read_definitions(args.dataset)
+    require_same_definitions(found, summary, definitions_of(config), args.config)
+    return Support.of_dataset(args.dataset, ParameterSpace.of(config["parameters"]))

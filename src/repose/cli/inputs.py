@@ -7,6 +7,7 @@ from repose.cli.options import BERRY, PUBLISHED
 from repose.cli.registry import Family, Option
 from repose.config import loader
 from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
 
 family = Family()
 
@@ -73,7 +74,8 @@ def design(args):
 
     config = loader.load(args.config)
     section = config["design"]
-    design.run(config["parameters"], section["samples"], section["method"], section["seed"], args.out)
+    space = ParameterSpace.of(config["parameters"])
+    design.run(space, section["samples"], section["method"], section["seed"], args.out)
 
 
 @family.verb(
@@ -85,4 +87,4 @@ def pool_design(args):
     from repose.studies import pool
 
     config = loader.load(args.config)
-    pool.run(config["parameters"], config["pool"], args.out)
+    pool.run(ParameterSpace.of(config["parameters"]), config["pool"], args.out)

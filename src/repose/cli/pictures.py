@@ -1,5 +1,6 @@
 """Verbs of what a reader sees: figures, films, tables as pages."""
 
+import argparse
 from pathlib import Path
 
 from repose.cli.options import pairs
@@ -21,7 +22,7 @@ family = Family()
         Option("--input", action="append", default=[], metavar="NAME=PATH", help="a file that it shows"),
     ],
 )
-def figure(args):
+def figure(args: argparse.Namespace) -> None:
     from repose.pictures import figures
 
     Path(args.out).parent.mkdir(parents=True, exist_ok=True)
@@ -38,7 +39,7 @@ def figure(args):
         Option("--drum", action="store_true", help="it is that of a drum"),
     ],
 )
-def film(args):
+def film(args: argparse.Namespace) -> None:
     from repose.particle.build import Particle
     from repose.pictures import film, scenery
 
@@ -62,7 +63,7 @@ def film(args):
         Option("--title", required=True, help="headline of the page"),
     ],
 )
-def table(args):
+def table(args: argparse.Namespace) -> None:
     from repose.pictures import pages
 
     pages.write_page(args.csv, args.title, args.out, loader.load(args.config)["small_run"])

@@ -1,6 +1,8 @@
 """Verbs around a study: speed, the configuration's check, the verification suite, what a repository keeps."""
 
+import argparse
 import json
+from typing import TYPE_CHECKING
 
 from repose.cli.berries import berry_and_particle
 from repose.cli.options import JSON
@@ -8,6 +10,9 @@ from repose.cli.registry import Family, Option
 from repose.config import loader
 from repose.core import published
 from repose.core.errors import InputError
+
+if TYPE_CHECKING:
+    from repose.verification.case import Result
 
 family = Family()
 
@@ -18,7 +23,7 @@ family = Family()
     example="--json",
     options=[JSON],
 )
-def bench(args):
+def bench(args: argparse.Namespace) -> None:
     from repose.studies import shape_study
     from repose.verification import speed
 
@@ -35,7 +40,7 @@ def bench(args):
     example="--config config/paper.yaml",
     options=[Option("--cores", type=int, default=2, help="cores of the run (2)")],
 )
-def check(args):
+def check(args: argparse.Namespace) -> None:
     if args.cores < 1:
         raise InputError("command line", "--cores", args.cores, "at least 1")
     from repose.config import checks, cost
@@ -61,7 +66,7 @@ def check(args):
         Option("--seeds", type=int, default=2, help="pours of each time step in the case convergence (2)"),
     ],
 )
-def verify(args):
+def verify(args: argparse.Namespace) -> int:
     for option in ("hits", "seeds"):
         if getattr(args, option) < 1:
             raise InputError("command line", f"--{option}", getattr(args, option), "at least 1")
@@ -84,7 +89,7 @@ def verify(args):
     return 0 if all(result.passed for result in results.values()) else 1
 
 
-def _case_line(name, result):
+def _case_line(name: str, result: "Result") -> str:
     """One case in words."""
     missed = [row for row in result.rows if not row.passed]
     words = (
@@ -100,7 +105,7 @@ def _case_line(name, result):
     config=False,
     options=[Option("results", help="folder of the finished study")],
 )
-def snapshot(args):
+def snapshot(args: argparse.Namespace) -> None:
     from repose.studies import snapshot
 
     for path in snapshot.take(args.results, args.out):

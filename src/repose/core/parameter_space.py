@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from repose.core.parameters import PARAMETERS, PHYSICAL_LIMITS
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS, PHYSICAL_LIMITS, check_value
 
 PRIOR_WIDTHS = 3.0  # of a prior's standard deviation, to each side, where no range is given
 
@@ -35,19 +36,35 @@ class ParameterSpace:
     prior: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, section: Mapping[str, Any]) -> "ParameterSpace":
+    def of(cls, section: Mapping[str, Any], source: object = "parameters") -> "ParameterSpace":
         """From the configuration's section `parameters`.
 
-        A parameter is a range ``[low, high]``, ``{fixed: value}``, or ``{prior: {mean, sd}}`` with or without a
-        ``range``.
+        Parameters
+        ----------
+        section : mapping
+            For each of the six a range ``[low, high]``, ``{fixed: value}``, or ``{prior: {mean, sd}}`` with or without
+            a ``range``.
+        source : object
+            Where the section stands, for the error.
+
+        Raises
+        ------
+        InputError
+            If a parameter is missing or unknown, or a range is empty or no range.
         """
+        for name in section:
+            if name not in PARAMETERS:
+                known = ", ".join(PARAMETERS)
+                raise InputError(source, name, section[name], f"no such parameter; the six are {known}")
         free, low, high, fixed, prior = [], [], [], {}, {}
         for name in PARAMETERS:
+            if name not in section:
+                raise InputError(source, name, None, "a pair [low, high]")
             given = section[name]
             if isinstance(given, Mapping) and "fixed" in given:
                 fixed[name] = float(given["fixed"])
                 continue
-            bounds = range_of(name, given)
+            bounds = _checked_range(name, given, source)
             if isinstance(given, Mapping) and "prior" in given:
                 prior[name] = (float(given["prior"]["mean"]), float(given["prior"]["sd"]))
             free.append(name)
@@ -55,9 +72,29 @@ class ParameterSpace:
             high.append(bounds[1])
         return cls(tuple(free), np.array(low), np.array(high), fixed, prior)
 
+    def check_searchable(self, source: object = "parameters") -> None:
+        """InputError where nothing is free, or the contact law cannot take a value of the ranges or a fixed value."""
+        if not self.free:
+            raise InputError(source, "fixed", self.fixed, "at most five of the six parameters")
+        for name, low, high in zip(self.free, self.low.tolist(), self.high.tolist(), strict=True):
+            check_value(name, low, source, f"lower end of {name}")
+            check_value(name, high, source, f"upper end of {name}")
+        for name, value in self.fixed.items():
+            check_value(name, value, source, f"{name}.fixed")
+
     @property
     def dimensions(self) -> int:
+        """Number d of parameters that are searched."""
         return len(self.free)
+
+    @property
+    def centre(self) -> dict[str, float]:
+        """Centre of each parameter's range, or its fixed value."""
+        middle = {
+            name: round((low + high) / 2, 12)
+            for name, low, high in zip(self.free, self.low.tolist(), self.high.tolist(), strict=True)
+        }
+        return {name: self.fixed.get(name, middle.get(name)) for name in PARAMETERS}
 
     def values(self, unit: np.ndarray) -> np.ndarray:
         """Parameter sets (n, 6) in the order of `PARAMETERS` of points (n, d) in the unit cube."""
@@ -128,3 +165,15 @@ def range_of(name: str, given: Any) -> tuple[float, float]:
     lowest, highest = PHYSICAL_LIMITS[name]
     low, high = max(lowest, mean - PRIOR_WIDTHS * sd), min(highest, mean + PRIOR_WIDTHS * sd)
     return (float(low), float(high)) if math.isfinite(high) else (float(low), float(mean + PRIOR_WIDTHS * sd))
+
+
+def _checked_range(name, given, source):
+    """A parameter's range, or InputError where it is none."""
+    allowed = "[low, high] with low < high, both finite numbers"
+    try:
+        low, high = range_of(name, given)
+    except (TypeError, ValueError, IndexError, KeyError):
+        raise InputError(source, name, given, allowed) from None
+    if not (-math.inf < low < high < math.inf):
+        raise InputError(source, name, given, allowed)
+    return low, high

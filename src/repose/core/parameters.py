@@ -2,6 +2,8 @@
 
 import math
 
+from repose.core.errors import InputError
+
 PARAMETERS = ("e_gg", "mus_gg", "mur_gg", "e_gp", "mus_gp", "mur_gp")
 
 LABELS = {
@@ -24,3 +26,38 @@ SYMBOLS = {
 
 # What the contact law itself can take; a study's ranges lie inside (Table 2).
 PHYSICAL_LIMITS = {name: (0.01, 1.0) if name.startswith("e_") else (0.0, math.inf) for name in PARAMETERS}
+
+
+def check_value(name: str, value: object, source: object, key: str | None = None) -> float:
+    """A parameter's value as a number that the contact law can take.
+
+    Parameters
+    ----------
+    name : str
+        One of PARAMETERS.
+    value : float or str
+        A number, or the text of one.
+    source : path or str
+        The file it comes from, for the error.
+    key : str, optional
+        What the value is called there; by default the parameter's name.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    InputError
+        If the value is no finite number within PHYSICAL_LIMITS.
+    """
+    key = name if key is None else key
+    try:
+        number = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise InputError(source, key, value, "a number") from None
+    low, high = PHYSICAL_LIMITS[name]
+    if not low <= number <= high or math.isinf(number):
+        limit = f"{low:g} to {high:g}" if high < math.inf else f"a finite number of at least {low:g}"
+        raise InputError(source, key, number, limit)
+    return number

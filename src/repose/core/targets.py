@@ -142,6 +142,22 @@ class Targets(Sequence[Target]):
     def weight(self) -> np.ndarray:
         return np.array([one.weight for one in self])
 
+    def in_words(self, numbers: Sequence[str]) -> str:
+        """One number for each target, with its unit: ``32.5 deg and 66.1 mm``.
+
+        Where two targets have the same unit, each number is told with its response.
+        """
+        units = [one.response.unit for one in self]
+        several = len(set(units)) < len(units)
+        parts = [
+            f"{one.response.symbol} {number} {one.response.unit}"
+            if several
+            else f"{number} {one.response.unit}"
+            for one, number in zip(self, numbers, strict=True)
+        ]
+        parts = [part.rstrip() for part in parts]
+        return " and ".join(filter(None, [", ".join(parts[:-1]), parts[-1]]))
+
     def as_section(self) -> dict[str, Any]:
         """The two targets as the mapping that stages took before targets were a list; goes with the last of them."""
         old: dict[str, Any] = {}

@@ -23,7 +23,7 @@ class DrumInside:
     thickness_m: float
     turned_rad: float = 0.0
 
-    def outline(self):
+    def outline(self) -> np.ndarray:
         """Points (M, 3) that a picture of it has to hold."""
         angle = np.linspace(0.0, 2.0 * math.pi, 72, endpoint=False)
         outer, half = self.radius_m + self.thickness_m, 0.5 * self.length_m
@@ -34,7 +34,7 @@ class DrumInside:
             ]
         )
 
-    def meet(self, eye_m, rays):
+    def meet(self, eye_m: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Depth (H, W) at which each ray (H, W, 3) from the eye meets it, infinite for none; normals (H, W, 3)."""
         half = 0.5 * self.length_m
         front, back = ((y - eye_m[1]) / rays[..., 1] for y in (-half, half))
@@ -52,7 +52,7 @@ class DrumInside:
         normal[~on_shell] = 0.0, -1.0, 0.0
         return np.where(mouth <= self.radius_m + self.thickness_m, depth, np.inf), normal
 
-    def paint(self, place, normal, lit, sky):
+    def paint(self, place: np.ndarray, normal: np.ndarray, lit: np.ndarray, sky: np.ndarray) -> np.ndarray:
         """Colour (M, 3) at places of it (M, 3); lit, sky (M,): light and open sky there."""
         tone = (0.62 + 0.38 * lit) * (0.35 + 0.65 * sky) * (0.86 + 0.14 * normal[:, 2])
         colour = DRUM_TONE * 1.1 * tone[:, None]

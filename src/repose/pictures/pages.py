@@ -3,9 +3,7 @@
 import html
 from pathlib import Path
 
-import pandas as pd
-
-from repose.core.errors import InputError
+from repose.core.files import read_table, write_text
 
 STYLE = """
 body { font: 14px/1.4 sans-serif; margin: 1.5em; color: #222; }
@@ -17,16 +15,33 @@ th { border-bottom: 2px solid #555; }
 SMALL_RUN = "Small run: these numbers show that the chain works and are no calibration."
 
 
-def write_page(csv_path, title, out_path, small_run=False):
-    """Write a CSV as an HTML page; a small run says so above its table. InputError for a bad CSV."""
-    try:
-        table = pd.read_csv(csv_path)
-    except (OSError, ValueError) as error:
-        raise InputError(csv_path, "table", str(error), "a CSV file") from error
-    rows = table.to_html(index=False, na_rep="", border=0, float_format=lambda value: f"{value:.4g}")
+def write_page(csv_path: str | Path, title: str, out_path: str | Path, small_run: bool = False) -> None:
+    """Write a table as an HTML page.
+
+    Parameters
+    ----------
+    csv_path : path
+        The table, a CSV file.
+    title : str
+        Headline of the page.
+    out_path : path
+        The page.
+    small_run : bool
+        Whether the page warns above the table that its numbers are those of a small run.
+
+    Raises
+    ------
+    InputError
+        If the table cannot be read.
+    """
+    rows = read_table(csv_path).to_html(
+        index=False, na_rep="", border=0, float_format=lambda value: f"{value:.4g}"
+    )
     note = f'<p class="small-run">{SMALL_RUN}</p>\n' if small_run else ""
-    head = f'<meta charset="utf-8"><title>{html.escape(title)}</title><style>{STYLE}</style>'
-    body = f"<h1>{html.escape(title)}</h1>\n{note}{rows}"
-    page = f"<!doctype html>\n<html><head>{head}</head>\n<body>{body}</body></html>\n"
-    Path(out_path).parent.mkdir(parents=True, exist_ok=True)
-    Path(out_path).write_text(page, encoding="utf-8")
+    write_text(out_path, page(title, f"<h1>{html.escape(title)}</h1>\n{note}{rows}"))
+
+
+def page(title: str, body: str, style: str = STYLE) -> str:
+    """An HTML page of a title as plain text and a body as HTML."""
+    head = f'<meta charset="utf-8"><title>{html.escape(title)}</title><style>{style}</style>'
+    return f"<!doctype html>\n<html><head>{head}</head>\n<body>{body}</body></html>\n"

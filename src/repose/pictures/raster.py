@@ -37,7 +37,9 @@ def _rasterise(x, y, near, triangles, nearest, body, weights, corner):
                         weights[row, column, 1] = v
 
 
-def draw(x, y, near, triangles, shape):
+def draw(
+    x: np.ndarray, y: np.ndarray, near: np.ndarray, triangles: np.ndarray, shape: tuple[int, int]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Buffers nearest (H, W), body (H, W; -1 where empty), triangle (H, W) and weights (H, W, 2)."""
     nearest = np.full(shape, -np.inf)
     body, corner = np.full(shape, -1, np.int32), np.zeros(shape, np.int32)

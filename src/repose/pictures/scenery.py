@@ -1,11 +1,14 @@
 """What a picture shows besides the bodies: walls, and the camera that sees them."""
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 
 from repose.apparatus.funnel_geometry import Funnel
+from repose.dem import Simulation
 from repose.dem.surfaces import Cone, Mesh
 from repose.dem.tessellation import cone_circles, endless, in_world, plane_polygon
 
@@ -26,6 +29,11 @@ class Frustum:
     r_high_m: float
     frame: tuple = (0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1)
 
+    @property
+    def slope(self) -> float:
+        """Gain of radius over height."""
+        return (self.r_high_m - self.r_low_m) / (self.z_high_m - self.z_low_m)
+
 
 @dataclass(frozen=True, eq=False)
 class Panel:
@@ -34,24 +42,41 @@ class Panel:
     corners_m: np.ndarray
 
     @property
-    def normal(self):
+    def normal(self) -> np.ndarray:
         """Unit normal towards the side from which the panel is seen (3,)."""
         a, b = self.corners_m[1] - self.corners_m[0], self.corners_m[-1] - self.corners_m[0]
         normal = np.cross(a, b)
         return normal / np.linalg.norm(normal)
 
 
+class Backdrop(Protocol):
+    """A surface behind all bodies, such as `repose.pictures.backdrop.DrumInside`."""
+
+    def meet(self, eye_m: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Depth (H, W) [m] at which each ray (H, W, 3) meets it, infinite for none, and normals (H, W, 3) there."""
+
+    def paint(self, place: np.ndarray, normal: np.ndarray, lit: np.ndarray, sky: np.ndarray) -> np.ndarray:
+        """Colour (M, 3) at places of it (M, 3) with normals (M, 3); lit, sky (M,): share of light and sky there."""
+
+
 @dataclass(frozen=True)
 class Setting:
-    """What stands about the bodies: the height of an endless plate (None without one), flat and round walls.
+    """What stands about the bodies.
 
-    backdrop: a surface behind all of them, with `meet` and `paint` as `repose.pictures.backdrop.DrumInside` has them.
+    Attributes
+    ----------
+    plate_m : float or None
+        Height of an endless plate.
+    panels : tuple of Panel
+    frusta : tuple of Frustum
+    backdrop : Backdrop or None
+        What is seen behind all of them.
     """
 
     plate_m: float | None = 0.0
-    panels: tuple = ()
-    frusta: tuple = ()
-    backdrop: object = None
+    panels: tuple[Panel, ...] = ()
+    frusta: tuple[Frustum, ...] = ()
+    backdrop: Backdrop | None = None
 
 
 @dataclass(frozen=True)
@@ -64,7 +89,7 @@ class Camera:
     width: int
     height: int
 
-    def project(self, points_m):
+    def project(self, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Screen x, y (px, row 0 on top) and inverse depth (1/m) of points (..., 3)."""
         seen = (points_m - self.eye_m) @ self.axes.T
         near = 1.0 / seen[..., 2]
@@ -72,7 +97,7 @@ class Camera:
         y = self.height / 2 - self.focal_px * seen[..., 1] * near
         return x, y, near
 
-    def rays(self):
+    def rays(self) -> np.ndarray:
         """World direction of each pixel's ray, (height, width, 3), scaled to unit depth along the view."""
         x = (np.arange(self.width) + 0.5 - self.width / 2) / self.focal_px
         y = (self.height / 2 - np.arange(self.height) - 0.5) / self.focal_px
@@ -80,10 +105,11 @@ class Camera:
         return x[None, :, None] * right + y[:, None, None] * up + forward
 
 
-def funnel_walls(heap):
-    """The funnel's walls as `Frustum`s from the configuration's `heap` section (mm and degrees there)."""
+def funnel_walls(section: Mapping[str, Any]) -> list[Frustum]:
+    """The funnel's walls as `Frustum`s from the configuration's section `funnel` (mm and degrees there)."""
     funnel = Funnel(
-        **{f"{key}_m": heap[f"{key}_mm"] / 1e3 for key in LENGTHS}, cone_angle_deg=heap["cone_angle_deg"]
+        **{f"{key}_m": section[f"{key}_mm"] / 1e3 for key in LENGTHS},
+        cone_angle_deg=section["cone_angle_deg"],
     )
     outlet, inlet, top = funnel.outlet_diameter_m / 2, funnel.inlet_diameter_m / 2, funnel.inlet_height_m
     neck = funnel.outlet_height_m + funnel.tube_length_m
@@ -94,14 +120,14 @@ def funnel_walls(heap):
 
 
 def look_at(
-    points_m,
-    width,
-    height,
-    elevation_deg=14.0,
-    azimuth_deg=0.0,
-    margin=1.06,
-    field_of_view_deg=FIELD_OF_VIEW_DEG,
-):
+    points_m: np.ndarray,
+    width: int,
+    height: int,
+    elevation_deg: float = 14.0,
+    azimuth_deg: float = 0.0,
+    margin: float = 1.06,
+    field_of_view_deg: float = FIELD_OF_VIEW_DEG,
+) -> Camera:
     """A `Camera` that sees all of points_m (M, 3) from the given direction, with a margin around them."""
     el, az = math.radians(elevation_deg), math.radians(azimuth_deg)
     back = np.array([math.cos(az) * math.cos(el), math.sin(az) * math.cos(el), math.sin(el)])
@@ -116,7 +142,9 @@ def look_at(
     return Camera(centre @ axes + distance * back, axes, focal, width, height)
 
 
-def outline(centres, reach, walls, panels=()):
+def outline(
+    centres: np.ndarray, reach: float, walls: Sequence[Frustum], panels: Sequence[Panel] = ()
+) -> np.ndarray:
     """Points (M, 3) that a picture of these bodies and walls has to hold."""
     spread = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
     around = np.linspace(0, 2 * math.pi, 36, endpoint=False)
@@ -133,7 +161,9 @@ def outline(centres, reach, walls, panels=()):
     return np.concatenate([berries, *rings, *flat, [[0.0, 0.0, 0.0]] if not flat else np.zeros((0, 3))])
 
 
-def setting_of(simulation, planes=None, wall_frames=None):
+def setting_of(
+    simulation: Simulation, planes: np.ndarray | None = None, wall_frames: np.ndarray | None = None
+) -> Setting:
     """The `Setting` of a simulation's walls where they are now, or at places of a recorded frame.
 
     planes (P, 7), wall_frames (C, 12): as `repose.dem.Recorder` keeps them. A level endless plane below all others is

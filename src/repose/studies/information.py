@@ -196,7 +196,8 @@ def in_order(
     list of dict
         ``place``, ``response``, ``bits`` of it with all before it, and ``gain_bits``.
     """
-    root, rows = np.linalg.cholesky(covariance), []
+    root = np.linalg.cholesky(covariance)
+    rows: list[dict[str, Any]] = []
     observed = prior.predicted[truths] + errors @ root.T
 
     def bits(columns):
@@ -208,7 +209,7 @@ def in_order(
     left = [name for name in names if name not in base]
     while left:
         tried = {name: bits([*columns, names.index(name)]) for name in left}
-        best = max(left, key=tried.get)
+        best = max(left, key=lambda name: tried[name])
         rows.append(
             {"place": len(rows) + 1, "response": best, "bits": tried[best], "gain_bits": tried[best] - before}
         )

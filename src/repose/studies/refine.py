@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from repose.chain import invert
 from repose.chain.design import lhsdesign
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
@@ -22,8 +23,6 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.seeds import PURPOSES
 from repose.core.targets import Targets
-from repose.search import miga
-from repose.studies.posterior import _ranges
 from repose.studies.rounds import NEIGHBOUR, OF_A_ROUND, PROPOSAL, jobs, round_of
 from repose.surrogate.base import Surrogate, load
 from repose.surrogate.support import Support
@@ -260,7 +259,7 @@ def run_search(
 
     The search begins in an eighth of the box of `refine.reach` and widens it until the targets are met: of all
     parameter sets that would do, one near the last proposal is wanted, where the correction holds. The corrected
-    surrogate is written as network.json, beside what `repose.search.miga.run` writes; summary.json also has the keys
+    surrogate is written as network.json, beside what `repose.chain.invert.run` writes; summary.json also has the keys
     reach, offset and offset_samples.
 
     Parameters
@@ -294,15 +293,7 @@ def run_search(
     support = Support.of_dataset(dataset_csv, space)
     for share in WIDENING:
         box = search_box(space, centre, share * reach)
-        summary = miga.run(
-            out / "network.json",
-            _ranges(box),
-            targets.as_section(),
-            config["miga"],
-            table3_csv,
-            out,
-            support,
-        )
+        summary = invert.run(out / "network.json", box, targets, config["miga"], table3_csv, out, support)
         off = [summary["target_distance"][target.name] / target.aim for target in targets]
         if max(off) < config["refine"]["tolerance_percent"] / 100 * MET:
             break

@@ -210,6 +210,8 @@ def read(
         raise InputError(runs_csv, "runs", str(error), "two or more of most samples") from None
     drum = list(drum)
     if drum:
+        if drum_runs is None:
+            raise ValueError("drum_runs is None; allowed: the table of runs, where drum names files")
         turned = read_drum(drum, drum_runs, samples)
         known |= {name: one for name, one in turned.items() if name not in known}
     return Data(table[list(PARAMETERS)].to_numpy(float), known, runs)
@@ -280,9 +282,10 @@ def left_out(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> np.nda
 
 
 def cross_validated_r2(known: Known, predicted: np.ndarray) -> float:
-    """R2 of the predictions of `left_out`."""
+    """R2 of the predictions of `left_out`; NaN where all means are alike."""
     there = np.isfinite(predicted)
-    return r2(known.mean[there], predicted[there])
+    found = r2(known.mean[there], predicted[there])
+    return math.nan if found is None else found
 
 
 def surrogate_covariance(residuals: np.ndarray, errors: np.ndarray, correlation: np.ndarray) -> np.ndarray:

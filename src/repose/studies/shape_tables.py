@@ -134,7 +134,8 @@ def combination_table(
     rows, measured = [], particles.set_index("particle")["measured_berry"]
     with_angle = any(one.name == CALIBRATED_ANGLE for one in targets)
     for (particle, filling, definition), group in sets.groupby(COMBINATION, sort=False):
-        off, within, count = 0.0, True, len(group)
+        count = len(group)
+        off, within = np.zeros(count), np.ones(count, bool)
         row = {"particle": particle, "filling": filling, "definition": definition}
         for one in targets:
             difference = group[derived(one.name, "difference")]

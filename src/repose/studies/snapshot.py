@@ -31,7 +31,7 @@ KEPT = {
 LARGEST_FILE = 5_000_000  # bytes
 
 
-def take(results_dir, out):
+def take(results_dir: str | Path, out: str | Path) -> list[Path]:
     """Copy tables and pictures of a study to a folder of its own, replacing an earlier snapshot there.
 
     results_dir: folder of a finished study; out: folder of the snapshot. Returns the copied files.

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.chain.dataset import read_samples
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_table, write_json, write_table
+from repose.core.parameter_sets import read_samples
 from repose.core.parameters import PARAMETERS
 from repose.core.responses import Response, derived
 from repose.core.runs import Recorded, summarise_runs

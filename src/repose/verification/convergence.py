@@ -48,8 +48,8 @@ def _mean_and_error(values: Sequence[float]) -> tuple[float, float]:
     return math.nan if mean is None else mean, math.nan if error is None else error
 
 
-def _pours(step_s: float, pile: tuple, seeds: int) -> list[dict[str, Any]]:
-    """Records of the pours of the published representative solution that gave a pile."""
+def _runs(step_s: float, pile: tuple, seeds: int) -> list[dict[str, Any]]:
+    """Records of the runs of the published representative solution that can be used, in each target's bench test."""
     from repose.apparatus import bench
     from repose.apparatus.job import run_once
 
@@ -57,7 +57,8 @@ def _pours(step_s: float, pile: tuple, seeds: int) -> list[dict[str, Any]]:
     changed = {**config, "simulation": {**config["simulation"], "time_step_s": step_s}}
     parameters = representative()
     records = [
-        run_once(bench("funnel"), changed, parameters, seed, particle, berry)[0]
+        run_once(bench(name), changed, parameters, seed, particle, berry)[0]
+        for name in Targets.of(config["targets"]).apparatus
         for seed in range(1, seeds + 1)
     ]
     return [record for record in records if record["status"] == "ok"]
@@ -118,14 +119,14 @@ def _pile_rows(
     rows: list[Row], at: str, step: float, pile: tuple, seeds: int
 ) -> list[tuple[Response, float, float, float]]:
     """Add a step's rows of the targets' responses; returns (response, step, mean, standard error) of each."""
-    runs = _pours(step, pile, seeds)
+    runs = _runs(step, pile, seeds)
     found = []
     for response in Targets.of(pile[0]["targets"]).responses:
         values = [run[response.name] for run in runs if run.get(response.name) is not None]
-        if not values:  # no pile, or not a response of the pile
+        if not values:
             continue
         mean, error = _mean_and_error(values)
         found.append((response, step, mean, error))
-        note = f"standard error {error:.2g}, {len(values)} pours"
+        note = f"standard error {error:.2g}, {len(values)} runs"
         rows.append(reported(f"{at}: {response.label}", response.unit, mean, note))
     return found

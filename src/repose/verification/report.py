@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from repose.core.files import write_text
 from repose.pictures.figures import style
-from repose.pictures.pages import STYLE
+from repose.pictures.pages import STYLE, page
 
 from .case import KNOWN, MISSED, Result, Row
 
@@ -92,7 +92,6 @@ def _page(results: Mapping[str, Result]) -> str:
     rows = sum(len(result.rows) for result in results.values())
     missed = sum(row.status == MISSED for result in results.values() for row in result.rows)
     known = sum(row.status == KNOWN for result in results.values() for row in result.rows)
-    head = f'<meta charset="utf-8"><title>Verification</title><style>{STYLE}{MARKS}</style>'
     body = [
         "<h1>Verification of the simulator</h1>",
         f"<p>{len(results)} cases, {rows} numbers: {missed} miss their tolerance, {known} deviate for a reason that "
@@ -104,7 +103,7 @@ def _page(results: Mapping[str, Result]) -> str:
         if result.panels:
             body.append(f'<img src="{name}.png" alt="{html.escape(result.title)}" width="900">')
         body.append(_table(result.rows))
-    return f"<!doctype html>\n<html><head>{head}</head>\n<body>" + "\n".join(body) + "</body></html>\n"
+    return page("Verification", "\n".join(body), STYLE + MARKS)
 
 
 def _number(value: object) -> str:

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from repose.chain.invert import on_free_parameters
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
-from repose.search.miga import INFEASIBLE, Objective
+from repose.search.objective import Objective
 from repose.studies.comparison import search
 from repose.studies.comparison.region import Region
 from repose.studies.comparison.searches import Log, Spent, logged, searches
@@ -25,7 +26,7 @@ def test_log_counts_every_point_and_ends_when_they_are_used_up():
     points = np.zeros((4, 6))
     points[:, 0] = [0, 0.1, 0.2, 1]
     # F = |3 x| / 2 inside the box; at x = 1 it is 1.5, outside by 1
-    assert log(points) == pytest.approx([0, 0.15, 0.3, 1.5 + INFEASIBLE + 10 * 1.0])
+    assert log(points) == pytest.approx([0, 0.15, 0.3, 1.5 + OBJECTIVE.infeasible + 10 * 1.0])
     with pytest.raises(Spent):
         log(points)
     assert log.used == 5
@@ -97,5 +98,5 @@ def test_a_fixed_parameter_stays_where_it_is():
         def response_function(self, low, high):
             return lambda points: (low + high) / 2 + points * (high - low) / 2
 
-    respond = search.respond_in(ParameterSpace.of(given), Model())
+    respond = on_free_parameters(Model(), ParameterSpace.of(given))
     assert respond(np.array([[-1.0, 0, 0, 0, 1]])).tolist() == [[0, 0.3, 1, 1, 1, 2]]

@@ -9,7 +9,7 @@ from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
-from repose.search.miga import Objective
+from repose.search.objective import Objective
 from repose.studies.comparison import proposals, whole
 from repose.surrogate.support import quadratic_terms
 

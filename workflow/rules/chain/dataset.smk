@@ -16,8 +16,11 @@ rule dataset:
     resources:
         mem_mb=300,
     params:
+        config=CONFIG,
         folder=folder,
+        depends=Targets.of(config["targets"]).names,
     message:
         "Table of all samples and their responses"
     shell:
-        "python -m repose dataset {input.heaps} --samples {input.samples} --out {params.folder} > {log} 2>&1"
+        "python -m repose dataset {input.heaps} --config {params.config} --samples {input.samples}"
+        " --out {params.folder} > {log} 2>&1"

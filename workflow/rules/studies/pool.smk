@@ -99,13 +99,15 @@ for points, (prefix, count, _) in POOL_SETS.items():
         resources:
             mem_mb=300,
         params:
+            config=CONFIG,
             folder=folder,
             prefix=prefix,
+            depends=Targets.of(config["targets"]).names,
         message:
             "Table of the set {rule}"
         shell:
-            "python -m repose dataset {input.heaps} --samples {input.samples} --prefix '{params.prefix}'"
-            " --out {params.folder} > {log} 2>&1"
+            "python -m repose dataset {input.heaps} --config {params.config} --samples {input.samples}"
+            " --prefix '{params.prefix}' --out {params.folder} > {log} 2>&1"
 
 
 rule pool:

@@ -1,6 +1,8 @@
 """Figures drawn from the workflow's own tables, under the paper's numbers where it has a counterpart."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from repose.core.errors import InputError
 
@@ -69,7 +71,7 @@ OPTIONAL = {
 }
 
 
-def draw(name, inputs, out_path, config):
+def draw(name: str, inputs: Mapping[str, Any], out_path: str | Path, config: Mapping[str, Any]) -> None:
     """Draw one figure to a PNG.
 
     name: a key of FIGURES; inputs: mapping of the figure's input names to paths; config: the whole

@@ -2,13 +2,18 @@
 
 import math
 import textwrap
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import trimesh
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from repose.core.errors import InputError
 from repose.dem.tessellation import tessellate
 from repose.particle import berry, build
+from repose.particle.build import Particle
 from repose.particle.sphere_packing import distances
 
 from . import style
@@ -21,7 +26,7 @@ AXES = (
 RECONSTRUCTED = "Sizes are a reconstruction from published statistics, not measurements."
 
 
-def sizes_and_sphericity(inputs, config):
+def sizes_and_sphericity(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 2: histograms of the axes and the sphericity with the normal curves of their moments."""
     sizes = berry.read_sizes(inputs["sizes"])
     figure = style.new_figure(style.COLUMN * 1.25, 3.9)
@@ -37,7 +42,7 @@ def sizes_and_sphericity(inputs, config):
     return figure
 
 
-def _histogram(panel, values, label, colour, unit):
+def _histogram(panel: Axes, values: np.ndarray, label: str, colour: str, unit: str) -> None:
     mean, sd = values.mean(), values.std(ddof=1)
     # Berries that are all alike still have a bin, and a curve too narrow to see.
     sd_shown = max(sd, 1e-3 * mean)
@@ -52,7 +57,7 @@ def _histogram(panel, values, label, colour, unit):
     style.note(panel, f"{mean:.2f} ± {sd:.2f} {unit}\nn = {len(values)}", x=0.98, ha="right")
 
 
-def particle_and_mesh(inputs, config):
+def particle_and_mesh(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 7: the mesh and every particle made from it, side by side on axes of the same scale."""
     chosen = build.Particle.load(inputs["particle"])
     mesh = build.load_mesh(inputs["stl"])
@@ -78,14 +83,14 @@ def particle_and_mesh(inputs, config):
     return figure
 
 
-def _made(mesh, kind, chosen, section):
+def _made(mesh: trimesh.Trimesh, kind: str, chosen: Particle, section: Mapping[str, Any]) -> Particle:
     """The chosen particle, or one of another kind from the same mesh."""
     if kind == chosen.kind:
         return chosen
     return build.make_particle(mesh, chosen.density_kg_m3, kind, section["spheres"], section["surface"])
 
 
-def _parts(particle):
+def _parts(particle: Particle) -> str:
     """What a particle consists of, in words."""
     if particle.is_clump:
         return f"{len(particle.spheres_m)} spheres"
@@ -93,7 +98,7 @@ def _parts(particle):
     return "one ellipsoid" if count == 1 else f"sum of {count} ellipsoids"
 
 
-def _triangles(particle):
+def _triangles(particle: Particle) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (V, 3) m and triangles of a particle's surface; of spheres, of those parts that lie outside."""
     if not particle.is_clump:
         points, _, triangles = tessellate(particle, 36, 72)
@@ -110,7 +115,7 @@ def _triangles(particle):
     return np.concatenate(vertices), np.concatenate(triangles)
 
 
-def _caption(panel, title, body, words):
+def _caption(panel: Axes, title: str, body: Particle | None, words: str) -> None:
     """Name, volume, mass, moments and what else is to be said of a body."""
     panel.set_title(title, loc="center", pad=0, fontsize=8, fontweight="bold")
     if body is not None:
@@ -122,7 +127,9 @@ def _caption(panel, title, body, words):
     panel.text2D(0.5, -0.02, words, transform=panel.transAxes, ha="center", va="top", fontsize=6.5)
 
 
-def _surface(panel, vertices_mm, triangles, half, edges):
+def _surface(
+    panel: Axes, vertices_mm: np.ndarray, triangles: np.ndarray, half: np.ndarray, edges: bool
+) -> None:
     corners = vertices_mm[triangles]
     normals = trimesh.triangles.normals(corners)[0]
     # Triangles at the poles of the grid have no area, and trimesh leaves their normals out.

@@ -1,10 +1,17 @@
 """Figure 15 and its numbers: the bed in the drum before and after its first slip."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from repose.core.files import read_npz, read_table
 from repose.measure import bed
 from repose.particle import build
+from repose.particle.build import Particle
 from repose.pictures.film import drum_inside
 from repose.pictures.render import render_pile
 from repose.pictures.scenery import look_at
@@ -21,10 +28,9 @@ TITLES = {
 }
 
 
-def states(inputs, config):
+def states(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 15: side views along the axis with the line fitted to the upper edge, in the states there are."""
-    with np.load(inputs["states"]) as file:
-        arrays = dict(file)
+    arrays = read_npz(inputs["states"], ("position_start", "quaternion_start"), "the states of a drum")
     particle, scales = build.Particle.load(inputs["particle"]), arrays.get("scale")
     slipped = "position_before" in arrays
     shown = ("start", "before", "after") if slipped else ("start", "report")
@@ -32,8 +38,8 @@ def states(inputs, config):
     figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02)
     for panel, state, letter in zip(figure.subplots(1, len(shown)), shown, "abc", strict=False):
         turned_deg = float(arrays[f"turned_{state}_deg"])
-        place = (arrays[f"{key}_{state}"].astype(float) for key in ("position", "quaternion"))
-        angle = _side_view(panel, *place, scales, particle, turned_deg, config)
+        centres, quaternions = (arrays[f"{key}_{state}"].astype(float) for key in ("position", "quaternion"))
+        angle = _side_view(panel, centres, quaternions, scales, particle, turned_deg, config)
         panel.set_title(f"{letter}  {TITLES[state]}: surface {angle:.1f}°")
         panel.set_xlabel(f"drum turned by {turned_deg:.1f}°")
     if not slipped:
@@ -41,7 +47,15 @@ def states(inputs, config):
     return figure
 
 
-def _side_view(panel, centres, quaternions, scales, particle, turned_deg, config):
+def _side_view(
+    panel: Axes,
+    centres: np.ndarray,
+    quaternions: np.ndarray,
+    scales: np.ndarray | None,
+    particle: Particle,
+    turned_deg: float,
+    config: Mapping[str, Any],
+) -> float:
     """Draw one state with its fitted line; returns the line's angle (degrees)."""
     section = config["drum"]
     inside = drum_inside(section, np.radians(turned_deg))
@@ -79,9 +93,11 @@ def _side_view(panel, centres, quaternions, scales, particle, turned_deg, config
     return surface.angle_deg
 
 
-def course(inputs, config):
+def course(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Angles over the turned angle of every run, and the motion of the slipping layer by depth."""
-    record, profile, runs = (pd.read_csv(inputs[key]) for key in ("record", "profile", "runs"))
+    record = read_table(inputs["record"], ("seed", "time_s", "surface_deg", "bed_deg"))
+    profile = read_table(inputs["profile"], ("seed", "depth_mm", "moved_mm"))
+    runs = read_table(inputs["runs"], ("seed", "status"))
     figure = style.new_figure(style.PAGE, 2.9)
     left, right = figure.subplots(1, 2, width_ratios=(1.5, 1))
     _angles(left, record, runs, config["drum"])
@@ -91,7 +107,7 @@ def course(inputs, config):
     return figure
 
 
-def _angles(panel, record, runs, section):
+def _angles(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, section: Mapping[str, Any]) -> None:
     for k, (seed, run) in enumerate(record.groupby("seed")):
         one = runs[runs["seed"] == seed].iloc[0]
         turning = run if one["status"] != "ok" else run[run["time_s"] <= one["after_time_s"]]
@@ -132,7 +148,7 @@ def _angles(panel, record, runs, section):
     panel.legend(loc="upper left", ncols=2, fontsize=6.2)
 
 
-def _layers(panel, profile, section):
+def _layers(panel: Axes, profile: pd.DataFrame, section: Mapping[str, Any]) -> None:
     panel.set(xlabel="motion against the drum (mm)", ylabel="depth below the surface (mm)")
     panel.invert_yaxis()
     if not len(profile):

@@ -1,12 +1,15 @@
 """Figures 5, 6 and 8: the simulated pile, its measurement, and the bench it is poured on."""
 
-import json
-from pathlib import Path
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
+from repose.core.files import read_json, read_npz
 from repose.measure import pile
 from repose.measure.saved_piles import side_view
 from repose.measure.saved_pours import first_pour
@@ -22,7 +25,7 @@ PILE_PIXELS = 1300
 SNAPSHOT_S = 9.0
 
 
-def simulated_pile(inputs, config):
+def simulated_pile(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 5's counterpart: a shaded picture of a simulated pile."""
     poured = first_pour(inputs["heap"])
     centres, quaternions, in_pile = (poured[name] for name in ("position", "quaternion", "in_pile"))
@@ -51,9 +54,9 @@ def simulated_pile(inputs, config):
     return figure
 
 
-def measurement(inputs, config):
+def measurement(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 6: the steps of the measurement; the left flank's line is red, the right one's green."""
-    settings = pile.MeasureSettings.of(config["measure"], json.loads(Path(inputs["berry"]).read_text()))
+    settings = pile.MeasureSettings.of(config["measure"], read_json(inputs["berry"], what="berry.json"))
     image = side_view(first_pour(inputs["heap"]), build.Particle.load(inputs["particle"]), settings)
     steps = pile.process_panels(
         image,
@@ -71,12 +74,12 @@ def measurement(inputs, config):
     return figure
 
 
-def apparatus(inputs, config):
+def apparatus(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 8: the virtual test bench from the side, to scale, with the berries of a pour if given."""
-    heap = config["funnel"]
-    walls = funnel_walls(heap)
-    top, half_inlet = 1e3 * walls[-1].z_high_m, heap["inlet_diameter_mm"] / 2
-    factory = top + heap["factory_height_mm"]
+    funnel = config["funnel"]
+    walls = funnel_walls(funnel)
+    top, half_inlet = 1e3 * walls[-1].z_high_m, funnel["inlet_diameter_mm"] / 2
+    factory = top + funnel["factory_height_mm"]
     half_view = max(half_inlet + 75, 190)
     left, right, low, high = -half_view - 5, half_view + 62, -34, factory + 34
     width = 1.3 * style.COLUMN
@@ -88,31 +91,37 @@ def apparatus(inputs, config):
         for side in (-1, 1):
             radii = [side * 1e3 * wall.r_low_m, side * 1e3 * wall.r_high_m]
             panel.plot(radii, [1e3 * wall.z_low_m, 1e3 * wall.z_high_m], color=style.BLACK, lw=1.6, zorder=3)
-    rim = heap["rim_radius_mm"]
+    rim = funnel["rim_radius_mm"]
     for side in (-1, 1):
-        centre = (side * (heap["outlet_diameter_mm"] / 2 + rim), heap["outlet_height_mm"])
+        centre = (side * (funnel["outlet_diameter_mm"] / 2 + rim), funnel["outlet_height_mm"])
         panel.add_patch(Circle(centre, rim, color=style.BLACK, zorder=3))
-    half_plate = min(heap["plate_diameter_mm"] / 2, half_view)
+    half_plate = min(funnel["plate_diameter_mm"] / 2, half_view)
     panel.fill_between([-half_plate, half_plate], -7, 0, color="#C9CED3", lw=0, zorder=2)
-    _levels(panel, heap, factory, half_view)
-    _dimensions(panel, heap, top, half_inlet, half_view)
+    _levels(panel, funnel, factory, half_view)
+    _dimensions(panel, funnel, top, half_inlet, half_view)
     panel.set(xlim=(left, right), ylim=(low, high), aspect="equal")
     panel.set(xlabel="x (mm)", ylabel="z (mm)")
     panel.set_xticks(np.arange(-150, 151, 50))
     return figure
 
 
-def _levels(panel, heap, factory, half_view):
+def _levels(panel: Axes, funnel: Mapping[str, Any], factory: float, half_view: float) -> None:
     """The three red lines: factory, outlet and plate."""
-    levels = ((factory, "particle factory"), (heap["outlet_height_mm"], "funnel outlet"), (0.0, "PVC plate"))
+    levels = (
+        (factory, "particle factory"),
+        (funnel["outlet_height_mm"], "funnel outlet"),
+        (0.0, "PVC plate"),
+    )
     for z, name in levels:
         panel.plot([-half_view, half_view], [z, z], color=LINE, lw=0.9, zorder=4)
         panel.text(half_view + 3, z, name, color=LINE, va="center", fontsize=6.8)
-    half_factory = heap["factory_diameter_mm"] / 2
+    half_factory = funnel["factory_diameter_mm"] / 2
     panel.plot([-half_factory, half_factory], [factory, factory], color=LINE, lw=2.6, zorder=4)
 
 
-def _dimensions(panel, heap, top, half_inlet, half_view):
+def _dimensions(
+    panel: Axes, funnel: Mapping[str, Any], top: float, half_inlet: float, half_view: float
+) -> None:
     """Measured arrows with their numbers."""
     style_of = {
         "arrowstyle": "<->",
@@ -123,13 +132,19 @@ def _dimensions(panel, heap, top, half_inlet, half_view):
         "mutation_scale": 7,
     }
 
-    def arrow(start, end, text, place, **options):
+    def arrow(
+        start: tuple[float, float],
+        end: tuple[float, float],
+        text: str,
+        place: tuple[float, float],
+        **options: Any,
+    ) -> None:
         panel.annotate("", start, xytext=end, arrowprops=style_of, zorder=5)
         box = {"facecolor": "white", "edgecolor": "none", "pad": 0.6, "alpha": 0.85}
         panel.text(*place, text, color=style.BLUE, fontsize=6.5, zorder=5, bbox=box, **options)
 
-    outlet, z_outlet = heap["outlet_diameter_mm"] / 2, heap["outlet_height_mm"]
-    over = top + heap["factory_height_mm"] + 14
+    outlet, z_outlet = funnel["outlet_diameter_mm"] / 2, funnel["outlet_height_mm"]
+    over = top + funnel["factory_height_mm"] + 14
     arrow(
         (-half_inlet, over),
         (half_inlet, over),
@@ -153,12 +168,12 @@ def _dimensions(panel, heap, top, half_inlet, half_view):
     middle = (z_outlet + top) / 2
     across = (outlet + half_inlet) / 2 + 9
     panel.text(
-        across, middle - 8, f"{heap['cone_angle_deg']:g}° from horizontal", color=style.BLUE, fontsize=6.5
+        across, middle - 8, f"{funnel['cone_angle_deg']:g}° from horizontal", color=style.BLUE, fontsize=6.5
     )
     panel.text(
         0,
         -11,
-        f"plate diameter {heap['plate_diameter_mm']:g}",
+        f"plate diameter {funnel['plate_diameter_mm']:g}",
         color=style.BLUE,
         fontsize=6.5,
         ha="center",
@@ -166,14 +181,14 @@ def _dimensions(panel, heap, top, half_inlet, half_view):
     )
 
 
-def _berries(panel, inputs):
+def _berries(panel: Axes, inputs: Mapping[str, Any]) -> None:
     """Side view of the berries amid a pour, each with its true outline, the nearest drawn last."""
     particle = build.Particle.load(inputs["particle"])
-    with np.load(inputs["trajectory"]) as record:
-        frame = int(np.argmin(np.abs(record["time_s"] - SNAPSHOT_S)))
-        time_s = float(record["time_s"][frame])
-        centres, quaternions = record["position"][frame], record["quaternion"][frame]
-        scales = record["scale"] if "scale" in record else np.ones(len(centres))
+    record = read_npz(inputs["trajectory"], ("time_s", "position", "quaternion"), "the trajectory of a pour")
+    frame = int(np.argmin(np.abs(record["time_s"] - SNAPSHOT_S)))
+    time_s = float(record["time_s"][frame])
+    centres, quaternions = record["position"][frame], record["quaternion"][frame]
+    scales = record.get("scale", np.ones(len(centres)))
     here = np.isfinite(centres).all(axis=1)
     order = np.flatnonzero(here)[np.argsort(-centres[here, 1])]
     # Seen along y, x points right.

@@ -2,10 +2,14 @@
 
 import colorsys
 import re
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from repose.core.errors import InputError
@@ -18,7 +22,7 @@ COLOUR = re.compile(r'color\s*=\s*"([\d.]+) ([\d.]+) ([\d.]+)"')
 SWEEPS = 12
 
 
-def read_dot(path):
+def read_dot(path: str | Path) -> tuple[dict[str, str], dict[str, float], list[tuple[str, str]]]:
     """Labels (dict of node to text), hues (dict of node to 0-1) and edges (list of pairs) of a rule graph.
 
     Raises InputError where the file holds no nodes.
@@ -35,13 +39,13 @@ def read_dot(path):
     return labels, hues, edges
 
 
-def reduced(edges):
+def reduced(edges: Sequence[tuple]) -> list[tuple]:
     """The edges without those that a longer way implies; the graph has no cycles."""
-    after = {}
+    after: dict[Any, set] = {}
     for a, b in edges:
         after.setdefault(a, set()).add(b)
 
-    def reach(node, skip):
+    def reach(node: Any, skip: Any) -> set:
         seen, stack = set(), [n for n in after.get(node, ()) if n != skip]
         while stack:
             n = stack.pop()
@@ -53,7 +57,7 @@ def reduced(edges):
     return [(a, b) for a, b in edges if b not in reach(a, b)]
 
 
-def layers_of(nodes, edges):
+def layers_of(nodes: Sequence, edges: Sequence[tuple]) -> dict[Any, int]:
     """Layer of each node: the longest way to it, in edges. Raises InputError on a cycle."""
     layer = dict.fromkeys(nodes, 0)
     for _ in range(len(layer) + 1):
@@ -66,7 +70,7 @@ def layers_of(nodes, edges):
     raise InputError("rule graph", "edges", "a cycle", "a graph without cycles")
 
 
-def layout(nodes, edges):
+def layout(nodes: Sequence, edges: Sequence[tuple]) -> tuple[dict, dict]:
     """Places {node: (x, layer)} and for each edge its way as a list of such places.
 
     Edges over several layers pass through stand-ins; a layer is ordered by the mean place of its neighbours.
@@ -91,21 +95,21 @@ def layout(nodes, edges):
     return {n: where[n] for n in nodes}, {edge: [where[n] for n in way] for edge, way in ways.items()}
 
 
-def _mean_neighbour(node, links, place):
+def _mean_neighbour(node: Any, links: Sequence, place: Mapping) -> float:
     others = [place[a] for a, b in links if b == node] + [place[b] for a, b in links if a == node]
     return float(np.mean(others)) if others else place[node]
 
 
-def _spread(wishes):
+def _spread(wishes: Sequence[float]) -> list[float]:
     """Places at least 1 apart, in order, as near to the sorted wishes as a shift of the row brings them."""
-    places = []
+    places: list[float] = []
     for wish in wishes:
         places.append(wish if not places else max(wish, places[-1] + 1.0))
-    shift = np.mean(wishes) - np.mean(places)
+    shift = float(np.mean(wishes) - np.mean(places))
     return [p + shift for p in places]
 
 
-def rule_graph(inputs, config):
+def rule_graph(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 9: rules as boxes from top to bottom, arrows along the data; implied arrows are left out."""
     labels, hues, edges = read_dot(inputs["dot"])
     edges = reduced(edges)
@@ -137,16 +141,16 @@ def rule_graph(inputs, config):
     return figure
 
 
-def _arrow(panel, way):
+def _arrow(panel: Axes, way: np.ndarray) -> None:
     """A smooth line through the places of a way (P, 2), from below the first box to the top of the last."""
     ends = way.copy()
     ends[0, 1] += 0.22
     ends[-1, 1] -= 0.24
-    curve = []
+    parts = []
     for (x0, y0), (x1, y1) in pairwise(ends):
         t = np.linspace(0, 1, 24)
-        curve.append(np.column_stack([x0 + (x1 - x0) * (3 * t**2 - 2 * t**3), y0 + (y1 - y0) * t]))
-    curve = np.concatenate(curve)
+        parts.append(np.column_stack([x0 + (x1 - x0) * (3 * t**2 - 2 * t**3), y0 + (y1 - y0) * t]))
+    curve = np.concatenate(parts)
     panel.plot(*curve[:-2].T, color=style.GREY, lw=0.9, zorder=1, solid_capstyle="round")
     panel.annotate(
         "",

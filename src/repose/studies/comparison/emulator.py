@@ -121,7 +121,11 @@ def chosen_by_cross_validation(points: Points, settings: Mapping[str, Any], seed
     parts = np.array_split(np.random.default_rng(seed).permutation(len(points.X)), FOLDS)
     shares = {}
     for name, model in CANDIDATES.items():
-        predicted = left_out(points, lambda rest, model=model: _mean_of(model(rest, settings, seed)), parts)
+
+        def fitted(rest, model=model):
+            return _mean_of(model(rest, settings, seed))
+
+        predicted = left_out(points, fitted, parts)
         shares[name] = explainable(points.means(), predicted, points.known_errors())
     name = max(shares, key=lambda key: shares[key].mean())
     mean = _mean_of(CANDIDATES[name](points, settings, seed))

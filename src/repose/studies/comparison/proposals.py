@@ -11,7 +11,6 @@ The local search is SLSQP on the squared deviations in widths of the targets' ra
 ranges and from random points; another start replaces the centre's only where it comes nearer by more than NEARER.
 """
 
-import tempfile
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -20,14 +19,13 @@ import pandas as pd
 from scipy import optimize
 
 from repose.chain import train
+from repose.chain.invert import on_free_parameters
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
-from repose.search import miga
-from repose.search.miga import Objective
+from repose.search.objective import Objective, search
 from repose.studies.comparison.points import Points
-from repose.studies.comparison.search import respond_in
-from repose.surrogate import Surrogate, load, make
+from repose.surrogate import Surrogate, make
 from repose.surrogate.support import quadratic_terms
 
 METHODS = ("best_sample", "linear", "quadratic", "network", "network_miga", "network_all")
@@ -92,7 +90,7 @@ def local_search(
         off = (respond(np.clip(x, 0, 1)[None])[0] - objective.target) / objective.width
         return float(off @ off)
 
-    best = None
+    best: Any = None
     for start in [np.full(dimensions, 0.5), *random.uniform(size=(starts - 1, dimensions))]:
         # tighter than its default, which ends far from where a squared deviation has no value left
         found = optimize.minimize(
@@ -131,12 +129,7 @@ def study_surrogate(
     samples: Points, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]
 ) -> Surrogate:
     """The surrogate as the study's stage trains it on these samples; settings: the section `network`."""
-    table, runs = tables_of(samples, space, targets)
-    with tempfile.TemporaryDirectory() as folder:
-        table.to_csv(f"{folder}/dataset.csv", index=False)
-        runs.to_csv(f"{folder}/runs.csv", index=False)
-        train.run(f"{folder}/dataset.csv", f"{folder}/runs.csv", settings, folder)
-        return load(f"{folder}/network.json")
+    return train.train(*tables_of(samples, space, targets), targets, settings).model
 
 
 def proposed(
@@ -162,7 +155,7 @@ def proposed(
     random : numpy.random.Generator
     """
     means, section = samples.means(), settings["network"]
-    objective = Objective(targets.low, targets.high, targets.aim)
+    objective = Objective.of(targets)
     F, V = objective(means)
     found = {"best_sample": (samples.X[objective.fitness(F, V).argmin()], 0)}
     surrogate = study_surrogate(samples, space, targets, section)
@@ -177,6 +170,7 @@ def proposed(
     for name, model in models.items():
         found[name] = local_search(model, objective, space.dimensions, settings["local_starts"], random)
     islands = {**settings["miga"], "seed": int(random.integers(2**31))}
-    archive, history, _ = miga.search(respond_in(space, surrogate), objective, islands)
+    respond = on_free_parameters(surrogate, space)
+    archive, history, _ = search(respond, objective, space.dimensions, islands)
     found["network_miga"] = ((archive.points[0] + 1) / 2, history[-1][2])
     return found

@@ -7,7 +7,7 @@ from scipy import stats
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import pdist
 
-from repose.search.miga import Objective
+from repose.search.objective import Objective
 from repose.studies.comparison.searches import Respond
 
 FEWEST_FEASIBLE = 200  # of the reference sample, or nothing can be said about the region

@@ -14,15 +14,16 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.distance import pdist
 
+from repose.chain.invert import on_free_parameters
 from repose.core.errors import InputError
 from repose.core.files import write_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
-from repose.search.miga import INFEASIBLE, Objective, distinct
+from repose.search.objective import Objective, distinct
 from repose.studies.comparison import scores
 from repose.studies.comparison.region import Region
 from repose.studies.comparison.searches import Log, Respond, logged, searches
-from repose.surrogate import Surrogate, load
+from repose.surrogate import load
 
 CHECKPOINTS_A_DECADE = 8
 EXACT = 1e-12  # a smaller objective is rounding, and has no logarithm to speak of
@@ -47,7 +48,7 @@ def judged(
     seed : int
         Of the choice among all feasible points it met.
     """
-    fitness, feasible = log.fitness, log.fitness <= INFEASIBLE
+    fitness, feasible = log.fitness, log.fitness <= log.objective.infeasible
     found, values = log.points[feasible], fitness[feasible]
     kept = distinct(found, values, distance, solutions) if len(found) else np.zeros(0, int)
     chosen = np.random.default_rng(seed).permutation(len(found))[:solutions]
@@ -78,22 +79,6 @@ def checkpoints(evaluations: int) -> np.ndarray:
 def curve(fitness: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Best fitness so far (m,) after these numbers of evaluations (m,)."""
     return np.minimum.accumulate(fitness)[at - 1]
-
-
-def respond_in(space: ParameterSpace, model: Surrogate) -> Respond:
-    """The surrogate as a function of points (n, d) in [-1, 1] of the free parameters."""
-    ends = space.complete(np.array([space.low, space.high]))
-    whole = model.response_function(*ends)
-    if not space.fixed:
-        return whole
-    free = np.flatnonzero(ends[0] != ends[1])
-
-    def respond(points):
-        every = np.zeros((len(points), ends.shape[1]))
-        every[:, free] = points
-        return whole(every)
-
-    return respond
 
 
 def compared(
@@ -129,7 +114,8 @@ def compared(
     """
     solutions, distance, seed = section["solutions"], section["distance"], settings["seed"]
     region = Region(respond, objective, settings["region_points"], solutions, dimensions, seed)
-    rows, curves, bests = [], [], {}
+    rows, curves = [], []
+    bests: dict[str, list] = {}
     for name, (search, own) in searches(section).items():
         evaluations = own or settings["evaluations"]
         at, courses, bests[name] = checkpoints(evaluations), [], []
@@ -140,7 +126,7 @@ def compared(
             rows.append({**about, **row, "seconds": seconds})
             courses.append(curve(log.fitness, at))
             bests[name].append(best)
-        curves.append(_curve_table(name, at, np.array(courses)))
+        curves.append(_curve_table(name, at, np.array(courses), objective.infeasible))
     runs = pd.DataFrame(rows)
     return {
         "search": pd.concat(curves),
@@ -174,8 +160,8 @@ def run(
     InputError
         If the file is bad, or the targets are out of the surrogate's reach.
     """
-    respond = respond_in(space, load(network_json, targets.names))
-    objective = Objective(targets.low, targets.high, targets.aim)
+    respond = on_free_parameters(load(network_json, targets.names), space)
+    objective = Objective.of(targets)
     try:
         tables = compared(respond, space.dimensions, objective, settings, section)
     except ValueError as error:
@@ -185,7 +171,7 @@ def run(
     return tables["search_methods"]
 
 
-def _curve_table(name, at, best):
+def _curve_table(name, at, best, infeasible):
     """Rows of search.csv of one method, best (repetitions, k) so far."""
     exponent = np.log10(np.maximum(best, EXACT))
     return pd.DataFrame(
@@ -197,7 +183,7 @@ def _curve_table(name, at, best):
             "best_se": best.std(axis=0, ddof=1) / math.sqrt(len(best)),
             "log10_mean": exponent.mean(axis=0),
             "log10_se": exponent.std(axis=0, ddof=1) / math.sqrt(len(best)),
-            "feasible_runs": (best <= INFEASIBLE).mean(axis=0),
+            "feasible_runs": (best <= infeasible).mean(axis=0),
         }
     )
 

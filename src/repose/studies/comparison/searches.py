@@ -22,7 +22,8 @@ from typing import Any
 import numpy as np
 from scipy import optimize
 
-from repose.search.miga import MIGA, OPERATORS, Objective
+from repose.search.miga import MIGA, OPERATORS
+from repose.search.objective import Objective
 
 STEP = 1e-6  # of the differences
 Respond = Callable[[np.ndarray], np.ndarray]

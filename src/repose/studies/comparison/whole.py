@@ -25,7 +25,7 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.responses import derived
 from repose.core.targets import Targets
-from repose.search.miga import Objective
+from repose.search.objective import Objective
 from repose.studies.comparison import scores
 from repose.studies.comparison.emulator import Emulator, with_process
 from repose.studies.comparison.points import Points, joined, read
@@ -177,7 +177,7 @@ def run(
 def _rows(about, data, covariance, truth, space, targets, settings, random):
     """Rows of whole_proposals.csv of one set of data, one for each method."""
     found = proposed(data, covariance, space, targets, settings, random)
-    objective = Objective(targets.low, targets.high, targets.aim)
+    objective = Objective.of(targets)
     for name, (place, evaluations) in found.items():
         row = {key: about[key] for key in ("data", "samples")} | {"method": name}
         row |= {"repetition": about["repetition"], "simulations": int(data.counts().sum())}

@@ -1,0 +1,257 @@
+"""The parameter sets whose predicted responses are the measured ones: section 3.3 of the paper, Table 3.
+
+`invert` searches with the multi-island genetic algorithm (`repose.search`) on the surrogate; `run` reads and writes.
+"""
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from repose.core.errors import InputError
+from repose.core.files import read_table, write_json, write_table
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
+from repose.core.responses import Definitions, require_same_definitions
+from repose.core.targets import Targets
+from repose.search.objective import HISTORY, Objective, Preference, search
+from repose.surrogate.base import Surrogate, load
+from repose.surrogate.support import Support
+
+FEWEST_ROWS = 10  # of the solutions, so that validation always has points to choose from
+INTERVAL = ("low", "high", "dispersion_percent")
+
+
+@dataclass(frozen=True)
+class Inversion:
+    """What `invert` found.
+
+    Attributes
+    ----------
+    solutions : pandas.DataFrame
+        Best first: parameters, predicted responses, objective (Eq. 11), violation, whether feasible, and which one is
+        the representative. With a support the column `warning`; with priors the column `prior_distance_sd`.
+    intervals : pandas.DataFrame
+        Table 3: interval and dispersion of each parameter, beside the published ones where there are any.
+    history : pandas.DataFrame
+        A row for each round of the search.
+    summary : dict
+        Counts, the representative solution, its distances from the ranges and from the targets, and a message.
+    """
+
+    solutions: pd.DataFrame
+    intervals: pd.DataFrame
+    history: pd.DataFrame
+    summary: dict[str, Any]
+
+
+def invert(
+    surrogate: Surrogate,
+    space: ParameterSpace,
+    targets: Targets,
+    settings: Mapping[str, Any],
+    published: pd.DataFrame | None = None,
+    support: Support | None = None,
+) -> Inversion:
+    """Search the free parameters for predicted responses that are the targets.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+        Gives the k responses at parameter sets.
+    space : ParameterSpace
+        Which parameters are searched, and where. Fixed ones keep their value. Of parameter sets that meet the targets
+        equally well, those near the means of the priors come first (`repose.search.objective.Preference`).
+    targets : Targets
+        The k targets.
+    settings : mapping
+        The section `miga` of the configuration.
+    published : pandas.DataFrame, optional
+        Table 3 as published: `parameter`, `low`, `high`, `dispersion_percent`.
+    support : Support, optional
+        Of the samples; with it solutions beyond them carry a warning.
+
+    Returns
+    -------
+    Inversion
+        The best distinct feasible solutions; where fewer than 10 were met, the nearest others follow.
+
+    Raises
+    ------
+    InputError
+        If a target's aim lies outside its own range.
+    """
+    for one in targets:
+        if not one.low <= one.aim <= one.high:
+            raise InputError("targets", one.name, one.aim, f"inside its range {[one.low, one.high]}")
+    respond, preference = on_free_parameters(surrogate, space), Preference.of(space)
+    objective = Objective.of(targets, preference.largest if preference else 0.0)
+    archive, history, feasible_met = search(respond, objective, space.dimensions, settings, preference)
+
+    Y = respond(archive.points)
+    F, V = objective(Y)
+    n_feasible = min(int(np.count_nonzero(V == 0)), settings["solutions"])
+    rows = slice(0, max(FEWEST_ROWS, n_feasible) if n_feasible else settings["solutions"])
+    points, Y, F, V = archive.points[rows], Y[rows], F[rows], V[rows]
+    table = pd.DataFrame(space.values((points + 1) / 2), columns=list(PARAMETERS))
+    table.insert(0, "solution", np.arange(1, len(table) + 1))
+    table[list(targets.predicted)] = Y
+    table["objective"], table["violation"], table["feasible"] = F, V, V == 0
+    table["representative"] = table["solution"] == 1  # best first, so the least total deviation
+    if preference is not None:
+        table["prior_distance_sd"] = preference.distance(points)
+    if support is not None:
+        table["warning"] = support.warnings(table[list(PARAMETERS)].to_numpy(float))
+    history = pd.DataFrame(history, columns=list(HISTORY))
+    shown = table[table["feasible"]] if n_feasible else table
+    return Inversion(
+        table,
+        intervals(shown, space, published),
+        history,
+        _summary(table, targets, settings, history, n_feasible, feasible_met),
+    )
+
+
+def run(
+    surrogate_json: str | os.PathLike,
+    space: ParameterSpace,
+    targets: Targets,
+    settings: Mapping[str, Any],
+    table3_csv: str | os.PathLike | None,
+    out_dir: str | os.PathLike,
+    support: Support | None = None,
+    definitions: Definitions | None = None,
+    source: object = "configuration",
+) -> dict[str, Any]:
+    """Invert a saved surrogate; write feasible.csv, intervals.csv, history.csv and summary.json; return the summary.
+
+    Parameters
+    ----------
+    surrogate_json : path
+        What the verb network wrote.
+    space, targets, settings, support
+        As for `invert`.
+    table3_csv : path or None
+        Published intervals.
+    out_dir : path
+        Folder to write.
+    definitions : mapping, optional
+        How the study defines its responses.
+    source : object
+        Where these definitions stand, for the error.
+
+    Raises
+    ------
+    InputError
+        For a bad file, or a surrogate with other responses or other definitions of them.
+    """
+    surrogate = load(surrogate_json, targets.names)
+    require_same_definitions(surrogate.definitions, surrogate_json, definitions or {}, source)
+    published = None if table3_csv is None else read_table(table3_csv, ("parameter", *INTERVAL))
+    found = invert(surrogate, space, targets, settings, published, support)
+    out = Path(out_dir)
+    write_table(out / "feasible.csv", found.solutions)
+    write_table(out / "intervals.csv", found.intervals)
+    write_table(out / "history.csv", found.history)
+    write_json(out / "summary.json", found.summary)
+    return found.summary
+
+
+def on_free_parameters(surrogate: Surrogate, space: ParameterSpace) -> Callable[[np.ndarray], np.ndarray]:
+    """The surrogate as a function of the free parameters: points (n, d) in [-1, 1] to responses (n, k)."""
+    respond = surrogate.response_function(space.complete(space.low)[0], space.complete(space.high)[0])
+    if space.dimensions == len(PARAMETERS):
+        return respond
+    columns = [PARAMETERS.index(name) for name in space.free]
+
+    def respond_to_free(points):
+        every = np.zeros((len(points), len(PARAMETERS)))  # both ends of a fixed parameter are its value
+        every[:, columns] = points
+        return respond(every)
+
+    return respond_to_free
+
+
+def intervals(
+    solutions: pd.DataFrame, space: ParameterSpace, published: pd.DataFrame | None = None
+) -> pd.DataFrame:
+    """Table 3: interval and dispersion of each parameter over the solutions.
+
+    Parameters
+    ----------
+    solutions : pandas.DataFrame
+        With the six parameters as columns.
+    space : ParameterSpace
+        Their ranges.
+    published : pandas.DataFrame, optional
+        Table 3 as published.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each parameter: `variable`, `low`, `high`, `dispersion_percent`, which is the interval's width over
+        the range's, and with a published table the same three of it. The dispersion of a fixed parameter is 0.
+    """
+    range_of = dict(zip(space.free, zip(space.low, space.high, strict=True), strict=True))
+    rows = []
+    for name in PARAMETERS:
+        low, high = float(solutions[name].min()), float(solutions[name].max())
+        lowest, highest = range_of.get(name, (0.0, 1.0))
+        rows.append((name, low, high, 100 * (high - low) / (highest - lowest)))
+    table = pd.DataFrame(rows, columns=["variable", *INTERVAL])
+    if published is not None:
+        theirs = published.set_index("parameter").reindex(PARAMETERS)
+        for column in INTERVAL:
+            table[f"published_{column}"] = theirs[column].to_numpy()
+    return table
+
+
+def message(responses: np.ndarray, targets: Targets, n_feasible: int, distance: float) -> str:
+    """What the search found, in words; responses (k,) are those of the best solution."""
+    ranges = targets.in_words([f"{one.low:g}-{one.high:g}" for one in targets])
+    best = f"predicted {targets.in_words([f'{value:.2f}' for value in responses])}"
+    wanted = targets.in_words([f"{one.aim:g}" for one in targets])
+    off = targets.in_words([f"{value:.2f}" for value in abs(responses - targets.aim)])
+    off += f" from the target {wanted}"
+    if n_feasible:
+        return (
+            f"{n_feasible} distinct feasible solutions inside {ranges}, at least {distance:g} apart "
+            f"in normalised parameters; the best is {best}, {off}."
+        )
+    beyond = targets.in_words([f"{value:.2f}" for value in _outside(responses, targets.low, targets.high)])
+    return (
+        f"No feasible solution: nothing met inside {ranges}. The nearest one is {best}: {beyond} outside the box, "
+        f"{off}. Everything after this uses the nearest solutions."
+    )
+
+
+def _summary(table, targets, settings, history, n_feasible, feasible_met):
+    """The content of summary.json."""
+    best = table.iloc[0]
+    responses = best[list(targets.predicted)].to_numpy(float)
+    box, off = _outside(responses, targets.low, targets.high), _outside(responses, targets.aim, targets.aim)
+    summary = {
+        "feasible": n_feasible > 0,
+        "n_feasible_met": feasible_met,
+        "n_solutions": n_feasible,
+        "evaluations": int(history["evaluations"].iloc[-1]),
+        "distance": settings["distance"],
+        "representative": {
+            name: float(best[name]) for name in (*PARAMETERS, *targets.predicted, "objective")
+        },
+        "box_distance": dict(zip(targets.names, box, strict=True)),
+        "target_distance": dict(zip(targets.names, off, strict=True)),
+        "message": message(responses, targets, n_feasible, settings["distance"]),
+    }
+    if "warning" in table and best["warning"]:
+        summary["message"] += f" Beyond the samples: {best['warning']}."
+    return summary
+
+
+def _outside(responses, low, high):
+    """How far each response (k,) lies outside low to high, as floats."""
+    return [float(value) for value in np.maximum(np.maximum(low - responses, responses - high), 0.0)]

@@ -1,0 +1,17 @@
+"""How a configuration defines the responses."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from repose.apparatus import bench_tests
+from repose.config.reading import get
+from repose.core.responses import Definitions
+
+
+def definitions_of(config: Mapping[str, Any]) -> Definitions:
+    """For each response of every bench test the configuration keys that define it, with their values."""
+    return {
+        one.name: {key: get(config, key) for key in one.definition}
+        for test in bench_tests()
+        for one in test.responses
+    }

@@ -1,0 +1,48 @@
+"""Tables of parameter sets, as the verb design writes them: a number `sample` and the six parameters."""
+
+import os
+from typing import TYPE_CHECKING
+
+from repose.core.errors import InputError
+from repose.core.files import read_rows, read_table
+from repose.core.parameters import PARAMETERS, check_value
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+COLUMNS = ("sample", *PARAMETERS)
+
+
+def read_samples(path: str | os.PathLike) -> "pd.DataFrame":
+    """All parameter sets of a table.
+
+    Returns
+    -------
+    pandas.DataFrame
+        With the columns `sample` (each number once) and the six parameters; it may have more.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, a column is missing, or a sample stands there twice.
+    """
+    samples = read_table(path, COLUMNS)
+    twice = samples["sample"][samples["sample"].duplicated()]
+    if len(twice):
+        raise InputError(path, "sample", int(twice.iloc[0]), "each sample once")
+    return samples
+
+
+def read_sample(path: str | os.PathLike, number: int) -> dict[str, float]:
+    """The six parameters of one sample of a table, each exactly the number that stands there.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, has no such sample, or a value is no number within the contact law's limits.
+    """
+    rows = {row["sample"]: row for row in read_rows(path, COLUMNS)}
+    if str(number) not in rows:
+        raise InputError(path, "sample", number, f"one of {len(rows)}: {', '.join(list(rows)[:3])}, ...")
+    source = f"{path}, sample {number}"
+    return {name: check_value(name, rows[str(number)][name], source) for name in PARAMETERS}

@@ -1,0 +1,128 @@
+"""The bodies of a picture as triangles: each is tessellated by its support points, whose normals are known."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from repose.dem.rotations import rotation_matrices
+from repose.dem.tessellation import tessellate
+
+
+class Drawable(Protocol):
+    """A shape that can be drawn: `repose.dem.Shape`, or a `Particle`.
+
+    One that is made of spheres has them as `spheres_m` (M, 4) [m] besides: centre and radius.
+    """
+
+    @property
+    def bounding_radius_m(self) -> float:
+        """Distance of its farthest point from its centre [m]."""
+
+    def support(self, n: np.ndarray) -> np.ndarray:
+        """Support function (...,) [m] in the directions n (..., 3)."""
+
+    def support_point(self, n: np.ndarray) -> np.ndarray:
+        """Farthest points (..., 3) [m] in the directions n (..., 3)."""
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """The N bodies to be drawn, of S shapes with V points each."""
+
+    points: np.ndarray  # (S, V, 3) m
+    normals: np.ndarray  # (S, V, 3)
+    triangles: np.ndarray  # (T, 3), the same for all shapes
+    shape_ids: np.ndarray  # (N,)
+    turn: np.ndarray  # (N, 3, 3)
+    vertices: np.ndarray  # (N, V, 3) m, in the world
+    owner: np.ndarray  # (N,): the body to which a part belongs, itself for a body of one part
+    middle: np.ndarray  # (N,): place of the part along the body's long axis, -1 to 1
+    share: np.ndarray  # (N,): half length of the part over that of the body
+
+
+class _Ball:
+    """A sphere of radius 1, of which bodies of spheres are made up."""
+
+    bounding_radius_m = 1.0
+
+    def support(self, n: np.ndarray) -> np.ndarray:
+        return np.ones(np.shape(n)[:-1])
+
+    def support_point(self, n: np.ndarray) -> np.ndarray:
+        return n
+
+
+def place_bodies(
+    centres: np.ndarray,
+    quaternions: np.ndarray,
+    shapes: Sequence[Drawable],
+    shape_ids: np.ndarray,
+    scales: np.ndarray,
+) -> Bodies:
+    """The `Bodies` at these places: each sphere of a body of spheres is a part of its own.
+
+    Parameters
+    ----------
+    centres, quaternions : numpy.ndarray
+        (N, 3) [m] and (N, 4), body to world.
+    shapes : sequence of Drawable
+    shape_ids, scales : numpy.ndarray
+        (N,): place of each body's shape in that sequence, and its size over that of the shape.
+    """
+    if any(_spheres(shape) is not None for shape in shapes):
+        return _place_parts(centres, quaternions, shapes, shape_ids, scales)
+    whole = np.arange(len(centres)), np.zeros(len(centres)), np.ones(len(centres))
+    return _tessellated(centres, quaternions, shapes, shape_ids, scales, whole)
+
+
+def _spheres(shape: Drawable) -> np.ndarray | None:
+    """Spheres (M, 4) of a shape that is made of them, or None."""
+    spheres = getattr(shape, "spheres_m", None)
+    return spheres if spheres is not None and len(spheres) else None
+
+
+def _place_parts(
+    centres: np.ndarray,
+    quaternions: np.ndarray,
+    shapes: Sequence[Drawable],
+    shape_ids: np.ndarray,
+    scales: np.ndarray,
+) -> Bodies:
+    """The same where a shape consists of spheres."""
+    turn = rotation_matrices(quaternions)
+    parts = []
+    for kind, shape in enumerate(shapes):
+        members, spheres = np.flatnonzero(shape_ids == kind), _spheres(shape)
+        if spheres is None:
+            sizes, ids = scales[members], np.full(len(members), kind)
+            parts.append((centres[members], sizes, ids, members, 0.0 * sizes, 0.0 * sizes + 1.0))
+            continue
+        own = np.tile(spheres, (len(members), 1))
+        owner = np.repeat(members, len(spheres))
+        places = centres[owner] + scales[owner, None] * np.einsum("nij,nj->ni", turn[owner], own[:, :3])
+        length = (np.abs(spheres[:, 0]) + spheres[:, 3]).max()
+        ids = np.full(len(owner), len(shapes))
+        parts.append((places, scales[owner] * own[:, 3], ids, owner, own[:, 0] / length, own[:, 3] / length))
+    places, sizes, ids, owner, middle, share = (np.concatenate(column) for column in zip(*parts, strict=True))
+    drawn = [_Ball() if _spheres(shape) is not None else shape for shape in shapes] + [_Ball()]
+    whole = owner, middle, share
+    return _tessellated(places, quaternions[owner], drawn, ids, sizes, whole)
+
+
+def _tessellated(
+    centres: np.ndarray,
+    quaternions: np.ndarray,
+    shapes: Sequence[Drawable],
+    shape_ids: np.ndarray,
+    scales: np.ndarray,
+    whole: tuple[np.ndarray, np.ndarray, np.ndarray],
+) -> Bodies:
+    """`Bodies` of convex parts; whole: the last three fields."""
+    tessellated = [tessellate(shape) for shape in shapes]
+    points, normals = (np.array([one[k] for one in tessellated]) for k in range(2))
+    triangles = tessellated[0][2]
+    turn = rotation_matrices(quaternions)
+    vertices = np.einsum("nij,nvj->nvi", turn, scales[:, None, None] * points[shape_ids])
+    return Bodies(points, normals, triangles, shape_ids, turn, centres[:, None, :] + vertices, *whole)

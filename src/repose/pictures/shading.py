@@ -1,0 +1,209 @@
+"""Light and colours of a picture: soft shadow, ambient occlusion, skins of the berries, plate, walls of glass."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.ndimage import maximum_filter
+
+from repose.pictures import raster
+from repose.pictures.bodies import Bodies
+from repose.pictures.scenery import Backdrop, Camera, Frustum, Setting
+from repose.pictures.view import View
+
+BACKGROUND = np.array([0.975, 0.977, 0.980])
+PLATE = np.array([0.835, 0.842, 0.850])
+FUNNEL = np.array([0.40, 0.50, 0.58])
+SKIN = np.array([0.76, 0.125, 0.045])
+CALYX = np.array([0.33, 0.19, 0.055])
+OTHER_SKINS = np.array([[0.80, 0.66, 0.42], [0.30, 0.42, 0.56], [0.45, 0.52, 0.26]])  # second shape and on
+PANEL_SHARE = 0.93  # of the plate's brightness
+LIGHT = np.array([0.42, -0.38, 0.82]) / np.linalg.norm([0.42, -0.38, 0.82])  # in the camera's heading, z up
+
+
+def paint(
+    camera: Camera,
+    view: View,
+    skin: np.ndarray,
+    lit: np.ndarray,
+    sky: np.ndarray,
+    frame: np.ndarray,
+    setting: Setting,
+) -> np.ndarray:
+    """Colours (H, W, 3), 0 to 1 or a little above, of what each pixel shows.
+
+    Parameters
+    ----------
+    camera : Camera
+    view : View
+        What each pixel shows.
+    skin : numpy.ndarray
+        Colour (M, 3) of the M pixels that show a body, see `skin`.
+    lit, sky : numpy.ndarray
+        What `light_and_sky` gave, (H, W).
+    frame : numpy.ndarray
+        Points (P, 3) [m] that the picture holds; the plate fades out beyond them.
+    setting : Setting
+        Walls and backdrop.
+    """
+    image = np.broadcast_to(BACKGROUND, view.place.shape).copy()
+    _paint_flat(image, view, lit, sky, frame, setting.backdrop)
+    hit = view.hit
+    sight = view.rays[hit] / np.linalg.norm(view.rays[hit], axis=1, keepdims=True)
+    towards = _light_axes(camera)[2]
+    image[hit] = _shade_bodies(skin, view.normal[hit], sight, towards, lit[hit], sky[hit])
+    _blend_walls(image, setting.frusta, camera, view.rays, view.depth)
+    return image
+
+
+def light_and_sky(
+    camera: Camera, bodies: Bodies, view: View, largest: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Shares (H, W) of the light and of the sky that reach each pixel; largest: bounding radius of the bodies [m]."""
+    lit, sky = np.ones(view.hit.shape), np.ones(view.hit.shape)
+    if not len(bodies.vertices):
+        return lit, sky
+    light, seen = _light_axes(camera), view.hit | view.flat
+    light_map, origin, pixel_m = _light_map(bodies.vertices, bodies.triangles, light)
+    softness, bias = 0.35 * largest, 0.03 * largest
+    lit = raster.lit_fraction(
+        view.place, view.normal, seen, light_map, light, origin, pixel_m, softness, bias, 24
+    )
+    reach = np.where(seen, 1.3 * largest * camera.focal_px / np.where(seen, view.depth, 1.0), 0.0)
+    # Far from all bodies the walls see the whole sky.
+    near = maximum_filter(view.hit, size=2 * math.ceil(reach[view.hit].max(initial=0.0)) + 1)
+    sky = raster.openness(view.place, view.normal, seen, seen & near, reach, 1.3 * largest, 20)
+    return lit, sky
+
+
+def skin(body: np.ndarray, along: np.ndarray, shape: np.ndarray, count: int, shapes: int) -> np.ndarray:
+    """Colour (M, 3) of places on bodies; no two bodies are alike.
+
+    Parameters
+    ----------
+    body, along, shape : numpy.ndarray
+        (M,): number of the body, place along its axis from -1 to 1, and its shape; the first shape is the berry with
+        its calyx.
+    count, shapes : int
+        Number of all bodies, and of shapes.
+    """
+    skins = np.array([SKIN, *(OTHER_SKINS[k % len(OTHER_SKINS)] for k in range(shapes - 1))])
+    random = np.random.RandomState(2026)
+    ripeness, shade = random.uniform(-1, 1, (2, count))
+    tint = skins[shape] * (1 + 0.16 * shade[body, None])
+    tint += np.array([0.045, 0.050, 0.004]) * ripeness[body, None]
+    berry = (shape == 0)[:, None]
+    calyx = np.clip((along - 0.955) / 0.03, 0, 1)[:, None] * berry
+    tip = 1 - 0.25 * np.clip((np.abs(along) - 0.7) / 0.3, 0, 1)[:, None] ** 2 * berry
+    return np.clip(tint * tip * (1 - calyx) + CALYX * calyx, 0, 1)
+
+
+def _shade_bodies(
+    colour: np.ndarray,
+    normal: np.ndarray,
+    sight: np.ndarray,
+    towards: np.ndarray,
+    lit: np.ndarray,
+    sky: np.ndarray,
+) -> np.ndarray:
+    """Lambert, a waxy highlight and a rim of sky light; arrays (M, 3) and (M,)."""
+    diffuse = np.clip(normal @ towards, 0, 1) * lit
+    half = towards - sight
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    shine = np.clip(np.sum(normal * half, axis=1), 0, 1)
+    gloss = (0.42 * shine**60 + 0.085 * shine**9) * lit
+    rim = np.clip(1 + np.sum(normal * sight, axis=1), 0, 1) ** 3 * 0.10
+    ambient = (0.26 + 0.24 * (0.5 + 0.5 * normal[:, 2])) * sky
+    glow = 0.10 * sky  # light that went through neighbouring flesh keeps the gaps warm
+    base = colour * (0.93 * diffuse + ambient)[:, None] + colour**0.8 * glow[:, None] * np.array(
+        [1.0, 0.35, 0.2]
+    )
+    return base + (gloss + rim * sky)[:, None]
+
+
+def _paint_flat(
+    image: np.ndarray,
+    view: View,
+    lit: np.ndarray,
+    sky: np.ndarray,
+    frame: np.ndarray,
+    backdrop: Backdrop | None,
+) -> None:
+    """Paint the plate, which fades out far from the middle, and the panels, the darker the steeper."""
+    if view.plate.any():
+        low, high = np.min(frame, axis=0)[:2], np.max(frame, axis=0)[:2]
+        away = np.linalg.norm(view.place[view.plate][:, :2] - (low + high) / 2, axis=1)
+        fade = np.clip((2.6 - 2 * away / np.linalg.norm(high - low)) / 1.6, 0, 1) ** 1.5
+        tone = (0.52 + 0.48 * lit[view.plate]) * (0.35 + 0.65 * sky[view.plate])
+        image[view.plate] += fade[:, None] * (PLATE * 1.13 * tone[:, None] - image[view.plate])
+    if backdrop is not None and view.behind.any():
+        there = view.behind
+        image[there] = backdrop.paint(view.place[there], view.normal[there], lit[there], sky[there])
+    panels = view.flat & ~view.plate & ~view.behind
+    steepness = 0.80 + 0.20 * np.clip(view.normal[panels][:, 2], 0, 1)
+    tone = (0.52 + 0.48 * lit[panels]) * (0.35 + 0.65 * sky[panels]) * steepness
+    image[panels] = PLATE * 1.13 * PANEL_SHARE * tone[:, None]
+
+
+def _blend_walls(
+    image: np.ndarray, walls: Sequence[Frustum], camera: Camera, rays: np.ndarray, depth: np.ndarray
+) -> None:
+    """Draw translucent frusta over the picture: far side first, each only where nothing stands before it."""
+    sides = [side for wall in walls for side in _sides(wall, camera, rays)]
+    for wall, distance, met in sorted(sides, key=lambda side: -np.nanmedian(side[1])):
+        turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
+        light = _light_axes(camera)[2] @ turn
+        point = (camera.eye_m - wall.frame[:3] + distance[..., None] * rays) @ turn
+        z = point[..., 2]
+        where = met & (distance > 0) & (distance < depth) & (z >= wall.z_low_m) & (z <= wall.z_high_m)
+        if not where.any():
+            continue
+        outward = np.stack([point[where][:, 0], point[where][:, 1], np.zeros(where.sum())], -1)
+        outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+        outward[:, 2] = -wall.slope
+        outward /= math.hypot(1.0, wall.slope)
+        sight = rays[where] @ turn / np.linalg.norm(rays[where], axis=1, keepdims=True)
+        grazing = 1 - np.abs(np.sum(outward * sight, axis=1))
+        edge = np.minimum(z[where] - wall.z_low_m, wall.z_high_m - z[where])
+        alpha = np.clip(0.07 + 0.45 * grazing**3 + 0.45 * (edge < 0.0012), 0, 0.75)
+        shine = 0.35 * np.clip(np.abs(outward @ light), 0, 1) ** 12
+        image[where] += alpha[..., None] * (FUNNEL + shine[:, None] - image[where])
+
+
+def _sides(wall: Frustum, camera: Camera, rays: np.ndarray) -> list[tuple[Frustum, np.ndarray, np.ndarray]]:
+    """Far and near side of a frustum's endless cone: distance (H, W) along each ray, and which rays meet it."""
+    turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
+    eye, own_rays = (camera.eye_m - wall.frame[:3]) @ turn, rays @ turn
+    r_eye = wall.r_low_m + wall.slope * (eye[2] - wall.z_low_m)
+    r_step = wall.slope * own_rays[..., 2]
+    a = own_rays[..., 0] ** 2 + own_rays[..., 1] ** 2 - r_step**2
+    b = own_rays[..., 0] * eye[0] + own_rays[..., 1] * eye[1] - r_step * r_eye
+    root = np.sqrt(np.maximum(b * b - a * (eye[0] ** 2 + eye[1] ** 2 - r_eye**2), 0))
+    sides = []
+    for sign in (1.0, -1.0):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            sides.append((wall, (-b + sign * root) / a, root > 0))
+    return sides
+
+
+def _light_axes(camera: Camera) -> np.ndarray:
+    """Rows: two axes across the light, then towards it; the light turns with the camera."""
+    heading = np.array([camera.axes[2][0], camera.axes[2][1], 0.0])
+    length = np.linalg.norm(heading)
+    heading = heading / length if length > 1e-9 else camera.axes[1]
+    towards = LIGHT[0] * camera.axes[0] + LIGHT[1] * heading + LIGHT[2] * np.array([0.0, 0.0, 1.0])
+    across = np.cross([0.0, 0.0, 1.0], towards)
+    across /= np.linalg.norm(across)
+    return np.stack([across, np.cross(towards, across), towards])
+
+
+def _light_map(
+    vertices: np.ndarray, triangles: np.ndarray, axes: np.ndarray, size: int = 1400
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Depth map seen from the light (largest height towards the light), its origin and pixel size [m]."""
+    place = vertices @ axes.T
+    low = place[..., :2].min(axis=(0, 1))
+    pixel_m = float((place[..., :2].max(axis=(0, 1)) - low).max() / size)
+    x, y = (place[..., 0] - low[0]) / pixel_m, (place[..., 1] - low[1]) / pixel_m
+    shape = (int(y.max()) + 2, int(x.max()) + 2)
+    return raster.draw(x, y, place[..., 2], triangles, shape)[0], low, pixel_m

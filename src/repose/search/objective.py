@@ -1,0 +1,246 @@
+"""What the search minimises, and which of the points it meets are kept.
+
+`Objective` is Eq. 11-12 for any number of targets, `Preference` prior knowledge of parameters, `Archive` the best
+distinct points, `search` one whole search with `repose.search.miga`.
+
+Constraints, on which the publication is silent: the fitness of a point whose responses all lie in the targets' ranges
+is F (Eq. 11). That of any other point is F + F_max + 10 V. V is how far the responses lie outside, in the units of F,
+and F_max the most that F can be inside. So every feasible point beats every other point, and without any feasible
+point the search goes to the nearest one.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from repose.core.parameter_space import ParameterSpace
+from repose.core.targets import Targets
+from repose.search.miga import MIGA, OPERATORS
+
+PENALTY = 10.0
+PRIOR_WEIGHT = 0.01
+HISTORY = ("round", "generation", "evaluations", "best_objective", "mean_objective", "feasible_found")
+
+
+class Objective:
+    """Eq. 11-12: deviation of k responses from their targets, each in widths of its range.
+
+    Parameters
+    ----------
+    low, high : array_like, (k,)
+        The targets' ranges.
+    target : array_like, (k,), optional
+        Inside them; their centres (Eq. 12) by default.
+    weight : array_like, (k,), optional
+        Of each response in F; 1 by default.
+    margin : float
+        What is added to the fitness of points outside the ranges, besides F_max: the most that is ever added to the
+        fitness of points inside (`Preference.largest`).
+    """
+
+    def __init__(self, low, high, target=None, weight=None, margin: float = 0.0) -> None:
+        self.low, self.high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+        self.width = self.high - self.low
+        self.target = (self.low + self.high) / 2 if target is None else np.asarray(target, dtype=float)
+        self.weight = np.ones(len(self.low)) if weight is None else np.asarray(weight, dtype=float)
+        self.infeasible = float(self.weight.sum()) + margin  # F inside is at most the sum of the weights
+
+    @classmethod
+    def of(cls, targets: Targets, margin: float = 0.0) -> "Objective":
+        """The objective of a study's targets."""
+        return cls(targets.low, targets.high, targets.aim, targets.weight, margin)
+
+    def __call__(self, responses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """F (Eq. 11) and the violation V of the ranges, both (points,), of responses (points, k)."""
+        scaled = responses / self.width
+        F = (self.weight * np.abs(scaled - self.target / self.width)).sum(axis=1)
+        outside = np.maximum(np.maximum(self.low / self.width - scaled, scaled - self.high / self.width), 0.0)
+        return F, outside.sum(axis=1)
+
+    def fitness(self, F: np.ndarray, V: np.ndarray) -> np.ndarray:
+        """What the search minimises: F inside the ranges; outside more than any point inside has."""
+        return F + (V > 0) * self.infeasible + PENALTY * V
+
+
+@dataclass(frozen=True)
+class Preference:
+    """Prior knowledge of parameters, as a term that is small beside F.
+
+    A parameter set whose measured parameters lie z standard deviations off costs 0.01 z^2 / 2 more: for z = 1 as much
+    as half a percent of a target's range. So the targets come first. Among the many parameter sets that meet them
+    equally well the search takes those near the measured values.
+
+    Attributes
+    ----------
+    mean, sd : numpy.ndarray, (d,)
+        In the search's coordinates [-1, 1]; the standard deviation is infinite where there is no prior.
+    """
+
+    mean: np.ndarray
+    sd: np.ndarray
+
+    @classmethod
+    def of(cls, space: ParameterSpace) -> "Preference | None":
+        """The preference of a study's parameters, or None without priors."""
+        if not space.prior:
+            return None
+        mean, sd = np.zeros(space.dimensions), np.full(space.dimensions, np.inf)
+        for name, (value, spread) in space.prior.items():
+            k = space.free.index(name)
+            half = (space.high[k] - space.low[k]) / 2
+            mean[k], sd[k] = (value - space.low[k]) / half - 1, spread / half
+        return cls(mean, sd)
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        """What points (n, d) in [-1, 1] cost, (n,)."""
+        return PRIOR_WEIGHT / 2 * (((points - self.mean) / self.sd) ** 2).sum(axis=1)
+
+    @property
+    def largest(self) -> float:
+        """The most that a point can cost."""
+        return float(self(np.where(self.mean > 0, -1.0, 1.0)[None])[0])
+
+    def distance(self, points: np.ndarray) -> np.ndarray:
+        """Distance (n,) of points (n, d) from the measured values, in standard deviations."""
+        return np.sqrt(2 / PRIOR_WEIGHT * self(points))
+
+
+class Archive:
+    """The best distinct points out of any number met, in bounded memory.
+
+    Two points are distinct when they lie at least `distance` apart, Euclidean in normalised parameters. A point is
+    kept, best fitness first, when it is distinct from every better one that is kept.
+
+    Parameters
+    ----------
+    dimensions : int
+        Of a point.
+    distance : float
+        Least distance of two points.
+    capacity, buffer : int
+        Most points that are kept, and that wait to be thinned.
+
+    Attributes
+    ----------
+    points : numpy.ndarray, (kept, dimensions)
+        After `thin`, best first.
+    fitness : numpy.ndarray, (kept,)
+        Their fitness.
+    """
+
+    def __init__(self, dimensions: int, distance: float, capacity: int, buffer: int = 20_000) -> None:
+        self.distance, self.capacity, self.buffer = distance, capacity, buffer
+        self.points, self.fitness = np.empty((0, dimensions)), np.empty(0)
+        self._waiting, self._n_waiting, self._worst = [], 0, math.inf
+
+    def add(self, points: np.ndarray, fitness: np.ndarray) -> None:
+        """Offer points (n, dimensions) with their fitness (n,)."""
+        better = fitness < self._worst
+        if not better.any():
+            return
+        points, fitness = points[better], fitness[better]
+        for start in range(0, len(points), self.buffer):
+            rows = slice(start, start + self.buffer)
+            if self._n_waiting + len(points[rows]) > self.buffer:
+                self.thin()
+            self._waiting.append((points[rows], fitness[rows]))
+            self._n_waiting += len(points[rows])
+
+    def thin(self) -> None:
+        """Take what waits into `points` and `fitness`, best first."""
+        points = np.concatenate([self.points, *(p for p, _ in self._waiting)])
+        fitness = np.concatenate([self.fitness, *(f for _, f in self._waiting)])
+        kept = distinct(points, fitness, self.distance, self.capacity)
+        self.points, self.fitness = points[kept], fitness[kept]
+        self._waiting, self._n_waiting = [], 0
+        # fewer than before are left where a new point came between old ones: then any point may fill the gap
+        self._worst = self.fitness[-1] if len(kept) == self.capacity else math.inf
+
+
+def distinct(points: np.ndarray, fitness: np.ndarray, distance: float, most: int) -> np.ndarray:
+    """Rows of the best distinct points.
+
+    Parameters
+    ----------
+    points : numpy.ndarray, (n, d)
+        Any points.
+    fitness : numpy.ndarray, (n,)
+        Small is good.
+    distance : float
+        Least distance of a point from every better one that is taken.
+    most : int
+        How many are taken at most.
+
+    Returns
+    -------
+    numpy.ndarray, (taken,)
+        Row numbers, best first.
+    """
+    rows = np.argsort(fitness, kind="stable")
+    columns = np.ascontiguousarray(points[rows].T)
+    kept = []
+    while len(rows) and len(kept) < most:
+        kept.append(rows[0])
+        apart = ((columns - columns[:, :1]) ** 2).sum(axis=0) >= distance**2
+        apart[0] = False
+        left = np.flatnonzero(apart)  # twice as fast as the mask itself
+        rows, columns = rows[left], columns.take(left, axis=1)
+    return np.array(kept, dtype=int)
+
+
+def search(
+    respond: Callable[[np.ndarray], np.ndarray],
+    objective: Objective,
+    dimensions: int,
+    settings: Mapping[str, Any],
+    preference: Preference | None = None,
+) -> tuple[Archive, list[tuple], int]:
+    """One whole search with `MIGA`.
+
+    Parameters
+    ----------
+    respond : callable
+        Gets points (n, dimensions) in [-1, 1], gives their responses (n, k).
+    objective : Objective
+        Of the k responses.
+    dimensions : int
+        Number of parameters that are searched.
+    settings : mapping
+        The section `miga` of the configuration.
+    preference : Preference, optional
+        Prior knowledge of the parameters.
+
+    Returns
+    -------
+    archive : Archive
+        Thinned. It holds five times `solutions` points, as a point that is thinned away may lose its better neighbour
+        later.
+    history : list of tuples
+        A row for each round, with the columns HISTORY.
+    feasible_met : int
+        Number of feasible points that were met.
+    """
+    miga = MIGA(dimensions, **{key: settings[key] for key in OPERATORS}, seed=settings["seed"])
+    archive = Archive(dimensions, settings["distance"], 5 * settings["solutions"])
+    history, feasible_met = [], 0
+    for round_ in range(1, settings["rounds"] + 1):
+        seen = []
+        for _ in range(settings["generations"]):
+            points = miga.ask()
+            F, V = objective(respond(points))
+            fitness = objective.fitness(F, V)
+            if preference is not None:
+                fitness += preference(points)
+            seen.append((points, fitness))
+            feasible_met += len(V) - np.count_nonzero(V)
+            miga.tell(fitness)
+        archive.add(np.concatenate([p for p, _ in seen]), np.concatenate([f for _, f in seen]))
+        mean = float(fitness.mean())
+        history.append(
+            (round_, miga.generation, miga.evaluations, miga.best_fitness, mean, int(feasible_met))
+        )
+    archive.thin()
+    return archive, history, int(feasible_met)

@@ -1,0 +1,191 @@
+"""The inversion of a surrogate with known answers."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import shared
+
+from repose.chain import invert
+from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
+from repose.core.targets import Targets
+from repose.surrogate.support import Support
+
+SETTINGS = {
+    "islands": 5,
+    "population": 40,
+    "rounds": 40,
+    "generations": 10,
+    "tournament": 3,
+    "mutation_probability": 0.05,
+    "mutation_amplitude": 0.1,
+    "solutions": 30,
+    "distance": 0.05,
+    "seed": 2026,
+}
+SPACE = ParameterSpace(PARAMETERS, np.zeros(6), np.full(6, 2.0))
+
+
+def targets(aor=30.5, aor_range=(29.0, 32.0), height_range=(63.0, 68.0)):
+    first, second = shared.TARGETS
+    return Targets.of(
+        [
+            first | {"aim": aor, "range": list(aor_range)},
+            second | {"aim": 65.0, "range": list(height_range)},
+        ]
+    )
+
+
+TARGETS = targets()
+
+
+def write_inputs(folder, reach):
+    """A network that is nearly linear: AoR 28 + reach x mean(x), Height 64 + mean(x), x in 0 to 2."""
+    small = 1e-3
+    W1 = np.zeros((2, 6))
+    W1[0], W1[1, 4] = small, small
+    network = {
+        "surrogate": "network",
+        "inputs": list(PARAMETERS),
+        "outputs": ["aor_deg", "height_mm"],
+        "scaled_range": [0.0, 1.0],
+        "input_min": [0.0] * 6,
+        "input_max": [1.0] * 6,
+        "output_min": [0.0, 0.0],
+        "output_max": [1.0, 1.0],
+        "W1": W1.tolist(),
+        "b1": [0.0, 0.0],
+        "W2": [[reach / 6 / small, 0.0], [0.0, 1.0 / small]],
+        "b2": [28.0, 64.0],
+    }
+    (folder / "network.json").write_text(json.dumps(network))
+    rows = [(name, 0.1, 0.2, 5.0) for name in PARAMETERS]
+    columns = ["parameter", "low", "high", "dispersion_percent"]
+    pd.DataFrame(rows, columns=columns).to_csv(folder / "table3.csv", index=False)
+    return folder / "network.json", folder / "table3.csv"
+
+
+@pytest.fixture(scope="module", params=[2.0, 0.2], ids=["reachable", "out of reach"])
+def outcome(request, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("miga")
+    network_json, table3 = write_inputs(folder, request.param)
+    summary = invert.run(network_json, SPACE, TARGETS, SETTINGS, table3, folder / "out")
+    return request.param == 2.0, summary, folder / "out"
+
+
+def test_run_says_whether_the_box_was_reached(outcome):
+    reachable, summary, out = outcome
+    assert json.loads((out / "summary.json").read_text()) == summary
+    solutions = pd.read_csv(out / "feasible.csv")
+    assert summary["feasible"] is reachable
+    assert (solutions["feasible"] == reachable).all()
+    assert len(solutions) == 30
+    assert solutions["representative"].tolist() == [True] + [False] * 29
+    assert (summary["n_feasible_met"] > 0) is reachable
+    if reachable:
+        assert summary["box_distance"] == {"aor_deg": 0.0, "height_mm": 0.0}
+        assert solutions["aor_predicted_deg"].between(29, 32).all()
+        assert "distinct feasible solutions" in summary["message"]
+    else:  # five inputs at 2, and mus_gp at 1, where the last 0.03 deg would cost a mm of Height
+        assert summary["box_distance"]["aor_deg"] == pytest.approx(0.6 + 0.2 / 6, abs=1e-3)
+        assert summary["target_distance"]["aor_deg"] == pytest.approx(2.1 + 0.2 / 6, abs=1e-3)
+        assert "No feasible solution" in summary["message"]
+        assert "0.63 deg and 0.00 mm outside the box" in summary["message"]
+
+
+def test_run_solutions_are_sorted_distinct_and_inside_the_ranges(outcome):
+    reachable, _, out = outcome
+    solutions = pd.read_csv(out / "feasible.csv")
+    X = solutions[list(PARAMETERS)].to_numpy()
+    assert ((X >= 0) & (X <= 2)).all()
+    if reachable:
+        assert (np.diff(solutions["objective"]) >= 0).all()
+        F = (solutions["aor_predicted_deg"] - 30.5).abs() / 3 + (
+            solutions["height_predicted_mm"] - 65
+        ).abs() / 5
+        np.testing.assert_allclose(solutions["objective"], F, atol=1e-12)
+    else:
+        assert (np.diff(solutions["violation"]) >= -1e-6).sum() > 0
+    gaps = np.linalg.norm(X[:, None] - X, axis=2) + 9 * np.eye(
+        len(X)
+    )  # ranges of width 2: already normalised
+    assert gaps.min() >= 0.05 - 1e-12
+
+
+def test_run_tables_beside_the_published(outcome):
+    _, _, out = outcome
+    solutions, intervals = pd.read_csv(out / "feasible.csv"), pd.read_csv(out / "intervals.csv")
+    assert intervals["variable"].tolist() == list(PARAMETERS)
+    width = solutions["mus_gp"].max() - solutions["mus_gp"].min()
+    row = intervals.set_index("variable").loc["mus_gp"]
+    assert row["dispersion_percent"] == pytest.approx(100 * width / 2)
+    assert row["published_dispersion_percent"] == 5.0
+    history = pd.read_csv(out / "history.csv")
+    assert history["evaluations"].tolist() == [2000 * k for k in range(1, 41)]
+    assert (np.diff(history["best_objective"]) <= 0).all()
+
+
+def test_run_is_deterministic(outcome, tmp_path):
+    reachable, _, out = outcome
+    network_json, table3 = write_inputs(tmp_path, 2.0 if reachable else 0.2)
+    invert.run(network_json, SPACE, TARGETS, SETTINGS, table3, tmp_path)
+    assert (tmp_path / "feasible.csv").read_bytes() == (out / "feasible.csv").read_bytes()
+
+
+def test_few_feasible_solutions_are_followed_by_the_nearest(tmp_path):
+    network_json, table3 = write_inputs(tmp_path, 2.0)
+    narrow = targets(32.0, (31.999, 34.0), (65.0, 68.0))
+    summary = invert.run(network_json, SPACE, narrow, SETTINGS, table3, tmp_path)
+    solutions = pd.read_csv(tmp_path / "feasible.csv")
+    assert len(solutions) == 10
+    assert 0 < summary["n_solutions"] == solutions["feasible"].sum() < 10
+    assert solutions["feasible"].is_monotonic_decreasing
+
+
+def test_solutions_at_the_bounds_carry_a_warning(tmp_path):
+    """Out of reach: every solution sits in a corner, with samples in the middle of the ranges alone."""
+    network_json, table3 = write_inputs(tmp_path, 0.2)
+    support = Support(np.random.RandomState(1).uniform(0.5, 1.5, (60, 6)), np.zeros(6), np.full(6, 2.0))
+    brief = SETTINGS | {"rounds": 5}
+    summary = invert.run(network_json, SPACE, TARGETS, brief, table3, tmp_path, support)
+    table = pd.read_csv(tmp_path / "feasible.csv")
+    assert table.columns[-1] == "warning"
+    assert table["warning"].str.contains("nearest sample").all()
+    assert "mur_gg high" in table["warning"].iloc[0]
+    assert summary["message"].endswith(f"Beyond the samples: {table['warning'].iloc[0]}.")
+
+
+def test_a_target_outside_its_box_and_a_bad_table_are_named(tmp_path):
+    network_json, table3 = write_inputs(tmp_path, 2.0)
+    with pytest.raises(InputError, match=r"aor_deg is 40.*\[29.0, 32.0\]"):
+        invert.run(network_json, SPACE, targets(40), SETTINGS, table3, tmp_path)
+    table3.write_text("variable,low\n")
+    with pytest.raises(InputError, match=r"table3.csv: parameter"):
+        invert.run(network_json, SPACE, TARGETS, SETTINGS, table3, tmp_path)
+
+
+def test_another_definition_or_other_responses_are_refused(tmp_path):
+    network_json, table3 = write_inputs(tmp_path, 2.0)
+    content = json.loads(network_json.read_text())
+    flank = {"aor_deg": {"measure.response": "flank"}}
+    network_json.write_text(json.dumps(content | {"definitions": flank}))
+    arguments = (network_json, SPACE, TARGETS, SETTINGS, table3, tmp_path)
+    secant = {"aor_deg": {"measure.response": "secant"}}
+    with pytest.raises(
+        InputError, match=r"network\.json: definition of aor_deg is .*flank.*secant.*my\.yaml"
+    ):
+        invert.run(*arguments, definitions=secant, source="my.yaml")
+    one = Targets(TARGETS[:1])
+    with pytest.raises(InputError, match=r"network\.json: outputs is .*; allowed: the targets aor_deg"):
+        invert.run(network_json, SPACE, one, SETTINGS, table3, tmp_path)
+
+
+def test_a_study_without_published_intervals_has_its_own_alone():
+    cloud = pd.DataFrame({name: [0.1, 0.3] for name in PARAMETERS})
+    space = ParameterSpace(PARAMETERS[1:], np.zeros(5), np.full(5, 2.0), {"e_gg": 0.2})
+    table = invert.intervals(cloud.assign(e_gg=0.2), space)
+    assert table.columns.tolist() == ["variable", "low", "high", "dispersion_percent"]
+    assert table["dispersion_percent"].tolist() == pytest.approx([0.0] + 5 * [10.0])

@@ -1,0 +1,179 @@
+"""Training on a study's samples: split, accuracy in three ways, files; with one target and with several."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import shared
+
+from repose.chain import train
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
+from repose.core.responses import response
+from repose.core.targets import Targets
+from repose.surrogate import load
+from repose.surrogate.accuracy import r2
+
+SETTINGS = {"hidden": 6, "epochs": 200, "goal": 1e-4, "starts": 3, "seed": 2026, "split": [0.7, 0.15, 0.15]}
+TARGETS = Targets.of(shared.TARGETS)
+
+
+def known_function(U):
+    """Two smooth responses of six inputs in [-1, 1], as strong and as curved as a pile's."""
+    aor = 23 + 2.2 * U[:, 4] + 2.2 * U[:, 2] - 1.2 * U[:, 0] + 0.6 * U[:, 2] * U[:, 4] - 0.8 * U[:, 4] ** 2
+    height = (
+        61 + 4.7 * U[:, 4] + 4.7 * U[:, 2] - 3.5 * U[:, 0] + 1.5 * U[:, 2] * U[:, 4] + np.sin(2 * U[:, 0])
+    )
+    return np.column_stack([aor, height])
+
+
+@pytest.mark.parametrize(
+    ("samples", "sizes"), [(137, (95, 20, 22)), (150, (105, 22, 23)), (90, (63, 13, 14))]
+)
+def test_split_is_the_published_one_and_a_partition(samples, sizes):
+    rows = train.split(samples, [0.70, 0.15, 0.15], 2026)
+    assert tuple(len(rows[name]) for name in train.SPLITS) == sizes
+    assert sorted(np.concatenate(list(rows.values()))) == list(range(samples))
+
+
+def test_noise_correction_recovers_r2_on_the_noise_free_means():
+    random = np.random.RandomState(3)
+    m = 20_000
+    truth = random.normal(size=m) * 2
+    predicted = truth + random.normal(size=m) * 0.5
+    errors = random.uniform(0.5, 1.5, m)
+    y = truth + random.normal(size=m) * errors
+    assert train.r2_noise_corrected(y, predicted, errors) == pytest.approx(r2(truth, predicted), abs=0.01)
+    assert r2(y, predicted) < 0.8
+    assert train.r2_noise_corrected(y, predicted, np.full(m, np.nan)) is None
+    assert train.r2_noise_corrected(y, predicted, np.full(m, 10.0)) is None
+
+
+def write_tables(folder, samples=40, seeds=4):
+    random = np.random.RandomState(11)
+    U = random.uniform(-1, 1, (samples, 6))
+    truth = known_function(U)
+    rows, runs = [], []
+    for i in range(samples):
+        y = truth[i] + random.normal(size=(seeds, 2)) * (0.5, 1.0)
+        se = y.std(axis=0, ddof=1) / np.sqrt(seeds) if seeds > 1 else (np.nan, np.nan)
+        status = "jammed" if i == 3 else "ok"
+        mean = y.mean(axis=0) if status == "ok" else (np.nan, np.nan)
+        rows.append((i + 1, *U[i], status, seeds, mean[0], se[0], mean[1], se[1]))
+        runs.extend((i + 1, k, status, *y[k]) for k in range(seeds))
+    columns = [
+        "sample",
+        *PARAMETERS,
+        "status",
+        "n_seeds",
+        "aor_deg",
+        "aor_se_deg",
+        "height_mm",
+        "height_se_mm",
+    ]
+    pd.DataFrame(rows, columns=columns).to_csv(folder / "dataset.csv", index=False)
+    columns = ["sample", "seed", "status", "aor_deg", "height_mm"]
+    pd.DataFrame(runs, columns=columns).to_csv(folder / "runs.csv", index=False)
+    return folder / "dataset.csv", folder / "runs.csv"
+
+
+def test_run_writes_what_it_returns(tmp_path):
+    paths = write_tables(tmp_path)
+    metrics = train.run(*paths, TARGETS, SETTINGS, tmp_path / "out")
+    assert json.loads((tmp_path / "out/metrics.json").read_text()) == metrics
+    assert (metrics["n_samples"], metrics["left_out"]) == (39, 1)
+    predictions = pd.read_csv(tmp_path / "out/predictions.csv")
+    assert 4 not in set(predictions["sample"])
+    test = predictions[predictions["split"] == "test"]
+    by_hand = (
+        1
+        - ((test.aor_deg - test.aor_predicted_deg) ** 2).sum()
+        / ((test.aor_deg - test.aor_deg.mean()) ** 2).sum()
+    )
+    assert metrics["test"]["aor_deg"]["r2"] == pytest.approx(by_hand)
+    runs = pd.read_csv(paths[1]).merge(test[["sample", "height_predicted_mm"]], on="sample")
+    assert len(runs) == 4 * metrics["n_test"]
+    single = r2(runs["height_mm"].to_numpy(), runs["height_predicted_mm"].to_numpy())
+    assert metrics["r2_three_ways"]["height_mm"]["single_runs"] == pytest.approx(single)
+    starts = pd.read_csv(tmp_path / "out/starts.csv")
+    assert starts.loc[starts["chosen"], "log_evidence"].item() == starts["log_evidence"].max()
+    saved = load(tmp_path / "out/network.json")
+    assert (saved.inputs, saved.outputs) == (PARAMETERS, ("aor_deg", "height_mm"))
+
+
+def test_run_with_one_seed_has_no_noise_correction_and_no_weights(tmp_path):
+    paths = write_tables(tmp_path, seeds=1)
+    metrics = train.run(*paths, TARGETS, SETTINGS | {"weights_from_errors": True}, tmp_path / "out")
+    ways = metrics["r2_three_ways"]["aor_deg"]
+    assert ways["noise_corrected"] is None
+    assert ways["single_runs"] == pytest.approx(ways["sample_means"])
+    assert metrics["weighted"] is False
+
+
+def test_run_weighted_differs_from_unweighted(tmp_path):
+    paths = write_tables(tmp_path)
+    plain = train.run(*paths, TARGETS, SETTINGS, tmp_path / "a")
+    weighted = train.run(*paths, TARGETS, SETTINGS | {"weights_from_errors": True}, tmp_path / "b")
+    assert weighted["weighted"] is True
+    assert weighted["log_evidence"] != plain["log_evidence"]
+
+
+def test_too_few_samples_and_missing_columns_are_named(tmp_path):
+    paths = write_tables(tmp_path, samples=12)
+    with pytest.raises(InputError, match=r"usable samples is 11; allowed: at least 12"):
+        train.run(*paths, TARGETS, SETTINGS, tmp_path)
+    pd.read_csv(paths[0]).drop(columns="mus_gp").to_csv(paths[0], index=False)
+    with pytest.raises(InputError, match=r"dataset.csv: mus_gp"):
+        train.run(*paths, TARGETS, SETTINGS, tmp_path)
+
+
+def test_definitions_are_kept_and_others_are_refused(tmp_path):
+    dataset_csv, runs_csv = write_tables(tmp_path)
+    flank, secant = ({"aor_deg": {"measure.response": kind}} for kind in ("flank", "secant"))
+    arguments = (dataset_csv, runs_csv, TARGETS, SETTINGS | {"starts": 1}, tmp_path / "out")
+    train.run(*arguments, flank, "my.yaml")
+    assert load(tmp_path / "out/network.json").definitions == flank
+    files = (tmp_path / "out/network.json", tmp_path / "out/predictions.csv", dataset_csv)
+    train.restore(*files)
+    (tmp_path / "dataset_summary.json").write_text(json.dumps({"definitions": secant}))
+    with pytest.raises(
+        InputError, match=r"dataset_summary\.json: definition of aor_deg is .*secant.*flank.*my\.yaml"
+    ):
+        train.run(*arguments, flank, "my.yaml")
+    with pytest.raises(
+        InputError, match=r"network\.json: definition of aor_deg .*as in .*dataset_summary\.json"
+    ):
+        train.restore(*files)
+    train.run(*arguments)
+    assert load(tmp_path / "out/network.json").definitions == secant
+
+
+@pytest.mark.parametrize("name", ["aor_deg", "height_mm"])
+def test_one_target_is_trained_alone(tmp_path, name):
+    dataset_csv, runs_csv = write_tables(tmp_path)
+    one = Targets([target for target in TARGETS if target.name == name])
+    metrics = train.run(dataset_csv, runs_csv, one, SETTINGS | {"correlated_noise": True}, tmp_path / "out")
+    assert set(metrics["test"]) == set(metrics["r2_three_ways"]) == {name}
+    assert np.shape(metrics["noise_covariance"]) == (1, 1)
+    predictions = pd.read_csv(tmp_path / "out/predictions.csv")
+    assert predictions.columns.tolist() == ["sample", "split", name, response(name).predicted]
+
+
+def test_noise_of_different_bench_tests_is_independent_and_counts_by_their_runs():
+    """Four pours a sample with noises of correlation 0.5, and one turn of the drum a sample in four, two in others."""
+    random = np.random.default_rng(6)
+    samples = np.arange(400)
+    pours = pd.DataFrame({"sample": samples.repeat(4), "apparatus": "funnel", "status": "ok"})
+    pours[["aor_deg", "height_mm"]] = random.multivariate_normal([30, 60], [[1, 1], [1, 4]], size=1600)
+    turns = pd.DataFrame({"sample": samples.repeat(2), "apparatus": "drum", "status": "ok"})
+    turns["drum_slip_deg"] = random.normal(40, 3.0, size=800)
+    slip = {"response": "drum_slip_deg", "apparatus": "drum", "value": 31.0, "sd": 1.0, "repetitions": 5}
+    first, second = shared.TARGETS
+    targets = Targets.of([first, slip | {"range": [20.0, 40.0]}, second])
+    covariance = train.noise_covariance(pd.concat([pours, turns]), samples, targets)
+    assert covariance[[0, 1, 2], [1, 0, 1]].tolist() == [0.0, 0.0, 0.0]
+    assert covariance[::2, ::2] == pytest.approx(np.array([[1.0, 1.0], [1.0, 4.0]]), rel=0.15)
+    assert covariance[1, 1] == pytest.approx(2 * 9.0, rel=0.15)  # means of two runs beside means of four
+    once = turns.drop_duplicates("sample")
+    assert train.noise_covariance(pd.concat([pours, once]), samples, targets) is None

@@ -1,0 +1,77 @@
+"""The objective for any number of targets, prior knowledge, and the archive of distinct points."""
+
+import math
+
+import numpy as np
+import pytest
+
+from repose.search.objective import Archive, Objective, distinct
+
+
+def sphere(x):
+    return ((x - 0.3) ** 2).sum(axis=1)
+
+
+def test_objective_is_eq_11_and_its_target_eq_12():
+    objective = Objective((31, 64), (34, 69))
+    F, V = objective(np.array([[32.5, 66.5], [31.0, 69.0], [30.0, 70.0]]))
+    np.testing.assert_allclose(F, [0, 1, 2.5 / 3 + 3.5 / 5], atol=1e-12)
+    np.testing.assert_allclose(V, [0, 0, 1 / 3 + 1 / 5], atol=1e-12)
+    F, _ = Objective((31, 64), (34, 69), (32.87, 65.57))(np.array([[31.87, 66.57]]))
+    np.testing.assert_allclose(F, 1 / 3 + 1 / 5)
+
+
+def test_any_feasible_point_is_fitter_than_any_other():
+    objective = Objective((0, 0), (1, 1), (0.0, 0.0))
+    fitness = objective.fitness(*objective(np.array([[1.0, 1.0], [-1e-9, 0.0], [-1.0, 0.0]])))
+    assert fitness[0] < fitness[1] < fitness[2]
+
+
+def distinct_slowly(points, fitness, distance, most):
+    kept = []
+    for row in sorted(range(len(points)), key=lambda i: (fitness[i], i)):
+        if len(kept) < most and all(math.dist(points[row], points[k]) >= distance for k in kept):
+            kept.append(row)
+    return kept
+
+
+@pytest.mark.parametrize("most", [5, 1000])
+@pytest.mark.parametrize("distance", [0.0, 0.1, 0.6])
+def test_thinning_against_its_slow_twin(most, distance):
+    random = np.random.RandomState(5)
+    points, fitness = random.uniform(-1, 1, (300, 3)), random.randint(0, 50, 300).astype(float)
+    points[100:120] = points[:20]
+    fast = distinct(points, fitness, distance, most)
+    assert fast.tolist() == distinct_slowly(points, fitness, distance, most)
+
+
+def test_archive_is_bounded_distinct_sorted_and_holds_the_best():
+    random = np.random.RandomState(6)
+    archive = Archive(2, 0.1, 40, buffer=500)
+    everything, all_fitness = [], []
+    for _ in range(60):
+        points = random.uniform(-1, 1, (170, 2))
+        fitness = sphere(points)
+        archive.add(points, fitness)
+        assert archive._n_waiting <= 500
+        assert len(archive.points) <= 40
+        everything.append(points)
+        all_fitness.append(fitness)
+    archive.thin()
+    everything, all_fitness = np.concatenate(everything), np.concatenate(all_fitness)
+    assert len(archive.points) >= 30
+    assert (np.diff(archive.fitness) >= 0).all()
+    np.testing.assert_array_equal(archive.points[0], everything[all_fitness.argmin()])
+    gaps = np.linalg.norm(archive.points[:, None] - archive.points, axis=2) + 9 * np.eye(len(archive.points))
+    assert gaps.min() >= 0.1
+    # no better point was passed over: each lies near one that is kept
+    better = everything[all_fitness < archive.fitness[20]]
+    assert np.linalg.norm(better[:, None] - archive.points, axis=2).min(axis=1).max() < 0.2
+
+
+def test_archive_takes_more_than_its_buffer_at_once():
+    points = np.random.RandomState(7).uniform(-1, 1, (1000, 2))
+    archive = Archive(2, 0.0, 1000, buffer=64)
+    archive.add(points, sphere(points))
+    archive.thin()
+    np.testing.assert_array_equal(archive.fitness, np.sort(sphere(points)))
