@@ -16,13 +16,13 @@ from typing import Any
 import pandas as pd
 
 from repose.apparatus import bench
-from repose.apparatus.job import FIRST
 from repose.core.errors import InputError
 from repose.core.files import read_json, write_json, write_table
 from repose.core.parameter_sets import read_samples
 from repose.core.parameters import PARAMETERS
 from repose.core.responses import Definitions
 from repose.core.runs import Recorded, summarise_runs
+from repose.core.seeds import UNNAMED
 from repose.core.targets import Targets
 
 SUMMARY = "_summary.json"  # behind the stem of a dataset
@@ -194,7 +194,7 @@ def read_job(path: str | os.PathLike, targets: Targets) -> tuple[Job, str]:
         finite number for a target.
     """
     job = read_json(path, {"sample": int, "parameters": dict, "runs": list}, "a job's JSON file")
-    apparatus = job.get("apparatus", FIRST)
+    apparatus = job.get("apparatus", UNNAMED)
     if apparatus not in targets.apparatus:
         raise InputError(
             path, "apparatus", apparatus, f"a bench test of the targets, {', '.join(targets.apparatus)}"

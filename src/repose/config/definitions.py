@@ -9,9 +9,10 @@ from repose.core.responses import Definitions
 
 
 def definitions_of(config: Mapping[str, Any]) -> Definitions:
-    """For each response of every bench test the configuration keys that define it, with their values."""
+    """For each response of the bench tests in a configuration the keys that define it, with their values."""
     return {
         one.name: {key: get(config, key) for key in one.definition}
         for test in bench_tests()
+        if test.name in config
         for one in test.responses
     }
