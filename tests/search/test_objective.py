@@ -5,7 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from repose.search.objective import Archive, Objective, distinct
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
+from repose.search.objective import PRIOR_WEIGHT, Archive, Objective, Preference, distinct
 
 
 def sphere(x):
@@ -25,6 +27,52 @@ def test_any_feasible_point_is_fitter_than_any_other():
     objective = Objective((0, 0), (1, 1), (0.0, 0.0))
     fitness = objective.fitness(*objective(np.array([[1.0, 1.0], [-1e-9, 0.0], [-1.0, 0.0]])))
     assert fitness[0] < fitness[1] < fitness[2]
+
+
+def test_objective_of_one_target_and_of_four_with_weights():
+    F, V = Objective((31,), (34,))(np.array([[32.5], [33.5], [35.0]]))
+    np.testing.assert_allclose(F, [0, 1 / 3, 2.5 / 3])
+    np.testing.assert_allclose(V, [0, 0, 1 / 3])
+    weighted = Objective(np.zeros(4), np.full(4, 2.0), weight=(1, 2, 0.5, 4))
+    F, V = weighted(np.array([[1.5, 1.0, 0.0, 1.25], [1.0, 1.0, 3.0, 1.0]]))
+    np.testing.assert_allclose(F, [0.25 + 0.25 + 0.5, 0.5])
+    np.testing.assert_allclose(V, [0.0, 0.5])  # of whatever weight: a range is a range
+    assert weighted.infeasible == 7.5
+    corner, just_outside = weighted.fitness(*weighted(np.array([[0.0, 2, 2, 0], [1, 1, 1, 2 + 1e-9]])))
+    assert corner < just_outside
+
+
+def test_weights_of_one_change_no_bit():
+    random = np.random.default_rng(4)
+    low, high = random.uniform(0, 50, 2), random.uniform(51, 100, 2)
+    plain, responses = Objective(low, high), random.uniform(-20, 120, (500, 2))
+    scaled = responses / (high - low)
+    F = np.abs(scaled - (low + high) / 2 / (high - low)).sum(axis=1)
+    outside = np.maximum(np.maximum(low / (high - low) - scaled, scaled - high / (high - low)), 0.0)
+    found = plain(responses)
+    np.testing.assert_array_equal(found[0], F)
+    np.testing.assert_array_equal(found[1], outside[:, 0] + outside[:, 1])
+    np.testing.assert_array_equal(
+        plain.fitness(*found), F + (found[1] > 0) * 2.0 + 10.0 * (outside[:, 0] + outside[:, 1])
+    )
+
+
+def test_a_prior_is_a_small_term_that_no_infeasible_point_makes_up_for():
+    ranges = dict.fromkeys(PARAMETERS, (0.2, 0.4))
+    assert Preference.of(ParameterSpace.of(ranges)) is None
+    measured = {"prior": {"mean": 0.25, "sd": 0.01}, "range": [0.2, 0.4]}
+    space = ParameterSpace.of(ranges | {"mus_gg": measured, "e_gp": {"fixed": 0.3}})
+    preference = Preference.of(space)
+    values = np.full((3, 6), 0.3)
+    values[:, 1] = 0.25, 0.26, 0.4  # 0, 1 and 15 standard deviations off
+    points = 2 * space.unit(values) - 1
+    np.testing.assert_allclose(preference.distance(points), [0, 1, 15], atol=1e-9)
+    np.testing.assert_allclose(preference(points), PRIOR_WEIGHT / 2 * np.array([0, 1, 225]), atol=1e-12)
+    assert preference.largest == pytest.approx(preference(points)[2])
+    objective = Objective((0.0,), (1.0,), margin=preference.largest)
+    F, V = objective(np.array([[0.0], [1.0 + 1e-9]]))
+    feasible_far, infeasible_near = objective.fitness(F, V) + preference(points[[2, 0]])
+    assert feasible_far < infeasible_near
 
 
 def distinct_slowly(points, fitness, distance, most):

@@ -102,7 +102,7 @@ def train(
     model.fit(X[rows["train"]], Y[rows["train"]], precision=weight, noise_covariance=covariance)
     P = model.predict(X)
 
-    metrics = {"n_samples": len(X), "left_out": len(dataset) - len(X)}
+    metrics: dict[str, Any] = {"n_samples": len(X), "left_out": len(dataset) - len(X)}
     metrics |= _accuracy(Y, P, targets.names, rows)
     metrics["r2_three_ways"] = _three_ways(usable, runs, Y, P, errors, rows["test"], targets.names)
     metrics |= model.report() | {"weighted": weighted}

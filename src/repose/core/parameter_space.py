@@ -94,7 +94,8 @@ class ParameterSpace:
             name: round((low + high) / 2, 12)
             for name, low, high in zip(self.free, self.low.tolist(), self.high.tolist(), strict=True)
         }
-        return {name: self.fixed.get(name, middle.get(name)) for name in PARAMETERS}
+        known = middle | self.fixed
+        return {name: known[name] for name in PARAMETERS}
 
     def values(self, unit: np.ndarray) -> np.ndarray:
         """Parameter sets (n, 6) in the order of `PARAMETERS` of points (n, d) in the unit cube."""

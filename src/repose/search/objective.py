@@ -134,7 +134,8 @@ class Archive:
     def __init__(self, dimensions: int, distance: float, capacity: int, buffer: int = 20_000) -> None:
         self.distance, self.capacity, self.buffer = distance, capacity, buffer
         self.points, self.fitness = np.empty((0, dimensions)), np.empty(0)
-        self._waiting, self._n_waiting, self._worst = [], 0, math.inf
+        self._waiting: list[tuple[np.ndarray, np.ndarray]] = []
+        self._n_waiting, self._worst = 0, math.inf
 
     def add(self, points: np.ndarray, fitness: np.ndarray) -> None:
         """Offer points (n, dimensions) with their fitness (n,)."""
@@ -181,9 +182,9 @@ def distinct(points: np.ndarray, fitness: np.ndarray, distance: float, most: int
     """
     rows = np.argsort(fitness, kind="stable")
     columns = np.ascontiguousarray(points[rows].T)
-    kept = []
+    kept: list[int] = []
     while len(rows) and len(kept) < most:
-        kept.append(rows[0])
+        kept.append(int(rows[0]))
         apart = ((columns - columns[:, :1]) ** 2).sum(axis=0) >= distance**2
         apart[0] = False
         left = np.flatnonzero(apart)  # twice as fast as the mask itself
@@ -235,7 +236,7 @@ def search(
             if preference is not None:
                 fitness += preference(points)
             seen.append((points, fitness))
-            feasible_met += len(V) - np.count_nonzero(V)
+            feasible_met += int(np.count_nonzero(V == 0))
             miga.tell(fitness)
         archive.add(np.concatenate([p for p, _ in seen]), np.concatenate([f for _, f in seen]))
         mean = float(fitness.mean())

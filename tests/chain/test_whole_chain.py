@@ -1,0 +1,179 @@
+"""Design to validation on made-up runs: one target, four targets, another bench test, fixed and measured parameters."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from repose.chain import dataset, design, invert, train, validate
+from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
+from repose.core.responses import response
+from repose.core.targets import Targets
+from repose.surrogate.support import Support
+
+NETWORK = {"hidden": 6, "epochs": 150, "goal": 0.0, "starts": 2, "seed": 1, "split": [0.7, 0.15, 0.15]}
+MIGA = {
+    "islands": 3,
+    "population": 30,
+    "rounds": 20,
+    "generations": 10,
+    "tournament": 3,
+    "mutation_probability": 0.1,
+    "mutation_amplitude": 0.1,
+    "solutions": 10,
+    "distance": 0.02,
+    "seed": 1,
+}
+RANGES = {
+    "e_gg": [0.1, 0.4],
+    "mus_gg": [0.35, 0.75],
+    "mur_gg": [0.02, 0.07],
+    "e_gp": [0.2, 0.5],
+    "mus_gp": [0.4, 0.8],
+    "mur_gp": [0.1, 0.3],
+}
+PRIORS = {"e_gp": {"fixed": 0.3}, "mus_gp": {"prior": {"mean": 0.5, "sd": 0.02}, "range": [0.4, 0.8]}}
+# Each response: its value where all parameters are in the middle, what rolling and wall friction add, a run's scatter.
+LAW = {
+    "aor_deg": (30.0, 8.0, 4.0, 0.3),
+    "height_mm": (60.0, 10.0, 12.0, 0.5),
+    "radius_90_mm": (110.0, -20.0, -16.0, 1.0),
+    "base_radius_mm": (120.0, -24.0, -18.0, 1.0),
+    "drum_slip_deg": (40.0, 6.0, 0.0, 0.4),
+}
+WANTED = {"mur_gg": 0.055, "mus_gp": 0.55}  # what gives the targets
+
+
+def means(parameters):
+    """Responses of the made-up simulator."""
+    rolling = (parameters["mur_gg"] - 0.045) / 0.05
+    wall = (parameters["mus_gp"] - 0.6) / 0.4
+    return {name: at + a * rolling + b * wall for name, (at, a, b, _) in LAW.items()}
+
+
+def targets_of(*names):
+    wanted = means(WANTED)
+    return Targets.of(
+        [
+            {
+                "response": name,
+                "apparatus": response(name).apparatus,
+                "value": wanted[name],
+                "sd": 1.0,
+                "repetitions": 5,
+                "range": [wanted[name] - 1.5, wanted[name] + 1.5],
+            }
+            for name in names
+        ]
+    )
+
+
+def pour(table, targets, folder, seeds=4):
+    """A job of every parameter set and bench test of the targets."""
+    paths = []
+    for row in table.to_dict("records"):
+        for name in targets.apparatus:
+            runs = []
+            for seed in range(seeds):
+                random = np.random.default_rng([seed, row["sample"], len(name)])
+                own = [one.name for one in targets if one.response.apparatus == name]
+                values = {key: means(row)[key] + LAW[key][3] * random.normal() for key in own}
+                runs.append({"seed": seed, "status": "ok", "reason": ""} | values)
+            job = {"sample": row["sample"], "apparatus": name, "runs": runs}
+            paths.append(folder / f"{name}_{row['sample']:03}.json")
+            paths[-1].parent.mkdir(parents=True, exist_ok=True)
+            paths[-1].write_text(json.dumps(job | {"parameters": {p: row[p] for p in PARAMETERS}}))
+    return paths
+
+
+def whole_chain(out: Path, targets, space, network=NETWORK, published=None):
+    """Every stage on the files of the one before; what they return."""
+    definitions = {name: {"measure.views": 6} for name in targets.names}
+    samples, _ = design.run(space, 40, "lhsdesign", 1, out / "design")
+    dataset.run(out / "design/samples.csv", pour(samples, targets, out / "jobs"), targets, definitions, out)
+    metrics = train.run(out / "dataset.csv", out / "runs.csv", targets, network, out / "network", definitions)
+    support = Support.of_dataset(out / "dataset.csv", space)
+    surrogate = out / "network/network.json"
+    summary = invert.run(surrogate, space, targets, MIGA, None, out / "miga", support, definitions)
+    again = validate.write_solutions(
+        out / "miga/feasible.csv", published, space, targets, 3, out / "validation/solutions.csv"
+    )
+    jobs = pour(again, targets, out / "validation/jobs")
+    tables = validate.run(
+        out / "validation/solutions.csv", jobs, published, targets, out / "validation", support
+    )
+    return SimpleNamespace(
+        samples=samples, metrics=metrics, summary=summary, solutions=again, definitions=definitions, **tables
+    )
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("height_mm",),
+        ("aor_deg", "height_mm", "radius_90_mm", "base_radius_mm"),
+        ("height_mm", "drum_slip_deg"),
+    ],
+    ids=["one", "four", "two bench tests"],
+)
+def test_the_chain_finds_parameter_sets_that_give_the_targets(tmp_path, names):
+    targets = targets_of(*names)
+    found = whole_chain(tmp_path, targets, ParameterSpace.of(RANGES))
+    assert all(found.metrics["test"][name]["r2"] > 0.8 for name in names)
+    assert found.summary["feasible"]
+    assert set(found.summary["target_distance"]) == set(names)
+    table = found.representative.set_index("response")
+    assert table.index.tolist() == list(names)
+    assert (table["simulated"] - targets.value).abs().max() < 1.5
+    responses = [one for target in targets for one in (target.response.predicted, target.response.simulated)]
+    assert set(responses) < set(found.table4.columns)
+    assert len(found.table4) == 4
+    assert found.published.empty
+
+
+def test_a_fixed_parameter_stays_and_a_measured_one_is_preferred(tmp_path):
+    targets = targets_of("height_mm")
+    space = ParameterSpace.of(RANGES | PRIORS)
+    found = whole_chain(tmp_path, targets, space)
+    assert (found.samples["e_gp"] == 0.3).all()
+    assert found.samples["mus_gp"].max() > 0.75  # the design fills the whole range
+    assert (found.solutions["e_gp"] == 0.3).all()
+    feasible = pd.read_csv(tmp_path / "miga/feasible.csv")
+    assert feasible["feasible"].all()
+    # rolling friction can make up for any wall friction; the prior says which of them
+    assert abs(feasible["mus_gp"].iloc[0] - 0.5) < 0.02
+    distance = (feasible["mus_gp"] - 0.5).abs() / 0.02
+    np.testing.assert_allclose(feasible["prior_distance_sd"], distance, atol=1e-9)
+    assert feasible["objective"].iloc[0] < 0.02
+    row = pd.read_csv(tmp_path / "miga/intervals.csv").set_index("variable").loc["e_gp"]
+    assert row.tolist() == [0.3, 0.3, 0.0]
+
+
+@pytest.mark.parametrize("name", ["gaussian_process", "quadratic"])
+def test_the_chain_runs_with_another_surrogate(tmp_path, name):
+    targets = targets_of("aor_deg", "height_mm")
+    space = ParameterSpace.of(
+        RANGES | {key: {"fixed": sum(RANGES[key]) / 2} for key in ("e_gg", "mus_gg", "e_gp")}
+    )
+    found = whole_chain(tmp_path, targets, space, NETWORK | {"surrogate": name})
+    assert found.metrics["test"]["aor_deg"]["r2"] > 0.9
+    assert (found.representative["simulated"] - targets.value).abs().max() < 1.5
+
+
+def test_files_of_another_definition_are_refused_with_both_named(tmp_path):
+    targets = targets_of("height_mm")
+    space = ParameterSpace.of(RANGES)
+    found = whole_chain(tmp_path, targets, space)
+    other = {"height_mm": {"measure.views": 12}}
+    assert json.loads((tmp_path / "dataset_summary.json").read_text())["definitions"] == found.definitions
+    files = (tmp_path / "dataset.csv", tmp_path / "runs.csv", targets, NETWORK, tmp_path / "again")
+    with pytest.raises(InputError, match=r"dataset_summary\.json: definition of height_mm .*as in my\.yaml"):
+        train.run(*files, other, "my.yaml")
+    network = tmp_path / "network/network.json"
+    with pytest.raises(InputError, match=r"network\.json: definition of height_mm .*as in my\.yaml"):
+        invert.run(network, space, targets, MIGA, None, tmp_path / "again", None, other, "my.yaml")
