@@ -17,6 +17,8 @@ TABLES = {
     ),
     "drum": ("The drum: angles and first slip", rules.drum.output.summary),
 }
+if config["surrogate"] != "network":
+    del TABLES["starts"]
 if not THEIRS:
     del TABLES["published"]
 

@@ -28,11 +28,10 @@ from typing import Any, Self
 
 import numpy as np
 
-from repose.surrogate.accuracy import r2
 from repose.surrogate.base import Surrogate, register
 from repose.surrogate.evidence import of_each_weight, posterior_root
 from repose.surrogate.levenberg_marquardt import STATISTICS, Settings, train_start
-from repose.surrogate.samples import checked_points, checked_samples, independent_mixing, weights_from_errors
+from repose.surrogate.samples import checked_points, checked_samples, independent_mixing
 from repose.surrogate.two_layer import (
     ARRAYS,
     PRIORS,
@@ -333,35 +332,3 @@ class BayesianBP(Surrogate):
         """Units of y in one unit of a scaled output, (outputs,)."""
         low, high = self.scaled_range
         return width(self.output_min_, self.output_max_) / (high - low)
-
-
-# Old names, until the last of their users has gone.
-PlainBayesianBP = BayesianBP
-RESPONSES = ("aor_deg", "height_mm")
-__all__ = [
-    "RESPONSES",
-    "BayesianBP",
-    "PlainBayesianBP",
-    "evaluate",
-    "load",
-    "r2",
-    "response_function",
-    "weights_from_errors",
-]
-
-
-def load(path):
-    """A network's file as a mapping for `two_layer.evaluate`."""
-    import json
-    from pathlib import Path
-
-    from repose.core.errors import InputError
-
-    try:
-        network = json.loads(Path(path).read_text())
-    except (OSError, ValueError) as error:
-        raise InputError(path, "network", str(error), "a network's JSON file") from error
-    for key in (*ARRAYS, "scaled_range", "inputs", "outputs"):
-        if not isinstance(network, dict) or key not in network:
-            raise InputError(path, key, None, "present in a network's JSON file")
-    return network
