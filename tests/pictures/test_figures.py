@@ -450,6 +450,20 @@ def test_a_search_that_misses_the_tolerance_is_counted(inputs):
     assert "tolerance 0.01" in text
 
 
+def test_searches_that_all_miss_the_tolerance_leave_readable_axes(inputs, tmp_path):
+    methods = pd.read_csv(inputs["methods"]).assign(reached=0, evaluations_to_tolerance=np.nan)
+    methods.to_csv(tmp_path / "methods.csv", index=False)
+    with style.applied():
+        figure = inversion.searches(
+            inputs_of("search", inputs) | {"methods": tmp_path / "methods.csv"}, CONFIG
+        )
+    assert figure.axes[1].get_xlim() == (10.0, 1e5)
+    counted = [text for text in figure.axes[1].texts if text.get_text() == "0 of 10 runs"]
+    assert len(counted) == len(inversion.SEARCHES) - 1
+    low, high = figure.axes[1].get_ylim()
+    assert all(low < text.get_position()[1] < high for text in counted)
+
+
 def test_further_responses_are_in_order_of_what_they_add(inputs):
     with style.applied():
         figure = second_look.what_to_measure_next(inputs_of("second_responses", inputs), CONFIG)

@@ -34,8 +34,22 @@ LARGEST_FILE = 5_000_000  # bytes
 def take(results_dir: str | Path, out: str | Path) -> list[Path]:
     """Copy tables and pictures of a study to a folder of its own, replacing an earlier snapshot there.
 
-    results_dir: folder of a finished study; out: folder of the snapshot. Returns the copied files.
-    Raises InputError where the study is not finished or a file is too large to be kept in a repository.
+    Parameters
+    ----------
+    results_dir : path
+        Folder of a finished study.
+    out : path
+        Folder of the snapshot.
+
+    Returns
+    -------
+    list of Path
+        The copied files.
+
+    Raises
+    ------
+    InputError
+        If the study is not finished, or a file is too large to be kept in a repository.
     """
     source, out = Path(results_dir), Path(out)
     files = [

@@ -41,9 +41,26 @@ def run(
     effort: Effort = FULL,
     told: Callable[[str, Result], Any] | None = None,
 ) -> dict[str, Result]:
-    """Run cases by name, all but the expensive ones unless given; returns names to `case.Result`.
+    """Run cases of the verification suite.
 
-    told: called with the name and the result of each case as it ends. Raises InputError for an unknown name.
+    Parameters
+    ----------
+    names : iterable of str, optional
+        By default all cases but the expensive ones.
+    effort : Effort
+        How much work the statistical cases do.
+    told : callable, optional
+        Called with the name and the `case.Result` of each case as it ends.
+
+    Returns
+    -------
+    dict
+        From name to `case.Result`.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown.
     """
     chosen = list(names) if names else [name for name in CASES if name not in EXPENSIVE]
     for name in chosen:

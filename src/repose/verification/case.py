@@ -14,9 +14,24 @@ PASSED, MISSED, KNOWN, REPORTED = "passed", "MISSED", "known deviation", "report
 class Row:
     """One number of a case beside its reference.
 
-    reference: a number, or a text where there is none or an interval; deviation: of the result, relative unless the
-    reference is zero; tolerance: largest deviation allowed, None where nothing is asserted; status: one of PASSED,
-    MISSED, KNOWN, REPORTED; note: why a row misses or is not asserted.
+    Attributes
+    ----------
+    quantity, unit : str
+        What it is.
+    reference : float or str
+        A number; a text where there is none, or an interval.
+    source : str
+        Of the reference.
+    result : float
+        What the simulator gives.
+    deviation : float or None
+        Of the result from the reference, relative unless the reference is zero.
+    tolerance : float or None
+        Largest deviation allowed; None where nothing is asserted.
+    status : str
+        One of `PASSED`, `MISSED`, `KNOWN`, `REPORTED`.
+    note : str
+        Why a row misses or is not asserted.
     """
 
     quantity: str
@@ -47,9 +62,18 @@ def close(
 ) -> Row:
     """A result that has to agree with a reference.
 
-    tolerance: 0.3 % for a closed form, 2.5 % for a digitised value, unless given; scale: what the difference is
-    divided by, the reference unless given; known: why the row is known to miss: it is then shown with its deviation
-    and not counted as a failure.
+    Parameters
+    ----------
+    quantity, unit, source : str
+        See `Row`.
+    result, reference : float
+        The two numbers.
+    tolerance : float, optional
+        0.3 % for a closed form and 2.5 % for a digitised value, unless given.
+    scale : float, optional
+        What the difference is divided by; the reference unless given.
+    known : str
+        Why the row is known to miss: it is then shown with its deviation and not counted as a failure.
     """
     if tolerance is None:
         tolerance = DIGITISED_TOLERANCE if source.startswith("digitised") else CLOSED_TOLERANCE
@@ -122,8 +146,16 @@ class Result:
 class Effort:
     """How much work the statistical cases do; FULL is what the verb does.
 
-    hits: impacts of each kind in the energy cases; berries: in the poured packing; seeds: pours of each time step in
-    the convergence case; pile: what these pours need, (configuration, `shape.Particle`, moduli), None for no pours.
+    Attributes
+    ----------
+    hits : int
+        Impacts of each kind in the energy cases.
+    berries : int
+        In the poured packing.
+    seeds : int
+        Runs of each time step in the convergence case.
+    pile : tuple or None
+        What these runs need: configuration, particle, moduli; None for no runs.
     """
 
     hits: int = 10_000

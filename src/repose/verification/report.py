@@ -37,7 +37,15 @@ img {{ max-width: 100%; }}
 
 
 def write(results: Mapping[str, Result], out_dir: str | Path) -> None:
-    """Write index.html, verification.csv and one PNG for each case; results: names to `case.Result`."""
+    """Write index.html, verification.csv and one PNG for each case.
+
+    Parameters
+    ----------
+    results : mapping
+        From name to `case.Result`.
+    out_dir : path
+        Folder of the files.
+    """
     out_dir = Path(out_dir)
     _write_csv(results, out_dir / "verification.csv")
     for name, result in results.items():

@@ -74,9 +74,21 @@ OPTIONAL = {
 def draw(name: str, inputs: Mapping[str, Any], out_path: str | Path, config: Mapping[str, Any]) -> None:
     """Draw one figure to a PNG.
 
-    name: a key of FIGURES; inputs: mapping of the figure's input names to paths; config: the whole
-    configuration.
-    Raises InputError for an unknown name, an input that is missing, unknown or not a file.
+    Parameters
+    ----------
+    name : str
+        A key of `FIGURES`.
+    inputs : mapping
+        From the figure's input names to paths.
+    out_path : path
+        The PNG.
+    config : mapping
+        The whole configuration.
+
+    Raises
+    ------
+    InputError
+        For an unknown name, an input that is missing, unknown or no file, or one that does not hold what is drawn.
     """
     if name not in FIGURES:
         raise InputError("figures", "name", name, ", ".join(FIGURES))

@@ -92,6 +92,8 @@ def _to_tolerance(panel: Axes, methods: pd.DataFrame) -> None:
             panel.text(12, y, f"{reached} of {of} runs", fontsize=6, va="center", ha="left")
     panel.set_yticks(place, [SEARCHES[name][0] for name in names], fontsize=6.3)
     panel.set(xscale="log", xlim=(10, None), xlabel="evaluations to tolerance")
+    if not (methods.loc[names, "reached"] > 0).any():  # without a bar the axes have no ends of their own
+        panel.set(xlim=(10, 1e5), ylim=(-0.6, len(names) - 0.4))
     panel.set_title("b", fontweight="bold")
 
 
