@@ -1,22 +1,26 @@
 """How the definitions of the angle of repose compare: bias on known shapes, noise, signal over a design.
 
-Every saved pile is measured by all definitions and by other bands and rules of the line; what is compared is
-one and the same silhouette. docs/measurement.md shows and discusses the tables.
+Every saved pile is measured by all definitions and by other bands and rules of the line, each time on the same
+silhouettes. docs/measurement.md shows and discusses the tables.
 """
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from repose.core.errors import InputError, NoFlankError
+from repose.core.files import write_table
 from repose.measure import pile, saved_pours
 from repose.measure.angles import DEFINITIONS, measure_sides
+from repose.particle.particle import Particle
 
 # Name in the tables: what differs from the configuration's measurement, and the definition.
-VARIANTS = {
+VARIANTS: dict[str, tuple[dict[str, Any], str]] = {
     "flank": ({}, "flank"),
     "flank, rows": ({"flank": "rows"}, "flank"),
     "flank, levels": ({"flank": "levels"}, "flank"),
@@ -36,37 +40,85 @@ DISC_RADII_MM = (5.0, 10.0)
 SHAPE_SEED = 1
 
 
-def run(heaps, representative, particle, section, berry, out_dir, shapes=8):
+def tables_of(
+    piles: pd.DataFrame,
+    fixed: pd.DataFrame,
+    particle: Particle,
+    settings: pile.MeasureSettings,
+    shapes: int = 8,
+) -> dict[str, pd.DataFrame]:
+    """The tables ``noise``, ``correlation`` and ``bias``.
+
+    Parameters
+    ----------
+    piles : pandas.DataFrame
+        Piles of the design, of `measured_piles`.
+    fixed : pandas.DataFrame
+        Piles of the published representative solution.
+    particle : Particle
+    settings : pile.MeasureSettings
+        With the height of a berry.
+    shapes : int
+        Piles of each known shape and angle.
+    """
+    return {
+        "noise": noise_table(piles, fixed),
+        "correlation": correlation_table(piles),
+        "bias": bias_table(particle, settings, shapes),
+    }
+
+
+def run(
+    heaps: Sequence[str | Path],
+    representative: str | Path,
+    particle: Particle,
+    section: Mapping[str, Any],
+    berry: Mapping[str, Any],
+    out_dir: str | Path,
+    shapes: int = 8,
+) -> dict[str, pd.DataFrame]:
     """Write piles.csv, noise.csv, correlation.csv and bias.csv into out_dir; return the last three tables.
 
-    heaps: NAME.npz of the design's jobs, with NAME.pours.json beside each; representative: that of the
-    published representative solution; section: the configuration's `measure`; berry: what `repose berry`
-    wrote; shapes: piles of each known shape and angle. Raises InputError for a bad file.
+    Parameters
+    ----------
+    heaps : sequence of path
+        ``NAME.npz`` of the design's jobs, with ``NAME.pours.json`` beside each.
+    representative : path
+        That of the published representative solution.
+    particle : Particle
+    section : mapping
+        The configuration's `measure`.
+    berry : mapping
+        What the verb berry wrote.
+    out_dir : path
+    shapes : int
+        Piles of each known shape and angle.
+
+    Raises
+    ------
+    InputError
+        If a file is bad, or there are fewer than two jobs.
     """
     if len(heaps) < 2:
         raise InputError("command line", "heaps", len(heaps), "at least two jobs of the design")
     settings = pile.with_berry_height(pile.MeasureSettings.of(section, berry), particle)
     piles = pd.concat([measured_piles(path, particle, settings) for path in heaps], ignore_index=True)
     fixed = measured_piles(representative, particle, settings)
-    tables = {
-        "noise": noise_table(piles, fixed),
-        "correlation": correlation_table(piles),
-        "bias": bias_table(particle, settings, shapes),
-    }
-    out = Path(out_dir)
-    out.mkdir(parents=True, exist_ok=True)
-    pd.concat([piles, fixed]).to_csv(out / "piles.csv", index=False)
+    tables = tables_of(piles, fixed, particle, settings, shapes)
+    write_table(Path(out_dir) / "piles.csv", pd.concat([piles, fixed]))
     for name, table in tables.items():
-        table.to_csv(out / f"{name}.csv", index=name == "correlation")
+        write_table(Path(out_dir) / f"{name}.csv", table, index=name == "correlation")
     return tables
 
 
 # --- the piles of a study -------------------------------------------------------------------------
 
 
-def measured_piles(npz, particle, settings):
-    """One row for each pour of a job that is ok: sample, seed, Height, and each variant as the mean of all
-    views and, with " (view)" behind its name, in the first one."""
+def measured_piles(npz: str | Path, particle: Particle, settings: pile.MeasureSettings) -> pd.DataFrame:
+    """One row for each good pour of a job: ``sample``, ``seed``, ``Height`` and every variant.
+
+    A variant is the mean of all views; with " (view)" behind its name it is that of the first view.
+    """
     npz = Path(npz)
     job = saved_pours.read_pours(npz.with_name(npz.stem + saved_pours.POURS))
     rows = []
@@ -83,8 +135,18 @@ def measured_piles(npz, particle, settings):
     return pd.DataFrame(rows)
 
 
-def variants_of(poured, particle, settings):
-    """Height and every variant of one pour, all from the same silhouettes; NaN where one cannot be measured."""
+def variants_of(
+    poured: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings
+) -> dict[str, float]:
+    """Height [mm] and every variant [deg] of one pour, all from the same silhouettes; NaN where one cannot be measured.
+
+    Parameters
+    ----------
+    poured : mapping
+        ``position``, ``quaternion``, and perhaps ``in_pile`` and ``scale`` of the berries.
+    particle : Particle
+    settings : pile.MeasureSettings
+    """
     height_m, views = pile.pile_views(
         poured["position"],
         poured["quaternion"],
@@ -104,8 +166,22 @@ def variants_of(poured, particle, settings):
     return found | {f"{name} (view)": angles[name][0] for name in VARIANTS}
 
 
-def variants_of_profile(profile, crest, settings):
-    """Every variant on one profile in pixels, degrees; NaN where it cannot be measured."""
+def variants_of_profile(profile: np.ndarray, crest: int, settings: pile.MeasureSettings) -> dict[str, float]:
+    """Every variant [deg] on one profile.
+
+    Parameters
+    ----------
+    profile : numpy.ndarray, (W,)
+        Height of the upper edge in pixels for each column.
+    crest : int
+        Column of the crest.
+    settings : pile.MeasureSettings
+
+    Returns
+    -------
+    dict
+        NaN where a variant cannot be measured.
+    """
     berry = settings.berry_height_mm / settings.mm_per_pixel
     known, found = {}, {}
     for name, (changed, definition) in VARIANTS.items():
@@ -117,9 +193,13 @@ def variants_of_profile(profile, crest, settings):
     return found
 
 
-def noise_table(piles, fixed):
-    """A row for each variant and Height: mean over the design, scatter from seed to seed at the published
-    solution and over the design, spread from sample to sample without that noise, and their ratio."""
+def noise_table(piles: pd.DataFrame, fixed: pd.DataFrame) -> pd.DataFrame:
+    """Noise and signal of Height and of each variant.
+
+    Columns: mean over the design; mean and scatter from seed to seed at the published solution; scatter from seed to
+    seed over the design (``within``), spread from sample to sample without that noise (``between``), and their ratio,
+    over all views and in one.
+    """
     rows = []
     for name in ("Height", *VARIANTS):
         row = {"measured": name, "piles": int(piles[name].notna().sum()), "mean": piles[name].mean()}
@@ -132,10 +212,12 @@ def noise_table(piles, fixed):
     return pd.DataFrame(rows)
 
 
-def spreads(piles, name):
+def spreads(piles: pd.DataFrame, name: str) -> tuple[float, float]:
     """Standard deviation within a sample, from seed to seed, and between the samples' noise-free means.
 
-    One-way analysis of variance: within^2 is the mean of the samples' variances weighed by their degrees of
+    Notes
+    -----
+    One-way analysis of variance: within^2 is the mean of the samples' variances weighted by their degrees of
     freedom; the variance of the samples' means is that of the noise-free means plus the mean of within^2 / n.
     """
     groups = piles.dropna(subset=[name]).groupby("sample")[name]
@@ -147,7 +229,7 @@ def spreads(piles, name):
     return math.sqrt(within), math.sqrt(max(between, 0.0))
 
 
-def correlation_table(piles):
+def correlation_table(piles: pd.DataFrame) -> pd.DataFrame:
     """Correlation of the samples' means of the four definitions and Height."""
     return piles.groupby("sample")[[*DEFINITIONS, "Height"]].mean().corr()
 
@@ -155,8 +237,8 @@ def correlation_table(piles):
 # --- known shapes ---------------------------------------------------------------------------------
 
 
-def bias_table(particle, settings, shapes):
-    """A row for each variant: mean and root mean square of its errors, degrees, over piles of every angle."""
+def bias_table(particle: Particle, settings: pile.MeasureSettings, shapes: int) -> pd.DataFrame:
+    """A row for each variant: mean and root mean square of its errors [deg] over piles of every angle."""
     errors = {"filled": [], "strewn": []}
     for angle in ANGLES_DEG:
         rng = np.random.default_rng([SHAPE_SEED, angle])
@@ -176,9 +258,13 @@ def bias_table(particle, settings, shapes):
     return pd.DataFrame(table)
 
 
-def filled_cone(angle_deg, particle, rng, berries=CONE_BERRIES):
-    """Random berries, free to overlap, whose centres fill a cone one mean radius inside the cone of 62 mm and the
-    given angle: centres (N, 3) m and quaternions (N, 4)."""
+def filled_cone(
+    angle_deg: float, particle: Particle, rng: np.random.Generator, berries: int = CONE_BERRIES
+) -> tuple[np.ndarray, np.ndarray]:
+    """Random berries that fill a cone: centres (N, 3) [m] and quaternions (N, 4).
+
+    The berries may overlap. Their centres fill a cone one mean radius inside the cone of 62 mm and the given angle.
+    """
     a, height = math.radians(angle_deg), 1e-3 * CONE_HEIGHT_MM
     reach = pile.equivalent_diameter(particle) / 2
     half = [height / math.tan(a)] * 2 + [height]
@@ -190,9 +276,11 @@ def filled_cone(angle_deg, particle, rng, berries=CONE_BERRIES):
     return centres[:berries], rng.normal(size=(berries, 4))
 
 
-def strewn_triangle(angle_deg, rng, mm_per_pixel):
-    """Profile in pixels of a triangle of 62 mm with discs of 10 to 20 mm strewn along both flanks, their tops
-    scattering 4 mm about them."""
+def strewn_triangle(angle_deg: float, rng: np.random.Generator, mm_per_pixel: float) -> np.ndarray:
+    """Profile (W,) in pixels of a triangle of 62 mm with discs strewn along both flanks.
+
+    The discs are 10 to 20 mm wide, and their tops scatter 4 mm about the flank.
+    """
     a = math.radians(angle_deg)
     half = CONE_HEIGHT_MM / math.tan(a) + 25
     u = (np.arange(round(2 * half / mm_per_pixel)) + 0.5) * mm_per_pixel - half

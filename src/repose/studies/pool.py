@@ -1,27 +1,59 @@
-"""The pool: pours made once for all comparisons, at points to train on and at fresh ones to judge by.
+"""The pool: points simulated once for all comparisons, some to train on and fresh ones to judge by.
 
 Both sets are scrambled Sobol sequences, so a comparison that wants fewer points takes the first ones, and a larger
-pool keeps those that were poured. The scramblings are independent of each other and of the main design.
+pool keeps those that were simulated. The scramblings are independent of each other and of the main design.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
 
 from repose.chain import design
 from repose.core.files import write_table
-
-# Each set of points: what its files' names begin with, its size in the configuration, and its scrambling.
-SETS = {"pool": ("", "samples", 0), "fresh": ("fresh_", "fresh_samples", 1)}
+from repose.core.parameter_space import ParameterSpace
 
 
-def run(space, settings, out_dir):
-    """Write samples.csv and fresh_samples.csv (sample, the six parameters) to out_dir; return both by set.
+class PointSet(NamedTuple):
+    """One set of points.
 
-    space: `ParameterSpace`; settings: the configuration's section `pool`.
+    Attributes
+    ----------
+    prefix : str
+        What the names of its files begin with.
+    count : str
+        Key of its size in the configuration's section `pool`.
+    scrambling : int
     """
-    tables = {}
-    for name, (prefix, count, scrambling) in SETS.items():
-        points = design.sobol(settings[count], space.dimensions, [settings["seed"], scrambling])
-        table = design.parameter_sets(points, space)
-        write_table(Path(out_dir) / f"{prefix}samples.csv", table, float_format="%.10g")
-        tables[name] = table
+
+    prefix: str
+    count: str
+    scrambling: int
+
+
+SETS = {"pool": PointSet("", "samples", 0), "fresh": PointSet("fresh_", "fresh_samples", 1)}
+
+
+def points_of(name: str, space: ParameterSpace, settings: Mapping[str, Any]) -> pd.DataFrame:
+    """Points of a set: ``sample``, numbered from 1, and the six parameters.
+
+    Parameters
+    ----------
+    name : str
+        One of `SETS`.
+    space : ParameterSpace
+    settings : mapping
+        The configuration's section `pool`.
+    """
+    one = SETS[name]
+    unit = design.sobol(settings[one.count], space.dimensions, [settings["seed"], one.scrambling])
+    return design.parameter_sets(unit, space)
+
+
+def run(space: ParameterSpace, settings: Mapping[str, Any], out_dir: str | Path) -> dict[str, pd.DataFrame]:
+    """Write samples.csv and fresh_samples.csv; return both tables by set. Parameters are those of `points_of`."""
+    tables = {name: points_of(name, space, settings) for name in SETS}
+    for name, table in tables.items():
+        write_table(Path(out_dir) / f"{SETS[name].prefix}samples.csv", table, float_format="%.10g")
     return tables
