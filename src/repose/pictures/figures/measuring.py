@@ -1,10 +1,13 @@
 """The definitions of the angle of repose drawn on one and the same pile."""
 
-import json
-from pathlib import Path
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from repose.core.files import read_json
 from repose.measure import pile
 from repose.measure.angles import DEFINITIONS
 from repose.measure.saved_piles import side_view
@@ -17,9 +20,17 @@ COLOURS = dict(zip(DEFINITIONS, (style.BLUE, style.RED, style.GREEN, style.PURPL
 STYLES = dict(zip(DEFINITIONS, ("-", "-", "-", (0, (4, 2))), strict=True))
 
 
-def definitions(inputs, config):
-    """Four definitions on the first view of a pile, and what each gives in every view."""
-    berry = json.loads(Path(inputs["berry"]).read_text())
+def definitions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
+    """Four definitions on the first view of a pile, and what each gives in every view.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of ``heap`` (positions of pours), ``particle`` and ``berry``.
+    config : mapping
+        The whole configuration.
+    """
+    berry = read_json(inputs["berry"], what="what the verb berry wrote")
     settings = pile.MeasureSettings.of(config["measure"], berry)
     poured, particle = first_pour(inputs["heap"]), build.Particle.load(inputs["particle"])
     figure = style.new_figure(style.PAGE, 3.9)
@@ -37,8 +48,8 @@ def definitions(inputs, config):
     return figure
 
 
-def _view(panel, image, settings):
-    """The silhouette in mm about its crest with both lines of each definition. Returns its Measurement."""
+def _view(panel: Axes, image: np.ndarray, settings: pile.MeasureSettings) -> pile.Measurement:
+    """The silhouette in mm about its crest with both lines of each definition; returns its measurement."""
     scale = settings.mm_per_pixel
     measured = pile.measure_segmented(
         pile.segment(image, settings.largest_pile_only, image.shape[0] - 0.5), settings
@@ -78,8 +89,8 @@ def _view(panel, image, settings):
     return measured
 
 
-def _views(panel, everywhere, measured):
-    """Each definition in every view, its mean, and the first view ringed."""
+def _views(panel: Axes, everywhere: pile.PileResult, measured: pile.Measurement) -> None:
+    """Each definition in every view, its mean, and a ring around the first view."""
     for k, name in enumerate(DEFINITIONS):
         values = everywhere.aor[name]
         panel.plot(values, np.full(values.size, -k), "o", ms=3.5, color=COLOURS[name], alpha=0.55, mew=0)

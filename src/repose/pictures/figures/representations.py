@@ -1,12 +1,17 @@
 """The shape study: piles of every particle, filling and definition of the angle beside the published ones."""
 
-import numpy as np
+from collections.abc import Mapping
+from typing import Any
+
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from repose.core.files import read_table
-from repose.core.targets import section_of
+from repose.core.responses import derived
+from repose.core.targets import Target
 from repose.measure.angles import DEFINITIONS
 
 from . import style
@@ -15,74 +20,112 @@ MARKERS = "osD^vP*X"
 COLOURS = ("#1B6CA8", "#D7191C", "#F08A24", "#5BA300", "#2E7D4F", "#7B4FA3", "#8C564B", "#555555")
 
 
-def study(inputs, config):
-    """Angle and Height of each combination, one panel a definition, beside the published pairs and the box of
-    Eq. 11-12; a point is the mean over the published sets, its bars two standard errors."""
+def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
+    """Two targets of each combination, one panel for each definition, beside the published piles and their ranges.
+
+    A point is the mean over the published sets, its bars two standard errors. With more than two targets the first two
+    are shown; with one, the distance stands on the vertical axis.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of ``combinations`` and ``sets``, tables of the verb shape_study.
+    config : mapping
+        The whole configuration.
+    """
     combinations = read_table(inputs["combinations"], ("particle", "filling", "definition", "distance"))
-    sets = read_table(
-        inputs["sets"], ("kind", "definition", "set", "aor_deg", "aor_difference_deg", "height_mm")
-    )
-    published = _published(sets)
-    centre = published.mean()
+    sets = read_table(inputs["sets"], ("kind", "definition", "set"))
+    shown = [one for one in style.targets_of(config) if derived(one.name, "difference") in combinations][:2]
+    published = _published(sets, shown)
     particles = list(config["shape_study"]["particles"])
     fillings = list(config["shape_study"]["fillings"])
-    colours = dict(zip(particles, COLOURS, strict=False))
+    looks = {
+        (particle, filling): {
+            "color": COLOURS[i % len(COLOURS)],
+            "marker": MARKERS[k % len(MARKERS)],
+        }
+        for i, particle in enumerate(particles)
+        for k, filling in enumerate(fillings)
+    }
     figure = style.new_figure(style.PAGE, style.PAGE * 0.92)
     panels = figure.subplots(2, 2, sharex=True, sharey=True)
-    target = section_of(config)
     for panel, definition in zip(panels.flat, DEFINITIONS, strict=True):
-        _box(panel, target["aor_range_deg"], target["height_range_mm"])
-        panel.scatter(
-            published["aor_deg"], published["height_mm"], marker="+", s=40, color="k", linewidths=1, zorder=5
-        )
-        for row in combinations[combinations["definition"] == definition].to_dict("records"):
-            panel.errorbar(
-                centre["aor_deg"] + row["aor_difference_deg"],
-                centre["height_mm"] + row["height_difference_mm"],
-                xerr=2 * row["aor_se_deg"],
-                yerr=2 * row["height_se_mm"],
-                marker=MARKERS[fillings.index(row["filling"]) % len(MARKERS)],
-                color=colours[row["particle"]],
-                markersize=4.5,
-                linewidth=0.8,
-                linestyle="none",
-            )
+        rows = combinations[combinations["definition"] == definition]
+        _one_definition(panel, rows, shown, published, looks)
         panel.set_title(definition, fontsize=9)
+    labels = [f"{one.response.label} ({one.response.unit})" for one in shown] + ["distance (–)"]
     for panel in panels[1]:
-        panel.set_xlabel("angle of repose (deg)")
+        panel.set_xlabel(labels[0])
     for panel in panels[:, 0]:
-        panel.set_ylabel("Height (mm)")
-    names = [
-        Line2D([], [], color=colours[name], marker="o", linestyle="none", label=_words(name))
-        for name in particles
-    ]
-    ways = [
-        Line2D([], [], color="0.4", marker=MARKERS[k % len(MARKERS)], linestyle="none", label=_words(name))
-        for k, name in enumerate(fillings)
-    ]
-    ways.append(Line2D([], [], color="k", marker="+", linestyle="none", label="published piles"))
-    figure.legend(handles=names + ways, loc="outside lower center", ncols=3, fontsize=7, frameon=False)
+        panel.set_ylabel(labels[1])
+    _legend(figure, particles, fillings, looks)
     return figure
 
 
-def _published(sets):
+def _one_definition(
+    panel: Axes, rows: pd.DataFrame, shown: list[Target], published: pd.DataFrame, looks: Mapping
+) -> None:
+    """The combinations of one definition of the angle, the published piles and the ranges of the targets."""
+    _ranges(panel, shown)
+    if len(shown) > 1:
+        across, up = (published[one.name] for one in shown)
+        panel.scatter(across, up, marker="+", s=40, color="k", linewidths=1, zorder=5)
+    for row in rows.to_dict("records"):
+        place = [published[one.name].mean() + row[derived(one.name, "difference")] for one in shown]
+        errors = [2 * row[one.response.error] for one in shown]
+        if len(shown) == 1:
+            place, errors = [*place, row["distance"]], [*errors, 0.0]
+        panel.errorbar(
+            *place,
+            xerr=errors[0],
+            yerr=errors[1],
+            markersize=4.5,
+            linewidth=0.8,
+            linestyle="none",
+            **looks[row["particle"], row["filling"]],
+        )
+
+
+def _published(sets: pd.DataFrame, shown: list[Target]) -> pd.DataFrame:
     """What was published of each set: what was found less the difference."""
-    one = sets[(sets["kind"] == "published")].drop_duplicates("set")
-    return pd.DataFrame(
-        {
-            "aor_deg": one["aor_deg"] - one["aor_difference_deg"],
-            "height_mm": one["height_mm"] - one["height_difference_mm"],
-        }
-    )
+    one = sets[sets["kind"] == "published"].drop_duplicates("set")
+    return pd.DataFrame({t.name: one[t.name] - one[derived(t.name, "difference")] for t in shown})
 
 
-def _box(panel, aor, height):
-    """The box of the feasible piles."""
-    width, tall = np.diff(aor)[0], np.diff(height)[0]
-    panel.add_patch(
-        Rectangle((aor[0], height[0]), width, tall, facecolor="0.9", edgecolor="0.6", linewidth=0.6)
-    )
+def _ranges(panel: Axes, shown: list[Target]) -> None:
+    """The ranges of the feasible piles: a box of two targets, a band of one."""
+    look = {"facecolor": "0.9", "edgecolor": "0.6", "linewidth": 0.6}
+    if len(shown) == 1:
+        panel.axvspan(shown[0].low, shown[0].high, **look)
+        return
+    across, up = shown
+    size = across.high - across.low, up.high - up.low
+    panel.add_patch(Rectangle((across.low, up.low), *size, **look))
 
 
-def _words(name):
-    return name.replace("_", " ")
+def _legend(figure: Figure, particles: list[str], fillings: list[str], looks: Mapping) -> None:
+    """Colours of the particles, marks of the fillings."""
+    names = [
+        Line2D(
+            [],
+            [],
+            color=looks[name, fillings[0]]["color"],
+            marker="o",
+            linestyle="none",
+            label=name.replace("_", " "),
+        )
+        for name in particles
+    ]
+    ways = [
+        Line2D(
+            [],
+            [],
+            color="0.4",
+            marker=looks[particles[0], name]["marker"],
+            linestyle="none",
+            label=name.replace("_", " "),
+        )
+        for name in fillings
+    ]
+    ways.append(Line2D([], [], color="k", marker="+", linestyle="none", label="published piles"))
+    figure.legend(handles=names + ways, loc="outside lower center", ncols=3, fontsize=7, frameon=False)

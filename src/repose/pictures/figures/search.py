@@ -1,32 +1,59 @@
 """Figure 14 and the convergence of the island genetic algorithm."""
 
-import json
+import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter
 
-from repose.core.parameters import PARAMETERS, SYMBOLS
-from repose.core.targets import section_of
+from repose.core.files import read_json, read_table
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import SYMBOLS
+from repose.core.targets import Target
 
 from . import style
 
+STRIPS = 4  # of responses in a row
 
-def feasible_solutions(inputs, config):
+
+def feasible_solutions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """Figure 14: the solutions' parameters in their ranges, and their predicted responses beside the targets.
 
     Where no solution is feasible the table holds the nearest ones, and the figure says so.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of ``feasible`` and ``summary``, of the verb miga, and perhaps ``published``, the published intervals.
+    config : mapping
+        The whole configuration.
     """
-    solutions = pd.read_csv(inputs["feasible"])
-    with open(inputs["summary"]) as file:
-        summary = json.load(file)
-    published = pd.read_csv(inputs["published"]).set_index("parameter") if "published" in inputs else None
-    figure = style.new_figure(style.PAGE, 3.5)
-    left, right, far = figure.subplots(1, 3, width_ratios=[2.6, 1, 1])
-    _parameter_strips(left, solutions, config["parameters"], published)
-    for panel, (column, label, unit), letter in zip((right, far), style.RESPONSES, "bc", strict=True):
-        _response_strip(panel, solutions, column, label, unit, section_of(config))
-        panel.set_title(letter, fontweight="bold")
+    targets = style.targets_of(config)
+    solutions = read_table(inputs["feasible"], ("feasible", "representative", *targets.predicted))
+    summary = read_json(inputs["summary"], ("feasible",))
+    published = None
+    if "published" in inputs:
+        published = read_table(inputs["published"], ("parameter", "low", "high")).set_index("parameter")
+    rows, columns = math.ceil(len(targets) / STRIPS), min(len(targets), STRIPS)
+    figure = style.new_figure(style.PAGE, 3.5 * rows)
+    places = figure.add_gridspec(rows, 1 + columns, width_ratios=[2.6, *[1] * columns])
+    left = figure.add_subplot(places[:, 0])
+    free = ParameterSpace.of(config["parameters"]).free
+    _parameter_strips(left, solutions, style.ranges_of(config), free, published)
+    for k, target in enumerate(targets):
+        panel = figure.add_subplot(places[k // columns, 1 + k % columns])
+        _response_strip(panel, solutions, target)
+        panel.set_title(style.letter(k + 1), fontweight="bold")
+    _title(figure, left, solutions, summary)
+    return figure
+
+
+def _title(figure: Figure, left: Axes, solutions: pd.DataFrame, summary: Mapping[str, Any]) -> None:
+    """How many solutions are shown, and whether they are feasible."""
     if summary["feasible"]:
         shown = int(_true(solutions["feasible"]).sum())
         text, colour = f"{shown} feasible solutions", style.BLACK
@@ -37,7 +64,6 @@ def feasible_solutions(inputs, config):
     left.set_title(f"a   {text}", fontweight="bold", color=colour)
     if not summary["feasible"] and summary.get("message"):
         figure.supxlabel(summary["message"], fontsize=6.8, color=style.RED, wrap=True)
-    return figure
 
 
 def _jitter(count):
@@ -51,15 +77,17 @@ def _true(column):
 
 
 def _representative(solutions):
+    """Which row is the representative solution."""
     return _true(solutions["representative"])
 
 
-def _parameter_strips(panel, solutions, ranges, published):
+def _parameter_strips(panel, solutions, ranges, names, published):
+    """A strip for each parameter that is searched, its range from left to right."""
     marked = _representative(solutions)
-    for row, name in enumerate(PARAMETERS):
+    for row, name in enumerate(names):
         low, high = ranges[name]
         position = (solutions[name].to_numpy() - low) / (high - low)
-        y = len(PARAMETERS) - 1 - row
+        y = len(names) - 1 - row
         panel.barh(y, 1, height=0.62, color="#EEF0F2", zorder=0)
         panel.barh(
             y + 0.03,
@@ -107,9 +135,9 @@ def _parameter_strips(panel, solutions, ranges, published):
         panel.text(1.01, y - 0.42, f"{high:g}", fontsize=6, ha="right", va="top", color=style.GREY)
         width = 100 * (position.max() - position.min())
         panel.text(1.03, y, f"{width:.0f} %", fontsize=6.8, va="center")
-    panel.text(1.03, len(PARAMETERS) - 0.45, "width", fontsize=6.3, va="bottom", color=style.GREY)
-    panel.set_yticks(range(len(PARAMETERS)), [SYMBOLS[name] for name in reversed(PARAMETERS)], fontsize=9)
-    panel.set(xlim=(-0.02, 1.13), ylim=(-1.15, len(PARAMETERS) - 0.4))
+    panel.text(1.03, len(names) - 0.45, "width", fontsize=6.3, va="bottom", color=style.GREY)
+    panel.set_yticks(range(len(names)), [SYMBOLS[name] for name in reversed(names)], fontsize=9)
+    panel.set(xlim=(-0.02, 1.13), ylim=(-1.15, len(names) - 0.4))
     panel.set_xticks([0, 0.25, 0.5, 0.75, 1.0])
     panel.set_xlabel("place in the parameter's range (dimensionless)")
     panel.legend(
@@ -119,12 +147,12 @@ def _parameter_strips(panel, solutions, ranges, published):
     panel.tick_params(axis="y", length=0)
 
 
-def _response_strip(panel, solutions, column, label, unit, target):
-    quantity = column.split("_")[0]
-    values = solutions[f"{quantity}_predicted_{unit}"].to_numpy()
-    low, high = target[f"{quantity}_range_{unit}"]
+def _response_strip(panel: Axes, solutions: pd.DataFrame, target: Target) -> None:
+    """Predictions of one response, with its range and its aim."""
+    values, unit = solutions[target.response.predicted].to_numpy(), target.response.unit
+    low, high = target.low, target.high
     panel.axhspan(low, high, color=style.GREEN, alpha=0.15, lw=0)
-    panel.axhline(target[column], color=style.GREEN, lw=1.0, ls="--")
+    panel.axhline(target.aim, color=style.GREEN, lw=1.0, ls="--")
     panel.scatter(0.28 * _jitter(len(values)), values, s=7, color=style.BLUE, alpha=0.7, lw=0, zorder=2)
     marked = _representative(solutions)
     panel.plot(
@@ -140,16 +168,25 @@ def _response_strip(panel, solutions, column, label, unit, target):
         whiskerprops={"linewidth": 0.8},
         capprops={"linewidth": 0.8},
     )
-    panel.set(xlim=(-0.35, 0.65), ylabel=f"predicted {label} ({unit})")
+    panel.set(xlim=(-0.35, 0.65), ylabel=style.response_label(target.response, "predicted"))
     bottom, top = min(low, values.min()), max(high, values.max())
     panel.set_ylim(bottom - 0.06 * (top - bottom), top + 0.22 * (top - bottom))
     panel.set_xticks([])
-    style.note(panel, f"constraint {low:g}–{high:g} {unit}\ntarget {target[column]:g} {unit}", fontsize=6.2)
+    style.note(panel, f"constraint {low:g}–{high:g} {unit}\ntarget {target.aim:g} {unit}", fontsize=6.2)
 
 
-def convergence(inputs, config):
-    """Objective of the best and the mean individual, and feasible solutions met, over the rounds."""
-    history = pd.read_csv(inputs["history"])
+def convergence(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
+    """Objective of the best and the mean individual, and feasible solutions met, over the rounds.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of ``history`` and perhaps ``summary``, of the verb miga.
+    config : mapping
+        The whole configuration.
+    """
+    columns = ("generation", "mean_objective", "best_objective", "feasible_found")
+    history = read_table(inputs["history"], columns)
     figure = style.new_figure(style.COLUMN * 1.1, 3.4)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=[1.6, 1])
     top.plot(history["generation"], history["mean_objective"], color=style.SKY, label="mean of all islands")
@@ -164,9 +201,6 @@ def convergence(inputs, config):
     if history["generation"].iloc[-1] > 200:
         for panel in (top, bottom):
             panel.set_xscale("log")
-    if "summary" in inputs:
-        with open(inputs["summary"]) as file:
-            summary = json.load(file)
-        if not summary["feasible"]:
-            top.set_title("no feasible solution was met", color=style.RED)
+    if "summary" in inputs and not read_json(inputs["summary"], ("feasible",))["feasible"]:
+        top.set_title("no feasible solution was met", color=style.RED)
     return figure

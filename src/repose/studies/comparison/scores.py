@@ -1,12 +1,14 @@
 """How well predictions meet noisy means: R2, the part of it that can be explained, error bars that hold.
 
-A test point's mean has a noise of its own, which no prediction can meet. R2 of the means counts it as the
-prediction's fault; the explainable share (`training.r2_noise_corrected`) takes it off both sums.
+The mean of a test point has a noise of its own, which no prediction can meet. R2 of the means counts this noise as a
+fault of the prediction; the explainable share (`repose.chain.train.r2_noise_corrected`) takes it off both sums.
 """
 
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import stats
 
 from repose.chain.train import r2_noise_corrected
@@ -15,11 +17,20 @@ from repose.surrogate.accuracy import r2
 LEVELS = (0.5, 0.9)
 
 
-def accuracy(means, errors, predicted):
-    """R2, explainable share and root mean squared error of one response at m points, arrays (m,) each.
+def accuracy(means: np.ndarray, errors: np.ndarray, predicted: np.ndarray) -> dict[str, Any]:
+    """R2, explainable share and root mean squared error of one response at m points.
 
-    errors: standard errors of the means. rmse is that of the noise-free means, 0 where chance makes it
-    negative; reachable_r2 what the noise-free means themselves would reach.
+    Parameters
+    ----------
+    means, errors : numpy.ndarray, (m,)
+        Means of the test points and their standard errors.
+    predicted : numpy.ndarray, (m,)
+
+    Returns
+    -------
+    dict
+        ``r2``; ``explainable``; ``reachable_r2``, which the noise-free means themselves would reach; ``rmse`` of the
+        noise-free means, 0 where chance makes its square negative.
     """
     total = np.sum((means - means.mean()) ** 2)
     noise = np.sum(errors**2)
@@ -31,11 +42,25 @@ def accuracy(means, errors, predicted):
     }
 
 
-def bootstrap(means, errors, predicted, resamples=2000, seed=0, confidence=0.95):
-    """Percentile intervals of `accuracy`'s r2 and explainable, the m test points drawn anew with replacement.
+def bootstrap(
+    means: np.ndarray,
+    errors: np.ndarray,
+    predicted: np.ndarray,
+    resamples: int = 2000,
+    seed: int = 0,
+    confidence: float = 0.95,
+) -> dict[str, tuple[float, ...]]:
+    """Percentile intervals of ``r2`` and ``explainable`` of `accuracy`, the m test points drawn with replacement.
 
-    Returns {"r2": (low, high), "explainable": (low, high)}; draws in which all points are alike are left out.
-    Raises ValueError with fewer than three points.
+    Returns
+    -------
+    dict
+        ``{"r2": (low, high), "explainable": (low, high)}``; draws in which all points are alike are left out.
+
+    Raises
+    ------
+    ValueError
+        With fewer than three points.
     """
     m = len(means)
     if m < 3:
@@ -54,16 +79,16 @@ def bootstrap(means, errors, predicted, resamples=2000, seed=0, confidence=0.95)
     return {name: tuple(map(float, np.quantile(values, tails))) for name, values in found.items()}
 
 
-def on_runs(values, predicted):
-    """R2 of predictions (m,) on the single runs (m, seeds), NaN where there is none."""
+def on_runs(values: np.ndarray, predicted: np.ndarray) -> float | None:
+    """R2 of predictions (m,) on single runs (m, seeds); a failed run is NaN."""
     ok = np.isfinite(values)
     return r2(values[ok], np.broadcast_to(predicted[:, None], values.shape)[ok])
 
 
-def on_few_seeds(values, predicted, seeds):
+def on_few_seeds(values: np.ndarray, predicted: np.ndarray, seeds: int) -> float | None:
     """Mean R2 of predictions (m,) on means over disjoint groups of `seeds` runs of (m, runs).
 
-    None where there are not so many runs.
+    None where a point has fewer runs than that.
     """
     groups = values.shape[1] // seeds
     if groups == 0:
@@ -75,11 +100,21 @@ def on_few_seeds(values, predicted, seeds):
     return float(np.mean(found))
 
 
-def calibration(means, errors, predicted, std):
-    """Share of the means inside the intervals of LEVELS, and mean standardised square, of one response (m,).
+def calibration(
+    means: np.ndarray, errors: np.ndarray, predicted: np.ndarray, std: np.ndarray
+) -> dict[str, float]:
+    """Share of the means inside the intervals of LEVELS, and mean standardised square, of one response.
 
-    std: of the predicted noise-free mean; the noise of the test point is added. A calibrated model has the
-    levels themselves and 1.
+    Parameters
+    ----------
+    means, errors, predicted : numpy.ndarray, (m,)
+        As for `accuracy`.
+    std : numpy.ndarray, (m,)
+        Of the predicted noise-free mean; the noise of the test point is added.
+
+    Notes
+    -----
+    A calibrated model has the levels themselves, and 1.
     """
     z = (means - predicted) / np.sqrt(std**2 + errors**2)
     covered = {
@@ -89,7 +124,7 @@ def calibration(means, errors, predicted, std):
     return covered | {"standardised_square": float(np.mean(z**2))}
 
 
-def mean_and_error(values):
+def mean_and_error(values: ArrayLike) -> tuple[float, float]:
     """Mean and standard error of repetitions (n,), the error NaN for one; both NaN where a value is missing."""
     values = np.array(values, dtype=float)
     error = values.std(ddof=1) / math.sqrt(len(values)) if len(values) > 1 else math.nan

@@ -1,0 +1,78 @@
+"""Figure 14 and the shape study's figure for one target, for four, and for more than stand in a row."""
+
+import json
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.text import Text
+
+from repose.core.parameters import PARAMETERS
+from repose.core.responses import derived, response
+from repose.measure.angles import DEFINITIONS
+from repose.pictures.figures import representations, search, style
+
+SETS = (
+    ("height_mm",),
+    ("aor_deg", "height_mm", "packing_percent", "drum_slip_deg"),
+    ("aor_deg", "height_mm", "packing_percent", "drum_slip_deg", "upper_deg"),
+)
+
+
+def config_of(names):
+    known = {"value": 50.0, "sd": 2.0, "repetitions": 4, "range": [48.0, 52.0]}
+    parameters = {name: [0.0, 1.0] for name in PARAMETERS} | {"mus_gp": {"fixed": 0.5}}
+    study = {"particles": {"egg": {}, "clump": {}}, "fillings": {"here": {}, "there": {}}}
+    targets = [{"response": name} | known for name in names]
+    return {"targets": targets, "parameters": parameters, "shape_study": study}
+
+
+def words(figure):
+    return " | ".join(text.get_text() for text in figure.findobj(Text))
+
+
+@pytest.mark.parametrize("names", SETS)
+def test_solutions_have_a_strip_for_each_target(names, tmp_path):
+    rng = np.random.default_rng(1)
+    table = pd.DataFrame(rng.uniform(size=(20, 6)), columns=list(PARAMETERS)).assign(mus_gp=0.5)
+    for name in names:
+        table[response(name).predicted] = rng.uniform(48, 52, 20)
+    table.assign(feasible=True, representative=np.arange(20) == 3).to_csv(tmp_path / "f.csv", index=False)
+    (tmp_path / "s.json").write_text(json.dumps({"feasible": True}))
+    with style.applied():
+        figure = search.feasible_solutions(
+            {"feasible": tmp_path / "f.csv", "summary": tmp_path / "s.json"}, config_of(names)
+        )
+        style.save(figure, tmp_path / "a.png", small_run=False)
+    strips = figure.axes[1:]
+    assert [panel.get_title(loc="left") for panel in strips] == list("bcdef")[: len(names)]
+    labels = [panel.get_ylabel() for panel in strips]
+    assert labels == [f"predicted {response(name).symbol} ({response(name).unit})" for name in names]
+    assert len(figure.axes[0].get_yticklabels()) == 5  # the fixed parameter has no strip
+    assert "20 feasible solutions" in words(figure)
+
+
+@pytest.mark.parametrize("names", SETS[:2])
+def test_the_shape_study_is_drawn_for_its_targets(names, tmp_path):
+    rows, sets = [], []
+    for particle in ("egg", "clump"):
+        for filling in ("here", "there"):
+            for definition in DEFINITIONS:
+                row = {"particle": particle, "filling": filling, "definition": definition}
+                numbers = {derived(name, "difference"): 1.0 for name in names}
+                rows.append(row | numbers | {response(name).error: 0.2 for name in names})
+                rows[-1]["distance"] = math.sqrt(len(names))
+                about = row | {"kind": "published", "set": "a"}
+                sets.append(about | numbers | dict.fromkeys(names, 51.0))
+    pd.DataFrame(rows).to_csv(tmp_path / "c.csv", index=False)
+    pd.DataFrame(sets).to_csv(tmp_path / "s.csv", index=False)
+    with style.applied():
+        figure = representations.study(
+            {"combinations": tmp_path / "c.csv", "sets": tmp_path / "s.csv"}, config_of(names)
+        )
+        style.save(figure, tmp_path / "a.png", small_run=False)
+    assert figure.axes[2].get_xlabel() == f"{response(names[0]).label} ({response(names[0]).unit})"
+    up = "distance (–)" if len(names) == 1 else "Height (mm)"
+    assert figure.axes[0].get_ylabel() == up
+    assert [panel.get_title(loc="left") for panel in figure.axes] == list(DEFINITIONS)
