@@ -100,3 +100,16 @@ def test_a_fixed_parameter_stays_where_it_is():
 
     respond = on_free_parameters(Model(), ParameterSpace.of(given))
     assert respond(np.array([[-1.0, 0, 0, 0, 1]])).tolist() == [[0, 0.3, 1, 1, 1, 2]]
+
+
+@pytest.mark.parametrize("k", [1, 4])
+def test_searches_are_compared_for_any_number_of_targets(k):
+    """Responses that each follow a parameter of their own, and two parameters left open."""
+    objective = Objective(np.full(k, -0.8), np.full(k, 0.8), np.zeros(k))
+    settings = {"evaluations": 300, "repetitions": 2, "tolerance": 0.05, "region_points": 4096, "seed": 1}
+    section = SECTION | {"rounds": 3, "solutions": 20, "distance": 0.02}
+    tables = search.compared(lambda x: x[:, :k], k + 2, objective, settings, section)
+    methods = tables["search_methods"].set_index("method")
+    assert methods.loc[search.REFERENCE, "feasible_share"] == pytest.approx(0.8**k, abs=0.01)
+    assert methods.loc["least_squares", "reached"] == 2
+    assert set(tables["search"]["method"]) == set(searches(SECTION))

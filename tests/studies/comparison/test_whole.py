@@ -8,9 +8,11 @@ import repose.apparatus  # noqa: F401  (makes the responses known)
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
+from repose.core.responses import derived
 from repose.core.targets import Targets
 from repose.search.objective import Objective
 from repose.studies.comparison import proposals, whole
+from repose.studies.comparison.points import Points
 from repose.surrogate.support import quadratic_terms
 
 SPACE = ParameterSpace.of({name: (k, k + 2.0) for k, name in enumerate(PARAMETERS)})
@@ -130,3 +132,23 @@ def test_small_study_judges_every_method_by_the_truth(files, tmp_path):
     assert (table.loc[table["method"] == "best_sample", "evaluations"] == 0).all()
     assert (table["simulations"] == 4 * table["samples"]).all()
     assert "quadratic" in whole.message(table, targets)
+
+
+@pytest.mark.parametrize(
+    "names", [["height_mm"], ["aor_deg", "height_mm", "packing_percent", "drum_slip_deg"]]
+)
+def test_any_number_of_targets(names):
+    """Each response follows a parameter of its own; one parameter is fixed."""
+    k, rng = len(names), np.random.default_rng(3)
+    given = dict.fromkeys(PARAMETERS, (0.0, 1.0)) | {"mur_gp": {"fixed": 0.2}}
+    space = ParameterSpace.of(given)
+    unit = rng.uniform(size=(50, 5))
+    values = 40 + 20 * unit[:, None, :k] + rng.normal(0, 0.5, (50, 3, k))
+    samples = whole.samples_of(Points(unit, values))
+    assert samples.covariance == pytest.approx(0.25 * np.eye(k), abs=0.12)
+    targets = Targets.of([target(name, 52.0, 1.0) for name in names])
+    table, proposed = whole.compared(samples, space, targets, small([40], repetitions=2))
+    off = [derived(name, "off") for name in names]
+    assert (table.loc[table["method"] == "linear", off] < 0.6).all(axis=None)
+    assert (proposed["mur_gp"] == 0.2).all()
+    assert set(f"truth_{name}_r2" for name in names) <= set(table.columns)
