@@ -184,7 +184,7 @@ def of_pour(
     sizes = np.ones(len(centres)) if scales is None else scales.astype(float)
     kept = members if settings.largest_pile_only else np.ones(len(centres), bool)
     volume = 1e9 * particle.volume_m3 * float((sizes[kept] ** 3).sum())
-    scale, berry = settings.mm_per_pixel, settings.berry_height_mm
+    scale, berry = settings.mm_per_pixel, float(settings.berry_height_mm or math.nan)
     found = of_profile(profiles, scale, 1e3 * height_m, berry, volume)
     return found | of_scatter(centres, members, plate_mm / 2)
 
@@ -285,6 +285,7 @@ def run(
 
 
 def _or_nothing(saved, particle, settings, plate_mm):
+    """The responses of a pour, or none where there is no pile."""
     try:
         return of_pour(saved, particle, settings, plate_mm)
     except NoFlankError:

@@ -182,7 +182,7 @@ def variants_of_profile(profile: np.ndarray, crest: int, settings: pile.MeasureS
     dict
         NaN where a variant cannot be measured.
     """
-    berry = settings.berry_height_mm / settings.mm_per_pixel
+    berry = float(settings.berry_height_mm or math.nan) / settings.mm_per_pixel
     known, found = {}, {}
     for name, (changed, definition) in VARIANTS.items():
         how = replace(settings, **changed)
@@ -239,7 +239,7 @@ def correlation_table(piles: pd.DataFrame) -> pd.DataFrame:
 
 def bias_table(particle: Particle, settings: pile.MeasureSettings, shapes: int) -> pd.DataFrame:
     """A row for each variant: mean and root mean square of its errors [deg] over piles of every angle."""
-    errors = {"filled": [], "strewn": []}
+    errors: dict[str, list[dict[str, float]]] = {"filled": [], "strewn": []}
     for angle in ANGLES_DEG:
         rng = np.random.default_rng([SHAPE_SEED, angle])
         for _ in range(shapes):

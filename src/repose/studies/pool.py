@@ -22,13 +22,13 @@ class PointSet(NamedTuple):
     ----------
     prefix : str
         What the names of its files begin with.
-    count : str
+    size : str
         Key of its size in the configuration's section `pool`.
     scrambling : int
     """
 
     prefix: str
-    count: str
+    size: str
     scrambling: int
 
 
@@ -47,7 +47,7 @@ def points_of(name: str, space: ParameterSpace, settings: Mapping[str, Any]) -> 
         The configuration's section `pool`.
     """
     one = SETS[name]
-    unit = design.sobol(settings[one.count], space.dimensions, [settings["seed"], one.scrambling])
+    unit = design.sobol(settings[one.size], space.dimensions, [settings["seed"], one.scrambling])
     return design.parameter_sets(unit, space)
 
 

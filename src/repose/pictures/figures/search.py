@@ -83,54 +83,15 @@ def _representative(solutions):
 
 def _parameter_strips(panel, solutions, ranges, names, published):
     """A strip for each parameter that is searched, its range from left to right."""
-    marked = _representative(solutions)
     for row, name in enumerate(names):
         low, high = ranges[name]
         position = (solutions[name].to_numpy() - low) / (high - low)
         y = len(names) - 1 - row
-        panel.barh(y, 1, height=0.62, color="#EEF0F2", zorder=0)
-        panel.barh(
-            y + 0.03,
-            position.max() - position.min(),
-            left=position.min(),
-            height=0.40,
-            color=style.SKY,
-            alpha=0.35,
-            zorder=1,
-        )
-        panel.scatter(
-            position,
-            y + 0.03 + 0.34 * _jitter(len(position)),
-            s=5,
-            color=style.BLUE,
-            alpha=0.7,
-            lw=0,
-            zorder=2,
-            label="solutions" if row == 0 else None,
-        )
-        if marked.any():
-            panel.plot(
-                position[marked],
-                np.full(marked.sum(), y + 0.03),
-                "D",
-                ms=4.5,
-                color=style.RED,
-                mec="white",
-                mew=0.6,
-                zorder=4,
-                label="representative" if row == 0 else None,
-            )
+        _strip(panel, y, position, _representative(solutions), labelled=row == 0)
         if published is not None:
             ends = (published.loc[name, ["low", "high"]].astype(float).to_numpy() - low) / (high - low)
-            panel.plot(
-                ends,
-                [y - 0.27] * 2,
-                "-|",
-                color=style.ORANGE,
-                lw=2.4,
-                ms=5,
-                label="published interval" if row == 0 else None,
-            )
+            label = "published interval" if row == 0 else None
+            panel.plot(ends, [y - 0.27] * 2, "-|", color=style.ORANGE, lw=2.4, ms=5, label=label)
         panel.text(-0.01, y - 0.42, f"{low:g}", fontsize=6, ha="left", va="top", color=style.GREY)
         panel.text(1.01, y - 0.42, f"{high:g}", fontsize=6, ha="right", va="top", color=style.GREY)
         width = 100 * (position.max() - position.min())
@@ -145,6 +106,20 @@ def _parameter_strips(panel, solutions, ranges, names, published):
     )
     panel.spines["left"].set_visible(False)
     panel.tick_params(axis="y", length=0)
+
+
+def _strip(panel, y, position, marked, labelled):
+    """The range of one parameter with all solutions, their interval, and the representative one."""
+    panel.barh(y, 1, height=0.62, color="#EEF0F2", zorder=0)
+    width = position.max() - position.min()
+    panel.barh(y + 0.03, width, left=position.min(), height=0.40, color=style.SKY, alpha=0.35, zorder=1)
+    look = {"s": 5, "color": style.BLUE, "alpha": 0.7, "lw": 0, "zorder": 2}
+    label = "solutions" if labelled else None
+    panel.scatter(position, y + 0.03 + 0.34 * _jitter(len(position)), label=label, **look)
+    if marked.any():
+        look = {"ms": 4.5, "color": style.RED, "mec": "white", "mew": 0.6, "zorder": 4}
+        label = "representative" if labelled else None
+        panel.plot(position[marked], np.full(marked.sum(), y + 0.03), "D", label=label, **look)
 
 
 def _response_strip(panel: Axes, solutions: pd.DataFrame, target: Target) -> None:

@@ -39,6 +39,7 @@ class EvenNoise(NamedTuple):
     covariance: np.ndarray
 
     def draw(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> np.ndarray:
+        """As `Noise.draw`."""
         zeros = np.zeros(len(self.covariance))
         return rng.multivariate_normal(zeros, self.covariance, size=(len(X), seeds))
 
@@ -67,6 +68,7 @@ class ScalingNoise(NamedTuple):
         return np.exp(0.5 * x @ self.log_variance)
 
     def draw(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> np.ndarray:
+        """As `Noise.draw`."""
         root = np.linalg.cholesky(self.correlation)
         normal = rng.standard_normal((len(X), seeds, len(root)))
         mixed = np.empty_like(normal)

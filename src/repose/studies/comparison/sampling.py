@@ -60,7 +60,8 @@ def central_composite(n: int, d: int = COMPOSITE_DIMENSIONS) -> np.ndarray:
     return 0.5 + 0.5 * np.resize(whole, (n, d))
 
 
-DESIGNS: dict[str, Callable[[int, int, list[int]], np.ndarray]] = {
+Design = Callable[[int, int, Any], np.ndarray]  # of a size, dimensions and a seed
+DESIGNS: dict[str, Design] = {
     "random Latin hypercube": lambda n, d, seed: design.random_lhs(n, d, np.random.default_rng(seed)),
     "best of 20 Latin hypercubes": lambda n, d, seed: design.lhsdesign(n, d, rng=np.random.default_rng(seed)),
     "optimal Latin hypercube": lambda n, d, seed: design.optimal_lhs(n, d, seed),
@@ -69,7 +70,7 @@ DESIGNS: dict[str, Callable[[int, int, list[int]], np.ndarray]] = {
 }
 
 
-def designs_for(d: int) -> dict[str, Callable[[int, int, list[int]], np.ndarray]]:
+def designs_for(d: int) -> dict[str, Design]:
     """The designs that exist in d dimensions."""
     return {
         name: make

@@ -97,7 +97,7 @@ def on_few_seeds(values: np.ndarray, predicted: np.ndarray, seeds: int) -> float
     counts = np.isfinite(grouped).sum(axis=2)
     means = np.where(counts > 0, np.nansum(grouped, axis=2) / np.maximum(counts, 1), np.nan)
     found = [r2(y[np.isfinite(y)], predicted[np.isfinite(y)]) for y in means.T]
-    return float(np.mean(found))
+    return float(np.mean(np.array(found, dtype=float)))
 
 
 def calibration(

@@ -49,9 +49,8 @@ class Log:
 
     Attributes
     ----------
-    points : numpy.ndarray, (used, d)
-    fitness : numpy.ndarray, (used,)
-        In the order in which they were asked for.
+    used : int
+        Number of evaluations so far. Points and fitness are in the order in which they were asked for.
     """
 
     def __init__(self, respond: Respond, objective: Objective, evaluations: int, dimensions: int):
@@ -62,10 +61,12 @@ class Log:
 
     @property
     def points(self) -> np.ndarray:
+        """Points that were evaluated, (used, d)."""
         return self._points[: self.used]
 
     @property
     def fitness(self) -> np.ndarray:
+        """Their fitness, (used,)."""
         return self._fitness[: self.used]
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
@@ -91,11 +92,13 @@ class Log:
         return (self.respond(np.asarray(x)[None])[0] - self.objective.target) / self.objective.width
 
     def _residuals(self, points):
+        """Deviations of points, which are counted."""
         responses = self.respond(points)
         self._keep(points, responses)
         return (responses - self.objective.target) / self.objective.width
 
     def _keep(self, points, responses):
+        """Fitness of points, kept as far as evaluations are left."""
         room = len(self._fitness) - self.used
         if room == 0:
             raise Spent

@@ -82,23 +82,27 @@ def run(files: Mapping[str, str | Path], out_dir: str | Path) -> pd.DataFrame:
 
 
 def _sampling(table: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """Rows of the comparison of designs, and of points against seeds."""
     for row in table.to_dict("records"):
         choice = f"{row['design']}, {row['fit']}"
         yield from _measured(row, SHARES, part=row["comparison"], choice=choice)
 
 
 def _surrogates(table: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """Rows of the comparison of surrogates."""
     for row in table.to_dict("records"):
         choice = f"{row['model']}, {row['training']}"
         yield from _measured(row, SHARES, part="surrogate", choice=choice, data="real")
 
 
 def _search(table: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """Rows of the comparison of searches; the feasible region itself has none."""
     for row in table.dropna(subset="evaluations").to_dict("records"):
         yield from _measured(row, SEARCH, part="search", choice=row["method"], data="network")
 
 
 def _whole(table: pd.DataFrame, responses: tuple[str, ...]) -> Iterator[dict[str, Any]]:
+    """Rows of the whole method beside its alternatives, one for each response."""
     for row in table.to_dict("records"):
         about = {"part": "whole", "choice": row["method"], "points": row["samples"]}
         for response in responses:
@@ -107,6 +111,7 @@ def _whole(table: pd.DataFrame, responses: tuple[str, ...]) -> Iterator[dict[str
 
 
 def _with_errors(measures):
+    """Columns of measures and of their standard errors."""
     return [f"{measure}{end}" for measure in measures for end in ("", "_se")]
 
 
