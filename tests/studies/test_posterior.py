@@ -15,6 +15,7 @@ from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.studies import posterior
+from repose.surrogate import names
 from repose.surrogate.bayesian_bp import BayesianBP
 from repose.surrogate.samples import weights_from_errors
 
@@ -23,35 +24,6 @@ TARGETS = targets_of(sd_percent=20 / 3, aor_deg=30.0, height_mm=60.0)
 UNIT = {name: [0.0, 1.0] for name in PARAMETERS}
 SETTINGS = {"discrepancy_percent": 2.0, "discrepancy_correlation": 0.0}
 SETTINGS |= {"walkers": 24, "steps": 1000, "seed": 1}
-
-
-def correlated(value):
-    return np.array([[1.0, value], [value, 1.0]])
-
-
-def test_observation_adds_discrepancy_to_the_error_of_the_mean():
-    mean, covariance = posterior.observation(TARGETS, correlated(0.5), 2.0)
-    assert mean.tolist() == [30.0, 60.0]
-    # standard errors 1 and 2, discrepancies 0.6 and 1.2
-    assert covariance == pytest.approx(np.array([[1 + 0.36, 1.0], [1.0, 4 + 1.44]]))
-    with pytest.raises(ValueError, match="allowed: a positive definite matrix"):
-        posterior.observation(TARGETS, correlated(1.0), 2.0)
-
-
-def test_discrepancies_of_one_bench_test_may_be_correlated():
-    targets = targets_of(sd_percent=0.0, aor_deg=30.0, height_mm=60.0, drum_slip_deg=40.0)
-    _, covariance = posterior.observation(targets, np.eye(3), 10.0, 0.9)
-    assert covariance == pytest.approx(np.array([[9, 16.2, 0], [16.2, 36, 0], [0, 0, 16]]))
-
-
-def test_likelihood_is_a_normal_density_with_its_determinant():
-    mean, covariance = posterior.observation(TARGETS, correlated(0.3), 2.0)
-    responses = np.array([[29.0, 62.0], [33.0, 55.0]])
-    weights = np.array([[[0.5, 0.1], [0.1, 0.7]], [[2.0, 0.0], [0.0, 3.0]]])
-    found = posterior.log_likelihood(responses, weights, mean, covariance)
-    for k in range(2):
-        known = stats.multivariate_normal(responses[k], covariance + weights[k]).logpdf(mean)
-        assert found[k] == pytest.approx(known)
 
 
 def test_statements():
@@ -104,13 +76,13 @@ def test_one_target_determines_the_one_parameter_that_moves_it():
 
 
 def test_four_targets_of_two_bench_tests_determine_four_parameters():
-    names = {"aor_deg": "e_gg", "height_mm": "mus_gg", "base_radius_mm": "mur_gg", "drum_slip_deg": "e_gp"}
-    targets = targets_of(sd_percent=4.0, **dict.fromkeys(names, 30.0))
-    found = inferred(targets, [{name: 12.0} for name in names.values()], steps=2000)
+    moved = {"aor_deg": "e_gg", "height_mm": "mus_gg", "base_radius_mm": "mur_gg", "drum_slip_deg": "e_gp"}
+    targets = targets_of(sd_percent=4.0, **dict.fromkeys(moved, 30.0))
+    found = inferred(targets, [{name: 12.0} for name in moved.values()])
     table = found.parameters.set_index("parameter")
-    assert (table.loc[list(names.values()), "information_bits"] > 1).all()
+    assert (table.loc[list(moved.values()), "information_bits"] > 1).all()
     assert (table.loc[["mus_gp", "mur_gp"], "information_bits"] < 0.1).all()
-    assert set(found.summary["predicted"]) == set(names)
+    assert set(found.summary["predicted"]) == set(moved)
     assert len(found.summary["correlation"]) == 3
 
 
@@ -146,6 +118,10 @@ def test_fixed_parameters_are_not_sampled():
 # From files
 
 
+TRAINING = {"hidden": 3, "epochs": 200, "goal": 0.0, "starts": 3, "seed": 1, "split": [0.7, 0.15, 0.15]}
+TRAINING |= {"weights_from_errors": True, "correlated_noise": True, "prior": "inputs"}
+
+
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
     """A study in which AoR follows mus_gp alone and Height mur_gg alone, with its trained network."""
@@ -164,18 +140,15 @@ def study(tmp_path_factory):
     table["status"] = "ok"
     table.to_csv(folder / "dataset.csv", index=False)
     runs.to_csv(folder / "runs.csv", index=False)
-    settings = {"hidden": 3, "epochs": 200, "goal": 0.0, "starts": 3, "seed": 1}
-    settings |= {"split": [0.7, 0.15, 0.15], "weights_from_errors": True}
-    settings |= {"correlated_noise": True, "prior": "inputs"}
-    train.run(folder / "dataset.csv", folder / "runs.csv", TARGETS, settings, folder)
+    train.run(folder / "dataset.csv", folder / "runs.csv", TARGETS, TRAINING, folder)
     cloud = pd.DataFrame(random.uniform(0.4, 0.6, (10, 6)), columns=list(PARAMETERS))
     cloud.to_csv(folder / "feasible.csv", index=False)
     pd.DataFrame({"parameter": PARAMETERS, "low": 0.4, "high": 0.6}).to_csv(
         folder / "table3.csv", index=False
     )
-    names = {"network": "network.json", "metrics": "metrics.json"}
-    names |= {key: f"{key}.csv" for key in ("predictions", "dataset", "runs", "feasible", "table3")}
-    return {key: folder / name for key, name in names.items()}
+    files = {"network": "network.json", "metrics": "metrics.json"}
+    files |= {key: f"{key}.csv" for key in ("predictions", "dataset", "runs", "feasible", "table3")}
+    return {key: folder / name for key, name in files.items()}
 
 
 def test_a_study_determines_what_moves_its_responses_and_says_what_it_does_not(study, tmp_path):
@@ -192,6 +165,34 @@ def test_a_study_determines_what_moves_its_responses_and_says_what_it_does_not(s
     assert table.loc["mus_gp", "published_probability"] > 0.8
     assert summary["misfit"]["p_value"] > 0.9
     assert len(pd.read_csv(tmp_path / "draws.csv")) == posterior.DRAWS_KEPT
+
+
+@pytest.mark.parametrize("name", [name for name in names() if name != "network"])
+def test_every_surrogate_gives_the_same_answer(name, study, tmp_path):
+    train.run(study["dataset"], study["runs"], TARGETS, TRAINING | {"surrogate": name}, tmp_path)
+    files = study | {"network": tmp_path / "network.json", "predictions": tmp_path / "predictions.csv"}
+    summary = posterior.run(
+        files, ParameterSpace.of(UNIT), TARGETS, SETTINGS | {"walkers": 14, "steps": 400}, tmp_path
+    )
+    table = pd.read_csv(tmp_path / "posterior.csv").set_index("parameter")
+    assert table.loc[["mus_gp", "mur_gg"], "median"].to_numpy() == pytest.approx([0.5, 0.5], abs=0.04)
+    assert table.loc["mus_gp", "sd"] == pytest.approx(math.sqrt(1.36) / 20, rel=0.25)
+    assert len(summary[f"{name}_se"]) == 2
+
+
+def test_other_responses_and_other_definitions_are_refused(study, tmp_path):
+    space = ParameterSpace.of(UNIT)
+    other = targets_of(height_mm=60.0, aor_deg=30.0)
+    with pytest.raises(
+        InputError, match=r"network\.json: outputs is .*the responses of the targets, height_mm"
+    ):
+        posterior.run(study, space, other, SETTINGS, tmp_path)
+    made_with = {"aor_deg": {"measure.response": "flank"}}
+    train.run(study["dataset"], study["runs"], TARGETS, TRAINING | {"starts": 1}, tmp_path, made_with)
+    files = study | {"network": tmp_path / "network.json", "predictions": tmp_path / "predictions.csv"}
+    wanted = {"aor_deg": {"measure.response": "secant"}}
+    with pytest.raises(InputError, match=r"definition of aor_deg is .*flank.*secant.*as in my\.yaml"):
+        posterior.run(files, space, TARGETS, SETTINGS, tmp_path, wanted, "my.yaml")
 
 
 def test_restored_network_has_the_error_bars_it_was_trained_with(study):

@@ -9,6 +9,7 @@ from linear import Linear
 from shared import targets_of
 
 from repose.chain import dataset, invert, train
+from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.seeds import pour_seeds
@@ -128,6 +129,23 @@ def test_the_correction_meets_the_samples_of_the_box_on_average_by_their_seeds(n
     assert (model.constant == 30).all(), "the surrogate itself stays as it was"
     with pytest.raises(ValueError, match="at least one"):
         refine.corrected(model, table[table["round"].isna()], box, targets)
+
+
+def test_rounds_of_another_definition_are_not_added(tmp_path):
+    design, round_ = tmp_path / "design", tmp_path / "round_0"
+    for folder, sample, response in ((design, 1, "secant"), (round_, 1001, "flank")):
+        folder.mkdir()
+        for table in ("dataset", "runs"):
+            pd.DataFrame({"sample": [sample]}).to_csv(folder / f"{table}.csv", index=False)
+        definitions = {"aor_deg": {"measure.response": response}}
+        (folder / "dataset_summary.json").write_text(json.dumps({"definitions": definitions}))
+    files = (design / "dataset.csv", design / "runs.csv", [round_])
+    with pytest.raises(InputError, match=r"round_0/dataset_summary\.json: definition of aor_deg"):
+        refine.run_extended(*files, tmp_path / "out")
+    (round_ / "dataset_summary.json").write_text((design / "dataset_summary.json").read_text())
+    refine.run_extended(*files, tmp_path / "out")
+    kept = json.loads((tmp_path / "out" / "dataset_summary.json").read_text())
+    assert kept["definitions"] == {"aor_deg": {"measure.response": "secant"}}
 
 
 @pytest.mark.parametrize("name", names())

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 
 from repose.studies import sampler
-from repose.studies.posterior import log_likelihood
+from repose.studies.likelihood import log_likelihood
 
 
 @pytest.fixture(scope="module")

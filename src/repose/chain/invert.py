@@ -153,12 +153,17 @@ def run(
     require_same_definitions(surrogate.definitions, surrogate_json, definitions or {}, source)
     published = None if table3_csv is None else read_table(table3_csv, ("parameter", *INTERVAL))
     found = invert(surrogate, space, targets, settings, published, support)
+    write(found, out_dir)
+    return found.summary
+
+
+def write(found: Inversion, out_dir: str | os.PathLike) -> None:
+    """Write feasible.csv, intervals.csv, history.csv and summary.json."""
     out = Path(out_dir)
     write_table(out / "feasible.csv", found.solutions)
     write_table(out / "intervals.csv", found.intervals)
     write_table(out / "history.csv", found.history)
     write_json(out / "summary.json", found.summary)
-    return found.summary
 
 
 def on_free_parameters(surrogate: Surrogate, space: ParameterSpace) -> Callable[[np.ndarray], np.ndarray]:

@@ -5,6 +5,7 @@ from pathlib import Path
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, TABLE3, file_options
 from repose.cli.registry import Family, Option
 from repose.config import loader
+from repose.config.definitions import definitions_of
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
 
@@ -49,7 +50,8 @@ def refine_search(args):
     config = loader.load(args.config)
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     files = (args.network, args.dataset, args.near)
-    summary = refine.run_search(*files, space, targets, config, args.table3, args.out)
+    defined = (definitions_of(config), args.config)
+    summary = refine.run_search(*files, space, targets, config, args.table3, args.out, *defined)
     print(summary["message"])
 
 
@@ -69,7 +71,8 @@ def refine_propose(args):
     config = loader.load(args.config)
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     seed, out = config["design"]["seed"], Path(args.out) / "proposal.csv"
-    refine.run_propose(args.feasible, args.network, space, targets, config["refine"], args.round, seed, out)
+    files, defined = (args.feasible, args.network), (definitions_of(config), args.config)
+    refine.run_propose(*files, space, targets, config["refine"], args.round, seed, out, *defined)
 
 
 @family.verb(

@@ -3,6 +3,7 @@
 from repose.cli.options import NETWORK, PUBLISHED, RUNS, chosen_files, file_options
 from repose.cli.registry import Family
 from repose.config import loader
+from repose.config.definitions import definitions_of
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
 
@@ -43,7 +44,9 @@ def posterior(args):
     config = loader.load(args.config)
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     files = chosen_files(args, POSTERIOR_FILES)
-    print(posterior.message(posterior.run(files, space, targets, config["posterior"], args.out)))
+    defined = (definitions_of(config), args.config)
+    summary = posterior.run(files, space, targets, config["posterior"], args.out, *defined)
+    print(posterior.message(summary))
 
 
 @family.verb(
@@ -57,5 +60,6 @@ def sensitivity(args):
 
     config = loader.load(args.config)
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
-    table = sensitivity.run(args.network, space, targets, config["sensitivity"], args.out)
+    defined = (definitions_of(config), args.config)
+    table = sensitivity.run(args.network, space, targets, config["sensitivity"], args.out, *defined)
     print(sensitivity.message(table))

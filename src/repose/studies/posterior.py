@@ -1,19 +1,7 @@
 """Posterior of the free parameters given the physical measurements.
 
 The prior is uniform on the range of each parameter, or normal and cut to the range where the parameter was measured.
-The physical means of the k targets, y (k,), are taken as normal about the surrogate's prediction f(theta):
-
-    y ~ N(f(theta), S_y + S_d + S_w(theta))
-
-    S_y  of the physical means: sd / sqrt(repetitions) of each response. Responses of one bench test have the
-         correlation of simulated runs of one sample; responses of different bench tests are independent. S_y holds
-         the scatter from run to run, so the surrogate's noise term is left out.
-    S_d  discrepancy, what the model cannot do with any parameters: a share of each target, with one correlation
-         between responses of the same bench test (Kennedy & O'Hagan 2001, J. R. Stat. Soc. B 63, 425, with a
-         constant in place of a process).
-    S_w  of the surrogate's prediction of the mean.
-
-S_w varies over the parameters, so the density keeps its determinant. `repose.studies.sampler` draws from it.
+The likelihood is that of `repose.studies.likelihood`; `repose.studies.sampler` draws from the posterior.
 """
 
 import math
@@ -24,17 +12,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from repose.chain import train
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
-from repose.core.responses import derived
+from repose.core.responses import Definitions, derived
 from repose.core.targets import Targets
 from repose.studies import noise
+from repose.studies.likelihood import log_likelihood, misfit, observation
 from repose.studies.sampler import information_bits, joint_information_bits, sample, split_r_hat
+from repose.studies.surrogates import require_targets
 from repose.surrogate.base import Surrogate
 from repose.surrogate.support import Support
 
@@ -62,74 +51,6 @@ class Posterior(NamedTuple):
     parameters: pd.DataFrame
     draws: pd.DataFrame
     summary: dict[str, Any]
-
-
-def observation(
-    targets: Targets,
-    correlation: np.ndarray,
-    discrepancy_percent: float,
-    discrepancy_correlation: float = 0.0,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Physical means and the part of their covariance that does not depend on the parameters.
-
-    Parameters
-    ----------
-    targets : Targets
-        The k targets.
-    correlation : numpy.ndarray
-        Correlations (k, k) of the responses from run to run.
-    discrepancy_percent : float
-        Standard deviation of the discrepancy, in percent of each physical mean.
-    discrepancy_correlation : float
-        Of the discrepancies of two responses of the same bench test.
-
-    Returns
-    -------
-    mean : numpy.ndarray
-        (k,), in the responses' units.
-    covariance : numpy.ndarray
-        S_y + S_d, (k, k).
-
-    Raises
-    ------
-    ValueError
-        If the correlations are not those of a covariance matrix of full rank.
-    """
-    correlation = np.asarray(correlation, dtype=float)
-    if np.linalg.eigvalsh(correlation)[0] <= 0:
-        raise ValueError(f"correlation is {correlation.tolist()}; allowed: a positive definite matrix")
-    mean, error = targets.value, targets.standard_error
-    bench = np.array([one.response.apparatus for one in targets])
-    alike = np.where(bench[:, None] == bench, discrepancy_correlation, 0.0)
-    np.fill_diagonal(alike, 1.0)
-    discrepancy = discrepancy_percent / 100 * mean
-    return mean, np.outer(error, error) * correlation + np.outer(discrepancy, discrepancy) * alike
-
-
-def log_likelihood(
-    responses: np.ndarray, covariances: np.ndarray, mean: np.ndarray, covariance: np.ndarray
-) -> np.ndarray:
-    """Log of the normal density N(mean; responses, covariance + covariances).
-
-    Parameters
-    ----------
-    responses : numpy.ndarray
-        Predictions (n, k).
-    covariances : numpy.ndarray
-        Of the predictions, (n, k, k).
-    mean, covariance : numpy.ndarray
-        Of `observation`, (k,) and (k, k).
-
-    Returns
-    -------
-    numpy.ndarray
-        (n,).
-    """
-    total = covariance + covariances
-    off = mean - responses
-    distance = np.einsum("ni,ni->n", off, np.linalg.solve(total, off[:, :, None])[:, :, 0])
-    _, log_det = np.linalg.slogdet(total)
-    return -0.5 * (distance + log_det + off.shape[1] * math.log(2 * math.pi))
 
 
 def infer(
@@ -225,6 +146,8 @@ def run(
     targets: Targets,
     settings: Mapping[str, Any],
     out_dir: str | os.PathLike,
+    definitions: Definitions | None = None,
+    source: object = "configuration",
 ) -> dict[str, Any]:
     """Read what `infer` needs, write posterior.csv, draws.csv and posterior.json; return the summary.
 
@@ -237,6 +160,10 @@ def run(
     settings : mapping
         As `infer` takes them.
     out_dir : path
+    definitions : mapping, optional
+        How the study defines its responses.
+    source : object
+        Where these definitions stand, for the error.
 
     Returns
     -------
@@ -246,11 +173,13 @@ def run(
     Raises
     ------
     InputError
-        For a bad file, files that do not belong together, runs of one seed alone, or no free parameter.
+        For a bad file, files that do not belong together, other responses or definitions than the targets', runs of
+        one seed alone, or no free parameter.
     """
     if not space.dimensions:
         raise InputError("configuration", "parameters", "all fixed", "at least one range or prior")
     model = train.restore(*(files[key] for key in ("network", "predictions", "dataset")))
+    require_targets(model, files["network"], targets, definitions or {}, source)
     support = Support.of_dataset(files["dataset"], space)
     feasible = read_table(files["feasible"], PARAMETERS)[list(PARAMETERS)]
     published = read_table(files["table3"], ("parameter", "low", "high")).set_index("parameter")
@@ -269,29 +198,6 @@ def run(
     write_table(out / "draws.csv", found.draws)
     write_json(out / "posterior.json", found.summary)
     return found.summary
-
-
-def _ranges(space: ParameterSpace) -> dict[str, tuple[float, float]]:
-    """Lowest and highest value of each of the six parameters."""
-    low, high = space.complete(space.low[None])[0], space.complete(space.high[None])[0]
-    return dict(zip(PARAMETERS, zip(low, high, strict=True), strict=True))
-
-
-def misfit(
-    responses: np.ndarray, covariances: np.ndarray, mean: np.ndarray, covariance: np.ndarray
-) -> dict[str, float]:
-    """How well the best draw meets the measurements; arguments as `log_likelihood` takes them.
-
-    Returns
-    -------
-    dict
-        squared_distance: the smallest, in standard deviations; p_value: its chi^2 tail with k degrees of freedom.
-    """
-    off = mean - responses
-    total = covariance + covariances
-    distance = np.einsum("ni,ni->n", off, np.linalg.solve(total, off[:, :, None])[:, :, 0])
-    best = float(distance.min())
-    return {"squared_distance": best, "p_value": float(stats.chi2.sf(best, off.shape[1]))}
 
 
 def statement(row: Mapping[str, Any]) -> str:

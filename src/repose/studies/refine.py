@@ -16,15 +16,18 @@ import numpy as np
 import pandas as pd
 
 from repose.chain import invert
+from repose.chain.dataset import read_definitions
 from repose.chain.design import lhsdesign
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
+from repose.core.responses import Definitions, require_same_definitions
 from repose.core.seeds import PURPOSES
 from repose.core.targets import Targets
 from repose.studies.rounds import NEIGHBOUR, OF_A_ROUND, PROPOSAL, jobs, round_of
-from repose.surrogate.base import Surrogate, load
+from repose.studies.surrogates import read_surrogate
+from repose.surrogate.base import Surrogate
 from repose.surrogate.support import Support
 
 WIDENING = (0.125, 0.25, 0.5, 1.0)  # shares of the box, tried in this order
@@ -175,6 +178,61 @@ def corrected(
     return model.shifted(offset), offset, len(near)
 
 
+def search(
+    model: Surrogate,
+    dataset: pd.DataFrame,
+    centre: Mapping[str, float],
+    space: ParameterSpace,
+    targets: Targets,
+    config: Mapping[str, Any],
+    published: pd.DataFrame | None = None,
+    support: Support | None = None,
+) -> tuple[Surrogate, invert.Inversion]:
+    """Correct a surrogate near the last proposal and search there.
+
+    The search begins in an eighth of the box of `refine.reach` and widens it until the targets are met: of all
+    parameter sets that would do, one near the last proposal is wanted, where the correction holds.
+
+    Parameters
+    ----------
+    model : Surrogate
+        Refitted to `dataset`.
+    dataset : pandas.DataFrame
+        Of `extended`.
+    centre : mapping
+        Parameters of the last proposal, by name.
+    space : ParameterSpace
+    targets : Targets
+    config : mapping
+        The sections refine and miga of the configuration.
+    published, support
+        As `repose.chain.invert.invert` takes them.
+
+    Returns
+    -------
+    model : Surrogate
+        The corrected one.
+    found : Inversion
+        Of the smallest box in which the targets are met, or of the whole box; its summary also has the keys reach,
+        offset and offset_samples.
+
+    Raises
+    ------
+    ValueError
+        If no usable refined sample lies near the last proposal.
+    """
+    reach, tolerance = config["refine"]["reach"], config["refine"]["tolerance_percent"] / 100
+    model, offset, count = corrected(model, dataset, search_box(space, centre, reach), targets)
+    for share in WIDENING:
+        box = search_box(space, centre, share * reach)
+        found = invert.invert(model, box, targets, config["miga"], published, support)
+        off = [found.summary["target_distance"][target.name] / target.aim for target in targets]
+        if max(off) < tolerance * MET:
+            break
+    near = {"reach": share * reach, "offset": dict(zip(targets.names, offset.tolist(), strict=True))}
+    return model, replace(found, summary=found.summary | near | {"offset_samples": count})
+
+
 # The workflow's stages
 
 
@@ -187,13 +245,27 @@ def run_propose(
     round_: int,
     study_seed: int,
     out_csv: str | os.PathLike,
+    definitions: Definitions | None = None,
+    source: object = "configuration",
 ) -> pd.DataFrame:
     """Write the table of `propose`; return it.
+
+    Parameters
+    ----------
+    feasible_csv, surrogate_json : path
+        What the search wrote, and what it searched.
+    space, targets, section, round_, study_seed
+        As `propose` takes them.
+    out_csv : path
+    definitions : mapping, optional
+        How the study defines its responses.
+    source : object
+        Where these definitions stand, for the error.
 
     Raises
     ------
     InputError
-        For a bad file, or a round that cannot be numbered.
+        For a bad file, other responses or definitions than the targets', or a round that cannot be numbered.
     """
     if round_ < 0:
         raise InputError("command line", "--round", round_, "0 or more")
@@ -202,7 +274,7 @@ def run_propose(
         raise InputError(
             feasible_csv, "representative", int(feasible["representative"].sum()), "one solution"
         )
-    model = load(surrogate_json, targets.names)
+    model = read_surrogate(surrogate_json, targets, definitions or {}, source)
     table = propose(feasible, model, space, targets, section, round_, study_seed)
     write_table(out_csv, table)
     return table
@@ -214,25 +286,39 @@ def run_extended(
     round_dirs: Sequence[str | os.PathLike],
     out_dir: str | os.PathLike,
 ) -> dict[str, pd.DataFrame]:
-    """Write dataset.csv and runs.csv of the design and of all rounds in round_dirs; return them by name.
+    """Write dataset.csv and runs.csv of the design and of all rounds so far; return them by name.
+
+    dataset_summary.json beside them holds the definitions of the responses.
+
+    Parameters
+    ----------
+    dataset_csv, runs_csv : path
+        Of the design.
+    round_dirs : sequence of path
+        Folders with dataset.csv and runs.csv of a round.
+    out_dir : path
 
     Raises
     ------
     InputError
-        For a bad file, or samples that are there twice.
+        For a bad file, samples that are there twice, or a round with other definitions than the design.
     """
+    definitions, design_json = read_definitions(dataset_csv)
+    for folder in round_dirs:
+        found, round_json = read_definitions(Path(folder) / "dataset.csv")
+        require_same_definitions(found, round_json, definitions, design_json)
     tables = {}
     for name, path in (("dataset", dataset_csv), ("runs", runs_csv)):
         files = [Path(folder) / f"{name}.csv" for folder in round_dirs]
         design, rounds = read_table(path, ("sample",)), [read_table(file, ("sample",)) for file in files]
         try:
-            table = extended(design, rounds)
+            tables[name] = extended(design, rounds)
         except ValueError as error:
             raise InputError(
                 path, "sample", str(error), "numbers as the verb refine_propose gives them"
             ) from None
-        write_table(Path(out_dir) / f"{name}.csv", table)
-        tables[name] = table
+        write_table(Path(out_dir) / f"{name}.csv", tables[name])
+    write_json(Path(out_dir) / "dataset_summary.json", {"definitions": definitions})
     return tables
 
 
@@ -252,15 +338,14 @@ def run_search(
     space: ParameterSpace,
     targets: Targets,
     config: Mapping[str, Any],
-    table3_csv: str | os.PathLike,
+    table3_csv: str | os.PathLike | None,
     out_dir: str | os.PathLike,
+    definitions: Definitions | None = None,
+    source: object = "configuration",
 ) -> dict[str, Any]:
-    """Correct the surrogate near the last proposal and search there; return the summary of the search.
+    """Do `search` on files; return the summary of the search.
 
-    The search begins in an eighth of the box of `refine.reach` and widens it until the targets are met: of all
-    parameter sets that would do, one near the last proposal is wanted, where the correction holds. The corrected
-    surrogate is written as network.json, beside what `repose.chain.invert.run` writes; summary.json also has the keys
-    reach, offset and offset_samples.
+    The corrected surrogate is written as network.json, beside what `repose.chain.invert.write` writes.
 
     Parameters
     ----------
@@ -268,36 +353,33 @@ def run_search(
         The refitted surrogate, and the last proposal.
     dataset_csv : path
         Of `run_extended`.
-    space : ParameterSpace
-    targets : Targets
-    config : mapping
-        The sections refine and miga of the configuration.
-    table3_csv : path
-        Published intervals, for the search's table.
+    space, targets, config
+        As `search` takes them.
+    table3_csv : path or None
+        Published intervals.
     out_dir : path
+    definitions : mapping, optional
+        How the study defines its responses.
+    source : object
+        Where these definitions stand, for the error.
 
     Raises
     ------
     InputError
-        For a bad file, or a dataset without a usable sample near the last proposal.
+        For a bad file, other responses or definitions than the targets', or a dataset without a usable sample near
+        the last proposal.
     """
     columns = ("sample", *PARAMETERS, "status", *targets.names, "n_seeds", "round")
-    dataset, model = read_table(dataset_csv, columns), load(surrogate_json, targets.names)
-    reach, out = config["refine"]["reach"], Path(out_dir)
-    centre = centre_of(proposal_csv)
+    dataset = read_table(dataset_csv, columns)
+    model = read_surrogate(surrogate_json, targets, definitions or {}, source)
+    published = None if table3_csv is None else read_table(table3_csv, ("parameter", *invert.INTERVAL))
+    centre, support = centre_of(proposal_csv), Support.of_dataset(dataset_csv, space)
     try:
-        model, offset, count = corrected(model, dataset, search_box(space, centre, reach), targets)
+        model, found = search(model, dataset, centre, space, targets, config, published, support)
+    except InputError:
+        raise
     except ValueError as error:
         raise InputError(dataset_csv, "samples", str(error), "data of the last round") from None
-    model.save(out / "network.json")
-    support = Support.of_dataset(dataset_csv, space)
-    for share in WIDENING:
-        box = search_box(space, centre, share * reach)
-        summary = invert.run(out / "network.json", box, targets, config["miga"], table3_csv, out, support)
-        off = [summary["target_distance"][target.name] / target.aim for target in targets]
-        if max(off) < config["refine"]["tolerance_percent"] / 100 * MET:
-            break
-    summary |= {"reach": share * reach, "offset": dict(zip(targets.names, offset.tolist(), strict=True))}
-    summary |= {"offset_samples": count}
-    write_json(out / "summary.json", summary)
-    return summary
+    model.save(Path(out_dir) / "network.json")
+    invert.write(found, out_dir)
+    return found.summary

@@ -18,8 +18,10 @@ from scipy import stats
 from repose.core.errors import InputError
 from repose.core.files import write_table
 from repose.core.parameter_space import ParameterSpace
+from repose.core.responses import Definitions
 from repose.core.targets import Targets
-from repose.surrogate.base import Surrogate, load
+from repose.studies.surrogates import read_surrogate
+from repose.surrogate.base import Surrogate
 
 CONFIDENCE = 0.95
 EFFECT_POINTS = 41
@@ -178,6 +180,8 @@ def run(
     targets: Targets,
     settings: Mapping[str, Any],
     out_dir: str | os.PathLike,
+    definitions: Definitions | None = None,
+    source: object = "configuration",
 ) -> pd.DataFrame:
     """Read a surrogate, write sobol.csv and main_effects.csv; return the first table.
 
@@ -188,6 +192,10 @@ def run(
     space, targets, settings
         As `analyse` takes them.
     out_dir : path
+    definitions : mapping, optional
+        How the study defines its responses.
+    source : object
+        Where these definitions stand, for the error.
 
     Returns
     -------
@@ -196,11 +204,12 @@ def run(
     Raises
     ------
     InputError
-        For a bad file, other responses than the targets, a response that does not vary, or no free parameter.
+        For a bad file, other responses or definitions than the targets', a response that does not vary, or no free
+        parameter.
     """
     if not space.dimensions:
         raise InputError("configuration", "parameters", "all fixed", "at least one range or prior")
-    model = load(surrogate_json, targets.names)
+    model = read_surrogate(surrogate_json, targets, definitions or {}, source)
     try:
         table, effects = analyse(model, space, targets, settings)
     except ValueError as error:

@@ -12,6 +12,7 @@ rule refine_data:
     output:
         dataset=f"{REFINED}/round_{{round}}/data/dataset.csv",
         runs=f"{REFINED}/round_{{round}}/data/runs.csv",
+        summary=f"{REFINED}/round_{{round}}/data/dataset_summary.json",
     log:
         f"{RESULTS}/logs/refined/{{round}}_data.log",
     benchmark:
@@ -169,6 +170,7 @@ use rule dataset as refine_dataset with:
     output:
         dataset=f"{REFINED}/round_{{round}}/dataset.csv",
         runs=f"{REFINED}/round_{{round}}/runs.csv",
+        summary=f"{REFINED}/round_{{round}}/dataset_summary.json",
     log:
         f"{RESULTS}/logs/refined/{{round}}_dataset.log",
     benchmark:

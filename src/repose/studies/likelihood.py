@@ -1,0 +1,111 @@
+"""The likelihood of physical measurements, with the errors of measurement, model and surrogate.
+
+The physical means of the k targets, y (k,), are taken as normal about the surrogate's prediction f(theta):
+
+    y ~ N(f(theta), S_y + S_d + S_w(theta))
+
+    S_y  of the physical means: sd / sqrt(repetitions) of each response. Responses of one bench test have the
+         correlation of simulated runs of one sample; responses of different bench tests are independent. S_y holds
+         the scatter from run to run, so the surrogate's noise term is left out.
+    S_d  discrepancy, what the model cannot do with any parameters: a share of each target, with one correlation
+         between responses of the same bench test (Kennedy & O'Hagan 2001, J. R. Stat. Soc. B 63, 425, with a
+         constant in place of a process).
+    S_w  of the surrogate's prediction of the mean.
+
+S_w varies over the parameters, so the density keeps its determinant.
+"""
+
+import math
+
+import numpy as np
+from scipy import stats
+
+from repose.core.targets import Targets
+
+
+def observation(
+    targets: Targets,
+    correlation: np.ndarray,
+    discrepancy_percent: float,
+    discrepancy_correlation: float = 0.0,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Physical means and the part of their covariance that does not depend on the parameters.
+
+    Parameters
+    ----------
+    targets : Targets
+        The k targets.
+    correlation : numpy.ndarray
+        Correlations (k, k) of the responses from run to run.
+    discrepancy_percent : float
+        Standard deviation of the discrepancy, in percent of each physical mean.
+    discrepancy_correlation : float
+        Of the discrepancies of two responses of the same bench test.
+
+    Returns
+    -------
+    mean : numpy.ndarray
+        (k,), in the responses' units.
+    covariance : numpy.ndarray
+        S_y + S_d, (k, k).
+
+    Raises
+    ------
+    ValueError
+        If the correlations are not those of a covariance matrix of full rank.
+    """
+    correlation = np.asarray(correlation, dtype=float)
+    if np.linalg.eigvalsh(correlation)[0] <= 0:
+        raise ValueError(f"correlation is {correlation.tolist()}; allowed: a positive definite matrix")
+    mean, error = targets.value, targets.standard_error
+    bench = np.array([one.response.apparatus for one in targets])
+    alike = np.where(bench[:, None] == bench, discrepancy_correlation, 0.0)
+    np.fill_diagonal(alike, 1.0)
+    discrepancy = discrepancy_percent / 100 * mean
+    return mean, np.outer(error, error) * correlation + np.outer(discrepancy, discrepancy) * alike
+
+
+def log_likelihood(
+    responses: np.ndarray, covariances: np.ndarray, mean: np.ndarray, covariance: np.ndarray
+) -> np.ndarray:
+    """Log of the normal density N(mean; responses, covariance + covariances).
+
+    Parameters
+    ----------
+    responses : numpy.ndarray
+        Predictions (n, k).
+    covariances : numpy.ndarray
+        Of the predictions, (n, k, k).
+    mean, covariance : numpy.ndarray
+        Of `observation`, (k,) and (k, k).
+
+    Returns
+    -------
+    numpy.ndarray
+        (n,).
+    """
+    total = covariance + covariances
+    off = mean - responses
+    distance = _squared_distance(off, total)
+    _, log_det = np.linalg.slogdet(total)
+    return -0.5 * (distance + log_det + off.shape[1] * math.log(2 * math.pi))
+
+
+def misfit(
+    responses: np.ndarray, covariances: np.ndarray, mean: np.ndarray, covariance: np.ndarray
+) -> dict[str, float]:
+    """How well the best draw meets the measurements; arguments as `log_likelihood` takes them.
+
+    Returns
+    -------
+    dict
+        squared_distance: the smallest, in standard deviations; p_value: its chi^2 tail with k degrees of freedom.
+    """
+    off = mean - responses
+    best = float(_squared_distance(off, covariance + covariances).min())
+    return {"squared_distance": best, "p_value": float(stats.chi2.sf(best, off.shape[1]))}
+
+
+def _squared_distance(off: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """Squared distances (n,) of deviations (n, k) in standard deviations of their covariances (n, k, k)."""
+    return np.einsum("ni,ni->n", off, np.linalg.solve(total, off[:, :, None])[:, :, 0])

@@ -1,0 +1,46 @@
+"""The likelihood: its covariances and its density."""
+
+import numpy as np
+import pytest
+from scipy import stats
+from shared import targets_of
+
+from repose.studies import likelihood
+
+# standard errors of the means 1 deg and 2 mm
+TARGETS = targets_of(sd_percent=20 / 3, aor_deg=30.0, height_mm=60.0)
+
+
+def correlated(value):
+    return np.array([[1.0, value], [value, 1.0]])
+
+
+def test_observation_adds_discrepancy_to_the_error_of_the_mean():
+    mean, covariance = likelihood.observation(TARGETS, correlated(0.5), 2.0)
+    assert mean.tolist() == [30.0, 60.0]
+    # standard errors 1 and 2, discrepancies 0.6 and 1.2
+    assert covariance == pytest.approx(np.array([[1 + 0.36, 1.0], [1.0, 4 + 1.44]]))
+    with pytest.raises(ValueError, match="allowed: a positive definite matrix"):
+        likelihood.observation(TARGETS, correlated(1.0), 2.0)
+
+
+def test_discrepancies_of_one_bench_test_may_be_correlated():
+    targets = targets_of(sd_percent=0.0, aor_deg=30.0, height_mm=60.0, drum_slip_deg=40.0)
+    _, covariance = likelihood.observation(targets, np.eye(3), 10.0, 0.9)
+    assert covariance == pytest.approx(np.array([[9, 16.2, 0], [16.2, 36, 0], [0, 0, 16]]))
+
+
+def test_likelihood_is_a_normal_density_with_its_determinant():
+    mean, covariance = likelihood.observation(TARGETS, correlated(0.3), 2.0)
+    responses = np.array([[29.0, 62.0], [33.0, 55.0]])
+    weights = np.array([[[0.5, 0.1], [0.1, 0.7]], [[2.0, 0.0], [0.0, 3.0]]])
+    found = likelihood.log_likelihood(responses, weights, mean, covariance)
+    for k in range(2):
+        known = stats.multivariate_normal(responses[k], covariance + weights[k]).logpdf(mean)
+        assert found[k] == pytest.approx(known)
+
+
+def test_misfit_is_that_of_the_best_draw():
+    mean, covariance = likelihood.observation(TARGETS, np.eye(2), 0.0)
+    found = likelihood.misfit(np.array([[32.0, 60.0], [31.0, 62.0]]), np.zeros((2, 2, 2)), mean, covariance)
+    assert found == {"squared_distance": pytest.approx(2), "p_value": pytest.approx(stats.chi2.sf(2, 2))}
