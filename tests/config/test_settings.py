@@ -324,3 +324,10 @@ def test_resolved_configuration_is_rewritten_only_when_it_changed(config, tmp_pa
     config["label"] = "other"
     loader.write_resolved(config, path)
     assert loader.load(path)["label"] == "other"
+
+
+def test_a_study_may_do_without_published_solutions(config):
+    config["validation"]["published"] = None
+    checks.check(config)
+    checks.check_inputs(config)
+    assert ("published", 0) in [pours[:2] for pours in cost.work(config)["pours"]]

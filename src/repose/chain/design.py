@@ -77,14 +77,14 @@ def lhsdesign(n: int, d: int, iterations: int = 20, rng: np.random.Generator | N
     return max((random_lhs(n, d, rng) for _ in range(iterations)), key=minimum_distance)
 
 
-def optimal_lhs(n: int, d: int, seed: int) -> np.ndarray:
+def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
     """Latin hypercube with points as far apart as exchanges within its columns can put them.
 
     Parameters
     ----------
     n, d : int
         At least 2 points and 1 column.
-    seed : int
+    seed : int or list of int
         The same seed gives the same design.
 
     Returns

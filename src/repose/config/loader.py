@@ -9,6 +9,7 @@ from pathlib import Path
 
 from repose.config.reading import Origin, parse, read
 from repose.core import places
+from repose.core.files import write_text
 
 FILES = {"berry": ("sizes", "compression", "stl"), "validation": ("published",)}
 COMMAND_LINE = "command line (--config)"
@@ -56,9 +57,8 @@ def write_resolved(config, path):
     """Write config as JSON to path, but only where that changes the file."""
     path = Path(path)
     text = json.dumps(config, indent=1) + "\n"
-    if not path.is_file() or path.read_text() != text:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text)
+    if not path.is_file() or path.read_text(encoding="utf-8") != text:
+        write_text(path, text)
 
 
 def _values(value):

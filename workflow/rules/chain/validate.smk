@@ -13,7 +13,7 @@ THEIRS = [
 rule solutions:
     input:
         feasible=rules.miga.output.feasible,
-        published=config["validation"]["published"],
+        published=config["validation"]["published"] or [],
     output:
         solutions=f"{RESULTS}/validation/solutions.csv",
     log:

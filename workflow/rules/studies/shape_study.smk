@@ -16,7 +16,7 @@ rule shape_cell:
     input:
         samples=rules.design.output.samples,
         berry=rules.berry.output.berry,
-        published=config["validation"]["published"],
+        published=config["validation"]["published"] or [],
     output:
         runs=f"{RESULTS}/shape/cells/{{cell}}.csv",
         particle=f"{RESULTS}/shape/cells/{{cell}}.json",
