@@ -7,14 +7,13 @@ import numpy as np
 import pytest
 
 from repose.core.errors import InputError
+from repose.measure.drawing import overlay, process_panels
 from repose.measure.pile import (
     FLANK_RULES,
     MeasureSettings,
     NoFlankError,
     measure_image,
     measure_pile,
-    overlay,
-    process_panels,
     read_image,
     silhouette,
 )

@@ -150,8 +150,8 @@ def test_the_small_run_has_the_same_rules(project):
         ),
         (
             ["--config", "simulation={time_step_s: 2e-3}"],
-            "repose: error: command line (--config): simulation.time_step_s is 0.002; allowed: at most 0.00063, "
-            "20% of the Rayleigh time of the mean berry",
+            "repose: error: command line (--config): simulation.time_step_s is 0.002; allowed: at most 0.00035, "
+            "1/15 of the contact time of two berries that meet at 2 m/s",
         ),
         (
             ["--configfile", "mine.yaml"],

@@ -20,6 +20,7 @@ from repose.apparatus.scene import Filmed, berry_simulation, largest_cluster
 from repose.apparatus.settings import SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
+from repose.measure.angles import MEAN_KEYS, VIEW_KEYS
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -60,26 +61,14 @@ RESPONSES = (
     Response("loose_percent", "%", "loose berries", "loose", NAME, 0.0, 100.0, PLATE),
     Response("discharge_s", "s", "discharge time", "discharge", NAME, 0.0, 1e4),
 )
-# Those that are measured on every pile, as every definition of the angle is; the others where they are targets.
-ANGLES = ("flank", "secant", "steepest", "whole")
-SEEN_ONCE = (
-    "height_view_mm",
-    *(f"aor_{one}_deg" for one in ANGLES),
-    *(f"aor_{one}_view_deg" for one in ANGLES),
-)
-ALWAYS = ("aor_deg", "height_mm", *SEEN_ONCE)
+# Measured on every pile beside the angle of repose and the Height; the other responses where they are targets.
+BESIDE = ("height_view_mm", *MEAN_KEYS.values(), *VIEW_KEYS.values())
+ALWAYS = ("aor_deg", "height_mm", *BESIDE)
+COUNTED = ("berries_on_plate", "berries_in_pile", "kinetic_energy_J")
 RECORDED = Recorded(
-    means=("aor_deg", "height_mm", "discharge_s", *SEEN_ONCE),
+    means=("aor_deg", "height_mm", "discharge_s", *BESIDE),
     without_error=("discharge_s",),
-    single=(
-        "aor_deg",
-        "height_mm",
-        "discharge_s",
-        "berries_on_plate",
-        "berries_in_pile",
-        "kinetic_energy_J",
-        *SEEN_ONCE,
-    ),
+    single=("aor_deg", "height_mm", "discharge_s", *COUNTED, *BESIDE),
 )
 
 # --- what its configuration asks ------------------------------------------------------------------

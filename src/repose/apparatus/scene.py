@@ -7,6 +7,7 @@ import numpy as np
 
 from repose import dem
 from repose.apparatus.settings import SimulationSettings
+from repose.core.errors import InputError
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -39,9 +40,23 @@ def berry_simulation(
 
     Raises
     ------
+    InputError
+        If the time step is too long for the particle.
     ValueError
-        If the engine refuses a value, as a time step that is too long.
+        If the engine refuses another value.
     """
+    try:
+        return _simulation(config, parameters, particle, berry, capacity, scene)
+    except ValueError as error:
+        refused = f"{error}".partition("; allowed: ")
+        if not refused[0].startswith("time_step_s is"):
+            raise
+        step_s = SimulationSettings.of(config).time_step_s
+        raise InputError("configuration", "simulation.time_step_s", step_s, refused[2]) from None
+
+
+def _simulation(config, parameters, particle, berry, capacity, scene) -> "dem.Simulation":
+    """`berry_simulation`, with the engine's own error where the time step is too long."""
     wall, settings = config["wall"], SimulationSettings.of(config)
     return dem.Simulation(
         {"berry": particle.dem_shape("berry")},

@@ -24,9 +24,8 @@ family = Family()
     ],
 )
 def measure(args):
-    import cv2
-
-    from repose.measure import pile
+    from repose.core.files import write_image
+    from repose.measure import drawing, pile
 
     config = loader.load(args.config)
     how = pile.MeasureSettings.of(config["measure"], _axes(args.berry, config))
@@ -38,8 +37,7 @@ def measure(args):
         raise InputError(args.picture, "pile", str(error), allowed) from None
     source = Path(args.picture)
     overlay = Path(args.overlay or source.with_name(f"{source.stem}_overlay.png"))
-    overlay.parent.mkdir(parents=True, exist_ok=True)
-    cv2.imwrite(str(overlay), pile.overlay(image, measured))
+    write_image(overlay, drawing.overlay(image, measured))
     values = measured.record()
     if args.json:
         print(json.dumps(values, indent=1))
@@ -77,8 +75,7 @@ def _axes(berry_json, config):
     ],
 )
 def silhouette(args):
-    import cv2
-
+    from repose.core.files import write_image
     from repose.measure.pile import MeasureSettings
     from repose.measure.saved_piles import side_view
     from repose.measure.saved_pours import first_pour
@@ -86,8 +83,7 @@ def silhouette(args):
 
     how = MeasureSettings(**loader.load(args.config)["measure"])
     picture = side_view(first_pour(args.heap), Particle.load(args.particle), how, args.azimuth)
-    Path(args.out).parent.mkdir(parents=True, exist_ok=True)
-    cv2.imwrite(args.out, picture)
+    write_image(args.out, picture)
 
 
 @family.verb(

@@ -3,9 +3,10 @@
 from pathlib import Path
 
 from repose.apparatus import bench_tests, names
-from repose.apparatus.stability import LARGEST_RAYLEIGH_SHARE, rayleigh_time_s
+from repose.apparatus.stability import longest_time_step
 from repose.config.reading import get, origin_of
 from repose.config.schema import allowed_by, input_error, subschema, validator
+from repose.core import places
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace, range_of
 from repose.core.parameters import PARAMETERS
@@ -37,7 +38,7 @@ def check(config, source="configuration"):
 
 def check_inputs(config, source="configuration"):
     """InputError unless the files that a checked config names can be used; and berry, bench, step fit."""
-    from repose.particle import berry
+    from repose.particle import berry, size_distribution
 
     for key in ("berry.sizes", "berry.compression", "berry.stl", "validation.published"):
         path = get(config, key)
@@ -46,22 +47,19 @@ def check_inputs(config, source="configuration"):
                 origin_of(source, key), key, path, "an existing file, seen from the project's folder"
             )
     section = config["berry"]
-    sizes = berry.read_sizes(section["sizes"])
-    poisson, shear = section["poisson_ratio"], section["shear_modulus_pa"]
-    if poisson is None or shear is None:
-        elastic, measured, _ = berry.moduli(berry.read_compression(section["compression"]))
-        poisson = measured if poisson is None else poisson
-        shear = berry.shear_modulus(elastic, poisson) if shear is None else shear
-    axes_mm = [float(sizes[column].mean()) for column in berry.SIZE_COLUMNS]
+    material = section["density_kg_m3"], section["poisson_ratio"], section["shear_modulus_pa"]
+    table1 = places.find("resources/published/table1.csv")
+    _, mean = berry.of_files(section["sizes"], section["compression"], table1, *material)
     published_count(config["validation"]["published"], Targets.of(config["targets"]).responses)
     for test in _used(config):
-        for key, allowed in test.misfits(config, axes_mm):
+        for key, allowed in test.misfits(config, [mean[column] for column in berry.SIZE_COLUMNS]):
             raise InputError(origin_of(source, key), key, get(config, key), allowed)
-    limit = LARGEST_RAYLEIGH_SHARE * rayleigh_time_s(axes_mm, section["density_kg_m3"], poisson, shear)
-    if config["simulation"]["time_step_s"] > limit:
-        key = "simulation.time_step_s"
-        allowed = f"at most {limit:.2g}, {LARGEST_RAYLEIGH_SHARE:.0%} of the Rayleigh time of the mean berry"
-        raise InputError(origin_of(source, key), key, config["simulation"]["time_step_s"], allowed)
+    smallest = size_distribution.smallest(section["size_distribution"], mean)
+    mass_kg = None if section["mass_g"] is None else 1e-3 * section["mass_g"]
+    limit, key = longest_time_step(mean, mass_kg, smallest), "simulation.time_step_s"
+    if get(config, key) > limit.time_step_s:
+        allowed = f"at most {limit.time_step_s:.2g}, {limit.reason}"
+        raise InputError(origin_of(source, key), key, get(config, key), allowed)
 
 
 def _contradictions(config):

@@ -8,9 +8,6 @@ from typing import Any
 
 import numpy as np
 
-# How a run ends. Only `ok` runs have responses.
-STATUSES = ("ok", "jammed", "not_at_rest", "no_flank", "left_plate", "unstable")
-
 
 def error_of(column: str) -> str:
     """Column of a quantity's standard error: ``se`` before the unit, as in ``aor_se_deg``."""

@@ -33,30 +33,11 @@ from typing import NamedTuple
 import numpy as np
 
 from repose.core.errors import NoFlankError
-from repose.core.runs import Recorded
 
 DEFINITIONS = ("flank", "secant", "steepest", "whole")
 MEAN_KEYS = {name: f"aor_{name}_deg" for name in DEFINITIONS}  # mean of all views
-VIEW_KEYS = {
-    name: f"aor_{name}_view_deg" for name in DEFINITIONS
-}  # the first view alone, as a camera sees it
-# What a study is calibrated by, and what is measured beside it on every pile.
-MAIN_RESPONSES = ("aor_deg", "height_mm")
-EXTRA_RESPONSES = ("height_view_mm", *MEAN_KEYS.values(), *VIEW_KEYS.values())
-RESPONSES = (*MAIN_RESPONSES, *EXTRA_RESPONSES)
-# What the tables of a study keep of every pile.
-RECORDED = Recorded(
-    means=(*MAIN_RESPONSES, "discharge_s", *EXTRA_RESPONSES),
-    without_error=("discharge_s",),
-    single=(
-        *MAIN_RESPONSES,
-        "discharge_s",
-        "berries_on_plate",
-        "berries_in_pile",
-        "kinetic_energy_J",
-        *EXTRA_RESPONSES,
-    ),
-)
+# the first view alone, as a camera sees it
+VIEW_KEYS = {name: f"aor_{name}_view_deg" for name in DEFINITIONS}
 
 MIN_LEVELS = 12  # pixel rows in the band: fewer carry no angle
 WALL_SD = 0.5  # points whose distances scatter by less than this are a wall

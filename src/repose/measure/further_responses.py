@@ -177,6 +177,7 @@ def of_pour(
         If there is no pile.
     """
     settings = pile.with_berry_height(settings, particle)
+    assert settings.berry_height_mm is not None
     centres, members = arrays["position"].astype(float), arrays["in_pile"]
     scales = arrays.get("scale")
     height_m, views = pile.pile_views(centres, arrays["quaternion"], particle, settings, members, scales)

@@ -31,14 +31,11 @@ __all__ = [
     "PileResult",
     "measure_image",
     "measure_pile",
-    "overlay",
-    "process_panels",
     "read_image",
     "silhouette",
 ]
 
 LOWEST_PILE_BERRIES = 1.5  # in equivalent diameters: 20 mm for the mean berry; below, a layer and not a pile
-RED, GREEN, YELLOW, BLUE = (40, 40, 230), (60, 170, 40), (0, 200, 255), (220, 120, 20)  # BGR
 
 
 @dataclass(frozen=True)
@@ -266,47 +263,6 @@ def read_image(path):
     if image is None:
         raise InputError(path, "picture", "not a picture", "a picture file (PNG, JPEG, TIFF, BMP)")
     return image
-
-
-# --- pictures of the measurement (Figure 6) -------------------------------------------------------
-
-
-def overlay(image, measurement):
-    """The picture (BGR) with boundary, left line red, right line green, base and Height, as in Figure 6."""
-    picture = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image.copy()
-    thick = max(1, round(max(picture.shape) / 500))
-    outline = np.zeros(picture.shape[:2], np.uint8)
-    outline[measurement.contour[:, 1], measurement.contour[:, 0]] = 1
-    picture[cv2.dilate(outline, np.ones((thick, thick), np.uint8)) > 0] = YELLOW
-    right_end, base = picture.shape[1] - 1, measurement.base_row
-    column, top = measurement.top
-    draw_line(picture, (0, base - thick / 2), (right_end, base - thick / 2), BLUE, thick)
-    draw_line(picture, (column, base), (column, top), BLUE, thick)
-    draw_line(picture, (column - 12 * thick, top), (column + 12 * thick, top), BLUE, thick)
-    for (below, above), colour in zip(measurement.lines, (RED, GREEN), strict=True):
-        draw_line(picture, below, above, colour, 2 * thick)
-    return picture
-
-
-def draw_line(picture, start, end, colour, thickness):
-    """A smooth line between sub-pixel points (column, row)."""
-    a, b = (tuple(round(256 * value) for value in point) for point in (start, end))
-    cv2.line(picture, a, b, colour, thickness, cv2.LINE_AA, 8)
-
-
-def process_panels(image, mm_per_pixel, settings=None, *, base_row=None):
-    """The workflow's pictures in order, {"grey", "binary", "edge", "boundary"}: Figure 6. Arguments and
-    errors are those of `measure_image`; "boundary" is the overlay, BGR, the others are (H, W) uint8."""
-    settings = replace(settings or MeasureSettings(), mm_per_pixel=mm_per_pixel)
-    pile = segment(image, settings.largest_pile_only, base_row)
-    measurement = with_response(measure_segmented(pile, settings))
-    binary = pile.mask * np.uint8(255)
-    return {
-        "grey": pile.grey,
-        "binary": binary,
-        "edge": cv2.Canny(binary, 50, 150),
-        "boundary": overlay(image, measurement),
-    }
 
 
 # --- a simulated pile -----------------------------------------------------------------------------

@@ -1,6 +1,7 @@
 """Sizes of single berries: scales from a truncated normal distribution whose mean volume is that of the particle."""
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -35,6 +36,12 @@ def normalisation(sd, low, high):
     x = low + (high - low) * (nodes + 1) / 2
     density = weights * np.exp(-0.5 * ((x - 1) / sd) ** 2)
     return float(np.cbrt(density @ x**3 / density.sum()))
+
+
+def smallest(distribution: str, berry: Mapping[str, float]) -> float:
+    """The smallest scale that `of_pour` can draw."""
+    sd, low, high = (berry[key] for key in KEYS)
+    return 1.0 if distribution == "none" or sd == 0 else low / normalisation(sd, low, high)
 
 
 def draw(rng, count, sd, low, high):

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from repose.core.files import read_json, read_npz
-from repose.measure import pile
+from repose.measure import drawing, pile
 from repose.measure.saved_piles import side_view
 from repose.measure.saved_pours import first_pour
 from repose.measure.silhouette import outlines
@@ -58,7 +58,7 @@ def measurement(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 6: the steps of the measurement; the left flank's line is red, the right one's green."""
     settings = pile.MeasureSettings.of(config["measure"], read_json(inputs["berry"], what="berry.json"))
     image = side_view(first_pour(inputs["heap"]), build.Particle.load(inputs["particle"]), settings)
-    steps = pile.process_panels(
+    steps = drawing.process_panels(
         image,
         settings.mm_per_pixel,
         settings,

@@ -1,0 +1,62 @@
+"""Pictures of the measurement: what was found, drawn into the picture it was found in (Figure 6)."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from repose.measure.pile import Measurement, MeasureSettings, measure_segmented, with_response
+from repose.measure.silhouette import segment
+
+RED, GREEN, YELLOW, BLUE = (40, 40, 230), (60, 170, 40), (0, 200, 255), (220, 120, 20)  # blue first
+
+
+def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
+    """The picture (BGR) with boundary, left line red, right line green, base and Height, as in Figure 6."""
+    picture = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image.copy()
+    thick = max(1, round(max(picture.shape) / 500))
+    outline = np.zeros(picture.shape[:2], np.uint8)
+    outline[measurement.contour[:, 1], measurement.contour[:, 0]] = 1
+    picture[cv2.dilate(outline, np.ones((thick, thick), np.uint8)) > 0] = YELLOW
+    right_end, base = picture.shape[1] - 1, measurement.base_row
+    column, top = measurement.top
+    draw_line(picture, (0, base - thick / 2), (right_end, base - thick / 2), BLUE, thick)
+    draw_line(picture, (column, base), (column, top), BLUE, thick)
+    draw_line(picture, (column - 12 * thick, top), (column + 12 * thick, top), BLUE, thick)
+    for (below, above), colour in zip(measurement.lines, (RED, GREEN), strict=True):
+        draw_line(picture, below, above, colour, 2 * thick)
+    return picture
+
+
+def draw_line(picture: np.ndarray, start: tuple, end: tuple, colour: tuple, thickness: int) -> None:
+    """A smooth line between sub-pixel points (column, row)."""
+    a, b = (tuple(round(256 * value) for value in point) for point in (start, end))
+    cv2.line(picture, a, b, colour, thickness, cv2.LINE_AA, 8)
+
+
+def process_panels(
+    image: np.ndarray,
+    mm_per_pixel: float,
+    settings: MeasureSettings | None = None,
+    *,
+    base_row: float | None = None,
+) -> dict[str, np.ndarray]:
+    """The pictures of the method's steps, in order.
+
+    Parameters and errors are those of `repose.measure.pile.measure_image`.
+
+    Returns
+    -------
+    dict
+        ``grey``, ``binary`` and ``edge`` (H, W) uint8, and ``boundary``, the overlay (H, W, 3), blue first.
+    """
+    settings = replace(settings or MeasureSettings(), mm_per_pixel=mm_per_pixel)
+    pile = segment(image, settings.largest_pile_only, base_row)
+    measurement = with_response(measure_segmented(pile, settings))
+    binary = pile.mask * np.uint8(255)
+    return {
+        "grey": pile.grey,
+        "binary": binary,
+        "edge": cv2.Canny(binary, 50, 150),
+        "boundary": overlay(image, measurement),
+    }
