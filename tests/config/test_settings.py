@@ -305,6 +305,11 @@ def test_work_counts_every_pour(config):
     assert work["pours"] == (("design", 150, 6), *solutions)
     config["simulation"]["time_step_s"] /= 2
     assert cost.work(config)["total_s"] > 1.7 * work["total_s"]
+    config["simulation"]["time_step_s"] *= 2
+    slip = {"response": "drum_slip_deg", "apparatus": "drum", "value": 40, "sd": 1, "repetitions": 3}
+    config["targets"].append(slip | {"range": [35, 45]})
+    runs = (150 + 1 + 5 + 6) * config["drum"]["seeds"]
+    assert cost.work(config)["total_s"] > work["total_s"] + runs * cost.run_s(config, "drum")
 
 
 def test_named_parts_of_the_shape_study_replace_those_of_the_default(tmp_path):

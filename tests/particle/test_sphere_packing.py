@@ -88,7 +88,7 @@ def test_overfilling_is_refused_with_the_step_it_would_need(goji, clump):
         sphere_packing.check_time_step(stacked, BERRY, 0.2, 2e-4)
     for keys in ({"count": 0}, {"count": 101}, {"surface": "furry"}):
         with pytest.raises(InputError, match=r"spheres|surface"):
-            sphere_packing.fill(goji, **keys)
+            sphere_packing.pack(goji, **keys)
 
 
 def test_a_clump_keeps_its_numbers_in_a_file(clump, tmp_path):

@@ -1,5 +1,9 @@
 """What a run of a configuration takes."""
 
+from collections.abc import Mapping
+from typing import Any
+
+from repose.apparatus import bench
 from repose.core.published import published_count
 from repose.core.targets import Targets
 
@@ -9,22 +13,35 @@ SECONDS_A_VIEW = 0.01
 JOB_START_S = 2.5  # of a pour's job and of its measurement's
 
 
-def work(config):
-    """What a run takes: pours as (purpose, parameter sets, seeds), pour_s and total_s on one core."""
+def run_s(config: Mapping[str, Any], name: str) -> float:
+    """Wall time of a run of a bench test on one core [s], without its measurement."""
+    steps = bench(name).duration_s(config) / config["simulation"]["time_step_s"]
+    return SECONDS_A_BERRY_STEP * config[name].get("berries", 1) * steps
+
+
+def work(config: Mapping[str, Any]) -> dict[str, Any]:
+    """What a study takes.
+
+    Returns
+    -------
+    dict
+        ``pours``: of the funnel, as (purpose, parameter sets, seeds). ``pour_s``: wall time of one [s]. ``total_s``: of
+        the whole study on one core [s], the other bench tests of its targets included.
+    """
     funnel, validation = config["funnel"], config["validation"]
-    step_s = config["simulation"]["time_step_s"]
-    theirs = published_count(validation["published"], Targets.of(config["targets"]).responses)
+    targets = Targets.of(config["targets"])
+    theirs = published_count(validation["published"], targets.responses)
     pours = (
         ("design", config["design"]["samples"], funnel["seeds"]),
         ("representative", 1, validation["representative_seeds"]),
         ("validation", validation["solutions"], validation["seeds"]),
         ("published", theirs, validation["seeds"]),
     )
-    pour_s = SECONDS_A_BERRY_STEP * funnel["berries"] * funnel["duration_s"] / step_s
-    pour_s += SECONDS_A_VIEW * config["measure"]["views"]
+    pour_s = run_s(config, "funnel") + SECONDS_A_VIEW * config["measure"]["views"]
     total_s = sum(sets * (JOB_START_S + seeds * pour_s) for _, sets, seeds in pours)
-    drum = config["drum"]
-    drum_s = drum["rotate_from_s"] + drum["longest_rotation_s"] + drum["settle_s"]
-    drum_s *= SECONDS_A_BERRY_STEP * drum["berries"] / step_s
-    total_s += drum["seeds"] * (JOB_START_S + drum_s)
+    total_s += config["drum"]["seeds"] * (JOB_START_S + run_s(config, "drum"))
+    sets = sum(sets for _, sets, _ in pours)
+    for name in targets.apparatus:
+        if name != "funnel":
+            total_s += sets * (JOB_START_S + config[name]["seeds"] * run_s(config, name))
     return {"pours": pours, "pour_s": pour_s, "total_s": total_s}

@@ -97,7 +97,7 @@ def fit_particle(mesh, density_kg_m3, stl="", source="mesh", kind="smooth"):
 def make_particle(mesh, density_kg_m3, kind, spheres=14, surface="smooth", stl="", source="mesh"):
     """Particle of a kind (ellipsoid, smooth, multisphere) from a mesh (mm, in its principal pose).
 
-    spheres, surface: of a multisphere, see `sphere_packing.fill`. Raises InputError where the mesh cannot be
+    spheres, surface: of a multisphere, see `sphere_packing.pack`. Raises InputError where the mesh cannot be
     represented so.
     """
     if kind not in KINDS:
@@ -105,25 +105,25 @@ def make_particle(mesh, density_kg_m3, kind, spheres=14, surface="smooth", stl="
     if kind != "multisphere":
         return fit_particle(mesh, density_kg_m3, stl, source, kind)
     _check_density(density_kg_m3, source)
-    filled = sphere_packing.fill(mesh, spheres, surface, source)
+    packing = sphere_packing.pack(mesh, spheres, surface, source)
     body = body_of(mesh, density_kg_m3)
-    centres, radii = filled.spheres_m[:, :3], filled.spheres_m[:, 3]
+    centres, radii = packing.spheres_m[:, :3], packing.spheres_m[:, 3]
     return Particle(
         kind="multisphere",
         semi_axes_m=np.zeros((0, 3)),
         density_kg_m3=float(density_kg_m3),
-        volume_m3=filled.volume_m3,
+        volume_m3=packing.volume_m3,
         mass_kg=body.mass_kg,
         inertia_kg_m2=body.inertia_kg_m2,
         bounding_radius_m=float((np.linalg.norm(centres, axis=1) + radii).max()),
-        deviation_max_m=filled.deviation_max_m,
-        deviation_rms_m=filled.deviation_rms_m,
+        deviation_max_m=packing.deviation_max_m,
+        deviation_rms_m=packing.deviation_rms_m,
         mesh_volume_m3=body.volume_m3,
         stl=str(stl),
-        spheres_m=filled.spheres_m,
+        spheres_m=packing.spheres_m,
         mesh_inertia_kg_m2=body.inertia_kg_m2,
         mesh_axes_m=body.axes_m,
-        stacking=filled.stacking,
+        stacking=packing.stacking,
     )
 
 
@@ -194,7 +194,7 @@ def make(
         One of `KINDS`.
     mass_g : float, optional
     spheres, surface
-        Of a multisphere, see `sphere_packing.fill`.
+        Of a multisphere, see `sphere_packing.pack`.
     time_step_s : float, optional
         Of the study; a multisphere must be stable with it, at the wall's lowest `restitution`.
     source : object

@@ -25,7 +25,7 @@ MOST_SPHERES = 100
 SMALLEST_GAIN = 1e-4
 ROUGH_SHARE = 0.62  # radius of a rough clump's spheres over that of the largest inscribed ball
 CANDIDATES, SURFACE_POINTS, VOLUME_POINTS = 3000, 1500, 2**17
-# Centres of a smooth filling keep this distance, over the radius of the largest inscribed ball: spheres side by side
+# Centres of a smooth packing keep this distance, over the radius of the largest inscribed ball: spheres side by side
 # would act as one stiffer sphere.
 SPACING = 0.35
 # Overlap at which spheres count as acting together, over the largest radius: that of a soft berry under a pile.
@@ -33,7 +33,7 @@ TYPICAL_OVERLAP = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Filling:
+class Packing:
     """Spheres (M, 4), x y z radius; volume of their union; distances of the mesh's surface from it; `stacking`."""
 
     spheres_m: np.ndarray
@@ -43,8 +43,8 @@ class Filling:
     stacking: float
 
 
-def fill(mesh, count=14, surface="smooth", source="mesh"):
-    """`Filling` of a mesh (mm, near convex, centred) with at most `count` spheres; fewer where more add nothing.
+def pack(mesh, count=14, surface="smooth", source="mesh"):
+    """`Packing` of a mesh (mm, near convex, centred) with at most `count` spheres; fewer where more add nothing.
 
     Raises InputError naming the value and what is allowed.
     """
@@ -61,7 +61,7 @@ def fill(mesh, count=14, surface="smooth", source="mesh"):
     if surface == "smooth":
         spheres[:, 3] += _growth(spheres, mesh, box)
     gaps = distances(spheres, points)
-    return Filling(
+    return Packing(
         spheres_m=np.round(spheres * MM, 9),
         volume_m3=union_volume(spheres, box) * MM**3,
         deviation_max_m=float(np.abs(gaps).max()) * MM,
