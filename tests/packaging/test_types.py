@@ -18,7 +18,6 @@ WITHOUT: frozenset[str] = frozenset(
         "config/loader.py",
         "config/reading.py",
         "config/schema.py",
-        "core/seeds.py",
         "dem/cache.py",
         "dem/checks.py",
         "dem/io/checkpoint.py",
