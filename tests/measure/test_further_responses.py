@@ -172,3 +172,14 @@ def test_a_run_without_its_pour_is_named(job):
             {},
             job / "out.csv",
         )
+
+
+def test_runs_of_another_bench_test_are_kept_and_not_measured(job):
+    runs = pd.read_csv(job / "runs.csv").assign(apparatus="funnel", drum_slip_deg=float("nan"))
+    turned = runs.head(1).assign(apparatus="drum", drum_slip_deg=45.0)
+    pd.concat([runs, turned]).to_csv(job / "runs.csv", index=False)
+    config = CONFIG | {"targets": [*CONFIG["targets"], {"response": "drum_slip_deg"}], "measure": MEASURE}
+    files = ([job / "007.pours.json"], job / "runs.csv")
+    table = further_responses.run(config, *files, BALL, {}, job / "out.csv")
+    assert table["drum_slip_deg"].tolist()[-1] == 45.0
+    assert table["loose_percent"].isna().tolist() == [False, True, False, True]

@@ -51,6 +51,17 @@ def test_noise_correlation_is_about_the_samples_means_and_none_with_the_drum():
     assert found == pytest.approx(np.array([[1, 0, 0.9], [0, 1, 0], [0.9, 0, 1]]), abs=0.02)
 
 
+def test_noise_of_two_bench_tests_comes_from_their_own_runs():
+    random = np.random.default_rng(2)
+    shared = random.multivariate_normal([0, 0], [[1, 0.7], [0.7, 1]], size=4000)
+    sample, nothing = np.repeat(np.arange(1000), 4), np.full(4000, np.nan)
+    pile = {"sample": sample, "aor_deg": shared[:, 0], "height_mm": shared[:, 1], "drum_slip_deg": nothing}
+    drum = {"sample": sample, "aor_deg": nothing, "height_mm": nothing, "drum_slip_deg": shared[:, 0]}
+    runs = pd.concat([pd.DataFrame(pile), pd.DataFrame(drum)])
+    found = responses_over_design.noise_correlation(runs, ["aor_deg", "height_mm", "drum_slip_deg"])
+    assert found == pytest.approx(np.array([[1, 0.7, 0], [0.7, 1, 0], [0, 0, 1]]), abs=0.02)
+
+
 def test_surrogates_error_is_what_the_noise_of_the_means_does_not_explain():
     random = np.random.default_rng(3)
     noise, lack = np.array([[1, 0.8], [0.8, 1]]), np.array([[0.5, -0.2], [-0.2, 0.25]])

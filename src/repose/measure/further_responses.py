@@ -231,14 +231,13 @@ def joined(runs: pd.DataFrame, found: Mapping[tuple[int, int], Mapping[str, floa
     Parameters
     ----------
     runs : pandas.DataFrame
-        With the columns ``sample`` and ``seed``.
+        With the columns ``sample`` and ``seed``, and ``apparatus`` where there are several bench tests.
     found : mapping
         Of `of_pours`.
     """
-    keys = list(runs[["sample", "seed"]].itertuples(index=False, name=None))
-    return runs.assign(
-        **{name: [found.get(key, {}).get(name, math.nan) for key in keys] for name in MEASURED}
-    )
+    keys = runs[["sample", "seed"]].itertuples(index=False, name=None)
+    of_run = [found.get(key, {}) if own else {} for key, own in zip(keys, _of_the_pile(runs), strict=True)]
+    return runs.assign(**{name: [one.get(name, math.nan) for one in of_run] for name in MEASURED})
 
 
 def run(
@@ -273,8 +272,9 @@ def run(
     known = (*targets, *offered(targets, config["measure"]["response"]))
     known = ("sample", "seed", "status", *(name for name in known if name not in MEASURED))
     runs = read_table(runs_csv, known)
-    runs = runs[[column for column in runs if column in known]]
-    good = set(map(tuple, runs.loc[runs["status"] == "ok", ["sample", "seed"]].to_numpy()))
+    runs = runs[[column for column in runs if column in (*known, "apparatus")]]
+    poured = (runs["status"] == "ok") & _of_the_pile(runs)
+    good = set(map(tuple, runs.loc[poured, ["sample", "seed"]].to_numpy()))
     settings = pile.MeasureSettings.of(config["measure"], berry)
     found = of_pours(pours_json, good, particle, settings, config["funnel"]["plate_diameter_mm"])
     missing = sorted(good - set(found))
@@ -283,6 +283,11 @@ def run(
     table = joined(runs, found)
     write_table(out_csv, table)
     return table
+
+
+def _of_the_pile(runs):
+    """Which runs made a pile: all of them, or those of its bench test where there are several."""
+    return runs["apparatus"] == BENCH if "apparatus" in runs else pd.Series(True, index=runs.index)
 
 
 def _or_nothing(saved, particle, settings, plate_mm):

@@ -12,6 +12,7 @@ from repose.core import variance
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_table
 from repose.core.parameters import PARAMETERS
+from repose.core.responses import response
 from repose.core.targets import Targets
 from repose.measure import further_responses
 from repose.surrogate.accuracy import r2
@@ -225,14 +226,18 @@ def noise_correlation(runs: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
     runs : pandas.DataFrame
         Single runs: ``sample`` and responses.
     names : sequence of str, (k,)
-        Responses; those that are not in the table (of another bench test) have a correlation of 0 with all others.
+        Responses; those that are not in the table have a correlation of 0 with all others, and so have responses of
+        different bench tests, which come from different runs.
     """
-    there = [name for name in names if name in runs]
-    table = runs[["sample", *there]].dropna()
-    off = table[there] - table.groupby("sample")[there].transform("mean")
     found = np.eye(len(names))
-    rows = [list(names).index(name) for name in there]
-    found[np.ix_(rows, rows)] = np.corrcoef(off.to_numpy().T)
+    for test in dict.fromkeys(response(name).apparatus for name in names):
+        own = [name for name in names if name in runs and response(name).apparatus == test]
+        if not own:
+            continue
+        table = runs[["sample", *own]].dropna()
+        off = table[own] - table.groupby("sample")[own].transform("mean")
+        rows = [list(names).index(name) for name in own]
+        found[np.ix_(rows, rows)] = np.corrcoef(off.to_numpy().T)
     return found
 
 

@@ -326,3 +326,16 @@ def test_designs_in_five_dimensions_leave_out_the_composite():
     found = sampling.designs_for(5)
     assert "central composite" not in found
     assert found["Sobol sequence"](30, 5, [1, 2]).shape == (30, 5)
+
+
+def test_runs_of_several_bench_tests_make_one_point(tmp_path):
+    table = pd.DataFrame([dict.fromkeys(PARAMETERS, 0.5) | {"sample": 1, "status": "ok"}])
+    table.to_csv(tmp_path / "dataset.csv", index=False)
+    rows = [("funnel", "ok", 30.0, None), ("funnel", "ok", 32.0, None), ("funnel", "jammed", None, None)]
+    rows += [("drum", "ok", None, 45.0), ("drum", "ok", None, 47.0), ("drum", "ok", None, 46.0)]
+    runs = pd.DataFrame(rows, columns=["apparatus", "status", "aor_deg", "drum_slip_deg"]).assign(sample=1)
+    runs.to_csv(tmp_path / "runs.csv", index=False)
+    found = points.read(tmp_path / "dataset.csv", tmp_path / "runs.csv", ("aor_deg", "drum_slip_deg"))
+    assert found.counts().tolist() == [2]
+    assert found.means().tolist() == [[31.0, 46.0]]
+    assert found.values[0, :2].tolist() == [[30.0, 45.0], [32.0, 47.0]]

@@ -120,6 +120,11 @@ def read(dataset_csv: str | Path, runs_csv: str | Path, names: Sequence[str]) ->
     ------
     InputError
         If a column is missing, no point is left, or a usable point has no good run.
+
+    Notes
+    -----
+    Responses of several bench tests come from runs of their own (column ``apparatus``). The first run of each bench
+    test makes the first run of the point, and so on; these runs are independent, so any pairing will do.
     """
     dataset = read_table(dataset_csv, ("sample", "status", *PARAMETERS))
     runs = read_table(runs_csv, ("sample", "status", *names))
@@ -127,12 +132,15 @@ def read(dataset_csv: str | Path, runs_csv: str | Path, names: Sequence[str]) ->
     runs = runs[runs["sample"].isin(usable["sample"])]
     if usable.empty or runs.empty:
         raise InputError(dataset_csv, "usable samples", 0, "some with status ok, with their runs")
-    place = runs.groupby("sample").cumcount().to_numpy()
+    place = runs.groupby(["sample", *(["apparatus"] if "apparatus" in runs else [])]).cumcount().to_numpy()
     row = usable.set_index("sample").index.get_indexer(runs["sample"])
     values = np.full((len(usable), place.max() + 1, len(names)), np.nan)
     responses = runs[list(names)].to_numpy(float)
     responses[runs["status"].to_numpy() != "ok"] = np.nan
-    values[row, place] = responses
+    for test in runs["apparatus"].unique() if "apparatus" in runs else [None]:
+        own = np.ones(len(runs), bool) if test is None else (runs["apparatus"] == test).to_numpy()
+        cell = row[own], place[own]
+        values[cell] = np.where(np.isfinite(responses[own]), responses[own], values[cell])
     found = Points(usable[list(PARAMETERS)].to_numpy(float), values)
     without = usable.loc[found.counts() == 0, "sample"]
     if len(without):
