@@ -38,12 +38,14 @@ extensions = [
 ]
 myst_heading_anchors = 4
 myst_enable_extensions = ["dollarmath"]
-suppress_warnings = ["myst.header"]
+# ref.python: a type in a docstring may have the name of several attributes.
+suppress_warnings = ["myst.header", "ref.python"]
 
 # Docstrings are NumPy style; a name in single backquotes is code.
 default_role = "code"
 napoleon_google_docstring = False
 napoleon_use_rtype = False
+napoleon_use_ivar = True
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 autodoc_default_options = {
