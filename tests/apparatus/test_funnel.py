@@ -103,6 +103,7 @@ print(digest(funnel.pour(small(), named(CENTRE), 5, particle(), BERRY)))
 """
 
 
+@pytest.mark.slow
 def test_freshly_compiled_and_cached_code_give_the_same_bits(tmp_path):
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
     command = [sys.executable, "-c", SCRIPT.format(tests=str(ROOT / "tests"))]

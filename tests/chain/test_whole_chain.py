@@ -16,6 +16,8 @@ from repose.core.responses import response
 from repose.core.targets import Targets
 from repose.surrogate.support import Support
 
+pytestmark = pytest.mark.slow
+
 NETWORK = {"hidden": 6, "epochs": 150, "goal": 0.0, "starts": 2, "seed": 1, "split": [0.7, 0.15, 0.15]}
 MIGA = {
     "islands": 3,

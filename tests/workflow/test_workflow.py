@@ -15,6 +15,8 @@ from snakemake import cli
 import repose.studies.refine
 import repose.studies.shape_study  # noqa: F401  loaded here, once, for every fork
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 PARTS = ("Snakefile", "config", "profiles", "resources", "workflow")
 STAGES = (
