@@ -157,19 +157,3 @@ class Targets(Sequence[Target]):
         ]
         parts = [part.rstrip() for part in parts]
         return " and ".join(filter(None, [", ".join(parts[:-1]), parts[-1]]))
-
-    def as_section(self) -> dict[str, Any]:
-        """The two targets as the mapping that stages took before targets were a list; goes with the last of them."""
-        old: dict[str, Any] = {}
-        for one in self:
-            quantity, unit = one.response.quantity, one.name.rsplit("_", 1)[1]
-            old[one.name] = one.aim
-            old[f"{quantity}_range_{unit}"] = [one.low, one.high]
-            old[f"physical_{one.name}"], old[f"physical_{quantity}_sd_{unit}"] = one.value, one.sd
-            old["physical_piles"] = one.repetitions
-        return old
-
-
-def section_of(config: Mapping[str, Any]) -> dict[str, Any]:
-    """`Targets.as_section` of a whole configuration."""
-    return Targets.of(config["targets"]).as_section()
