@@ -1,12 +1,11 @@
 """Verbs of what a study starts from: the berry, its particle, the points to simulate."""
 
-from pathlib import Path
-
 from repose.cli.berries import write_berry, write_particle
 from repose.cli.options import BERRY, PUBLISHED
 from repose.cli.registry import Family, Option
 from repose.config import loader
 from repose.core.errors import InputError
+from repose.core.files import write_whole
 from repose.core.parameter_space import ParameterSpace
 
 family = Family()
@@ -45,8 +44,7 @@ def _build(args):
     density = args.density or loader.load(args.config)["berry"]["density_kg_m3"]
     details = (args.taper, args.wrinkles, args.wrinkle_depth_mm)
     mesh, number = mesh_from_axes.berry_mesh(args.axes, args.mass_g, density, *details, source="command line")
-    Path(args.stl).parent.mkdir(parents=True, exist_ok=True)
-    mesh.export(args.stl, file_type="stl")
+    write_whole(args.stl, lambda handle: handle.write(mesh.export(file_type="stl")))
     share = mesh.volume / (args.axes[0] * args.axes[1] * args.axes[2])
     m, k = mesh_from_axes.profile_exponents(number)
     print(

@@ -1,1 +1,1 @@
-"""What every room needs: errors, files, the six parameters."""
+"""What every room needs: errors, files, parameters, responses, targets, runs and their variance, seeds."""

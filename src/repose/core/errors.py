@@ -8,6 +8,6 @@ __all__ = ["InputError", "NoFlankError"]
 class NoFlankError(ValueError):
     """The picture or the pile has no flank to measure; `reason` says why."""
 
-    def __init__(self, reason):
+    def __init__(self, reason: str) -> None:
         self.reason = reason
         super().__init__(reason)

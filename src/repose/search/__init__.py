@@ -1,1 +1,1 @@
-"""Searches on a surrogate."""
+"""Searches on a surrogate: the optimiser (`miga`), and what it minimises and keeps (`objective`)."""
