@@ -98,3 +98,12 @@ def validation_seeds(wildcards):
     """Pours of a solution; our representative one gets more."""
     ours = wildcards.sample == OURS[0]
     return config["validation"]["representative_seeds" if ours else "seeds"]
+
+
+def cells_of_the_study(wildcards):
+    """Runs of every cell; the study's own keys are checked here, when someone asks for the study."""
+    try:
+        shape_study.check(config)
+    except InputError as error:
+        sys.exit(f"repose: error: {error}")
+    return expand(rules.shape_cell.output.runs, cell=CELLS)

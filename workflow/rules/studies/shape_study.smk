@@ -3,15 +3,6 @@
 CELLS = shape_study.cells(config)
 
 
-def cells_of_the_study(wildcards):
-    """Runs of every cell; the study's own keys are checked here, when someone asks for the study."""
-    try:
-        shape_study.check(config)
-    except InputError as error:
-        sys.exit(f"repose: error: {error}")
-    return expand(rules.shape_cell.output.runs, cell=CELLS)
-
-
 rule shape_cell:
     input:
         samples=rules.design.output.samples,
