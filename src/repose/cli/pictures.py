@@ -1,7 +1,6 @@
 """Verbs of what a reader sees: figures, films, tables as pages."""
 
 import argparse
-from pathlib import Path
 
 from repose.cli.options import pairs
 from repose.cli.registry import Family, Option
@@ -25,7 +24,6 @@ family = Family()
 def figure(args: argparse.Namespace) -> None:
     from repose.pictures import figures
 
-    Path(args.out).parent.mkdir(parents=True, exist_ok=True)
     figures.draw(args.name, pairs(args.input, "--input"), args.out, loader.load(args.config))
 
 
@@ -45,7 +43,6 @@ def film(args: argparse.Namespace) -> None:
 
     config, particle = loader.load(args.config), Particle.load(args.particle)
     frames = SMALL_FILM if config["small_run"] else FILM
-    Path(args.out).parent.mkdir(parents=True, exist_ok=True)
     if args.drum:
         film.animate_drum(args.trajectory, particle, args.out, config["drum"], frames=frames)
         return

@@ -33,8 +33,6 @@ BERRY = "#C8321E"
 SERIES = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY)
 LINES = ("-", "--", "-.", ":")
 
-RESPONSES = (("aor_deg", "AoR", "deg"), ("height_mm", "Height", "mm"))
-
 SMALL_RUN = "small run: NOT for use as a result"
 
 SETTINGS = {
