@@ -12,12 +12,6 @@ COMPILED = SOURCE / "dem" / "kernels"
 # Modules of which some public functions are still without types. A module that is done leaves the list.
 WITHOUT: frozenset[str] = frozenset(
     {
-        "apparatus/stability.py",
-        "config/checks.py",
-        "config/cost.py",
-        "config/loader.py",
-        "config/reading.py",
-        "config/schema.py",
         "dem/cache.py",
         "dem/checks.py",
         "dem/io/checkpoint.py",

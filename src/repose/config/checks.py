@@ -1,10 +1,11 @@
 """What one key of a configuration asks of another, and of the files it names."""
 
 from pathlib import Path
+from typing import Any
 
 from repose.apparatus import bench_tests, names
 from repose.apparatus.stability import longest_time_step
-from repose.config.reading import get, origin_of
+from repose.config.reading import Origin, get, origin_of
 from repose.config.schema import allowed_by, input_error, subschema, validator
 from repose.core import places
 from repose.core.errors import InputError
@@ -19,7 +20,7 @@ OUR_OWN_FOLDERS = ("src", "config", "resources", "workflow", "profiles", "tests"
 LARGEST_BLOCKS = 100  # of a refined proposal's pours: jobs of a round have three digits
 
 
-def check(config, source="configuration"):
+def check(config: dict[str, Any], source: str | Origin = "configuration") -> dict[str, Any]:
     """Return config when schema and cross checks hold, else raise InputError with the first fault.
 
     source: the name of the file, for the message. Keys of the file's inputs are left to `check_inputs`.
@@ -36,7 +37,7 @@ def check(config, source="configuration"):
     return config
 
 
-def check_inputs(config, source="configuration"):
+def check_inputs(config: dict[str, Any], source: str | Origin = "configuration") -> None:
     """InputError unless the files that a checked config names can be used; and berry, bench, step fit."""
     from repose.particle import berry, size_distribution
 

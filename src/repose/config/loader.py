@@ -5,7 +5,10 @@ Every fault ends in one InputError that tells file, key, value and what is allow
 
 import copy
 import json
+import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from repose.config.reading import Origin, parse, read
 from repose.core import places
@@ -17,14 +20,14 @@ COMMAND_LINE = "command line (--config)"
 WHOLE = {f"shape_study.{key}" for key in ("particles", "fillings", "sensitivities")}
 
 
-def load(path):
+def load(path: str | os.PathLike) -> dict[str, Any]:
     """A complete configuration from a file, checked by `check`; see `places.find` for where files are looked for."""
     from repose.config.checks import check  # here and below: the help of a verb loads none of it
 
     return check(_with_files_found(read(places.find(path))), str(path))
 
 
-def resolve(files, overrides=None):
+def resolve(files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """A workflow's configuration: later files over earlier ones, over them the command line; checked.
 
     files: paths, the first complete, the others as partial as one likes; overrides: nested mapping whose
@@ -32,7 +35,8 @@ def resolve(files, overrides=None):
     """
     from repose.config.checks import check, check_inputs
 
-    config, origin = {}, {}
+    config: dict[str, Any] = {}
+    origin: dict[str, str] = {}
     for path in files:
         _merge(config, read(path), origin, str(path))
     _merge(config, _values(overrides or {}), origin, COMMAND_LINE)
@@ -53,7 +57,7 @@ def _with_files_found(config):
     return config
 
 
-def write_resolved(config, path):
+def write_resolved(config: Mapping[str, Any], path: str | os.PathLike) -> None:
     """Write config as JSON to path, but only where that changes the file."""
     path = Path(path)
     text = json.dumps(config, indent=1) + "\n"

@@ -1,7 +1,9 @@
 """YAML in, strictly: a key once, numbers as numbers, and where each key came from."""
 
+import os
 import re
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -11,7 +13,7 @@ from repose.core.errors import InputError
 class StrictLoader(yaml.SafeLoader):
     """YAML that refuses a key given twice and reads 2e-4 as the number it is (YAML 1.1 takes it for text)."""
 
-    def construct_mapping(self, node, deep=False):
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen = set()
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=deep)
@@ -28,7 +30,7 @@ StrictLoader.add_implicit_resolver(
 )
 
 
-def read(path):
+def read(path: str | os.PathLike) -> dict[str, Any]:
     """The mapping in a YAML or JSON file, unchecked; InputError for no file, bad syntax, a key twice."""
     path = Path(path)
     try:
@@ -43,7 +45,7 @@ def read(path):
     return content
 
 
-def parse(text, name):
+def parse(text: str, name: str) -> Any:
     """YAML (of which JSON is a part) as plain values, or InputError with the line."""
     loader = StrictLoader(text)
     loader.name = name
@@ -66,16 +68,16 @@ class Origin:
     def __init__(self, origin, default):
         self.origin, self.default = origin, default
 
-    def of(self, key):
+    def of(self, key: str) -> str:
         return self.origin.get(key, self.default)
 
 
-def origin_of(source, key):
+def origin_of(source: "str | Origin", key: str) -> str:
     """Name of the file that holds key."""
     return source.of(key) if isinstance(source, Origin) else source
 
 
-def get(config, key):
+def get(config: Any, key: str) -> Any:
     """Value of a dotted key."""
     for step in key.split("."):
         config = config[int(step)] if isinstance(config, list) else config[step]

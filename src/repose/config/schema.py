@@ -5,13 +5,15 @@
 
 import difflib
 import math
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import yaml
 
 from repose.apparatus import bench, names
-from repose.config.reading import get, origin_of
+from repose.config.reading import Origin, get, origin_of
 from repose.core.errors import InputError
 
 SCHEMA_PATH = Path(__file__).with_name("schema.yaml")
@@ -24,7 +26,7 @@ MOVED = {
 }
 
 
-def validator():
+def validator() -> Any:
     """The schema's validator; numbers are finite, and 8.0 is no integer."""
     return _validator(names())
 
@@ -46,7 +48,7 @@ def _validator(apparatus):
     return jsonschema.validators.extend(base, type_checker=types)(schema)
 
 
-def input_error(error, config, source):
+def input_error(error: Any, config: Any, source: str | Origin) -> InputError:
     """A fault found by the schema as an InputError; one inside a list of plain values is told of the list."""
     path = []
     value = config
@@ -74,7 +76,7 @@ def input_error(error, config, source):
     return InputError(origin_of(source, section), section, get(config, section), allowed_by(subschema(path)))
 
 
-def subschema(path):
+def subschema(path: Sequence[str]) -> dict[str, Any]:
     """The schema of the key at path, references followed."""
     schema = root = validator().schema
     for step in path:
@@ -84,7 +86,7 @@ def subschema(path):
     return schema
 
 
-def allowed_by(schema):
+def allowed_by(schema: Mapping[str, Any]) -> str:
     """In words, what a schema takes."""
     if "description" in schema:
         return schema["description"]
