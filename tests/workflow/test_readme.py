@@ -6,8 +6,11 @@ import sys
 import textwrap
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
+
+from repose.cli import main
 
 ROOT = Path(__file__).parents[2]
 
@@ -40,3 +43,17 @@ def test_a_study_is_checked_when_it_is_asked_for(mine):
     status, told = dry_run(mine, "shape_study")
     assert status == 1
     assert "shape_study.fillings.open_cone: funnel.factory_diameter_mm is 150.0" in told
+
+
+@pytest.mark.parametrize("verb", ["check", "measure"])
+def test_a_verb_takes_the_crop_that_readme_shows(verb, mine, tmp_path, capsys):
+    words = [verb, "--config", str(mine)]
+    if verb == "measure":
+        picture = np.full((200, 400), 255, np.uint8)
+        for row in range(100):
+            picture[50 + row, 199 - row : 200 + row] = 0
+        picture[150:160] = 0
+        cv2.imwrite(str(tmp_path / "pile.png"), picture)
+        words += [str(tmp_path / "pile.png"), "--mm-per-pixel", "0.5"]
+    assert main(words) == 0
+    assert {"check": "wheat, good", "measure": "angle of repose"}[verb] in capsys.readouterr().out

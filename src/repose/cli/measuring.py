@@ -27,7 +27,7 @@ def measure(args):
     from repose.core.files import write_image
     from repose.measure import drawing, pile
 
-    config = loader.load(args.config)
+    config = loader.load_over_defaults(args.config)
     how = pile.MeasureSettings.of(config["measure"], _axes(args.berry, config))
     image = pile.read_image(args.picture)
     try:

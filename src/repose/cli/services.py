@@ -18,8 +18,8 @@ family = Family()
 
 
 @family.verb(
-    "microseconds a step of the settled pile and seconds of a whole pour for the particles of the shape study, "
-    "and how fast this machine is",
+    "measure the speed: microseconds per step and seconds per pour for each particle of the shape study, "
+    "beside a reference that tells how fast this machine is",
     example="--json",
     options=[JSON],
 )
@@ -36,7 +36,7 @@ def bench(args: argparse.Namespace) -> None:
 
 
 @family.verb(
-    "check a configuration and tell what a run of it would take",
+    "check a configuration; print how many pours a run needs and how long it takes",
     example="--config config/paper.yaml",
     options=[Option("--cores", type=int, default=2, help="cores of the run (2)")],
 )
@@ -45,14 +45,14 @@ def check(args: argparse.Namespace) -> None:
         raise InputError("command line", "--cores", args.cores, "at least 1")
     from repose.config import checks, cost
 
-    config = loader.load(args.config)
+    config = loader.load_over_defaults(args.config)
     checks.check_inputs(config, args.config)
     work = cost.work(config)
     print(f"{args.config}: {config['label']}, good; results go to {config['results_dir']}")
     for purpose, sets, seeds in work["pours"]:
         print(f"{purpose:>14}: {sets} parameter sets x {seeds} seeds = {sets * seeds} pours")
     minutes = work["total_s"] / args.cores / 60
-    print(f"about {work['pour_s']:.1f} s a pour, {minutes:.0f} min on {args.cores} cores")
+    print(f"about {work['pour_s']:.1f} s per pour, {minutes:.0f} min on {args.cores} cores")
 
 
 @family.verb(

@@ -27,6 +27,17 @@ def load(path: str | os.PathLike) -> dict[str, Any]:
     return check(_with_files_found(read(places.find(path))), str(path))
 
 
+def load_over_defaults(path: str | os.PathLike) -> dict[str, Any]:
+    """A study's configuration from a file that may hold only the keys that differ, checked; as the workflow reads it.
+
+    The file lies over the program's default and that of the working folder. Raises InputError.
+    """
+    from repose.config.checks import check
+
+    config, source = _over_each_other([*places.configs(), places.find(path)])
+    return check(config, source)
+
+
 def resolve(files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """A workflow's configuration: later files over earlier ones, over them the command line; checked.
 
@@ -35,16 +46,22 @@ def resolve(files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | N
     """
     from repose.config.checks import check, check_inputs
 
+    config, source = _over_each_other(files, overrides)
+    check(config, source)
+    check_inputs(config, source)
+    return config
+
+
+def _over_each_other(
+    files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None
+) -> tuple[dict[str, Any], Origin]:
+    """The files' configurations, each over the one before it, under the overrides; and where each key came from."""
     config: dict[str, Any] = {}
     origin: dict[str, str] = {}
     for path in files:
         _merge(config, read(path), origin, str(path))
     _merge(config, _values(overrides or {}), origin, COMMAND_LINE)
-    _with_files_found(config)
-    source = Origin(origin, str(files[0]))
-    check(config, source)
-    check_inputs(config, source)
-    return config
+    return _with_files_found(config), Origin(origin, str(files[0]))
 
 
 def _with_files_found(config):
