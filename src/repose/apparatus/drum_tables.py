@@ -134,7 +134,7 @@ def tables(runs: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]]) -
     Returns
     -------
     dict
-        runs: a row a run. summary: quantity, key, mean, standard_error (none of one run), lowest, highest, runs.
+        runs: one row per run. summary: quantity, key, mean, standard_error (none of one run), lowest, highest, runs.
         record: the record of all runs over time. profile: motion by depth of all runs, lengths in mm.
     """
     import pandas as pd

@@ -1,1 +1,1 @@
-"""The main chain of the method, a module a stage: design, dataset, train, invert, validate."""
+"""The main chain of the method, one module per stage: design, dataset, train, invert, validate."""

@@ -1,4 +1,4 @@
-"""Jobs of the bench tests to one table: what each sample's runs gave, with its standard error.
+"""Jobs of the bench tests to one table: the responses of each sample with their standard errors.
 
 Section 4.1.1 of the paper leaves out samples that formed no stable pile. Here they stay in the table with a status and
 a reason, and whoever reads the table leaves them out.

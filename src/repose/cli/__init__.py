@@ -1,4 +1,4 @@
-"""The command line: one module a family of verbs, each verb's options beside the function that runs it.
+"""The command line: one module per family of verbs. The options of a verb stand beside the function that runs it.
 
 The work is done in the modules of `repose`; here they get their files and settings. They are imported inside the
 verbs, so that help and parsing load none of them.

@@ -15,7 +15,7 @@ family = Family()
 
 
 @family.verb(
-    "jobs to one table: responses with standard errors, failures with their reasons",
+    "collect all jobs in one table: responses with standard errors, failures with their reasons",
     example="results/heaps/???.json --out results",
     out="results",
     options=[
@@ -72,7 +72,7 @@ def miga(args):
 
 
 @family.verb(
-    "list what to simulate again: representative solution, others spread over the cloud, published ones",
+    "list the parameter sets to simulate again: representative, other and published solutions",
     example="--feasible results/miga/feasible.csv",
     out="results/validation",
     options=[FEASIBLE],
@@ -93,7 +93,7 @@ def solutions(args):
 
 
 @family.verb(
-    "predicted beside simulated: our solutions (Table 4), and the published ones in our simulator",
+    "compare predicted and simulated responses of our solutions (Table 4) and of the published ones",
     example="results/validation/heaps/???.json",
     out="results/validation",
     options=[

@@ -1,4 +1,4 @@
-"""Verbs that set parts of the method, and the whole of it, beside their alternatives."""
+"""Verbs that compare parts of the method, and the whole method, with alternatives."""
 
 from repose.cli.options import DATASET, NETWORK, RUNS, chosen_files, file_options
 from repose.cli.registry import Family
@@ -22,7 +22,7 @@ family = Family()
 
 
 @family.verb(
-    "searches beside each other on the trained network: evaluations, and which solutions they find",
+    "compare searches on the trained network: evaluations, and which solutions they find",
     example="--network results/network/network.json",
     out="results/comparison",
     options=[NETWORK],
@@ -38,12 +38,12 @@ def compare_search(args):
 
 
 @family.verb(
-    "the method beside a response surface with a local search, for equal numbers of simulations",
+    "compare the method with a response surface and a local search, for equal numbers of simulations",
     example="--dataset results/dataset.csv --runs results/runs.csv",
     out="results/comparison",
     options=[
         DATASET.but(nargs="+", default=["results/dataset.csv"]),
-        RUNS.but(nargs="+", default=["results/runs.csv"], help="as many: single runs of the same"),
+        RUNS.but(nargs="+", default=["results/runs.csv"], help="runs.csv of each dataset, in the same order"),
     ],
 )
 def compare_whole(args):
@@ -60,7 +60,7 @@ def compare_whole(args):
 
 
 @family.verb(
-    "accuracy of the network at points that no fit has seen, over what it is trained on",
+    "test the network, trained on growing sets of points, at points that no fit has seen",
     out="results/comparison",
     options=file_options(POOL_FILES),
 )
@@ -74,7 +74,7 @@ def compare_accuracy(args):
 
 
 @family.verb(
-    "surrogates at equal budgets of simulations, judged at points that no fit has seen",
+    "compare surrogates with equal numbers of simulations, at points that no fit has seen",
     out="results/comparison",
     options=file_options(POOL_FILES),
 )
@@ -88,7 +88,7 @@ def compare_surrogates(args):
 
 
 @family.verb(
-    "designs, and points against seeds: repetitions emulated from the pool, real ones beside",
+    "compare designs, and many seeds per point with many points; with emulated and with real pours",
     out="results/comparison",
     options=file_options(POOL_FILES),
 )
@@ -103,7 +103,7 @@ def compare_sampling(args):
 
 
 @family.verb(
-    "all comparisons in one table",
+    "collect all comparisons in one table",
     out="results/comparison",
     config=False,
     options=file_options(COMPARED),

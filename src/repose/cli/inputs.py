@@ -1,4 +1,4 @@
-"""Verbs of what a study starts from: the berry, its particle, the points to simulate."""
+"""Verbs for the inputs of a study: the berry, its particle, the points to simulate."""
 
 from repose.cli.berries import write_berry, write_particle
 from repose.cli.options import BERRY, PUBLISHED
@@ -12,7 +12,7 @@ family = Family()
 
 
 @family.verb(
-    "sizes to sphericity, compression tests to moduli (Eq. 1-4); or a mesh from three axes and a mass",
+    "compute sphericity from sizes and moduli from compression tests (Eq. 1-4); or build a mesh from axes and mass",
     example="--axes 17.1 11.37 9.88 --mass-g 1.0 --density 840.47 --stl results/crop.stl",
     out="results/berry",
     options=[
@@ -21,11 +21,17 @@ family = Family()
         ),
         Option("--axes", type=float, nargs=3, metavar="MM", help="build a mesh instead: its three axes"),
         Option("--stl", help="the mesh file to build; with --axes and --mass-g"),
-        Option("--mass-g", type=float, help="mass of the berry to build, which makes it full or lean"),
+        Option(
+            "--mass-g",
+            type=float,
+            help="mass of the berry to build in g; it determines how full the shape is",
+        ),
         Option("--density", type=float, help="its density in kg/m3 (the configuration's)"),
-        Option("--taper", type=float, default=0.0, help="how much wider at one end, over the width (0)"),
-        Option("--wrinkles", type=int, default=0, help="grooves along it (0)"),
-        Option("--wrinkle-depth-mm", type=float, default=0.0, help="their depth (0)"),
+        Option(
+            "--taper", type=float, default=0.0, help="widening at one end, as a fraction of the width (0)"
+        ),
+        Option("--wrinkles", type=int, default=0, help="number of grooves along the berry (0)"),
+        Option("--wrinkle-depth-mm", type=float, default=0.0, help="depth of the grooves in mm (0)"),
     ],
 )
 def berry(args):
@@ -53,7 +59,7 @@ def _build(args):
 
 
 @family.verb(
-    "mesh and particle of the berry: volume, mass, inertia, deviation from the mesh",
+    "make mesh and particle of the berry, with volume, mass, inertia and deviation from the mesh",
     example="--berry results/berry/berry.json",
     out="results/berry",
     options=[BERRY],
@@ -63,7 +69,7 @@ def shape(args):
 
 
 @family.verb(
-    "Latin hypercube design of the six contact parameters",
+    "make the Latin hypercube design of the six contact parameters",
     example="--out results/design",
     out="results/design",
 )
@@ -77,7 +83,7 @@ def design(args):
 
 
 @family.verb(
-    "points of the pool that the comparisons share, to train on and to judge by",
+    "choose the points of the pool that the comparisons share, for training and for testing",
     example="--out results/pool",
     out="results/pool",
 )

@@ -13,13 +13,15 @@ family = Family()
 
 
 @family.verb(
-    "angle of repose and Height of the pile in a picture, a photograph or a silhouette",
+    "measure angle of repose and Height of the pile in a photograph or a silhouette",
     example="pile.jpg --mm-per-pixel 0.1",
     options=[
         Option("picture", help="side view of a pile: PNG, JPEG, TIFF or BMP"),
-        Option("--mm-per-pixel", type=float, required=True, help="scale of the picture"),
+        Option(
+            "--mm-per-pixel", type=float, required=True, help="scale of the picture: millimetres per pixel"
+        ),
         Option("--overlay", help="picture with the fitted lines (beside the picture, NAME_overlay.png)"),
-        Option("--berry", help="berry.json; its axes are those of the configuration if not given"),
+        Option("--berry", help="berry.json with the mean axes (those of the configuration)"),
         JSON.but(help="print left_deg, right_deg, aor_deg, height_mm and more as JSON"),
     ],
 )
@@ -65,7 +67,7 @@ def _axes(berry_json, config):
 
 
 @family.verb(
-    "side view of a simulated pile as a picture, dark on light",
+    "draw the side view of a simulated pile, dark on light",
     example="results/try/heap.npz --particle results/berry/particle.json",
     out="silhouette.png",
     options=[

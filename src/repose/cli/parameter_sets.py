@@ -18,14 +18,19 @@ PARAMETER_SET = (
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help=f"a contact parameter: {', '.join(PARAMETERS)}; one that is not set has the centre of its range",
+        help=f"a contact parameter: {', '.join(PARAMETERS)}; a parameter without --set takes the centre of its range",
     ),
-    Option("--samples", help="CSV with the columns sample and the six, instead of --set"),
-    Option("--sample", type=int, help="number in the column sample; also the name of the files"),
+    Option("--samples", help="CSV with a column sample and a column per parameter, instead of --set"),
+    Option("--sample", type=int, help="number in the column sample; the files are named by it"),
 )
 SEED = Option("--seed", type=int, action="append", help="seed of a run (1); may be given several times")
 STUDY_SEEDS = (
-    Option("--seeds", type=int, metavar="N", help="N seeds of the study's own, instead of --seed"),
+    Option(
+        "--seeds",
+        type=int,
+        metavar="N",
+        help="the study's own first N seeds of this sample, instead of --seed",
+    ),
     Option(
         "--purpose",
         choices=tuple(streams.PURPOSES),

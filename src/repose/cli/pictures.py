@@ -1,4 +1,4 @@
-"""Verbs of what a reader sees: figures, films, tables as pages."""
+"""Verbs that draw: figures, films, tables as pages."""
 
 import argparse
 
@@ -28,13 +28,13 @@ def figure(args: argparse.Namespace) -> None:
 
 
 @family.verb(
-    "animation of a pour, or of a drum",
+    "make an animation of a pour or of a drum",
     example="results/try/heap_trajectory_1.npz --particle results/berry/particle.json",
     out="pour.gif",
     options=[
         Option("trajectory", help=".npz file that `heap --trajectory` or `drum --trajectory` wrote"),
         Option("--particle", required=True, help="particle.json of that run"),
-        Option("--drum", action="store_true", help="it is that of a drum"),
+        Option("--drum", action="store_true", help="the trajectory is that of a drum"),
     ],
 )
 def film(args: argparse.Namespace) -> None:
@@ -52,7 +52,7 @@ def film(args: argparse.Namespace) -> None:
 
 
 @family.verb(
-    "a CSV table as a page to read",
+    "turn a CSV table into a page to read",
     example="results/validation/table4.csv --title 'Table 4' --out table4.html",
     out="table.html",
     options=[

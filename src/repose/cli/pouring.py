@@ -37,7 +37,7 @@ class _Job(NamedTuple):
 
 
 @family.verb(
-    "run a bench test and save its runs, to be measured by measure_heap; one parameter set, one seed or several",
+    "run a bench test with one parameter set and one or more seeds; save the runs for measure_heap",
     example="--apparatus funnel --set mus_gg=0.642 --seed 1 --out results/try",
     out="results/try",
     options=[APPARATUS, *POUR],
@@ -49,7 +49,7 @@ def pour(args):
 
 
 @family.verb(
-    "pour berries through the funnel and measure the pile: the verbs pour and measure_heap in one",
+    "pour berries through the funnel and measure the pile: pour and measure_heap in one verb",
     example="--set e_gg=0.203 --set mus_gg=0.642 --seed 1 --out results/try --json",
     out="results/try",
     options=[*POUR, JSON.but(help="print the result as JSON")],
@@ -101,7 +101,7 @@ def _flat(result):
     example="results/try/heap.pours.json --out results/try",
     options=[
         Option("pours", nargs="+", help="NAME.pours.json files of pour or heap, NAME.npz beside them"),
-        Option("--out", help="folder for NAME.json (that of the pours)"),
+        Option("--out", help="folder for NAME.json (the folder of the pours)"),
         *BERRY_AND_PARTICLE,
     ],
 )
@@ -120,7 +120,7 @@ def measure_heap(args):
 
 
 @family.verb(
-    "let berries rest in a drum and turn it until its bed slips; one parameter set, one seed or several",
+    "fill a drum and turn it until the bed slips; one parameter set, one or more seeds",
     example="--set mus_gg=0.642 --set mus_gp=0.483 --seed 1 --out results/try",
     out="results/try",
     options=[
@@ -145,7 +145,7 @@ def drum(args):
 
 
 @family.verb(
-    "runs of the drum to tables: angles, first slip, slipping layer, with standard errors",
+    "make tables of the drum's runs: angles, first slip, slipping layer, with standard errors",
     example="results/drum/turn_*.json --out results/drum",
     out="results/drum",
     config=False,

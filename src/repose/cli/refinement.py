@@ -23,8 +23,8 @@ family = Family()
     config=False,
     options=[
         Option("rounds", nargs="+", help="folders of the rounds: dataset.csv and runs.csv of their own"),
-        DATASET.but(help="of the design"),
-        RUNS.but(help="of the design: single runs"),
+        DATASET.but(help="dataset.csv of the design"),
+        RUNS.but(help="runs.csv of the design: single runs"),
     ],
 )
 def refine_data(args):
@@ -56,11 +56,11 @@ def refine_search(args):
 
 
 @family.verb(
-    "list what a round simulates: the representative solution in blocks of seeds, and its neighbours",
+    "list the parameter sets of a round: the representative solution in blocks of seeds, and its neighbours",
     example="--round 0",
     out=ROUND,
     options=[
-        Option("--round", type=int, required=True, help="its number, from 0"),
+        Option("--round", type=int, required=True, help="number of the round, from 0"),
         FEASIBLE.but(help="what the search wrote"),
         NETWORK.but(help="the surrogate that it searched"),
     ],
@@ -76,7 +76,7 @@ def refine_propose(args):
 
 
 @family.verb(
-    "a round's proposal beside the targets: outcome, reason, and all its points predicted beside simulated",
+    "compare a round's simulated proposal with the targets: outcome, reason, and all points of the round",
     example=f"--out {ROUND}",
     out=ROUND,
     options=file_options(ROUND_FILES, "of the round "),
@@ -91,7 +91,7 @@ def refine_judge(args):
 
 
 @family.verb(
-    "all rounds in one table, why the loop stopped, and what may be claimed",
+    "collect all rounds in one table; tell why the loop stopped and what may be claimed",
     example=f"{ROUND}/verdict.json",
     out="results/refined",
     options=[Option("verdicts", nargs="+", help="JSON files that refine_judge wrote")],

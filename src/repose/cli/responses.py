@@ -1,4 +1,4 @@
-"""Verbs of further responses: what else a pile or a drum could tell, and what that would be worth."""
+"""Verbs of further responses: measure them on a pile or in a drum, and tell how much information they add."""
 
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import DATASET, RUNS, SAMPLES
@@ -14,7 +14,7 @@ family = Family()
 
 
 @family.verb(
-    "more responses of saved pours: profile, packing, loose berries, discharge time",
+    "measure further responses of saved pours: profile, packing, loose berries, discharge time",
     example="results/heaps/???.pours.json --runs results/runs.csv",
     out="results/responses/runs.csv",
     options=[
@@ -33,7 +33,7 @@ def measure_responses(args):
 
 
 @family.verb(
-    "a sample of the design in the rotating drum, with seeds of its own",
+    "turn the drum with one sample of the design, with its own seeds",
     example="--samples results/design/samples.csv --sample 1",
     out="results/responses/drum",
     options=[
@@ -56,7 +56,7 @@ def drum_design(args):
 
 
 @family.verb(
-    "how far each further response of the pile narrows the posterior of the six parameters",
+    "tell how much each further response narrows the posterior of the parameters",
     example="--runs results/responses/runs.csv --dataset results/dataset.csv",
     out="results/responses",
     options=[

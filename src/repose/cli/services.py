@@ -56,7 +56,7 @@ def check(args: argparse.Namespace) -> None:
 
 
 @family.verb(
-    "run the simulator's verification suite: known answers beside its own",
+    "run the simulator's verification suite: compare its answers with known ones",
     example="--out results/verification --case chung1",
     out="results/verification",
     options=[

@@ -26,7 +26,7 @@ def shape_cell(args):
 
 
 @family.verb(
-    "particles, fillings and definitions of the angle beside the published piles: tables and the choice",
+    "compare particles, fillings and definitions of the angle with the published piles; choose the best combination",
     example="results/shape/cells/*.csv",
     out="results/shape",
     options=[Option("cells", nargs="+", help="CSV files of shape_cell")],

@@ -1,4 +1,4 @@
-"""Verbs that tell how sure the answer is."""
+"""Verbs for the uncertainty of the answer: noise, posterior, sensitivity."""
 
 from repose.cli.options import NETWORK, PUBLISHED, RUNS, chosen_files, file_options
 from repose.cli.registry import Family
@@ -20,7 +20,7 @@ family = Family()
 
 
 @family.verb(
-    "variance of the responses within and between samples, what seeds buy, what a predictor can reach",
+    "split the variance of the responses into within and between samples; tell what more seeds gain",
     example="--runs results/runs.csv",
     out="results/noise",
     options=[RUNS],
@@ -33,7 +33,7 @@ def noise(args):
 
 
 @family.verb(
-    "posterior of the free parameters given the physical measurements, with what these do not determine",
+    "sample the posterior of the free parameters; tell which ones the measurements do not determine",
     example="--network results/network/network.json",
     out="results/posterior",
     options=file_options(POSTERIOR_FILES),
@@ -50,7 +50,7 @@ def posterior(args):
 
 
 @family.verb(
-    "Sobol indices of the responses on the surrogate, with intervals, and main effects",
+    "compute Sobol indices of the responses, with intervals, and main effects",
     example="--network results/network/network.json",
     out="results/sensitivity",
     options=[NETWORK],

@@ -1,4 +1,4 @@
-"""What one key of a configuration asks of another, and of the files it names."""
+"""Checks of the keys of a configuration against each other and against the files that they name."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""What a run of a configuration takes."""
+"""The cost of a run of a configuration: numbers of pours and their time."""
 
 from collections.abc import Mapping
 from typing import Any

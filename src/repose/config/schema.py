@@ -49,7 +49,7 @@ def _validator(apparatus):
 
 
 def input_error(error: Any, config: Any, source: str | Origin) -> InputError:
-    """A fault found by the schema as an InputError; one inside a list of plain values is told of the list."""
+    """A fault found by the schema as an InputError; a fault inside a list of plain values names the whole list."""
     path = []
     value = config
     for step in error.absolute_path:

@@ -1,1 +1,1 @@
-"""What every room needs: errors, files, parameters, responses, targets, runs and their variance, seeds."""
+"""Modules that every room uses: errors, files, parameters, responses, targets, runs and their variance, seeds."""

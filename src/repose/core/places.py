@@ -1,4 +1,4 @@
-"""Where the files lie that are no code: the workflow, the default configurations, measured and published tables."""
+"""Places of the files that are not Python: the workflow, the default configurations, measured and published tables."""
 
 import os
 from pathlib import Path
@@ -38,7 +38,7 @@ def find(path: str | os.PathLike) -> Path:
 
 
 def configs() -> list[Path]:
-    """Configurations that hold where nothing is said, each lying over the one before it.
+    """The default configurations; the keys of each replace those of the one before it.
 
     Returns
     -------

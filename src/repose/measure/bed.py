@@ -20,8 +20,8 @@ SMALLEST_FIT = 8  # pixel columns that a line needs
 class Surface:
     """Upper edge of the bed in the side view along the axis, and the line through its middle.
 
-    profile_m (M, 2): x and z of the edge, a row a pixel column; line_m (2, 2): the line's ends (x, z). angle_deg: of
-    the line, above 0 where the bed is higher on the side to which the drum carries it.
+    profile_m (M, 2): x and z of the edge, one row per pixel column; line_m (2, 2): the line's ends (x, z).
+    angle_deg: of the line, above 0 where the bed is higher on the side to which the drum carries it.
     """
 
     angle_deg: float

@@ -67,8 +67,8 @@ def berry_mesh(axes_mm, mass_g, density_kg_m3, taper=0.0, wrinkles=0, wrinkle_de
     """(mesh in mm, shape number) of a berry with these full axes (3,), mass and density.
 
     The mesh holds mass / density exactly. taper: how much wider it is at one end, over its mean width; the widths
-    axes_mm[1:] are then the largest. wrinkles: so many grooves along it, of wrinkle_depth_mm at the belly; the axes
-    are those over the ridges. Raises InputError naming the value and what is allowed.
+    axes_mm[1:] are then the largest. wrinkles: number of grooves along the berry, wrinkle_depth_mm deep at the belly;
+    the axes are measured over the ridges. Raises InputError naming the value and what is allowed.
     """
     axes = np.asarray(axes_mm, float)
     if not (axes.shape == (3,) and np.isfinite(axes).all() and axes[0] >= axes[1] >= axes[2] > 0):

@@ -2,11 +2,11 @@
 
 "smooth": few large overlapping balls. Each is inscribed in the mesh; a greedy search takes the one that lowers the
 mean squared distance of the mesh's surface from the balls most, then exchanges one at a time for a better one; last,
-all radii grow by one length until the union has the mesh's volume. "rough": balls of one smaller radius, as far apart
-as they will go, touching the surface from inside, so that bumps are left between them. Nothing is random.
+all radii grow by one length until the union has the mesh's volume. "rough": balls of one smaller radius that touch
+the surface from inside, as far apart as possible, so there are bumps between them. Nothing is random.
 
-Spheres that act at one and the same place add their stiffnesses and dampings. With so many of them that
-`longest_time_step` falls below the study's, a clump is refused.
+Spheres that act at the same place add up in stiffness and damping. A clump is refused if this makes
+`longest_time_step` shorter than the time step of the study.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""What the search minimises, and which of the points it meets are kept.
+"""The objective of the search, and the archive of the points that it keeps.
 
 `Objective` is Eq. 11-12 for any number of targets, `Preference` prior knowledge of parameters, `Archive` the best
 distinct points, `search` one whole search with `repose.search.miga`.

@@ -1,1 +1,1 @@
-"""What is not the main chain: studies of its noise, its certainty and its parts."""
+"""Studies beside the main chain: of its noise, of its uncertainty and of its parts."""

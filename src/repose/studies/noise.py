@@ -28,7 +28,7 @@ class NoiseFloor(NamedTuple):
     Attributes
     ----------
     responses : pandas.DataFrame
-        One row a target: variances, intraclass correlation, what a perfect predictor reaches (``noise.csv``).
+        One row per target: variances, intraclass correlation, what a perfect predictor reaches (``noise.csv``).
     seeds : pandas.DataFrame
         Standard error and reachable R2 of a mean over 1 to `MOST_SEEDS` seeds (``seeds.csv``).
     summary : dict

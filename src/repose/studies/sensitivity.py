@@ -225,7 +225,7 @@ def _values(function: Function, unit: np.ndarray, low: np.ndarray, high: np.ndar
 
 
 def message(table: pd.DataFrame) -> str:
-    """First-order and total indices in words, one line a response."""
+    """First-order and total indices in words, one line per response."""
     lines = []
     for response, rows in table.groupby("response", sort=False):
         order = rows.sort_values("total", ascending=False)

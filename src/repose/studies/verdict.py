@@ -236,12 +236,14 @@ def run(
 def run_tables(
     verdict_jsons: Sequence[str | os.PathLike], limit: int, targets: Targets, out_dir: str | os.PathLike
 ) -> dict[str, Any]:
-    """Write rounds.csv, a row a round, and summary.json: why the loop stopped, what may be claimed. Return the latter.
+    """Write rounds.csv, one row per round, and summary.json: why the loop stopped, what may be claimed.
+
+    Return the content of summary.json.
 
     Parameters
     ----------
     verdict_jsons : sequence of path
-        Of `run`, one a round, in any order.
+        Of `run`, one per round, in any order.
     limit : int
         How often the surrogate may be refitted.
     targets : Targets

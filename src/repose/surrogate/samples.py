@@ -59,7 +59,7 @@ def independent_mixing(
     if covariance.shape != 2 * stretch.shape or not np.allclose(covariance, covariance.T):
         raise ValueError(f"noise_covariance is {noise_covariance!r}; allowed: symmetric, {2 * stretch.shape}")
     if np.ptp(precision, axis=1).any():
-        raise ValueError("precision differs between outputs; allowed with noise_covariance: one a sample")
+        raise ValueError("precision differs between outputs; allowed with noise_covariance: one per sample")
     try:
         root = np.linalg.cholesky(covariance / np.outer(stretch, stretch))
     except np.linalg.LinAlgError as error:

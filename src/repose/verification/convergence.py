@@ -18,7 +18,7 @@ from .machine import berry_simulation
 
 TIME_STEPS_S = (2.9e-5, 5e-5, 1e-4, 2e-4, 3e-4, 4e-4, 1e-3)
 RECOMMENDED_S = 2e-4
-PHASES = 12  # the impact begins at so many places within a step
+PHASES = 12  # number of places within a step at which the impact begins
 ASKED = 0.2
 SPHERE_M = 0.00667  # radius of a sphere of the berry's volume
 REFUSED = "refused by the simulator"
@@ -109,7 +109,7 @@ def time_steps(effort: Effort) -> Result:
         panels.append(Panel("time step (s)", label, (curve,), log_x=True))
     return Result(
         "Convergence over the time step",
-        f"restitution of two spheres; piles of the representative solution, {effort.seeds} seeds a step",
+        f"restitution of two spheres; piles of the representative solution, {effort.seeds} seeds per step",
         rows,
         panels,
     )

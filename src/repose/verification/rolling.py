@@ -49,7 +49,7 @@ def sphere_on_floor(contact: Contact, speed_m_s: float, spin_rad_s: float) -> Si
 
 
 def _track(simulation: Simulation, steps: int, every: int) -> np.ndarray:
-    """Time, speed and R times spin of the first body every so many steps."""
+    """Time, speed and R times spin of the first body, once every `every` steps."""
     found = []
     for _ in range(steps // every):
         simulation.run_steps(every)

@@ -1,1 +1,1 @@
-"""What each part of the method is worth: the parts beside their alternatives, at equal budgets."""
+"""Comparisons of each part of the method with its alternatives, at equal budgets."""

@@ -1,4 +1,4 @@
-"""Accuracy of the network at points that no fit has seen, over what it was trained on."""
+"""Accuracy of the network at points that no fit has seen, for growing training sets."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -64,7 +64,7 @@ def training_sets(main: Points, pool: Points, settings: Mapping[str, Any]) -> It
 
 
 def message(table: pd.DataFrame) -> str:
-    """Accuracy after each training set in words, one line a response."""
+    """Accuracy after each training set in words, one line per response."""
     lines = []
     for row in table.itertuples():
         lines.append(

@@ -65,7 +65,7 @@ def quadratic_surface(points: Points, settings: Settings, seed: int) -> Predict 
 
 
 def gaussian_process(points: Points, settings: Settings, seed: int) -> Predict:
-    """`GaussianProcess`, one process a response."""
+    """`GaussianProcess`, one process per response."""
     return _of_the_mean(GaussianProcess().fit(points.X, points.means()))
 
 
@@ -79,7 +79,7 @@ def random_forest(points: Points, settings: Settings, seed: int) -> Predict:
 
 
 def gradient_boosting(points: Points, settings: Settings, seed: int) -> Predict:
-    """Gradient boosting, ROUNDS trees of depth 3 a response."""
+    """Gradient boosting, ROUNDS trees of depth 3 per response."""
     from sklearn.ensemble import GradientBoostingRegressor
 
     boosts = [

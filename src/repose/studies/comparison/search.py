@@ -1,4 +1,4 @@
-"""Searches beside each other on the trained surrogate: how soon they meet the targets, and what they find.
+"""Searches compared on the trained surrogate: how soon they meet the targets, and which solutions they find.
 
 `searches` says what is compared. What a search finds is judged twice: by the list that the study keeps of it (the
 best `solutions` that lie `distance` apart), and by all feasible points it met. Both are held against a dense uniform

@@ -1,4 +1,4 @@
-"""What the whole method buys over its plain counterpart: proposals from few simulations, judged by the truth.
+"""The whole method compared with simpler ones: proposals from few simulations, judged by the truth.
 
 For equal numbers of samples, each method of `proposals` proposes one set of parameters for the targets.
 
