@@ -1,6 +1,7 @@
 """The command line: each verb explains itself, a fault of the input ends in one line."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -89,6 +90,15 @@ def test_the_module_runs_as_a_program_and_exits_with_2_on_bad_input():
         "repose: error: nowhere.yaml: file is 'No such file or directory'; "
         "allowed: an existing YAML or JSON file\n"
     )
+
+
+def test_a_reader_that_stops_reading_ends_a_verb_without_a_traceback():
+    command = [sys.executable, "-m", "repose", "check"]
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_check_tells_the_number_of_pours(capsys):

@@ -5,6 +5,7 @@ verbs, so that help and parsing load none of them.
 """
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 
@@ -48,7 +49,7 @@ VERBS = {verb.name: verb for module in FAMILIES for verb in module.family.verbs}
 def main(words: Sequence[str] | None = None) -> int:
     """Run one verb. Returns the exit status: 0, 1 where a verification misses, or 2 where the input is at fault.
 
-    A fault of the input is told in one line on stderr.
+    A fault of the input is told in one line on stderr. It is no fault if the reader of stdout stops, such as `head`.
     """
     args, rest = parser().parse_known_args(words)
     verb = VERBS[args.verb]
@@ -57,7 +58,13 @@ def main(words: Sequence[str] | None = None) -> int:
     elif rest:
         parser().error(f"unrecognized arguments: {' '.join(rest)}")
     try:
-        return verb.run(args) or 0
+        status = verb.run(args) or 0
+        sys.stdout.flush()
+        return status
+    except BrokenPipeError:
+        # Python flushes stdout once more when it ends; with the null device that cannot fail.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except (InputError, *FAULTS) as error:
         print(f"repose: error: {error}", file=sys.stderr)
         return 2
