@@ -213,7 +213,7 @@ def test_entries_are_used_again_and_lists_grow():
     for shrink in (False, True):
         s = cloud()
         if shrink:
-            s.pairs = new_sphere_pairs(64, 40, 5, s.capacity)
+            s.pairs = new_sphere_pairs(64, 40, 5, s.capacity, 3)
         s.run_steps(1500)
         holes, used = int(s.counts[st.N_FREE]), int(s.counts[st.N_DORMANT])
         listed = s.pairs.dormant_first[:used] < s.capacity
@@ -290,7 +290,7 @@ def test_a_clump_at_rest_on_a_plate_weighs_what_it_weighs(scale):
     assert s.kinetic_energies()[0] < 1e-15
     centres, radii, *_ = all_spheres(s)
     overlaps = np.maximum(radii - centres[:, 2], 0.0)
-    stiffness = s.physics.laws[0, 1, 0]
+    stiffness = s.physics.law_constants[0, 1, 0]
     assert 2 <= np.sum(overlaps > 0.0) == s.counts[st.N_PLANE]
     weight = MASS * scale**3 * 9.81
     assert np.sum(stiffness * np.sqrt(radii) * overlaps**1.5) == pytest.approx(weight, rel=1e-6)

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from dem.common import BARREL, BERRY, GOJI, random_direction
 from oracles import gap as slow_gap
-from oracles import hertz_mindlin, support_point
+from oracles import hertz_mindlin as slow_hertz_mindlin
+from oracles import support_point
 
 from repose.dem import Contact, random_quaternion
 from repose.dem.kernels import state as st
@@ -11,14 +12,20 @@ from repose.dem.kernels.contact import solve_gap
 from repose.dem.kernels.forces import gather, scatter
 from repose.dem.kernels.jit import kernel
 from repose.dem.kernels.simd import rsqrt
-from repose.dem.materials import contact_law, damping_ratio, effective_moduli
+from repose.dem.laws import contact_forces, hertz_mindlin, rolling_resistance
+from repose.dem.laws import rolling as rolling_budget
+from repose.dem.laws.hertz_mindlin import damping_ratio
+from repose.dem.laws.law import KEEP, RELEASE
+from repose.dem.materials import effective_moduli
 from repose.dem.rotations import rotation_matrix
 
 LANES = st.LANES
+ROWS = tl.LAW_ROW + hertz_mindlin.LAW.n_rows
+KEPT = st.PAIR_STATE // LANES + hertz_mindlin.LAW.n_state
 
 
 @kernel
-def pair_tile(t, contacts, rows, first, second, parts, dt, tension, load):
+def pair_tile(t, contacts, rows, first, second, parts, dt, law, rolling, load):
     """What the engine does with one tile of pairs."""
     gather(rows, first, 0, t, tl.A)
     gather(rows, second, 0, t, tl.B)
@@ -26,14 +33,16 @@ def pair_tile(t, contacts, rows, first, second, parts, dt, tension, load):
     tl.body_a(t, contacts, parts)
     tl.body_b(t, contacts, parts)
     tl.pair_geometry(t, contacts)
-    tl.forces(t, contacts, dt, tension)
+    contact_forces(law, t, contacts, st.PAIR_STATE, dt)
+    tl.torques(t)
+    rolling_resistance(rolling, t, contacts, st.PAIR_STATE, dt)
     scatter(load, first, 0, t, tl.TO_A)
     scatter(load, second, 0, t, tl.TO_B)
 
 
 @kernel
-def give_law(t, law):
-    tl.fill_law(t, law)
+def give_constants(t, at, constants):
+    tl.fill_constants(t, at, constants)
 
 
 @kernel
@@ -89,9 +98,9 @@ def test_gather_and_scatter_are_plain_copies(columns):
     rng = np.random.default_rng(columns)
     rows, load = rng.normal(size=(40, columns)), st.zeros(40, 8)
     index = rng.integers(0, 40, LANES).astype(np.uint32)  # a body comes more than once
-    t = st.zeros(tl.ROWS * LANES)
+    t = st.zeros(ROWS * LANES)
     gather_tile(rows, index, t)
-    lanes = t.reshape(tl.ROWS, LANES)
+    lanes = t.reshape(ROWS, LANES)
     assert np.array_equal(lanes[:columns], rows[index].T)
     scatter_tile(load, index, t)
     expected = np.zeros((40, 8))
@@ -131,18 +140,20 @@ def test_a_proven_gap_is_never_larger_than_the_true_one():
 
 
 @pytest.mark.parametrize("axes", [BERRY, BARREL], ids=["ellipsoid", "two ellipsoids"])
-@pytest.mark.parametrize("tension", [0.0, 1.0])
+@pytest.mark.parametrize("tension", [RELEASE, KEEP])
 def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension):
     rng = np.random.default_rng(9)
-    t = st.zeros(tl.ROWS * LANES)
-    lanes = t.reshape(tl.ROWS, LANES)
-    contacts = st.new_contacts(LANES, st.PAIR_ROWS)[0]
-    kept = contacts.reshape(st.PAIR_ROWS, LANES)
+    t = st.zeros(ROWS * LANES)
+    lanes = t.reshape(ROWS, LANES)
+    contacts = st.new_contacts(LANES, KEPT)[0]
+    kept = contacts.reshape(KEPT, LANES)
     contact = Contact(0.3, 0.55, 0.04)
     young, shear = effective_moduli(GOJI, GOJI)
     mass = 1.04e-3
     slow_law = (young, shear, 0.5 * mass, damping_ratio(contact.restitution), contact.static_friction)
-    give_law(t, contact_law(GOJI, GOJI, contact))
+    give_constants(t, tl.LAW, hertz_mindlin.constants(GOJI, GOJI, contact))
+    give_constants(t, tl.ROLLING, rolling_budget.constants(GOJI, GOJI, contact))
+    laws = hertz_mindlin.HertzMindlin(tension), rolling_budget.RollingBudget(tension)
     dt = 2e-4
     everybody, cases = [], []
     for lane in range(LANES):
@@ -158,7 +169,7 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension):
     rows = engine_rows(everybody, axes, mass)
     load = st.zeros(len(rows), st.LOAD_COLUMNS)
     first = np.arange(0, 2 * LANES, 2, dtype=np.uint32)
-    pair_tile(t, contacts, rows, first, first + np.uint32(1), len(axes), dt, tension, load)
+    pair_tile(t, contacts, rows, first, first + np.uint32(1), len(axes), dt, *laws, load)
 
     def row(start, lane, count=3):
         begin = start // LANES
@@ -180,9 +191,9 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension):
             assert np.all(kept[3:6, lane] == 0.0)
             continue
         # the slow law on the tile's own geometry: what is tested here is the force
-        force, new_spring = hertz_mindlin(
+        force, new_spring = slow_hertz_mindlin(
             slow_law, -row(tl.GAP, lane, 1)[0], row(tl.RADIUS, lane, 1)[0],
-            kept[0:3, lane], velocity, spring, dt, tension,
+            kept[0:3, lane], velocity, spring, dt, tension == KEEP,
         )  # fmt: skip
         push = abs(force @ kept[0:3, lane])
         for body, sign, arm in zip(loads, (1.0, -1.0), (arm_a, arm_b), strict=True):
@@ -199,11 +210,12 @@ def test_effective_radius_of_spheres_is_that_of_hertz():
     bodies = [[np.zeros(3), (1, 0, 0, 0), np.zeros(3), np.zeros(3)] for _ in range(2)]
     bodies[1][0] = np.array([0.0, 0.0, 1.99 * radius])
     rows = engine_rows(bodies, sphere, 1e-3)
-    t = st.zeros(tl.ROWS * LANES)
-    lanes = t.reshape(tl.ROWS, LANES)
-    contacts = st.new_contacts(LANES, st.PAIR_ROWS)[0]
+    t = st.zeros(ROWS * LANES)
+    lanes = t.reshape(ROWS, LANES)
+    contacts = st.new_contacts(LANES, KEPT)[0]
     first = np.zeros(LANES, np.uint32)
     load = st.zeros(len(rows), st.LOAD_COLUMNS)
-    pair_tile(t, contacts, rows, first, first + np.uint32(1), 1, 2e-4, 1.0, load)
+    laws = hertz_mindlin.HertzMindlin(KEEP), rolling_budget.RollingBudget(KEEP)
+    pair_tile(t, contacts, rows, first, first + np.uint32(1), 1, 2e-4, *laws, load)
     assert np.allclose(lanes[tl.RADIUS // LANES], radius / 2.0, rtol=1e-12)
     assert np.allclose(lanes[tl.GAP // LANES], -0.01 * radius, rtol=1e-9)

@@ -6,7 +6,8 @@ from dem.common import BERRY, GOJI, PVC, random_direction, simulation
 from scipy.integrate import solve_ivp
 
 from repose.dem import Contact, Plane, Shape, random_quaternion
-from repose.dem.materials import damping_ratio, effective_moduli
+from repose.dem.laws.hertz_mindlin import damping_ratio
+from repose.dem.materials import effective_moduli
 
 SPHERE = np.full((1, 3), 0.006)
 FLOOR = {"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")}

@@ -61,7 +61,7 @@ def test_lists_grow_when_they_fill_up():
         s = simulation(BERRY, Contact(0.3, 0.5, 0.05), capacity=n, dt=1e-4)
         rng = np.random.default_rng(5)
         if shrink:
-            s.pairs = st.new_pairs(32, 100, n)
+            s.pairs = st.new_pairs(32, 100, n, 3)
         for k, place in enumerate(itertools.product(np.arange(5) * 0.022 - 0.05, repeat=3)):
             s.add(np.array(place), random_quaternion(rng), -0.8 * np.array(place) / 0.05)
             if k % 10 == 9:

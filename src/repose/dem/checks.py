@@ -88,3 +88,10 @@ def mapping(name, value, kinds, words):
     if not good:
         raise ValueError(f"{name} is {value!r}; allowed: names, each with a {words}")
     return dict(value)
+
+
+def chosen(name, value, choices):
+    """What the name `value` stands for among named choices."""
+    if not (isinstance(value, str) and value in choices):
+        raise ValueError(f"{name} is {value!r}; allowed: {', '.join(map(repr, choices))}")
+    return choices[value]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from . import running
-from .checks import height, is_name, is_number, mapping, number, positive, vector, whole_number
+from .checks import chosen, height, is_name, is_number, mapping, number, positive, vector, whole_number
 from .io import checkpoint as checkpoints
 from .kernels import clump_tile as ct
 from .kernels import clumps as cl
@@ -16,7 +16,8 @@ from .kernels.atomics import BARRIER_SIZE
 from .kernels.engine import advance
 from .kernels.order import reorder
 from .kernels.rigid import TILE_ROWS, place_shape
-from .materials import Contact, Material, contact_law, effective_moduli
+from .laws import CONTACT_LAWS, ROLLING_LAWS, TENSIONS
+from .materials import Contact, Material
 from .rotations import rotation_matrices, rotation_matrix
 from .shapes import Clump, Shape
 from .surfaces import Mesh, Motion, WallSet
@@ -28,7 +29,6 @@ SPHERE_CONTACTS_PER_BODY, MOST_NEW = 20, 4096
 SKIN_SHARE = 0.45  # skin of the neighbour list over the largest bounding radius
 STEPS_PER_CONTACT = 15  # the longest time step is this share of a head-on impact's contact time
 FASTEST_IMPACT_M_S = 2.0
-TENSIONS = ("keep", "release", "cut")
 
 
 class Simulation:
@@ -64,6 +64,8 @@ class Simulation:
         walls=None,
         gravity_m_s2=(0.0, 0.0, -9.81),
         tension="keep",
+        contact_law="hertz_mindlin",
+        rolling_law="budget",
         largest_scale=1.0,
         threads=1,
         exit_height_m=-math.inf,
@@ -80,9 +82,10 @@ class Simulation:
                 f"shapes has {', '.join(f'{k!r}: {type(v).__name__}' for k, v in self.shapes.items())}; "
                 "allowed: all of them a Shape or all of them a Clump (a sphere is a clump of one)"
             )
-        if tension not in TENSIONS:
-            raise ValueError(f"tension is {tension!r}; allowed: {', '.join(map(repr, TENSIONS))}")
+        chosen("tension", tension, TENSIONS)
         self.tension = tension
+        self.contact_law = chosen("contact_law", contact_law, CONTACT_LAWS)
+        self.rolling_law = chosen("rolling_law", rolling_law, ROLLING_LAWS)
         self.capacity = whole_number("capacity", capacity, 1)
         self.largest_scale = positive("largest_scale", largest_scale)
         self.lower, self.upper = vector("lower", lower), vector("upper", upper)
@@ -115,11 +118,14 @@ class Simulation:
         self.physics = st.Physics(
             parts=parts,
             gravity=vector("gravity_m_s2", gravity_m_s2),
-            laws=self._laws,
+            law=self.contact_law.make_options(TENSIONS[tension]),
+            rolling=self.rolling_law.make_options(TENSIONS[tension]),
+            law_constants=self._constants_of(self.contact_law),
+            rolling_constants=self._constants_of(self.rolling_law),
+            n_state=self.contact_law.n_state,
             mixed_pairs=len(self._kinds) > 1,
             mixed_walls=len(self._kinds) > 1 or len(wall_kinds) > 1,
             dt=dt,
-            tension=1.0 if tension == "keep" else 0.0,
             rolling_frame=np.zeros(3),
             exit_height=height("exit_height_m", exit_height_m),
             curved_walls_above=height("curved_walls_above_m", curved_walls_above_m),
@@ -129,7 +135,7 @@ class Simulation:
 
     def _make_lists(self, n_planes, n_curved, n_meshes):
         """Room for contacts, and for clumps their spheres."""
-        ghost = self.capacity
+        ghost, n_state = self.capacity, self._n_state
         if self._of_clumps:
             self._most_spheres = max(len(shape.spheres_m) for shape in self.shapes.values())
             self.pairs = cl.new_sphere_pairs(
@@ -137,11 +143,14 @@ class Simulation:
                 DORMANT_PER_BODY * ghost + 256,
                 self._most_spheres,
                 ghost,
+                n_state,
             )
-            spare, rows = 64 * st.MOST_SPHERES, ct.WALL_ROWS
+            spare, rows = 64 * st.MOST_SPHERES, ct.WALL_STATE // st.LANES + n_state
         else:
-            self.pairs = st.new_pairs(CONTACTS_PER_BODY * ghost + 64, DORMANT_PER_BODY * ghost + 256, ghost)
-            spare, rows = 64, st.WALL_ROWS
+            self.pairs = st.new_pairs(
+                CONTACTS_PER_BODY * ghost + 64, DORMANT_PER_BODY * ghost + 256, ghost, n_state
+            )
+            spare, rows = 64, st.WALL_STATE // st.LANES + n_state
         for name, walls, most in (
             ("flat", n_planes, n_planes * ghost + spare),
             ("curved", n_curved, ghost + spare),
@@ -167,18 +176,29 @@ class Simulation:
         for name in names:
             if name not in self.materials:
                 raise ValueError(f"material is {name!r}; allowed: {', '.join(self.materials)}")
-        self._laws = np.zeros((len(names), len(names), tl.LAW_ROWS))
-        self._meetings = []
+        self._names = names
         for a in self._kinds:
             for b in names:
                 if (a, b) not in contacts:
                     raise ValueError(
                         f"contacts has no pair ({a!r}, {b!r}); every pair of materials that can meet needs one"
                     )
-                law = contact_law(self.materials[a], self.materials[b], contacts[a, b], self.tension)
-                self._laws[self._kinds[a], self._wall_kinds[b]] = law
-                self._laws[self._wall_kinds[b], self._kinds[a]] = law
-                self._meetings.append((a, b))
+
+    def _constants_of(self, law):
+        """Constants of a force law for all pairs of materials that can meet (K, K, n)."""
+        names = self._names
+        table = np.zeros((len(names), len(names), law.n_constants))
+        for a, i in self._kinds.items():
+            for j, b in enumerate(names):
+                contact = self.contact_pairs[a, b]
+                table[i, j] = law.constants(self.materials[a], self.materials[b], contact, self.tension)
+                table[j, i] = table[i, j]
+        return table
+
+    @property
+    def _n_state(self):
+        """Rows that the force laws keep for each contact."""
+        return self.contact_law.n_state + self.rolling_law.n_state
 
     def _wall_arrays(self, old=None):
         """The walls as the kernels take them, where they are now."""
@@ -208,7 +228,8 @@ class Simulation:
     def threads(self, threads):
         if not (isinstance(threads, int | np.integer) and 1 <= threads <= parallel.SHARES):
             raise ValueError(f"threads is {threads!r}; allowed: 1 to {parallel.SHARES}")
-        self._tiles = st.zeros(threads, tl.ROWS * st.LANES)
+        rows = tl.LAW_ROW + self.contact_law.n_rows
+        self._tiles = st.zeros(threads, rows * st.LANES)
         self._body_tiles = st.zeros(threads, TILE_ROWS * st.LANES)
         self._scratches = st.zeros(threads, st.SCRATCH)
 
@@ -227,11 +248,11 @@ class Simulation:
         return min(self._contact_time(a, b, speed_m_s) for a in shapes for b in shapes) / STEPS_PER_CONTACT
 
     def _contact_time(self, a, b, speed_m_s):
-        """Hertz contact time of two shapes that meet head-on [s]; it grows with their scale."""
-        young, _ = effective_moduli(self.materials[a.material], self.materials[b.material])
+        """Contact time of two shapes that meet head-on [s]; it grows with their scale."""
         mass = 1.0 / (1.0 / a.mass_kg + 1.0 / b.mass_kg)
         radius = 1.0 / (1.0 / a.smallest_radius_m + 1.0 / b.smallest_radius_m)
-        return 2.868 * (mass**2 / (radius * young**2 * speed_m_s)) ** 0.2
+        materials = self.materials[a.material], self.materials[b.material]
+        return self.contact_law.contact_time(*materials, mass, radius, speed_m_s)
 
     @property
     def n_bodies(self):
@@ -455,12 +476,14 @@ class Simulation:
     def _grown_pairs(self):
         """The lists of pairs with twice the room where they are filling up."""
         if self._of_clumps:
-            return cl.grown_sphere_pairs(self.pairs, self.counts, self._most_spheres, self.capacity)
+            return cl.grown_sphere_pairs(
+                self.pairs, self.counts, self._most_spheres, self.capacity, self._n_state
+            )
         n_pairs, n_dormant = self.counts[st.N_PAIRS], self.counts[st.N_DORMANT]
         old = self.pairs
         contacts = len(old.first) * (2 if n_pairs * 4 > len(old.first) * 3 else 1)
         dormant = len(old.dormant_limit) * (2 if n_dormant * 4 > len(old.dormant_limit) * 3 else 1)
-        bigger = st.new_pairs(contacts, dormant, self.capacity)
+        bigger = st.new_pairs(contacts, dormant, self.capacity, self._n_state)
         bigger.data[: len(old.data)] = old.data
         for name in ("first", "second"):
             getattr(bigger, name)[:n_pairs] = getattr(old, name)[:n_pairs]

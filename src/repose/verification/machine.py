@@ -9,7 +9,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from repose.dem import Contact, Material, Plane, Shape, Simulation
-from repose.dem.materials import damping_ratio, effective_moduli
+from repose.dem.laws.hertz_mindlin import damping_ratio
+from repose.dem.materials import effective_moduli
 
 RIGID = 1e9  # how many times stiffer than the sphere a wall is that stands for a rigid one
 STEPS_PER_CONTACT = 1500  # time steps in the contact time of Hertz

@@ -117,6 +117,8 @@ def _description(simulation):
             "upper": _plain(simulation.upper),
             "gravity_m_s2": _plain(physics.gravity),
             "tension": simulation.tension,
+            "contact_law": simulation.contact_law.name,
+            "rolling_law": simulation.rolling_law.name,
             "largest_scale": simulation.largest_scale,
             "threads": simulation.threads,
             "exit_height_m": physics.exit_height,

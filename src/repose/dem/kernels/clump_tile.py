@@ -10,18 +10,22 @@ import math
 from . import state as st
 from . import tile as tl
 from .jit import inlined
+from .rows import Rows
 from .state import LANES, OFFSET, SHAPE
 
 L = LANES  # short, for the index arithmetic below
 
 N = st.NORMAL
-# Rows of what persists of a pair of spheres, after those of any pair: centres in their bodies' frames, radius of the
-# first, sum of the radii, effective radius.
-CENTRE_A, CENTRE_B, RADIUS_A, REACH, CURVATURE = (k * L for k in (6, 9, 12, 13, 14))
-PAIR_ROWS = 15
-# Rows of what persists of a sphere on a wall, after those of any contact with a wall: centre, radius.
-CENTRE, RADIUS = (k * L for k in (11, 14))
-WALL_ROWS = 15
+# Rows of what persists of a pair of spheres: centres in their bodies' frames, radius of the first, sum of the radii,
+# effective radius.
+_pair = Rows(st.PAIR_STATE)
+CENTRE_A, CENTRE_B = _pair.take(3), _pair.take(3)
+RADIUS_A, REACH, CURVATURE = _pair.take_each(3)
+PAIR_STATE = _pair.end  # where the force laws' rows begin
+# Rows of what persists of a sphere on a wall: centre, radius.
+_wall = Rows(st.WALL_STATE)
+CENTRE, RADIUS = _wall.take(3), _wall.take()
+WALL_STATE = _wall.end
 # Rows of the scratch tile: the centres of the spheres relative to those of the bodies, turned into the world.
 TURNED_A, TURNED_B = tl.U, tl.W
 # Two centres are never nearer than this for a direction [m].

@@ -65,10 +65,10 @@ def with_room(clumps, n_meshed):
     return clumps._replace(mesh_sphere=bigger)
 
 
-def new_sphere_pairs(n_contacts, n_entries, most, ghost):
+def new_sphere_pairs(n_contacts, n_entries, most, ghost, n_state):
     """Room for contacts of spheres and entries of bodies of at most `most` spheres, as `state.new_pairs`."""
     n_contacts = L * -(-n_contacts // L)
-    data = st.new_contacts(n_contacts, ct.PAIR_ROWS)
+    data = st.new_contacts(n_contacts, ct.PAIR_STATE // L + n_state)
     return SpherePairs(
         first=np.full(n_contacts, ghost, np.uint32),
         second=np.full(n_contacts, ghost, np.uint32),
@@ -88,7 +88,7 @@ def new_sphere_pairs(n_contacts, n_entries, most, ghost):
     )
 
 
-def grown_sphere_pairs(old, counts, most, ghost):
+def grown_sphere_pairs(old, counts, most, ghost, n_state):
     """The same with twice the room where a list is filling up; see `engine.has_room`."""
     n, m = int(counts[st.N_PAIRS]), int(counts[st.N_DORMANT])
     contacts, entries = len(old.first), len(old.dormant_limit)
@@ -97,6 +97,7 @@ def grown_sphere_pairs(old, counts, most, ghost):
         entries * (2 if m * 4 > entries * 3 else 1),
         most,
         ghost,
+        n_state,
     )
     for name in ("first", "second", "entry", "spheres"):
         getattr(bigger, name)[:n] = getattr(old, name)[:n]

@@ -4,9 +4,8 @@
 """
 
 from . import state as st
-from . import tile as tl
 from .clumps import retire_spheres, wake_clumps
-from .forces import curved_forces, mesh_forces, pair_forces, plane_forces, still_wall
+from .forces import curved_forces, fill_laws, mesh_forces, pair_forces, plane_forces, still_wall
 from .frames import move_plane_contacts, move_walls
 from .jit import inlined, kernel
 from .neighbours import retire_pairs, wake
@@ -49,7 +48,7 @@ def wall_contacts_and_forces(
     if has_meshes:
         update_meshes(bodies, meshed, clumps, walls, meshes, counts, parts, scratch)
     still_wall(t)
-    tl.fill_law(t, physics.laws[0, physics.laws.shape[0] - 1])
+    fill_laws(t, physics, 0, physics.law_constants.shape[0] - 1)
     plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost)
     curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local, ghost)
     if has_meshes:

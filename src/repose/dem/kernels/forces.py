@@ -6,6 +6,7 @@ cost if it were written for one kind of body alone. What differs is the geometry
 `walls` and `meshes` have it for smooth bodies, `clump_tile` and `clump_walls` for spheres.
 """
 
+from ..laws.law import contact_forces, rolling_resistance
 from . import clump_tile as ct
 from . import state as st
 from . import tile as tl
@@ -57,7 +58,7 @@ def fetch_contacts(pairs, load, rows, base):
     The first bodies come nearly in order, which a processor foresees by itself.
     """
     if base + 2 * L < pairs.first.shape[0]:
-        for column in range(0, st.PAIR_ROWS * L, WIDTH):
+        for column in range(0, pairs.data.shape[1], WIDTH):
             prefetch(pairs.data, base // L + 2, column)
     if base + L < pairs.first.shape[0]:
         fetch_bodies(rows, load, pairs.second, base + L)
@@ -72,10 +73,45 @@ def mute_lane(t, lane):
 
 
 @inlined
-def lane_law(t, lane, law):
-    """Give one lane its force law."""
-    for c in range(tl.LAW_ROWS):
-        t[tl.LAW + c * L + lane] = law[c]
+def fill_laws(t, physics, a, b):
+    """Give all lanes the constants of the force laws for two materials."""
+    tl.fill_constants(t, tl.LAW, physics.law_constants[a, b])
+    tl.fill_constants(t, tl.ROLLING, physics.rolling_constants[a, b])
+
+
+@inlined
+def lane_laws(t, lane, physics, a, b):
+    """Give one lane the constants of the force laws for two materials."""
+    for c in range(physics.law_constants.shape[2]):
+        t[tl.LAW + c * L + lane] = physics.law_constants[a, b, c]
+    for c in range(physics.rolling_constants.shape[2]):
+        t[tl.ROLLING + c * L + lane] = physics.rolling_constants[a, b, c]
+
+
+@inlined
+def apply_laws(t, c, physics, at):
+    """Forces and torques of each lane by the force laws, which keep their rows of `c` from place `at` on."""
+    contact_forces(physics.law, t, c, at, physics.dt)
+    tl.torques(t)
+    rolling_resistance(physics.rolling, t, c, at + physics.n_state * L, physics.dt)
+
+
+@inlined
+def pair_laws(t, contacts, physics, clumps):
+    """`apply_laws` to a tile of pairs."""
+    if len(clumps) == 0:
+        apply_laws(t, contacts, physics, st.PAIR_STATE)
+    else:
+        apply_laws(t, contacts, physics, ct.PAIR_STATE)
+
+
+@inlined
+def wall_laws(t, contacts, physics, clumps):
+    """`apply_laws` to a tile of contacts with walls."""
+    if len(clumps) == 0:
+        apply_laws(t, contacts, physics, st.WALL_STATE)
+    else:
+        apply_laws(t, contacts, physics, ct.WALL_STATE)
 
 
 @inlined
@@ -99,7 +135,7 @@ def pair_forces(bodies, pairs, clumps, counts, physics, t, share, begin, end):
     n = min(counts[st.N_PAIRS], end)
     load = bodies.load[share]
     ended = 0
-    tl.fill_law(t, physics.laws[0, 0])
+    fill_laws(t, physics, 0, 0)
     large = bodies.load.shape[0] > 1
     for base in range(begin, n, L):
         contacts = pairs.data[base // L]
@@ -108,11 +144,11 @@ def pair_forces(bodies, pairs, clumps, counts, physics, t, share, begin, end):
         if physics.mixed_pairs:
             for lane in range(L):
                 k = base + lane
-                lane_law(t, lane, physics.laws[bodies.kind[pairs.first[k]], bodies.kind[pairs.second[k]]])
+                lane_laws(t, lane, physics, bodies.kind[pairs.first[k]], bodies.kind[pairs.second[k]])
         gather(bodies.rows, pairs.first, base, t, tl.A)
         gather(bodies.rows, pairs.second, base, t, tl.B)
         pair_geometry(t, contacts, physics.parts, clumps)
-        tl.forces(t, contacts, physics.dt, physics.tension)
+        pair_laws(t, contacts, physics, clumps)
         if tl.open_lanes(t) > 0:
             for lane in range(min(L, n - base)):
                 if t[tl.GAP + lane] > 0.0:
@@ -149,7 +185,7 @@ def wall_tile(bodies, contacts, walls, physics, first_wall, base, n, t):
         if k < n:
             wall = first_wall + contacts.wall[k]
             if physics.mixed_walls:
-                lane_law(t, lane, physics.laws[bodies.kind[contacts.body[k]], walls.material[wall]])
+                lane_laws(t, lane, physics, bodies.kind[contacts.body[k]], walls.material[wall])
             x = t[tl.A + lane] + t[tl.RA + lane]
             y = t[tl.A + L + lane] + t[tl.RA + L + lane]
             z = t[tl.A + 2 * L + lane] + t[tl.RA + 2 * L + lane]
@@ -219,7 +255,7 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost):
         gather(bodies.rows, flat.body, base, t, tl.A)
         plane_geometry(t, contacts, physics.parts, clumps)
         wall_tile(bodies, flat, walls, physics, 0, base, n, t)
-        tl.forces(t, contacts, physics.dt, physics.tension)
+        wall_laws(t, contacts, physics, clumps)
         if tl.open_lanes(t) > 0:
             for lane in range(min(L, n - base)):
                 gap = t[tl.GAP + lane]
@@ -293,7 +329,7 @@ def curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local,
                 ended += 1
                 t[tl.GAP + lane] = 1.0
         wall_tile(bodies, curved, walls, physics, walls.planes.shape[0], base, n, t)
-        tl.forces(t, contacts, physics.dt, physics.tension)
+        wall_laws(t, contacts, physics, clumps)
         for lane in range(lanes):
             if t[tl.GAP + lane] > 0.0:
                 mute_lane(t, lane)
@@ -336,7 +372,7 @@ def mesh_forces(bodies, meshed, clumps, walls, meshes, counts, physics, t, out, 
                 ended += 1
                 t[tl.GAP + lane] = 1.0
         wall_tile(bodies, meshed, walls, physics, first_wall, base, n, t)
-        tl.forces(t, contacts, physics.dt, physics.tension)
+        wall_laws(t, contacts, physics, clumps)
         for lane in range(lanes):
             if t[tl.GAP + lane] > 0.0:
                 mute_lane(t, lane)

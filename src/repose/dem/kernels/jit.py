@@ -10,6 +10,8 @@ import numba
 from .. import cache  # noqa: F401  (sets the cache folder before any kernel is made)
 
 FLAGS = {"contract"}
+# What numba is told of a small function that is always inlined into its callers.
+INLINED = {"fastmath": FLAGS, "error_model": "numpy", "_nrt": False, "forceinline": True}
 
 
 def kernel(function):
@@ -24,4 +26,4 @@ def kernel_without_gil(function):
 
 def inlined(function):
     """Compile a small function that is always inlined into its callers."""
-    return numba.njit(cache=True, fastmath=FLAGS, error_model="numpy", _nrt=False, forceinline=True)(function)
+    return numba.njit(cache=True, **INLINED)(function)

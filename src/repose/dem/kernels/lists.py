@@ -8,14 +8,14 @@ L = st.LANES
 
 @inlined
 def put_contact(data, k, nx, ny, nz):
-    """Write contact k with a relaxed spring."""
+    """Begin contact k: its normal, and zero for all that the geometry and the force laws keep."""
     tile = data[k // L]
     lane = k % L
     tile[st.NORMAL + lane] = nx
     tile[st.NORMAL + L + lane] = ny
     tile[st.NORMAL + 2 * L + lane] = nz
-    for c in range(3):
-        tile[st.SPRING + c * L + lane] = 0.0
+    for row in range(st.PAIR_STATE, data.shape[1], L):
+        tile[row + lane] = 0.0
 
 
 @inlined

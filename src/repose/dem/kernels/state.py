@@ -5,9 +5,10 @@ from collections import namedtuple
 import numpy as np
 
 from .jit import inlined
+from .rows import LANES, Rows
 
 # Contacts and bodies lie in tiles of LANES, a row a quantity: number k is lane k % LANES of tile k // LANES.
-LANES = 32
+
 CACHE_LINE = 8  # numbers
 BLOCK = 256  # dormant pairs of a large simulation that are looked at together
 MOST_GROUPS = 60  # of bodies that lie together, a bit each of a whole number
@@ -26,12 +27,25 @@ LOAD_COLUMNS = 8
 # Rows of a tile of `motion`: what only the body itself needs. Quaternion (w x y z, body to world), angular momentum,
 # odometer reading that calls for new neighbours, 1 / principal moments, squared semi-axes of each part, radius. A step
 # reads only the readings of a tile that rests.
-QUATERNION, SPIN, RENEWAL, MOBILITY, SQUARES, RADIUS = (k * LANES for k in (0, 4, 7, 8, 11, 20))
-MOTION_ROWS = 21
-# Rows of a tile of contacts: normal, tangential spring, and for a wall its azimuth (curved) or its offset, middle and
-# squared radius (plane). Of a mesh: the azimuth about an edge, the gap.
-PAIR_ROWS, WALL_ROWS = 6, 11
-NORMAL, SPRING, AZIMUTH, OFFSET, MIDDLE, MESH_GAP, RADIUS2 = (k * LANES for k in (0, 3, 6, 6, 7, 7, 10))
+_motion = Rows()
+QUATERNION = _motion.take(4)
+SPIN = _motion.take(3)
+RENEWAL = _motion.take()
+MOBILITY = _motion.take(3)
+SQUARES = _motion.take(3 * MOST_PARTS)
+RADIUS = _motion.take()
+MOTION_ROWS = _motion.count
+# Rows of a tile of contacts: the normal of A towards B or the wall, what the geometry keeps, what the force laws keep.
+_pair = Rows()
+NORMAL = _pair.take(3)
+PAIR_STATE = _pair.end  # where the force laws' rows begin, for pairs
+# Of a contact with a wall: azimuth (curved), or offset along the normal, middle and squared radius (plane). Of a mesh:
+# the azimuth about an edge, the gap.
+_wall = Rows(_pair.end)
+AZIMUTH = OFFSET = _wall.take()
+MIDDLE = MESH_GAP = _wall.take(3)
+RADIUS2 = _wall.take()
+WALL_STATE = _wall.end  # where the force laws' rows begin, for walls
 
 # Slots of `counts`.
 N_BODIES, N_PAIRS, N_DORMANT, N_PLANE, N_CURVED, N_MOVED, STEPS, FULL, N_GONE, N_MESHED, N_FREE = range(11)
@@ -58,7 +72,8 @@ Shared = namedtuple("Shared", "counters orders begins numbers due")
 Walls = namedtuple("Walls", "planes cones rings frames turned motion moves material creep")
 Physics = namedtuple(
     "Physics",
-    "parts gravity laws mixed_pairs mixed_walls dt tension rolling_frame exit_height curved_walls_above floor_height",
+    "parts gravity law rolling law_constants rolling_constants n_state mixed_pairs mixed_walls dt rolling_frame "
+    "exit_height curved_walls_above floor_height",
 )
 
 # Walls are numbered planes first, then cones, then rings, then meshes; cones and rings together are the curved walls.
@@ -184,13 +199,16 @@ def _whole_tiles(n):
     return LANES * -(-n // LANES)
 
 
-def new_pairs(n_contacts, n_dormant, ghost):
-    """Room for touching pairs and for pairs that lie dormant; unused contacts are those of body `ghost`."""
+def new_pairs(n_contacts, n_dormant, ghost, n_state):
+    """Room for touching pairs and for pairs that lie dormant; unused contacts are those of body `ghost`.
+
+    n_state: rows that the force laws keep.
+    """
     n_contacts = _whole_tiles(n_contacts)
     return Pairs(
         first=np.full(n_contacts, ghost, np.uint32),
         second=np.full(n_contacts, ghost, np.uint32),
-        data=new_contacts(n_contacts, PAIR_ROWS),
+        data=new_contacts(n_contacts, PAIR_STATE // LANES + n_state),
         dormant_first=np.zeros(n_dormant, np.uint32),
         dormant_second=np.zeros(n_dormant, np.uint32),
         dormant_limit=np.zeros(n_dormant),
@@ -204,7 +222,7 @@ def new_pairs(n_contacts, n_dormant, ghost):
     )
 
 
-def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows=WALL_ROWS):
+def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows):
     """Room for contacts with walls of one kind; `limit` is the odometer reading that calls for a new look.
 
     feature: for walls that are meshes, which of their features, else for clumps which of their spheres.

@@ -1,7 +1,7 @@
-"""The hot loops: geometry and force law of 32 contacts at a time.
+"""The hot loops: geometry of 32 contacts at a time.
 
 A tile is one array of ROWS x LANES doubles; a row is one quantity, a lane one contact. Every loop runs over the lanes
-with a constant count and touches nothing but the tile and the tile of what persists (normal and spring, `c` below), so
+with a constant count and touches nothing but the tile and the tile of what persists (`c` below), so
 the compiler turns it into vector code: rows lie at constant distances in two arrays, and whether those overlap is one
 check a loop. Unused lanes hold a body that is not there and are thrown away.
 """
@@ -11,50 +11,38 @@ import math
 from . import state as st
 from .geometry import tangents
 from .jit import inlined
-from .simd import rsqrt
-from .state import LANES, NORMAL, OFFSET, PART, SHAPE, SPRING
+from .rows import Rows
+from .state import LANES, LOAD_COLUMNS, NORMAL, OFFSET, PART, SHAPE
 
 L = LANES  # short, for the index arithmetic below
 
-# rows of what persists (see `state`)
-N = NORMAL
-S = SPRING
+N = NORMAL  # row of what persists (see `state`)
 
-# rows: the columns of the two bodies (see `state`), those of B all zero but for pairs
+_rows = Rows()
 MOST_COLUMNS = 32
-A = 0
-B = MOST_COLUMNS * L
-# rows: two tangents
-U = 64 * L
-W = 67 * L
-# rows: support sums h, x.u, x.w, Q_uu, Q_uw, Q_ww
-HA = 70 * L
-HB = 76 * L
-# rows: gap, effective radius, contact point relative to each centre
-GAP = 82 * L
-RADIUS = 83 * L
-RA = 84 * L
-RB = 87 * L
-# rows as the columns of `load`: force and torque on each body and the budget of the rolling torque
-TO_A = 90 * L
-TO_B = 98 * L
-# rows: constants of the force law (see `materials.contact_law`)
-LAW = 106 * L
-LAW_ROWS = 6
-# rows: radius of the contact circle, sqrt(that radius times m*), distance of the contact from each centre
-CIRCLE = 112 * L
-VISCOUS = 113 * L
-ARM_A = 114 * L
-ARM_B = 115 * L
-# rows: how far the normal turns along each tangent
-STEP = 116 * L
-# rows: tangential velocity of A against B, normal velocity
-V = 118 * L
-VN = 121 * L
-ROWS = 122
+A, B = (
+    _rows.take(MOST_COLUMNS),
+    _rows.take(MOST_COLUMNS),
+)  # columns of the bodies (see `state`), B only of pairs
+U, W = _rows.take(3), _rows.take(3)  # two tangents
+HA, HB = _rows.take(6), _rows.take(6)  # support sums h, x.u, x.w, Q_uu, Q_uw, Q_ww
+GAP = _rows.take()
+RADIUS = _rows.take()  # effective radius
+RA, RB = _rows.take(3), _rows.take(3)  # contact point relative to each centre
+# As the columns of `load`: force and torque on each body and the budget of the rolling torque.
+TO_A, TO_B = _rows.take(LOAD_COLUMNS), _rows.take(LOAD_COLUMNS)
+PUSH = _rows.take()  # size of the normal force
+STEP = _rows.take(2)  # how far the normal turns along each tangent
+V = _rows.take(3)  # tangential velocity of A against B
+VN = _rows.take()  # normal velocity
+# Rows of the force laws, each beginning with its constants.
+MOST_ROLLING_ROWS = 16
+ROLLING = _rows.take(MOST_ROLLING_ROWS)
+LAW = _rows.end
+LAW_ROW = _rows.count
 
 # The gap of a body beyond the edge of a plane [m]: the next look comes when it has moved at all.
-BEYOND = 1e300
+BEYOND = math.inf
 # Squared extent below which a part of a shape is none [m2].
 NO_PART = 1e-300
 # A contact normal turns by at most this much in a step [rad].
@@ -62,11 +50,11 @@ LARGEST_TURN = 0.2
 
 
 @inlined
-def fill_law(t, law):
-    """Give every lane the same force law."""
-    for c in range(LAW_ROWS):
+def fill_constants(t, at, constants):
+    """Give every lane the same constants of a force law."""
+    for c in range(constants.shape[0]):
         for k in range(L):
-            t[LAW + c * L + k] = law[c]
+            t[at + c * L + k] = constants[c]
 
 
 @inlined
@@ -258,95 +246,6 @@ def plane_geometry(t, c):
 
 
 @inlined
-def contact_sizes(t):
-    """Roots that the force law needs, apart from it: a loop of few long chains runs several of them at once."""
-    for k in range(L):
-        gap = t[GAP + k]
-        overlap = -gap if gap < 0.0 else 0.0
-        circle = math.sqrt(t[RADIUS + k] * overlap)
-        t[CIRCLE + k] = circle
-        # sqrt(a m*), m* = 1 / (1 / m_a + 1 / m_b)
-        t[VISCOUS + k] = math.sqrt(circle) * rsqrt(
-            t[A + st.INVERSE_MASS * L + k] + t[B + st.INVERSE_MASS * L + k]
-        )
-        x, y, z = t[RA + k], t[RA + L + k], t[RA + 2 * L + k]
-        t[ARM_A + k] = math.sqrt(x * x + y * y + z * z)
-        x, y, z = t[RB + k], t[RB + L + k], t[RB + 2 * L + k]
-        t[ARM_B + k] = math.sqrt(x * x + y * y + z * z)
-
-
-@inlined
-def slip(t, c, dt):
-    """Velocity of A against B at each lane's contact, and the tangential spring in the tangent plane of today."""
-    for k in range(L):
-        nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
-        rx, ry, rz = t[RA + k], t[RA + L + k], t[RA + 2 * L + k]
-        sx, sy, sz = t[RB + k], t[RB + L + k], t[RB + 2 * L + k]
-        ox, oy, oz = (
-            t[A + st.TURNING * L + k],
-            t[A + (st.TURNING + 1) * L + k],
-            t[A + (st.TURNING + 2) * L + k],
-        )
-        px, py, pz = (
-            t[B + st.TURNING * L + k],
-            t[B + (st.TURNING + 1) * L + k],
-            t[B + (st.TURNING + 2) * L + k],
-        )
-        vx = t[A + 3 * L + k] - t[B + 3 * L + k] + oy * rz - oz * ry - (py * sz - pz * sy)
-        vy = t[A + 4 * L + k] - t[B + 4 * L + k] + oz * rx - ox * rz - (pz * sx - px * sz)
-        vz = t[A + 5 * L + k] - t[B + 5 * L + k] + ox * ry - oy * rx - (px * sy - py * sx)
-        vn = vx * nx + vy * ny + vz * nz
-        vx -= vn * nx
-        vy -= vn * ny
-        vz -= vn * nz
-        t[V + k] = vx
-        t[V + L + k] = vy
-        t[V + 2 * L + k] = vz
-        t[VN + k] = vn
-        ex, ey, ez = c[S + k], c[S + L + k], c[S + 2 * L + k]
-        en = ex * nx + ey * ny + ez * nz
-        touching = 1.0 if t[GAP + k] < 0.0 else 0.0
-        c[S + k] = touching * (ex - en * nx + vx * dt)
-        c[S + L + k] = touching * (ey - en * ny + vy * dt)
-        c[S + 2 * L + k] = touching * (ez - en * nz + vz * dt)
-
-
-@inlined
-def push(t, c, tension):
-    """Normal force, and the tangential force that Coulomb's limit leaves, of each lane; see `forces`."""
-    floor = -1e300 if tension > 0.5 else 0.0
-    for k in range(L):
-        gap = t[GAP + k]
-        overlap = -gap if gap < 0.0 else 0.0
-        circle = t[CIRCLE + k]
-        viscous = t[VISCOUS + k]
-        fn = t[LAW + k] * circle * overlap + t[LAW + 2 * L + k] * viscous * t[VN + k]
-        fn = fn if fn > floor else floor
-        size = abs(fn)
-        cap = t[LAW + 4 * L + k] * size
-        stiffness = t[LAW + L + k] * circle
-        ex, ey, ez = c[S + k], c[S + L + k], c[S + 2 * L + k]
-        gx, gy, gz = stiffness * ex, stiffness * ey, stiffness * ez
-        cut = cap / math.sqrt(gx * gx + gy * gy + gz * gz)
-        cut = cut if cut < 1.0 else 1.0
-        c[S + k] = cut * ex
-        c[S + L + k] = cut * ey
-        c[S + 2 * L + k] = cut * ez
-        dashpot = t[LAW + 3 * L + k] * viscous
-        fx = cut * gx + dashpot * t[V + k]
-        fy = cut * gy + dashpot * t[V + L + k]
-        fz = cut * gz + dashpot * t[V + 2 * L + k]
-        cut = cap / math.sqrt(fx * fx + fy * fy + fz * fz)
-        cut = cut if cut < 1.0 else 1.0
-        t[TO_A + k] = -fn * c[N + k] - cut * fx
-        t[TO_A + L + k] = -fn * c[N + L + k] - cut * fy
-        t[TO_A + 2 * L + k] = -fn * c[N + 2 * L + k] - cut * fz
-        rolling = t[LAW + 5 * L + k] * size
-        t[TO_A + st.ROLL * L + k] = rolling * t[ARM_A + k]
-        t[TO_B + st.ROLL * L + k] = rolling * t[ARM_B + k]
-
-
-@inlined
 def torques(t):
     """Torques of each lane's force on both bodies, and the force on B."""
     for k in range(L):
@@ -362,22 +261,6 @@ def torques(t):
         t[TO_B + 3 * L + k] = sz * fy - sy * fz
         t[TO_B + 4 * L + k] = sx * fz - sz * fx
         t[TO_B + 5 * L + k] = sy * fx - sx * fy
-
-
-@inlined
-def forces(t, c, dt, tension):
-    """Hertz-Mindlin (no slip) with viscous damping and Coulomb's limit, for each lane.
-
-    tension: 1.0 lets the damped normal force pull at the end of an impact (e_out = e_in), 0.0 cuts it at zero.
-    F_n = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) beta sqrt(S_n m*) v_n,   S_n = 2 E* sqrt(R* delta)
-    F_t = -S_t delta_t - 2 sqrt(5/6) beta sqrt(S_t m*) v_t, |F_t| <= mu_s |F_n|,   S_t = 8 G* sqrt(R* delta)
-    The budget of the rolling torque is mu_r |F_n| times the distance of the contact from the centre.
-    Several short loops, not one: a processor runs as many lanes at once as its window holds.
-    """
-    contact_sizes(t)
-    slip(t, c, dt)
-    push(t, c, tension)
-    torques(t)
 
 
 @inlined

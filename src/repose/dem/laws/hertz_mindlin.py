@@ -1,0 +1,174 @@
+"""Hertz-Mindlin contact without slip, with viscous damping and Coulomb's limit.
+
+With overlap delta, effective radius R*, effective moduli E* and G*, effective mass m*, damping ratio beta and relative
+velocities v_n, v_t:
+
+    F_n = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) beta sqrt(S_n m*) v_n,    S_n = 2 E* sqrt(R* delta)
+    F_t = -S_t delta_t - 2 sqrt(5/6) beta sqrt(S_t m*) v_t,  |F_t| <= mu_s |F_n|,    S_t = 8 G* sqrt(R* delta)
+
+delta_t is the tangential spring (`tangential`).
+
+References
+----------
+Hertz, J. reine angew. Math. 92 (1882) 156. Mindlin, J. Appl. Mech. 16 (1949) 259. Tsuji, Tanaka and Ishida, Powder
+Technol. 71 (1992) 239: the damping. Schwager and Poeschel, Granular Matter 9 (2007) 465: a contact that does not pull.
+"""
+
+import math
+from collections import namedtuple
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ..kernels import state as st
+from ..kernels import tile as tl
+from ..kernels.jit import inlined
+from ..kernels.rows import Rows
+from ..kernels.simd import rsqrt
+from ..materials import Contact, Material, effective_moduli
+from .law import KEEP, Law
+from .tangential import slip
+
+L = st.LANES
+
+HertzMindlin = namedtuple("HertzMindlin", "tension")
+
+_rows = Rows(tl.LAW)
+# Constants of two materials: 4/3 E*, 8 G*, the dampings 2 sqrt(5/6) beta sqrt(2 E*) and 2 sqrt(5/6) beta sqrt(8 G*).
+NORMAL_STIFFNESS, TANGENTIAL_STIFFNESS, NORMAL_DAMPING, TANGENTIAL_DAMPING, FRICTION = _rows.take_each(5)
+CIRCLE = _rows.take()  # radius of the contact circle, sqrt(R* delta)
+VISCOUS = _rows.take()  # sqrt(that radius times m*)
+
+_state = Rows()
+SPRING = _state.take(3)
+
+
+def damping_ratio(restitution: float, tension: str = "keep") -> float:
+    """Damping ratio with which an impact ends with a coefficient of restitution.
+
+    Parameters
+    ----------
+    restitution : float
+        e, above 0, at most 1.
+    tension : {"keep", "release", "cut"}
+        How the contact ends, see `Simulation`.
+
+    Returns
+    -------
+    float
+        beta >= 0.
+
+    Notes
+    -----
+    Where the contact lasts until the bodies part, pulling in the end, beta = -ln e / sqrt(ln^2 e + pi^2) (Tsuji et al.
+    1992). "cut" keeps this damping, so its bodies leave faster. For "release" the contact ends when the force vanishes.
+    With y = delta^(5/4) the damped Hertz contact is a linear oscillator, whose force vanishes where Schwager and
+    Poeschel (2007) find ln e = -2 beta arccos(beta) / sqrt(1 - beta^2), and with arccosh(beta) / sqrt(beta^2 - 1) for
+    beta above 1.
+    """
+    log = math.log(restitution)
+    if tension == "release" and restitution < 1.0:
+        return brentq(lambda b: _log_released(b) - log, 0.0, 1.0 / restitution)
+    return -log / math.sqrt(log * log + math.pi * math.pi)
+
+
+def _log_released(b: float) -> float:
+    """ln e of a contact of damping ratio b that ends when its force vanishes."""
+    if abs(b - 1.0) < 1e-6:
+        return -2.0 * b
+    if b < 1.0:
+        return -2.0 * b * math.acos(b) / math.sqrt(1.0 - b * b)
+    return -2.0 * b * math.acosh(b) / math.sqrt(b * b - 1.0)
+
+
+def constants(a: Material, b: Material, contact: Contact, tension: str = "keep") -> np.ndarray:
+    """Constants of the law for two materials as the kernel takes them (5,)."""
+    young, shear = effective_moduli(a, b)
+    damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(contact.restitution, tension)
+    return np.array(
+        [
+            4.0 / 3.0 * young,
+            8.0 * shear,
+            damping * math.sqrt(2.0 * young),
+            damping * math.sqrt(8.0 * shear),
+            contact.static_friction,
+        ]
+    )
+
+
+def contact_time(a: Material, b: Material, mass: float, radius: float, speed: float) -> float:
+    """Duration of an elastic head-on impact [s]: 2.868 (m*^2 / (R* E*^2 v))^0.2 (Johnson 1985, Eq. 11.24)."""
+    young, _ = effective_moduli(a, b)
+    return 2.868 * (mass**2 / (radius * young**2 * speed)) ** 0.2
+
+
+@inlined
+def contact_sizes(t: np.ndarray) -> None:
+    """Roots that the forces need, apart from them: a loop of few long chains runs several of them at once."""
+    for k in range(L):
+        gap = t[tl.GAP + k]
+        overlap = -gap if gap < 0.0 else 0.0
+        circle = math.sqrt(t[tl.RADIUS + k] * overlap)
+        t[CIRCLE + k] = circle
+        # sqrt(a m*), m* = 1 / (1 / m_a + 1 / m_b)
+        t[VISCOUS + k] = math.sqrt(circle) * rsqrt(
+            t[tl.A + st.INVERSE_MASS * L + k] + t[tl.B + st.INVERSE_MASS * L + k]
+        )
+
+
+@inlined
+def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int) -> None:
+    """Normal force, and the tangential force that Coulomb's limit leaves, of each lane.
+
+    Coulomb's limit is `tangential.limited`, written out: as a call it changes which products fused operations take in,
+    and with them the last bits of every result.
+    """
+    least = -math.inf if tension == KEEP else 0.0
+    for k in range(L):
+        gap = t[tl.GAP + k]
+        overlap = -gap if gap < 0.0 else 0.0
+        circle = t[CIRCLE + k]
+        viscous = t[VISCOUS + k]
+        fn = t[NORMAL_STIFFNESS + k] * circle * overlap + t[NORMAL_DAMPING + k] * viscous * t[tl.VN + k]
+        fn = fn if fn > least else least
+        size = abs(fn)
+        cap = t[FRICTION + k] * size
+        stiffness = t[TANGENTIAL_STIFFNESS + k] * circle
+        ex, ey, ez = c[spring + k], c[spring + L + k], c[spring + 2 * L + k]
+        gx, gy, gz = stiffness * ex, stiffness * ey, stiffness * ez
+        cut = cap / math.sqrt(gx * gx + gy * gy + gz * gz)
+        cut = cut if cut < 1.0 else 1.0
+        c[spring + k] = cut * ex
+        c[spring + L + k] = cut * ey
+        c[spring + 2 * L + k] = cut * ez
+        dashpot = t[TANGENTIAL_DAMPING + k] * viscous
+        fx = cut * gx + dashpot * t[tl.V + k]
+        fy = cut * gy + dashpot * t[tl.V + L + k]
+        fz = cut * gz + dashpot * t[tl.V + 2 * L + k]
+        cut = cap / math.sqrt(fx * fx + fy * fy + fz * fz)
+        cut = cut if cut < 1.0 else 1.0
+        t[tl.TO_A + k] = -fn * c[st.NORMAL + k] - cut * fx
+        t[tl.TO_A + L + k] = -fn * c[st.NORMAL + L + k] - cut * fy
+        t[tl.TO_A + 2 * L + k] = -fn * c[st.NORMAL + 2 * L + k] - cut * fz
+        t[tl.PUSH + k] = size
+
+
+def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
+    """The forces of each lane. Several short loops: a processor runs as many lanes at once as its window holds."""
+    contact_sizes(t)
+    slip(t, c, at + SPRING, dt)
+    push(t, c, at + SPRING, law.tension)
+
+
+LAW = Law(
+    name="hertz_mindlin",
+    options=HertzMindlin,
+    make_options=HertzMindlin,
+    constants=constants,
+    n_constants=5,
+    n_rows=_rows.count,
+    n_state=_state.count,
+    kernel=kernel,
+    contact_time=contact_time,
+)

@@ -1,0 +1,87 @@
+"""What a force law is, and how the kernels find the one that a simulation has.
+
+A law is data and one kernel. The kernels of the engine call `contact_forces` and `rolling_resistance`; numba replaces
+the call by the kernel of the law whose options, a named tuple of a type of its own, it gets. So a loop holds the code
+of one law, and a law costs nothing where it is not used.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba.extending import overload
+
+from ..kernels.jit import INLINED
+
+# How a contact ends: "keep" lets the damped normal force pull, "release" and "cut" end it when the force vanishes.
+KEEP, RELEASE, CUT = range(3)
+TENSIONS = {"keep": KEEP, "release": RELEASE, "cut": CUT}
+
+_KERNELS: dict[type, Callable] = {}
+
+
+@dataclass(frozen=True)
+class Law:
+    """A force law.
+
+    Parameters
+    ----------
+    name : str
+        What users call it.
+    options : type
+        A named tuple class of this law alone: the kernel gets an instance.
+    make_options : callable
+        (tension) -> options; tension is one of `TENSIONS`.
+    constants : callable
+        (material, material, contact, tension) -> array (n_constants,): what the kernel needs to know of two materials.
+    n_constants : int
+        How many those are; a tile has them in the first rows of the law.
+    n_rows : int
+        Rows of a tile that the law uses, constants included.
+    n_state : int
+        Rows that the law keeps for each contact from step to step. They are zero when a contact begins.
+    kernel : function
+        (options, t, c, at, dt) -> None, a plain function that numba can compile. t: the tile; c: the tile of what
+        persists, the law's rows from place `at` on; dt: time step [s].
+    contact_time : callable, optional
+        (material, material, mass, radius, speed) -> duration of a head-on impact [s], of a contact law.
+    """
+
+    name: str
+    options: type
+    make_options: Callable[[int], Any]
+    constants: Callable[..., np.ndarray]
+    n_constants: int
+    n_rows: int
+    n_state: int
+    kernel: Callable[..., None]
+    contact_time: Callable[..., float] | None = None
+
+    def __post_init__(self) -> None:
+        _KERNELS[self.options] = self.kernel
+
+
+def contact_forces(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
+    """Force of each lane's contact on body A, and the size of its normal part: rows `TO_A` and `PUSH` of the tile."""
+    _KERNELS[type(law)](law, t, c, at, dt)
+
+
+def rolling_resistance(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
+    """Budget of each lane's rolling resistance on both bodies: row `ROLL` of `TO_A` and `TO_B`.
+
+    It is called after the torques.
+
+    A law that acts by a torque adds it to the torques and leaves a budget of zero.
+    """
+    _KERNELS[type(law)](law, t, c, at, dt)
+
+
+@overload(contact_forces, jit_options=INLINED, strict=False)
+def _contact_forces(law, t, c, at, dt):
+    return _KERNELS.get(getattr(law, "instance_class", None))
+
+
+@overload(rolling_resistance, jit_options=INLINED, strict=False)
+def _rolling_resistance(law, t, c, at, dt):
+    return _KERNELS.get(getattr(law, "instance_class", None))

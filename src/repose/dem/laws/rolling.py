@@ -1,0 +1,56 @@
+"""Rolling resistance as a budget of torque.
+
+Every contact lends each of its bodies a budget of mu_r |F_n| r, with r the distance of the contact from the body's
+centre. The sum of a body's budgets opposes the rotation that all other torques leave: it can stop the rotation and
+never reverses it (`kernels.rigid`), so a pile comes to rest. For one contact this is the directional constant torque.
+
+References
+----------
+Zhou, Wright, Yang, Xu, Yu, Physica A 269 (1999) 536. Ai, Chen, Rotter, Ooi, Powder Technol. 206 (2011) 269, model A.
+"""
+
+import math
+from collections import namedtuple
+from typing import Any
+
+import numpy as np
+
+from ..kernels import state as st
+from ..kernels import tile as tl
+from ..kernels.rows import Rows
+from ..materials import Contact, Material
+from .law import Law
+
+L = st.LANES
+
+RollingBudget = namedtuple("RollingBudget", "tension")
+
+_rows = Rows(tl.ROLLING)
+ROLLING_FRICTION = _rows.take()
+
+
+def constants(_a: Material, _b: Material, contact: Contact, _tension: str = "keep") -> np.ndarray:
+    """Constants of the law for two materials as the kernel takes them (1,)."""
+    return np.array([contact.rolling_friction])
+
+
+def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
+    """The budgets of each lane's bodies."""
+    for k in range(L):
+        rolling = t[ROLLING_FRICTION + k] * t[tl.PUSH + k]
+        x, y, z = t[tl.RA + k], t[tl.RA + L + k], t[tl.RA + 2 * L + k]
+        t[tl.TO_A + st.ROLL * L + k] = rolling * math.sqrt(x * x + y * y + z * z)
+        x, y, z = t[tl.RB + k], t[tl.RB + L + k], t[tl.RB + 2 * L + k]
+        t[tl.TO_B + st.ROLL * L + k] = rolling * math.sqrt(x * x + y * y + z * z)
+
+
+LAW = Law(
+    name="budget",
+    options=RollingBudget,
+    make_options=RollingBudget,
+    constants=constants,
+    n_constants=1,
+    n_rows=_rows.count,
+    n_state=0,
+    kernel=kernel,
+)

@@ -1,0 +1,87 @@
+"""The tangential spring of a contact, which contact laws share.
+
+The spring is the path of the contact point of A over that of B in the tangent plane, as long as the two touch
+(Cundall and Strack 1979). It turns with the plane: what of it points along the normal of today is dropped.
+"""
+
+import math
+
+import numpy as np
+
+from ..kernels import state as st
+from ..kernels import tile as tl
+from ..kernels.jit import inlined
+
+L = st.LANES
+N = st.NORMAL
+
+
+@inlined
+def slip(t: np.ndarray, c: np.ndarray, spring: int, dt: float) -> None:
+    """Velocity of A against B at each lane's contact, and the tangential spring in the tangent plane of today.
+
+    Writes rows V (tangential) and VN (normal) of the tile and the three rows from `spring` on.
+    """
+    for k in range(L):
+        nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
+        rx, ry, rz = t[tl.RA + k], t[tl.RA + L + k], t[tl.RA + 2 * L + k]
+        sx, sy, sz = t[tl.RB + k], t[tl.RB + L + k], t[tl.RB + 2 * L + k]
+        ox, oy, oz = (
+            t[tl.A + st.TURNING * L + k],
+            t[tl.A + (st.TURNING + 1) * L + k],
+            t[tl.A + (st.TURNING + 2) * L + k],
+        )
+        px, py, pz = (
+            t[tl.B + st.TURNING * L + k],
+            t[tl.B + (st.TURNING + 1) * L + k],
+            t[tl.B + (st.TURNING + 2) * L + k],
+        )
+        vx = t[tl.A + 3 * L + k] - t[tl.B + 3 * L + k] + oy * rz - oz * ry - (py * sz - pz * sy)
+        vy = t[tl.A + 4 * L + k] - t[tl.B + 4 * L + k] + oz * rx - ox * rz - (pz * sx - px * sz)
+        vz = t[tl.A + 5 * L + k] - t[tl.B + 5 * L + k] + ox * ry - oy * rx - (px * sy - py * sx)
+        vn = vx * nx + vy * ny + vz * nz
+        vx -= vn * nx
+        vy -= vn * ny
+        vz -= vn * nz
+        t[tl.V + k] = vx
+        t[tl.V + L + k] = vy
+        t[tl.V + 2 * L + k] = vz
+        t[tl.VN + k] = vn
+        ex, ey, ez = c[spring + k], c[spring + L + k], c[spring + 2 * L + k]
+        en = ex * nx + ey * ny + ez * nz
+        touching = 1.0 if t[tl.GAP + k] < 0.0 else 0.0
+        c[spring + k] = touching * (ex - en * nx + vx * dt)
+        c[spring + L + k] = touching * (ey - en * ny + vy * dt)
+        c[spring + 2 * L + k] = touching * (ez - en * nz + vz * dt)
+
+
+@inlined
+def limited(
+    t: np.ndarray,
+    c: np.ndarray,
+    spring: int,
+    k: int,
+    stiffness: float,
+    damping: float,
+    viscous: float,
+    cap: float,
+) -> tuple[float, float, float, float]:
+    """Tangential force of lane k that Coulomb's limit `cap` leaves.
+
+    It cuts the spring first, then the sum of spring and dashpot (damping times viscous times velocity, row V). Returns
+    the share that the second cut leaves, and the sum before it.
+    """
+    ex, ey, ez = c[spring + k], c[spring + L + k], c[spring + 2 * L + k]
+    gx, gy, gz = stiffness * ex, stiffness * ey, stiffness * ez
+    cut = cap / math.sqrt(gx * gx + gy * gy + gz * gz)
+    cut = cut if cut < 1.0 else 1.0
+    c[spring + k] = cut * ex
+    c[spring + L + k] = cut * ey
+    c[spring + 2 * L + k] = cut * ez
+    dashpot = damping * viscous
+    fx = cut * gx + dashpot * t[tl.V + k]
+    fy = cut * gy + dashpot * t[tl.V + L + k]
+    fz = cut * gz + dashpot * t[tl.V + 2 * L + k]
+    cut = cap / math.sqrt(fx * fx + fy * fy + fz * fz)
+    cut = cut if cut < 1.0 else 1.0
+    return cut, fx, fy, fz
