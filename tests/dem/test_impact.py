@@ -71,26 +71,6 @@ def test_restitution_at_the_recommended_time_step():
     assert np.mean(found) == pytest.approx(0.19, abs=0.012)
 
 
-def test_elastic_impact_has_the_overlap_and_duration_of_hertz():
-    s = head_on(1.0, speed=0.3, dt=1e-6)
-    deepest, steps = 0.0, 0
-    for _ in range(30000):
-        s.run_steps(1)
-        overlap = 0.012 - (s.positions[1, 0] - s.positions[0, 0])
-        if overlap > 0.0:
-            steps += 1
-        elif steps:
-            break
-        deepest = max(deepest, overlap)
-    young, _ = effective_moduli(GOJI, GOJI)
-    mass, radius, speed = 0.5 * s.mass_kg, 0.003, 0.6
-    expected = (15.0 * mass * speed**2 / (16.0 * young * math.sqrt(radius))) ** 0.4
-    duration = 2.9432 * expected / speed
-    assert deepest == pytest.approx(expected, rel=2e-3)
-    assert steps * 1e-6 == pytest.approx(duration, rel=2e-3)
-    assert s.velocities[1, 0] == pytest.approx(0.3, rel=1e-3)
-
-
 def resting_sphere(contact, velocity=(0.0, 0.0, 0.0), spin=(0.0, 0.0, 0.0), **keywords):
     """A sphere on the floor at its Hertz overlap under gravity."""
     s = simulation(SPHERE, contact, walls=FLOOR, gravity_m_s2=(0, 0, -9.81), dt=2e-5, **keywords)
@@ -107,17 +87,6 @@ def test_a_sphere_rests_at_the_overlap_that_carries_its_weight():
     assert s.kinetic_energies()[0] < 1e-20
 
 
-def test_a_sliding_sphere_slows_by_friction_and_then_rolls():
-    s, _ = resting_sphere(Contact(0.3, 0.4, 0.0))
-    s.velocities[0, 0] = 0.5
-    s.run_steps(1000)
-    assert s.velocities[0, 0] == pytest.approx(0.5 - 0.4 * 9.81 * 0.02, rel=3e-3)
-    s.run_steps(8000)
-    # angular momentum about the contact is kept: u = 5/7 u0
-    assert s.velocities[0, 0] == pytest.approx(5.0 / 7.0 * 0.5, rel=5e-3)
-    assert s.angular_velocities[0, 1] * 0.006 == pytest.approx(s.velocities[0, 0], rel=2e-2)
-
-
 def test_a_rolling_sphere_slows_by_the_rolling_torque_and_stops():
     mur = 0.05
     s, _ = resting_sphere(Contact(0.3, 0.8, mur), (0.3, 0.0, 0.0), (0.0, 0.3 / 0.006, 0.0))
@@ -131,21 +100,9 @@ def test_a_rolling_sphere_slows_by_the_rolling_torque_and_stops():
     assert np.all(s.angular_velocities[0] == 0.0)
 
 
-@pytest.mark.parametrize("sticks", [True, False])
-def test_a_berry_on_a_slope_sticks_below_the_angle_of_friction(sticks):
-    friction = 0.5
-    slope = math.atan(friction) + math.radians(-1.0 if sticks else 1.0)
-    gravity = (9.81 * math.sin(slope), 0.0, -9.81 * math.cos(slope))
-    s = simulation(BERRY, Contact(0.3, friction, 5.0), walls=FLOOR, gravity_m_s2=gravity, dt=5e-5)
-    s.add((0.0, 0.0, 0.0049), (1, 0, 0, 0))
-    s.run_steps(4000)
-    before = s.velocities[0, 0]
-    s.run_steps(4000)
-    if sticks:
-        assert abs(s.velocities[0, 0]) < 1e-6
-    else:
-        expected = 9.81 * (math.sin(slope) - friction * math.cos(slope))
-        assert (s.velocities[0, 0] - before) / 0.2 == pytest.approx(expected, rel=0.02)
+def angular_momentum(s):
+    """Of all bodies about the origin (3,) [kg m2/s]."""
+    return (np.cross(s.positions, s.mass_kg * s.velocities) + s.angular_momenta).sum(axis=0)
 
 
 def test_random_impacts_keep_momentum_and_create_no_energy():
@@ -157,12 +114,13 @@ def test_random_impacts_keep_momentum_and_create_no_energy():
         s.add((0, 0, 0), random_quaternion(rng), angular_velocity_rad_s=spin)
         s.add(0.0215 * direction, random_quaternion(rng), -direction + 0.3 * rng.normal(size=3))
         energy, momentum = s.kinetic_energies().sum(), s.velocities.sum(axis=0).copy()
+        angular = angular_momentum(s)
         s.run_steps(1500)
-        angular = s.angular_momenta.sum(axis=0)
         assert np.allclose(s.velocities.sum(axis=0), momentum, atol=1e-12)
         # the free rotation between the hits keeps its energy to a few 1e-7
         assert s.kinetic_energies().sum() <= energy * (1.0 + 1e-6)
-        assert np.all(np.isfinite(angular))
+        # the two forces of a contact act in one place, so they turn the whole by nothing
+        assert np.allclose(angular_momentum(s), angular, rtol=0.0, atol=1e-9 * np.abs(angular).max())
 
 
 def test_free_rotation_keeps_angular_momentum_and_energy():

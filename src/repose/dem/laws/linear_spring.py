@@ -1,0 +1,94 @@
+"""Linear spring and dashpot with Coulomb's limit.
+
+With overlap delta, effective radius R*, effective moduli E* and G*, effective mass m*, damping ratio beta and relative
+velocities v_n, v_t:
+
+    F_n = k_n delta + 2 beta sqrt(k_n m*) v_n,                              k_n = 4/3 E* sqrt(SECANT) R*
+    F_t = -k_t delta_t - 2 beta sqrt(k_t m*) v_t,  |F_t| <= mu_s |F_n|,     k_t = 4 G* / E* k_n
+
+k_n is the stiffness with which a Hertz contact carries an overlap of SECANT R*, k_t / k_n the ratio of Mindlin's
+stiffnesses. An impact lasts pi / sqrt(k_n / m* (1 - beta^2)) and ends with the same restitution at any speed.
+
+References
+----------
+Cundall and Strack, Geotechnique 29 (1979) 47. Schwager and Poeschel, Granular Matter 9 (2007) 465: the damping.
+"""
+
+import math
+from collections import namedtuple
+from typing import Any
+
+import numpy as np
+
+from ..kernels import state as st
+from ..kernels import tile as tl
+from ..kernels.rows import Rows
+from ..kernels.simd import rsqrt
+from ..materials import Contact, Material, effective_moduli
+from .hertz_mindlin import damping_ratio
+from .law import KEEP, Law
+from .tangential import limited, slip
+
+L = st.LANES
+SECANT = 0.01  # overlap over effective radius at which the spring is as stiff as Hertz's contact
+
+LinearSpring = namedtuple("LinearSpring", "tension")
+_rows = Rows(tl.LAW)
+STIFFNESS, TANGENTIAL_RATIO, DAMPING, FRICTION = _rows.take_each(4)
+_state = Rows()
+SPRING = _state.take(3)
+
+
+def constants(a: Material, b: Material, contact: Contact, tension: str = "keep") -> np.ndarray:
+    """k_n / R*, k_t / k_n, 2 beta and static friction of two materials (4,)."""
+    young, shear = effective_moduli(a, b)
+    damping = 2.0 * damping_ratio(contact.restitution, tension)
+    return np.array(
+        [4.0 / 3.0 * young * math.sqrt(SECANT), 4.0 * shear / young, damping, contact.static_friction]
+    )
+
+
+def contact_time(a: Material, b: Material, mass: float, radius: float, _speed: float) -> float:
+    """Duration of an elastic head-on impact [s]: pi sqrt(m* / k_n)."""
+    young, _ = effective_moduli(a, b)
+    return math.pi * math.sqrt(mass / (4.0 / 3.0 * young * math.sqrt(SECANT) * radius))
+
+
+def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
+    """The forces of each lane."""
+    spring = at + SPRING
+    slip(t, c, spring, dt)
+    least = -math.inf if law.tension == KEEP else 0.0
+    for k in range(L):
+        gap = t[tl.GAP + k]
+        touching = 1.0 if gap < 0.0 else 0.0
+        stiffness = touching * t[STIFFNESS + k] * t[tl.RADIUS + k]
+        # sqrt(k_n m*), m* = 1 / (1 / m_a + 1 / m_b)
+        viscous = math.sqrt(stiffness) * rsqrt(
+            t[tl.A + st.INVERSE_MASS * L + k] + t[tl.B + st.INVERSE_MASS * L + k]
+        )
+        fn = -stiffness * gap * touching + t[DAMPING + k] * viscous * t[tl.VN + k]
+        fn = fn if fn > least else least
+        size = abs(fn)
+        ratio = t[TANGENTIAL_RATIO + k]
+        damping = t[DAMPING + k] * math.sqrt(ratio)
+        cut, fx, fy, fz = limited(
+            t, c, spring, k, ratio * stiffness, damping, viscous, t[FRICTION + k] * size
+        )
+        t[tl.TO_A + k] = -fn * c[st.NORMAL + k] - cut * fx
+        t[tl.TO_A + L + k] = -fn * c[st.NORMAL + L + k] - cut * fy
+        t[tl.TO_A + 2 * L + k] = -fn * c[st.NORMAL + 2 * L + k] - cut * fz
+        t[tl.PUSH + k] = size
+
+
+LAW = Law(
+    name="linear_spring",
+    options=LinearSpring,
+    make_options=LinearSpring,
+    constants=constants,
+    n_constants=4,
+    n_rows=_rows.count,
+    n_state=_state.count,
+    kernel=kernel,
+    contact_time=contact_time,
+)

@@ -1,0 +1,61 @@
+import math
+
+import numpy as np
+import pytest
+from dem.common import GOJI, simulation
+
+from repose.dem import Contact
+from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS, linear_spring
+from repose.dem.laws.hertz_mindlin import damping_ratio
+from repose.dem.materials import effective_moduli
+
+SPHERE = np.full((1, 3), 0.006)
+
+
+def head_on(e, speed=0.5, dt=4e-6, **keywords):
+    """Two equal spheres that are about to meet; the law is the linear spring."""
+    s = simulation(SPHERE, Contact(e, 0.0, 0.0), dt=dt, contact_law="linear_spring", **keywords)
+    s.add((-0.00601, 0.0, 0.0), (1, 0, 0, 0), (speed, 0.0, 0.0))
+    s.add((0.00601, 0.0, 0.0), (1, 0, 0, 0), (-speed, 0.0, 0.0))
+    return s
+
+
+@pytest.mark.parametrize("tension", ["keep", "release"])
+def test_a_linear_spring_gives_the_restitution_asked_for_at_any_speed(tension):
+    for e in (0.2, 0.6, 0.95):
+        for speed in (0.1, 1.0):
+            s = head_on(e, speed, tension=tension)
+            s.run_steps(round(0.02 / 4e-6 * max(1.0, 0.1 / speed)))
+            left = s.velocities[1, 0] - s.velocities[0, 0]
+            assert left == pytest.approx(2.0 * e * speed, rel=5e-3)
+
+
+def test_a_linear_spring_touches_for_half_a_period_and_overlaps_by_its_amplitude():
+    e, speed, dt = 0.6, 0.3, 2e-6
+    s = head_on(e, speed, dt)
+    young, _ = effective_moduli(GOJI, GOJI)
+    mass, radius, b = 0.5 * s.mass_kg, 0.003, damping_ratio(e)
+    natural = math.sqrt(4.0 / 3.0 * young * math.sqrt(linear_spring.SECANT) * radius / mass)
+    damped = natural * math.sqrt(1.0 - b * b)
+    deepest, steps = 0.0, 0
+    for _ in range(20000):
+        s.run_steps(1)
+        overlap = 0.012 - (s.positions[1, 0] - s.positions[0, 0])
+        deepest, steps = max(deepest, overlap), steps + (overlap > 0.0)
+        if steps and overlap <= 0.0:
+            break
+    assert steps * dt == pytest.approx(math.pi / damped, rel=2e-3)
+    quarter = math.atan(math.sqrt(1.0 - b * b) / b) / damped
+    expected = 2.0 * speed / damped * math.exp(-b * natural * quarter) * math.sin(damped * quarter)
+    assert deepest == pytest.approx(expected, rel=2e-3)
+
+
+def test_laws_are_chosen_by_name():
+    assert set(CONTACT_LAWS) == {"hertz_mindlin", "linear_spring"}
+    assert set(ROLLING_LAWS) == {"budget"}
+    with pytest.raises(ValueError, match="contact_law is 'hertz'; allowed: 'hertz_mindlin', 'linear_spring'"):
+        simulation(contact_law="hertz")
+    with pytest.raises(ValueError, match="rolling_law is None; allowed: 'budget'"):
+        simulation(rolling_law=None)
+    # a linear spring has a time step of its own
+    assert head_on(0.5).longest_time_step() != simulation(SPHERE).longest_time_step()
