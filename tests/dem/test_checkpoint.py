@@ -102,14 +102,14 @@ def test_going_on_in_a_fresh_process_gives_the_same_bits(saved):
 def test_lists_that_have_grown_are_saved_whole(saved, tmp_path, monkeypatch):
     _path, expected = saved
     monkeypatch.setattr("repose.dem.simulation.CONTACTS_PER_BODY", 0)
-    monkeypatch.setattr("repose.dem.simulation.DORMANT_PER_BODY", -4)
+    monkeypatch.setattr("repose.dem.simulation.NEAR_PER_BODY", -4)
     simulation = falling_berries()
-    room = len(simulation.pairs.dormant_limit)
+    room = len(simulation.pairs.near_limit)
     simulation.run_steps(1500)
-    assert len(simulation.pairs.dormant_limit) > room
+    assert len(simulation.pairs.near_limit) > room
     simulation.save(tmp_path / "grown.npz")
     loaded = Simulation.load(tmp_path / "grown.npz")
-    assert len(loaded.pairs.dormant_limit) == len(simulation.pairs.dormant_limit)
+    assert len(loaded.pairs.near_limit) == len(simulation.pairs.near_limit)
     assert loaded.pairs.data.ctypes.data % 64 == 0
     loaded.run_steps(500)
     assert bits(loaded) == expected

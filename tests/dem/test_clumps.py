@@ -215,16 +215,16 @@ def test_entries_are_used_again_and_lists_grow():
         if shrink:
             s.pairs = new_sphere_pairs(64, 40, 5, s.capacity, 3)
         s.run_steps(1500)
-        holes, used = int(s.counts[st.N_FREE]), int(s.counts[st.N_DORMANT])
-        listed = s.pairs.dormant_first[:used] < s.capacity
+        holes, used = int(s.counts[st.N_FREE]), int(s.counts[st.N_NEAR])
+        listed = s.pairs.near_first[:used] < s.capacity
         assert listed.sum() == used - holes
-        pairs = np.column_stack([s.pairs.dormant_first[:used], s.pairs.dormant_second[:used]])[listed]
+        pairs = np.column_stack([s.pairs.near_first[:used], s.pairs.near_second[:used]])[listed]
         assert len(np.unique(pairs, axis=0)) == len(pairs)
         assert s.pairs.live[:used].sum() == s.counts[st.N_PAIRS]
         bits = np.unpackbits(s.pairs.known[:used].view(np.uint8)).sum()
         assert bits == s.counts[st.N_PAIRS]
         runs.append(s.positions.tobytes())
-    assert len(s.pairs.dormant_limit) > 40
+    assert len(s.pairs.near_limit) > 40
     assert runs[0] == runs[1]
 
 
@@ -366,12 +366,12 @@ def test_a_checkpoint_goes_on_with_the_same_bits_and_so_does_the_seed(tmp_path, 
     # lists that have to grow on the way change nothing, and are saved whole
     monkeypatch.setattr("repose.dem.simulation.SPHERE_CONTACTS_PER_BODY", 1)
     monkeypatch.setattr("repose.dem.simulation.MOST_NEW", 0)
-    monkeypatch.setattr("repose.dem.simulation.DORMANT_PER_BODY", -7)
+    monkeypatch.setattr("repose.dem.simulation.NEAR_PER_BODY", -7)
     grown = pouring()
-    room = len(grown.pairs.first), len(grown.pairs.dormant_limit)
+    room = len(grown.pairs.first), len(grown.pairs.near_limit)
     grown.run_steps(3000)
     assert len(grown.pairs.first) > room[0]
-    assert len(grown.pairs.dormant_limit) > room[1]
+    assert len(grown.pairs.near_limit) > room[1]
     grown.save(tmp_path / "grown.npz")
     loaded = Simulation.load(tmp_path / "grown.npz")
     loaded.run_steps(1000)
@@ -387,8 +387,8 @@ def test_clumps_below_the_floor_are_gone():
     gone = ~s.present
     assert 0 < gone.sum() < 6
     assert not np.isin(s.contacts(), np.flatnonzero(gone)).any()
-    used = int(s.counts[st.N_DORMANT])
-    assert not np.isin(s.pairs.dormant_first[:used], np.flatnonzero(gone)).any()
+    used = int(s.counts[st.N_NEAR])
+    assert not np.isin(s.pairs.near_first[:used], np.flatnonzero(gone)).any()
 
 
 def test_pictures_files_and_frames_of_clumps(tmp_path):

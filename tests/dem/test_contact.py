@@ -56,7 +56,7 @@ def engine_rows(bodies, axes, mass):
     for row, (position, quaternion, velocity, turning) in zip(rows, bodies, strict=False):
         row[st.POSITION : st.POSITION + 3] = position
         row[st.VELOCITY : st.VELOCITY + 3] = velocity
-        row[st.TURNING : st.TURNING + 3] = turning
+        row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3] = turning
         row[st.INVERSE_MASS] = 1.0 / mass
         turn = rotation_matrix(quaternion)
         for k, part in enumerate(axes):

@@ -68,6 +68,6 @@ def test_lists_grow_when_they_fill_up():
                 s.run_steps(1)
         s.run_steps(400)
         assert len(s.pairs.first) > 32
-        assert len(s.pairs.dormant_limit) > 100
+        assert len(s.pairs.near_limit) > 100
         runs.append(s.positions.copy())
     assert np.array_equal(*runs)

@@ -87,8 +87,8 @@ def test_pairs_that_are_left_alone_still_meet_in_time(small_is_shared, monkeypat
         for _ in range(100):
             s.run_steps(50)
             found.append(s.contacts())
-            path = parallel.paths_of(s.grid.paths[parallel.UP_TO_NOW], s.pairs.dormant_groups[0])
-            left_alone += int(path < s.pairs.dormant_look[0])
+            path = parallel.paths_of(s.grid.paths[parallel.UP_TO_NOW], s.pairs.near_groups[0])
+            left_alone += int(path < s.pairs.near_check[0])
         met.append(found)
         assert (left_alone > 50) == (fewest == 1)
     assert len(met[0][0]) == 0

@@ -24,7 +24,7 @@ from .surfaces import Mesh, Motion, WallSet
 from .wall_arrays import wall_arrays
 
 # Room for the lists of a simulation, per body; they grow when needed.
-CONTACTS_PER_BODY, DORMANT_PER_BODY = 6, 6
+CONTACTS_PER_BODY, NEAR_PER_BODY = 6, 6
 SPHERE_CONTACTS_PER_BODY, MOST_NEW = 20, 4096
 SKIN_SHARE = 0.45  # skin of the neighbour list over the largest bounding radius
 STEPS_PER_CONTACT = 15  # the longest time step is this share of a head-on impact's contact time
@@ -140,7 +140,7 @@ class Simulation:
             self._most_spheres = max(len(shape.spheres_m) for shape in self.shapes.values())
             self.pairs = cl.new_sphere_pairs(
                 SPHERE_CONTACTS_PER_BODY * ghost + MOST_NEW,
-                DORMANT_PER_BODY * ghost + 256,
+                NEAR_PER_BODY * ghost + 256,
                 self._most_spheres,
                 ghost,
                 n_state,
@@ -148,7 +148,7 @@ class Simulation:
             spare, rows = 64 * st.MOST_SPHERES, ct.WALL_STATE // st.LANES + n_state
         else:
             self.pairs = st.new_pairs(
-                CONTACTS_PER_BODY * ghost + 64, DORMANT_PER_BODY * ghost + 256, ghost, n_state
+                CONTACTS_PER_BODY * ghost + 64, NEAR_PER_BODY * ghost + 256, ghost, n_state
             )
             spare, rows = 64, st.WALL_STATE // st.LANES + n_state
         for name, walls, most in (
@@ -216,8 +216,8 @@ class Simulation:
         new.motion[others] = old.motion[others]
         self.walls = new
         present = self.bodies.presence[: self.n_bodies] == st.PRESENT
-        self.bodies.alarm[: self.n_bodies][present] = -1.0
-        self.bodies.leeway[:] = 0.0
+        self.bodies.wall_check[: self.n_bodies][present] = -1.0
+        self.bodies.wall_margin[:] = 0.0
 
     @property
     def threads(self):
@@ -287,12 +287,12 @@ class Simulation:
     @property
     def angular_velocities(self):
         """Angular velocities in the world frame (N, 3) [rad/s]; a view as `positions` is."""
-        return self._seen(self.bodies.rows)[:, st.TURNING : st.TURNING + 3]
+        return self._seen(self.bodies.rows)[:, st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3]
 
     @property
     def angular_momenta(self):
         """Angular momenta about the centres in the world frame, a copy (N, 3) [kg m2/s]."""
-        return self._seen(st.lanes_of(self.bodies.motion, st.SPIN, 3, self.n_bodies))
+        return self._seen(st.lanes_of(self.bodies.motion, st.ANGULAR_MOMENTUM, 3, self.n_bodies))
 
     @property
     def shape_ids(self):
@@ -347,20 +347,20 @@ class Simulation:
         row = self.bodies.rows[i]
         row[st.POSITION : st.POSITION + 3] = position
         row[st.VELOCITY : st.VELOCITY + 3] = velocity
-        row[st.TURNING : st.TURNING + 3] = turning
+        row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3] = turning
         row[st.INVERSE_MASS] = 1.0 / (kind.mass_kg * scale**3)
         quaternion = quaternion / length
         inertia = kind.inertia_kg_m2 * scale**5
         turn = rotation_matrix(quaternion)
-        spin = turn @ (inertia * (turn.T @ row[st.TURNING : st.TURNING + 3]))
+        spin = turn @ (inertia * (turn.T @ row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3]))
         squares = np.zeros(3 * st.MOST_PARTS)
         if not self._of_clumps:
             squares[: kind.semi_axes_m.size] = ((kind.semi_axes_m * scale) ** 2).ravel()
         lanes = self.bodies.motion[i // st.LANES, i % st.LANES :: st.LANES]
         for first, values in (
             (st.QUATERNION, quaternion),
-            (st.SPIN, spin),
-            (st.MOBILITY, 1.0 / inertia),
+            (st.ANGULAR_MOMENTUM, spin),
+            (st.INVERSE_MOMENTS, 1.0 / inertia),
             (st.SQUARES, squares),
             (st.RADIUS, [kind.bounding_radius_m * scale]),
         ):
@@ -370,9 +370,9 @@ class Simulation:
         self._scales[i] = scale
         self.bodies.kind[i] = self._kinds[kind.material]
         self.bodies.presence[i] = st.PRESENT
-        self.bodies.alarm[i] = -1.0
+        self.bodies.wall_check[i] = -1.0
         self.bodies.resting[i // st.LANES] = 0
-        self.bodies.leeway[i // st.LANES] = 0.0
+        self.bodies.wall_margin[i // st.LANES] = 0.0
         self.counts[st.N_BODIES] = i + 1
         self.grid.moved[i] = 1
         self.grid.moved_list[self.counts[st.N_MOVED]] = i
@@ -414,7 +414,7 @@ class Simulation:
             orders=np.zeros(1, np.int64),
             begins=np.zeros(parallel.SHARES, np.int64),
             numbers=np.zeros(parallel.SHARES, np.int64),
-            due=np.zeros(len(self.pairs.dormant_limit), np.int64),
+            due=np.zeros(len(self.pairs.near_limit), np.int64),
         )
         tiles = (self._tiles, self._body_tiles, self._scratches)
         return parallel.run_threads((*lists, *world), tiles, shared, steps)
@@ -479,16 +479,16 @@ class Simulation:
             return cl.grown_sphere_pairs(
                 self.pairs, self.counts, self._most_spheres, self.capacity, self._n_state
             )
-        n_pairs, n_dormant = self.counts[st.N_PAIRS], self.counts[st.N_DORMANT]
+        n_pairs, n_near = self.counts[st.N_PAIRS], self.counts[st.N_NEAR]
         old = self.pairs
         contacts = len(old.first) * (2 if n_pairs * 4 > len(old.first) * 3 else 1)
-        dormant = len(old.dormant_limit) * (2 if n_dormant * 4 > len(old.dormant_limit) * 3 else 1)
-        bigger = st.new_pairs(contacts, dormant, self.capacity, self._n_state)
+        near = len(old.near_limit) * (2 if n_near * 4 > len(old.near_limit) * 3 else 1)
+        bigger = st.new_pairs(contacts, near, self.capacity, self._n_state)
         bigger.data[: len(old.data)] = old.data
         for name in ("first", "second"):
             getattr(bigger, name)[:n_pairs] = getattr(old, name)[:n_pairs]
-        for name in ("dormant_first", "dormant_second", "dormant_limit", "dormant_normal"):
-            getattr(bigger, name)[:n_dormant] = getattr(old, name)[:n_dormant]
+        for name in ("near_first", "near_second", "near_limit", "near_normal"):
+            getattr(bigger, name)[:n_near] = getattr(old, name)[:n_near]
         return bigger
 
     def kinetic_energies(self):

@@ -26,6 +26,7 @@ def wall_arrays(wall_set, kinds, size_m, old=None):
     places = [*flat[:, :3], *frames[:, :3]]
     speeds = [_approach(*wall, size_m) for wall in zip(surfaces, axes, places, motion, strict=True)]
     turned = np.any(frames != HOME, axis=1) | moves[len(planes) :]
+    path = 0.0 if old is None else old.approach[st.WALL_PATH]
     return st.Walls(
         planes=flat,
         cones=np.array([wall.row() for wall in cones]).reshape(-1, st.CONE_COLUMNS),
@@ -35,7 +36,7 @@ def wall_arrays(wall_set, kinds, size_m, old=None):
         motion=motion,
         moves=moves.astype(np.uint8),
         material=np.array([kinds[s.material] for s in surfaces], np.uint8),
-        creep=np.array([0.0 if old is None else old.creep[0], max(speeds, default=0.0), float(moves.any())]),
+        approach=np.array([path, max(speeds, default=0.0), float(moves.any())]),
     )
 
 

@@ -1,10 +1,10 @@
-"""Which spheres of which clumps touch: pairs of bodies with an odometer limit each, and their spheres when it is due.
+"""Which spheres of which clumps touch.
 
-A pair of clumps of which no two free spheres are farther apart than the skin has an entry, with the odometer limit of
-`neighbours`: odometers at the last look plus the smallest gap of two spheres that do not touch. An odometer bounds the
-motion of every point of a body, so of every sphere. When an entry is due, all its pairs of spheres are looked at; those
-that touch become contacts. A contact that ends lowers the limit of its entry to its own gap. Contacts name their entry,
-so entries stay where they are and leave holes, which are used again.
+A pair of clumps has an entry when two of its spheres that do not touch are nearer than the skin. The entry's limit is
+that of `neighbours`: displacements at the last check plus the smallest gap of two spheres that do not touch. The
+displacement of a body bounds the motion of every point of it, so of every sphere. When an entry is due, all its pairs
+of spheres are checked, and those that touch become contacts. A contact that ends lowers the limit of its entry to its
+own gap. Contacts name their entry, so entries stay where they are and leave holes, which are used again.
 """
 
 import math
@@ -28,12 +28,12 @@ PLACES_A, PLACES_B = 0, st.SPHERE_COLUMNS * MOST_SPHERES
 # each body. flat_known, curved_known (walls, N): which spheres of a body touch a wall, a bit each. mesh_sphere: of each
 # contact with a mesh, body * MOST_SPHERES + sphere.
 Clumps = namedtuple("Clumps", "spheres sizes shape scale flat_known curved_known mesh_sphere")
-# Contacts: bodies first and second, entry; spheres (n, 2). Entries: bodies dormant_first and dormant_second (a hole
-# has those of the ghost), dormant_limit, how many contacts are live, which pairs of spheres those are (known, a bit
+# Contacts: bodies first and second, entry; spheres (n, 2). Entries: bodies near_first and near_second (a hole
+# has those of the ghost), near_limit, how many contacts are live, which pairs of spheres those are (known, a bit
 # each), the holes (free).
 SpherePairs = namedtuple(
     "SpherePairs",
-    "first second entry spheres data ended gap dormant_first dormant_second dormant_limit live known free partner link",
+    "first second entry spheres data ended gap near_first near_second near_limit live known free partner link",
 )
 
 
@@ -77,9 +77,9 @@ def new_sphere_pairs(n_contacts, n_entries, most, ghost, n_state):
         data=data,
         ended=np.zeros(n_contacts, np.int64),
         gap=np.zeros(n_contacts),
-        dormant_first=np.full(n_entries, ghost, np.uint32),
-        dormant_second=np.full(n_entries, ghost, np.uint32),
-        dormant_limit=np.full(n_entries, np.inf),
+        near_first=np.full(n_entries, ghost, np.uint32),
+        near_second=np.full(n_entries, ghost, np.uint32),
+        near_limit=np.full(n_entries, np.inf),
         live=np.zeros(n_entries, np.int64),
         known=np.zeros((n_entries, -(-most * most // WORD)), np.uint64),
         free=np.zeros(n_entries, np.int64),
@@ -90,8 +90,8 @@ def new_sphere_pairs(n_contacts, n_entries, most, ghost, n_state):
 
 def grown_sphere_pairs(old, counts, most, ghost, n_state):
     """The same with twice the room where a list is filling up; see `engine.has_room`."""
-    n, m = int(counts[st.N_PAIRS]), int(counts[st.N_DORMANT])
-    contacts, entries = len(old.first), len(old.dormant_limit)
+    n, m = int(counts[st.N_PAIRS]), int(counts[st.N_NEAR])
+    contacts, entries = len(old.first), len(old.near_limit)
     bigger = new_sphere_pairs(
         contacts * (2 if n * 4 > contacts * 3 else 1),
         entries * (2 if m * 4 > entries * 3 else 1),
@@ -102,7 +102,7 @@ def grown_sphere_pairs(old, counts, most, ghost, n_state):
     for name in ("first", "second", "entry", "spheres"):
         getattr(bigger, name)[:n] = getattr(old, name)[:n]
     bigger.data[: len(old.data)] = old.data
-    for name in ("dormant_first", "dormant_second", "dormant_limit", "live", "known", "free"):
+    for name in ("near_first", "near_second", "near_limit", "live", "known", "free"):
         getattr(bigger, name)[:m] = getattr(old, name)[:m]
     return bigger
 
@@ -221,26 +221,26 @@ def add_entry(pairs, counts, grid, i, j):
         counts[st.N_FREE] -= 1
         k = pairs.free[counts[st.N_FREE]]
     else:
-        k = counts[st.N_DORMANT]
-        if k >= pairs.dormant_limit.shape[0]:
+        k = counts[st.N_NEAR]
+        if k >= pairs.near_limit.shape[0]:
             counts[st.FULL] = 1
             return -1
-        counts[st.N_DORMANT] = k + 1
-    grid.dormant[i] += 1
-    grid.dormant[j] += 1
-    pairs.dormant_first[k] = i
-    pairs.dormant_second[k] = j
+        counts[st.N_NEAR] = k + 1
+    grid.near[i] += 1
+    grid.near[j] += 1
+    pairs.near_first[k] = i
+    pairs.near_second[k] = j
     return k
 
 
 @inlined
 def drop_entry(pairs, counts, grid, k, ghost):
     """Make a hole of an entry without contacts."""
-    grid.dormant[pairs.dormant_first[k]] -= 1
-    grid.dormant[pairs.dormant_second[k]] -= 1
-    pairs.dormant_first[k] = ghost
-    pairs.dormant_second[k] = ghost
-    pairs.dormant_limit[k] = math.inf
+    grid.near[pairs.near_first[k]] -= 1
+    grid.near[pairs.near_second[k]] -= 1
+    pairs.near_first[k] = ghost
+    pairs.near_second[k] = ghost
+    pairs.near_limit[k] = math.inf
     pairs.free[counts[st.N_FREE]] = k
     counts[st.N_FREE] += 1
 
@@ -289,19 +289,19 @@ def look_at_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, s):
 
 
 @kernel
-def wake_clumps(bodies, pairs, counts, grid, clumps, s, ghost):
-    """Look at the entries whose odometers have used up their gap; those with a skin or more left are dropped."""
-    first, second, limit = pairs.dormant_first, pairs.dormant_second, pairs.dormant_limit
-    n = counts[st.N_DORMANT]
-    k = next_due(bodies.odometer, first, second, limit, 0, n)
+def update_near_clumps(bodies, pairs, counts, grid, clumps, s, ghost):
+    """Look at the entries whose displacements have used up their gap; those with a skin or more left are dropped."""
+    first, second, limit = pairs.near_first, pairs.near_second, pairs.near_limit
+    n = counts[st.N_NEAR]
+    k = next_due(bodies.displacement, first, second, limit, 0, n)
     while k < n:
         i, j = np.int64(first[k]), np.int64(second[k])
         gap, _entry = look_at_spheres(bodies, pairs, counts, grid, clumps, k, i, j, s)
         if gap < grid.lengths[st.SKIN] or pairs.live[k] > 0:
-            limit[k] = bodies.odometer[i] + bodies.odometer[j] + gap
+            limit[k] = bodies.displacement[i] + bodies.displacement[j] + gap
         else:
             drop_entry(pairs, counts, grid, k, ghost)
-        k = next_due(bodies.odometer, first, second, limit, k + 1, n)
+        k = next_due(bodies.displacement, first, second, limit, k + 1, n)
 
 
 @inlined
@@ -316,18 +316,18 @@ def list_clumps(bodies, pairs, counts, grid, clumps, i, j, s):
     if entry < 0 and gap < grid.lengths[st.SKIN]:
         entry = add_entry(pairs, counts, grid, i, j)
     if entry >= 0:
-        pairs.dormant_limit[entry] = bodies.odometer[i] + bodies.odometer[j] + gap
+        pairs.near_limit[entry] = bodies.displacement[i] + bodies.displacement[j] + gap
 
 
 @kernel
 def chain_entries(pairs, counts, grid, ghost):
     """Chain the partners in the entries of each body whose neighbours are found anew."""
-    left = listed(grid.dormant, grid, counts)
+    left = listed(grid.near, grid, counts)
     used = 0
-    k = counts[st.N_DORMANT] - 1
+    k = counts[st.N_NEAR] - 1
     while used < left:
-        i = pairs.dormant_first[np.uint64(k)]
-        j = pairs.dormant_second[np.uint64(k)]
+        i = pairs.near_first[np.uint64(k)]
+        j = pairs.near_second[np.uint64(k)]
         k -= 1
         if i == ghost:
             continue
@@ -349,8 +349,8 @@ def retire_spheres(bodies, pairs, counts, clumps, ended, ghost):
     for e in range(ended - 1, -1, -1):
         k = pairs.ended[e]
         entry = pairs.entry[k]
-        limit = bodies.odometer[pairs.first[k]] + bodies.odometer[pairs.second[k]] + pairs.gap[k]
-        pairs.dormant_limit[entry] = min(pairs.dormant_limit[entry], limit)
+        limit = bodies.displacement[pairs.first[k]] + bodies.displacement[pairs.second[k]] + pairs.gap[k]
+        pairs.near_limit[entry] = min(pairs.near_limit[entry], limit)
         drop_sphere_contact(pairs, counts, clumps, k, ghost)
 
 
@@ -361,7 +361,7 @@ def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
     for k in range(counts[st.N_PAIRS] - 1, -1, -1):
         if presence[pairs.first[k]] != st.PRESENT or presence[pairs.second[k]] != st.PRESENT:
             drop_sphere_contact(pairs, counts, clumps, k, ghost)
-    for k in range(counts[st.N_DORMANT]):
-        i, j = pairs.dormant_first[k], pairs.dormant_second[k]
+    for k in range(counts[st.N_NEAR]):
+        i, j = pairs.near_first[k], pairs.near_second[k]
         if i != ghost and (presence[i] != st.PRESENT or presence[j] != st.PRESENT):
             drop_entry(pairs, counts, grid, k, ghost)

@@ -4,11 +4,11 @@
 """
 
 from . import state as st
-from .clumps import retire_spheres, wake_clumps
+from .clumps import retire_spheres, update_near_clumps
 from .forces import curved_forces, fill_laws, mesh_forces, pair_forces, plane_forces, still_wall
 from .frames import move_plane_contacts, move_walls
 from .jit import inlined, kernel
-from .neighbours import retire_pairs, wake
+from .neighbours import retire_pairs, update_near
 from .renewal import drop_gone, renew
 from .rigid import act_on_events, integrate
 from .wall_search import update_meshes, update_walls
@@ -19,7 +19,7 @@ def has_room(pairs, flat, curved, meshed, counts):
     """Whether every list is less than three quarters full."""
     return (
         counts[st.N_PAIRS] * 4 <= pairs.first.shape[0] * 3
-        and counts[st.N_DORMANT] * 4 <= pairs.dormant_limit.shape[0] * 3
+        and counts[st.N_NEAR] * 4 <= pairs.near_limit.shape[0] * 3
         and counts[st.N_PLANE] * 4 <= flat.body.shape[0] * 3
         and counts[st.N_CURVED] * 4 <= curved.body.shape[0] * 3
         and counts[st.N_MESHED] * 4 <= meshed.body.shape[0] * 3
@@ -31,7 +31,7 @@ def begin_step(bodies, pairs, flat, curved, meshed, clumps, grid, walls, counts,
     """What comes before the search for contacts: bodies that went and walls that move."""
     if counts[st.N_GONE] > 0:
         drop_gone(bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost)
-    if walls.creep[2] > 0.0:
+    if walls.approach[st.WALLS_MOVE] > 0.0:
         move_walls(walls, physics.dt)
         move_plane_contacts(flat, walls, counts[st.N_PLANE])
 
@@ -70,9 +70,9 @@ def advance(
             return step
         begin_step(bodies, pairs, flat, curved, meshed, clumps, grid, walls, counts, physics, ghost)
         if len(clumps) == 0:
-            wake(bodies, pairs, counts, grid, physics.parts, scratch.normal)
+            update_near(bodies, pairs, counts, grid, physics.parts, scratch.normal)
         else:
-            wake_clumps(bodies, pairs, counts, grid, clumps, scratch.spheres, ghost)
+            update_near_clumps(bodies, pairs, counts, grid, clumps, scratch.spheres, ghost)
         renew(bodies, pairs, clumps, counts, grid, physics.parts, scratch, ghost)
         ended = pair_forces(bodies, pairs, clumps, counts, physics, t, 0, 0, counts[st.N_PAIRS])
         if len(clumps) == 0:

@@ -177,7 +177,7 @@ def still_wall(t):
 @inlined
 def wall_tile(bodies, contacts, walls, physics, first_wall, base, n, t):
     """Law and motion of the walls of a tile of contacts; `first_wall`: number of wall 0 of this kind of contacts."""
-    if not (physics.mixed_walls or walls.creep[2] > 0.0):
+    if not (physics.mixed_walls or walls.approach[st.WALLS_MOVE] > 0.0):
         return
     for lane in range(L):
         k = base + lane
@@ -199,10 +199,10 @@ def wall_tile(bodies, contacts, walls, physics, first_wall, base, n, t):
 def look_soon(bodies, contacts, walls, k, gap):
     """Ask for a new look at the body and the wall of a contact when the two may have closed a gap."""
     wall, i = contacts.wall[k], contacts.body[k]
-    limit = bodies.odometer[i] + walls.creep[0] + max(gap, 0.0)
+    limit = bodies.displacement[i] + walls.approach[st.WALL_PATH] + max(gap, 0.0)
     contacts.limit[wall, i] = min(contacts.limit[wall, i], limit)
-    bodies.alarm[i] = min(bodies.alarm[i], limit)
-    bodies.leeway[i // L] = 0.0
+    bodies.wall_check[i] = min(bodies.wall_check[i], limit)
+    bodies.wall_margin[i // L] = 0.0
 
 
 @inlined

@@ -103,7 +103,7 @@ def move_walls(walls, dt):
             for c in range(3):
                 x, y, z = turned_by(angle, ux, uy, uz, place[3 + c], place[6 + c], place[9 + c])
                 place[3 + c], place[6 + c], place[9 + c] = x, y, z
-    walls.creep[0] += dt * walls.creep[1]
+    walls.approach[st.WALL_PATH] += dt * walls.approach[st.WALL_SPEED]
 
 
 @kernel

@@ -5,7 +5,11 @@ with it every bit of a result does not depend on what the optimiser happened to 
 arrays are not counted (`_nrt`): each view of a row would otherwise cost two atomic operations.
 """
 
+import math
+from types import SimpleNamespace
+
 import numba
+import numpy as np
 
 from .. import cache  # noqa: F401  (sets the cache folder before any kernel is made)
 
@@ -14,16 +18,34 @@ FLAGS = {"contract"}
 INLINED = {"fastmath": FLAGS, "error_model": "numpy", "_nrt": False, "forceinline": True}
 
 
+# With NUMBA_DISABLE_JIT=1 the kernels run as Python, to be measured or debugged. A root is then a number of numpy,
+# which can be divided by when it is 0, as in compiled code.
+JIT_OFF = bool(numba.config.DISABLE_JIT)
+_MATH = SimpleNamespace(**{**vars(math), "sqrt": lambda x: np.sqrt(np.float64(x))})
+
+
+def _as_python(function):
+    """A kernel as a Python function that divides by zero as the compiled one does."""
+    function.__globals__["math"] = _MATH
+    return function
+
+
 def kernel(function):
     """Compile a function of floats and arrays, cached on disk."""
+    if JIT_OFF:
+        return _as_python(function)
     return numba.njit(cache=True, fastmath=FLAGS, error_model="numpy", _nrt=False)(function)
 
 
 def kernel_without_gil(function):
     """Compile a kernel that several Python threads run at the same time."""
+    if JIT_OFF:
+        return _as_python(function)
     return numba.njit(cache=True, fastmath=FLAGS, error_model="numpy", _nrt=False, nogil=True)(function)
 
 
 def inlined(function):
     """Compile a small function that is always inlined into its callers."""
+    if JIT_OFF:
+        return _as_python(function)
     return numba.njit(cache=True, **INLINED)(function)

@@ -1,10 +1,11 @@
-"""Which pairs touch: cells, dormant pairs and odometers.
+"""The neighbour (Verlet) list with a skin, kept pair by pair and body by body.
 
-Every body keeps an odometer, a bound of how far any of its points has moved. A pair that does not touch lies dormant
-with a limit: gap at the last look plus both odometers at that time. While the sum of the odometers stays below it the
-pair cannot touch and is not looked at. A pair with a gap of a skin or more is not listed at all: when a body's odometer
-has gone on by half a skin, its pairs are listed anew, alone, and so the two bodies of an unlisted pair together never
-move by more than the skin before one of them is looked at.
+Every body has a displacement: the sum over all steps of how far any of its points may have moved. A pair of bodies
+that do not touch stands in the list of near pairs with a limit, the gap at the last check plus both displacements at
+that time. The pair cannot touch as long as the sum of the displacements is below the limit, and is not checked until
+then. A pair with a gap of a skin or more is not listed. When a body has moved by half a skin since its pairs were
+listed, they are listed anew, those of this body alone. So two bodies of an unlisted pair move by less than the skin,
+both together, before one of them is looked at.
 """
 
 import math
@@ -57,7 +58,7 @@ def link(grid, bodies, i):
     """Put body i into the cell of its present position and note when its neighbours are to be found anew."""
     x, y, z = bodies.rows[i, 0], bodies.rows[i, 1], bodies.rows[i, 2]
     cell = cell_of(grid, x, y, z)
-    bodies.motion[i // L, st.RENEWAL + i % L] = bodies.odometer[i] + 0.5 * grid.lengths[st.SKIN]
+    bodies.motion[i // L, st.RELIST + i % L] = bodies.displacement[i] + 0.5 * grid.lengths[st.SKIN]
     grid.cell[i] = cell
     grid.preceding[i] = -1
     grid.following[i] = grid.head[cell]
@@ -76,37 +77,37 @@ def mark_moved(grid, counts, i):
 
 
 @inlined
-def drop_dormant(pairs, counts, grid, k):
-    """Remove dormant pair k; the last one takes its place."""
-    last = counts[st.N_DORMANT] - 1
-    counts[st.N_DORMANT] = last
-    grid.dormant[pairs.dormant_first[k]] -= 1
-    grid.dormant[pairs.dormant_second[k]] -= 1
-    pairs.dormant_first[k] = pairs.dormant_first[last]
-    pairs.dormant_second[k] = pairs.dormant_second[last]
-    pairs.dormant_limit[k] = pairs.dormant_limit[last]
-    pairs.dormant_look[k // st.BLOCK] = 0.0
+def drop_near(pairs, counts, grid, k):
+    """Remove near pair k; the last one takes its place."""
+    last = counts[st.N_NEAR] - 1
+    counts[st.N_NEAR] = last
+    grid.near[pairs.near_first[k]] -= 1
+    grid.near[pairs.near_second[k]] -= 1
+    pairs.near_first[k] = pairs.near_first[last]
+    pairs.near_second[k] = pairs.near_second[last]
+    pairs.near_limit[k] = pairs.near_limit[last]
+    pairs.near_check[k // st.BLOCK] = 0.0
     for c in range(3):
-        pairs.dormant_normal[k, c] = pairs.dormant_normal[last, c]
+        pairs.near_normal[k, c] = pairs.near_normal[last, c]
 
 
 @inlined
-def add_dormant(pairs, counts, grid, i, j, limit, nx, ny, nz):
-    """Append a dormant pair."""
-    k = counts[st.N_DORMANT]
-    if k >= pairs.dormant_limit.shape[0]:
+def add_near(pairs, counts, grid, i, j, limit, nx, ny, nz):
+    """Append a near pair."""
+    k = counts[st.N_NEAR]
+    if k >= pairs.near_limit.shape[0]:
         counts[st.FULL] = 1
         return
-    counts[st.N_DORMANT] = k + 1
-    grid.dormant[i] += 1
-    grid.dormant[j] += 1
-    pairs.dormant_first[k] = i
-    pairs.dormant_second[k] = j
-    pairs.dormant_limit[k] = limit
-    pairs.dormant_look[k // st.BLOCK] = 0.0
-    pairs.dormant_normal[k, 0] = nx
-    pairs.dormant_normal[k, 1] = ny
-    pairs.dormant_normal[k, 2] = nz
+    counts[st.N_NEAR] = k + 1
+    grid.near[i] += 1
+    grid.near[j] += 1
+    pairs.near_first[k] = i
+    pairs.near_second[k] = j
+    pairs.near_limit[k] = limit
+    pairs.near_check[k // st.BLOCK] = 0.0
+    pairs.near_normal[k, 0] = nx
+    pairs.near_normal[k, 1] = ny
+    pairs.near_normal[k, 2] = nz
 
 
 @inlined
@@ -139,45 +140,48 @@ def drop_contact(pairs, counts, grid, k, ghost):
 
 
 @inlined
-def look_at_dormant(bodies, pairs, counts, grid, parts, k, normal):
-    """Solve for the gap of dormant pair k: it touches, or sleeps on with a new limit; returns whether it sleeps."""
-    i = pairs.dormant_first[k]
-    j = pairs.dormant_second[k]
+def check_near(bodies, pairs, counts, grid, parts, k, normal):
+    """Solve for the gap of near pair k: it becomes a contact or gets a new limit.
+
+    Returns whether it stays in the list.
+    """
+    i = pairs.near_first[k]
+    j = pairs.near_second[k]
     for c in range(3):
-        normal[c] = pairs.dormant_normal[k, c]
+        normal[c] = pairs.near_normal[k, c]
     gap = solve_gap(bodies.rows, parts, i, j, normal, TOLERANCE, EARLY * grid.lengths[st.SKIN])
     if gap <= 0.0:
-        drop_dormant(pairs, counts, grid, k)
+        drop_near(pairs, counts, grid, k)
         add_contact(pairs, counts, grid, i, j, normal)
         return False
-    pairs.dormant_limit[k] = bodies.odometer[i] + bodies.odometer[j] + gap
+    pairs.near_limit[k] = bodies.displacement[i] + bodies.displacement[j] + gap
     for c in range(3):
-        pairs.dormant_normal[k, c] = normal[c]
+        pairs.near_normal[k, c] = normal[c]
     return True
 
 
 @kernel
-def next_due(odometer, first, second, limit, begin, end):
+def next_due(displacement, first, second, limit, begin, end):
     """First pair of begin to end that has used up its gap, or `end`.
 
     Unsigned indices: numba looks at signed ones for negative numbers, which would double the time of this loop.
     """
     for k in range(begin, end):
         u = np.uint64(k)
-        if odometer[first[u]] + odometer[second[u]] >= limit[u]:
+        if displacement[first[u]] + displacement[second[u]] >= limit[u]:
             return k
     return end
 
 
 @kernel
-def wake(bodies, pairs, counts, grid, parts, normal):
-    """Look at the dormant pairs whose odometers have used up their gap."""
-    first, second, limit = pairs.dormant_first, pairs.dormant_second, pairs.dormant_limit
-    k = next_due(bodies.odometer, first, second, limit, 0, counts[st.N_DORMANT])
-    while k < counts[st.N_DORMANT]:
-        if look_at_dormant(bodies, pairs, counts, grid, parts, k, normal):
+def update_near(bodies, pairs, counts, grid, parts, normal):
+    """Look at the near pairs whose displacements have used up their gap."""
+    first, second, limit = pairs.near_first, pairs.near_second, pairs.near_limit
+    k = next_due(bodies.displacement, first, second, limit, 0, counts[st.N_NEAR])
+    while k < counts[st.N_NEAR]:
+        if check_near(bodies, pairs, counts, grid, parts, k, normal):
             k += 1
-        k = next_due(bodies.odometer, first, second, limit, k, counts[st.N_DORMANT])
+        k = next_due(bodies.displacement, first, second, limit, k, counts[st.N_NEAR])
 
 
 @inlined
@@ -190,17 +194,17 @@ def listed(counter, grid, counts):
 
 
 @kernel
-def forget_dormant(pairs, counts, grid):
-    """Drop the dormant pairs of bodies whose neighbours are found anew; the youngest pairs first."""
+def drop_near_of_moved(pairs, counts, grid):
+    """Drop the near pairs of bodies whose neighbours are found anew; the youngest pairs first."""
     moved = grid.moved
-    left = listed(grid.dormant, grid, counts)
-    k = counts[st.N_DORMANT] - 1
+    left = listed(grid.near, grid, counts)
+    k = counts[st.N_NEAR] - 1
     while left > 0:
         u = np.uint64(k)
-        both = moved[pairs.dormant_first[u]] + moved[pairs.dormant_second[u]]
+        both = moved[pairs.near_first[u]] + moved[pairs.near_second[u]]
         if both > 0:
             left -= both
-            drop_dormant(pairs, counts, grid, k)
+            drop_near(pairs, counts, grid, k)
         k -= 1
 
 
@@ -235,7 +239,7 @@ def bounding_radius(bodies, i):
 
 @inlined
 def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
-    """List a pair anew: touching, dormant with the gap found, or not at all where the gap is a skin or more."""
+    """List a pair anew: touching, near with the gap found, or not at all where the gap is a skin or more."""
     rows = bodies.rows
     skin = grid.lengths[st.SKIN]
     dx = rows[b, 0] - rows[a, 0]
@@ -253,19 +257,19 @@ def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
     if gap <= 0.0:
         add_contact(pairs, counts, grid, a, b, normal)
     elif gap < skin:
-        total = bodies.odometer[a] + bodies.odometer[b]
-        add_dormant(pairs, counts, grid, a, b, total + gap, normal[0], normal[1], normal[2])
+        total = bodies.displacement[a] + bodies.displacement[b]
+        add_near(pairs, counts, grid, a, b, total + gap, normal[0], normal[1], normal[2])
 
 
 @kernel
 def retire_pairs(bodies, pairs, counts, grid, begin, ended, ghost):
-    """List the pairs that parted as dormant, the last first."""
+    """List the pairs that parted as near, the last first."""
     for e in range(begin + ended - 1, begin - 1, -1):
         k = pairs.ended[e]
         i = pairs.first[k]
         j = pairs.second[k]
-        limit = bodies.odometer[i] + bodies.odometer[j] + pairs.gap[k]
+        limit = bodies.displacement[i] + bodies.displacement[j] + pairs.gap[k]
         tile = pairs.data[k // L]
         n = st.NORMAL + k % L
-        add_dormant(pairs, counts, grid, i, j, limit, tile[n], tile[n + L], tile[n + 2 * L])
+        add_near(pairs, counts, grid, i, j, limit, tile[n], tile[n + L], tile[n + 2 * L])
         drop_contact(pairs, counts, grid, k, ghost)

@@ -54,24 +54,24 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
     place = np.empty(n, np.int64)
     place[order] = np.arange(n)
     for array in (
-        bodies.rows, bodies.odometer, bodies.alarm, bodies.presence, bodies.passed, bodies.exit_time, bodies.kind,
-        grid.cell, grid.moved, grid.touching, grid.dormant,
+        bodies.rows, bodies.displacement, bodies.wall_check, bodies.presence, bodies.passed, bodies.exit_time,
+        bodies.kind, grid.cell, grid.moved, grid.touching, grid.near,
     ):  # fmt: skip
         array[:n] = array[:n][order]
     for contacts in (flat, curved, meshed):
         contacts.limit[:, :n] = contacts.limit[:, :n][:, order]
     _permute_lanes(bodies.motion, order)
     bodies.resting[:] = 0
-    bodies.leeway[:] = 0.0
-    bodies.doubt[:] = 0
+    bodies.wall_margin[:] = 0.0
+    bodies.undecided[:] = 0
     moved = int(counts[st.N_MOVED])
     grid.moved_list[:moved] = place[grid.moved_list[:moved]]
     relink(grid, n)
     for numbers, used in (
         (pairs.first, st.N_PAIRS),
         (pairs.second, st.N_PAIRS),
-        (pairs.dormant_first, st.N_DORMANT),
-        (pairs.dormant_second, st.N_DORMANT),
+        (pairs.near_first, st.N_NEAR),
+        (pairs.near_second, st.N_NEAR),
         (flat.body, st.N_PLANE),
         (curved.body, st.N_CURVED),
         (meshed.body, st.N_MESHED),
@@ -79,7 +79,7 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
         numbers[: counts[used]] = place[numbers[: counts[used]]]
     sort_contacts(pairs, int(counts[st.N_PAIRS]))
     sort_plane_contacts(flat, int(counts[st.N_PLANE]))
-    sort_dormant(pairs, int(counts[st.N_DORMANT]))
+    sort_near(pairs, int(counts[st.N_NEAR]))
     return order
 
 
@@ -99,9 +99,9 @@ def sort_plane_contacts(flat, n):
     _permute_lanes(flat.data, order)
 
 
-def sort_dormant(pairs, n):
-    """Put the first n dormant pairs in the order of their bodies."""
-    order = np.argsort(np.minimum(pairs.dormant_first[:n], pairs.dormant_second[:n]), kind="stable")
-    for array in (pairs.dormant_first, pairs.dormant_second, pairs.dormant_limit, pairs.dormant_normal):
+def sort_near(pairs, n):
+    """Put the first n near pairs in the order of their bodies."""
+    order = np.argsort(np.minimum(pairs.near_first[:n], pairs.near_second[:n]), kind="stable")
+    for array in (pairs.near_first, pairs.near_second, pairs.near_limit, pairs.near_normal):
         array[:n] = array[:n][order]
-    pairs.dormant_look[:] = 0.0
+    pairs.near_check[:] = 0.0

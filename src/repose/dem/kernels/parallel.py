@@ -17,7 +17,7 @@ from .contact import solve_gap
 from .engine import begin_step, has_room, wall_contacts_and_forces
 from .forces import pair_forces
 from .jit import inlined, kernel, kernel_without_gil
-from .neighbours import EARLY, TOLERANCE, add_contact, drop_dormant, next_due, retire_pairs
+from .neighbours import EARLY, TOLERANCE, add_contact, drop_near, next_due, retire_pairs
 from .renewal import renew
 from .rigid import act_on_events, integrate
 
@@ -25,7 +25,7 @@ SHARES = 8
 FEWEST_BODIES = 4096  # smaller simulations have one share: they gain nothing from threads
 REORDER_EVERY = 1000  # steps after which bodies are numbered anew (see `order`)
 CALM = 1e-3  # of the skin: paths of one step below which whole blocks of pairs can be left alone
-CHANGED, DUE = 0.0, -1.0  # of a block of dormant pairs, in place of the path that calls for a look
+CHANGED, DUE = 0.0, -1.0  # of a block of near pairs, in place of the path that calls for a look
 UP_TO_NOW, LAST_STEP = 0, 1  # rows of `Grid.paths`
 STOP = 0  # place in `orders` that ends the run
 L = st.LANES
@@ -39,12 +39,12 @@ def share_of(n, share, grain):
 
 
 @kernel
-def slack(odometer, first, second, limit, begin, end):
+def slack(displacement, first, second, limit, begin, end):
     """By how much the pairs begin to end may at least come nearer before one is due [m]."""
     least = math.inf
     for k in range(begin, end):
         u = np.uint64(k)
-        least = min(least, limit[u] - (odometer[first[u]] + odometer[second[u]]))
+        least = min(least, limit[u] - (displacement[first[u]] + displacement[second[u]]))
     return least
 
 
@@ -52,7 +52,7 @@ def slack(odometer, first, second, limit, begin, end):
 def group_bits(bodies):
     """By how many bits a body's number is shifted to give its group: whole tiles, at most st.MOST_GROUPS groups."""
     bits = 5
-    while bodies.odometer.shape[0] >> bits >= st.MOST_GROUPS:
+    while bodies.displacement.shape[0] >> bits >= st.MOST_GROUPS:
         bits += 1
     return bits
 
@@ -95,69 +95,69 @@ def note_paths(bodies, counts, grid):
 
 @inlined
 def look_at_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
-    """Solve for the gaps of the dormant pairs begin to end that are due; lists those that touch from a place on.
+    """Solve for the gaps of the near pairs begin to end that are due; lists those that touch from a place on.
 
     Returns how many.
     """
     early = EARLY * grid.lengths[st.SKIN]
-    first, second, limit = pairs.dormant_first, pairs.dormant_second, pairs.dormant_limit
+    first, second, limit = pairs.near_first, pairs.near_second, pairs.near_limit
     found = 0
-    k = next_due(bodies.odometer, first, second, limit, begin, end)
+    k = next_due(bodies.displacement, first, second, limit, begin, end)
     while k < end:
         i = first[k]
         j = second[k]
         for c in range(3):
-            normal[c] = pairs.dormant_normal[k, c]
+            normal[c] = pairs.near_normal[k, c]
         gap = solve_gap(bodies.rows, parts, i, j, normal, TOLERANCE, early)
         for c in range(3):
-            pairs.dormant_normal[k, c] = normal[c]
+            pairs.near_normal[k, c] = normal[c]
         if gap <= 0.0:
             due[place + found] = k
             found += 1
         else:
-            limit[k] = bodies.odometer[i] + bodies.odometer[j] + gap
-        k = next_due(bodies.odometer, first, second, limit, k + 1, end)
+            limit[k] = bodies.displacement[i] + bodies.displacement[j] + gap
+        k = next_due(bodies.displacement, first, second, limit, k + 1, end)
     return found
 
 
 @inlined
 def look_at_share(bodies, pairs, grid, parts, begin, end, due, normal):
-    """Solve for the gaps of the dormant pairs begin to end that are due; lists those that touch, returns how many.
+    """Solve for the gaps of the near pairs begin to end that are due; lists those that touch, returns how many.
 
     A block whose bodies are nearly at rest is left alone until its slack may be used up: two bodies have come nearer by
     at most twice the sum of the longest paths of all the groups that have bodies in it.
     """
-    first, second, limit = pairs.dormant_first, pairs.dormant_second, pairs.dormant_limit
+    first, second, limit = pairs.near_first, pairs.near_second, pairs.near_limit
     bits = group_bits(bodies)
     calm = CALM * grid.lengths[st.SKIN]
     found = 0
     for at in range(begin, end, st.BLOCK):
         block = at // st.BLOCK
-        groups = pairs.dormant_groups[block]
-        if paths_of(grid.paths[UP_TO_NOW], groups) < pairs.dormant_look[block]:
+        groups = pairs.near_groups[block]
+        if paths_of(grid.paths[UP_TO_NOW], groups) < pairs.near_check[block]:
             continue
         last = min(at + st.BLOCK, end)
         found += look_at_block(bodies, pairs, grid, parts, at, last, due, begin + found, normal)
-        if pairs.dormant_look[block] == CHANGED:
+        if pairs.near_check[block] == CHANGED:
             groups = groups_of(first, second, at, last, bits)
-            pairs.dormant_groups[block] = groups
-        pairs.dormant_look[block] = DUE
+            pairs.near_groups[block] = groups
+        pairs.near_check[block] = DUE
         if 2.0 * paths_of(grid.paths[LAST_STEP], groups) < calm:
-            free = slack(bodies.odometer, first, second, limit, at, last)
-            pairs.dormant_look[block] = paths_of(grid.paths[UP_TO_NOW], groups) + 0.5 * free - st.ROUNDING
+            free = slack(bodies.displacement, first, second, limit, at, last)
+            pairs.near_check[block] = paths_of(grid.paths[UP_TO_NOW], groups) + 0.5 * free - st.ROUNDING
     return found
 
 
 @inlined
-def wake_shares(pairs, counts, grid, due, n_due, begins):
-    """Turn the dormant pairs that touch into contacts, the last first."""
+def update_near_shares(pairs, counts, grid, due, n_due, begins):
+    """Turn the near pairs that touch into contacts, the last first."""
     for share in range(SHARES - 1, -1, -1):
         for e in range(begins[share] + n_due[share] - 1, begins[share] - 1, -1):
             k = due[e]
-            i = pairs.dormant_first[k]
-            j = pairs.dormant_second[k]
-            add_contact(pairs, counts, grid, i, j, pairs.dormant_normal[k])
-            drop_dormant(pairs, counts, grid, k)
+            i = pairs.near_first[k]
+            j = pairs.near_second[k]
+            add_contact(pairs, counts, grid, i, j, pairs.near_normal[k])
+            drop_near(pairs, counts, grid, k)
 
 
 @kernel_without_gil
@@ -184,14 +184,14 @@ def advance_shared(
             return step
 
         for share in range(thread, SHARES, threads):
-            begin, end = share_of(counts[st.N_DORMANT], share, st.BLOCK)
+            begin, end = share_of(counts[st.N_NEAR], share, st.BLOCK)
             begins[share] = begin
             numbers[share] = look_at_share(
                 bodies, pairs, grid, physics.parts, begin, end, shared.due, scratch.normal
             )
         wait_for_all(shared.counters, threads)
         if lead:
-            wake_shares(pairs, counts, grid, shared.due, numbers, begins)
+            update_near_shares(pairs, counts, grid, shared.due, numbers, begins)
             renew(bodies, pairs, (), counts, grid, physics.parts, scratch, ghost)
             wall_contacts_and_forces(
                 bodies, flat, curved, meshed, (), walls, meshes, counts, physics, t, scratch, ghost

@@ -7,7 +7,7 @@ from . import state as st
 from .clumps import chain_entries, drop_entries_of_gone, list_clumps
 from .forces import drop_curved, drop_flat, drop_meshed
 from .jit import inlined, kernel
-from .neighbours import chain_contacts, drop_contact, forget_dormant, link, list_pair, unlink
+from .neighbours import chain_contacts, drop_contact, drop_near_of_moved, link, list_pair, unlink
 from .rigid import take_away
 
 
@@ -57,7 +57,7 @@ def renew(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
     if n_moved == 0:
         return
     if len(clumps) == 0:
-        forget_dormant(pairs, counts, grid)
+        drop_near_of_moved(pairs, counts, grid)
     for m in range(n_moved):
         i = grid.moved_list[m]
         unlink(grid, i)

@@ -12,17 +12,17 @@ from . import state as st
 from .jit import inlined, kernel
 from .neighbours import mark_moved
 from .simd import WIDTH, lanes_to_rows, prefetch, rows_to_lanes
-from .state import LANES, MOBILITY, PART, QUATERNION, RENEWAL, SHAPE, SPIN, SQUARES
+from .state import ANGULAR_MOMENTUM, INVERSE_MOMENTS, LANES, PART, QUATERNION, RELIST, SHAPE, SQUARES
 
 L = LANES  # short, for the index arithmetic below
 
 # Rows of the scratch tile: the columns of `rows` and of `load` (see `state`), then what the step finds.
 ROWS = 0
-OMEGA = ROWS + st.TURNING * L
+OMEGA = ROWS + st.ANGULAR_VELOCITY * L
 LOAD = 32 * L
 PATH = 40 * L  # how far the farthest point of the body may have moved
 BEFORE = 41 * L  # height before the step
-RESPONSE = 42 * L  # inverse inertia (world) as xx, xy, xz, yy, yz, zz
+INVERSE_INERTIA = 42 * L  # inverse inertia (world) as xx, xy, xz, yy, yz, zz
 INERTIA = 48 * L  # inertia (world), likewise
 MOMENTS = 54 * L  # principal moments
 MORE = 57 * L  # another share of the loads
@@ -74,10 +74,14 @@ def rotated_diagonal(m, at, c, d, diagonal):
 
 
 @inlined
-def respond(m, k, x, y, z):
+def inverse_inertia_times(m, k, x, y, z):
     """Inverse inertia of lane k's body (world) times a vector."""
-    xx, xy, xz = m[RESPONSE + k], m[RESPONSE + L + k], m[RESPONSE + 2 * L + k]
-    yy, yz, zz = m[RESPONSE + 3 * L + k], m[RESPONSE + 4 * L + k], m[RESPONSE + 5 * L + k]
+    xx, xy, xz = m[INVERSE_INERTIA + k], m[INVERSE_INERTIA + L + k], m[INVERSE_INERTIA + 2 * L + k]
+    yy, yz, zz = (
+        m[INVERSE_INERTIA + 3 * L + k],
+        m[INVERSE_INERTIA + 4 * L + k],
+        m[INVERSE_INERTIA + 5 * L + k],
+    )
     return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
 
 
@@ -118,10 +122,11 @@ def might_turn(m, dt):
 
 
 @kernel
-def all_stay(m, c, dt, doubt, tile):
+def all_stay(m, c, dt, undecided, tile):
     """Whether no body of a tile that rests begins to turn: the condition of `resist_lanes`, in each body's frame.
 
-    Notes in `doubt` which had to be asked, a bit each: the next step will ask the same.
+    The simple condition of `might_turn` leaves some bodies undecided. Their bits are set in `undecided`, for
+    `fetch_next`: the next step will most likely leave the same ones.
     """
     asked = 0
     for k in range(L):
@@ -138,7 +143,7 @@ def all_stay(m, c, dt, doubt, tile):
         )
         # twice the vector product with the quaternion's vector
         tx, ty, tz = 2.0 * (ly * qz - lz * qy), 2.0 * (lz * qx - lx * qz), 2.0 * (lx * qy - ly * qx)
-        i1, i2, i3 = c[MOBILITY + k], c[MOBILITY + L + k], c[MOBILITY + 2 * L + k]
+        i1, i2, i3 = c[INVERSE_MOMENTS + k], c[INVERSE_MOMENTS + L + k], c[INVERSE_MOMENTS + 2 * L + k]
         ox = i1 * (lx + qw * tx + ty * qz - tz * qy)
         oy = i2 * (ly + qw * ty + tz * qx - tx * qz)
         oz = i3 * (lz + qw * tz + tx * qy - ty * qx)
@@ -146,7 +151,7 @@ def all_stay(m, c, dt, doubt, tile):
         share = budget / max(math.sqrt(square), SLOWEST)
         if share * (i1 * ox * ox + i2 * oy * oy + i3 * oz * oz) < square:
             return False
-    doubt[tile] = asked
+    undecided[tile] = asked
     return True
 
 
@@ -155,12 +160,12 @@ def twist_lanes(m, c, dt):
     """Give each lane's body the angular momentum of its torque; returns how many might turn all the same."""
     n = 0
     for k in range(L):
-        lx = c[SPIN + k] + dt * m[LOAD + 3 * L + k]
-        ly = c[SPIN + L + k] + dt * m[LOAD + 4 * L + k]
-        lz = c[SPIN + 2 * L + k] + dt * m[LOAD + 5 * L + k]
-        c[SPIN + k] = lx
-        c[SPIN + L + k] = ly
-        c[SPIN + 2 * L + k] = lz
+        lx = c[ANGULAR_MOMENTUM + k] + dt * m[LOAD + 3 * L + k]
+        ly = c[ANGULAR_MOMENTUM + L + k] + dt * m[LOAD + 4 * L + k]
+        lz = c[ANGULAR_MOMENTUM + 2 * L + k] + dt * m[LOAD + 5 * L + k]
+        c[ANGULAR_MOMENTUM + k] = lx
+        c[ANGULAR_MOMENTUM + L + k] = ly
+        c[ANGULAR_MOMENTUM + 2 * L + k] = lz
         budget = SURE * dt * m[LOAD + st.ROLL * L + k]
         n += 1 if budget * budget < lx * lx + ly * ly + lz * lz else 0
     return n
@@ -170,7 +175,7 @@ def twist_lanes(m, c, dt):
 def stop_lanes(m, c):
     """End the rotation of all lanes."""
     for k in range(3 * L):
-        c[SPIN + k] = 0.0
+        c[ANGULAR_MOMENTUM + k] = 0.0
         m[OMEGA + k] = 0.0
 
 
@@ -183,17 +188,17 @@ def resist_lanes(m, c, dt):
     """
     n = 0
     for k in range(L):
-        lx, ly, lz = c[SPIN + k], c[SPIN + L + k], c[SPIN + 2 * L + k]
-        ox, oy, oz = respond(m, k, lx, ly, lz)
+        lx, ly, lz = c[ANGULAR_MOMENTUM + k], c[ANGULAR_MOMENTUM + L + k], c[ANGULAR_MOMENTUM + 2 * L + k]
+        ox, oy, oz = inverse_inertia_times(m, k, lx, ly, lz)
         speed = math.sqrt(ox * ox + oy * oy + oz * oz)
         budget = dt * m[LOAD + st.ROLL * L + k] / max(speed, SLOWEST)
         bx, by, bz = budget * ox, budget * oy, budget * oz
-        rx, ry, rz = respond(m, k, bx, by, bz)
+        rx, ry, rz = inverse_inertia_times(m, k, bx, by, bz)
         turns = ox * rx + oy * ry + oz * rz < speed * speed
         n += 1 if turns else 0
-        c[SPIN + k] = lx - bx if turns else 0.0
-        c[SPIN + L + k] = ly - by if turns else 0.0
-        c[SPIN + 2 * L + k] = lz - bz if turns else 0.0
+        c[ANGULAR_MOMENTUM + k] = lx - bx if turns else 0.0
+        c[ANGULAR_MOMENTUM + L + k] = ly - by if turns else 0.0
+        c[ANGULAR_MOMENTUM + 2 * L + k] = lz - bz if turns else 0.0
         m[OMEGA + k] = ox - rx if turns else 0.0
         m[OMEGA + L + k] = oy - ry if turns else 0.0
         m[OMEGA + 2 * L + k] = oz - rz if turns else 0.0
@@ -207,19 +212,19 @@ def resist_in_frame(m, c, dt, fx, fy, fz):
     A body whose budget outweighs that rotation turns with the frame.
     """
     for k in range(L):
-        lx, ly, lz = c[SPIN + k], c[SPIN + L + k], c[SPIN + 2 * L + k]
-        ox, oy, oz = respond(m, k, lx, ly, lz)
+        lx, ly, lz = c[ANGULAR_MOMENTUM + k], c[ANGULAR_MOMENTUM + L + k], c[ANGULAR_MOMENTUM + 2 * L + k]
+        ox, oy, oz = inverse_inertia_times(m, k, lx, ly, lz)
         dx, dy, dz = ox - fx, oy - fy, oz - fz
         speed = math.sqrt(dx * dx + dy * dy + dz * dz)
         budget = dt * m[LOAD + st.ROLL * L + k] / max(speed, SLOWEST)
         bx, by, bz = budget * dx, budget * dy, budget * dz
-        rx, ry, rz = respond(m, k, bx, by, bz)
+        rx, ry, rz = inverse_inertia_times(m, k, bx, by, bz)
         turns = dx * rx + dy * ry + dz * rz < speed * speed
         xx, xy, xz = m[INERTIA + k], m[INERTIA + L + k], m[INERTIA + 2 * L + k]
         yy, yz, zz = m[INERTIA + 3 * L + k], m[INERTIA + 4 * L + k], m[INERTIA + 5 * L + k]
-        c[SPIN + k] = lx - bx if turns else xx * fx + xy * fy + xz * fz
-        c[SPIN + L + k] = ly - by if turns else xy * fx + yy * fy + yz * fz
-        c[SPIN + 2 * L + k] = lz - bz if turns else xz * fx + yz * fy + zz * fz
+        c[ANGULAR_MOMENTUM + k] = lx - bx if turns else xx * fx + xy * fy + xz * fz
+        c[ANGULAR_MOMENTUM + L + k] = ly - by if turns else xy * fx + yy * fy + yz * fz
+        c[ANGULAR_MOMENTUM + 2 * L + k] = lz - bz if turns else xz * fx + yz * fy + zz * fz
         m[OMEGA + k] = ox - rx if turns else fx
         m[OMEGA + L + k] = oy - ry if turns else fy
         m[OMEGA + 2 * L + k] = oz - rz if turns else fz
@@ -229,7 +234,7 @@ def resist_in_frame(m, c, dt, fx, fy, fz):
 def moments(m, c):
     """Inertia (world) of the bodies of a tile as they are turned now."""
     for k in range(3 * L):
-        m[MOMENTS + k] = 1.0 / max(c[MOBILITY + k], SLOWEST)
+        m[MOMENTS + k] = 1.0 / max(c[INVERSE_MOMENTS + k], SLOWEST)
     rotated_diagonal(m, INERTIA, c, m, MOMENTS)
 
 
@@ -240,13 +245,13 @@ def turn_lanes(m, c, dt):
     omega = J l with J the inverse inertia; as l stays, omega changes by -J (omega x l) a second.
     """
     for k in range(L):
-        lx, ly, lz = c[SPIN + k], c[SPIN + L + k], c[SPIN + 2 * L + k]
+        lx, ly, lz = c[ANGULAR_MOMENTUM + k], c[ANGULAR_MOMENTUM + L + k], c[ANGULAR_MOMENTUM + 2 * L + k]
         ox, oy, oz = (
             m[OMEGA + k],
             m[OMEGA + L + k],
             m[OMEGA + 2 * L + k],
         )
-        rx, ry, rz = respond(m, k, oy * lz - oz * ly, oz * lx - ox * lz, ox * ly - oy * lx)
+        rx, ry, rz = inverse_inertia_times(m, k, oy * lz - oz * ly, oz * lx - ox * lz, ox * ly - oy * lx)
         ox -= 0.5 * dt * rx
         oy -= 0.5 * dt * ry
         oz -= 0.5 * dt * rz
@@ -273,7 +278,7 @@ def turn_lanes(m, c, dt):
 @kernel
 def inertia_lanes(m, c):
     """The inverse inertia of the bodies of a tile as they are turned now."""
-    rotated_diagonal(m, RESPONSE, c, c, MOBILITY)
+    rotated_diagonal(m, INVERSE_INERTIA, c, c, INVERSE_MOMENTS)
 
 
 @kernel
@@ -291,14 +296,14 @@ def shape_lanes(m, c, parts):
 
 
 @inlined
-def rotate_lanes(m, c, dt, parts, rests, doubt, tile, fx, fy, fz):
+def rotate_lanes(m, c, dt, parts, rests, undecided, tile, fx, fy, fz):
     """Turn the bodies of a tile by one time step, what stands still at little cost; returns whether any turns.
 
-    rests: whether none turned in the last step; doubt: see `all_stay`. (fx, fy, fz): angular velocity of the frame
+    rests: whether none turned in the last step; undecided: see `all_stay`. (fx, fy, fz): angular velocity of the frame
     against which rolling is resisted.
     """
     framed = fx != 0.0 or fy != 0.0 or fz != 0.0
-    if rests and not framed and (might_turn(m, dt) == 0 or all_stay(m, c, dt, doubt, tile)):
+    if rests and not framed and (might_turn(m, dt) == 0 or all_stay(m, c, dt, undecided, tile)):
         return False
     twisted = twist_lanes(m, c, dt)
     if framed:
@@ -320,16 +325,19 @@ def rotate_lanes(m, c, dt, parts, rests, doubt, tile, fx, fy, fz):
 
 
 @kernel
-def noteworthy(m, c, odometer, base, exit_height, floor):
-    """Count up the odometers; returns how many lanes need new neighbours, fell through the exit or below the floor."""
+def noteworthy(m, c, displacement, base, exit_height, floor):
+    """Add to the displacements of a tile's bodies.
+
+    Returns how many of them need new neighbours, fell through the exit or went below the floor.
+    """
     n = 0
     for k in range(L):
-        reading = odometer[base + k] + m[PATH + k]
-        odometer[base + k] = reading
+        reading = displacement[base + k] + m[PATH + k]
+        displacement[base + k] = reading
         z = m[ROWS + 2 * L + k]
         fell = (m[BEFORE + k] >= exit_height) & (z < exit_height)
         there = m[ROWS + st.INVERSE_MASS * L + k] > 0.0
-        n += 1 if there & ((reading >= c[st.RENEWAL + k]) | fell | (z < floor)) else 0
+        n += 1 if there & ((reading >= c[st.RELIST + k]) | fell | (z < floor)) else 0
     return n
 
 
@@ -351,7 +359,7 @@ def event_of(bodies, physics, m, c, lane, i):
     event = 0
     if m[BEFORE + lane] >= physics.exit_height and z < physics.exit_height:
         event |= FELL
-    if bodies.odometer[i] >= c[st.RENEWAL + lane]:
+    if bodies.displacement[i] >= c[st.RELIST + lane]:
         event |= MOVED_ON
     if z < physics.floor_height:
         event |= LOST
@@ -417,19 +425,19 @@ def fetch_next(bodies, tile):
         if bodies.touched[share, following]:
             for k in range(base, base + L):
                 prefetch(bodies.load[share], k, 0)
-    first = QUATERNION if turning else RENEWAL
-    last = st.RADIUS + L if turning else MOBILITY
+    first = QUATERNION if turning else RELIST
+    last = st.RADIUS + L if turning else INVERSE_MOMENTS
     for column in range(first, last, WIDTH):
         prefetch(bodies.motion, following, column)
-    doubt = 0 if turning else np.int64(bodies.doubt[following])
+    undecided = 0 if turning else np.int64(bodies.undecided[following])
     lane = 0
-    while doubt > 0:
-        if doubt & 1:
+    while undecided > 0:
+        if undecided & 1:
             for row in range(4):
                 prefetch(bodies.motion, following, QUATERNION + row * L + lane)
             for row in range(3):
-                prefetch(bodies.motion, following, MOBILITY + row * L + lane)
-        doubt >>= 1
+                prefetch(bodies.motion, following, INVERSE_MOMENTS + row * L + lane)
+        undecided >>= 1
         lane += 1
 
 
@@ -439,7 +447,7 @@ def integrate(bodies, counts, physics, m, begin, end):
 
     m: scratch tile of TILE_ROWS x LANES. Bodies to which something happened are listed in bodies.events from place
     `begin` on; returns how many. Where loads have several shares the longest path of each tile goes to bodies.longest
-    and shortens bodies.leeway.
+    and shortens bodies.wall_margin.
     """
     dt = physics.dt
     gx, gy, gz = physics.gravity[0], physics.gravity[1], physics.gravity[2]
@@ -463,14 +471,14 @@ def integrate(bodies, counts, physics, m, begin, end):
             take_only_load(bodies, tile, m)
         move_lanes(m, gx, gy, gz, dt)
         turns = rotate_lanes(
-            m, c, dt, physics.parts, bodies.resting[tile] == 1, bodies.doubt, tile, fx, fy, fz
+            m, c, dt, physics.parts, bodies.resting[tile] == 1, bodies.undecided, tile, fx, fy, fz
         )
         write = columns if turns else read
         bodies.resting[tile] = 0 if turns else 1
         for k in range(0, L, WIDTH):
             for column in range(0, write, WIDTH):
                 lanes_to_rows(bodies.rows, column, bodies.every, base + k, m, ROWS + column * L + k, L)
-        if noteworthy(m, c, bodies.odometer, base, physics.exit_height, physics.floor_height) > 0:
+        if noteworthy(m, c, bodies.displacement, base, physics.exit_height, physics.floor_height) > 0:
             for lane in range(min(L, n - base)):
                 event = event_of(bodies, physics, m, c, lane, base + lane)
                 if event:
@@ -480,7 +488,7 @@ def integrate(bodies, counts, physics, m, begin, end):
         if shares > 1:
             longest = longest_path(m)
             bodies.longest[tile] = longest
-            bodies.leeway[tile] -= longest
+            bodies.wall_margin[tile] -= longest
     return found
 
 
@@ -498,7 +506,7 @@ def take_away(bodies, i):
     """Stop a body that is gone for good: without mass nothing moves it."""
     for c in range(3):
         bodies.rows[i, st.VELOCITY + c] = 0.0
-        bodies.rows[i, st.TURNING + c] = 0.0
-        bodies.motion[i // L, SPIN + c * L + i % L] = 0.0
+        bodies.rows[i, st.ANGULAR_VELOCITY + c] = 0.0
+        bodies.motion[i // L, ANGULAR_MOMENTUM + c * L + i % L] = 0.0
     bodies.rows[i, st.INVERSE_MASS] = 0.0
-    bodies.alarm[i] = math.inf
+    bodies.wall_check[i] = math.inf

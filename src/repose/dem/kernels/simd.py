@@ -6,11 +6,12 @@ instead of 64 of each. `rsqrt` replaces pairs of square roots and divisions, whi
 Everything here is plain LLVM, so it compiles for any processor.
 """
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from .jit import inlined
+from .jit import JIT_OFF, inlined
 
 WIDTH = 8  # numbers moved at once
 DOUBLE, INT64, INT32, BYTE = ir.DoubleType(), ir.IntType(64), ir.IntType(32), ir.IntType(8)
@@ -180,3 +181,29 @@ def rsqrt(x):
     y += y * e * (0.5 + e * (0.375 + e * 0.3125))
     e = 1.0 - (x * y) * y
     return y + y * e * (0.5 + e * (0.375 + e * 0.3125))
+
+
+if JIT_OFF:
+
+    def rows_to_lanes(table, column, index, k, tile, at, stride):
+        """The same in Python, and so for the three below."""
+        for lane in range(WIDTH):
+            place = at + lane
+            tile[place : place + WIDTH * stride : stride] = table[index[k + lane], column : column + WIDTH]
+
+    def lanes_to_rows(table, column, index, k, tile, at, stride):
+        for lane in range(WIDTH):
+            place = at + lane
+            table[index[k + lane], column : column + WIDTH] = tile[place : place + WIDTH * stride : stride]
+
+    def add_lanes_to_rows(table, column, index, k, tile, at, stride):
+        for lane in range(WIDTH):
+            place = at + lane
+            table[index[k + lane], column : column + WIDTH] += tile[place : place + WIDTH * stride : stride]
+
+    def prefetch(table, row, column):
+        pass
+
+    def _rsqrt_seed(x):
+        bits = np.float64(x).view(np.int64)
+        return np.int64(0x5FE6EB50C7B537A9 - (int(bits) >> 1)).view(np.float64)

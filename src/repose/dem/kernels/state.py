@@ -10,14 +10,14 @@ from .rows import LANES, Rows
 # Contacts and bodies lie in tiles of LANES, a row a quantity: number k is lane k % LANES of tile k // LANES.
 
 CACHE_LINE = 8  # numbers
-BLOCK = 256  # dormant pairs of a large simulation that are looked at together
+BLOCK = 256  # near pairs of a large simulation that are looked at together
 MOST_GROUPS = 60  # of bodies that lie together, a bit each of a whole number
 ROUNDING = 1e-12  # sums of path lengths over some thousand steps are exact to this [m]
 # Places of `Grid.lengths`.
 CELL, REACH, SKIN = range(3)
 # Columns of `rows` (N, a multiple of 8): what a contact needs of a body, one body after another.
 # The first eight are all that changes of a body that does not turn. Clumps have their quaternion for a shape.
-POSITION, VELOCITY, INVERSE_MASS, TURNING, SHAPE = 0, 3, 6, 7, 10
+POSITION, VELOCITY, INVERSE_MASS, ANGULAR_VELOCITY, SHAPE = 0, 3, 6, 7, 10
 PART = 6  # columns a part of the shape: the symmetric matrix R diag(a2, b2, c2) R' as xx, xy, xz, yy, yz, zz
 MOST_PARTS = 3
 MOST_SPHERES = 64  # of a clump
@@ -25,13 +25,13 @@ MOST_SPHERES = 64  # of a clump
 ROLL = 6
 LOAD_COLUMNS = 8
 # Rows of a tile of `motion`: what only the body itself needs. Quaternion (w x y z, body to world), angular momentum,
-# odometer reading that calls for new neighbours, 1 / principal moments, squared semi-axes of each part, radius. A step
-# reads only the readings of a tile that rests.
+# displacement at which its neighbours are listed anew, 1 / principal moments, squared semi-axes of each part, radius.
+# Of a tile that rests, a step reads only the row RELIST.
 _motion = Rows()
 QUATERNION = _motion.take(4)
-SPIN = _motion.take(3)
-RENEWAL = _motion.take()
-MOBILITY = _motion.take(3)
+ANGULAR_MOMENTUM = _motion.take(3)
+RELIST = _motion.take()
+INVERSE_MOMENTS = _motion.take(3)
 SQUARES = _motion.take(3 * MOST_PARTS)
 RADIUS = _motion.take()
 MOTION_ROWS = _motion.count
@@ -48,28 +48,31 @@ RADIUS2 = _wall.take()
 WALL_STATE = _wall.end  # where the force laws' rows begin, for walls
 
 # Slots of `counts`.
-N_BODIES, N_PAIRS, N_DORMANT, N_PLANE, N_CURVED, N_MOVED, STEPS, FULL, N_GONE, N_MESHED, N_FREE = range(11)
+N_BODIES, N_PAIRS, N_NEAR, N_PLANE, N_CURVED, N_MOVED, STEPS, FULL, N_GONE, N_MESHED, N_FREE = range(11)
 COUNTS = 11
 
 ABSENT, PRESENT, GONE = 0, 1, 2
 
+# displacement: how far any point of a body may have moved up to now. wall_check: the displacement, with that of the
+# walls, at which the body is checked against walls again; wall_margin: how much of that is left, the least of a tile.
+# undecided: bodies of a resting tile whose rolling resistance had to be compared in full, a bit each.
 Bodies = namedtuple(
     "Bodies",
-    "rows load touched motion odometer alarm presence passed exit_time every resting kind event events longest "
-    "leeway doubt",
+    "rows load touched motion displacement wall_check presence passed exit_time every resting kind event events "
+    "longest wall_margin undecided",
 )
 Grid = namedtuple(
     "Grid",
-    "cell following preceding head moved moved_list chain mark touching dormant shape origin lengths paths",
+    "cell following preceding head moved moved_list chain mark touching near shape origin lengths paths",
 )
 Pairs = namedtuple(
     "Pairs",
-    "first second data dormant_first dormant_second dormant_limit dormant_normal dormant_look dormant_groups ended gap "
+    "first second data near_first near_second near_limit near_normal near_check near_groups ended gap "
     "partner link",
 )
 WallContacts = namedtuple("WallContacts", "body wall feature data limit ended")
 Shared = namedtuple("Shared", "counters orders begins numbers due")
-Walls = namedtuple("Walls", "planes cones rings frames turned motion moves material creep")
+Walls = namedtuple("Walls", "planes cones rings frames turned motion moves material approach")
 Physics = namedtuple(
     "Physics",
     "parts gravity law rolling law_constants rolling_constants n_state mixed_pairs mixed_walls dt rolling_frame "
@@ -79,8 +82,10 @@ Physics = namedtuple(
 # Walls are numbered planes first, then cones, then rings, then meshes; cones and rings together are the curved walls.
 # Walls.frames (curved and meshes, 12): origin and rotation, frame to world; turned: whether that is more than nothing.
 # motion (walls, 9): velocity, angular velocity, pivot. moves: whether it is more than nothing. material: of each wall,
-# as bodies.kind. creep: how far any wall may have come nearer up to now, how fast the fastest comes [m, m/s], whether
-# any moves.
+# as bodies.kind. approach: how far any wall may have come nearer up to now [m], how fast the fastest comes [m/s],
+# whether any moves.
+# Places of `Walls.approach`.
+WALL_PATH, WALL_SPEED, WALLS_MOVE = range(3)
 # Columns of Walls.planes: point (3), normal from the inside into the wall (3), radius of the disc.
 # Columns of Walls.cones: m_r, m_z (normal into the wall), offset k, s_min, s_max, e_r, e_z (up along the wall), radius.
 # Columns of Walls.rings: core radius, height, edge radius, two gates (g_r, g_z) that the normal must not oppose.
@@ -132,8 +137,8 @@ def new_bodies(n, parts, shares=1):
         load=zeros(shares, padded, LOAD_COLUMNS),
         touched=np.zeros((shares, padded // LANES), np.uint8),
         motion=motion,
-        odometer=zeros(padded),
-        alarm=np.full(padded, np.inf),
+        displacement=zeros(padded),
+        wall_check=np.full(padded, np.inf),
         presence=np.zeros(padded, np.uint8),
         passed=np.zeros(padded, np.uint8),
         exit_time=np.full(padded, np.nan),
@@ -143,8 +148,8 @@ def new_bodies(n, parts, shares=1):
         event=np.zeros(padded, np.uint8),
         events=np.zeros(padded, np.int64),
         longest=np.zeros(padded // LANES),
-        leeway=np.zeros(padded // LANES),
-        doubt=np.zeros(padded // LANES, np.uint32),
+        wall_margin=np.zeros(padded // LANES),
+        undecided=np.zeros(padded // LANES, np.uint32),
     )
 
 
@@ -158,7 +163,7 @@ def lanes_of(motion, row, columns, n):
 def new_grid(n, lower, upper, cell):
     """Cells of edge `cell` [m] over a box; what lies outside belongs to the nearest cell of the box.
 
-    touching, dormant: how many pairs of either list a body has; lengths: edge of a cell, largest distance of two
+    touching, near: how many pairs of either list a body has; lengths: edge of a cell, largest distance of two
     centres that may touch, skin; paths, in simulations that threads may share: how far a body of each group may have
     moved up to now, and in the last step (see `parallel`).
     """
@@ -174,7 +179,7 @@ def new_grid(n, lower, upper, cell):
         chain=np.full(n, -1, np.int64),
         mark=np.full(n, -1, np.int64),
         touching=np.zeros(n, np.int64),
-        dormant=np.zeros(n, np.int64),
+        near=np.zeros(n, np.int64),
         shape=shape,
         origin=lower.copy(),
         lengths=np.array([cell, 0.0, 0.0]),
@@ -199,8 +204,8 @@ def _whole_tiles(n):
     return LANES * -(-n // LANES)
 
 
-def new_pairs(n_contacts, n_dormant, ghost, n_state):
-    """Room for touching pairs and for pairs that lie dormant; unused contacts are those of body `ghost`.
+def new_pairs(n_contacts, n_near, ghost, n_state):
+    """Room for touching pairs and for pairs that lie near; unused contacts are those of body `ghost`.
 
     n_state: rows that the force laws keep.
     """
@@ -209,12 +214,12 @@ def new_pairs(n_contacts, n_dormant, ghost, n_state):
         first=np.full(n_contacts, ghost, np.uint32),
         second=np.full(n_contacts, ghost, np.uint32),
         data=new_contacts(n_contacts, PAIR_STATE // LANES + n_state),
-        dormant_first=np.zeros(n_dormant, np.uint32),
-        dormant_second=np.zeros(n_dormant, np.uint32),
-        dormant_limit=np.zeros(n_dormant),
-        dormant_normal=np.zeros((n_dormant, 3)),
-        dormant_look=np.zeros(n_dormant // BLOCK + 1),
-        dormant_groups=np.zeros(n_dormant // BLOCK + 1, np.int64),
+        near_first=np.zeros(n_near, np.uint32),
+        near_second=np.zeros(n_near, np.uint32),
+        near_limit=np.zeros(n_near),
+        near_normal=np.zeros((n_near, 3)),
+        near_check=np.zeros(n_near // BLOCK + 1),
+        near_groups=np.zeros(n_near // BLOCK + 1, np.int64),
         ended=np.zeros(n_contacts, np.int64),
         gap=np.zeros(n_contacts),
         partner=np.zeros(2 * n_contacts, np.int64),
@@ -223,7 +228,7 @@ def new_pairs(n_contacts, n_dormant, ghost, n_state):
 
 
 def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows):
-    """Room for contacts with walls of one kind; `limit` is the odometer reading that calls for a new look.
+    """Room for contacts with walls of one kind; `limit` is the displacement reading that calls for a new look.
 
     feature: for walls that are meshes, which of their features, else for clumps which of their spheres.
     """

@@ -38,32 +38,32 @@ def look_at_walls(bodies, flat, curved, clumps, walls, counts, parts, i, reading
     """Find new contacts of body i with walls; returns the reading that calls for the next look."""
     if len(clumps) > 0:
         place_clump(bodies, clumps, i, scratch.spheres)
-    alarm = math.inf
+    wall_check = math.inf
     for w in range(walls.planes.shape[0]):
         if reading >= flat.limit[w, i]:
             free = find_on_plane(bodies, flat, clumps, walls, counts, parts, w, i, scratch)
             flat.limit[w, i] = reading + free
-        alarm = min(alarm, flat.limit[w, i])
+        wall_check = min(wall_check, flat.limit[w, i])
     if bodies.rows[i, 2] + bodies.motion[i // L, st.RADIUS + i % L] < lowest:
         bodies.passed[i] = 1
     if bodies.passed[i]:
-        return alarm
+        return wall_check
     for w in range(walls.cones.shape[0] + walls.rings.shape[0]):
         if reading >= curved.limit[w, i]:
             free = find_on_curved(bodies, curved, clumps, walls, counts, parts, w, i, scratch)
             curved.limit[w, i] = reading + free
-        alarm = min(alarm, curved.limit[w, i])
-    return alarm
+        wall_check = min(wall_check, curved.limit[w, i])
+    return wall_check
 
 
 @inlined
 def look_at_bodies(bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch, begin, end):
     """Look at the walls of the bodies begin to end that may have come to one."""
-    creep = walls.creep[0]
+    approach = walls.approach[st.WALL_PATH]
     for i in range(begin, end):
-        reading = bodies.odometer[i] + creep
-        if reading >= bodies.alarm[i]:
-            bodies.alarm[i] = look_at_walls(
+        reading = bodies.displacement[i] + approach
+        if reading >= bodies.wall_check[i]:
+            bodies.wall_check[i] = look_at_walls(
                 bodies, flat, curved, clumps, walls, counts, parts, i, reading, lowest, scratch
             )
 
@@ -73,22 +73,22 @@ def update_walls(bodies, flat, curved, clumps, walls, counts, parts, lowest, scr
     """Find new contacts with planes, cones, tubes and rings. A body below `lowest` has left the last three for good.
 
     In a large simulation whose walls stand still a tile of bodies is left alone until its fastest, one after another,
-    could have used up its leeway.
+    could have used up its wall_margin.
     """
     n = counts[st.N_BODIES]
-    if bodies.load.shape[0] == 1 or walls.creep[2] > 0.0:
+    if bodies.load.shape[0] == 1 or walls.approach[st.WALLS_MOVE] > 0.0:
         look_at_bodies(bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch, 0, n)
         return
     for base in range(0, n, L):
         tile = base // L
-        if bodies.leeway[tile] > st.ROUNDING:
+        if bodies.wall_margin[tile] > st.ROUNDING:
             continue
         last = min(base + L, n)
         look_at_bodies(bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch, base, last)
         free = math.inf
         for i in range(base, last):
-            free = min(free, bodies.alarm[i] - (bodies.odometer[i] + walls.creep[0]))
-        bodies.leeway[tile] = free
+            free = min(free, bodies.wall_check[i] - (bodies.displacement[i] + walls.approach[st.WALL_PATH]))
+        bodies.wall_margin[tile] = free
 
 
 @inlined
@@ -105,10 +105,10 @@ def find_on_mesh(bodies, meshed, clumps, walls, meshes, counts, parts, mesh, i, 
 @kernel
 def update_meshes(bodies, meshed, clumps, walls, meshes, counts, parts, scratch):
     """Find new contacts with meshes."""
-    creep = walls.creep[0]
+    approach = walls.approach[st.WALL_PATH]
     for mesh in range(meshes.box.shape[0]):
         for i in range(counts[st.N_BODIES]):
-            reading = bodies.odometer[i] + creep
+            reading = bodies.displacement[i] + approach
             if reading < meshed.limit[mesh, i] or bodies.presence[i] != st.PRESENT:
                 continue
             free = find_on_mesh(bodies, meshed, clumps, walls, meshes, counts, parts, mesh, i, scratch)

@@ -27,14 +27,14 @@ def slip(t: np.ndarray, c: np.ndarray, spring: int, dt: float) -> None:
         rx, ry, rz = t[tl.RA + k], t[tl.RA + L + k], t[tl.RA + 2 * L + k]
         sx, sy, sz = t[tl.RB + k], t[tl.RB + L + k], t[tl.RB + 2 * L + k]
         ox, oy, oz = (
-            t[tl.A + st.TURNING * L + k],
-            t[tl.A + (st.TURNING + 1) * L + k],
-            t[tl.A + (st.TURNING + 2) * L + k],
+            t[tl.A + st.ANGULAR_VELOCITY * L + k],
+            t[tl.A + (st.ANGULAR_VELOCITY + 1) * L + k],
+            t[tl.A + (st.ANGULAR_VELOCITY + 2) * L + k],
         )
         px, py, pz = (
-            t[tl.B + st.TURNING * L + k],
-            t[tl.B + (st.TURNING + 1) * L + k],
-            t[tl.B + (st.TURNING + 2) * L + k],
+            t[tl.B + st.ANGULAR_VELOCITY * L + k],
+            t[tl.B + (st.ANGULAR_VELOCITY + 1) * L + k],
+            t[tl.B + (st.ANGULAR_VELOCITY + 2) * L + k],
         )
         vx = t[tl.A + 3 * L + k] - t[tl.B + 3 * L + k] + oy * rz - oz * ry - (py * sz - pz * sy)
         vy = t[tl.A + 4 * L + k] - t[tl.B + 4 * L + k] + oz * rx - ox * rz - (pz * sx - px * sz)
