@@ -1,4 +1,4 @@
-"""Slow and obvious twins of the fast kernels; nobody should have to undecided these."""
+"""Slow and obvious twins of the fast kernels; nobody should have to doubt these."""
 
 import numpy as np
 from scipy.optimize import minimize

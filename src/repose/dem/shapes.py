@@ -97,7 +97,7 @@ class Shape:
 
     @property
     def slide(self):
-        """How far the point that touches a plane may slide over the body as it turns, over its displacement's path."""
+        """How far the point that touches a plane may slide over the body as it turns, over its displacement."""
         axes = self.semi_axes_m
         return float(np.sum(axes.max(axis=1) ** 2 / axes.min(axis=1))) / self.bounding_radius_m
 

@@ -7,6 +7,7 @@ arrays are not counted (`_nrt`): each view of a row would otherwise cost two ato
 
 import math
 from types import SimpleNamespace
+from typing import Any
 
 import numba
 import numpy as np
@@ -15,12 +16,12 @@ from .. import cache  # noqa: F401  (sets the cache folder before any kernel is 
 
 FLAGS = {"contract"}
 # What numba is told of a small function that is always inlined into its callers.
-INLINED = {"fastmath": FLAGS, "error_model": "numpy", "_nrt": False, "forceinline": True}
+INLINED: dict[str, Any] = {"fastmath": FLAGS, "error_model": "numpy", "_nrt": False, "forceinline": True}
 
 
 # With NUMBA_DISABLE_JIT=1 the kernels run as Python, to be measured or debugged. A root is then a number of numpy,
 # which can be divided by when it is 0, as in compiled code.
-JIT_OFF = bool(numba.config.DISABLE_JIT)
+JIT_OFF = bool(getattr(numba.config, "DISABLE_JIT", 0))
 _MATH = SimpleNamespace(**{**vars(math), "sqrt": lambda x: np.sqrt(np.float64(x))})
 
 

@@ -6,11 +6,11 @@ instead of 64 of each. `rsqrt` replaces pairs of square roots and divisions, whi
 Everything here is plain LLVM, so it compiles for any processor.
 """
 
-import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from . import as_python
 from .jit import JIT_OFF, inlined
 
 WIDTH = 8  # numbers moved at once
@@ -184,26 +184,4 @@ def rsqrt(x):
 
 
 if JIT_OFF:
-
-    def rows_to_lanes(table, column, index, k, tile, at, stride):
-        """The same in Python, and so for the three below."""
-        for lane in range(WIDTH):
-            place = at + lane
-            tile[place : place + WIDTH * stride : stride] = table[index[k + lane], column : column + WIDTH]
-
-    def lanes_to_rows(table, column, index, k, tile, at, stride):
-        for lane in range(WIDTH):
-            place = at + lane
-            table[index[k + lane], column : column + WIDTH] = tile[place : place + WIDTH * stride : stride]
-
-    def add_lanes_to_rows(table, column, index, k, tile, at, stride):
-        for lane in range(WIDTH):
-            place = at + lane
-            table[index[k + lane], column : column + WIDTH] += tile[place : place + WIDTH * stride : stride]
-
-    def prefetch(table, row, column):
-        pass
-
-    def _rsqrt_seed(x):
-        bits = np.float64(x).view(np.int64)
-        return np.int64(0x5FE6EB50C7B537A9 - (int(bits) >> 1)).view(np.float64)
+    globals().update(as_python.INTRINSICS)

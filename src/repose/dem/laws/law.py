@@ -18,6 +18,7 @@ from ..kernels.jit import INLINED
 KEEP, RELEASE, CUT = range(3)
 TENSIONS = {"keep": KEEP, "release": RELEASE, "cut": CUT}
 
+_INLINED: Any = INLINED
 _KERNELS: dict[type, Callable] = {}
 
 
@@ -77,11 +78,11 @@ def rolling_resistance(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: floa
     _KERNELS[type(law)](law, t, c, at, dt)
 
 
-@overload(contact_forces, jit_options=INLINED, strict=False)
+@overload(contact_forces, jit_options=_INLINED, strict=False)
 def _contact_forces(law, t, c, at, dt):
     return _KERNELS.get(getattr(law, "instance_class", None))
 
 
-@overload(rolling_resistance, jit_options=INLINED, strict=False)
+@overload(rolling_resistance, jit_options=_INLINED, strict=False)
 def _rolling_resistance(law, t, c, at, dt):
     return _KERNELS.get(getattr(law, "instance_class", None))

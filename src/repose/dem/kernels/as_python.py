@@ -1,0 +1,48 @@
+"""What `simd` writes as LLVM, in Python: used where the compiler is switched off (NUMBA_DISABLE_JIT=1)."""
+
+import numpy as np
+
+WIDTH = 8
+
+
+def rows_to_lanes(table, column, index, k, tile, at, stride):
+    """tile[at + c * stride + l] = table[index[k + l], column + c] for c and l of 0..7."""
+    for lane in range(WIDTH):
+        tile[at + lane : at + lane + WIDTH * stride : stride] = table[
+            index[k + lane], column : column + WIDTH
+        ]
+
+
+def lanes_to_rows(table, column, index, k, tile, at, stride):
+    """table[index[k + l], column + c] = tile[at + c * stride + l] for c and l of 0..7."""
+    for lane in range(WIDTH):
+        table[index[k + lane], column : column + WIDTH] = tile[
+            at + lane : at + lane + WIDTH * stride : stride
+        ]
+
+
+def add_lanes_to_rows(table, column, index, k, tile, at, stride):
+    """table[index[k + l], column + c] += tile[at + c * stride + l], lane after lane."""
+    for lane in range(WIDTH):
+        table[index[k + lane], column : column + WIDTH] += tile[
+            at + lane : at + lane + WIDTH * stride : stride
+        ]
+
+
+def prefetch(_table, _row, _column):
+    """Nothing: Python has no say in what the processor fetches."""
+
+
+def rsqrt_seed(x):
+    """A first guess of 1 / sqrt(x) from the exponent's bits."""
+    bits = 0x5FE6EB50C7B537A9 - (int(np.float64(x).view(np.int64)) >> 1)
+    return np.int64(bits).view(np.float64)
+
+
+INTRINSICS = {
+    "rows_to_lanes": rows_to_lanes,
+    "lanes_to_rows": lanes_to_rows,
+    "add_lanes_to_rows": add_lanes_to_rows,
+    "prefetch": prefetch,
+    "_rsqrt_seed": rsqrt_seed,
+}
