@@ -1,6 +1,7 @@
 """Checks of what a user gives: the value as the engine takes it, or ValueError naming it and what is allowed."""
 
 import math
+from collections.abc import Mapping
 from numbers import Integral, Real
 
 import numpy as np
@@ -84,7 +85,7 @@ def name_of(what, value):
 
 def mapping(name, value, kinds, words):
     """Names to objects of some kinds, as a new dictionary."""
-    good = isinstance(value, dict) and all(is_name(k) and isinstance(v, kinds) for k, v in value.items())
+    good = isinstance(value, Mapping) and all(is_name(k) and isinstance(v, kinds) for k, v in value.items())
     if not good:
         raise ValueError(f"{name} is {value!r}; allowed: names, each with a {words}")
     return dict(value)

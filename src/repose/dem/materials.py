@@ -21,7 +21,7 @@ class Material:
         number("poisson_ratio", self.poisson_ratio, "above -1, at most 0.5", lambda nu: -1.0 < nu <= 0.5)
 
     @property
-    def elastic_modulus_pa(self):
+    def elastic_modulus_pa(self) -> float:
         """E = 2 G (1 + nu) [Pa], the paper's Eq. 4."""
         return 2.0 * self.shear_modulus_pa * (1.0 + self.poisson_ratio)
 
@@ -44,7 +44,7 @@ class Contact:
         not_negative("rolling_friction", self.rolling_friction)
 
 
-def effective_moduli(a, b):
+def effective_moduli(a: Material, b: Material) -> tuple[float, float]:
     """E* and G* of two materials: 1/E* = sum (1 - nu^2)/E, 1/G* = sum (2 - nu)/G [Pa]."""
     young = 1.0 / sum((1.0 - m.poisson_ratio**2) / m.elastic_modulus_pa for m in (a, b))
     shear = 1.0 / sum((2.0 - m.poisson_ratio) / m.shear_modulus_pa for m in (a, b))

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .checks import name_of, positive, vector
 from .kernels.state import MOST_PARTS, MOST_SPHERES
@@ -54,7 +55,7 @@ class Shape:
         object.__setattr__(self, "inertia_kg_m2", inertia)
 
     @classmethod
-    def ellipsoid(cls, semi_axes_m, density_kg_m3, material):
+    def ellipsoid(cls, semi_axes_m: ArrayLike, density_kg_m3: float, material: str) -> "Shape":
         """A solid ellipsoid: semi-axes (3,) [m], density [kg/m3]."""
         axes = vector("semi_axes_m", semi_axes_m)
         if not np.all(axes > 0.0):
@@ -66,37 +67,37 @@ class Shape:
         return cls(np.array([[a, b, c]]), mass, moments, material)
 
     @classmethod
-    def sphere(cls, radius_m, density_kg_m3, material):
+    def sphere(cls, radius_m: float, density_kg_m3: float, material: str) -> "Shape":
         """A solid sphere: radius [m], density [kg/m3]."""
         positive("radius_m", radius_m)
         return cls.ellipsoid((radius_m, radius_m, radius_m), density_kg_m3, material)
 
-    def support(self, n):
+    def support(self, n: np.ndarray) -> np.ndarray:
         """Largest extents (...) [m] along unit vectors n (..., 3) of the body frame."""
         return np.sqrt(np.square(n) @ np.square(self.semi_axes_m).T).sum(axis=-1)
 
-    def support_point(self, n):
+    def support_point(self, n: np.ndarray) -> np.ndarray:
         """Points (..., 3) [m] of the surface whose outward normals are the unit vectors n (..., 3)."""
         extents = np.sqrt(np.square(n) @ np.square(self.semi_axes_m).T)
         return n * ((1.0 / extents) @ np.square(self.semi_axes_m))
 
     @property
-    def bounding_radius_m(self):
+    def bounding_radius_m(self) -> float:
         """Largest distance of a point from the centre [m]."""
         return float(self.semi_axes_m.max(axis=1).sum())
 
     @property
-    def smallest_radius_m(self):
+    def smallest_radius_m(self) -> float:
         """Half the smallest extent [m]: what the time step has to resolve."""
         return float(self.semi_axes_m.sum(axis=0).min())
 
     @property
-    def half_extents_m(self):
+    def half_extents_m(self) -> np.ndarray:
         """Largest extents along the body's axes (3,) [m]."""
         return self.semi_axes_m.sum(axis=0)
 
     @property
-    def slide(self):
+    def slide(self) -> float:
         """How far the point that touches a plane may slide over the body as it turns, over its displacement."""
         axes = self.semi_axes_m
         return float(np.sum(axes.max(axis=1) ** 2 / axes.min(axis=1))) / self.bounding_radius_m
@@ -141,31 +142,31 @@ class Clump:
         object.__setattr__(self, "spheres_m", spheres)
         object.__setattr__(self, "inertia_kg_m2", inertia)
 
-    def support(self, n):
+    def support(self, n: np.ndarray) -> np.ndarray:
         """Largest extents (...) [m] along unit vectors n (..., 3) of the body frame."""
         return (n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]).max(axis=-1)
 
-    def support_point(self, n):
+    def support_point(self, n: np.ndarray) -> np.ndarray:
         """Points (..., 3) [m] of the convex hull's surface farthest along the unit vectors n (..., 3)."""
         farthest = np.argmax(n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3], axis=-1)
         return self.spheres_m[farthest, :3] + self.spheres_m[farthest, 3, None] * n
 
     @property
-    def bounding_radius_m(self):
+    def bounding_radius_m(self) -> float:
         """Largest distance of a point from the centre of mass [m]."""
         return float(np.max(np.linalg.norm(self.spheres_m[:, :3], axis=1) + self.spheres_m[:, 3]))
 
     @property
-    def smallest_radius_m(self):
+    def smallest_radius_m(self) -> float:
         """Radius of the smallest sphere [m]: what the time step has to resolve."""
         return float(self.spheres_m[:, 3].min())
 
     @property
-    def half_extents_m(self):
+    def half_extents_m(self) -> np.ndarray:
         """Largest extents along the body's axes, to either side (3,) [m]."""
         return np.max(np.abs(self.spheres_m[:, :3]) + self.spheres_m[:, 3:], axis=0)
 
     @property
-    def slide(self):
+    def slide(self) -> float:
         """How far a sphere's point that touches a plane may slide over it as the sphere's centre moves: nothing."""
         return 0.0

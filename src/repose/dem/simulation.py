@@ -1,8 +1,12 @@
 """A simulation as a Python object: bodies in, positions out, every argument checked."""
 
 import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from . import running
 from .checks import chosen, height, is_name, is_number, mapping, number, positive, vector, whole_number
@@ -20,7 +24,7 @@ from .laws import CONTACT_LAWS, ROLLING_LAWS, TENSIONS
 from .materials import Contact, Material
 from .rotations import rotation_matrices, rotation_matrix
 from .shapes import Clump, Shape
-from .surfaces import Mesh, Motion, WallSet
+from .surfaces import Mesh, Motion, Wall, WallSet
 from .wall_arrays import wall_arrays
 
 # Room for the lists of a simulation, per body; they grow when needed.
@@ -34,44 +38,70 @@ FASTEST_IMPACT_M_S = 2.0
 class Simulation:
     """Bodies of given shapes among walls, all of them smooth and convex or all of them clumps of spheres.
 
-    shapes: names to `Shape`, or names to `Clump` (a sphere among clumps is a clump of one); materials: names to
-    `Material`; contacts: pairs of material names, in any order, to `Contact`, for every pair of materials that can
-    meet.
-    time_step_s: above 0, at most `longest_time_step()`. capacity: most bodies. lower, upper (3,): a box in which most
-    bodies stay [m]; it only steers the search for neighbours.
-    walls: names to `Plane`, `Cone`, `Cylinder`, `RingEdge`, `Mesh`. gravity_m_s2 (3,).
-    tension: "keep" lets the damped normal force pull at the end of an impact, so that a body leaves with the
-    restitution asked for; "release" ends the contact when the force vanishes, with a damping that gives the restitution
-    asked for all the same; "cut" ends it too and keeps the first's damping, so that bodies leave faster than asked for.
-    largest_scale: the largest scale that `add` will be given.
-    threads: for a simulation of 4096 smooth bodies or more; the result is the same for any number. Clumps have one.
-    exit_height_m: falling through this height sets a body's exit time. curved_walls_above_m: all cones,
-    cylinders and ring edges lie above it; a body that was once wholly below it is not searched against them again.
-    floor_height_m: below it a body is gone.
-    Raises ValueError naming the argument, the value and what is allowed.
+    Parameters
+    ----------
+    shapes : dict of str to Shape, or dict of str to Clump
+        The shapes by name; a sphere among clumps is a clump of one.
+    materials : dict of str to Material
+        The materials by name.
+    contacts : dict of (str, str) to Contact
+        For every pair of materials that can meet, named in any order.
+    time_step_s : float
+        Time step [s], above 0, at most `longest_time_step()`.
+    capacity : int
+        Most bodies.
+    lower, upper : array_like (3,)
+        A box in which most bodies stay [m]. It only steers the search for neighbours.
+    walls : dict of str to Plane, Cone, RingEdge or Mesh, optional
+        The walls by name.
+    gravity_m_s2 : array_like (3,)
+        Acceleration [m/s2].
+    tension : {"keep", "release", "cut"}
+        How a contact ends. "keep" lets the damped normal force pull at the end of an impact, so that a body leaves with
+        the restitution asked for. "release" ends the contact when the force vanishes, with a damping that gives the
+        restitution asked for all the same. "cut" ends it too and keeps the damping of "keep", so that bodies leave
+        faster than asked for.
+    contact_law, rolling_law : str
+        Names of force laws, see `repose.dem.laws`.
+    largest_scale : float
+        The largest scale that `add` will be given.
+    threads : int
+        For a simulation of 4096 smooth bodies or more. The result is the same for any number. Clumps have one.
+    exit_height_m : float
+        A body that falls through this height gets an exit time.
+    curved_walls_above_m : float
+        All cones, cylinders and ring edges lie above this height. A body that was once wholly below it is not searched
+        against them again.
+    floor_height_m : float
+        A body below this height is gone.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument, the value and what is allowed.
     """
 
     def __init__(
         self,
-        shapes,
-        materials,
-        contacts,
-        time_step_s,
+        shapes: Mapping[str, Shape] | Mapping[str, Clump],
+        materials: Mapping[str, Material],
+        contacts: Mapping[tuple[str, str], Contact],
+        time_step_s: float,
         *,
-        capacity,
-        lower,
-        upper,
-        walls=None,
-        gravity_m_s2=(0.0, 0.0, -9.81),
-        tension="keep",
-        contact_law="hertz_mindlin",
-        rolling_law="budget",
-        largest_scale=1.0,
-        threads=1,
-        exit_height_m=-math.inf,
-        curved_walls_above_m=-math.inf,
-        floor_height_m=-math.inf,
-    ):
+        capacity: int,
+        lower: ArrayLike,
+        upper: ArrayLike,
+        walls: Mapping[str, Wall] | None = None,
+        gravity_m_s2: ArrayLike = (0.0, 0.0, -9.81),
+        tension: str = "keep",
+        contact_law: str = "hertz_mindlin",
+        rolling_law: str = "budget",
+        largest_scale: float = 1.0,
+        threads: int = 1,
+        exit_height_m: float = -math.inf,
+        curved_walls_above_m: float = -math.inf,
+        floor_height_m: float = -math.inf,
+    ) -> None:
         self.shapes = mapping("shapes", shapes, Shape | Clump, "Shape or Clump")
         self.materials = mapping("materials", materials, Material, "Material")
         if not self.shapes:
@@ -205,8 +235,14 @@ class Simulation:
         size = float(np.linalg.norm(self.upper - self.lower))
         return wall_arrays(self.wall_set, self._wall_kinds, size, old)
 
-    def set_motion(self, wall, motion):
-        """Give a wall another `Motion` from now on. Raises ValueError for a name that is not a wall's."""
+    def set_motion(self, wall: str, motion: Motion) -> None:
+        """Give a wall another `Motion` from now on.
+
+        Raises
+        ------
+        ValueError
+            For a name that is not a wall's.
+        """
         if not isinstance(motion, Motion):
             raise ValueError(f"motion is {motion!r}; allowed: a Motion")
         self.wall_set = self.wall_set.with_motion(wall, motion)
@@ -220,12 +256,12 @@ class Simulation:
         self.bodies.wall_margin[:] = 0.0
 
     @property
-    def threads(self):
+    def threads(self) -> int:
         """Number of threads that share the work of a simulation of 4096 bodies or more."""
         return len(self._tiles)
 
     @threads.setter
-    def threads(self, threads):
+    def threads(self, threads: int) -> None:
         if not (isinstance(threads, int | np.integer) and 1 <= threads <= parallel.SHARES):
             raise ValueError(f"threads is {threads!r}; allowed: 1 to {parallel.SHARES}")
         rows = tl.LAW_ROW + self.contact_law.n_rows
@@ -234,14 +270,26 @@ class Simulation:
         self._scratches = st.zeros(threads, st.SCRATCH)
 
     @property
-    def rolling_frame_rad_s(self):
+    def rolling_frame_rad_s(self) -> np.ndarray:
         """Angular velocity of the frame against which rolling is resisted, a view (3,); zero unless set [rad/s]."""
         return self.physics.rolling_frame
 
-    def longest_time_step(self, speed_m_s=FASTEST_IMPACT_M_S):
-        """A fifteenth of the shortest Hertz contact time of two bodies that meet head-on at a speed [s].
+    def longest_time_step(self, speed_m_s: float = FASTEST_IMPACT_M_S) -> float:
+        """A fifteenth of the shortest duration of an impact of two bodies that meet head-on.
 
-        t_c = 2.868 (m*^2 / (R* E*^2 v))^0.2 (Johnson 1985, Eq. 11.24), over all pairs of shapes.
+        Parameters
+        ----------
+        speed_m_s : float
+            Their relative speed [m/s].
+
+        Returns
+        -------
+        float
+            The longest time step [s], over all pairs of shapes.
+
+        Notes
+        -----
+        The contact law has the duration; Hertz's is 2.868 (m*^2 / (R* E*^2 v))^0.2 (Johnson 1985, Eq. 11.24).
         """
         positive("speed_m_s", speed_m_s)
         shapes = self.shapes.values()
@@ -255,80 +303,98 @@ class Simulation:
         return self.contact_law.contact_time(*materials, mass, radius, speed_m_s)
 
     @property
-    def n_bodies(self):
+    def n_bodies(self) -> int:
         """How many bodies were added so far."""
         return int(self.counts[st.N_BODIES])
 
     @property
-    def steps(self):
+    def steps(self) -> int:
         """How many time steps were made."""
         return int(self.counts[st.STEPS])
 
     @property
-    def time_s(self):
+    def time_s(self) -> float:
         """Simulated time [s]."""
         return float(self.counts[st.STEPS] * self.physics.dt)
 
     @property
-    def positions(self):
+    def positions(self) -> np.ndarray:
         """Centres of the bodies added so far (N, 3) [m]; a view in simulations of fewer than 4096 bodies."""
         return self._seen(self.bodies.rows)[:, st.POSITION : st.POSITION + 3]
 
     @property
-    def quaternions(self):
+    def quaternions(self) -> np.ndarray:
         """Orientations (w, x, y, z), body to world, a copy (N, 4)."""
         return self._seen(st.lanes_of(self.bodies.motion, st.QUATERNION, 4, self.n_bodies))
 
     @property
-    def velocities(self):
+    def velocities(self) -> np.ndarray:
         """Velocities of the centres (N, 3) [m/s]; a view as `positions` is."""
         return self._seen(self.bodies.rows)[:, st.VELOCITY : st.VELOCITY + 3]
 
     @property
-    def angular_velocities(self):
+    def angular_velocities(self) -> np.ndarray:
         """Angular velocities in the world frame (N, 3) [rad/s]; a view as `positions` is."""
         return self._seen(self.bodies.rows)[:, st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3]
 
     @property
-    def angular_momenta(self):
+    def angular_momenta(self) -> np.ndarray:
         """Angular momenta about the centres in the world frame, a copy (N, 3) [kg m2/s]."""
         return self._seen(st.lanes_of(self.bodies.motion, st.ANGULAR_MOMENTUM, 3, self.n_bodies))
 
     @property
-    def shape_ids(self):
+    def shape_ids(self) -> np.ndarray:
         """Which shape each body has, as its place among the names of `shapes`, a view (N,)."""
         return self._shape_ids[: self.n_bodies]
 
     @property
-    def scales(self):
+    def scales(self) -> np.ndarray:
         """Scale of each body, a view (N,)."""
         return self._scales[: self.n_bodies]
 
     @property
-    def present(self):
+    def present(self) -> np.ndarray:
         """Which bodies are still there (N,)."""
         return self._seen(self.bodies.presence) == st.PRESENT
 
     @property
-    def exit_times_s(self):
+    def exit_times_s(self) -> np.ndarray:
         """When each body fell through the exit height (N,) [s]; nan where it did not."""
         return self._seen(self.bodies.exit_time)
 
     def add(
         self,
-        shape,
-        position_m,
-        quaternion=(1.0, 0.0, 0.0, 0.0),
-        velocity_m_s=(0.0, 0.0, 0.0),
-        angular_velocity_rad_s=(0.0, 0.0, 0.0),
-        scale=1.0,
-    ):
-        """Add one body; returns its index.
+        shape: str,
+        position_m: ArrayLike,
+        quaternion: ArrayLike = (1.0, 0.0, 0.0, 0.0),
+        velocity_m_s: ArrayLike = (0.0, 0.0, 0.0),
+        angular_velocity_rad_s: ArrayLike = (0.0, 0.0, 0.0),
+        scale: float = 1.0,
+    ) -> int:
+        """Add one body. Nothing checks that the place is free.
 
-        shape: a name; position [m] and orientation (w, x, y, z), body to world; velocities in the world frame;
-        scale: of its lengths. Bodies shorten the longest time step as they get smaller, so a scale has a lower limit
-        too. Nothing checks that the place is free. Raises ValueError naming the argument, also when the capacity is
-        used up.
+        Parameters
+        ----------
+        shape : str
+            Name of its shape.
+        position_m : array_like (3,)
+            Its centre [m].
+        quaternion : array_like (4,)
+            Its orientation (w, x, y, z), body to world; any length but 0.
+        velocity_m_s, angular_velocity_rad_s : array_like (3,)
+            In the world frame [m/s, rad/s].
+        scale : float
+            Of its lengths, at most `largest_scale`. Small bodies need short time steps, so there is a lower limit, too.
+
+        Returns
+        -------
+        int
+            The index of the body.
+
+        Raises
+        ------
+        ValueError
+            Naming the argument, also when the capacity is used up.
         """
         i = self.n_bodies
         if i >= self.capacity:
@@ -337,8 +403,8 @@ class Simulation:
             raise ValueError(f"shape is {shape!r}; allowed: {', '.join(self.shapes)}")
         kind = self.shapes[shape]
         self._check_scale(scale, kind)
-        quaternion = vector("quaternion", quaternion, 4)
-        length = np.linalg.norm(quaternion)
+        turned = vector("quaternion", quaternion, 4)
+        length = np.linalg.norm(turned)
         if not length > 0.0:
             raise ValueError("quaternion is 0; allowed: four finite numbers that are not all 0")
         position = vector("position_m", position_m)
@@ -349,16 +415,16 @@ class Simulation:
         row[st.VELOCITY : st.VELOCITY + 3] = velocity
         row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3] = turning
         row[st.INVERSE_MASS] = 1.0 / (kind.mass_kg * scale**3)
-        quaternion = quaternion / length
+        turned = turned / length
         inertia = kind.inertia_kg_m2 * scale**5
-        turn = rotation_matrix(quaternion)
+        turn = rotation_matrix(turned)
         spin = turn @ (inertia * (turn.T @ row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3]))
         squares = np.zeros(3 * st.MOST_PARTS)
         if not self._of_clumps:
             squares[: kind.semi_axes_m.size] = ((kind.semi_axes_m * scale) ** 2).ravel()
         lanes = self.bodies.motion[i // st.LANES, i % st.LANES :: st.LANES]
         for first, values in (
-            (st.QUATERNION, quaternion),
+            (st.QUATERNION, turned),
             (st.ANGULAR_MOMENTUM, spin),
             (st.INVERSE_MOMENTS, 1.0 / inertia),
             (st.SQUARES, squares),
@@ -389,8 +455,14 @@ class Simulation:
                 f"at most largest_scale, {self.largest_scale:g}"
             )
 
-    def run_steps(self, steps):
-        """Advance by a number of time steps. Raises ValueError where that is no whole number, 0 or more."""
+    def run_steps(self, steps: int) -> None:
+        """Advance by a number of time steps.
+
+        Raises
+        ------
+        ValueError
+            Where that is no whole number, 0 or more.
+        """
         left = whole_number("steps", steps, 0)
         while left > 0:
             left -= self._advance(left)
@@ -432,34 +504,55 @@ class Simulation:
 
     def run(
         self,
-        seconds,
-        progress=None,
+        seconds: float,
+        progress: Callable[[float], Any] | bool | None = None,
         *,
-        record=None,
-        record_every_s=None,
-        checkpoint=None,
-        every_s=600.0,
-    ):
-        """Advance by so many simulated seconds, to the nearest time step; Ctrl-C ends it between two steps.
+        record: Callable[["Simulation"], Any] | Sequence[Callable[["Simulation"], Any]] | None = None,
+        record_every_s: float | None = None,
+        checkpoint: str | os.PathLike | None = None,
+        every_s: float = 600.0,
+    ) -> None:
+        """Advance by simulated time, to the nearest time step. Ctrl-C ends it between two steps.
 
-        progress: None shows a bar where stderr is a terminal and writes a line a minute where it is not, False is
-        silent, a function is called with the simulated time now and then. record: a function, or several, called with
-        the simulation at the start of time and every record_every_s simulated seconds, such as a `Recorder` or a
-        `VtkSeries`. checkpoint: a file that `save` writes every every_s seconds of wall time, at the end, and on
-        Ctrl-C. None of these changes a bit of the result. Raises ValueError naming the argument.
+        Nothing but `seconds` changes a bit of the result.
+
+        Parameters
+        ----------
+        seconds : float
+            Simulated time [s].
+        progress : callable or False, optional
+            A function is called with the simulated time now and then. False is silent. By default there is a bar where
+            stderr is a terminal, and a line a minute where it is not.
+        record : callable or sequence of callables, optional
+            Called with the simulation at the start of time and then again and again, such as a `Recorder` or a
+            `VtkSeries`.
+        record_every_s : float, optional
+            Simulated time between two records [s].
+        checkpoint : path, optional
+            A file that `save` writes now and then, at the end, and on Ctrl-C.
+        every_s : float
+            Wall time between two checkpoints [s].
+
+        Raises
+        ------
+        ValueError
+            Naming the argument.
         """
         running.run(self, seconds, progress, record, record_every_s, checkpoint, every_s)
 
-    def save(self, path):
+    def save(self, path: str | os.PathLike) -> None:
         """Write everything to a file (.npz without pickle), in one move, for `load`."""
         checkpoints.save(self, path)
 
     @classmethod
-    def load(cls, path):
+    def load(cls, path: str | os.PathLike) -> "Simulation":
         """The simulation that `save` wrote; it goes on with the same bits as if it had never stopped.
 
-        Raises `repose.dem.errors.InputError`, a ValueError, naming the file where it is missing, damaged, of another
-        format, or written by other sources of the engine.
+        Raises
+        ------
+        repose.dem.errors.InputError
+            A ValueError that names the file where it is missing, damaged, of another format, or written by other
+            sources of the engine.
         """
         return checkpoints.load(cls, path)
 
@@ -491,7 +584,7 @@ class Simulation:
             getattr(bigger, name)[:n_near] = getattr(old, name)[:n_near]
         return bigger
 
-    def kinetic_energies(self):
+    def kinetic_energies(self) -> np.ndarray:
         """Kinetic energy of each body, translation and rotation (N,) [J]."""
         inverse = self._seen(self.bodies.rows)[:, st.INVERSE_MASS]
         masses = np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0.0)
@@ -499,7 +592,7 @@ class Simulation:
         rotation = 0.5 * np.sum(self.angular_momenta * self.angular_velocities, axis=1)
         return translation + rotation
 
-    def contacts(self):
+    def contacts(self) -> np.ndarray:
         """Indices of the touching pairs (M, 2), the smaller first, sorted."""
         n = self.counts[st.N_PAIRS]
         pairs = self._outer[np.column_stack([self.pairs.first[:n], self.pairs.second[:n]])]
@@ -508,7 +601,7 @@ class Simulation:
             return np.unique(pairs, axis=0)
         return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
-    def sphere_contacts(self):
+    def sphere_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Touching spheres of two clumps: bodies (M, 2), the smaller first, their spheres (M, 2), normals (M, 3).
 
         The normal points from the first body to the second. Empty for smooth bodies.
@@ -518,7 +611,7 @@ class Simulation:
         spheres = self.pairs.spheres[:n].astype(np.int64) if n else np.zeros((0, 2), np.int64)
         return bodies, spheres, st.contact_rows(self.pairs.data, n)[:, :3].copy()
 
-    def curved_contacts(self):
+    def curved_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Contacts with cones, tubes and rings: body (M,), wall (M,), normal (M, 3), azimuth (M,) [rad].
 
         Walls are numbered with the cones and tubes first, then the rings.
@@ -539,7 +632,7 @@ class Simulation:
         local = np.einsum("nji,nj->ni", frames[:, 3:].reshape(-1, 3, 3), places - frames[:, :3])
         return np.arctan2(local[:, 1], local[:, 0])
 
-    def mesh_contacts(self):
+    def mesh_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Contacts with meshes: body (M,), mesh (M,), feature (M,), normal into the wall (M, 3), overlap (M,) [m].
 
         Meshes and features are numbered in the order of the walls: of each mesh its triangles, then its edges and
@@ -572,7 +665,7 @@ def _grown(contacts, used, ghost):
 
 def _pairs_of(contacts, materials):
     """Contacts by pairs of names in both orders, or ValueError."""
-    if not isinstance(contacts, dict):
+    if not isinstance(contacts, Mapping):
         raise ValueError(f"contacts is {contacts!r}; allowed: (material, material): Contact")
     both = {}
     for pair, contact in contacts.items():

@@ -1,7 +1,10 @@
 """Walls as a user states them: planes, cones and cylinders, rounded ring edges, meshes, at rest or moving."""
 
 import math
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -15,6 +18,7 @@ from .kernels.features import split
 
 ORIGIN = (0.0, 0.0, 0.0)
 UP = (0.0, 0.0, 1.0)
+Vector = Sequence[float] | np.ndarray
 
 
 @dataclass(frozen=True)
@@ -24,14 +28,14 @@ class Motion:
     Raises ValueError naming the value that is not three finite numbers.
     """
 
-    velocity_m_s: tuple = ORIGIN
-    angular_velocity_rad_s: tuple = ORIGIN
-    pivot_m: tuple = ORIGIN
+    velocity_m_s: Vector = ORIGIN
+    angular_velocity_rad_s: Vector = ORIGIN
+    pivot_m: Vector = ORIGIN
 
     def __post_init__(self):
         self.row()
 
-    def row(self):
+    def row(self) -> np.ndarray:
         """Velocity, angular velocity and pivot as the kernels take them (9,)."""
         return np.concatenate(
             [
@@ -59,8 +63,8 @@ class Plane:
     Raises ValueError naming the value and what is allowed.
     """
 
-    point_m: tuple
-    normal: tuple
+    point_m: Vector
+    normal: Vector
     material: str
     radius_m: float = math.inf
     motion: Motion = STILL
@@ -87,10 +91,10 @@ class Cone:
     Raises ValueError naming the value and what is allowed.
     """
 
-    line: tuple
+    line: Vector
     material: str
-    origin_m: tuple = ORIGIN
-    axis: tuple = UP
+    origin_m: Vector = ORIGIN
+    axis: Vector = UP
     motion: Motion = STILL
 
     def __post_init__(self):
@@ -103,7 +107,16 @@ class Cone:
         frame_of(self)
 
     @classmethod
-    def between(cls, base_m, axis, height_m, base_radius_m, top_radius_m, material, motion=STILL):
+    def between(
+        cls,
+        base_m: Vector,
+        axis: Vector,
+        height_m: float,
+        base_radius_m: float,
+        top_radius_m: float,
+        material: str,
+        motion: Motion = STILL,
+    ) -> "Cone":
         """The inside of a cone between two circles: the middle of the first, height and radii [m].
 
         One of the radii may be 0. Raises ValueError naming the value and what is allowed.
@@ -132,7 +145,9 @@ class Cone:
         return np.array([*self.line, 0.0], float)
 
 
-def Cylinder(base_m, axis, height_m, radius_m, material, motion=STILL):
+def Cylinder(
+    base_m: Vector, axis: Vector, height_m: float, radius_m: float, material: str, motion: Motion = STILL
+) -> Cone:
     """The inside of a cylinder: the middle of its first end, axis, height and radius [m].
 
     Raises ValueError naming the value and what is allowed.
@@ -155,8 +170,8 @@ class RingEdge:
     material: str
     gates: tuple = ((0.0, 0.0), (0.0, 0.0))
     height_m: float = 0.0
-    origin_m: tuple = ORIGIN
-    axis: tuple = UP
+    origin_m: Vector = ORIGIN
+    axis: Vector = UP
     motion: Motion = STILL
 
     def __post_init__(self):
@@ -223,7 +238,14 @@ class Mesh:
         object.__setattr__(self, "part", split(vertices, self.faces, float(self.edge_radius_m)))
 
     @classmethod
-    def from_stl(cls, path, material, scale=1.0, edge_radius_m=0.0005, motion=STILL):
+    def from_stl(
+        cls,
+        path: str | os.PathLike,
+        material: str,
+        scale: float = 1.0,
+        edge_radius_m: float = 0.0005,
+        motion: Motion = STILL,
+    ) -> "Mesh":
         """A mesh from an STL file (or what else trimesh reads); scale: metres of one unit of the file.
 
         Raises InputError, a ValueError, naming the file and what is wrong with it.
@@ -231,7 +253,8 @@ class Mesh:
         if not (math.isfinite(scale) and scale > 0.0):
             raise ValueError(f"scale is {scale!r}; allowed: above 0")
         try:
-            mesh = trimesh.load(path, force="mesh")
+            source: Any = path
+            mesh: Any = trimesh.load(source, force="mesh")
         except Exception as error:  # trimesh's readers raise whatever their parsers do
             raise InputError(
                 path, "file", str(error), "a mesh that trimesh can read, such as an STL"
@@ -247,7 +270,7 @@ class Mesh:
             raise ValueError(f"{path}: {error}") from None
 
 
-def frame_of(surface):
+def frame_of(surface: Any) -> np.ndarray:
     """Origin and rotation (frame to world, by rows) of a curved surface as the kernels take them (12,)."""
     z = _direction("axis", surface.axis)
     frame = np.eye(3)
@@ -258,11 +281,14 @@ def frame_of(surface):
     return np.concatenate([_vector("origin_m", surface.origin_m), frame.ravel()])
 
 
+Wall = Plane | Cone | RingEdge | Mesh
+
+
 @dataclass
 class WallSet:
     """Named walls, sorted into the order of the kernels: planes, cones, rings, meshes."""
 
-    surfaces: dict = field(default_factory=dict)
+    surfaces: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self):
         kinds = (Plane, Cone, RingEdge, Mesh)
@@ -271,11 +297,11 @@ class WallSet:
             n for kind in kinds for n, surface in self.surfaces.items() if isinstance(surface, kind)
         ]
 
-    def of(self, kind):
+    def of(self, kind: type) -> list:
         """The walls of a kind, in order."""
         return [self.surfaces[n] for n in self.names if isinstance(self.surfaces[n], kind)]
 
-    def with_motion(self, name, motion):
+    def with_motion(self, name: str, motion: Motion) -> "WallSet":
         """The same walls, one of them with another motion."""
         if name not in self.surfaces:
             raise ValueError(
