@@ -101,8 +101,8 @@ def test_going_on_in_a_fresh_process_gives_the_same_bits(saved):
 
 def test_lists_that_have_grown_are_saved_whole(saved, tmp_path, monkeypatch):
     _path, expected = saved
-    monkeypatch.setattr("repose.dem.simulation.CONTACTS_PER_BODY", 0)
-    monkeypatch.setattr("repose.dem.simulation.NEAR_PER_BODY", -4)
+    monkeypatch.setattr("repose.dem.contact_lists.CONTACTS_PER_BODY", 0)
+    monkeypatch.setattr("repose.dem.contact_lists.NEAR_PER_BODY", -4)
     simulation = falling_berries()
     room = len(simulation.pairs.near_limit)
     simulation.run_steps(1500)

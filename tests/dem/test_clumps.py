@@ -364,9 +364,9 @@ def test_a_checkpoint_goes_on_with_the_same_bits_and_so_does_the_seed(tmp_path, 
     loaded.run_steps(2000)
     assert bits(loaded) == bits(s)
     # lists that have to grow on the way change nothing, and are saved whole
-    monkeypatch.setattr("repose.dem.simulation.SPHERE_CONTACTS_PER_BODY", 1)
-    monkeypatch.setattr("repose.dem.simulation.MOST_NEW", 0)
-    monkeypatch.setattr("repose.dem.simulation.NEAR_PER_BODY", -7)
+    monkeypatch.setattr("repose.dem.contact_lists.SPHERE_CONTACTS_PER_BODY", 1)
+    monkeypatch.setattr("repose.dem.contact_lists.MOST_NEW", 0)
+    monkeypatch.setattr("repose.dem.contact_lists.NEAR_PER_BODY", -7)
     grown = pouring()
     room = len(grown.pairs.first), len(grown.pairs.near_limit)
     grown.run_steps(3000)

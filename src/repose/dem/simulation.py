@@ -2,16 +2,15 @@
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import running
+from . import contact_lists, running
 from .checks import chosen, height, is_name, is_number, mapping, number, positive, vector, whole_number
 from .io import checkpoint as checkpoints
-from .kernels import clump_tile as ct
 from .kernels import clumps as cl
 from .kernels import features, parallel
 from .kernels import state as st
@@ -22,20 +21,18 @@ from .kernels.order import reorder
 from .kernels.rigid import TILE_ROWS, place_shape
 from .laws import CONTACT_LAWS, ROLLING_LAWS, TENSIONS
 from .materials import Contact, Material
-from .rotations import rotation_matrices, rotation_matrix
+from .observables import Observables
+from .rotations import rotation_matrix
 from .shapes import Clump, Shape
 from .surfaces import Mesh, Motion, Wall, WallSet
 from .wall_arrays import wall_arrays
 
-# Room for the lists of a simulation, per body; they grow when needed.
-CONTACTS_PER_BODY, NEAR_PER_BODY = 6, 6
-SPHERE_CONTACTS_PER_BODY, MOST_NEW = 20, 4096
 SKIN_SHARE = 0.45  # skin of the neighbour list over the largest bounding radius
 STEPS_PER_CONTACT = 15  # the longest time step is this share of a head-on impact's contact time
 FASTEST_IMPACT_M_S = 2.0
 
 
-class Simulation:
+class Simulation(Observables):
     """Bodies of given shapes among walls, all of them smooth and convex or all of them clumps of spheres.
 
     Parameters
@@ -142,7 +139,17 @@ class Simulation:
         surfaces = self.wall_set.of(Mesh)
         slide = max(shape.slide for shape in self.shapes.values())
         self.meshes = features.join([mesh.part for mesh in surfaces], slide)
-        self._make_lists(len(self.walls.planes), len(self.walls.cones) + len(self.walls.rings), len(surfaces))
+        n_walls = len(self.walls.planes), len(self.walls.cones) + len(self.walls.rings), len(surfaces)
+        self._most_spheres = most_spheres(self.shapes.values())
+        self.pairs = contact_lists.new_pairs(self.capacity, self._most_spheres, self._n_state)
+        self.flat, self.curved, self.meshed = contact_lists.new_wall_contacts(
+            self.capacity, n_walls, self._of_clumps, self._n_state
+        )
+        self.clumps = ()
+        if self._of_clumps:
+            self.clumps = cl.new_clumps(
+                list(self.shapes.values()), self._shape_ids, self._scales, n_walls[:2], len(self.meshed.body)
+            )
         self.counts = np.zeros(st.COUNTS, np.int64)
         wall_kinds = {surface.material for surface in self.wall_set.surfaces.values()}
         self.physics = st.Physics(
@@ -162,40 +169,6 @@ class Simulation:
             floor_height=height("floor_height_m", floor_height_m),
         )
         self.threads = threads
-
-    def _make_lists(self, n_planes, n_curved, n_meshes):
-        """Room for contacts, and for clumps their spheres."""
-        ghost, n_state = self.capacity, self._n_state
-        if self._of_clumps:
-            self._most_spheres = max(len(shape.spheres_m) for shape in self.shapes.values())
-            self.pairs = cl.new_sphere_pairs(
-                SPHERE_CONTACTS_PER_BODY * ghost + MOST_NEW,
-                NEAR_PER_BODY * ghost + 256,
-                self._most_spheres,
-                ghost,
-                n_state,
-            )
-            spare, rows = 64 * st.MOST_SPHERES, ct.WALL_STATE // st.LANES + n_state
-        else:
-            self.pairs = st.new_pairs(
-                CONTACTS_PER_BODY * ghost + 64, NEAR_PER_BODY * ghost + 256, ghost, n_state
-            )
-            spare, rows = 64, st.WALL_STATE // st.LANES + n_state
-        for name, walls, most in (
-            ("flat", n_planes, n_planes * ghost + spare),
-            ("curved", n_curved, ghost + spare),
-            ("meshed", n_meshes, ghost + spare if n_meshes else 1),
-        ):
-            setattr(self, name, st.new_wall_contacts(most, walls, ghost, ghost, rows))
-        self.clumps = ()
-        if self._of_clumps:
-            self.clumps = cl.new_clumps(
-                list(self.shapes.values()),
-                self._shape_ids,
-                self._scales,
-                (n_planes, n_curved),
-                len(self.meshed.body),
-            )
 
     def _set_materials(self, contacts):
         """Number the materials, those of bodies first, and make the table of force laws."""
@@ -301,66 +274,6 @@ class Simulation:
         radius = 1.0 / (1.0 / a.smallest_radius_m + 1.0 / b.smallest_radius_m)
         materials = self.materials[a.material], self.materials[b.material]
         return self.contact_law.contact_time(*materials, mass, radius, speed_m_s)
-
-    @property
-    def n_bodies(self) -> int:
-        """How many bodies were added so far."""
-        return int(self.counts[st.N_BODIES])
-
-    @property
-    def steps(self) -> int:
-        """How many time steps were made."""
-        return int(self.counts[st.STEPS])
-
-    @property
-    def time_s(self) -> float:
-        """Simulated time [s]."""
-        return float(self.counts[st.STEPS] * self.physics.dt)
-
-    @property
-    def positions(self) -> np.ndarray:
-        """Centres of the bodies added so far (N, 3) [m]; a view in simulations of fewer than 4096 bodies."""
-        return self._seen(self.bodies.rows)[:, st.POSITION : st.POSITION + 3]
-
-    @property
-    def quaternions(self) -> np.ndarray:
-        """Orientations (w, x, y, z), body to world, a copy (N, 4)."""
-        return self._seen(st.lanes_of(self.bodies.motion, st.QUATERNION, 4, self.n_bodies))
-
-    @property
-    def velocities(self) -> np.ndarray:
-        """Velocities of the centres (N, 3) [m/s]; a view as `positions` is."""
-        return self._seen(self.bodies.rows)[:, st.VELOCITY : st.VELOCITY + 3]
-
-    @property
-    def angular_velocities(self) -> np.ndarray:
-        """Angular velocities in the world frame (N, 3) [rad/s]; a view as `positions` is."""
-        return self._seen(self.bodies.rows)[:, st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3]
-
-    @property
-    def angular_momenta(self) -> np.ndarray:
-        """Angular momenta about the centres in the world frame, a copy (N, 3) [kg m2/s]."""
-        return self._seen(st.lanes_of(self.bodies.motion, st.ANGULAR_MOMENTUM, 3, self.n_bodies))
-
-    @property
-    def shape_ids(self) -> np.ndarray:
-        """Which shape each body has, as its place among the names of `shapes`, a view (N,)."""
-        return self._shape_ids[: self.n_bodies]
-
-    @property
-    def scales(self) -> np.ndarray:
-        """Scale of each body, a view (N,)."""
-        return self._scales[: self.n_bodies]
-
-    @property
-    def present(self) -> np.ndarray:
-        """Which bodies are still there (N,)."""
-        return self._seen(self.bodies.presence) == st.PRESENT
-
-    @property
-    def exit_times_s(self) -> np.ndarray:
-        """When each body fell through the exit height (N,) [s]; nan where it did not."""
-        return self._seen(self.bodies.exit_time)
 
     def add(
         self,
@@ -498,10 +411,6 @@ class Simulation:
         self._outer[:n] = self._outer[:n][order]
         self._inner[self._outer[:n]] = np.arange(n)
 
-    def _seen(self, values):
-        """Values of the bodies added so far, by the numbers that users know: a view where they are the engine's own."""
-        return values[self._inner[: self.n_bodies]] if self._shared else values[: self.n_bodies]
-
     def run(
         self,
         seconds: float,
@@ -558,109 +467,20 @@ class Simulation:
 
     def _grow(self):
         """Double the lists that are filling up; each in one move, or an interrupt could leave half of one."""
-        self.pairs = self._grown_pairs()
-        self.flat = _grown(self.flat, self.counts[st.N_PLANE], self.capacity)
-        self.curved = _grown(self.curved, self.counts[st.N_CURVED], self.capacity)
-        meshed = _grown(self.meshed, self.counts[st.N_MESHED], self.capacity)
+        self.pairs = contact_lists.grown_pairs(
+            self.pairs, self.counts, self.capacity, self._most_spheres, self._n_state
+        )
+        self.flat = contact_lists.grown_wall_contacts(self.flat, self.counts[st.N_PLANE], self.capacity)
+        self.curved = contact_lists.grown_wall_contacts(self.curved, self.counts[st.N_CURVED], self.capacity)
+        meshed = contact_lists.grown_wall_contacts(self.meshed, self.counts[st.N_MESHED], self.capacity)
         if self._of_clumps:
             self.clumps = cl.with_room(self.clumps, len(meshed.body))
         self.meshed = meshed
 
-    def _grown_pairs(self):
-        """The lists of pairs with twice the room where they are filling up."""
-        if self._of_clumps:
-            return cl.grown_sphere_pairs(
-                self.pairs, self.counts, self._most_spheres, self.capacity, self._n_state
-            )
-        n_pairs, n_near = self.counts[st.N_PAIRS], self.counts[st.N_NEAR]
-        old = self.pairs
-        contacts = len(old.first) * (2 if n_pairs * 4 > len(old.first) * 3 else 1)
-        near = len(old.near_limit) * (2 if n_near * 4 > len(old.near_limit) * 3 else 1)
-        bigger = st.new_pairs(contacts, near, self.capacity, self._n_state)
-        bigger.data[: len(old.data)] = old.data
-        for name in ("first", "second"):
-            getattr(bigger, name)[:n_pairs] = getattr(old, name)[:n_pairs]
-        for name in ("near_first", "near_second", "near_limit", "near_normal"):
-            getattr(bigger, name)[:n_near] = getattr(old, name)[:n_near]
-        return bigger
 
-    def kinetic_energies(self) -> np.ndarray:
-        """Kinetic energy of each body, translation and rotation (N,) [J]."""
-        inverse = self._seen(self.bodies.rows)[:, st.INVERSE_MASS]
-        masses = np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0.0)
-        translation = 0.5 * masses * np.sum(self.velocities**2, axis=1)
-        rotation = 0.5 * np.sum(self.angular_momenta * self.angular_velocities, axis=1)
-        return translation + rotation
-
-    def contacts(self) -> np.ndarray:
-        """Indices of the touching pairs (M, 2), the smaller first, sorted."""
-        n = self.counts[st.N_PAIRS]
-        pairs = self._outer[np.column_stack([self.pairs.first[:n], self.pairs.second[:n]])]
-        pairs.sort(axis=1)
-        if self._of_clumps:  # of two clumps several spheres may touch
-            return np.unique(pairs, axis=0)
-        return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
-
-    def sphere_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Touching spheres of two clumps: bodies (M, 2), the smaller first, their spheres (M, 2), normals (M, 3).
-
-        The normal points from the first body to the second. Empty for smooth bodies.
-        """
-        n = int(self.counts[st.N_PAIRS]) if self._of_clumps else 0
-        bodies = np.column_stack([self.pairs.first[:n], self.pairs.second[:n]]).astype(np.int64)
-        spheres = self.pairs.spheres[:n].astype(np.int64) if n else np.zeros((0, 2), np.int64)
-        return bodies, spheres, st.contact_rows(self.pairs.data, n)[:, :3].copy()
-
-    def curved_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Contacts with cones, tubes and rings: body (M,), wall (M,), normal (M, 3), azimuth (M,) [rad].
-
-        Walls are numbered with the cones and tubes first, then the rings.
-        """
-        n = self.counts[st.N_CURVED]
-        rows = st.contact_rows(self.curved.data, n)
-        body, wall = self._outer[self.curved.body[:n]], self.curved.wall[:n].copy()
-        azimuth = rows[:, st.AZIMUTH // st.LANES].copy()
-        if self._of_clumps:
-            azimuth = self._sphere_azimuths(body, wall, rows[:, ct.CENTRE // st.LANES :][:, :3])
-        return body, wall, rows[:, :3].copy(), azimuth
-
-    def _sphere_azimuths(self, body, wall, centres):
-        """Azimuths (M,) in the frames of curved walls of spheres with these centres (M, 3) in their bodies."""
-        turn = rotation_matrices(self.quaternions[body])
-        places = self.positions[body] + np.einsum("nij,nj->ni", turn, centres)
-        frames = self.walls.frames[wall]
-        local = np.einsum("nji,nj->ni", frames[:, 3:].reshape(-1, 3, 3), places - frames[:, :3])
-        return np.arctan2(local[:, 1], local[:, 0])
-
-    def mesh_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Contacts with meshes: body (M,), mesh (M,), feature (M,), normal into the wall (M, 3), overlap (M,) [m].
-
-        Meshes and features are numbered in the order of the walls: of each mesh its triangles, then its edges and
-        vertices that can be touched. A contact is found before it bears: the overlap is that of the last step.
-        """
-        n = self.counts[st.N_MESHED]
-        rows = st.contact_rows(self.meshed.data, n)
-        wall, feature = (getattr(self.meshed, name)[:n].copy() for name in ("wall", "feature"))
-        return (
-            self._outer[self.meshed.body[:n]],
-            wall,
-            feature,
-            rows[:, :3].copy(),
-            -rows[:, st.MESH_GAP // st.LANES],
-        )
-
-
-def _grown(contacts, used, ghost):
-    """Twice the room for wall contacts when three quarters are used."""
-    if used * 4 <= len(contacts.body) * 3:
-        return contacts
-    rows = contacts.data.shape[1] // st.LANES
-    bigger = st.new_wall_contacts(2 * len(contacts.body), *contacts.limit.shape, ghost, rows)
-    bigger.limit[:] = contacts.limit
-    for name in ("body", "wall", "feature"):
-        getattr(bigger, name)[:used] = getattr(contacts, name)[:used]
-    bigger.data[: len(contacts.data)] = contacts.data
-    return bigger
+def most_spheres(shapes: Iterable[Shape | Clump]) -> int:
+    """How many spheres the largest clump has; 0 for smooth bodies."""
+    return max(len(shape.spheres_m) if isinstance(shape, Clump) else 0 for shape in shapes)
 
 
 def _pairs_of(contacts, materials):

@@ -1,0 +1,156 @@
+"""What a simulation tells of its bodies and contacts."""
+
+from typing import Any
+
+import numpy as np
+
+from .kernels import clump_tile as ct
+from .kernels import state as st
+from .rotations import rotation_matrices
+
+
+class Observables:
+    """The readings of a `Simulation`, which holds the arrays."""
+
+    bodies: Any
+    pairs: Any
+    curved: Any
+    meshed: Any
+    walls: Any
+    counts: np.ndarray
+    physics: Any
+    _shape_ids: np.ndarray
+    _scales: np.ndarray
+    _inner: np.ndarray
+    _outer: np.ndarray
+    _shared: bool
+    _of_clumps: bool
+
+    @property
+    def n_bodies(self) -> int:
+        """How many bodies were added so far."""
+        return int(self.counts[st.N_BODIES])
+
+    @property
+    def steps(self) -> int:
+        """How many time steps were made."""
+        return int(self.counts[st.STEPS])
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time [s]."""
+        return float(self.counts[st.STEPS] * self.physics.dt)
+
+    @property
+    def positions(self) -> np.ndarray:
+        """Centres of the bodies added so far (N, 3) [m]; a view in simulations of fewer than 4096 bodies."""
+        return self._seen(self.bodies.rows)[:, st.POSITION : st.POSITION + 3]
+
+    @property
+    def quaternions(self) -> np.ndarray:
+        """Orientations (w, x, y, z), body to world, a copy (N, 4)."""
+        return self._seen(st.lanes_of(self.bodies.motion, st.QUATERNION, 4, self.n_bodies))
+
+    @property
+    def velocities(self) -> np.ndarray:
+        """Velocities of the centres (N, 3) [m/s]; a view as `positions` is."""
+        return self._seen(self.bodies.rows)[:, st.VELOCITY : st.VELOCITY + 3]
+
+    @property
+    def angular_velocities(self) -> np.ndarray:
+        """Angular velocities in the world frame (N, 3) [rad/s]; a view as `positions` is."""
+        return self._seen(self.bodies.rows)[:, st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3]
+
+    @property
+    def angular_momenta(self) -> np.ndarray:
+        """Angular momenta about the centres in the world frame, a copy (N, 3) [kg m2/s]."""
+        return self._seen(st.lanes_of(self.bodies.motion, st.ANGULAR_MOMENTUM, 3, self.n_bodies))
+
+    @property
+    def shape_ids(self) -> np.ndarray:
+        """Which shape each body has, as its place among the names of `shapes`, a view (N,)."""
+        return self._shape_ids[: self.n_bodies]
+
+    @property
+    def scales(self) -> np.ndarray:
+        """Scale of each body, a view (N,)."""
+        return self._scales[: self.n_bodies]
+
+    @property
+    def present(self) -> np.ndarray:
+        """Which bodies are still there (N,)."""
+        return self._seen(self.bodies.presence) == st.PRESENT
+
+    @property
+    def exit_times_s(self) -> np.ndarray:
+        """When each body fell through the exit height (N,) [s]; nan where it did not."""
+        return self._seen(self.bodies.exit_time)
+
+    def _seen(self, values):
+        """Values of the bodies added so far, by the numbers that users know: a view where they are the engine's own."""
+        return values[self._inner[: self.n_bodies]] if self._shared else values[: self.n_bodies]
+
+    def kinetic_energies(self) -> np.ndarray:
+        """Kinetic energy of each body, translation and rotation (N,) [J]."""
+        inverse = self._seen(self.bodies.rows)[:, st.INVERSE_MASS]
+        masses = np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0.0)
+        translation = 0.5 * masses * np.sum(self.velocities**2, axis=1)
+        rotation = 0.5 * np.sum(self.angular_momenta * self.angular_velocities, axis=1)
+        return translation + rotation
+
+    def contacts(self) -> np.ndarray:
+        """Indices of the touching pairs (M, 2), the smaller first, sorted."""
+        n = self.counts[st.N_PAIRS]
+        pairs = self._outer[np.column_stack([self.pairs.first[:n], self.pairs.second[:n]])]
+        pairs.sort(axis=1)
+        if self._of_clumps:  # of two clumps several spheres may touch
+            return np.unique(pairs, axis=0)
+        return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+
+    def sphere_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Touching spheres of two clumps: bodies (M, 2), the smaller first, their spheres (M, 2), normals (M, 3).
+
+        The normal points from the first body to the second. Empty for smooth bodies.
+        """
+        n = int(self.counts[st.N_PAIRS]) if self._of_clumps else 0
+        bodies = np.column_stack([self.pairs.first[:n], self.pairs.second[:n]]).astype(np.int64)
+        spheres = self.pairs.spheres[:n].astype(np.int64) if n else np.zeros((0, 2), np.int64)
+        return bodies, spheres, st.contact_rows(self.pairs.data, n)[:, :3].copy()
+
+    def curved_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Contacts with cones, tubes and rings: body (M,), wall (M,), normal (M, 3), azimuth (M,) [rad].
+
+        Walls are numbered with the cones and tubes first, then the rings.
+        """
+        n = self.counts[st.N_CURVED]
+        rows = st.contact_rows(self.curved.data, n)
+        body, wall = self._outer[self.curved.body[:n]], self.curved.wall[:n].copy()
+        azimuth = rows[:, st.AZIMUTH // st.LANES].copy()
+        if self._of_clumps:
+            azimuth = self._sphere_azimuths(body, wall, rows[:, ct.CENTRE // st.LANES :][:, :3])
+        return body, wall, rows[:, :3].copy(), azimuth
+
+    def _sphere_azimuths(self, body, wall, centres):
+        """Azimuths (M,) in the frames of curved walls of spheres with these centres (M, 3) in their bodies."""
+        turn = rotation_matrices(self.quaternions[body])
+        places = self.positions[body] + np.einsum("nij,nj->ni", turn, centres)
+        frames = self.walls.frames[wall]
+        local = np.einsum("nji,nj->ni", frames[:, 3:].reshape(-1, 3, 3), places - frames[:, :3])
+        return np.arctan2(local[:, 1], local[:, 0])
+
+    def mesh_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Contacts with meshes: body (M,), mesh (M,), feature (M,), normal into the wall (M, 3), overlap (M,) [m].
+
+        Meshes and features are numbered in the order of the walls: of each mesh its triangles, then its edges and
+        vertices that can be touched. A contact is found before it bears: the overlap is that of the last step.
+        """
+        n = self.counts[st.N_MESHED]
+        rows = st.contact_rows(self.meshed.data, n)
+        wall, feature = (getattr(self.meshed, name)[:n].copy() for name in ("wall", "feature"))
+        return (
+            self._outer[self.meshed.body[:n]],
+            wall,
+            feature,
+            rows[:, :3].copy(),
+            -rows[:, st.MESH_GAP // st.LANES],
+        )
