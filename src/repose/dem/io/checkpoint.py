@@ -83,11 +83,19 @@ def _restore(simulation, arrays):
             raise ValueError(f"array {name} is {values.dtype}{values.shape}")
         if made[name].shape == values.shape:
             made[name][...] = values
-        else:  # a list that has grown
+        elif _may_grow(name) and made[name].shape[1:] == values.shape[1:]:
             grown[name] = _aligned(values)
+        else:
+            raise ValueError(f"array {name} is {values.dtype}{values.shape}")
     for group in {name.partition(".")[0] for name in grown}:
         fields = {name.partition(".")[2]: v for name, v in grown.items() if name.startswith(f"{group}.")}
         setattr(simulation, group, getattr(simulation, group)._replace(**fields))
+
+
+def _may_grow(name):
+    """Whether an array belongs to the lists of contacts, which grow."""
+    group, _, field = name.partition(".")
+    return group in ("pairs", "flat", "curved", "meshed", "clumps") and field != "limit"
 
 
 def _aligned(values):

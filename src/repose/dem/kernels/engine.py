@@ -71,9 +71,10 @@ def advance(
         begin_step(bodies, pairs, flat, curved, meshed, clumps, grid, walls, counts, physics, ghost)
         if len(clumps) == 0:
             update_near(bodies, pairs, counts, grid, physics.parts, scratch.normal)
+            renew(bodies, pairs, clumps, counts, grid, physics.parts, scratch.normal, ghost)
         else:
             update_near_clumps(bodies, pairs, counts, grid, clumps, scratch.spheres, ghost)
-        renew(bodies, pairs, clumps, counts, grid, physics.parts, scratch, ghost)
+            renew(bodies, pairs, clumps, counts, grid, physics.parts, scratch.spheres, ghost)
         ended = pair_forces(bodies, pairs, clumps, counts, physics, t, 0, 0, counts[st.N_PAIRS])
         if len(clumps) == 0:
             retire_pairs(bodies, pairs, counts, grid, 0, ended, ghost)

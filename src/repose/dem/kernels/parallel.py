@@ -192,7 +192,7 @@ def advance_shared(
         wait_for_all(shared.counters, threads)
         if lead:
             update_near_shares(pairs, counts, grid, shared.due, numbers, begins)
-            renew(bodies, pairs, (), counts, grid, physics.parts, scratch, ghost)
+            renew(bodies, pairs, (), counts, grid, physics.parts, scratch.normal, ghost)
             wall_contacts_and_forces(
                 bodies, flat, curved, meshed, (), walls, meshes, counts, physics, t, scratch, ghost
             )

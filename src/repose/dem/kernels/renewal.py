@@ -12,16 +12,19 @@ from .rigid import take_away
 
 
 @inlined
-def list_bodies(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
-    """List the pair of two bodies where they touch or are near."""
+def list_bodies(bodies, pairs, clumps, counts, grid, parts, i, j, room):
+    """List the pair of two bodies where they touch or are near.
+
+    room: to write down a normal, or the spheres of both.
+    """
     if len(clumps) == 0:
-        list_pair(bodies, pairs, counts, grid, parts, i, j, scratch.normal)
+        list_pair(bodies, pairs, counts, grid, parts, i, j, room)
     else:
-        list_clumps(bodies, pairs, counts, grid, clumps, i, j, scratch.spheres)
+        list_clumps(bodies, pairs, counts, grid, clumps, i, j, room)
 
 
 @kernel
-def find_partners(bodies, pairs, clumps, counts, grid, parts, i, scratch):
+def find_partners(bodies, pairs, clumps, counts, grid, parts, i, room):
     """List body i's pairs anew, but for those with bodies marked with i, which are listed already."""
     cell = grid.cell[i]
     kz = cell % grid.shape[2]
@@ -34,7 +37,7 @@ def find_partners(bodies, pairs, clumps, counts, grid, parts, i, scratch):
                 while j >= 0:
                     # two bodies that both moved find each other once
                     if j != i and grid.mark[j] != i and not (grid.moved[j] == 1 and j < i):
-                        list_bodies(bodies, pairs, clumps, counts, grid, parts, min(i, j), max(i, j), scratch)
+                        list_bodies(bodies, pairs, clumps, counts, grid, parts, min(i, j), max(i, j), room)
                     j = grid.following[j]
 
 
@@ -48,7 +51,7 @@ def mark_partners(pairs, grid, i, mark):
 
 
 @kernel
-def renew(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
+def renew(bodies, pairs, clumps, counts, grid, parts, room, ghost):
     """List the pairs of the bodies that moved on anew.
 
     Touching pairs stay, and so do the entries of pairs of clumps, which name their contacts.
@@ -71,7 +74,7 @@ def renew(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
         i = grid.moved_list[m]
         if bodies.presence[i] == st.PRESENT:
             mark_partners(pairs, grid, i, i)
-            find_partners(bodies, pairs, clumps, counts, grid, parts, i, scratch)
+            find_partners(bodies, pairs, clumps, counts, grid, parts, i, room)
             mark_partners(pairs, grid, i, -1)
     for m in range(n_moved):
         i = grid.moved_list[m]
