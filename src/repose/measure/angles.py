@@ -46,51 +46,62 @@ FOOT = 1.0  # the whole profile begins here: a column below it shows no pile
 
 
 class Line(NamedTuple):
-    """A side's angle and its line, ((distance, height) below, (distance, height) above)."""
+    """A side's angle and its line.
+
+    Attributes
+    ----------
+    angle_deg : float
+    ends : tuple
+        Lower end and upper end, each (distance, height) in pixels.
+    """
 
     angle_deg: float
-    ends: tuple
+    ends: tuple[tuple[float, float], tuple[float, float]]
+
+
+Points = tuple[np.ndarray, np.ndarray]
+Measured = tuple[dict[str, tuple[float, Line, Line]], dict[str, str]]
 
 
 # --- the points that a line goes through ----------------------------------------------------------
 
 
-def levels_between(low, high):
+def levels_between(low: float, high: float) -> np.ndarray:
     """Heights one pixel apart inside a band."""
     return np.arange(math.ceil(low), math.floor(high) + 1, dtype=float)
 
 
-def crossing(profile, index, heights):
+def crossing(profile: np.ndarray, index: np.ndarray, heights: np.ndarray) -> np.ndarray:
     """Where the profile rises through `heights` just before `index`, between columns by linear
     interpolation."""
     before, after = profile[index - 1], profile[index]
     return index - (after - heights) / (after - before)
 
 
-def outermost_crossing(profile, heights):
+def outermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
     """Where, coming from the foot, the profile first reaches each height."""
     return crossing(profile, np.searchsorted(np.maximum.accumulate(profile), heights), heights)
 
 
-def innermost_crossing(profile, heights):
+def innermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
     """Where, coming from the foot, the profile last rises through each height."""
     never_lower = np.minimum.accumulate(profile[::-1])[::-1]
     return crossing(profile, np.searchsorted(never_lower, heights), heights)
 
 
-def points_by_levels(profile, low, high):
+def points_by_levels(profile: np.ndarray, low: float, high: float) -> Points:
     """Rule "levels": the middle of outermost and innermost crossing of each height."""
     heights = levels_between(low, high)
     return 0.5 * (outermost_crossing(profile, heights) + innermost_crossing(profile, heights)), heights
 
 
-def points_by_rows(profile, low, high):
+def points_by_rows(profile: np.ndarray, low: float, high: float) -> Points:
     """Rule "rows": the outermost crossing of each height."""
     heights = levels_between(low, high)
     return outermost_crossing(profile, heights), heights
 
 
-def points_by_columns(profile, low, high):
+def points_by_columns(profile: np.ndarray, low: float, high: float) -> Points:
     """Rule "columns": the column tops inside the band."""
     distance = np.flatnonzero((profile >= low) & (profile <= high))
     return distance.astype(float), profile[distance]
@@ -99,8 +110,28 @@ def points_by_columns(profile, low, high):
 FLANK_RULES = {"levels": points_by_levels, "rows": points_by_rows, "columns": points_by_columns}
 
 
-def points_between(profile, low, high, rule):
-    """Distances and heights that a rule takes from a band; NoFlankError where the band is thin or its foot unseen."""
+def points_between(profile: np.ndarray, low: float, high: float, rule: str) -> Points:
+    """Points that a rule takes from a band of one side.
+
+    Parameters
+    ----------
+    profile : numpy.ndarray, (M,)
+        Heights of one side in pixels, from outside the foot to the crest.
+    low, high : float
+        Ends of the band in pixels.
+    rule : str
+        One of `FLANK_RULES`.
+
+    Returns
+    -------
+    distances, heights : numpy.ndarray, (points,)
+        Pixels.
+
+    Raises
+    ------
+    NoFlankError
+        If the band is too thin, or the foot is not seen.
+    """
     if levels_between(low, high).size < MIN_LEVELS:
         raise NoFlankError(f"the flank is only {high - low:.0f} pixels high, {MIN_LEVELS} are needed")
     if profile[0] >= low:
@@ -111,21 +142,75 @@ def points_between(profile, low, high, rule):
 # --- the definitions ------------------------------------------------------------------------------
 
 
-def flank(profile, low, high, rule="columns"):
-    """Line by regression of height on distance between the heights low and high. Raises NoFlankError."""
+def flank(profile: np.ndarray, low: float, high: float, rule: str = "columns") -> Line:
+    """Definition "flank": the regression of height on distance between two heights (section 2.3 of the paper).
+
+    Parameters
+    ----------
+    profile : numpy.ndarray, (M,)
+        Heights of one side in pixels.
+    low, high : float
+        Ends of the band in pixels.
+    rule : str, optional
+        One of `FLANK_RULES`.
+
+    Returns
+    -------
+    Line
+
+    Raises
+    ------
+    NoFlankError
+        If the band gives no line that rises towards the crest.
+    """
     return fitted(*points_between(profile, low, high, rule), low, high)
 
 
-def whole(profile, rule="columns"):
-    """Line by regression over the whole side, foot to crest. Raises NoFlankError."""
+def whole(profile: np.ndarray, rule: str = "columns") -> Line:
+    """Definition "whole": the regression over the whole side, from foot to crest.
+
+    Parameters
+    ----------
+    profile : numpy.ndarray, (M,)
+        Heights of one side in pixels.
+    rule : str, optional
+        One of `FLANK_RULES`.
+
+    Returns
+    -------
+    Line
+
+    Raises
+    ------
+    NoFlankError
+        If the side gives no line that rises towards the crest.
+    """
     return flank(profile, FOOT, float(profile[-1]), rule)
 
 
-def steepest(profile, low, high, rule="columns"):
-    """The steepest line over any stretch of half the height between low and high, moved by one pixel.
+def steepest(profile: np.ndarray, low: float, high: float, rule: str = "columns") -> Line:
+    """Definition "steepest": the steepest line over any stretch of half the height between `low` and `high`.
 
-    The largest of many slopes is larger than the slope: on a lumpy flank it is biased upwards by its own
-    choice. Raises NoFlankError.
+    The stretch moves by one pixel. The largest of many slopes is larger than the slope: on a lumpy flank this
+    choice biases the angle upwards.
+
+    Parameters
+    ----------
+    profile : numpy.ndarray, (M,)
+        Heights of one side in pixels.
+    low, high : float
+        Ends of the band in pixels.
+    rule : str, optional
+        One of `FLANK_RULES`.
+
+    Returns
+    -------
+    Line
+
+    Raises
+    ------
+    NoFlankError
+        If the band is too thin, the flank is a wall, or no stretch rises towards the crest.
     """
     distance, height = points_between(profile, low, high, rule)
     window = (high - low) / 2
@@ -144,7 +229,9 @@ def steepest(profile, low, high, rule="columns"):
     return fitted(distance[inside], height[inside], start, start + window)
 
 
-def window_slopes(distance, height, lows, highs):
+def window_slopes(
+    distance: np.ndarray, height: np.ndarray, lows: np.ndarray, highs: np.ndarray
+) -> np.ndarray:
     """Slope of the regression line of the points whose height lies in each window; NaN where there is none.
 
     From sums accumulated over the points in order of height, so that all windows cost one pass.
@@ -163,7 +250,7 @@ def window_slopes(distance, height, lows, highs):
     return np.where(usable, (sum_xz - sum_x * sum_z / n) / np.where(usable, spread, 1.0), np.nan)
 
 
-def fitted(distance, height, low, high):
+def fitted(distance: np.ndarray, height: np.ndarray, low: float, high: float) -> Line:
     """The regression line of height on distance, drawn from low to high."""
     spread = distance - distance.mean() if distance.size else distance
     if distance.size < MIN_LEVELS or spread @ spread < distance.size * WALL_SD**2:
@@ -172,16 +259,32 @@ def fitted(distance, height, low, high):
     if slope <= 0:
         raise NoFlankError("the boundary does not rise towards the crest")
     intercept = float(height.mean() - slope * distance.mean())
-    ends = tuple(((z - intercept) / slope, z) for z in (low, high))
-    return Line(math.degrees(math.atan(slope)), ends)
+    below, above = (((z - intercept) / slope, z) for z in (low, high))
+    return Line(math.degrees(math.atan(slope)), (below, above))
 
 
-def secant(profile, berry):
-    """One side of the secant: from the plate below the outermost place one berry high, to the crest.
+def secant(profile: np.ndarray, berry: float) -> Line:
+    """One side of the definition "secant": from the plate below the outermost place one berry high, to the
+    crest.
 
     The angle is atan(H / W) with W the half width, that place's distance from the crest's column. A pile's
-    secant is not the mean of its two sides but atan(2 H / (W_left + W_right)), which does not depend on where
-    between the flanks the highest berry happens to lie. Raises NoFlankError.
+    secant is not the mean of its two sides: see `secant_of_pile`.
+
+    Parameters
+    ----------
+    profile : numpy.ndarray, (M,)
+        Heights of one side in pixels.
+    berry : float
+        Height of a berry in pixels.
+
+    Returns
+    -------
+    Line
+
+    Raises
+    ------
+    NoFlankError
+        If the pile is not higher than one berry, or its foot is not seen.
     """
     crest, height = profile.size - 1, float(profile[-1])
     if not 0 < berry < height:
@@ -192,20 +295,56 @@ def secant(profile, berry):
     return Line(math.degrees(math.atan2(height, crest - place)), ((place, 0.0), (float(crest), height)))
 
 
-def secant_of_pile(left, right):
-    """atan(2 H / D) of a pile from the lines of its two sides."""
+def secant_of_pile(left: Line, right: Line) -> float:
+    """The secant of a pile from the lines of its two sides: atan(2 H / D), D = W_left + W_right.
+
+    This does not depend on where between the flanks the highest berry happens to lie.
+
+    Parameters
+    ----------
+    left, right : Line
+        As `secant` gives them.
+
+    Returns
+    -------
+    float
+        Degrees.
+    """
     (foot_left, _), (crest_left, height) = left.ends
     (foot_right, _), (crest_right, _) = right.ends
     width = crest_left - foot_left + crest_right - foot_right
     return math.degrees(math.atan2(2 * height, width))
 
 
-def measure_sides(profile, crest, fit_from, fit_to, berry, rule):
+def measure_sides(
+    profile: np.ndarray,
+    crest: int,
+    fit_from: float | str,
+    fit_to: float | str,
+    berry: float | None,
+    rule: str,
+) -> Measured:
     """Every definition on both sides of a pile.
 
-    profile : (M,) heights of the whole pile, foot to foot; crest : its highest column; fit_from, fit_to :
-    fractions of the height, or "berry"; berry : a berry's height, or None where it is not known. Returns
-    ({definition: (angle, left Line, right Line)}, {definition: why it could not be measured}).
+    Parameters
+    ----------
+    profile : numpy.ndarray, (M,)
+        Heights of the whole pile in pixels, from foot to foot.
+    crest : int
+        Its highest column.
+    fit_from, fit_to : float or str
+        Ends of the flank: fractions of the height, or "berry", the height of one berry.
+    berry : float or None
+        Height of a berry in pixels; None where it is not known.
+    rule : str
+        One of `FLANK_RULES`.
+
+    Returns
+    -------
+    measured : dict
+        For each definition that could be measured: (angle in degrees, left Line, right Line).
+    reasons : dict of str
+        For each other definition: why it could not be measured.
     """
     height = float(profile[crest])
     sides = profile[: crest + 1], profile[crest:][::-1]
@@ -214,7 +353,7 @@ def measure_sides(profile, crest, fit_from, fit_to, berry, rule):
         try:
             if berry is None and (name == "secant" or (name != "whole" and "berry" in (fit_from, fit_to))):
                 raise NoFlankError("the berry's height is not known")
-            low, high = (berry if end == "berry" else end * height for end in (fit_from, fit_to))
+            low, high = (_height_of(end, height, berry) for end in (fit_from, fit_to))
             left, right = (_one_side(name, side, low, high, berry, rule) for side in sides)
         except NoFlankError as error:
             reasons[name] = error.reason
@@ -222,6 +361,11 @@ def measure_sides(profile, crest, fit_from, fit_to, berry, rule):
         mean = 0.5 * (left.angle_deg + right.angle_deg)
         measured[name] = (secant_of_pile(left, right) if name == "secant" else mean, left, right)
     return measured, reasons
+
+
+def _height_of(end, height, berry):
+    """Height in pixels of an end of the flank: a fraction of the pile's height, or "berry"."""
+    return berry if end == "berry" else end * height
 
 
 def _one_side(name, profile, low, high, berry, rule):

@@ -12,6 +12,7 @@ import numpy as np
 from repose.dem.rotations import rotation_matrices
 from repose.measure import silhouette
 from repose.measure.pile import equivalent_diameter
+from repose.particle.particle import Particle
 
 SMALLEST_FIT = 8  # pixel columns that a line needs
 
@@ -20,8 +21,14 @@ SMALLEST_FIT = 8  # pixel columns that a line needs
 class Surface:
     """Upper edge of the bed in the side view along the axis, and the line through its middle.
 
-    profile_m (M, 2): x and z of the edge, one row per pixel column; line_m (2, 2): the line's ends (x, z).
-    angle_deg: of the line, above 0 where the bed is higher on the side to which the drum carries it.
+    Attributes
+    ----------
+    angle_deg : float
+        Of the line; above 0 where the bed is higher on the side to which the drum carries it.
+    profile_m : numpy.ndarray, (M, 2)
+        x and z of the edge, one row per pixel column.
+    line_m : numpy.ndarray, (2, 2)
+        The line's two ends (x, z).
     """
 
     angle_deg: float
@@ -31,20 +38,60 @@ class Surface:
 
 @dataclass(frozen=True)
 class Slip:
-    """A slip by `find_slip`: rows of the record at which it begins, is judged to be one, and ends."""
+    """A slip that `find_slip` found, by rows of the record.
+
+    Attributes
+    ----------
+    begins : int
+        Row of the highest angle.
+    judged : int
+        Row at which the angle has fallen far enough.
+    ends : int
+        Row at which the bed is calm again.
+    """
 
     begins: int
     judged: int
     ends: int
 
 
-def measure_surface(centres_m, quaternions, particle, radius_m, mm_per_pixel, fit_share, scales=None):
-    """`Surface` of berries in a drum of inner radius `radius_m`.
+def measure_surface(
+    centres_m: np.ndarray,
+    quaternions: np.ndarray,
+    particle: silhouette.ConvexBody,
+    radius_m: float,
+    mm_per_pixel: float,
+    fit_share: float,
+    scales: np.ndarray | None = None,
+) -> Surface:
+    """Surface of berries in a drum.
 
-    centres_m (N, 3), quaternions (N, 4) w, x, y, z, scales (N,), by default 1. The edge is that of the silhouette: in
-    each pixel column the
-    highest point of any berry. The line is the least-squares one through the middle `fit_share` of the edge's width, so
-    that berries lifted along the wall do not count. Raises ValueError where there are too few columns.
+    The edge is that of the silhouette: in each pixel column the highest point of any berry. The line is the
+    least-squares line through the middle `fit_share` of the edge's width, so that berries lifted along the
+    wall do not count.
+
+    Parameters
+    ----------
+    centres_m : numpy.ndarray, (N, 3)
+    quaternions : numpy.ndarray, (N, 4)
+        w, x, y, z, from the body to the world.
+    particle : ConvexBody
+    radius_m : float
+        Inner radius of the drum.
+    mm_per_pixel : float
+    fit_share : float
+        From 0 to 1.
+    scales : numpy.ndarray, (N,), optional
+        Sizes of the bodies relative to the particle; 1 without it.
+
+    Returns
+    -------
+    Surface
+
+    Raises
+    ------
+    ValueError
+        If there are too few columns.
     """
     lifted = np.asarray(centres_m, float) + np.array([0.0, 0.0, radius_m])
     image = silhouette.silhouette(
@@ -66,24 +113,71 @@ def measure_surface(centres_m, quaternions, particle, radius_m, mm_per_pixel, fi
     return Surface(math.degrees(math.atan(slope)), np.column_stack([x, z]), line)
 
 
-def to_drum_frame(centres_m, turned_rad):
-    """Positions (..., 3) as seen from a drum that has turned by an angle (radians)."""
+def to_drum_frame(centres_m: np.ndarray, turned_rad: float) -> np.ndarray:
+    """Positions as seen from a drum that has turned by an angle.
+
+    Parameters
+    ----------
+    centres_m : numpy.ndarray, (..., 3)
+    turned_rad : float
+
+    Returns
+    -------
+    numpy.ndarray, (..., 3)
+        Metres.
+    """
     cos, sin = math.cos(turned_rad), math.sin(turned_rad)
     x, z = centres_m[..., 0], centres_m[..., 2]
     return np.stack([cos * x + sin * z, centres_m[..., 1], cos * z - sin * x], axis=-1)
 
 
-def bed_angle(centres_m):
-    """Angle (degrees) of the bed's centre of mass about the axis, from straight down towards +x."""
+def bed_angle(centres_m: np.ndarray) -> float:
+    """Angle of the bed's centre of mass about the axis.
+
+    Parameters
+    ----------
+    centres_m : numpy.ndarray, (N, 3)
+
+    Returns
+    -------
+    float
+        Degrees, from straight down towards +x.
+    """
     x, _, z = np.mean(centres_m, axis=0)
     return math.degrees(math.atan2(x, -z))
 
 
-def relative_energy(centres_m, quaternions, velocities_m_s, turning_rad_s, particle, frame_rad_s, scales=1.0):
-    """Mean kinetic energy of a berry (J), translation and rotation, in a frame that turns about the origin.
+def relative_energy(
+    centres_m: np.ndarray,
+    quaternions: np.ndarray,
+    velocities_m_s: np.ndarray,
+    turning_rad_s: np.ndarray,
+    particle: Particle,
+    frame_rad_s: np.ndarray,
+    scales: np.ndarray | float = 1.0,
+) -> float:
+    """Mean kinetic energy of a berry, translation and rotation, in a frame that turns about the origin.
 
-    All arrays are in the world frame: centres (N, 3), quaternions (N, 4), velocities (N, 3), angular velocities (N, 3)
-    of the berries, angular velocity (3,) of the frame; scales (N,): of the berries.
+    All arrays are in the world frame.
+
+    Parameters
+    ----------
+    centres_m : numpy.ndarray, (N, 3)
+    quaternions : numpy.ndarray, (N, 4)
+        w, x, y, z, from the body to the world.
+    velocities_m_s : numpy.ndarray, (N, 3)
+    turning_rad_s : numpy.ndarray, (N, 3)
+        Angular velocities of the berries.
+    particle : Particle
+    frame_rad_s : numpy.ndarray, (3,)
+        Angular velocity of the frame.
+    scales : numpy.ndarray, (N,), or float, optional
+        Sizes of the berries relative to the particle.
+
+    Returns
+    -------
+    float
+        Joule.
     """
     drift = velocities_m_s - np.cross(frame_rad_s, centres_m)
     turn = rotation_matrices(quaternions)
@@ -93,16 +187,33 @@ def relative_energy(centres_m, quaternions, velocities_m_s, turning_rad_s, parti
     return 0.5 * float(energy.mean())
 
 
-def find_slip(bed_deg, energy_j, drop_deg, calm_energy_j):
-    """First `Slip` in a record, or None where there is none.
+def find_slip(
+    bed_deg: np.ndarray, energy_j: np.ndarray, drop_deg: float, calm_energy_j: float
+) -> Slip | None:
+    """First slip in a record.
 
-    bed_deg (T,): angle of the centre of mass; energy_j (T,): kinetic energy of a berry in the drum's frame. A slip is
-    judged when the angle has fallen by `drop_deg` below the highest so far; it began at that highest, and ends when
-    the energy is below `calm_energy_j` again, or with the record. The angle of the centre of mass is taken, not
-    that of the surface: a few berries that roll change the second by more than a degree, the first by nothing.
+    A slip is judged when the angle has fallen by `drop_deg` below the highest so far. It began at that
+    highest angle, and ends when the energy is below `calm_energy_j` again, or with the record. The angle is
+    that of the centre of mass and not of the surface: a few berries that roll change the surface's by more
+    than a degree, and the centre's not at all.
+
+    Parameters
+    ----------
+    bed_deg : numpy.ndarray, (T,)
+        Angle of the centre of mass.
+    energy_j : numpy.ndarray, (T,)
+        Kinetic energy of a berry in the drum's frame.
+    drop_deg, calm_energy_j : float
+
+    Returns
+    -------
+    Slip or None
+        None where there is no slip.
     """
     bed = np.asarray(bed_deg, float)
-    fallen = np.flatnonzero(np.maximum.accumulate(bed) - bed >= drop_deg) if len(bed) else []
+    if not len(bed):
+        return None
+    fallen = np.flatnonzero(np.maximum.accumulate(bed) - bed >= drop_deg)
     if not len(fallen):
         return None
     judged = int(fallen[0])
@@ -111,11 +222,26 @@ def find_slip(bed_deg, energy_j, drop_deg, calm_energy_j):
     return Slip(int(np.argmax(bed[: judged + 1])), judged, ends)
 
 
-def slip_displacement(before_m, after_m, turned_rad, surface):
-    """Depth (N,) below the surface before the slip and motion (N,) down along it, both m, of each berry.
+def slip_displacement(
+    before_m: np.ndarray, after_m: np.ndarray, turned_rad: float, surface: Surface
+) -> tuple[np.ndarray, np.ndarray]:
+    """Depth of each berry below the surface before the slip, and its motion down along the surface.
 
-    before_m, after_m (N, 3): positions; turned_rad: by how much the drum turned in between; surface: `Surface` before.
-    The motion is that against the drum. Berries outside the part of the surface that was fitted are NaN.
+    The motion is that against the drum.
+
+    Parameters
+    ----------
+    before_m, after_m : numpy.ndarray, (N, 3)
+        Positions.
+    turned_rad : float
+        Angle by which the drum turned in between.
+    surface : Surface
+        Before the slip.
+
+    Returns
+    -------
+    depth, moved : numpy.ndarray, (N,)
+        Metres. NaN for a berry outside the part of the surface that was fitted.
     """
     (x0, z0), (x1, _) = surface.line_m
     slope = math.radians(surface.angle_deg)
@@ -127,8 +253,21 @@ def slip_displacement(before_m, after_m, turned_rad, surface):
     return np.where(beside, np.nan, depth), np.where(beside, np.nan, moved)
 
 
-def depth_profile(depth_m, moved_m, bin_m):
-    """Rows (middle of the bin m, mean motion m, standard deviation m, berries) of `slip_displacement`, by depth."""
+def depth_profile(depth_m: np.ndarray, moved_m: np.ndarray, bin_m: float) -> np.ndarray:
+    """Motion of the berries by depth.
+
+    Parameters
+    ----------
+    depth_m, moved_m : numpy.ndarray, (N,)
+        As `slip_displacement` gives them.
+    bin_m : float
+        Width of a bin.
+
+    Returns
+    -------
+    numpy.ndarray, (bins, 4)
+        Middle of the bin, mean motion and its standard deviation in m, and number of berries.
+    """
     known = np.isfinite(depth_m)
     bins = np.floor(depth_m[known] / bin_m).astype(int)
     rows = []
@@ -138,7 +277,19 @@ def depth_profile(depth_m, moved_m, bin_m):
     return np.array(rows)
 
 
-def moved_share(moved_m, particle):
-    """Share of berries that moved by more than the berry's equivalent diameter; those that are NaN do not count."""
+def moved_share(moved_m: np.ndarray, particle: silhouette.ConvexBody) -> float:
+    """Share of berries that moved by more than the berry's equivalent diameter.
+
+    Parameters
+    ----------
+    moved_m : numpy.ndarray, (N,)
+        As `slip_displacement` gives it; NaN does not count.
+    particle : ConvexBody
+
+    Returns
+    -------
+    float
+        From 0 to 1.
+    """
     known = moved_m[np.isfinite(moved_m)]
     return float(np.mean(np.abs(known) > equivalent_diameter(particle))) if len(known) else 0.0

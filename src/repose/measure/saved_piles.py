@@ -7,6 +7,7 @@ import numpy as np
 
 from repose.core.errors import NoFlankError
 from repose.measure import pile
+from repose.measure.angles import MEAN_KEYS
 from repose.measure.silhouette import silhouette
 
 if TYPE_CHECKING:
@@ -53,11 +54,11 @@ def pile_responses(
             scales=arrays.get("scale"),
         )
         found |= seen.record()
-        reasons |= {pile.MEAN_KEYS[name]: why for name, why in seen.reasons.items()}
+        reasons |= {MEAN_KEYS[name]: why for name, why in seen.reasons.items()}
         if settings.response in seen.reasons:
             reasons["aor_deg"] = seen.reasons[settings.response]
     except NoFlankError as error:
-        reasons |= dict.fromkeys(("aor_deg", "height_mm", *pile.MEAN_KEYS.values()), error.reason)
+        reasons |= dict.fromkeys(("aor_deg", "height_mm", *MEAN_KEYS.values()), error.reason)
     further = tuple(further)
     if further:
         from repose.measure import further_responses

@@ -6,9 +6,11 @@ downwards from the picture's top; a pixel's centre has whole coordinates, as in 
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike
 
 from repose.core.errors import InputError, NoFlankError
 from repose.dem.rotations import rotation_matrices
@@ -20,16 +22,34 @@ OUTLINE_DIRECTIONS = 64  # a berry's outline as a polygon: at most 0.03 mm insid
 SUBPIXEL_BITS = 8
 MARGIN_PX = 8
 PILE_TONE, BACKGROUND_TONE = 40, 255
+Extent = tuple[float, float, float]
+
+
+class ConvexBody(Protocol):
+    """A body by its support points; a body that is made of spheres also has `spheres_m`, (M, 4)."""
+
+    def support_point(self, n: np.ndarray) -> np.ndarray:
+        """Touching points (..., 3) in m for unit vectors (..., 3) in the body frame."""
+        ...
 
 
 @dataclass(frozen=True)
 class Segmentation:
     """A picture split into pile and background.
 
-    grey : (H, W) uint8. contrast : (H, W) float32, each pixel's distance in tone or colour from the
-    background. level : the contrast at which pile begins (Otsu). mask : (H, W) uint8, 1 where pile, holes
-    filled, plate left out. base_row : row of the pile's lower edge. pile_is : "darker" or "brighter" than the
-    background.
+    Attributes
+    ----------
+    grey : numpy.ndarray of uint8, (H, W)
+    contrast : numpy.ndarray of float32, (H, W)
+        Distance of each pixel from the background, in tone or colour.
+    level : float
+        The contrast at which the pile begins (Otsu).
+    mask : numpy.ndarray of uint8, (H, W)
+        1 where the pile is; holes are filled, the plate is left out.
+    base_row : float
+        Row of the pile's lower edge.
+    pile_is : str
+        "darker" or "brighter" than the background.
     """
 
     grey: np.ndarray
@@ -40,14 +60,36 @@ class Segmentation:
     pile_is: str
 
 
-def outlines(centres_m, quaternions, particle, azimuths_deg, inset_m=0.0, scales=None):
+def outlines(
+    centres_m: np.ndarray,
+    quaternions: np.ndarray,
+    particle: ConvexBody,
+    azimuths_deg: ArrayLike,
+    inset_m: float = 0.0,
+    scales: np.ndarray | None = None,
+) -> np.ndarray:
     """Outline polygons of bodies in orthographic side views.
 
     The view from azimuth a shows u = x cos a + y sin a to the right and z up. A convex body's outline is the
     curve of its support points in the directions of the picture plane, so each vertex is exact. A body of M
-    spheres (particle.spheres_m) has M outlines, a circle each. `inset_m` moves the outlines inwards along
-    their normals; scales (N,): of the bodies, by default 1. Returns (views, N or N * M, OUTLINE_DIRECTIONS, 2)
-    in metres (u, z).
+    spheres (`particle.spheres_m`) has M outlines, a circle each.
+
+    Parameters
+    ----------
+    centres_m : numpy.ndarray, (N, 3)
+    quaternions : numpy.ndarray, (N, 4)
+        w, x, y, z, from the body to the world.
+    particle : ConvexBody
+    azimuths_deg : array_like, (views,)
+    inset_m : float, optional
+        Moves the outlines inwards along their normals.
+    scales : numpy.ndarray, (N,), optional
+        Sizes of the bodies relative to the particle; 1 without it.
+
+    Returns
+    -------
+    numpy.ndarray, (views, N or N * M, OUTLINE_DIRECTIONS, 2)
+        Metres (u, z).
     """
     azimuth = np.radians(np.asarray(azimuths_deg, dtype=float))
     right = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=-1)
@@ -70,7 +112,9 @@ def outlines(centres_m, quaternions, particle, azimuths_deg, inset_m=0.0, scales
     return points - inset_m * circle
 
 
-def spheres_of(centres_m, quaternions, particle, scales):
+def spheres_of(
+    centres_m: np.ndarray, quaternions: np.ndarray, particle: ConvexBody, scales: np.ndarray
+) -> np.ndarray | None:
     """Spheres (N * M, 4), centre and radius in m, of N bodies of M spheres each; None for a body of none."""
     own = getattr(particle, "spheres_m", None)
     if own is None or not len(own):
@@ -81,8 +125,11 @@ def spheres_of(centres_m, quaternions, particle, scales):
     return np.concatenate([places, radii[..., None]], axis=-1).reshape(-1, 4)
 
 
-def top_of(centres_m, quaternions, particle, scales=None):
-    """Height (m) of the highest point of N bodies over z = 0; exact, from the bodies themselves."""
+def top_of(
+    centres_m: np.ndarray, quaternions: np.ndarray, particle: ConvexBody, scales: np.ndarray | None = None
+) -> float:
+    """Height (m) of the highest point of N bodies over z = 0; exact, from the bodies themselves. Arguments as in
+    `silhouette`."""
     up_body = rotation_matrices(quaternions)[:, 2, :]
     reach = (particle.support_point(up_body) * up_body).sum(axis=1)
     return float(
@@ -90,12 +137,24 @@ def top_of(centres_m, quaternions, particle, scales=None):
     )
 
 
-def paint(polygons_m, mm_per_pixel, extent):
-    """Fill one view's outlines (N, M, 2) into a picture, pile dark on light; see `silhouette` for `extent`.
+def paint(polygons_m: np.ndarray, mm_per_pixel: float, extent: Extent) -> np.ndarray:
+    """One view's outlines, filled into a picture: pile dark on light.
 
-    OpenCV fills every pixel that an outline touches, half a pixel too many all around: the outlines are
-    expected half a pixel inside the body, and then a filled disc has its true area and extents to 0.03 pixel
-    (tested).
+    OpenCV fills every pixel that an outline touches, half a pixel too many all around. The outlines are
+    therefore expected half a pixel inside the body; a filled disc then has its true area and extents to 0.03
+    pixel (tested).
+
+    Parameters
+    ----------
+    polygons_m : numpy.ndarray, (N, M, 2)
+        Metres (u, z).
+    mm_per_pixel : float
+    extent : (float, float, float)
+        Left, right and top of the view in metres.
+
+    Returns
+    -------
+    numpy.ndarray of uint8, (H, W)
     """
     left_m, right_m, top_m = extent
     pixel_m = mm_per_pixel * 1e-3
@@ -110,8 +169,8 @@ def paint(polygons_m, mm_per_pixel, extent):
     return image
 
 
-def frame(polygons_m, mm_per_pixel):
-    """The extent (left_m, right_m, top_m) that holds all outlines with a margin of background around them."""
+def frame(polygons_m: np.ndarray, mm_per_pixel: float) -> Extent:
+    """The extent (left_m, right_m, top_m) that holds all outlines (..., 2) with a margin of background around them."""
     margin = MARGIN_PX * mm_per_pixel * 1e-3
     return (
         float(polygons_m[..., 0].min()) - margin,
@@ -121,37 +180,80 @@ def frame(polygons_m, mm_per_pixel):
 
 
 def silhouette(
-    centres_m, quaternions, particle, azimuth_deg=0.0, mm_per_pixel=0.25, extent=None, scales=None
-):
+    centres_m: np.ndarray,
+    quaternions: np.ndarray,
+    particle: ConvexBody,
+    azimuth_deg: float = 0.0,
+    mm_per_pixel: float = 0.25,
+    extent: Extent | None = None,
+    scales: np.ndarray | None = None,
+) -> np.ndarray:
     """Exact orthographic side view of bodies on the plate z = 0, the pile dark on a light background.
 
-    centres_m : (N, 3), z up. quaternions : (N, 4) w, x, y, z, body -> world. particle : anything with
-    `support_point(directions (..., 3)) -> (..., 3)` in the body frame, metres. extent : (left_m, right_m,
-    top_m) of the view; by default all bodies and a margin. scales : (N,), by default 1.
-    Returns (H, W) uint8 whose lower border is the plate.
+    Parameters
+    ----------
+    centres_m : numpy.ndarray, (N, 3)
+        z is up.
+    quaternions : numpy.ndarray, (N, 4)
+        w, x, y, z, from the body to the world.
+    particle : ConvexBody
+        Anything with `support_point`.
+    azimuth_deg, mm_per_pixel : float, optional
+    extent : (float, float, float), optional
+        Left, right and top of the view in metres; all bodies and a margin without it.
+    scales : numpy.ndarray, (N,), optional
+        Sizes of the bodies relative to the particle; 1 without it.
+
+    Returns
+    -------
+    numpy.ndarray of uint8, (H, W)
+        Its lower border is the plate.
     """
     polygons = outlines(centres_m, quaternions, particle, [azimuth_deg], mm_per_pixel * 0.5e-3, scales)[0]
     return paint(polygons, mm_per_pixel, extent or frame(polygons, mm_per_pixel))
 
 
-def segment(image, largest_pile_only=True, base_row=None):
-    """Split a picture (H, W) or (H, W, 3; BGR) of uint8 into pile and background.
+def segment(image: np.ndarray, largest_pile_only: bool = True, base_row: float | None = None) -> Segmentation:
+    """Split a picture into pile and background.
 
-    Polarity is never assumed. The border strip - the upper edge and both sides - shows background, so the
-    pile is what differs from it: in tone, or in colour (red fruit on a grey board of the same brightness),
-    darker or brighter. The background is a quadratic surface a channel fitted to that strip, outliers
-    trimmed, which takes tilted light and vignetting out; then median and Gaussian filters, Otsu's threshold
-    on the distance from the background, holes (highlights) filled. A picture of two tones is binary already
-    and skips fitting and filters, which could only round its corners. Rows that are "pile" from border to
-    border are a plate or table as distinct from the background as the fruit: the pile stands on the first of
-    them. Otherwise its base is its lowest row, or `base_row` where the caller knows better. Raises InputError
-    and NoFlankError.
+    Polarity is never assumed. The border strip (the upper edge and both sides) shows background; the pile is
+    what differs from it: in tone, or in colour (red fruit on a grey board of the same brightness), darker or
+    brighter.
+
+    The background is a quadratic surface for each channel, fitted to that strip with outliers trimmed, which
+    takes tilted light and vignetting out. Then follow median and Gaussian filters and Otsu's threshold on the
+    distance from the background, and holes (highlights) are filled. A picture of two tones is binary already:
+    it skips fitting and filters, which could only round its corners.
+
+    Rows that are "pile" from border to border are a plate or table that differs from the background as the
+    fruit does: the pile stands on the first of them. Otherwise the base is the pile's lowest row, or
+    `base_row`.
+
+    Parameters
+    ----------
+    image : numpy.ndarray of uint8, (H, W) or (H, W, 3)
+        Colours in the order BGR.
+    largest_pile_only : bool, optional
+        Whether only the largest connected part counts.
+    base_row : float, optional
+        Row of the plate, where the caller knows it.
+
+    Returns
+    -------
+    Segmentation
+
+    Raises
+    ------
+    InputError
+        If the picture or `base_row` cannot be used.
+    NoFlankError
+        If the picture shows no pile.
     """
     image = checked(image)
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     contrast = two_tone_contrast(image) if image.ndim == 2 else None
     noisy = contrast is None
-    if noisy:
+    if contrast is None:
         smooth = cv2.GaussianBlur(cv2.medianBlur(image, 3), (0, 0), 1.0)
         contrast = background_contrast(smooth)
     level, mask = threshold(contrast)
@@ -171,7 +273,7 @@ def segment(image, largest_pile_only=True, base_row=None):
     return Segmentation(grey, contrast, level, mask, float(base_row), pile_is)
 
 
-def checked(image):
+def checked(image: np.ndarray) -> np.ndarray:
     """The picture as contiguous uint8, one channel if its three are the same; InputError if it is no
     picture."""
     image = np.asarray(image)
@@ -188,7 +290,7 @@ def checked(image):
     return np.ascontiguousarray(image)
 
 
-def border(shape):
+def border(shape: tuple[int, ...]) -> np.ndarray:
     """Index of the strip that shows background: the upper edge and both sides, 3 % of the picture wide."""
     strip = max(2, round(0.03 * min(shape)))
     where = np.zeros(shape[:2], dtype=bool)
@@ -196,7 +298,7 @@ def border(shape):
     return where
 
 
-def two_tone_contrast(grey):
+def two_tone_contrast(grey: np.ndarray) -> np.ndarray | None:
     """Distance from the background's tone where a picture has two tones at most; None where it has more."""
     tones = np.flatnonzero(cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel())
     if tones.size > 2:
@@ -205,7 +307,7 @@ def two_tone_contrast(grey):
     return cv2.absdiff(grey, np.full_like(grey, background)).astype(np.float32)
 
 
-def background_contrast(image):
+def background_contrast(image: np.ndarray) -> np.ndarray:
     """Distance (H, W) float32 of each pixel from the background surface fitted to the border strip."""
     rows, columns = image.shape[:2]
     y, x = np.linspace(-1, 1, rows, dtype=np.float32)[:, None], np.linspace(-1, 1, columns, dtype=np.float32)
@@ -232,7 +334,7 @@ def background_contrast(image):
     return np.sqrt(squares)
 
 
-def threshold(contrast):
+def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
     """Otsu's level of the contrast and the mask (uint8, 0 or 1) of what lies above it."""
     peak = float(contrast.max())
     if peak < 8:
@@ -246,7 +348,7 @@ def threshold(contrast):
     return level * peak / 255.0, cv2.threshold(scaled, math.floor(level), 1, cv2.THRESH_BINARY)[1]
 
 
-def plate_row(mask):
+def plate_row(mask: np.ndarray) -> float | None:
     """Upper edge of a plate that counts as "pile" from border to border; None where the mask has none.
 
     Above a plate the mask narrows abruptly; above the foot of a pile that the picture cuts off it does not.
@@ -259,7 +361,7 @@ def plate_row(mask):
     return first - 0.5 if first >= 4 and share[first - 4] < 0.9 else None
 
 
-def pile_component(mask, largest_only):
+def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
     """The mask with holes filled: its largest connected part, or all but specks below 1 % of that part."""
     contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
     if not contours:
@@ -271,9 +373,11 @@ def pile_component(mask, largest_only):
     return filled
 
 
-def upper_edge(mask, contrast, level):
-    """Row (W,) at which each column's pile begins, between pixels by linear interpolation; NaN without
-    pile."""
+def upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.ndarray:
+    """Row (W,) at which each column's pile begins, between pixels by linear interpolation; NaN without pile.
+
+    mask, contrast and level as in `Segmentation`.
+    """
     top = mask.argmax(axis=0)
     column = np.arange(mask.shape[1])
     inner = contrast[top, column]
@@ -283,7 +387,7 @@ def upper_edge(mask, contrast, level):
     return np.where(mask[top, column] > 0, top - np.clip(step, 0.0, 1.0), np.nan)
 
 
-def lower_edge(mask, contrast, level):
+def lower_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> float:
     """Row of the pile's lowest point: the picture's lower border where the pile is cut off by it."""
     if mask[-1].any():
         return mask.shape[0] - 0.5

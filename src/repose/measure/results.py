@@ -1,0 +1,152 @@
+"""What is found on a pile: on one picture, or from all sides of a simulation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from repose.measure.angles import DEFINITIONS, MEAN_KEYS, VIEW_KEYS
+
+
+@dataclass(frozen=True)
+class Angle:
+    """One definition on one picture.
+
+    Attributes
+    ----------
+    left_deg, right_deg : float
+        Of the two sides.
+    aor_deg : float
+        Of the pile.
+    lines : tuple
+        (left, right), each ((column, row) below, (column, row) above) in pixels.
+    """
+
+    left_deg: float
+    right_deg: float
+    aor_deg: float
+    lines: tuple
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Result of one picture.
+
+    `left_deg`, `right_deg`, `aor_deg` and `lines` are those of the definition `response`.
+
+    Attributes
+    ----------
+    response : str
+    angles : dict of Angle
+        For each definition that could be measured.
+    reasons : dict of str
+        Why the other definitions could not be measured.
+    height_mm : float
+    base_row : float
+        Row of the plate.
+    top : (float, float)
+        (column, row) of the highest point.
+    contour : numpy.ndarray, (M, 2)
+        (column, row) of the boundary's pixels.
+    pile_is : str
+        "darker" or "brighter" than the background.
+    """
+
+    response: str
+    angles: dict
+    reasons: dict
+    height_mm: float
+    base_row: float
+    top: tuple
+    contour: np.ndarray
+    pile_is: str
+
+    @property
+    def left_deg(self) -> float:
+        return self.angles[self.response].left_deg
+
+    @property
+    def right_deg(self) -> float:
+        return self.angles[self.response].right_deg
+
+    @property
+    def aor_deg(self) -> float:
+        return self.angles[self.response].aor_deg
+
+    @property
+    def lines(self) -> tuple:
+        return self.angles[self.response].lines
+
+    def record(self) -> dict[str, float | None]:
+        """The response's two sides and every definition by name, to 0.001; what could not be measured is None."""
+        sides = {key: round(getattr(self, key), 3) for key in ("left_deg", "right_deg", "aor_deg")}
+        found = {
+            MEAN_KEYS[name]: round(self.angles[name].aor_deg, 3) if name in self.angles else None
+            for name in DEFINITIONS
+        }
+        return sides | {"height_mm": round(self.height_mm, 3)} | found
+
+
+@dataclass(frozen=True)
+class PileResult:
+    """A simulated pile.
+
+    Attributes
+    ----------
+    response : str
+    height_mm : float
+        Exact, from the bodies themselves.
+    view_height_mm : numpy.ndarray, (V,)
+        Of the silhouettes.
+    left, right, aor : dict of numpy.ndarray, (V,)
+        Degrees for each definition; NaN in a view where it could not be measured.
+    reasons : dict of str
+        Why, of the first such view.
+    """
+
+    response: str
+    height_mm: float
+    view_height_mm: np.ndarray
+    left: dict
+    right: dict
+    aor: dict
+    reasons: dict
+
+    def mean_deg(self, name: str) -> float | None:
+        """Mean of a definition over the views.
+
+        Parameters
+        ----------
+        name : str
+            One of `DEFINITIONS`.
+
+        Returns
+        -------
+        float or None
+            None where more than half of the views have none.
+        """
+        seen = np.isfinite(self.aor[name])
+        return float(self.aor[name][seen].mean()) if 2 * seen.sum() >= seen.size else None
+
+    @property
+    def aor_deg(self) -> float | None:
+        """The angle of repose; None where the response could not be measured."""
+        return self.mean_deg(self.response)
+
+    @property
+    def left_deg(self) -> np.ndarray:
+        return self.left[self.response]
+
+    @property
+    def right_deg(self) -> np.ndarray:
+        return self.right[self.response]
+
+    def record(self) -> dict[str, float | None]:
+        """All responses by name; what could not be measured is None."""
+        views = {VIEW_KEYS[name]: _or_none(self.aor[name][0]) for name in DEFINITIONS}
+        means = {MEAN_KEYS[name]: self.mean_deg(name) for name in DEFINITIONS}
+        heights = {"height_mm": self.height_mm, "height_view_mm": _or_none(self.view_height_mm[0])}
+        return {"aor_deg": self.aor_deg, **heights, **means, **views}
+
+
+def _or_none(value):
+    return float(value) if np.isfinite(value) else None

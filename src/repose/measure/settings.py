@@ -1,0 +1,102 @@
+"""How a pile is measured: the section `measure` of a configuration."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from repose.core.errors import InputError
+from repose.measure.angles import DEFINITIONS, FLANK_RULES
+
+
+@dataclass(frozen=True)
+class MeasureSettings:
+    """How a pile is measured.
+
+    Raises
+    ------
+    InputError
+        If a value is not allowed.
+
+    Attributes
+    ----------
+    views : int
+        Side views, evenly over half a turn; the other half mirrors them. From 1 to 360.
+    mm_per_pixel : float
+    response : str
+        The definition that is the angle of repose, one of `DEFINITIONS`.
+    fit_from, fit_to : float or str
+        Ends of the flank: each a fraction of the pile's height, or "berry", the height of one berry.
+    berry_height_mm : float or None
+        None stands for that of the particle.
+    largest_pile_only : bool
+        Whether only the largest connected part counts.
+    flank : str
+        Rule of the lines, one of `FLANK_RULES`.
+    """
+
+    views: int = 18
+    mm_per_pixel: float = 0.25
+    response: str = "flank"
+    fit_from: float | str = 0.1
+    fit_to: float | str = 0.8
+    berry_height_mm: float | None = None
+    largest_pile_only: bool = True
+    flank: str = "columns"
+
+    def __post_init__(self):
+        if isinstance(self.views, bool) or not isinstance(self.views, int) or not 1 <= self.views <= 360:
+            raise InputError("measure", "views", self.views, "a whole number from 1 to 360")
+        if not isinstance(self.largest_pile_only, bool):
+            raise InputError("measure", "largest_pile_only", self.largest_pile_only, "true or false")
+        if not _positive(self.mm_per_pixel):
+            raise InputError("measure", "mm_per_pixel", self.mm_per_pixel, "a positive number")
+        if self.berry_height_mm is not None and not _positive(self.berry_height_mm):
+            raise InputError("measure", "berry_height_mm", self.berry_height_mm, "a positive number or null")
+        for key, names in (("response", DEFINITIONS), ("flank", FLANK_RULES)):
+            if getattr(self, key) not in names:
+                raise InputError("measure", key, getattr(self, key), "one of " + ", ".join(names))
+        self._check_band()
+
+    def _check_band(self):
+        """InputError unless the two ends of the flank can be used together."""
+        start, end = self.fit_from, self.fit_to
+        if start != "berry" and not (isinstance(start, int | float) and 0 <= start <= 0.9):
+            raise InputError("measure", "fit_from", start, "berry, or from 0 to 0.9")
+        if "berry" in (start, end):
+            good = start != end and (end == "berry" or (isinstance(end, int | float) and 0.1 <= end <= 1))
+            if not good:
+                raise InputError("measure", "fit_to", end, "from 0.1 to 1, or berry where fit_from is not")
+        elif not (isinstance(end, int | float) and start + 0.1 <= end <= 1):
+            raise InputError("measure", "fit_to", end, "berry, or at least fit_from + 0.1, at most 1")
+
+    @classmethod
+    def of(cls, section: Mapping[str, Any], berry: Mapping[str, Any]) -> "MeasureSettings":
+        """Settings from a section of a configuration.
+
+        Parameters
+        ----------
+        section : mapping
+            The section `measure`.
+        berry : mapping
+            What `repose berry` wrote. Where it has long_mm, major_mm and minor_mm, and the section no height
+            of a berry, the height is the mean berry's equivalent diameter (Eq. 1).
+
+        Returns
+        -------
+        MeasureSettings
+
+        Raises
+        ------
+        InputError
+            If a value is not allowed.
+        """
+        settings = cls(**section)
+        axes: list[Any] = [berry.get(key) for key in ("long_mm", "major_mm", "minor_mm")]
+        if settings.berry_height_mm is None and None not in axes:
+            return replace(settings, berry_height_mm=math.prod(axes) ** (1 / 3))
+        return settings
+
+
+def _positive(value):
+    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < math.inf
