@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from repose.core.errors import InputError
-from repose.particle import berry
+from repose.particle import berry, berry_files
 
 RESOURCES = Path(__file__).parents[2] / "resources"
 SIZES = RESOURCES / "berries.csv"
@@ -137,7 +137,7 @@ def test_a_missing_file_is_named(tmp_path):
 
 
 def test_a_load_that_does_not_shorten_is_refused(tmp_path):
-    header = ",".join(berry.COMPRESSION_COLUMNS)
+    header = ",".join(berry_files.COMPRESSION_COLUMNS)
     path = written(tmp_path, f"{header}\n1,2.0,20,20.5,9,9.1,11\n")
     with pytest.raises(InputError, match=r"row 1: width_2_mm is 9\.1"):
         berry.read_compression(path)

@@ -114,7 +114,7 @@ def fill(
     rate_per_s: float,
     last_step: int,
     run_to: Callable[[int], None],
-    scales: Sequence[float] | None = None,
+    scales: Sequence[float] | np.ndarray | None = None,
     orientation: str = "random",
 ) -> None:
     """Add berries one by one, at rest.

@@ -11,96 +11,112 @@ import pandas as pd
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
 from repose.particle import size_distribution
+from repose.particle.berry_files import SIZE_COLUMNS, read_compression, read_sizes
 
-SIZE_COLUMNS = ("long_mm", "major_mm", "minor_mm")
-COMPRESSION_COLUMNS = (
-    "test",
-    "force_n",
-    "length_1_mm",
-    "length_2_mm",
-    "width_1_mm",
-    "width_2_mm",
-    "breadth_mm",
-)
-# A comment line with this word marks a file whose rows were not measured but made to match a published table.
-RECONSTRUCTION_MARK = "reconstruction"
+# One number, or a column of them.
+Numbers = Any
 
 
-def read_sizes(path):
-    """Measured berries as a DataFrame with long_mm, major_mm, minor_mm (full axes, mm), a row each.
+def equivalent_diameter(long: Numbers, major: Numbers, minor: Numbers) -> Numbers:
+    """Diameter of the sphere with the same product of axes (Eq. 1).
 
-    Lines that start with # are comments; `attrs["reconstruction"]` tells whether one of them says that the
-    file is a reconstruction. Raises InputError naming file, row, column and value for a missing file or
-    column, a value that is no positive number, and axes that are not in the order long >= major >= minor.
+    Parameters
+    ----------
+    long, major, minor : float or array
+        Full axes, in one unit.
+
+    Returns
+    -------
+    float or array
+        In the axes' unit.
     """
-    sizes = _read_numbers(path, SIZE_COLUMNS)
-    if len(sizes) < 2:
-        raise InputError(path, "rows", len(sizes), "at least 2 berries, or there is no standard deviation")
-    for larger, smaller in (("long_mm", "major_mm"), ("major_mm", "minor_mm")):
-        for row in sizes.index[sizes[smaller] > sizes[larger]]:
-            raise InputError(
-                f"{path}, row {row}",
-                smaller,
-                float(sizes.at[row, smaller]),
-                f"at most {larger} of the same berry, {sizes.at[row, larger]:g}",
-            )
-    return sizes
-
-
-def read_compression(path):
-    """Compression tests as a DataFrame, a row each.
-
-    Columns: test (a number), force_n (F, N), length_1_mm and length_2_mm (L before and after), width_1_mm and
-    width_2_mm (W, the loaded axis, before and after), breadth_mm (the third axis, before). The berry lies on
-    its broad side, so the load runs along its minor diameter W, and the section that carries it has the axes
-    L and breadth. Raises InputError as `read_sizes` does, and where the load does not shorten W.
-    """
-    tests = _read_numbers(path, COMPRESSION_COLUMNS)
-    if tests.empty:
-        raise InputError(path, "rows", 0, "at least 1 compression test")
-    for row in tests.index[tests["width_2_mm"] >= tests["width_1_mm"]]:
-        raise InputError(
-            f"{path}, row {row}",
-            "width_2_mm",
-            float(tests.at[row, "width_2_mm"]),
-            f"less than width_1_mm of the same test, {tests.at[row, 'width_1_mm']:g}",
-        )
-    return tests
-
-
-def equivalent_diameter(long, major, minor):
-    """Diameter of the sphere with the same product of axes, in the axes' unit (Eq. 1)."""
     return np.cbrt(long * major * minor)
 
 
-def sphericity(long, major, minor):
-    """Equivalent diameter over the long axis, between 0 and 1 (Eq. 1, there in percent)."""
+def sphericity(long: Numbers, major: Numbers, minor: Numbers) -> Numbers:
+    """Equivalent diameter over the long axis (Eq. 1, there in percent).
+
+    Parameters
+    ----------
+    long, major, minor : float or array
+        Full axes, in one unit.
+
+    Returns
+    -------
+    float or array
+        From 0 to 1.
+    """
     return equivalent_diameter(long, major, minor) / long
 
 
-def elastic_modulus(force_n, length_m, breadth_m, width_1_m, width_2_m):
-    """E in Pa: stress over strain in the loading direction W (Eq. 2).
+def elastic_modulus(
+    force_n: Numbers, length_m: Numbers, breadth_m: Numbers, width_1_m: Numbers, width_2_m: Numbers
+) -> Numbers:
+    """Elastic modulus E: stress over strain in the loading direction W (Eq. 2).
 
-    The section S is the ellipse across the load, pi / 4 * length * breadth.
+    The section is the ellipse across the load, pi / 4 * length * breadth.
+
+    Parameters
+    ----------
+    force_n, length_m, breadth_m : float or array
+    width_1_m, width_2_m : float or array
+        Before and after.
+
+    Returns
+    -------
+    float or array
+        Pa.
     """
     section = math.pi / 4 * length_m * breadth_m
     return force_n / section / ((width_1_m - width_2_m) / width_1_m)
 
 
-def poisson_ratio(length_1, length_2, width_1, width_2):
-    """nu: strain of the length over strain of the loaded width, taken positive (Eq. 3); one unit for all."""
+def poisson_ratio(length_1: Numbers, length_2: Numbers, width_1: Numbers, width_2: Numbers) -> Numbers:
+    """Poisson's ratio: strain of the length over strain of the loaded width, taken positive (Eq. 3).
+
+    Parameters
+    ----------
+    length_1, length_2, width_1, width_2 : float or array
+        Before and after, in one unit.
+
+    Returns
+    -------
+    float or array
+    """
     return np.abs(((length_2 - length_1) / length_1) / ((width_2 - width_1) / width_1))
 
 
-def shear_modulus(elastic_modulus_pa, poisson):
-    """G = E / (2 (1 + nu)) in Pa (Eq. 4)."""
+def shear_modulus(elastic_modulus_pa: float, poisson: float) -> float:
+    """Shear modulus G = E / (2 (1 + nu)) (Eq. 4).
+
+    Parameters
+    ----------
+    elastic_modulus_pa, poisson : float
+
+    Returns
+    -------
+    float
+        Pa.
+    """
     return elastic_modulus_pa / (2 * (1 + poisson))
 
 
-def moduli(tests):
-    """(E in Pa, nu, G in Pa) of compression tests: E and nu are means over the tests, G follows by Eq. 4.
+def moduli(tests: pd.DataFrame) -> tuple[float, float, float]:
+    """Moduli from compression tests.
 
-    G is taken from the two means, not averaged over the tests, so that the three fit each other.
+    Parameters
+    ----------
+    tests : pandas.DataFrame
+        As `read_compression` gives it.
+
+    Returns
+    -------
+    elastic_modulus_pa, poisson_ratio, shear_modulus_pa : float
+
+    Raises
+    ------
+    and nu are means over the tests. G follows from the two means by Eq. 4 and is not averaged over the tests, so that
+        the three fit each other.
     """
     elastic = elastic_modulus(
         tests["force_n"],
@@ -115,12 +131,21 @@ def moduli(tests):
     return float(elastic), float(poisson), float(shear_modulus(elastic, poisson))
 
 
-def summarise(sizes, published):
-    """Statistics of the sizes beside the published ones (Table 1), a row per dimension.
+def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
+    """Statistics of the sizes beside the published ones (Table 1).
 
-    sizes: as `read_sizes` gives it; published: columns dimension, unit, maximum, minimum, mean.
-    Columns: dimension, unit, n, maximum, minimum, mean, sd (n - 1), then published_ and difference_ (ours
-    less published) of maximum, minimum and mean; empty where nothing is published.
+    Parameters
+    ----------
+    sizes : pandas.DataFrame
+        As `read_sizes` gives it.
+    published : pandas.DataFrame
+        Columns dimension, unit, maximum, minimum, mean.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each dimension: dimension, unit, n, maximum, minimum, mean, sd (n - 1), then published_ and
+        difference_ (ours less published) of maximum, minimum and mean; empty where nothing is published.
     """
     axes = [sizes[column] for column in SIZE_COLUMNS]
     dimensions = {column: ("mm", sizes[column]) for column in SIZE_COLUMNS}
@@ -214,7 +239,20 @@ def of_files(
     poisson_ratio: float | None = None,
     shear_modulus_pa: float | None = None,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """`measured_berry` of files; compression_csv is not read where both moduli are given.
+    """`measured_berry` of files.
+
+    Parameters
+    ----------
+    sizes_csv, table1_csv : path
+    compression_csv : path or None
+        Not read where both moduli are given.
+    density_kg_m3 : float
+    poisson_ratio, shear_modulus_pa : float, optional
+
+    Returns
+    -------
+    summary, berry
+        As `measured_berry` gives them.
 
     Raises
     ------
@@ -239,7 +277,26 @@ def run(
     poisson_ratio: float | None = None,
     shear_modulus_pa: float | None = None,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Write summary.csv and berry.json to out_dir; the rest is `of_files`."""
+    """Write summary.csv and berry.json of `of_files`.
+
+    Parameters
+    ----------
+    sizes_csv, compression_csv, table1_csv
+        As in `of_files`.
+    out_dir : path
+    density_kg_m3, poisson_ratio, shear_modulus_pa
+        As in `of_files`.
+
+    Returns
+    -------
+    summary, berry
+        As `measured_berry` gives them.
+
+    Raises
+    ------
+    InputError
+        If a file is bad, or a value impossible.
+    """
     summary, berry = of_files(
         sizes_csv, compression_csv, table1_csv, density_kg_m3, poisson_ratio, shear_modulus_pa
     )
@@ -257,51 +314,30 @@ def _spread(sizes, published):
     return size_distribution.of_range(row["maximum"], row["minimum"], row["mean"])
 
 
-def check_material(density_kg_m3, poisson_ratio=None, shear_modulus_pa=None, source="berry"):
-    """InputError unless density and shear modulus are positive and Poisson's ratio lies in [0, 0.5]."""
+def check_material(
+    density_kg_m3: float | None,
+    poisson_ratio: float | None = None,
+    shear_modulus_pa: float | None = None,
+    source: object = "berry",
+) -> None:
+    """Refuse an impossible material.
+
+    Parameters
+    ----------
+    density_kg_m3, shear_modulus_pa : float or None
+        Positive; None is not checked.
+    poisson_ratio : float or None, optional
+        From 0 to 0.5; None is not checked.
+    source : object, optional
+        Named in the error.
+
+    Raises
+    ------
+    InputError
+        If a value is out of its limits.
+    """
     for key, value in (("density_kg_m3", density_kg_m3), ("shear_modulus_pa", shear_modulus_pa)):
         if value is not None and not (math.isfinite(value) and value > 0):
             raise InputError(source, key, value, "a positive number")
     if poisson_ratio is not None and not 0 <= poisson_ratio <= 0.5:
         raise InputError(source, "poisson_ratio", poisson_ratio, "from 0 to 0.5")
-
-
-def _read_numbers(path, columns):
-    """CSV with these columns of positive numbers, indexed by row number from 1; comments start with #."""
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(path, "file", None, "an existing CSV file")
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(path, "file", "not text", "a CSV file in UTF-8") from None
-    lines = text.splitlines()
-    comments = [line for line in lines if line.startswith("#")]
-    records = [line.split(",") for line in lines if line.strip() and not line.startswith("#")]
-    header = [name.strip() for name in records[0]] if records else []
-    for column in columns:
-        if header.count(column) != 1:
-            raise InputError(
-                path, "header", ",".join(header), f"a column {column}, once; all: {','.join(columns)}"
-            )
-    table = pd.DataFrame(index=range(1, len(records)), columns=list(columns), dtype=float)
-    for row, cells in enumerate(records[1:], start=1):
-        if len(cells) != len(header):
-            raise InputError(f"{path}, row {row}", "cells", len(cells), f"{len(header)}, as in the header")
-        for column in columns:
-            table.at[row, column] = _positive(
-                cells[header.index(column)].strip(), f"{path}, row {row}", column
-            )
-    table.attrs["reconstruction"] = any(RECONSTRUCTION_MARK in line.lower() for line in comments)
-    return table
-
-
-def _positive(text, source, column):
-    """The text as a positive finite number, or InputError."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value > 0):
-        raise InputError(source, column, text, "a positive number")
-    return value

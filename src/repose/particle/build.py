@@ -50,17 +50,40 @@ MESH_FILE = "berry.stl"
 AXES = ("long_mm", "major_mm", "minor_mm")
 
 
-def fit_particle(mesh, density_kg_m3, stl="", source="mesh", kind="smooth"):
-    """Convex particle fitted to the support values of a mesh (mm, in its principal pose as `load_mesh` gives it).
+def fit_particle(
+    mesh: trimesh.Trimesh, density_kg_m3: float, stl: str = "", source: object = "mesh", kind: str = "smooth"
+) -> Particle:
+    """Convex particle fitted to the support values of a mesh.
 
-    kind: "smooth", the sum of as few co-axial ellipsoids (up to 3) as bring the rms deviation of the support values
-    under 0.2 % of the mean radius or the largest under 1 % of the smallest extent, or the best of them; "ellipsoid",
-    a single one. Mass is density times the particle's own volume: an ellipsoid holds less than a fuller berry of the
-    same axes. A mesh whose vertices lie on an ellipsoid is recognised as it: its facets cut into the ellipsoid, so
-    volume, mass and inertia are the ellipsoid's, a little above the mesh's own. Deviations include what the facets
-    cut off. density_kg_m3 > 0; stl: file name to keep with the particle; source: what error messages call the mesh.
-    Raises InputError where even the best is off by more than 15 % of the mean radius or 10 % of the volume (a single
-    ellipsoid: 20 %).
+    Mass is density times the particle's own volume: an ellipsoid holds less than a fuller berry of the same
+    axes. A mesh whose vertices lie on an ellipsoid is recognised as this ellipsoid. Its facets cut into the
+    ellipsoid, so volume, mass and inertia are the ellipsoid's, a little above the mesh's own. Deviations
+    include what the facets cut off.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        In mm, in its principal pose as `load_mesh` gives it.
+    density_kg_m3 : float
+        Above 0.
+    stl : str, optional
+        File name to keep with the particle.
+    source : object, optional
+        What error messages call the mesh.
+    kind : str, optional
+        "ellipsoid": a single ellipsoid. "smooth": the sum of as few co-axial ellipsoids (up to 3) as bring
+        the rms deviation of the support values under 0.2 % of the mean radius or the largest under 1 % of the
+        smallest extent, or the best sum.
+
+    Returns
+    -------
+    Particle
+
+    Raises
+    ------
+    InputError
+        If even the best is off by more than 15 % of the mean radius or 10 % of the volume (a single
+        ellipsoid: 20 %).
     """
     _check_density(density_kg_m3, source)
     n = sphere_directions(DIRECTIONS)
@@ -94,11 +117,42 @@ def fit_particle(mesh, density_kg_m3, stl="", source="mesh", kind="smooth"):
     )
 
 
-def make_particle(mesh, density_kg_m3, kind, spheres=14, surface="smooth", stl="", source="mesh"):
-    """Particle of a kind (ellipsoid, smooth, multisphere) from a mesh (mm, in its principal pose).
+def make_particle(
+    mesh: trimesh.Trimesh,
+    density_kg_m3: float,
+    kind: str,
+    spheres: int = 14,
+    surface: str = "smooth",
+    stl: str = "",
+    source: object = "mesh",
+) -> Particle:
+    """Particle of any kind from a mesh.
 
-    spheres, surface: of a multisphere, see `sphere_packing.pack`. Raises InputError where the mesh cannot be
-    represented so.
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        In mm, in its principal pose.
+    density_kg_m3 : float
+        Above 0.
+    kind : str
+        One of `KINDS`: ellipsoid, smooth, multisphere.
+    spheres : int, optional
+        Of a multisphere: the most spheres, see `sphere_packing.pack`.
+    surface : str, optional
+        Of a multisphere: "smooth" or "rough".
+    stl : str, optional
+        File name to keep with the particle.
+    source : object, optional
+        What error messages call the mesh.
+
+    Returns
+    -------
+    Particle
+
+    Raises
+    ------
+    InputError
+        If the mesh cannot be represented so.
     """
     if kind not in KINDS:
         raise InputError(source, "particle", kind, ", ".join(KINDS))
@@ -127,10 +181,19 @@ def make_particle(mesh, density_kg_m3, kind, spheres=14, surface="smooth", stl="
     )
 
 
-def compare(particles):
-    """Rows (dicts) of the checks, the mesh first: volume, mass, principal moments, extents, deviations.
+def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, Any]]:
+    """Particles of one mesh, compared with it.
 
-    particles: by name, all of the same mesh; one that could not be made is an InputError, and its row says why.
+    Parameters
+    ----------
+    particles : mapping of Particle or InputError
+        By name, all of the same mesh. A particle that could not be made is an InputError, and its row says
+        why.
+
+    Returns
+    -------
+    list of dict
+        The mesh first: volume, mass, principal moments, extents, deviations.
     """
     made = [particle for particle in particles.values() if isinstance(particle, Particle)]
     rows = [_row("mesh", made[0].mesh)] if made else []
@@ -138,6 +201,7 @@ def compare(particles):
         if not isinstance(particle, Particle):
             rows.append({"body": name, "refused": str(particle)})
             continue
+        assert particle.mesh_volume_m3 is not None
         rows.append(
             _row(name, particle)
             | {

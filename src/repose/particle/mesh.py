@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
+from numpy.typing import ArrayLike
 
 from repose.core.errors import InputError
 
@@ -20,27 +22,50 @@ EXTENT_LIMITS_MM = (0.5, 2000.0)
 CONVEX_SHARE = 0.95
 
 
-def ellipsoid_mesh(axes_mm, subdivisions=4):
-    """Watertight mesh (mm) of the ellipsoid with these full axes (3,); its vertices lie on the ellipsoid."""
+def ellipsoid_mesh(axes_mm: ArrayLike, subdivisions: int = 4) -> trimesh.Trimesh:
+    """Watertight mesh of an ellipsoid; its vertices lie on the ellipsoid.
+
+    Parameters
+    ----------
+    axes_mm : array_like, (3,)
+        Full axes.
+    subdivisions : int, optional
+        Of the faces of an icosahedron.
+
+    Returns
+    -------
+    trimesh.Trimesh
+        In mm.
+    """
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.5)
     mesh.apply_scale(np.asarray(axes_mm, dtype=float))
     return mesh
 
 
 def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
-    """Mesh of a file (STL and what else trimesh reads, mm), centred and turned to its principal axes.
+    """Mesh of a file, centred and turned to its principal axes.
+
+    Parameters
+    ----------
+    path : path
+        STL or another format that trimesh reads, in mm.
+
+    Returns
+    -------
+    trimesh.Trimesh
+        In mm.
 
     Raises
     ------
     InputError
-        If the file is no mesh, or the mesh is not closed, inside out, of implausible size, or so far from convex that
-        no convex particle could stand for it.
+        If the file is no mesh, or the mesh is not closed, inside out, of implausible size, or so far from
+        convex that no convex particle could stand for it.
     """
     path = Path(path)
     if not path.is_file():
         raise InputError(path, "file", None, "an existing mesh file, such as an STL in millimetres")
     try:
-        mesh = trimesh.load(path, force="mesh")
+        mesh: Any = trimesh.load(path, force="mesh")
     except Exception as error:  # trimesh's readers raise whatever their parsers do
         raise InputError(path, "file", str(error), "a mesh that trimesh can read, such as an STL") from None
     check_mesh(mesh, path)
@@ -48,21 +73,60 @@ def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
 
 
 def stl_of(mesh: trimesh.Trimesh) -> bytes:
-    """The mesh as the content of an STL file, in single precision."""
+    """The mesh as the content of an STL file, in single precision.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+
+    Returns
+    -------
+    bytes
+    """
     content = mesh.export(file_type="stl")
     assert isinstance(content, bytes)
     return content
 
 
 def mesh_of(stl: bytes, source: object) -> trimesh.Trimesh:
-    """The mesh of an STL file's content, as `load_mesh` gives it; source: named in the error."""
-    mesh = trimesh.load(BytesIO(stl), file_type="stl", force="mesh")
+    """The mesh of an STL file's content, as `load_mesh` gives it.
+
+    Parameters
+    ----------
+    stl : bytes
+    source : object
+        Named in the error.
+
+    Returns
+    -------
+    trimesh.Trimesh
+        In mm.
+
+    Raises
+    ------
+    InputError
+        As in `load_mesh`.
+    """
+    mesh: Any = trimesh.load(BytesIO(stl), file_type="stl", force="mesh")
     check_mesh(mesh, source)
     return principal_pose(mesh)
 
 
-def check_mesh(mesh, source):
-    """InputError unless the mesh (mm) is closed, faces outwards, has a plausible size, is near-convex."""
+def check_mesh(mesh: trimesh.Trimesh, source: object) -> None:
+    """Refuse a mesh that no particle can be made from.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        In mm.
+    source : object
+        Named in the error.
+
+    Raises
+    ------
+    InputError
+        Unless the mesh is closed, faces outwards, has a plausible size, and is nearly convex.
+    """
     if len(mesh.faces) < 4:
         raise InputError(source, "faces", len(mesh.faces), "a closed surface of at least 4 faces")
     if not np.isfinite(mesh.vertices).all():
@@ -85,8 +149,18 @@ def check_mesh(mesh, source):
         raise InputError(source, "share of its convex hull that the mesh fills", round(share, 4), allowed)
 
 
-def principal_pose(mesh):
-    """Copy of the mesh, centre of mass at the origin, principal axes along x (the longest), y and z."""
+def principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """Copy of a mesh with its centre of mass at the origin and its principal axes along x (the longest), y and
+    z.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+
+    Returns
+    -------
+    trimesh.Trimesh
+    """
     # Ascending moments: the smallest belongs to the longest axis.
     axes = np.linalg.eigh(mesh.moment_inertia).eigenvectors.T
     for k in range(2):
@@ -100,7 +174,16 @@ def principal_pose(mesh):
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """What a closed mesh encloses: volume, principal moments (3,) at the given density, full extents along x, y, z."""
+    """What a closed mesh encloses.
+
+    Attributes
+    ----------
+    volume_m3, mass_kg : float
+    inertia_kg_m2 : numpy.ndarray, (3,)
+        Principal moments.
+    axes_m : numpy.ndarray, (3,)
+        Full extents along x, y, z.
+    """
 
     volume_m3: float
     mass_kg: float
@@ -108,15 +191,35 @@ class Body:
     axes_m: np.ndarray
 
 
-def body_of(mesh, density_kg_m3):
-    """The `Body` of a mesh (mm) in its principal pose: exact integrals over the polyhedron."""
+def body_of(mesh: trimesh.Trimesh, density_kg_m3: float) -> Body:
+    """Volume, mass, moments and extents of a mesh: exact integrals over the polyhedron.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        In mm, in its principal pose.
+    density_kg_m3 : float
+
+    Returns
+    -------
+    Body
+    """
     inertia = np.diag(mesh.moment_inertia) / mesh.density * density_kg_m3 * MM**5
     volume = float(mesh.volume) * MM**3
     return Body(volume, density_kg_m3 * volume, inertia, np.ptp(mesh.vertices, axis=0) * MM)
 
 
-def sphere_directions(count):
-    """Evenly spread unit vectors, (count, 3): a Fibonacci lattice."""
+def sphere_directions(count: int) -> np.ndarray:
+    """Evenly spread unit vectors: a Fibonacci lattice.
+
+    Parameters
+    ----------
+    count : int
+
+    Returns
+    -------
+    numpy.ndarray, (count, 3)
+    """
     index = np.arange(count)
     z = 1 - (2 * index + 1) / count
     azimuth = index * math.pi * (3 - math.sqrt(5))
@@ -124,8 +227,20 @@ def sphere_directions(count):
     return np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z], axis=1)
 
 
-def mesh_support(mesh, n):
-    """Support values (N,) of a mesh in directions n (N, 3), in the mesh's unit."""
+def mesh_support(mesh: trimesh.Trimesh, n: np.ndarray) -> np.ndarray:
+    """Support values of a mesh: its extent from the origin in each direction.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+    n : numpy.ndarray, (N, 3)
+        Unit vectors.
+
+    Returns
+    -------
+    numpy.ndarray, (N,)
+        In the mesh's unit.
+    """
     vertices = np.asarray(mesh.convex_hull.vertices)
     # In chunks: a scan's hull times all directions would fill gigabytes.
     return np.concatenate([(part @ vertices.T).max(axis=1) for part in np.array_split(n, 1 + len(n) // 500)])

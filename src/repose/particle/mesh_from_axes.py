@@ -7,6 +7,7 @@ then follows from the mass and the density.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import trimesh
@@ -22,8 +23,18 @@ WRINKLES = (3, 40)
 RINGS, SECTORS = 64, 96
 
 
-def profile_exponents(shape):
-    """(m, k) of the profile (1 - |t|^m)^k for a shape number: 2 is the ellipsoid, above it m, below it 1/k."""
+def profile_exponents(shape: float) -> tuple[float, float]:
+    """Exponents (m, k) of the profile (1 - abs(t)^m)^k.
+
+    Parameters
+    ----------
+    shape : float
+        Shape number: 2 is the ellipsoid; above it the number is m, below it 1/k.
+
+    Returns
+    -------
+    m, k : float
+    """
     return (shape, 1 / shape) if shape >= 2 else (2.0, 1 / shape)
 
 
@@ -63,12 +74,43 @@ def _mesh(axes_mm, shape, taper, wrinkles, depth_mm):
     return trimesh.Trimesh(points, np.concatenate(faces), process=False)
 
 
-def berry_mesh(axes_mm, mass_g, density_kg_m3, taper=0.0, wrinkles=0, wrinkle_depth_mm=0.0, source="berry"):
-    """(mesh in mm, shape number) of a berry with these full axes (3,), mass and density.
+def berry_mesh(
+    axes_mm: Sequence[float] | np.ndarray,
+    mass_g: float,
+    density_kg_m3: float,
+    taper: float = 0.0,
+    wrinkles: int = 0,
+    wrinkle_depth_mm: float = 0.0,
+    source: object = "berry",
+) -> tuple[trimesh.Trimesh, float]:
+    """Closed mesh of a berry with given axes, mass and density; it holds mass / density exactly.
 
-    The mesh holds mass / density exactly. taper: how much wider it is at one end, over its mean width; the widths
-    axes_mm[1:] are then the largest. wrinkles: number of grooves along the berry, wrinkle_depth_mm deep at the belly;
-    the axes are measured over the ridges. Raises InputError naming the value and what is allowed.
+    Parameters
+    ----------
+    axes_mm : sequence of float, (3,)
+        Full axes, the longest first; with grooves those over the ridges.
+    mass_g, density_kg_m3 : float
+    taper : float, optional
+        How much wider the berry is at one end, over its mean width. The widths ``axes_mm[1:]`` are then the
+        largest.
+    wrinkles : int, optional
+        Number of grooves along the berry.
+    wrinkle_depth_mm : float, optional
+        Depth of the grooves at the belly.
+    source : object, optional
+        Named in the error.
+
+    Returns
+    -------
+    mesh : trimesh.Trimesh
+        In mm.
+    shape : float
+        Shape number, see `profile_exponents`.
+
+    Raises
+    ------
+    InputError
+        If a value is out of its limits; it names the value and what is allowed.
     """
     axes = np.asarray(axes_mm, float)
     if not (axes.shape == (3,) and np.isfinite(axes).all() and axes[0] >= axes[1] >= axes[2] > 0):
@@ -100,8 +142,19 @@ def berry_mesh(axes_mm, mass_g, density_kg_m3, taper=0.0, wrinkles=0, wrinkle_de
     return _mesh(axes, shape, *details), shape
 
 
-def fullness(shape):
-    """V / (L W T) of the smooth body without taper and wrinkles, in closed form."""
+def fullness(shape: float) -> float:
+    """Share of the box around it that a smooth body fills, V / (L W T), in closed form.
+
+    Parameters
+    ----------
+    shape : float
+        Shape number, see `profile_exponents`.
+
+    Returns
+    -------
+    float
+        Of the body without taper and wrinkles.
+    """
     m, k = profile_exponents(shape)
     beta = math.gamma(1 / m) * math.gamma(2 * k + 1) / math.gamma(1 / m + 2 * k + 1)
     return math.pi / 4 * beta / m

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from repose.core.files import read_json, write_json
-from repose.dem import Shape
+from repose.dem import Clump, Shape
 from repose.particle import support_fit
 from repose.particle.mesh import MM, Body
 
@@ -23,14 +23,36 @@ def _no_spheres():
 class Particle:
     """Rigid particle in its body frame: principal axes, x the longest, centre of mass at the origin.
 
-    kind: ellipsoid, smooth or multisphere. semi_axes_m (K, 3): half axes of the K co-axial ellipsoids whose support
-    functions add up to the body's; K = 1 is an ellipsoid, K = 0 a multisphere. spheres_m (M, 4): centre x, y, z and
-    radius of a multisphere's spheres, M = 0 for the others. inertia_kg_m2 (3,): principal moments.
-    bounding_radius_m: distance of the farthest point from the centre. volume_m3: of the body, of a multisphere the
-    union of its spheres; mass and inertia of a multisphere are those of the mesh.
-    deviation_*_m: largest and rms difference from the mesh, of the support values; of a multisphere, of the surfaces.
-    mesh_volume_m3, mesh_inertia_kg_m2 (3,), mesh_axes_m (3,): of the mesh itself at the same density, None without
-    one; stl: name of its file. stacking: how many spheres act at one place (see `sphere_packing.stacking`).
+    Attributes
+    ----------
+    kind : str
+        ellipsoid, smooth or multisphere.
+    semi_axes_m : numpy.ndarray, (K, 3)
+        Half axes of the K co-axial ellipsoids whose support functions add up to the body's. K = 1 is an
+        ellipsoid, K = 0 a multisphere.
+    density_kg_m3 : float
+    volume_m3 : float
+        Of the body; of a multisphere the union of its spheres.
+    mass_kg : float
+        Of a multisphere: that of the mesh.
+    inertia_kg_m2 : numpy.ndarray, (3,)
+        Principal moments; of a multisphere those of the mesh.
+    bounding_radius_m : float
+        Distance of the farthest point from the centre.
+    deviation_max_m, deviation_rms_m : float
+        Largest and rms difference from the mesh, of the support values; of a multisphere, of the surfaces.
+    mesh_volume_m3 : float or None
+        Of the mesh itself; None without a mesh, as are the other two.
+    stl : str
+        Name of the mesh's file.
+    spheres_m : numpy.ndarray, (M, 4)
+        Centre x, y, z and radius of a multisphere's spheres; M = 0 for the others.
+    mesh_inertia_kg_m2 : numpy.ndarray, (3,), or None
+        Principal moments of the mesh at the same density.
+    mesh_axes_m : numpy.ndarray, (3,), or None
+        Full extents of the mesh.
+    stacking : float
+        Number of spheres that act at one place, see `sphere_packing.stacking`.
     """
 
     kind: str
@@ -50,43 +72,73 @@ class Particle:
     stacking: float = 1.0
 
     @property
-    def is_clump(self):
+    def is_clump(self) -> bool:
         """Whether the particle consists of spheres."""
         return len(self.spheres_m) > 0
 
     @property
-    def axes_m(self):
+    def axes_m(self) -> np.ndarray:
         """Full extents (3,) along the principal axes."""
         return self.support(np.eye(3)) + self.support(-np.eye(3))
 
     @property
-    def mesh(self):
+    def mesh(self) -> Body | None:
         """The `repose.particle.mesh.Body` of the mesh, None where the particle has none."""
-        if self.mesh_inertia_kg_m2 is None:
+        if self.mesh_volume_m3 is None or self.mesh_inertia_kg_m2 is None or self.mesh_axes_m is None:
             return None
         mass = self.density_kg_m3 * self.mesh_volume_m3
         return Body(self.mesh_volume_m3, mass, self.mesh_inertia_kg_m2, self.mesh_axes_m)
 
-    def support(self, n):
-        """Support values (...) in m for directions n (..., 3), unit vectors in the body frame."""
+    def support(self, n: np.ndarray) -> np.ndarray:
+        """Support values: the extent from the centre in each direction.
+
+        Parameters
+        ----------
+        n : numpy.ndarray, (..., 3)
+            Unit vectors in the body frame.
+
+        Returns
+        -------
+        numpy.ndarray, (...)
+            Metres.
+        """
         n = np.asarray(n, dtype=float)
         if self.is_clump:
             return (n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]).max(axis=-1)
         return support_fit.support(self.semi_axes_m, n)
 
-    def support_point(self, n):
-        """Touching points grad h (..., 3) in m for directions n (..., 3), unit vectors in the body frame."""
+    def support_point(self, n: np.ndarray) -> np.ndarray:
+        """Touching points, the gradient of the support function.
+
+        Parameters
+        ----------
+        n : numpy.ndarray, (..., 3)
+            Unit vectors in the body frame.
+
+        Returns
+        -------
+        numpy.ndarray, (..., 3)
+            Metres.
+        """
         n = np.asarray(n, dtype=float)
         if self.is_clump:
             farthest = self.spheres_m[(n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]).argmax(axis=-1)]
             return farthest[..., :3] + farthest[..., 3:] * n
         return support_fit.support_point(self.semi_axes_m, n)
 
-    def dem_shape(self, material):
-        """The engine's shape of the particle, a `Shape` or a `Clump`, of a material's name."""
-        if self.is_clump:
-            from repose.dem import Clump
+    def dem_shape(self, material: str) -> Shape | Clump:
+        """The engine's shape of the particle.
 
+        Parameters
+        ----------
+        material : str
+            Name of a material.
+
+        Returns
+        -------
+        Shape or Clump
+        """
+        if self.is_clump:
             return Clump(self.spheres_m, self.mass_kg, self.inertia_kg_m2, material)
         return Shape(self.semi_axes_m, self.mass_kg, self.inertia_kg_m2, material)
 
@@ -100,7 +152,17 @@ class Particle:
 
     @classmethod
     def of_record(cls, record: Mapping[str, Any]) -> "Particle":
-        """The particle of `record`."""
+        """The particle of a record.
+
+        Parameters
+        ----------
+        record : mapping
+            As `record` gives it.
+
+        Returns
+        -------
+        Particle
+        """
         values = {name: record[name] for name in ("kind", "density_kg_m3", "stl", "stacking")}
         for name, (key, unit) in FIELDS.items():
             value = record[key]
@@ -112,12 +174,25 @@ class Particle:
         return cls(**values)
 
     def save(self, path: str | PathLike) -> None:
-        """Write the particle as JSON; see `record`."""
+        """Write the particle as JSON, see `record`.
+
+        Parameters
+        ----------
+        path : path
+        """
         write_json(path, self.record(), indent=2)
 
     @classmethod
     def load(cls, path: str | PathLike) -> "Particle":
         """Read what `save` wrote.
+
+        Parameters
+        ----------
+        path : path
+
+        Returns
+        -------
+        Particle
 
         Raises
         ------

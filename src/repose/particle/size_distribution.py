@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -15,8 +16,17 @@ KEYS = ("scale_sd", "scale_low", "scale_high")
 STREAM = 1
 
 
-def of_sizes(diameters_mm):
-    """(relative standard deviation, smallest, largest) of measured equivalent diameters (N,), over their mean."""
+def of_sizes(diameters_mm: np.ndarray) -> tuple[float, float, float]:
+    """Spread of measured equivalent diameters, over their mean.
+
+    Parameters
+    ----------
+    diameters_mm : numpy.ndarray, (N,)
+
+    Returns
+    -------
+    sd, smallest, largest : float
+    """
     mean = float(np.mean(diameters_mm))
     return (
         float(np.std(diameters_mm, ddof=1)) / mean,
@@ -25,13 +35,35 @@ def of_sizes(diameters_mm):
     )
 
 
-def of_range(maximum, minimum, mean):
-    """The same of a published range of 50: the expected range of 50 normal values is 4.498 standard deviations."""
+def of_range(maximum: float, minimum: float, mean: float) -> tuple[float, float, float]:
+    """Spread of 50 equivalent diameters of which only the range is published, over their mean.
+
+    The expected range of 50 normal values is 4.498 standard deviations.
+
+    Parameters
+    ----------
+    maximum, minimum, mean : float
+        In one unit.
+
+    Returns
+    -------
+    sd, smallest, largest : float
+    """
     return (maximum - minimum) / PUBLISHED_RANGE_SD / mean, minimum / mean, maximum / mean
 
 
-def normalisation(sd, low, high):
-    """Cube root of E[x^3] of a normal x of mean 1 cut off at low and high: x over it keeps the mean volume."""
+def normalisation(sd: float, low: float, high: float) -> float:
+    """Cube root of E[x^3] of a normal x of mean 1 that is cut off; x over it keeps the mean volume.
+
+    Parameters
+    ----------
+    sd, low, high : float
+        Standard deviation and the two ends, over the mean.
+
+    Returns
+    -------
+    float
+    """
     nodes, weights = np.polynomial.legendre.leggauss(60)
     x = low + (high - low) * (nodes + 1) / 2
     density = weights * np.exp(-0.5 * ((x - 1) / sd) ** 2)
@@ -39,13 +71,38 @@ def normalisation(sd, low, high):
 
 
 def smallest(distribution: str, berry: Mapping[str, float]) -> float:
-    """The smallest scale that `of_pour` can draw."""
+    """The smallest scale that `of_pour` can draw.
+
+    Parameters
+    ----------
+    distribution : str
+        "none" or "measured".
+    berry : Mapping[str, float]
+        With scale_sd, scale_low and scale_high.
+
+    Returns
+    -------
+    float
+    """
     sd, low, high = (berry[key] for key in KEYS)
     return 1.0 if distribution == "none" or sd == 0 else low / normalisation(sd, low, high)
 
 
-def draw(rng, count, sd, low, high):
-    """Scales (count,) of single berries, E[s^3] = 1; all 1 where sd is 0."""
+def draw(rng: np.random.Generator, count: int, sd: float, low: float, high: float) -> np.ndarray:
+    """Scales s of single berries with E[s^3] = 1.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    count : int
+    sd, low, high : float
+        Standard deviation and the two ends, over the mean.
+
+    Returns
+    -------
+    numpy.ndarray, (count,)
+        All 1 where `sd` is 0.
+    """
     if sd == 0:
         return np.ones(count)
     bottom, top = ndtr((low - 1) / sd), ndtr((high - 1) / sd)
@@ -53,11 +110,29 @@ def draw(rng, count, sd, low, high):
     return np.clip(x, low, high) / normalisation(sd, low, high)
 
 
-def of_pour(distribution, berry, seed, count):
-    """(scales (count,), largest scale there can be) of one pour.
+def of_pour(distribution: str, berry: Mapping[str, Any], seed: int, count: int) -> tuple[np.ndarray, float]:
+    """Scales of the berries of one pour.
 
-    distribution: "none" or "measured"; berry: mapping with scale_sd, scale_low, scale_high, as `berry.run`
-    writes it. Raises InputError where these are missing.
+    Parameters
+    ----------
+    distribution : str
+        "none" or "measured".
+    berry : mapping
+        With scale_sd, scale_low and scale_high, as `berry.run` writes it.
+    seed : int
+        Of the pour.
+    count : int
+
+    Returns
+    -------
+    scales : numpy.ndarray, (count,)
+    largest : float
+        The largest scale there can be.
+
+    Raises
+    ------
+    InputError
+        If the spread is missing in `berry`.
     """
     if distribution == "none":
         return np.ones(count), 1.0

@@ -10,14 +10,20 @@ Spheres that act at the same place add up in stiffness and damping. A clump is r
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import trimesh
 from scipy.spatial import cKDTree
 from scipy.stats import qmc
 
 from repose.core.errors import InputError
 from repose.particle.mesh import MM, sphere_directions
+
+if TYPE_CHECKING:
+    from repose.particle.particle import Particle
 
 SURFACES = ("smooth", "rough")
 MOST_SPHERES = 100
@@ -34,7 +40,19 @@ TYPICAL_OVERLAP = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Packing:
-    """Spheres (M, 4), x y z radius; volume of their union; distances of the mesh's surface from it; `stacking`."""
+    """A clump of spheres.
+
+    Attributes
+    ----------
+    spheres_m : numpy.ndarray, (M, 4)
+        x, y, z and radius.
+    volume_m3 : float
+        Of the union of the spheres.
+    deviation_max_m, deviation_rms_m : float
+        Distances of the mesh's surface from the union.
+    stacking : float
+        See the function `stacking`.
+    """
 
     spheres_m: np.ndarray
     volume_m3: float
@@ -43,10 +61,28 @@ class Packing:
     stacking: float
 
 
-def pack(mesh, count=14, surface="smooth", source="mesh"):
-    """`Packing` of a mesh (mm, near convex, centred) with at most `count` spheres; fewer where more add nothing.
+def pack(mesh: trimesh.Trimesh, count: int = 14, surface: str = "smooth", source: object = "mesh") -> Packing:
+    """Fill a mesh with spheres.
 
-    Raises InputError naming the value and what is allowed.
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        In mm, nearly convex, centred.
+    count : int, optional
+        The most spheres, from 1 to 100; fewer are taken where more add nothing.
+    surface : str, optional
+        "smooth" or "rough".
+    source : object, optional
+        Named in the error.
+
+    Returns
+    -------
+    Packing
+
+    Raises
+    ------
+    InputError
+        If `count` or `surface` is not allowed.
     """
     if not (isinstance(count, int) and 1 <= count <= MOST_SPHERES):
         raise InputError(source, "spheres", count, f"a whole number from 1 to {MOST_SPHERES}")
@@ -54,11 +90,11 @@ def pack(mesh, count=14, surface="smooth", source="mesh"):
         raise InputError(source, "surface", surface, ", ".join(SURFACES))
     points, normals = surface_points(mesh)
     centres, depths = _inside(mesh, points)
-    spheres = _cover(centres, depths, points, count) if surface == "smooth" else None
+    box = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
     if surface == "rough":
         spheres = _bumps(points, normals, ROUGH_SHARE * depths.max(), count)
-    box = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
-    if surface == "smooth":
+    else:
+        spheres = _cover(centres, depths, points, count)
         spheres[:, 3] += _growth(spheres, mesh, box)
     gaps = distances(spheres, points)
     return Packing(
@@ -70,8 +106,18 @@ def pack(mesh, count=14, surface="smooth", source="mesh"):
     )
 
 
-def surface_points(mesh, count=SURFACE_POINTS):
-    """Points (N, 3) evenly over a mesh's area and the outward normals (N, 3) there; the same every time."""
+def surface_points(mesh: trimesh.Trimesh, count: int = SURFACE_POINTS) -> tuple[np.ndarray, np.ndarray]:
+    """Points evenly over a mesh's area, and the outward normals there; the same every time.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+    count : int, optional
+
+    Returns
+    -------
+    points, normals : numpy.ndarray, (count, 3)
+    """
     cumulated = np.cumsum(mesh.area_faces)
     draws = qmc.Halton(3, scramble=False).random(count + 1)[1:]
     face = np.minimum(np.searchsorted(cumulated, draws[:, 0] * cumulated[-1]), len(cumulated) - 1)
@@ -99,14 +145,38 @@ def _inside(mesh, points):
     return grid, np.minimum(inwards, cKDTree(points).query(grid)[0])
 
 
-def distances(spheres, points):
-    """Distance (N,) of points (N, 3) from the union of spheres (M, 4), negative inside (there a bound)."""
+def distances(spheres: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Distance of points from the union of spheres.
+
+    Parameters
+    ----------
+    spheres : numpy.ndarray, (M, 4)
+    points : numpy.ndarray, (N, 3)
+
+    Returns
+    -------
+    numpy.ndarray, (N,)
+        Negative inside; there it is a bound.
+    """
     away = np.linalg.norm(points[:, None, :] - spheres[None, :, :3], axis=2)
     return (away - spheres[:, 3]).min(axis=1)
 
 
-def union_volume(spheres, box, count=VOLUME_POINTS):
-    """Volume of the union of spheres (M, 4), by a regular sequence of points; box (2, 3) holds most of it."""
+def union_volume(spheres: np.ndarray, box: np.ndarray, count: int = VOLUME_POINTS) -> float:
+    """Volume of the union of spheres, by a regular sequence of points.
+
+    Parameters
+    ----------
+    spheres : numpy.ndarray, (M, 4)
+    box : numpy.ndarray, (2, 3)
+        Lower and upper corner of a box that holds most of the union.
+    count : int, optional
+        Number of points.
+
+    Returns
+    -------
+    float
+    """
     reach = np.stack(
         [(spheres[:, :3] - spheres[:, 3:]).min(axis=0), (spheres[:, :3] + spheres[:, 3:]).max(axis=0)]
     )
@@ -170,11 +240,21 @@ def _bumps(points, normals, radius, count):
     return np.column_stack([below[chosen], np.full(count, radius)])
 
 
-def stacking(spheres, overlap=TYPICAL_OVERLAP):
-    """How many spheres act at one place: the largest sum of dampings over that of one sphere, over all directions.
+def stacking(spheres: np.ndarray, overlap: float = TYPICAL_OVERLAP) -> float:
+    """Number of spheres that act at one place: the largest sum of dampings over that of one sphere, over all
+    directions.
 
-    A plate is pressed against the clump (M, 4) from every side until the foremost sphere overlaps by `overlap` of the
-    largest radius. A contact's damping goes with the root of its Hertz stiffness, (R delta)^(1/4).
+    A plate is pressed against the clump from every side until the foremost sphere overlaps by `overlap` of
+    the largest radius. A contact's damping goes with the root of its Hertz stiffness, (R delta)^(1/4).
+
+    Parameters
+    ----------
+    spheres : numpy.ndarray, (M, 4)
+    overlap : float, optional
+
+    Returns
+    -------
+    float
     """
     n = sphere_directions(2000)
     extent = n @ spheres[:, :3].T + spheres[:, 3]
@@ -184,11 +264,24 @@ def stacking(spheres, overlap=TYPICAL_OVERLAP):
     return float(share.sum(axis=1).max())
 
 
-def longest_time_step(particle, shear_modulus_pa, poisson_ratio, restitution):
-    """Longest stable time step [s] of a particle pressed between two rigid plates at `TYPICAL_OVERLAP`.
+def longest_time_step(
+    particle: "Particle", shear_modulus_pa: float, poisson_ratio: float, restitution: float
+) -> float:
+    """Longest stable time step of a particle pressed between two rigid plates at `TYPICAL_OVERLAP`.
 
-    Dampings c = 2 sqrt(5/6) beta sqrt(S m), S = 2 E* sqrt(R delta), of the spheres that act at one place add up, on
-    both sides of the particle; an explicit step needs 2 c dt / m < 2.
+    Dampings c = 2 sqrt(5/6) beta sqrt(S m), S = 2 E* sqrt(R delta), of the spheres that act at one place add
+    up, on both sides of the particle; an explicit step needs 2 c dt / m < 2.
+
+    Parameters
+    ----------
+    particle : Particle
+        A multisphere.
+    shear_modulus_pa, poisson_ratio, restitution : float
+
+    Returns
+    -------
+    float
+        Seconds.
     """
     largest = particle.spheres_m[:, 3].max()
     young = 2 * shear_modulus_pa * (1 + poisson_ratio) / (1 - poisson_ratio**2)
@@ -198,8 +291,29 @@ def longest_time_step(particle, shear_modulus_pa, poisson_ratio, restitution):
     return particle.mass_kg / (particle.stacking * damping)
 
 
-def check_time_step(particle, berry, restitution, time_step_s, source="configuration"):
-    """InputError unless a multisphere is stable at the study's time step; berry: mapping with the moduli."""
+def check_time_step(
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    restitution: float,
+    time_step_s: float,
+    source: object = "configuration",
+) -> None:
+    """Refuse a multisphere that is not stable at the study's time step.
+
+    Parameters
+    ----------
+    particle : Particle
+    berry : mapping
+        With shear_modulus_pa and poisson_ratio.
+    restitution, time_step_s : float
+    source : object, optional
+        Named in the error.
+
+    Raises
+    ------
+    InputError
+        If it is not stable; the message names the longest stable step.
+    """
     limit = longest_time_step(particle, berry["shear_modulus_pa"], berry["poisson_ratio"], restitution)
     if time_step_s > limit:
         count = len(particle.spheres_m)

@@ -6,6 +6,7 @@ ellipsoids with common axes is smooth, convex and closed-form.
 """
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -24,23 +25,77 @@ GOOD_DEVIATION = 0.01  # of the body's smallest extent
 AXIS_BOUNDS = (0.05, 10.0)
 
 
-def component_supports(semi_axes, n):
-    """Support value of each component, (..., K); semi_axes (K, 3), n (..., 3)."""
+def component_supports(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """Support value of each component.
+
+    Parameters
+    ----------
+    semi_axes : numpy.ndarray, (K, 3)
+    n : numpy.ndarray, (..., 3)
+        Unit vectors.
+
+    Returns
+    -------
+    numpy.ndarray, (..., K)
+        In the unit of the half axes.
+    """
     return np.sqrt(np.square(n) @ np.square(semi_axes).T)
 
 
-def support(semi_axes, n):
-    """Support values (...) of the sum of components."""
+def support(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """Support values of the sum of components.
+
+    Parameters
+    ----------
+    semi_axes : numpy.ndarray, (K, 3)
+    n : numpy.ndarray, (..., 3)
+        Unit vectors.
+
+    Returns
+    -------
+    numpy.ndarray, (...)
+        In the unit of the half axes.
+    """
     return component_supports(semi_axes, n).sum(axis=-1)
 
 
-def support_point(semi_axes, n):
-    """Gradient of the support function: sum over components of s^2 n / h_k; (..., 3)."""
+def support_point(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """Touching points: the gradient of the support function, sum over components of s^2 n / h_k.
+
+    Parameters
+    ----------
+    semi_axes : numpy.ndarray, (K, 3)
+    n : numpy.ndarray, (..., 3)
+        Unit vectors.
+
+    Returns
+    -------
+    numpy.ndarray, (..., 3)
+        In the unit of the half axes.
+    """
     return n * ((1.0 / component_supports(semi_axes, n)) @ np.square(semi_axes))
 
 
-def recognise_ellipsoid(vertices, radius, n, measured):
-    """Half axes (1, 3) of the ellipsoid on which all vertices lie, None where there is none."""
+def recognise_ellipsoid(
+    vertices: np.ndarray, radius: float, n: np.ndarray, measured: np.ndarray
+) -> np.ndarray | None:
+    """Half axes of the ellipsoid on which all vertices lie.
+
+    Parameters
+    ----------
+    vertices : numpy.ndarray, (V, 3)
+    radius : float
+        Mean radius of the body.
+    n : numpy.ndarray, (N, 3)
+        Unit vectors.
+    measured : numpy.ndarray, (N,)
+        Support values of the body in these directions.
+
+    Returns
+    -------
+    numpy.ndarray, (1, 3), or None
+        None where there is no such ellipsoid.
+    """
     x = vertices / radius
     if len(x) < 12:
         return None
@@ -65,13 +120,30 @@ def recognise_ellipsoid(vertices, radius, n, measured):
     return radius * axes[None]
 
 
-def fit_components(n, measured, radius, counts=COMPONENTS):
-    """Half axes (K, 3) of the sum of co-axial ellipsoids nearest to the measured support values.
+def fit_components(
+    n: np.ndarray, measured: np.ndarray, radius: float, counts: Sequence[int] = COMPONENTS
+) -> np.ndarray:
+    """Half axes of the sum of co-axial ellipsoids nearest to measured support values.
 
-    counts: how many components may be tried, the fewest first. They are enough when the rms deviation is below 0.2 %
-    of the mean radius or the largest one below 1 % of the smallest extent.
+    The components are enough when the rms deviation is below 0.2 % of the mean radius or the largest
+    deviation below 1 % of the smallest extent.
+
+    Parameters
+    ----------
+    n : numpy.ndarray, (N, 3)
+        Unit vectors.
+    measured : numpy.ndarray, (N,)
+        Support values in these directions.
+    radius : float
+        Mean radius of the body.
+    counts : sequence of int, optional
+        Numbers of components to try, the fewest first.
+
+    Returns
+    -------
+    numpy.ndarray, (K, 3)
     """
-    best, best_rms = None, math.inf
+    best, best_rms = np.zeros((0, 3)), math.inf
     extents = measured[np.argmax(n, axis=0)]
     for count in counts:
         starts = _starts(count, extents, radius)
@@ -152,12 +224,24 @@ def _surface_quadrature(latitudes=200, longitudes=250):
     return n.reshape(-1, 3), weights
 
 
-def volume_integrals(semi_axes):
-    """(volume (m3), integrals of x_i^2 over the body (3,) (m5)); semi_axes (K, 3) in m.
+def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:
+    """Volume of a body, and the integrals of x_i^2 over it.
 
     The body is the union of cones from its centre over the surface x(n) = grad h, whose element of area is
     det Q dOmega, Q = grad grad h on the tangent plane: V = 1/3 int h det Q dOmega, and the integral of x_i^2
     is 1/5 int x_i^2 h det Q dOmega.
+
+    Parameters
+    ----------
+    semi_axes : numpy.ndarray, (K, 3)
+        Metres.
+
+    Returns
+    -------
+    volume : float
+        m3.
+    integrals : numpy.ndarray, (3,)
+        m5.
     """
     if len(semi_axes) == 1:
         volume = 4 / 3 * math.pi * float(semi_axes[0].prod())
@@ -173,8 +257,18 @@ def volume_integrals(semi_axes):
     return float(element.sum() / 3), element @ np.square(points.sum(axis=1)) / 5
 
 
-def bounding_radius(semi_axes):
-    """Distance of the farthest surface point from the centre: the maximum of h over all directions."""
+def bounding_radius(semi_axes: np.ndarray) -> float:
+    """Distance of the farthest surface point from the centre: the maximum of h over all directions.
+
+    Parameters
+    ----------
+    semi_axes : numpy.ndarray, (K, 3)
+
+    Returns
+    -------
+    float
+        In the unit of the half axes.
+    """
     n = np.concatenate([np.eye(3), sphere_directions(1000)])
     n = n[np.argsort(-support(semi_axes, n))[:50]]
     # h is convex and homogeneous, so moving n to its own support point never lowers h.

@@ -14,6 +14,7 @@ from repose.core.errors import InputError
 from repose.dem.tessellation import tessellate
 from repose.particle import berry, build
 from repose.particle.build import Particle
+from repose.particle.mesh import Body
 from repose.particle.sphere_packing import distances
 
 from . import style
@@ -115,7 +116,7 @@ def _triangles(particle: Particle) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(vertices), np.concatenate(triangles)
 
 
-def _caption(panel: Axes, title: str, body: Particle | None, words: str) -> None:
+def _caption(panel: Axes, title: str, body: Particle | Body | None, words: str) -> None:
     """Name, volume, mass, moments and what else is to be said of a body."""
     panel.set_title(title, loc="center", pad=0, fontsize=8, fontweight="bold")
     if body is not None:

@@ -1,0 +1,135 @@
+"""Files of measured berries: sizes and compression tests, checked value by value."""
+
+import math
+from os import PathLike
+from pathlib import Path
+
+import pandas as pd
+
+from repose.core.errors import InputError
+
+SIZE_COLUMNS = ("long_mm", "major_mm", "minor_mm")
+COMPRESSION_COLUMNS = (
+    "test",
+    "force_n",
+    "length_1_mm",
+    "length_2_mm",
+    "width_1_mm",
+    "width_2_mm",
+    "breadth_mm",
+)
+# A comment line with this word marks a file whose rows were not measured but made to match a published table.
+RECONSTRUCTION_MARK = "reconstruction"
+
+
+def read_sizes(path: str | PathLike) -> pd.DataFrame:
+    """Sizes of measured berries.
+
+    Lines that start with # are comments. ``attrs["reconstruction"]`` of the table tells whether one of them
+    says that the file is a reconstruction.
+
+    Parameters
+    ----------
+    path : path
+        CSV file with the columns long_mm, major_mm, minor_mm.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Full axes in mm, a row for each berry.
+
+    Raises
+    ------
+    InputError
+        If the file or a column is missing, a value is no positive number, or axes are not in the order long
+        >= major >= minor. It names file, row, column and value.
+    """
+    sizes = _read_numbers(path, SIZE_COLUMNS)
+    if len(sizes) < 2:
+        raise InputError(path, "rows", len(sizes), "at least 2 berries, or there is no standard deviation")
+    for larger, smaller in (("long_mm", "major_mm"), ("major_mm", "minor_mm")):
+        for row in sizes.index[sizes[smaller] > sizes[larger]]:
+            raise InputError(
+                f"{path}, row {row}",
+                smaller,
+                float(sizes.at[row, smaller]),
+                f"at most {larger} of the same berry, {sizes.at[row, larger]:g}",
+            )
+    return sizes
+
+
+def read_compression(path: str | PathLike) -> pd.DataFrame:
+    """Compression tests.
+
+    The berry lies on its broad side. The load therefore runs along its minor diameter W, and the section that
+    carries it has the axes L and breadth.
+
+    Parameters
+    ----------
+    path : path
+        CSV file with the columns of the table.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each test: test (a number), force_n (F, N), length_1_mm and length_2_mm (L before and
+        after), width_1_mm and width_2_mm (W, the loaded axis, before and after), breadth_mm (the third axis,
+        before).
+
+    Raises
+    ------
+    InputError
+        As in `read_sizes`, and where the load does not shorten W.
+    """
+    tests = _read_numbers(path, COMPRESSION_COLUMNS)
+    if tests.empty:
+        raise InputError(path, "rows", 0, "at least 1 compression test")
+    for row in tests.index[tests["width_2_mm"] >= tests["width_1_mm"]]:
+        raise InputError(
+            f"{path}, row {row}",
+            "width_2_mm",
+            float(tests.at[row, "width_2_mm"]),
+            f"less than width_1_mm of the same test, {tests.at[row, 'width_1_mm']:g}",
+        )
+    return tests
+
+
+def _read_numbers(path, columns):
+    """CSV with these columns of positive numbers, indexed by row number from 1; comments start with #."""
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(path, "file", None, "an existing CSV file")
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(path, "file", "not text", "a CSV file in UTF-8") from None
+    lines = text.splitlines()
+    comments = [line for line in lines if line.startswith("#")]
+    records = [line.split(",") for line in lines if line.strip() and not line.startswith("#")]
+    header = [name.strip() for name in records[0]] if records else []
+    for column in columns:
+        if header.count(column) != 1:
+            raise InputError(
+                path, "header", ",".join(header), f"a column {column}, once; all: {','.join(columns)}"
+            )
+    table = pd.DataFrame(index=range(1, len(records)), columns=list(columns), dtype=float)
+    for row, cells in enumerate(records[1:], start=1):
+        if len(cells) != len(header):
+            raise InputError(f"{path}, row {row}", "cells", len(cells), f"{len(header)}, as in the header")
+        for column in columns:
+            table.at[row, column] = _positive(
+                cells[header.index(column)].strip(), f"{path}, row {row}", column
+            )
+    table.attrs["reconstruction"] = any(RECONSTRUCTION_MARK in line.lower() for line in comments)
+    return table
+
+
+def _positive(text, source, column):
+    """The text as a positive finite number, or InputError."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and value > 0):
+        raise InputError(source, column, text, "a positive number")
+    return value
