@@ -23,23 +23,6 @@ WITHOUT: frozenset[str] = frozenset(
         "dem/surfaces.py",
         "dem/tessellation.py",
         "dem/wall_arrays.py",
-        "measure/angles.py",
-        "measure/bed.py",
-        "measure/pile.py",
-        "measure/silhouette.py",
-        "particle/berry.py",
-        "particle/build.py",
-        "particle/mesh.py",
-        "particle/mesh_from_axes.py",
-        "particle/particle.py",
-        "particle/size_distribution.py",
-        "particle/sphere_packing.py",
-        "particle/support_fit.py",
-        "surrogate/base.py",
-        "surrogate/bayesian_bp.py",
-        "surrogate/gaussian_process.py",
-        "surrogate/quadratic.py",
-        "surrogate/sklearn_estimator.py",
     }
 )
 MODULES = sorted(

@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from repose.core.errors import InputError
 from repose.core.files import read_json, write_json
@@ -61,11 +62,11 @@ class Surrogate(ABC):
     @abstractmethod
     def fit(
         self,
-        X: np.ndarray,
-        Y: np.ndarray,
+        X: ArrayLike,
+        Y: ArrayLike,
         *,
-        precision: np.ndarray | None = None,
-        noise_covariance: np.ndarray | None = None,
+        precision: ArrayLike | None = None,
+        noise_covariance: ArrayLike | None = None,
     ) -> Self:
         """Learn from samples.
 
@@ -89,20 +90,52 @@ class Surrogate(ABC):
         """
 
     @abstractmethod
-    def predict(self, X: np.ndarray, return_std: bool = False, noise: bool = True):
-        """Responses (n, k) at parameter sets X (n, d).
+    def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
+        """Responses at parameter sets.
 
-        With `return_std` also their standard deviations (n, k): of one new value with precision 1, or with
-        ``noise=False`` of the mean alone.
+        Parameters
+        ----------
+        X : numpy.ndarray, (n, d)
+        return_std : bool, optional
+            Whether to return the standard deviations too.
+        noise : bool, optional
+            Whether the standard deviations are those of one new value with precision 1; else those of the
+            mean alone.
+
+        Returns
+        -------
+        mean : numpy.ndarray, (n, k)
+            In the responses' units.
+        std : numpy.ndarray, (n, k)
+            Only with `return_std`.
         """
 
     @abstractmethod
-    def covariance(self, X: np.ndarray) -> np.ndarray:
-        """Covariance (n, k, k) of the predicted means at X (n, d), without noise."""
+    def covariance(self, X: ArrayLike) -> np.ndarray:
+        """Covariance of the predicted means, without noise.
+
+        Parameters
+        ----------
+        X : numpy.ndarray, (n, d)
+
+        Returns
+        -------
+        numpy.ndarray, (n, k, k)
+        """
 
     @abstractmethod
     def shifted(self, offset: np.ndarray) -> Self:
-        """A copy that predicts `offset` (k,) more."""
+        """A copy that predicts more.
+
+        Parameters
+        ----------
+        offset : numpy.ndarray, (k,)
+            Added to each prediction.
+
+        Returns
+        -------
+        Surrogate
+        """
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
@@ -111,15 +144,37 @@ class Surrogate(ABC):
     @classmethod
     @abstractmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """The trained surrogate in a file; KeyError or ValueError when the content is something else.
+        """The trained surrogate of a file's content.
 
-        `content` is what `to_dict` gave, with `inputs`, `outputs`, `definitions` and `samples`.
+        Parameters
+        ----------
+        content : mapping
+            What `to_dict` gave, with `inputs`, `outputs`, `definitions` and `samples`.
+
+        Returns
+        -------
+        Surrogate
+
+        Raises
+        ------
+        KeyError, ValueError
+            If the content is something else.
         """
 
     def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """The prediction as a function of points (n, d) in [-1, 1].
+        """The prediction as a function of points in [-1, 1].
 
-        `low` and `high` (d,) are what -1 and 1 stand for. A search calls this function millions of times.
+        A search calls this function millions of times.
+
+        Parameters
+        ----------
+        low, high : numpy.ndarray, (d,)
+            What -1 and 1 stand for.
+
+        Returns
+        -------
+        callable
+            From points (n, d) to responses (n, k).
         """
         middle, half = (np.add(low, high)) / 2, np.subtract(high, low) / 2
         return lambda points: self.predict(middle + points * half)
@@ -139,13 +194,33 @@ class Surrogate(ABC):
         definitions: Definitions | None = None,
         samples: Sequence[int] = (),
     ) -> Self:
-        """Name the parameters, the responses and their definitions, and the samples of the fit; returns self."""
+        """Name the parameters, the responses and their definitions, and the samples of the fit.
+
+        Parameters
+        ----------
+        inputs, outputs : sequence of str
+            Names of the d parameters and of the k responses.
+        definitions : mapping, optional
+            For each response the configuration keys, with their values, that define it.
+        samples : sequence of int, optional
+            Numbers of the samples, in the order of the fit.
+
+        Returns
+        -------
+        Surrogate
+            The same one.
+        """
         self.inputs, self.outputs = tuple(inputs), tuple(outputs)
         self.definitions, self.samples = dict(definitions or {}), tuple(int(sample) for sample in samples)
         return self
 
     def save(self, path: str | os.PathLike) -> None:
-        """Write a JSON file that `load` reads."""
+        """Write a JSON file that `load` reads.
+
+        Parameters
+        ----------
+        path : path
+        """
         described = {
             "inputs": list(self.inputs),
             "outputs": list(self.outputs),
@@ -162,6 +237,16 @@ Kind = TypeVar("Kind", bound=type[Surrogate])
 
 def register(name: str) -> Callable[[Kind], Kind]:
     """Class decorator that makes a surrogate known by a name.
+
+    Parameters
+    ----------
+    name : str
+        In the configuration and in files.
+
+    Returns
+    -------
+    callable
+        The decorator.
 
     Raises
     ------

@@ -22,11 +22,12 @@ variance of a weight 1 / (2 alpha).
 
 import copy
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from repose.surrogate.base import Surrogate, register
 from repose.surrogate.evidence import of_each_weight, posterior_root
@@ -98,19 +99,19 @@ class BayesianBP(Surrogate):
 
     def __init__(
         self,
-        hidden=12,
-        epochs=1500,
-        goal=1e-4,
-        starts=20,
-        mu=0.005,
-        mu_decrease=0.1,
-        mu_increase=10.0,
-        mu_max=1e10,
-        min_gradient=1e-7,
-        scaled_range=(0.1, 0.9),
-        seed=2026,
-        prior="one",
-    ):
+        hidden: int = 12,
+        epochs: int = 1500,
+        goal: float = 1e-4,
+        starts: int = 20,
+        mu: float = 0.005,
+        mu_decrease: float = 0.1,
+        mu_increase: float = 10.0,
+        mu_max: float = 1e10,
+        min_gradient: float = 1e-7,
+        scaled_range: tuple[float, float] = (0.1, 0.9),
+        seed: int = 2026,
+        prior: str = "one",
+    ) -> None:
         self.hidden, self.epochs, self.goal, self.starts = hidden, epochs, goal, starts
         self.mu, self.mu_decrease, self.mu_increase, self.mu_max = mu, mu_decrease, mu_increase, mu_max
         self.min_gradient, self.scaled_range, self.seed = min_gradient, scaled_range, seed
@@ -118,10 +119,28 @@ class BayesianBP(Surrogate):
 
     @classmethod
     def of(cls, settings: Mapping[str, Any]) -> Self:
-        """A network with `hidden`, `epochs`, `goal`, `starts`, `seed` and `prior` of the settings."""
+        """A network with `hidden`, `epochs`, `goal`, `starts`, `seed` and `prior` of the settings.
+
+        Parameters
+        ----------
+        settings : mapping
+            The section `network` of the configuration, with `seed`.
+
+        Returns
+        -------
+        BayesianBP
+            Untrained.
+        """
         return cls(**{key: settings[key] for key in FROM_SETTINGS if key in settings})
 
-    def fit(self, X, y, sample_weight=None, precision=None, noise_covariance=None) -> Self:
+    def fit(
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        sample_weight: ArrayLike | None = None,
+        precision: ArrayLike | None = None,
+        noise_covariance: ArrayLike | None = None,
+    ) -> Self:
         """Train.
 
         Parameters
@@ -178,13 +197,30 @@ class BayesianBP(Surrogate):
         self.stop_reason_ = best["stop_reason"]
         self._set_errors(posterior_root(best["alpha_of_weight"], self.beta_, best["JJ"]), mixing)
 
-    def predict(self, X, return_std=False, noise=True):
-        """Responses (samples, outputs), or (samples,) when fitted on such, for X (samples, inputs).
+    def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
+        """Responses, and their standard deviations.
 
-        With return_std also their standard deviations, of the same shape: sqrt(1 / (2 beta) + g' H^-1 g)
-        with g the output's gradient by the weights (M92), in units of y. The first term is the noise of a
-        single target of precision 1 (noise_std_); noise=False leaves it out, and the uncertainty of the mean
-        remains.
+        Parameters
+        ----------
+        X : array, (samples, inputs)
+        return_std : bool, optional
+            Whether to return the standard deviations too.
+        noise : bool, optional
+            Whether they contain the noise of a single target of precision 1 (`noise_std_`). Without it the
+            uncertainty of the mean remains.
+
+        Returns
+        -------
+        mean : numpy.ndarray, (samples, outputs)
+            (samples,) for a network that was fitted to such responses.
+        std : numpy.ndarray
+            Of the same shape, in units of y: sqrt(1 / (2 beta) + g' H^-1 g) with g the output's gradient by
+            the weights (M92). Only with `return_std`.
+
+        Raises
+        ------
+        ValueError
+            If the network is not trained, or X has another shape.
         """
         if not hasattr(self, "W1_"):
             raise ValueError("predict was called before fit")
@@ -197,35 +233,61 @@ class BayesianBP(Surrogate):
         std = np.sqrt(variance + noise * self.noise_std_**2)
         return Y, std[:, 0] if self.one_output_ else std
 
-    def covariance(self, X):
-        """Covariance (samples, outputs, outputs) of the responses by the uncertainty of the weights alone.
+    def covariance(self, X: ArrayLike) -> np.ndarray:
+        """Covariance of the responses by the uncertainty of the weights alone.
 
-        In units of y squared, for X (samples, inputs); its diagonal is the square of what `predict` gives with
-        return_std=True, noise=False. The outputs share the hidden layer, so their errors are correlated.
+        The outputs share the hidden layer, so their errors are correlated. The diagonal is the square of what
+        `predict` gives with ``return_std=True, noise=False``.
+
+        Parameters
+        ----------
+        X : array, (samples, inputs)
+
+        Returns
+        -------
+        numpy.ndarray, (samples, outputs, outputs)
+            In units of y squared.
+
+        Raises
+        ------
+        ValueError
+            If the network was saved without its training data.
         """
         roots = self._weight_roots(np.asarray(X, dtype=float)) * self._stretch()[:, None]
         return roots @ roots.transpose(0, 2, 1)
 
-    def response_function(self, low, high):
+    def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """The network with every scaling folded into its weights, for points in [-1, 1]."""
         return response_function(self._arrays(), low, high)
 
-    def shifted(self, offset):
+    def shifted(self, offset: np.ndarray) -> Self:
         """A copy with other output biases, which predicts `offset` (outputs,) more."""
         bottom, top = self.scaled_range
         moved = copy.copy(self)
         moved.b2_ = self.b2_ + offset * (top - bottom) / width(self.output_min_, self.output_max_)
         return moved
 
-    def score(self, X, y, sample_weight=None):
-        """R2 (Eq. 13), the mean over the outputs; sample_weight (samples,) as scikit-learn takes it."""
+    def score(self, X: np.ndarray, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
+        """Coefficient of determination R2 (Eq. 13), the mean over the outputs.
+
+        Parameters
+        ----------
+        X : array, (samples, inputs)
+        y : array, (samples,) or (samples, outputs)
+        sample_weight : array, (samples,), optional
+            As scikit-learn takes it.
+
+        Returns
+        -------
+        float
+        """
         Y = np.asarray(y, dtype=float).reshape(len(X), -1)
         P = np.asarray(self.predict(X)).reshape(len(X), -1)
         weight = np.ones(len(Y)) if sample_weight is None else np.asarray(sample_weight, dtype=float)
         mean = np.average(Y, axis=0, weights=weight)
         return float(np.mean(1 - (weight @ (Y - P) ** 2) / (weight @ (Y - mean) ** 2)))
 
-    def report(self):
+    def report(self) -> dict[str, Any]:
         """Evidence and end of the start that was kept, number of weights and of starts, prior."""
         keys = ("gamma", "beta", "log_evidence", "epochs", "stop_reason", "best_start", "n_residuals")
         found = {key: getattr(self, key + "_") for key in keys}
@@ -233,7 +295,7 @@ class BayesianBP(Surrogate):
         found |= {"starts": self.starts, "prior": self.prior}
         return found | {"alpha": np.asarray(self.alpha_).tolist()}
 
-    def start_rows(self):
+    def start_rows(self) -> list[dict[str, Any]]:
         """Evidence and end of each start, and which was kept."""
         return [
             start
@@ -262,7 +324,7 @@ class BayesianBP(Surrogate):
         return content | {"training": training}
 
     @classmethod
-    def from_dict(cls, content):
+    def from_dict(cls, content: Mapping[str, Any]) -> Self:
         """The network of a `to_dict`; one without `training` predicts without errors.
 
         Nothing is trained: the Hessian is that of the saved weights.

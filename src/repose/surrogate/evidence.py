@@ -79,7 +79,20 @@ def posterior_root(alpha: np.ndarray, beta: float, JJ: np.ndarray) -> np.ndarray
 
 
 def of_each_weight(alpha: np.ndarray, classes: Sequence[Any], N: int) -> np.ndarray:
-    """alpha of each weight (N,) from alpha of each class."""
+    """alpha of each weight from alpha of each class.
+
+    Parameters
+    ----------
+    alpha : numpy.ndarray, (classes,)
+    classes : sequence
+        Indices of the weights of each class, as `two_layer.weight_classes` gives them.
+    N : int
+        Number of weights.
+
+    Returns
+    -------
+    numpy.ndarray, (N,)
+    """
     of_weight = np.empty(N)
     for value, c in zip(alpha, classes, strict=True):
         of_weight[c] = value

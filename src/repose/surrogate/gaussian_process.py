@@ -9,10 +9,11 @@ Sources of the lines, named where they are used
 
 import copy
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from repose.surrogate.base import Surrogate, register
 from repose.surrogate.samples import checked_points, checked_samples, independent_mixing
@@ -38,14 +39,47 @@ class GaussianProcess(Surrogate):
 
     @classmethod
     def of(cls, settings: Mapping[str, Any]) -> Self:
-        """An untrained process; no key is used."""
+        """An untrained process.
+
+        Parameters
+        ----------
+        settings : mapping
+            No key is used.
+
+        Returns
+        -------
+        GaussianProcess
+        """
         return cls()
 
-    def fit(self, X, Y, *, precision=None, noise_covariance=None) -> Self:
-        """Learn from samples, see `Surrogate.fit`.
+    def fit(
+        self,
+        X: ArrayLike,
+        Y: ArrayLike,
+        *,
+        precision: ArrayLike | None = None,
+        noise_covariance: ArrayLike | None = None,
+    ) -> Self:
+        """Learn from samples.
 
-        Without `noise_covariance` the responses are learned independently; with it, their combinations with
-        independent noises (A35).
+        Parameters
+        ----------
+        X : array, (n, d)
+        Y : array, (n, k)
+        precision : array, (n,) or (n, k), optional
+            See `Surrogate.fit`.
+        noise_covariance : array, (k, k), optional
+            Without it the responses are learned independently; with it, their combinations with independent
+            noises (A35).
+
+        Returns
+        -------
+        GaussianProcess
+
+        Raises
+        ------
+        ValueError
+            As in `Surrogate.fit`.
         """
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
@@ -97,7 +131,7 @@ class GaussianProcess(Surrogate):
             [one.kernel_.k2.noise_level * one._y_train_std**2 for one in self.processes_]
         )
 
-    def predict(self, X, return_std=False, noise=True):
+    def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
         """Responses (n, k), and their standard deviations; see `Surrogate.predict`."""
         x = (checked_points(X, len(self.low_)) - self.low_) / self.width_
         if not return_std:
@@ -107,7 +141,7 @@ class GaussianProcess(Surrogate):
         variances = variances + noise * self._noise_variances
         return means @ self._unmixing + self.offset_, np.sqrt(variances @ self._unmixing**2)
 
-    def covariance(self, X):
+    def covariance(self, X: ArrayLike) -> np.ndarray:
         """Covariance (n, k, k) of the predicted means; diagonal without a `noise_covariance`."""
         x = (checked_points(X, len(self.low_)) - self.low_) / self.width_
         roots = np.sqrt(self._moments(x)[1])[:, :, None] * self._unmixing
@@ -120,7 +154,7 @@ class GaussianProcess(Surrogate):
         variances = np.column_stack(stds) ** 2 - self._noise_variances
         return np.column_stack(means), np.maximum(variances, 0.0)
 
-    def response_function(self, low, high):
+    def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
         """The means as one matrix product, an exponential and another product for each process."""
         middle, half = np.add(low, high) / 2, np.subtract(high, low) / 2
         parts = []
@@ -141,13 +175,13 @@ class GaussianProcess(Surrogate):
 
         return respond
 
-    def shifted(self, offset):
+    def shifted(self, offset: np.ndarray) -> Self:
         """A copy that predicts `offset` (k,) more."""
         moved = copy.copy(self)
         moved.offset_ = self.offset_ + offset
         return moved
 
-    def report(self):
+    def report(self) -> dict[str, Any]:
         """Log marginal likelihood and numbers of each process."""
         likelihood = [float(one.log_marginal_likelihood_value_) for one in self.processes_]
         return {"log_marginal_likelihood": likelihood, "kernels": self._kernels()}
@@ -174,13 +208,15 @@ class GaussianProcess(Surrogate):
         ]
 
     @classmethod
-    def from_dict(cls, content):
+    def from_dict(cls, content: Mapping[str, Any]) -> Self:
         """The processes of a `to_dict`; their numbers are not estimated again."""
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
         model, training = cls(), content["training"]
-        samples = [np.asarray(training[key], dtype=float) for key in ("inputs", "outputs", "precision")]
-        model._take(*samples, content["noise_covariance"])
+        X, Y, precision = (
+            np.asarray(training[key], dtype=float) for key in ("inputs", "outputs", "precision")
+        )
+        model._take(X, Y, precision, content["noise_covariance"])
         kernels = [
             ConstantKernel(one["variance"], "fixed") * RBF(np.array(one["lengths"]), "fixed")
             + model._noise(one["noise_variance"], k, "fixed")

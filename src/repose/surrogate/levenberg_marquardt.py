@@ -155,7 +155,22 @@ def _square_sums(w, classes):
 
 
 def residuals(w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray) -> np.ndarray:
-    """Weighted residuals (n,) of the network with the weights w."""
+    """Weighted residuals of the network.
+
+    Parameters
+    ----------
+    w : numpy.ndarray, (N,)
+    x : numpy.ndarray, (samples, inputs)
+        Scaled.
+    t : numpy.ndarray, (samples, outputs)
+        Scaled.
+    root_weight : numpy.ndarray, (samples, outputs)
+        Root of each residual's weight.
+
+    Returns
+    -------
+    numpy.ndarray, (samples * outputs,)
+    """
     hidden = (w.size - t.shape[1]) // (x.shape[1] + 1 + t.shape[1])
     W1, b1, W2, b2 = unpack(w, x.shape[1], hidden, t.shape[1])
     return ((np.tanh(x @ W1.T + b1) @ W2.T + b2 - t) * root_weight).ravel()
@@ -164,6 +179,17 @@ def residuals(w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarr
 def linearise(
     w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Weighted residuals (n,) and their derivative (n, N)."""
+    """Weighted residuals of the network, and their derivative by the weights.
+
+    Parameters
+    ----------
+    w, x, t, root_weight
+        As in `residuals`.
+
+    Returns
+    -------
+    residuals : numpy.ndarray, (samples * outputs,)
+    derivative : numpy.ndarray, (samples * outputs, N)
+    """
     y, J = jacobian(w, x, t.shape[1])
     return ((y - t) * root_weight).ravel(), (J * root_weight[:, :, None]).reshape(t.size, w.size)

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from repose.surrogate.base import Surrogate, register
 from repose.surrogate.samples import checked_points, checked_samples, independent_mixing
@@ -33,19 +34,64 @@ class QuadraticSurface(Surrogate):
 
     @classmethod
     def of(cls, settings: Mapping[str, Any]) -> Self:
-        """An untrained surface; no key is used."""
+        """An untrained surface.
+
+        Parameters
+        ----------
+        settings : mapping
+            No key is used.
+
+        Returns
+        -------
+        QuadraticSurface
+        """
         return cls()
 
     @staticmethod
     def least_samples(inputs: int) -> int:
-        """Fewest samples for this many inputs that vary: one more than the terms."""
+        """Fewest samples: one more than the terms.
+
+        Parameters
+        ----------
+        inputs : int
+            Number of inputs that vary.
+
+        Returns
+        -------
+        int
+        """
         return (inputs + 1) * (inputs + 2) // 2 + 1
 
-    def fit(self, X, Y, *, precision=None, noise_covariance=None) -> Self:
-        """Learn from samples, see `Surrogate.fit`.
+    def fit(
+        self,
+        X: ArrayLike,
+        Y: ArrayLike,
+        *,
+        precision: ArrayLike | None = None,
+        noise_covariance: ArrayLike | None = None,
+    ) -> Self:
+        """Learn from samples.
 
-        The covariance of the noise comes from the residuals. `noise_covariance` is checked and not used: all responses
-        have the same terms, and then correlated noise does not change the coefficients (Z62).
+        The covariance of the noise comes from the residuals.
+
+        Parameters
+        ----------
+        X : array, (n, d)
+        Y : array, (n, k)
+        precision : array, (n,) or (n, k), optional
+            See `Surrogate.fit`.
+        noise_covariance : array, (k, k), optional
+            Checked and not used: all responses have the same terms, and then correlated noise does not change
+            the coefficients (Z62).
+
+        Returns
+        -------
+        QuadraticSurface
+
+        Raises
+        ------
+        ValueError
+            As in `Surrogate.fit`.
         """
         X, Y, _, precision = checked_samples(X, Y, None, precision)
         independent_mixing(noise_covariance, np.ones(Y.shape[1]), precision)
@@ -69,7 +115,7 @@ class QuadraticSurface(Surrogate):
         self._variances = (residuals**2).sum(axis=0) / freedom
         return self
 
-    def predict(self, X, return_std=False, noise=True):
+    def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
         """Responses (n, k), and their standard deviations; see `Surrogate.predict`."""
         a = self._terms(checked_points(X, len(self.low_)))
         mean = a @ self.coefficients_ + self.offset_
@@ -79,19 +125,19 @@ class QuadraticSurface(Surrogate):
         leverage = np.column_stack([((a @ root) ** 2).sum(axis=1) for root in self._roots])
         return mean, np.sqrt((leverage + noise) * self._variances)
 
-    def covariance(self, X):
+    def covariance(self, X: ArrayLike) -> np.ndarray:
         """Covariance (n, k, k) of the predicted means: S_kl a'(R_k R_l')a with S of the residuals (Z62)."""
         a = self._terms(checked_points(X, len(self.low_)))
         paths = np.stack([a @ root for root in self._roots], axis=1)
         return paths @ paths.transpose(0, 2, 1) * self.residual_covariance_
 
-    def shifted(self, offset):
+    def shifted(self, offset: np.ndarray) -> Self:
         """A copy that predicts `offset` (k,) more."""
         moved = copy.copy(self)
         moved.offset_ = self.offset_ + offset
         return moved
 
-    def report(self):
+    def report(self) -> dict[str, Any]:
         """Number of terms, degrees of freedom, standard deviation of the residuals."""
         samples, terms = len(self.training_["inputs"]), len(self.coefficients_)
         return {
@@ -110,7 +156,7 @@ class QuadraticSurface(Surrogate):
         }
 
     @classmethod
-    def from_dict(cls, content):
+    def from_dict(cls, content: Mapping[str, Any]) -> Self:
         """The surface of a `to_dict`."""
         training = content["training"]
         model = cls().fit(training["inputs"], training["outputs"], precision=training["precision"])

@@ -5,6 +5,7 @@
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 def weights_from_errors(errors: np.ndarray) -> np.ndarray:
@@ -29,7 +30,7 @@ def weights_from_errors(errors: np.ndarray) -> np.ndarray:
 
 
 def independent_mixing(
-    noise_covariance: np.ndarray | None, stretch: np.ndarray, precision: np.ndarray
+    noise_covariance: ArrayLike | None, stretch: np.ndarray, precision: np.ndarray
 ) -> np.ndarray:
     """Combinations of the outputs whose noises are independent (A35).
 
@@ -68,10 +69,10 @@ def independent_mixing(
 
 
 def checked_samples(
-    X: np.ndarray,
-    y: np.ndarray,
-    sample_weight: np.ndarray | None = None,
-    precision: np.ndarray | None = None,
+    X: ArrayLike,
+    y: ArrayLike,
+    sample_weight: ArrayLike | None = None,
+    precision: ArrayLike | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Samples as arrays of one form.
 
@@ -112,8 +113,23 @@ def checked_samples(
     return X[counts], Y[counts], count[counts], precision[counts]
 
 
-def checked_points(X: np.ndarray, inputs: int) -> np.ndarray:
-    """X as an array (samples, inputs), or ValueError."""
+def checked_points(X: ArrayLike, inputs: int) -> np.ndarray:
+    """Parameter sets as an array of one form.
+
+    Parameters
+    ----------
+    X : array_like, (samples, inputs)
+    inputs : int
+
+    Returns
+    -------
+    numpy.ndarray, (samples, inputs)
+
+    Raises
+    ------
+    ValueError
+        If X has another shape.
+    """
     X = np.asarray(X, dtype=float)
     if X.ndim != 2 or X.shape[1] != inputs:
         raise ValueError(f"X has shape {X.shape}; allowed: (samples, {inputs})")

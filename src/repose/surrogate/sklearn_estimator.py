@@ -1,5 +1,8 @@
 """The network as an estimator of scikit-learn, for pipelines and cross-validation."""
 
+from typing import Any, Self
+
+from numpy.typing import ArrayLike
 from sklearn.base import BaseEstimator, RegressorMixin
 from sklearn.utils.validation import check_is_fitted, validate_data
 
@@ -9,11 +12,18 @@ from repose.surrogate.bayesian_bp import BayesianBP
 class BayesianBPRegressor(RegressorMixin, BayesianBP, BaseEstimator):
     __doc__ = BayesianBP.__doc__
 
-    def fit(self, X, y, sample_weight=None, precision=None, noise_covariance=None):
+    def fit(
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        sample_weight: ArrayLike | None = None,
+        precision: ArrayLike | None = None,
+        noise_covariance: ArrayLike | None = None,
+    ) -> Self:
         X, y = validate_data(self, X, y, dtype=float, multi_output=True, y_numeric=True, ensure_min_samples=2)
         return super().fit(X, y, sample_weight, precision, noise_covariance)
 
-    def predict(self, X, return_std=False, noise=True):
+    def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
         check_is_fitted(self)
         X = validate_data(self, X, dtype=float, reset=False)
         return super().predict(X, return_std, noise)

@@ -73,6 +73,15 @@ class Support:
     def of_dataset(cls, dataset_csv: str | os.PathLike, space: ParameterSpace) -> Self:
         """The support of the usable samples of a study.
 
+        Parameters
+        ----------
+        dataset_csv : path
+        space : ParameterSpace
+
+        Returns
+        -------
+        Support
+
         Raises
         ------
         InputError
@@ -86,26 +95,74 @@ class Support:
         return cls(usable[list(PARAMETERS)].to_numpy(float), low, high)
 
     def at_bounds(self, points: np.ndarray) -> np.ndarray:
-        """Which free parameters of points (m, d) lie within 1 % of their range from an end, (m, d)."""
+        """Which free parameters lie within 1 % of their range from an end.
+
+        Parameters
+        ----------
+        points : numpy.ndarray, (m, d)
+
+        Returns
+        -------
+        numpy.ndarray of bool, (m, d)
+        """
         unit = self._unit(points)
         found = np.zeros((len(unit), len(self.names)), dtype=bool)
         found[:, self._free] = (unit <= BOUND_SHARE) | (unit >= 1 - BOUND_SHARE)
         return found
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Distance (m,) of points (m, d) to the nearest sample, in ranges."""
+        """Distance to the nearest sample.
+
+        Parameters
+        ----------
+        points : numpy.ndarray, (m, d)
+
+        Returns
+        -------
+        numpy.ndarray, (m,)
+            In ranges.
+        """
         return self.tree.query(self._unit(points))[0]
 
     def leverage(self, points: np.ndarray) -> np.ndarray:
-        """Leverage (m,) of points (m, d) in a quadratic model of the samples (C79); 0 with too few samples for one."""
+        """Leverage in a quadratic model of the samples (C79).
+
+        Parameters
+        ----------
+        points : numpy.ndarray, (m, d)
+
+        Returns
+        -------
+        numpy.ndarray, (m,)
+            0 with too few samples for such a model.
+        """
         return self._leverage(self._unit(points))
 
     def is_thin(self, points: np.ndarray) -> np.ndarray:
-        """Whether points (m, d) lie where samples are thin, (m,)."""
+        """Whether points lie where samples are thin.
+
+        Parameters
+        ----------
+        points : numpy.ndarray, (m, d)
+
+        Returns
+        -------
+        numpy.ndarray of bool, (m,)
+        """
         return (self.distance(points) > self.farthest) | (self.leverage(points) > self.largest_leverage)
 
     def warnings(self, points: np.ndarray) -> list[str]:
-        """A warning in words for each of points (m, d), empty where there is nothing to warn of."""
+        """A warning in words for each point.
+
+        Parameters
+        ----------
+        points : numpy.ndarray, (m, d)
+
+        Returns
+        -------
+        list of str, (m,)
+            Empty where there is nothing to warn of.
+        """
         points = np.atleast_2d(np.asarray(points, dtype=float))
         bounds, middle = self.at_bounds(points), (self.low + self.high) / 2
         distance, leverage = self.distance(points), self.leverage(points)
@@ -142,7 +199,17 @@ class Support:
 
 
 def quadratic_terms(unit: np.ndarray) -> np.ndarray:
-    """1, x_i and x_i x_j of points (m, d) in the unit cube, centred: (m, (d + 1)(d + 2) / 2)."""
+    """Terms of a quadratic model: 1, x_i and x_i x_j of the centred points.
+
+    Parameters
+    ----------
+    unit : numpy.ndarray, (m, d)
+        Points in the unit cube.
+
+    Returns
+    -------
+    numpy.ndarray, (m, (d + 1)(d + 2) / 2)
+    """
     x = np.column_stack([np.ones(len(unit)), 2 * unit - 1])
     i, j = np.triu_indices(x.shape[1])
     return x[:, i] * x[:, j]

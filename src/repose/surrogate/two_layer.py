@@ -70,9 +70,20 @@ def response_function(
 def nguyen_widrow(
     inputs: int, hidden: int, outputs: int, scaled_range: tuple[float, float], seed: Any
 ) -> np.ndarray:
-    """Random weights (N,) with the slopes of the neurons spread over the interval of the inputs (NW90).
+    """Random weights with the slopes of the neurons spread over the interval of the inputs (NW90).
 
-    `seed` is of numpy's RandomState.
+    Parameters
+    ----------
+    inputs, hidden, outputs : int
+        Numbers of neurons.
+    scaled_range : (float, float)
+        Interval of the inputs.
+    seed : int or sequence of int
+        Of numpy's RandomState.
+
+    Returns
+    -------
+    numpy.ndarray, (N,)
     """
     random = np.random.RandomState(seed)
     length = 0.7 * hidden ** (1 / inputs)  # (NW90)
@@ -89,7 +100,19 @@ def nguyen_widrow(
 def unpack(
     w: np.ndarray, inputs: int, hidden: int, outputs: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Views W1 (hidden, inputs), b1 (hidden,), W2 (outputs, hidden), b2 (outputs,) of the weights w (N,)."""
+    """Views of the weights by layer.
+
+    Parameters
+    ----------
+    w : numpy.ndarray, (N,)
+    inputs, hidden, outputs : int
+        Numbers of neurons.
+
+    Returns
+    -------
+    W1, b1, W2, b2 : numpy.ndarray
+        (hidden, inputs), (hidden,), (outputs, hidden), (outputs,).
+    """
     ends = np.cumsum([hidden * inputs, hidden, outputs * hidden])
     W1, b1, W2, b2 = np.split(w, ends)
     return W1.reshape(hidden, inputs), b1, W2.reshape(outputs, hidden), b2
@@ -114,9 +137,19 @@ def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
 
 
 def weight_classes(prior: str, inputs: int, hidden: int, outputs: int) -> list[Any]:
-    """Classes of weights that share an alpha, each as an index into w (M92, M94).
+    """Classes of weights that share an alpha (M92, M94).
 
-    `prior` is one of `PRIORS`: one class, the two layers and the hidden biases, or a class for each input as well.
+    Parameters
+    ----------
+    prior : str
+        One of `PRIORS`: one class, the two layers and the hidden biases, or a class for each input as well.
+    inputs, hidden, outputs : int
+        Numbers of neurons.
+
+    Returns
+    -------
+    list
+        Of each class an index into w.
     """
     if prior == "one":
         return [slice(None)]
@@ -162,10 +195,31 @@ def jacobian(w: np.ndarray, x: np.ndarray, outputs: int) -> tuple[np.ndarray, np
 
 
 def scale(X: np.ndarray, minimum: np.ndarray, maximum: np.ndarray, interval: Sequence[float]) -> np.ndarray:
-    """mapminmax: the minimum of each column to the lower end of the interval, the maximum to the upper end."""
+    """mapminmax: the minimum of each column to the lower end of an interval, the maximum to the upper end.
+
+    Parameters
+    ----------
+    X : numpy.ndarray, (samples, columns)
+    minimum, maximum : numpy.ndarray, (columns,)
+    interval : (float, float)
+
+    Returns
+    -------
+    numpy.ndarray, (samples, columns)
+    """
     return interval[0] + (X - minimum) / width(minimum, maximum) * (interval[1] - interval[0])
 
 
 def width(minimum: np.ndarray, maximum: np.ndarray) -> np.ndarray:
-    """maximum - minimum; 1 for a column that does not vary."""
+    """Width of each column's range.
+
+    Parameters
+    ----------
+    minimum, maximum : numpy.ndarray, (columns,)
+
+    Returns
+    -------
+    numpy.ndarray, (columns,)
+        1 for a column that does not vary.
+    """
     return np.where(maximum > minimum, maximum - minimum, 1.0)
