@@ -170,7 +170,7 @@ def test_correlated_noise_is_taken_and_a_matrix_that_is_none_is_refused(name):
     assert (np.std(model.predict(X) - truth(X), axis=0) < 0.6 * NOISE[:2]).all()
     with pytest.raises(ValueError, match="positive definite"):
         make(name, SETTINGS).fit(X, Y, noise_covariance=[[1.0, 2.0], [2.0, 1.0]])
-    with pytest.raises(ValueError, match="one a sample"):
+    with pytest.raises(ValueError, match="one per sample"):
         make(name, SETTINGS).fit(X, Y, precision=1 + X[:, :2], noise_covariance=covariance)
 
 
