@@ -19,7 +19,6 @@ WITHOUT: frozenset[str] = frozenset(
         "dem/io/recorder.py",
         "dem/io/vtk.py",
         "dem/running.py",
-        "dem/simulation.py",
         "dem/surfaces.py",
         "dem/tessellation.py",
         "dem/wall_arrays.py",
