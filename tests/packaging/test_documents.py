@@ -29,7 +29,7 @@ EXAMPLES = {
 }
 
 
-@pytest.mark.parametrize("what", ["response", "bench test", "surrogate"])
+@pytest.mark.parametrize("what", ["contact law", "response", "bench test", "surrogate"])
 def test_contributing_shows_how_to_add_one(what):
     assert f"CONTRIBUTING.md: Add a {what}" in EXAMPLES
 
