@@ -98,12 +98,31 @@ class BenchTest:
     in_words: str = ""
 
     def wanted(self, config: Config) -> tuple[Response, ...]:
-        """Those of its responses that are targets of a configuration, in the order of the targets."""
+        """Responses of the bench test that are targets of a configuration.
+
+        Parameters
+        ----------
+        config : mapping
+
+        Returns
+        -------
+        tuple of Response
+            In the order of the targets.
+        """
         own = {one.name: one for one in self.responses}
         return tuple(own[one["response"]] for one in config["targets"] if one["apparatus"] == self.name)
 
     def recorded_for(self, config: Config) -> Recorded:
-        """What the tables of a study keep of its runs: the targets first."""
+        """What the tables of a study keep of the bench test's runs: the targets first.
+
+        Parameters
+        ----------
+        config : mapping
+
+        Returns
+        -------
+        Recorded
+        """
         return self.recorded.beginning_with(core.names(self.wanted(config)))
 
     def section_schema(self) -> dict[str, Any]:
@@ -125,7 +144,16 @@ _REGISTRY: dict[str, BenchTest] = {}
 
 
 def register(test: BenchTest) -> BenchTest:
-    """Make a bench test and its responses known by name; returns it.
+    """Make a bench test and its responses known by name.
+
+    Parameters
+    ----------
+    test : BenchTest
+
+    Returns
+    -------
+    BenchTest
+        The same one.
 
     Raises
     ------
@@ -139,7 +167,17 @@ def register(test: BenchTest) -> BenchTest:
 
 
 def bench(name: str, source: object = "apparatus") -> BenchTest:
-    """The bench test of a name; `source` is named in the error.
+    """The bench test of a name.
+
+    Parameters
+    ----------
+    name : str
+    source : object, optional
+        Named in the error.
+
+    Returns
+    -------
+    BenchTest
 
     Raises
     ------

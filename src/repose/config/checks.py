@@ -21,9 +21,25 @@ LARGEST_BLOCKS = 100  # of a refined proposal's pours: jobs of a round have thre
 
 
 def check(config: dict[str, Any], source: str | Origin = "configuration") -> dict[str, Any]:
-    """Return config when schema and cross checks hold, else raise InputError with the first fault.
+    """Check a configuration by its schema and by the rules between keys.
 
-    source: the name of the file, for the message. Keys of the file's inputs are left to `check_inputs`.
+    Keys of the file's inputs are left to `check_inputs`.
+
+    Parameters
+    ----------
+    config : dict
+    source : str or Origin, optional
+        Name of the file, for the message.
+
+    Returns
+    -------
+    dict
+        The same configuration.
+
+    Raises
+    ------
+    InputError
+        For the first fault.
     """
     errors = sorted(
         validator().iter_errors(config),
@@ -38,7 +54,20 @@ def check(config: dict[str, Any], source: str | Origin = "configuration") -> dic
 
 
 def check_inputs(config: dict[str, Any], source: str | Origin = "configuration") -> None:
-    """InputError unless the files that a checked config names can be used; and berry, bench, step fit."""
+    """Check that the files which a checked configuration names can be used, and that berry, bench test and time
+    step fit.
+
+    Parameters
+    ----------
+    config : dict
+    source : str or Origin, optional
+        Name of the file, for the message.
+
+    Raises
+    ------
+    InputError
+        For the first fault.
+    """
     from repose.particle import berry, size_distribution
 
     for key in ("berry.sizes", "berry.compression", "berry.stl", "validation.published"):

@@ -14,7 +14,19 @@ JOB_START_S = 2.5  # of a pour's job and of its measurement's
 
 
 def run_s(config: Mapping[str, Any], name: str) -> float:
-    """Wall time of a run of a bench test on one core [s], without its measurement."""
+    """Wall time of a run of a bench test on one core, without its measurement.
+
+    Parameters
+    ----------
+    config : mapping
+    name : str
+        Of the bench test.
+
+    Returns
+    -------
+    float
+        Seconds.
+    """
     steps = bench(name).duration_s(config) / config["simulation"]["time_step_s"]
     return SECONDS_A_BERRY_STEP * config[name].get("berries", 1) * steps
 
@@ -22,11 +34,15 @@ def run_s(config: Mapping[str, Any], name: str) -> float:
 def work(config: Mapping[str, Any]) -> dict[str, Any]:
     """What a study takes.
 
+    Parameters
+    ----------
+    config : mapping
+
     Returns
     -------
     dict
-        ``pours``: of the funnel, as (purpose, parameter sets, seeds). ``pour_s``: wall time of one [s]. ``total_s``: of
-        the whole study on one core [s], the other bench tests of its targets included.
+        ``pours``: of the funnel, as (purpose, parameter sets, seeds). ``pour_s``: wall time of one [s].
+        ``total_s``: of the whole study on one core [s], the other bench tests of its targets included.
     """
     funnel, validation = config["funnel"], config["validation"]
     targets = Targets.of(config["targets"])

@@ -9,7 +9,17 @@ from repose.core.responses import Definitions
 
 
 def definitions_of(config: Mapping[str, Any]) -> Definitions:
-    """For each response of the bench tests in a configuration the keys that define it, with their values."""
+    """Definitions of the responses of a configuration's bench tests.
+
+    Parameters
+    ----------
+    config : mapping
+
+    Returns
+    -------
+    mapping
+        For each response the keys that define it, with their values.
+    """
     return {
         one.name: {key: get(config, key) for key in one.definition}
         for test in bench_tests()

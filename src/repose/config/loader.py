@@ -21,16 +21,44 @@ WHOLE = {f"shape_study.{key}" for key in ("particles", "fillings", "sensitivitie
 
 
 def load(path: str | os.PathLike) -> dict[str, Any]:
-    """A complete configuration from a file, checked by `check`; see `places.find` for where files are looked for."""
+    """A complete configuration, checked by `check`.
+
+    Parameters
+    ----------
+    path : path
+        Looked for as `places.find` does.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or a value is not allowed.
+    """
     from repose.config.checks import check  # here and below: the help of a verb loads none of it
 
     return check(_with_files_found(read(places.find(path))), str(path))
 
 
 def load_over_defaults(path: str | os.PathLike) -> dict[str, Any]:
-    """A study's configuration from a file that may hold only the keys that differ, checked; as the workflow reads it.
+    """A study's configuration, checked, as the workflow reads it.
 
-    The file lies over the program's default and that of the working folder. Raises InputError.
+    Parameters
+    ----------
+    path : path
+        A file that may hold only the keys that differ. It lies over the program's default and that of the
+        working folder.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, or a value is not allowed.
     """
     from repose.config.checks import check
 
@@ -39,10 +67,23 @@ def load_over_defaults(path: str | os.PathLike) -> dict[str, Any]:
 
 
 def resolve(files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """A workflow's configuration: later files over earlier ones, over them the command line; checked.
+    """A workflow's configuration: later files over earlier ones, the command line over all of them; checked.
 
-    files: paths, the first complete, the others as partial as one likes; overrides: nested mapping whose
-    text is read as YAML values. An error names the file that the bad value came from. Raises InputError.
+    Parameters
+    ----------
+    files : sequence of path
+        The first complete; the others may hold only some keys.
+    overrides : mapping, optional
+        Nested; its texts are read as YAML values.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, or a value is not allowed. It names the file that the bad value came from.
     """
     from repose.config.checks import check, check_inputs
 
@@ -75,7 +116,13 @@ def _with_files_found(config):
 
 
 def write_resolved(config: Mapping[str, Any], path: str | os.PathLike) -> None:
-    """Write config as JSON to path, but only where that changes the file."""
+    """Write a configuration as JSON, but only where that changes the file.
+
+    Parameters
+    ----------
+    config : mapping
+    path : path
+    """
     path = Path(path)
     text = json.dumps(config, indent=1) + "\n"
     if not path.is_file() or path.read_text(encoding="utf-8") != text:

@@ -31,7 +31,21 @@ StrictLoader.add_implicit_resolver(
 
 
 def read(path: str | os.PathLike) -> dict[str, Any]:
-    """The mapping in a YAML or JSON file, unchecked; InputError for no file, bad syntax, a key twice."""
+    """The mapping in a YAML or JSON file, unchecked.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    InputError
+        If there is no such file, its syntax is bad, or a key stands twice.
+    """
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
@@ -46,7 +60,23 @@ def read(path: str | os.PathLike) -> dict[str, Any]:
 
 
 def parse(text: str, name: str) -> Any:
-    """YAML (of which JSON is a part) as plain values, or InputError with the line."""
+    """YAML (of which JSON is a part) as plain values.
+
+    Parameters
+    ----------
+    text : str
+    name : str
+        Of the file, for the message.
+
+    Returns
+    -------
+    object
+
+    Raises
+    ------
+    InputError
+        If the syntax is bad, or a key stands twice; it names the line.
+    """
     loader = StrictLoader(text)
     loader.name = name
     try:
@@ -73,12 +103,34 @@ class Origin:
 
 
 def origin_of(source: "str | Origin", key: str) -> str:
-    """Name of the file that holds key."""
+    """Name of the file that holds a key.
+
+    Parameters
+    ----------
+    source : str or Origin
+    key : str
+        Dotted.
+
+    Returns
+    -------
+    str
+    """
     return source.of(key) if isinstance(source, Origin) else source
 
 
 def get(config: Any, key: str) -> Any:
-    """Value of a dotted key."""
+    """Value of a key.
+
+    Parameters
+    ----------
+    config : mapping
+    key : str
+        Dotted.
+
+    Returns
+    -------
+    object
+    """
     for step in key.split("."):
         config = config[int(step)] if isinstance(config, list) else config[step]
     return config

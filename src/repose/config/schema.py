@@ -49,7 +49,19 @@ def _validator(apparatus):
 
 
 def input_error(error: Any, config: Any, source: str | Origin) -> InputError:
-    """A fault found by the schema as an InputError; a fault inside a list of plain values names the whole list."""
+    """A fault found by the schema as an InputError; a fault inside a list of plain values names the whole list.
+
+    Parameters
+    ----------
+    error : jsonschema.ValidationError
+    config : mapping
+    source : str or Origin
+        Name of the file, for the message.
+
+    Returns
+    -------
+    InputError
+    """
     path = []
     value = config
     for step in error.absolute_path:
@@ -77,7 +89,17 @@ def input_error(error: Any, config: Any, source: str | Origin) -> InputError:
 
 
 def subschema(path: Sequence[str]) -> dict[str, Any]:
-    """The schema of the key at path, references followed."""
+    """The schema of a key, references followed.
+
+    Parameters
+    ----------
+    path : sequence of str
+        Parts of the key.
+
+    Returns
+    -------
+    dict
+    """
     schema = root = validator().schema
     for step in path:
         schema = schema["items"] if step.isdigit() else schema["properties"][step]
@@ -87,7 +109,16 @@ def subschema(path: Sequence[str]) -> dict[str, Any]:
 
 
 def allowed_by(schema: Mapping[str, Any]) -> str:
-    """In words, what a schema takes."""
+    """In words, what a schema takes.
+
+    Parameters
+    ----------
+    schema : mapping
+
+    Returns
+    -------
+    str
+    """
     if "description" in schema:
         return schema["description"]
     if "enum" in schema:

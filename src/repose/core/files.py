@@ -40,12 +40,26 @@ KINDS = {int: "an integer", float: "a number", str: "a text", list: "a list", di
 
 
 def write_text(path: Path_, text: str) -> None:
-    """Write a text as UTF-8."""
+    """Write a text as UTF-8, in one move.
+
+    Parameters
+    ----------
+    path : path
+    text : str
+    """
     write_whole(path, lambda handle: handle.write(text.encode()))
 
 
 def write_json(path: Path_, content: Any, indent: int = 1) -> None:
-    """Write content as JSON; numbers of numpy are written as plain numbers."""
+    """Write content as JSON, in one move; numbers of numpy are written as plain numbers.
+
+    Parameters
+    ----------
+    path : path
+    content : mapping or list
+    indent : int, optional
+        Spaces of a level.
+    """
     write_text(path, json.dumps(content, indent=indent, default=_plain) + "\n")
 
 
@@ -69,14 +83,27 @@ def write_table(
 
 
 def write_npz(path: Path_, arrays: Mapping[str, Any]) -> None:
-    """Write named arrays as a compressed .npz file."""
+    """Write named arrays as a compressed .npz file, in one move.
+
+    Parameters
+    ----------
+    path : path
+    arrays : mapping of numpy.ndarray
+    """
     import numpy as np
 
     write_whole(path, lambda handle: np.savez_compressed(handle, **arrays))
 
 
 def write_image(path: Path_, picture: "np.ndarray") -> None:
-    """Write a picture (height, width) or (height, width, 3), uint8, blue first; the suffix tells the format.
+    """Write a picture, in one move.
+
+    Parameters
+    ----------
+    path : path
+        Its suffix tells the format.
+    picture : numpy.ndarray of uint8, (height, width) or (height, width, 3)
+        Blue first.
 
     Raises
     ------
@@ -126,10 +153,25 @@ def read_table(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file
 
 
 def read_rows(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file") -> list[dict[str, str]]:
-    """Read a CSV file as text, without pandas: a mapping from column to text for each row.
+    """Read a CSV file as text, without pandas.
 
-    Parameters and faults are those of `read_table`. A number that ``float`` makes of its text is exact; `read_table`
-    may give the neighbouring one.
+    A number that ``float`` makes of its text is exact; `read_table` may give the neighbouring one.
+
+    Parameters
+    ----------
+    path : path
+    columns, what
+        As in `read_table`.
+
+    Returns
+    -------
+    list of dict of str
+        For each row, from column to text.
+
+    Raises
+    ------
+    InputError
+        As in `read_table`.
     """
     try:
         with Path(path).open(encoding="utf-8", newline="") as lines:
@@ -218,7 +260,22 @@ def read_npz(path: Path_, keys: Iterable[str] = (), what: str = "an .npz file") 
 
 
 def check_columns(path: object, table: Iterable[str], columns: Iterable[str]) -> None:
-    """Raise InputError unless a table, or the list of its columns, has all these columns."""
+    """Refuse a table without some columns.
+
+    Parameters
+    ----------
+    path : object
+        Named in the error.
+    table : pandas.DataFrame or iterable of str
+        The table, or the list of its columns.
+    columns : iterable of str
+        All that it must have.
+
+    Raises
+    ------
+    InputError
+        If a column is missing.
+    """
     columns = tuple(columns)
     for column in columns:
         if column not in table:

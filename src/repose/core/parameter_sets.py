@@ -16,6 +16,11 @@ COLUMNS = ("sample", *PARAMETERS)
 def read_samples(path: str | os.PathLike) -> "pd.DataFrame":
     """All parameter sets of a table.
 
+    Parameters
+    ----------
+    path : path
+        CSV file.
+
     Returns
     -------
     pandas.DataFrame
@@ -36,10 +41,22 @@ def read_samples(path: str | os.PathLike) -> "pd.DataFrame":
 def read_sample(path: str | os.PathLike, number: int) -> dict[str, float]:
     """The six parameters of one sample of a table, each exactly the number that stands there.
 
+    Parameters
+    ----------
+    path : path
+        CSV file.
+    number : int
+        Of the sample.
+
+    Returns
+    -------
+    dict of float
+
     Raises
     ------
     InputError
-        If the file cannot be read, has no such sample, or a value is no number within the contact law's limits.
+        If the file cannot be read, has no such sample, or a value is no number within the contact law's
+        limits.
     """
     rows = {row["sample"]: row for row in read_rows(path, COLUMNS)}
     if str(number) not in rows:

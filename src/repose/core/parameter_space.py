@@ -73,7 +73,18 @@ class ParameterSpace:
         return cls(tuple(free), np.array(low), np.array(high), fixed, prior)
 
     def check_searchable(self, source: object = "parameters") -> None:
-        """InputError where nothing is free, or the contact law cannot take a value of the ranges or a fixed value."""
+        """Refuse a space that cannot be searched.
+
+        Parameters
+        ----------
+        source : object, optional
+            Named in the error.
+
+        Raises
+        ------
+        InputError
+            If nothing is free, or the contact law cannot take a value of the ranges or a fixed value.
+        """
         if not self.free:
             raise InputError(source, "fixed", self.fixed, "at most five of the six parameters")
         for name, low, high in zip(self.free, self.low.tolist(), self.high.tolist(), strict=True):
@@ -98,12 +109,33 @@ class ParameterSpace:
         return {name: known[name] for name in PARAMETERS}
 
     def values(self, unit: np.ndarray) -> np.ndarray:
-        """Parameter sets (n, 6) in the order of `PARAMETERS` of points (n, d) in the unit cube."""
+        """Parameter sets of points in the unit cube.
+
+        Parameters
+        ----------
+        unit : numpy.ndarray, (n, d)
+            Free parameters.
+
+        Returns
+        -------
+        numpy.ndarray, (n, 6)
+            In the order of `PARAMETERS`.
+        """
         unit = np.atleast_2d(np.asarray(unit, dtype=float))
         return self.complete(self.low + unit * (self.high - self.low))
 
     def complete(self, values: np.ndarray) -> np.ndarray:
-        """Parameter sets (n, 6) of the free parameters' values (n, d)."""
+        """Parameter sets of the free parameters' values.
+
+        Parameters
+        ----------
+        values : numpy.ndarray, (n, d)
+
+        Returns
+        -------
+        numpy.ndarray, (n, 6)
+            In the order of `PARAMETERS`.
+        """
         values = np.atleast_2d(np.asarray(values, dtype=float))
         columns = iter(values.T)
         return np.column_stack(
@@ -114,14 +146,36 @@ class ParameterSpace:
         )
 
     def unit(self, values: np.ndarray) -> np.ndarray:
-        """Points (n, d) in the unit cube of parameter sets (n, 6)."""
+        """Points in the unit cube of parameter sets.
+
+        Parameters
+        ----------
+        values : numpy.ndarray, (n, 6)
+            In the order of `PARAMETERS`.
+
+        Returns
+        -------
+        numpy.ndarray, (n, d)
+            Free parameters.
+        """
         values = np.atleast_2d(np.asarray(values, dtype=float))[
             :, [PARAMETERS.index(name) for name in self.free]
         ]
         return (values - self.low) / (self.high - self.low)
 
     def log_prior(self, unit: np.ndarray) -> np.ndarray:
-        """Log of the prior density (n,) at points (n, d) in the unit cube, up to a constant; 0 without priors."""
+        """Log of the prior density.
+
+        Parameters
+        ----------
+        unit : numpy.ndarray, (n, d)
+            Points in the unit cube.
+
+        Returns
+        -------
+        numpy.ndarray, (n,)
+            Up to a constant; 0 without priors.
+        """
         total = np.zeros(len(unit))
         for name, (mean, sd) in self.prior.items():
             k = self.free.index(name)
@@ -130,7 +184,18 @@ class ParameterSpace:
         return total
 
     def prior_cdf(self, unit: np.ndarray) -> np.ndarray:
-        """The prior's distribution function (n, d), of each parameter by itself, at points (n, d) in the unit cube."""
+        """Distribution function of the prior of each parameter by itself; see `from_prior` for its inverse.
+
+        Parameters
+        ----------
+        unit : numpy.ndarray, (n, d)
+            Points in the unit cube.
+
+        Returns
+        -------
+        numpy.ndarray, (n, d)
+            From 0 to 1.
+        """
         from scipy import stats
 
         share = np.array(unit, dtype=float)
@@ -142,7 +207,18 @@ class ParameterSpace:
         return share
 
     def from_prior(self, share: np.ndarray) -> np.ndarray:
-        """Points (n, d) in the unit cube, distributed as the prior, of uniform points (n, d); inverts `prior_cdf`."""
+        """Points that are distributed as the prior; inverts `prior_cdf`.
+
+        Parameters
+        ----------
+        share : numpy.ndarray, (n, d)
+            Uniform points.
+
+        Returns
+        -------
+        numpy.ndarray, (n, d)
+            Points in the unit cube.
+        """
         from scipy import stats
 
         unit = np.array(share, dtype=float)
@@ -155,7 +231,19 @@ class ParameterSpace:
 
 
 def range_of(name: str, given: Any) -> tuple[float, float]:
-    """Lowest and highest value of a parameter as the configuration gives it; a fixed one has no width."""
+    """Lowest and highest value of a parameter; a fixed parameter has a range without width.
+
+    Parameters
+    ----------
+    name : str
+        One of `PARAMETERS`.
+    given : as in the configuration
+        [low, high], or a mapping with `fixed`, or with `prior`.
+
+    Returns
+    -------
+    low, high : float
+    """
     if not isinstance(given, Mapping):
         return float(given[0]), float(given[1])
     if "fixed" in given:

@@ -52,6 +52,17 @@ def published_count(path: str | os.PathLike | None, responses: Iterable[Response
 
 
 def published_responses(columns: Iterable[str], responses: Iterable[Response]) -> tuple[Response, ...]:
-    """The responses whose predicted and simulated values are among the columns of a published table."""
+    """Responses whose predicted and simulated values are among the columns of a published table.
+
+    Parameters
+    ----------
+    columns : iterable of str
+        Of the table.
+    responses : iterable of Response
+
+    Returns
+    -------
+    tuple of Response
+    """
     columns = set(columns)
     return tuple(one for one in responses if {one.predicted, one.simulated} <= columns)

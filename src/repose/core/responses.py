@@ -52,7 +52,18 @@ class Response:
     function: Callable[[Mapping[str, Any]], float | None] | None = field(default=None, compare=False)
 
     def of(self, run: Mapping[str, Any]) -> float | None:
-        """Its number in a measured run; None where it could not be measured."""
+        """Number of the response in a measured run.
+
+        Parameters
+        ----------
+        run : mapping
+            Responses of a run by name.
+
+        Returns
+        -------
+        float or None
+            None where it could not be measured.
+        """
         return run.get(self.name) if self.function is None else self.function(run)
 
     @property
@@ -77,7 +88,19 @@ class Response:
 
 
 def derived(name: str, what: str) -> str:
-    """Name of a column that belongs to a response: `what` stands before the unit, as in ``aor_se_deg``."""
+    """Name of a column that belongs to a response.
+
+    Parameters
+    ----------
+    name : str
+        Of the response.
+    what : str
+        Stands before the unit, as in ``aor_se_deg``.
+
+    Returns
+    -------
+    str
+    """
     quantity, unit = name.rsplit("_", 1)
     return f"{quantity}_{what}_{unit}"
 
@@ -101,7 +124,17 @@ def register(*responses: Response) -> None:
 
 
 def response(name: str, source: object = "response") -> Response:
-    """The response of a name; `source` is told in the error.
+    """The response of a name.
+
+    Parameters
+    ----------
+    name : str
+    source : object, optional
+        Named in the error.
+
+    Returns
+    -------
+    Response
 
     Raises
     ------
@@ -114,12 +147,32 @@ def response(name: str, source: object = "response") -> Response:
 
 
 def responses_of(apparatus: str) -> tuple[Response, ...]:
-    """All responses of a bench test, in the order of their registration."""
+    """All responses of a bench test.
+
+    Parameters
+    ----------
+    apparatus : str
+        Name of the bench test.
+
+    Returns
+    -------
+    tuple of Response
+        In the order of their registration.
+    """
     return tuple(one for one in _REGISTRY.values() if one.apparatus == apparatus)
 
 
 def names(responses: Iterable[Response]) -> tuple[str, ...]:
-    """Their names."""
+    """Names of responses.
+
+    Parameters
+    ----------
+    responses : iterable of Response
+
+    Returns
+    -------
+    tuple of str
+    """
     return tuple(one.name for one in responses)
 
 

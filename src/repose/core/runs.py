@@ -10,7 +10,18 @@ import numpy as np
 
 
 def error_of(column: str) -> str:
-    """Column of a quantity's standard error: ``se`` before the unit, as in ``aor_se_deg``."""
+    """Column of a quantity's standard error.
+
+    Parameters
+    ----------
+    column : str
+        Column of the quantity.
+
+    Returns
+    -------
+    str
+        With ``se`` before the unit, as in ``aor_se_deg``.
+    """
     quantity, unit = column.rsplit("_", 1)
     return f"{quantity}_se_{unit}"
 
@@ -34,7 +45,17 @@ class Recorded:
     single: tuple[str, ...] = ()
 
     def beginning_with(self, targets: Sequence[str]) -> "Recorded":
-        """The same with these columns in front, each with its standard error."""
+        """The same with other columns in front, each with its standard error.
+
+        Parameters
+        ----------
+        targets : sequence of str
+            Columns.
+
+        Returns
+        -------
+        Recorded
+        """
         return Recorded(
             tuple(dict.fromkeys((*targets, *self.means))),
             tuple(one for one in self.without_error if one not in targets),
@@ -95,7 +116,17 @@ def summarise_runs(runs: Sequence[Mapping[str, Any]], recorded: Recorded) -> dic
 
 
 def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]:
-    """Mean and its standard error; None without values, and for the error of a single one."""
+    """Mean and its standard error.
+
+    Parameters
+    ----------
+    values : sequence of float
+
+    Returns
+    -------
+    mean, error : float or None
+        Both None without values; the error None for a single one.
+    """
     numbers = np.array(values, dtype=float)
     if len(numbers) == 0:
         return None, None
@@ -104,7 +135,20 @@ def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]
 
 
 def reason(failed: Sequence[Mapping[str, Any]], total: int) -> str:
-    """Which runs failed, as in ``2 of 8 runs jammed (no discharge for 3 s)``; empty when none failed."""
+    """Which runs failed, as in ``2 of 8 runs jammed (no discharge for 3 s)``.
+
+    Parameters
+    ----------
+    failed : sequence of mapping
+        Runs that failed.
+    total : int
+        Number of all runs.
+
+    Returns
+    -------
+    str
+        Empty when none failed.
+    """
     parts = []
     for status, count in Counter(run["status"] for run in failed).most_common():
         why = dict.fromkeys(run["reason"] for run in failed if run["status"] == status and run.get("reason"))

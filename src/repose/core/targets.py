@@ -58,7 +58,16 @@ class Targets(Sequence[Target]):
 
     @classmethod
     def of(cls, section: Sequence[Mapping[str, Any]]) -> "Targets":
-        """From the configuration's list `targets`.
+        """Targets of a configuration.
+
+        Parameters
+        ----------
+        section : sequence of mapping
+            The configuration's list `targets`.
+
+        Returns
+        -------
+        Targets
 
         Raises
         ------
@@ -145,7 +154,16 @@ class Targets(Sequence[Target]):
     def in_words(self, numbers: Sequence[str]) -> str:
         """One number for each target, with its unit: ``32.5 deg and 66.1 mm``.
 
-        Where two targets have the same unit, each number is told with its response.
+        Where two targets have the same unit, each number stands with its response.
+
+        Parameters
+        ----------
+        numbers : sequence of str
+            One for each target, as text.
+
+        Returns
+        -------
+        str
         """
         units = [one.response.unit for one in self]
         several = len(set(units)) < len(units)

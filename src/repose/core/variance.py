@@ -51,16 +51,47 @@ class Components(NamedTuple):
     harmonic_seeds: float
 
     def reachable_r2(self, seeds: ArrayLike) -> np.ndarray:
-        """R2 that the true means reach on means of this many seeds, tau^2 / (tau^2 + sigma^2 / seeds)."""
+        """R2 that the true means reach on means over seeds: tau^2 / (tau^2 + sigma^2 / seeds).
+
+        Parameters
+        ----------
+        seeds : array_like
+            Number of seeds.
+
+        Returns
+        -------
+        numpy.ndarray
+        """
         total = self.between + self.within / np.asarray(seeds)
         return np.where(total > 0, self.between / np.where(total > 0, total, 1.0), 0.0)
 
     def standard_error(self, seeds: ArrayLike) -> np.ndarray:
-        """Of a sample's mean over this many seeds, in the response's unit."""
+        """Standard error of a sample's mean over seeds.
+
+        Parameters
+        ----------
+        seeds : array_like
+            Number of seeds.
+
+        Returns
+        -------
+        numpy.ndarray
+            In the response's unit.
+        """
         return np.sqrt(self.within / np.asarray(seeds))
 
     def seeds_for(self, standard_error: float) -> int:
-        """Fewest seeds with which the standard error of a sample's mean is at most this one."""
+        """Fewest seeds for a standard error.
+
+        Parameters
+        ----------
+        standard_error : float
+            The most that the standard error of a sample's mean may be, in the response's unit.
+
+        Returns
+        -------
+        int
+        """
         if not standard_error > 0:
             raise ValueError(f"standard_error is {standard_error!r}; allowed: above 0")
         return max(1, math.ceil(self.within / standard_error**2 * (1 - 1e-12)))

@@ -109,7 +109,13 @@ class MIGA:
         return self._points
 
     def tell(self, fitness: np.ndarray) -> None:
-        """Breed the next generation from the fitness (islands * population,) of the current one."""
+        """Breed the next generation from the fitness of the current one.
+
+        Parameters
+        ----------
+        fitness : numpy.ndarray, (islands * population,)
+            Of the points that `ask` gave, in their order.
+        """
         islands, population, dimensions = self.shape
         points, fitness = self._points, np.asarray(fitness, dtype=float)
         self.evaluations += len(points)

@@ -50,7 +50,18 @@ class Objective:
 
     @classmethod
     def of(cls, targets: Targets, margin: float = 0.0) -> "Objective":
-        """The objective of a study's targets."""
+        """The objective of a study's targets.
+
+        Parameters
+        ----------
+        targets : Targets
+        margin : float, optional
+            See `Objective`.
+
+        Returns
+        -------
+        Objective
+        """
         return cls(targets.low, targets.high, targets.aim, targets.weight, margin)
 
     def __call__(self, responses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -61,7 +72,19 @@ class Objective:
         return F, outside.sum(axis=1)
 
     def fitness(self, F: np.ndarray, V: np.ndarray) -> np.ndarray:
-        """What the search minimises: F inside the ranges; outside more than any point inside has."""
+        """What the search minimises: F inside the ranges; outside them more than any point inside has.
+
+        Parameters
+        ----------
+        F : numpy.ndarray, (n,)
+            Distance from the targets.
+        V : numpy.ndarray, (n,)
+            Violation of the ranges; 0 inside.
+
+        Returns
+        -------
+        numpy.ndarray, (n,)
+        """
         return F + (V > 0) * self.infeasible + PENALTY * V
 
 
@@ -84,7 +107,17 @@ class Preference:
 
     @classmethod
     def of(cls, space: ParameterSpace) -> "Preference | None":
-        """The preference of a study's parameters, or None without priors."""
+        """The preference of a study's parameters.
+
+        Parameters
+        ----------
+        space : ParameterSpace
+
+        Returns
+        -------
+        Preference or None
+            None without priors.
+        """
         if not space.prior:
             return None
         mean, sd = np.zeros(space.dimensions), np.full(space.dimensions, np.inf)
@@ -104,7 +137,17 @@ class Preference:
         return float(self(np.where(self.mean > 0, -1.0, 1.0)[None])[0])
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Distance (n,) of points (n, d) from the measured values, in standard deviations."""
+        """Distance from the measured values.
+
+        Parameters
+        ----------
+        points : numpy.ndarray, (n, d)
+
+        Returns
+        -------
+        numpy.ndarray, (n,)
+            Standard deviations.
+        """
         return np.sqrt(2 / PRIOR_WEIGHT * self(points))
 
 
@@ -138,7 +181,13 @@ class Archive:
         self._n_waiting, self._worst = 0, math.inf
 
     def add(self, points: np.ndarray, fitness: np.ndarray) -> None:
-        """Offer points (n, dimensions) with their fitness (n,)."""
+        """Offer points to the archive.
+
+        Parameters
+        ----------
+        points : numpy.ndarray, (n, dimensions)
+        fitness : numpy.ndarray, (n,)
+        """
         better = fitness < self._worst
         if not better.any():
             return
