@@ -57,7 +57,19 @@ RECORDED = Recorded(means=tuple(one.name for one in RESPONSES), single=tuple(one
 
 
 def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Keys of a drum without room, a rotation before the last berry is there, a record finer than the time steps."""
+    """Keys of a drum that cannot run, and what is allowed.
+
+    Refused are a drum without room, a rotation before the last berry is there, and a record finer than the
+    time steps.
+
+    Parameters
+    ----------
+    config : mapping
+
+    Returns
+    -------
+    iterator of (str, str)
+    """
     drum, step_s = config[NAME], config["simulation"]["time_step_s"]
     radius = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"]
     if radius <= 0:
@@ -74,7 +86,19 @@ def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def misfits(config: Mapping[str, Any], axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
-    """Keys of a drum in which a mean berry cannot lie across the axis at the factory's height."""
+    """Keys of a drum in which a mean berry cannot lie across the axis at the factory's height, and what is
+    allowed.
+
+    Parameters
+    ----------
+    config : mapping
+    axes_mm : sequence of float, (3,)
+        Mean axes of the berry.
+
+    Returns
+    -------
+    iterator of (str, str)
+    """
     drum, long_mm = config[NAME], max(axes_mm)
     highest = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"] - long_mm / 2
     if drum["length_mm"] <= long_mm:
@@ -94,14 +118,36 @@ def build(
     berry: Mapping[str, Any],
     largest_scale: float = 1.0,
 ) -> "dem.Simulation":
-    """The empty simulation of the drum; see `BenchTest.build`."""
+    """The empty simulation of the drum.
+
+    Parameters
+    ----------
+    config, parameters, particle, berry, largest_scale
+        As in `BenchTest.build`.
+
+    Returns
+    -------
+    repose.dem.Simulation
+    """
     from repose.apparatus import drum_turn
 
     return drum_turn.build(config, parameters, particle, berry, largest_scale)
 
 
 def status_of(turned: "Turn", config: Mapping[str, Any]) -> tuple[str, str]:
-    """Status and reason of a run: one of `STATUSES`."""
+    """Status and reason of a run.
+
+    Parameters
+    ----------
+    turned : Turn
+    config : mapping
+
+    Returns
+    -------
+    status : str
+        One of `STATUSES`.
+    reason : str
+    """
     if not (np.isfinite(turned.rest_energy_j) and np.all(np.isfinite(turned.record["energy_j"]))):
         return "unstable", "a position is not finite; the time step is too long for these contacts"
     if not turned.held:
@@ -123,12 +169,23 @@ def run(
     interval_s: float | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Run:
-    """Fill, turn and measure once; see `BenchTest.run`.
+    """Fill, turn and measure once.
 
-    The surface is measured while the drum turns, since it tells nothing without all frames. The arrays are the record,
-    the motion by depth (``profile``, in mm, empty without a slip) and the states: ``position_STATE`` (N, 3) [m],
-    ``quaternion_STATE`` (N, 4) and ``turned_STATE_deg`` for start, report, before and after. Frames are those of the
-    record, whatever interval is asked for.
+    The surface is measured while the drum turns, since it tells nothing without all frames. The arrays are
+    the record, the motion by depth (``profile``, in mm, empty without a slip) and the states:
+    ``position_STATE`` (N, 3) [m], ``quaternion_STATE`` (N, 4) and ``turned_STATE_deg`` for start, report,
+    before and after.
+
+    Parameters
+    ----------
+    config, parameters, seed, particle, berry, progress
+        As in `BenchTest.run`.
+    interval_s : float, optional
+        Not used: frames are those of the record.
+
+    Returns
+    -------
+    Run
     """
     from repose.apparatus.drum_turn import RECORD, slip_numbers, turn
 
@@ -172,13 +229,33 @@ def measure(
     particle: "Particle",
     berry: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The measured run: its record and the responses, which the record holds by other names."""
+    """The measured run: its record and the responses, which the record holds by other names.
+
+    Parameters
+    ----------
+    record, arrays, config, particle, berry
+        As in `BenchTest.measure`.
+
+    Returns
+    -------
+    dict
+    """
     ok = record["status"] == "ok"
     return {**record, **{one.name: one.of(record) if ok else None for one in RESPONSES}}
 
 
 def longest_s(config: Mapping[str, Any]) -> float:
-    """Longest simulated time of a run [s]."""
+    """Longest simulated time of a run.
+
+    Parameters
+    ----------
+    config : mapping
+
+    Returns
+    -------
+    float
+        Seconds.
+    """
     section = config[NAME]
     return section["rotate_from_s"] + section["longest_rotation_s"] + section["settle_s"]
 

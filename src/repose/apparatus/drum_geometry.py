@@ -31,12 +31,33 @@ class Drum:
 
     @classmethod
     def of(cls, section: Mapping[str, Any]) -> "Drum":
-        """The drum of the configuration's section `drum`."""
+        """The drum of a configuration.
+
+        Parameters
+        ----------
+        section : mapping
+            The section `drum`.
+
+        Returns
+        -------
+        Drum
+        """
         radius_mm = 0.5 * section["outer_diameter_mm"] - section["wall_thickness_mm"]
         return cls(1e-3 * radius_mm, 1e-3 * section["length_mm"])
 
     def walls(self, material: str) -> "dict[str, Cone | Plane]":
-        """The drum's walls by name, of a material."""
+        """The drum's walls.
+
+        Parameters
+        ----------
+        material : str
+            Name of the walls' material.
+
+        Returns
+        -------
+        dict of Cone or Plane
+            By name.
+        """
         half = 0.5 * self.length_m
         ends = ((0.0, -half, 0.0), (0.0, half, 0.0))
         return {
@@ -46,7 +67,17 @@ class Drum:
         }
 
     def factory(self, height_m: float, berry_radius_m: float) -> Strip:
-        """The widest `Strip` at a height above the axis [m] in which a berry of this radius [m] touches no wall.
+        """The widest `Strip` at a height in which a berry touches no wall.
+
+        Parameters
+        ----------
+        height_m : float
+            Above the axis.
+        berry_radius_m : float
+
+        Returns
+        -------
+        Strip
 
         Raises
         ------
@@ -62,6 +93,15 @@ class Drum:
         return Strip(math.sqrt(room**2 - height_m**2), half_y, height_m)
 
     def holds(self, centres_m: np.ndarray) -> np.ndarray:
-        """Which centres (N, 3) lie inside (N,)."""
+        """Which berries lie inside the drum.
+
+        Parameters
+        ----------
+        centres_m : numpy.ndarray, (N, 3)
+
+        Returns
+        -------
+        numpy.ndarray of bool, (N,)
+        """
         inside = np.hypot(centres_m[:, 0], centres_m[:, 2]) < self.radius_m
         return inside & (np.abs(centres_m[:, 1]) < 0.5 * self.length_m)

@@ -89,7 +89,27 @@ def design_job(
     berry: Mapping[str, Any],
     out_dir: str | PathLike,
 ) -> dict[str, Any]:
-    """Turn the drum with one sample of the design; write OUT/SAMPLE.json and return its content."""
+    """Turn the drum with one sample of the design, and write OUT/SAMPLE.json.
+
+    Parameters
+    ----------
+    config : mapping
+    sample : int
+        Number of the sample.
+    parameters : mapping of float
+        The six contact parameters of the sample.
+    seeds : iterable of int
+        Of the runs.
+    particle : Particle
+    berry : mapping
+        What `repose berry` wrote.
+    out_dir : path
+
+    Returns
+    -------
+    dict
+        Content of the file.
+    """
     about = about_job(drum.BENCH, config, sample, parameters)
     runs = [drum.run(config, parameters, seed, particle, berry).record for seed in seeds]
     result = {key: about[key] for key in ("sample", "config", "parameters")} | {"runs": runs}
@@ -158,7 +178,17 @@ def tables(runs: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]]) -
 
 
 def summarise(runs: "pd.DataFrame") -> "pd.DataFrame":
-    """Mean and standard error of every quantity of SUMMARY over the runs that have it."""
+    """Mean and standard error of every quantity of SUMMARY over the runs that have it.
+
+    Parameters
+    ----------
+    runs : pandas.DataFrame
+        A row for each run.
+
+    Returns
+    -------
+    pandas.DataFrame
+    """
     import pandas as pd
 
     rows = []

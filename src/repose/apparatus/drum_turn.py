@@ -66,7 +66,13 @@ class Turn:
 
 
 def set_rotation(simulation: "dem.Simulation", angular_velocity_rad_s: float) -> None:
-    """Let all of the drum turn about its axis, and measure rolling against that rotation."""
+    """Let all of the drum turn about its axis, and measure rolling against that rotation.
+
+    Parameters
+    ----------
+    simulation : repose.dem.Simulation
+    angular_velocity_rad_s : float
+    """
     turning = (0.0, -angular_velocity_rad_s, 0.0)
     for wall in WALLS:
         simulation.set_motion(wall, dem.Motion(angular_velocity_rad_s=turning))
@@ -136,7 +142,17 @@ def build(
     berry: Mapping[str, Any],
     largest_scale: float = 1.0,
 ) -> "dem.Simulation":
-    """The empty simulation of the drum; see `repose.apparatus.bench_test.BenchTest.build`."""
+    """The empty simulation of the drum.
+
+    Parameters
+    ----------
+    config, parameters, particle, berry, largest_scale
+        As in `repose.apparatus.bench_test.BenchTest.build`.
+
+    Returns
+    -------
+    repose.dem.Simulation
+    """
     drum = Drum.of(config["drum"])
     half = np.array([drum.radius_m, 0.5 * drum.length_m, drum.radius_m])
     return berry_simulation(
@@ -162,14 +178,21 @@ def turn(
 ) -> Turn:
     """Fill the drum, let the bed rest, turn the drum until the bed slips, and let it rest again.
 
-    Parameters are those of `repose.apparatus.bench_test.BenchTest.run`.
+    Parameters
+    ----------
+    config, parameters, seed, particle, berry, progress
+        As in `repose.apparatus.bench_test.BenchTest.run`.
+
+    Returns
+    -------
+    Turn
 
     Notes
     -----
-    Berries appear at `drum.rate_per_s`, drawn from `seed`; see `repose.apparatus.factory.fill`. The rotation begins at
-    `drum.rotate_from_s`, or later when the bed is at rest (`simulation.rest_energy_j` a berry), at most twice as late.
-    It lasts until a slip is judged (`bed.find_slip`), at most `drum.longest_rotation_s`. The run ends when the bed
-    rests, at most `drum.settle_s` after the drum, and not before `drum.report_s`.
+    Berries appear at `drum.rate_per_s`, drawn from `seed`; see `repose.apparatus.factory.fill`. The rotation
+    begins at `drum.rotate_from_s`, or later when the bed is at rest (`simulation.rest_energy_j` a berry), at
+    most twice as late. It lasts until a slip is judged (`bed.find_slip`), at most `drum.longest_rotation_s`.
+    The run ends when the bed rests, at most `drum.settle_s` after the drum, and not before `drum.report_s`.
     """
     section, settings = config["drum"], SimulationSettings.of(config)
     began = time.perf_counter()
@@ -249,7 +272,23 @@ def _rotate(watch, section, calm, every, progress):
 def slip_numbers(
     turned: Turn, slip: bed.Slip, section: Mapping[str, Any], particle: "Particle", mm_per_pixel: float
 ) -> tuple[dict[str, float], np.ndarray]:
-    """Numbers of a slip, and the motion by depth: rows of `bed.depth_profile`, lengths in mm."""
+    """Numbers of a slip, and the motion by depth.
+
+    Parameters
+    ----------
+    turned : Turn
+    slip : repose.measure.bed.Slip
+    section : mapping
+        The section `drum` of the configuration.
+    particle : Particle
+    mm_per_pixel : float
+
+    Returns
+    -------
+    numbers : dict of float
+    profile : numpy.ndarray, (bins, 4)
+        Rows of `bed.depth_profile`, lengths in mm.
+    """
     record = turned.record
     drum = Drum.of(section)
     before = bed.measure_surface(

@@ -24,7 +24,17 @@ class Factory(Protocol):
         """Its height [m]."""
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """A uniformly random point of it (3,) [m]."""
+        """A uniformly random point of the factory.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        numpy.ndarray, (3,)
+            Metres.
+        """
 
 
 @dataclass(frozen=True)
@@ -41,7 +51,17 @@ class Disc:
     height_m: float
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """A uniformly random point of it (3,) [m]."""
+        """A uniformly random point of the disc.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        numpy.ndarray, (3,)
+            Metres.
+        """
         r = self.radius_m * math.sqrt(rng.random())
         angle = 2.0 * math.pi * rng.random()
         return np.array([r * math.cos(angle), r * math.sin(angle), self.height_m])
@@ -62,13 +82,35 @@ class Strip:
     height_m: float
 
     def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """A uniformly random point of it (3,) [m]."""
+        """A uniformly random point of the strip.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        numpy.ndarray, (3,)
+            Metres.
+        """
         x, y = rng.uniform(-1.0, 1.0, 2)
         return np.array([self.half_x_m * x, self.half_y_m * y, self.height_m])
 
 
 def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Factory) -> np.ndarray | None:
-    """A random point (3,) [m] of a factory where a new berry cannot touch another; None where none was found."""
+    """A random point of a factory where a new berry cannot touch another.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    simulation : repose.dem.Simulation
+    factory : Factory
+
+    Returns
+    -------
+    numpy.ndarray, (3,), or None
+        Metres; None where none was found.
+    """
     others = simulation.positions[simulation.present]
     reach = 2.0 * simulation.radius
     others = others[others[:, 2] > factory.height_m - reach]

@@ -65,7 +65,17 @@ class Funnel:
 
     @classmethod
     def of(cls, section: Mapping[str, Any]) -> "Funnel":
-        """That of the configuration's section ``funnel``."""
+        """The funnel of a configuration.
+
+        Parameters
+        ----------
+        section : mapping
+            The section ``funnel``.
+
+        Returns
+        -------
+        Funnel
+        """
         return cls(
             inlet_diameter_m=1e-3 * section["inlet_diameter_mm"],
             outlet_diameter_m=1e-3 * section["outlet_diameter_mm"],
@@ -119,7 +129,18 @@ class Funnel:
         return ConeLine(sin, -cos, self._offset, first, last, cos, sin)
 
     def walls(self, material: str) -> "dict[str, Cone | RingEdge]":
-        """The funnel's walls by name, of a material: cone, outlet, and with a tube also tube and neck."""
+        """The funnel's walls: cone, outlet, and with a tube also tube and neck.
+
+        Parameters
+        ----------
+        material : str
+            Name of the walls' material.
+
+        Returns
+        -------
+        dict of Cone or RingEdge
+            By name.
+        """
         up, edge = (math.cos(self._slope), math.sin(self._slope)), self.rim_radius_m
         walls: dict[str, Cone | RingEdge] = {"cone": dem.Cone(self.cone_line(), material)}
         if self.tube_length_m == 0.0:

@@ -35,7 +35,11 @@ def run_once(
 ) -> tuple[dict[str, Any], Run]:
     """Run and measure once, without files.
 
-    Parameters are those of `BenchTest.run`.
+    Parameters
+    ----------
+    test : BenchTest
+    config, parameters, seed, particle, berry
+        As in `BenchTest.run`.
 
     Returns
     -------
@@ -50,7 +54,21 @@ def run_once(
 def about_job(
     test: BenchTest, config: Mapping[str, Any], name: object, parameters: Mapping[str, float]
 ) -> dict[str, Any]:
-    """What every file of a job says of it."""
+    """What every file of a job says of it.
+
+    Parameters
+    ----------
+    test : BenchTest
+    config : mapping
+    name : object
+        Of the job.
+    parameters : mapping of float
+        The six contact parameters.
+
+    Returns
+    -------
+    dict
+    """
     named = {} if test.name == UNNAMED else {"apparatus": test.name}
     return named | {
         "sample": int(str(name)) if str(name).isdigit() else name,

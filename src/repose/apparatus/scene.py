@@ -99,7 +99,13 @@ class Filmed:
         self.recorder = None if interval_s is None else dem.Recorder()
 
     def run_to(self, step: int) -> None:
-        """Advance to a time step; nothing happens where it has passed."""
+        """Advance to a time step.
+
+        Parameters
+        ----------
+        step : int
+            Nothing happens where it has passed.
+        """
         now = self.simulation.steps
         while now < step:
             stop = step if self.every is None else min(step, (now // self.every + 1) * self.every)

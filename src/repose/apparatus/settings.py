@@ -28,9 +28,28 @@ class SimulationSettings:
 
     @classmethod
     def of(cls, config: Mapping[str, Any]) -> "SimulationSettings":
-        """Those of a whole configuration."""
+        """Settings of a configuration.
+
+        Parameters
+        ----------
+        config : mapping
+            The whole configuration.
+
+        Returns
+        -------
+        SimulationSettings
+        """
         return cls(**config["simulation"])
 
     def steps(self, seconds: float) -> int:
-        """Number of time steps of a duration [s], to the nearest one."""
+        """Number of time steps of a duration, to the nearest one.
+
+        Parameters
+        ----------
+        seconds : float
+
+        Returns
+        -------
+        int
+        """
         return round(seconds / self.time_step_s)

@@ -68,17 +68,53 @@ def assemble(
 
 
 def recorded(apparatus: str, targets: Targets) -> Recorded:
-    """What the tables keep of the runs of a bench test: the targets that it gives, then what it always records."""
+    """What the tables keep of the runs of a bench test: the targets that it gives, then what it always records.
+
+    Parameters
+    ----------
+    apparatus : str
+        Name of the bench test.
+    targets : Targets
+
+    Returns
+    -------
+    Recorded
+    """
     return bench(apparatus).recorded.beginning_with(_own(targets, apparatus))
 
 
 def summarise(runs: Sequence[Mapping[str, Any]], apparatus: str, targets: Targets) -> dict[str, Any]:
-    """The runs of one sample in one bench test as one, its targets first; see `repose.core.runs.summarise_runs`."""
+    """The runs of one sample in one bench test as one, its targets first; see `repose.core.runs.summarise_runs`.
+
+    Parameters
+    ----------
+    runs : sequence of mapping
+        One for each run.
+    apparatus : str
+        Name of the bench test.
+    targets : Targets
+
+    Returns
+    -------
+    dict
+    """
     return summarise_runs(runs, recorded(apparatus, targets))
 
 
 def counts(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
-    """How many samples and runs ended how, and the same in words."""
+    """How many samples and runs ended how, and the same in words.
+
+    Parameters
+    ----------
+    dataset : pandas.DataFrame
+        A row for each sample, with its status.
+    runs : pandas.DataFrame
+        A row for each run, with its status.
+
+    Returns
+    -------
+    dict
+    """
     by_status = {status: int(n) for status, n in Counter(dataset["status"]).most_common()}
     left_out = dataset[dataset["status"] != "ok"]
     words = ", ".join(f"{n} {status}" for status, n in by_status.items() if status != "ok")
@@ -142,7 +178,15 @@ def run(
 def read_definitions(dataset_csv: str | os.PathLike) -> tuple[Definitions, Path]:
     """How the responses of a dataset are defined, and the summary beside it that says so.
 
-    There are no definitions where no summary lies beside the dataset, or where the summary has none.
+    Parameters
+    ----------
+    dataset_csv : path
+
+    Returns
+    -------
+    definitions : mapping
+        Empty where no summary lies beside the dataset, or where the summary has none.
+    summary : pathlib.Path
     """
     path = Path(dataset_csv)
     path = path.with_name(f"{path.stem}{SUMMARY}")
@@ -153,6 +197,19 @@ def read_jobs(
     paths: Iterable[str | os.PathLike], samples: pd.DataFrame, targets: Targets
 ) -> dict[str, dict[int, Job]]:
     """Jobs by bench test and sample, checked against the table that they were run from.
+
+    Parameters
+    ----------
+    paths : iterable of path
+        Files of the jobs.
+    samples : pandas.DataFrame
+        The table of parameter sets.
+    targets : Targets
+
+    Returns
+    -------
+    dict
+        By name of the bench test, then by number of the sample.
 
     Raises
     ------
@@ -187,11 +244,22 @@ def read_jobs(
 def read_job(path: str | os.PathLike, targets: Targets) -> tuple[Job, str]:
     """One job and its bench test.
 
+    Parameters
+    ----------
+    path : path
+    targets : Targets
+
+    Returns
+    -------
+    job : Job
+    apparatus : str
+        Name of the bench test.
+
     Raises
     ------
     InputError
-        If the file is no job of a bench test of the targets, or a run has an unknown status, or is ok without a
-        finite number for a target.
+        If the file is no job of a bench test of the targets, or a run has an unknown status, or is ok without
+        a finite number for a target.
     """
     job = read_json(path, {"sample": int, "parameters": dict, "runs": list}, "a job's JSON file")
     apparatus = job.get("apparatus", UNNAMED)

@@ -116,9 +116,24 @@ def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
 
 
 def sobol(n: int, d: int, seed: int | list[int]) -> np.ndarray:
-    """First n points of a scrambled Sobol sequence, (n, d) in the unit cube; the seed picks the scrambling.
+    """First points of a scrambled Sobol sequence. A longer sequence of the same seed begins with a shorter one.
 
-    A longer sequence of the same seed begins with a shorter one. Raises ValueError where n or d is too small.
+    Parameters
+    ----------
+    n, d : int
+        Numbers of points and of dimensions.
+    seed : int or list of int
+        Picks the scrambling.
+
+    Returns
+    -------
+    numpy.ndarray, (n, d)
+        In the unit cube.
+
+    Raises
+    ------
+    ValueError
+        If n or d is too small.
     """
     _check_size(n, d)
     sequence = qmc.Sobol(d, scramble=True, rng=np.random.default_rng(seed))
@@ -197,7 +212,18 @@ def design(space: ParameterSpace, samples: int, method: str, seed: int) -> tuple
 
 
 def parameter_sets(points: np.ndarray, space: ParameterSpace) -> pd.DataFrame:
-    """Points (n, d) of the unit cube as a table: `sample` from 1, and the six parameters."""
+    """Points of the unit cube as a table.
+
+    Parameters
+    ----------
+    points : numpy.ndarray, (n, d)
+    space : ParameterSpace
+
+    Returns
+    -------
+    pandas.DataFrame
+        `sample` from 1, and the six parameters.
+    """
     table = pd.DataFrame(space.values(points), columns=list(PARAMETERS))
     table.insert(0, "sample", np.arange(1, len(table) + 1))
     return table

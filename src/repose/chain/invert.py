@@ -158,7 +158,13 @@ def run(
 
 
 def write(found: Inversion, out_dir: str | os.PathLike) -> None:
-    """Write feasible.csv, intervals.csv, history.csv and summary.json."""
+    """Write feasible.csv, intervals.csv, history.csv and summary.json.
+
+    Parameters
+    ----------
+    found : Inversion
+    out_dir : path
+    """
     out = Path(out_dir)
     write_table(out / "feasible.csv", found.solutions)
     write_table(out / "intervals.csv", found.intervals)
@@ -167,7 +173,18 @@ def write(found: Inversion, out_dir: str | os.PathLike) -> None:
 
 
 def on_free_parameters(surrogate: Surrogate, space: ParameterSpace) -> Callable[[np.ndarray], np.ndarray]:
-    """The surrogate as a function of the free parameters: points (n, d) in [-1, 1] to responses (n, k)."""
+    """The surrogate as a function of the free parameters.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+    space : ParameterSpace
+
+    Returns
+    -------
+    callable
+        From points (n, d) in [-1, 1] to responses (n, k).
+    """
     respond = surrogate.response_function(space.complete(space.low)[0], space.complete(space.high)[0])
     if space.dimensions == len(PARAMETERS):
         return respond
@@ -216,7 +233,22 @@ def intervals(
 
 
 def message(responses: np.ndarray, targets: Targets, n_feasible: int, distance: float) -> str:
-    """What the search found, in words; responses (k,) are those of the best solution."""
+    """What the search found, in words.
+
+    Parameters
+    ----------
+    responses : numpy.ndarray, (k,)
+        Of the best solution.
+    targets : Targets
+    n_feasible : int
+        Number of feasible solutions.
+    distance : float
+        Of the best solution from the targets.
+
+    Returns
+    -------
+    str
+    """
     ranges = targets.in_words([f"{one.low:g}-{one.high:g}" for one in targets])
     best = f"predicted {targets.in_words([f'{value:.2f}' for value in responses])}"
     wanted = targets.in_words([f"{one.aim:g}" for one in targets])

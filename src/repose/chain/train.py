@@ -159,7 +159,22 @@ def run(
 
 
 def read_dataset(dataset_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
-    """The table of samples with its parameters, status, responses and errors, or InputError."""
+    """The table of samples with its parameters, status, responses and errors.
+
+    Parameters
+    ----------
+    dataset_csv : path
+    targets : Targets
+
+    Returns
+    -------
+    pandas.DataFrame
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or its content is bad.
+    """
     return read_table(dataset_csv, ("sample", *PARAMETERS, "status", *targets.names, *targets.errors))
 
 
@@ -202,9 +217,21 @@ def restore(
 
 
 def split(samples: int, shares: Sequence[float], seed: int) -> dict[str, np.ndarray]:
-    """Row numbers of train, validation and test: a permutation by RandomState(seed), cut in three.
+    """Split of samples into train, validation and test: a permutation by RandomState(seed), cut in three.
 
-    Train and validation are rounded down and test takes the rest, which is the paper's 95, 20, 22 of 137.
+    Parameters
+    ----------
+    samples : int
+        Number of samples.
+    shares : sequence of float
+        Of train, validation and test. Train and validation are rounded down and test takes the rest, which is
+        the paper's 95, 20, 22 of 137.
+    seed : int
+
+    Returns
+    -------
+    dict of numpy.ndarray
+        Row numbers by name of the part.
     """
     # 0.7 * 90 is 62.99999999999999
     train, validation = (math.floor(share * samples + 1e-9) for share in shares[:2])
@@ -215,8 +242,19 @@ def split(samples: int, shares: Sequence[float], seed: int) -> dict[str, np.ndar
 def rows_of(samples: pd.DataFrame, shares: Sequence[float], seed: int) -> dict[str, np.ndarray]:
     """Row numbers of train, validation and test of a table.
 
-    Samples with a `round` (`repose.studies.refine`) are all for training. The others are split as if they were alone,
-    so every round has the same test samples as the design.
+    Samples with a `round` (`repose.studies.refine`) are all for training. The others are split as if they
+    were alone, so every round has the same test samples as the design.
+
+    Parameters
+    ----------
+    samples : pandas.DataFrame
+    shares, seed
+        As in `split`.
+
+    Returns
+    -------
+    dict of numpy.ndarray
+        Row numbers by name of the part.
     """
     added = samples["round"].notna().to_numpy() if "round" in samples else np.zeros(len(samples), bool)
     designed = np.flatnonzero(~added)
@@ -285,7 +323,19 @@ def noise_covariance(runs: pd.DataFrame, samples: Sequence[int], targets: Target
 
 
 def precisions(errors: np.ndarray, one_a_sample: bool) -> np.ndarray:
-    """Precisions (samples, k) of the standard errors; with `one_a_sample` the same for all responses of a sample."""
+    """Precisions of the samples from their standard errors.
+
+    Parameters
+    ----------
+    errors : numpy.ndarray, (samples, k)
+        Standard errors.
+    one_a_sample : bool
+        Whether all responses of a sample have the same.
+
+    Returns
+    -------
+    numpy.ndarray, (samples, k)
+    """
     precision = weights_from_errors(errors)
     if not one_a_sample:
         return precision

@@ -74,10 +74,22 @@ def solutions_to_simulate(
 
 
 def select_for_validation(solutions: pd.DataFrame, count: int, space: ParameterSpace) -> pd.DataFrame:
-    """The representative and `count` others spread over the cloud, as rows of solutions with a column `role`.
+    """The representative solution and others that are spread over the cloud.
 
-    Each next one is the solution farthest, in normalised parameters, from those already chosen (Gonzalez 1985). They
-    are feasible ones as long as there are enough. Fewer come back where solutions has fewer rows.
+    Each next one is the solution farthest, in normalised parameters, from those already chosen (Gonzalez
+    1985). They are feasible ones as long as there are enough.
+
+    Parameters
+    ----------
+    solutions : pandas.DataFrame
+    count : int
+        Number of the others.
+    space : ParameterSpace
+
+    Returns
+    -------
+    pandas.DataFrame
+        Rows of solutions, with a column `role`; fewer where `solutions` has fewer rows.
     """
     if np.count_nonzero(solutions["feasible"]) > count:
         solutions = solutions[solutions["feasible"]]
@@ -142,7 +154,18 @@ def validate(
 
 
 def table4(rows: pd.DataFrame, responses: Iterable[Response]) -> pd.DataFrame:
-    """Table 4: predicted, simulated with its standard error, and relative error (%) of each solution."""
+    """Table 4: predicted, simulated with its standard error, and relative error (%) of each solution.
+
+    Parameters
+    ----------
+    rows : pandas.DataFrame
+        A row for each solution.
+    responses : iterable of Response
+
+    Returns
+    -------
+    pandas.DataFrame
+    """
     table = rows[["sample", "solution", "role", *PARAMETERS]].copy()
     for one in responses:
         table[one.predicted], table[one.simulated] = rows[one.predicted], rows[one.simulated]
@@ -154,7 +177,19 @@ def table4(rows: pd.DataFrame, responses: Iterable[Response]) -> pd.DataFrame:
 
 
 def against_physical(row: pd.Series, targets: Targets) -> pd.DataFrame:
-    """The representative solution's simulation against the physical measurement, one row for each response."""
+    """The representative solution's simulation against the physical measurement.
+
+    Parameters
+    ----------
+    row : pandas.Series
+        Of the representative solution.
+    targets : Targets
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each response.
+    """
     rows = []
     for one in targets:
         simulated = row[one.response.simulated]
@@ -180,7 +215,18 @@ def beside_published(
 ) -> pd.DataFrame:
     """The published solutions: their simulation beside ours with its standard error, and ours less theirs.
 
-    Only of responses that the published table has.
+    Parameters
+    ----------
+    rows : pandas.DataFrame
+        A row for each published solution that we simulated.
+    published : pandas.DataFrame or None
+        Table of the published solutions.
+    responses : iterable of Response
+        Only those that the published table has are compared.
+
+    Returns
+    -------
+    pandas.DataFrame
     """
     table = rows[["sample", "solution", *PARAMETERS]].copy()
     if published is not None:
@@ -204,7 +250,24 @@ def write_solutions(
     count: int,
     out_csv: str | os.PathLike,
 ) -> pd.DataFrame:
-    """Write what is to be simulated (`solutions_to_simulate`); return the table.
+    """Write the parameter sets to simulate (`solutions_to_simulate`).
+
+    Parameters
+    ----------
+    feasible_csv : path
+        Solutions of the search.
+    published_csv : path or None
+        Published solutions.
+    space : ParameterSpace
+    targets : Targets
+    count : int
+        Number of solutions beside the representative one.
+    out_csv : path
+
+    Returns
+    -------
+    pandas.DataFrame
+        The table that was written.
 
     Raises
     ------

@@ -12,7 +12,19 @@ RED, GREEN, YELLOW, BLUE = (40, 40, 230), (60, 170, 40), (0, 200, 255), (220, 12
 
 
 def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
-    """The picture (BGR) with boundary, left line red, right line green, base and Height, as in Figure 6."""
+    """The picture with boundary, left line red, right line green, base and Height, as in Figure 6.
+
+    Parameters
+    ----------
+    image : numpy.ndarray of uint8, (H, W) or (H, W, 3)
+        Blue first.
+    measurement : Measurement
+
+    Returns
+    -------
+    numpy.ndarray of uint8, (H, W, 3)
+        Blue first.
+    """
     picture = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image.copy()
     thick = max(1, round(max(picture.shape) / 500))
     outline = np.zeros(picture.shape[:2], np.uint8)
@@ -29,7 +41,19 @@ def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
 
 
 def draw_line(picture: np.ndarray, start: tuple, end: tuple, colour: tuple, thickness: int) -> None:
-    """A smooth line between sub-pixel points (column, row)."""
+    """Draw a smooth line between sub-pixel points.
+
+    Parameters
+    ----------
+    picture : numpy.ndarray of uint8, (H, W, 3)
+        Changed in place.
+    start, end : (float, float)
+        (column, row).
+    colour : (int, int, int)
+        Blue first.
+    thickness : int
+        Pixels.
+    """
     a, b = (tuple(round(256 * value) for value in point) for point in (start, end))
     cv2.line(picture, a, b, colour, thickness, cv2.LINE_AA, 8)
 
@@ -43,12 +67,20 @@ def process_panels(
 ) -> dict[str, np.ndarray]:
     """The pictures of the method's steps, in order.
 
-    Parameters and errors are those of `repose.measure.pile.measure_image`.
+    Parameters
+    ----------
+    image, mm_per_pixel, settings, base_row
+        As in `repose.measure.pile.measure_image`.
 
     Returns
     -------
-    dict
+    dict of numpy.ndarray
         ``grey``, ``binary`` and ``edge`` (H, W) uint8, and ``boundary``, the overlay (H, W, 3), blue first.
+
+    Raises
+    ------
+    InputError, NoFlankError
+        As in `repose.measure.pile.measure_image`.
     """
     settings = replace(settings or MeasureSettings(), mm_per_pixel=mm_per_pixel)
     pile = segment(image, settings.largest_pile_only, base_row)

@@ -77,9 +77,19 @@ def side_view(
     settings: pile.MeasureSettings,
     azimuth_deg: float = 0.0,
 ) -> np.ndarray:
-    """Silhouette (H, W) uint8 of a pour's pile, the plate at its lower border.
+    """Silhouette of a pour's pile, the plate at its lower border.
 
-    It shows all berries where the settings keep loose ones. Parameters are those of `pile_responses`.
+    It shows all berries where the settings keep loose ones.
+
+    Parameters
+    ----------
+    arrays, particle, settings
+        As in `pile_responses`.
+    azimuth_deg : float, optional
+
+    Returns
+    -------
+    numpy.ndarray of uint8, (H, W)
     """
     kept = arrays["in_pile"] if settings.largest_pile_only else np.ones(len(arrays["position"]), bool)
     sizes = {"scales": arrays["scale"][kept]} if "scale" in arrays else {}

@@ -19,6 +19,10 @@ WHAT = f"NAME{POURS} as the verb pour writes it"
 def read_pours(path: str | PathLike) -> dict[str, Any]:
     """Read the JSON file of a job's pours.
 
+    Parameters
+    ----------
+    path : path
+
     Returns
     -------
     dict
@@ -40,7 +44,21 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
 
 
 def saved_positions(path: str | PathLike) -> dict[str, np.ndarray]:
-    """All arrays of a job's .npz file, or InputError."""
+    """All arrays of a job's .npz file.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    dict of numpy.ndarray
+
+    Raises
+    ------
+    InputError
+        If the file is missing or holds something else.
+    """
     return read_npz(path, what="the .npz file that the verb pour wrote")
 
 
@@ -74,7 +92,21 @@ def pour_arrays(
 
 
 def first_pour(path: str | PathLike) -> dict[str, np.ndarray]:
-    """The arrays of the first seed in a job's .npz file, or InputError."""
+    """The arrays of the first seed in a job's .npz file.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    dict of numpy.ndarray
+
+    Raises
+    ------
+    InputError
+        If the file is missing or holds something else.
+    """
     arrays = saved_positions(path)
     seeds = [match.group(1) for key in arrays if (match := re.fullmatch(r"position_(.+)", key))]
     if not seeds:
@@ -83,6 +115,15 @@ def first_pour(path: str | PathLike) -> dict[str, np.ndarray]:
 
 
 def positions_beside(pours_json: str | PathLike) -> Path:
-    """The .npz file that belongs to a NAME.pours.json."""
+    """The .npz file that belongs to a NAME.pours.json.
+
+    Parameters
+    ----------
+    pours_json : path
+
+    Returns
+    -------
+    pathlib.Path
+    """
     path = Path(pours_json)
     return path.with_name(path.name.removesuffix(POURS) + ".npz")
