@@ -171,7 +171,18 @@ def animate_drum(
 
 
 def drum_inside(section: Mapping[str, Any], turned_rad: float) -> DrumInside:
-    """The drum of the configuration's section `drum` as a backdrop, turned by an angle."""
+    """The drum as a backdrop, turned by an angle.
+
+    Parameters
+    ----------
+    section : mapping
+        The section `drum` of the configuration.
+    turned_rad : float
+
+    Returns
+    -------
+    DrumInside
+    """
     thickness_m = 1e-3 * section["wall_thickness_mm"]
     radius_m = 0.5e-3 * section["outer_diameter_mm"] - thickness_m
     return DrumInside(radius_m, 1e-3 * section["length_mm"], thickness_m, float(turned_rad))

@@ -106,7 +106,17 @@ class Camera:
 
 
 def funnel_walls(section: Mapping[str, Any]) -> list[Frustum]:
-    """The funnel's walls as `Frustum`s from the configuration's section `funnel` (mm and degrees there)."""
+    """The funnel's walls.
+
+    Parameters
+    ----------
+    section : mapping
+        The section `funnel` of the configuration, in mm and degrees.
+
+    Returns
+    -------
+    list of Frustum
+    """
     funnel = Funnel(
         **{f"{key}_m": section[f"{key}_mm"] / 1e3 for key in LENGTHS},
         cone_angle_deg=section["cone_angle_deg"],
@@ -128,7 +138,22 @@ def look_at(
     margin: float = 1.06,
     field_of_view_deg: float = FIELD_OF_VIEW_DEG,
 ) -> Camera:
-    """A `Camera` that sees all of points_m (M, 3) from the given direction, with a margin around them."""
+    """A `Camera` that sees all points from a direction, with a margin around them.
+
+    Parameters
+    ----------
+    points_m : numpy.ndarray, (M, 3)
+    width, height : int
+        Pixels.
+    elevation_deg, azimuth_deg : float, optional
+        Direction.
+    margin : float, optional
+    field_of_view_deg : float, optional
+
+    Returns
+    -------
+    Camera
+    """
     el, az = math.radians(elevation_deg), math.radians(azimuth_deg)
     back = np.array([math.cos(az) * math.cos(el), math.sin(az) * math.cos(el), math.sin(el)])
     right = np.array([-math.sin(az), math.cos(az), 0.0])
@@ -166,8 +191,20 @@ def setting_of(
 ) -> Setting:
     """The `Setting` of a simulation's walls where they are now, or at places of a recorded frame.
 
-    planes (P, 7), wall_frames (C, 12): as `repose.dem.Recorder` keeps them. A level endless plane below all others is
-    the plate; planes end at the simulation's box; rounded edges are not drawn.
+    A level endless plane below all others is the plate; planes end at the simulation's box; rounded edges are
+    not drawn.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    planes : numpy.ndarray, (P, 7), optional
+        As `repose.dem.Recorder` keeps them.
+    wall_frames : numpy.ndarray, (C, 12), optional
+        As `repose.dem.Recorder` keeps them.
+
+    Returns
+    -------
+    Setting
     """
     planes = simulation.walls.planes if planes is None else planes
     wall_frames = simulation.walls.frames if wall_frames is None else wall_frames

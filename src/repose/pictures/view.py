@@ -26,7 +26,18 @@ class View:
 
 
 def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
-    """What each pixel of a camera shows of bodies in a setting."""
+    """What each pixel of a camera shows of bodies in a setting.
+
+    Parameters
+    ----------
+    camera : Camera
+    bodies : Bodies
+    setting : Setting
+
+    Returns
+    -------
+    View
+    """
     nearest, which, corner, weights = raster.draw(
         *camera.project(bodies.vertices), bodies.triangles, (camera.height, camera.width)
     )

@@ -18,9 +18,19 @@ BINS = 40
 
 
 def places_of(space: ParameterSpace, quantile: np.ndarray) -> np.ndarray:
-    """Places in the ranges (n, d), 0 to 1, of quantiles (n, d) of the prior of each free parameter.
+    """Places in the ranges of quantiles of the prior of each free parameter.
 
     A parameter without a prior of its own is uniform over its range: its place is its quantile.
+
+    Parameters
+    ----------
+    space : ParameterSpace
+    quantile : numpy.ndarray, (n, d)
+
+    Returns
+    -------
+    numpy.ndarray, (n, d)
+        From 0 to 1.
     """
     place = quantile.copy()
     for name, distribution in _normal_priors(space).items():
@@ -30,7 +40,16 @@ def places_of(space: ParameterSpace, quantile: np.ndarray) -> np.ndarray:
 
 
 def prior_widths(space: ParameterSpace) -> np.ndarray:
-    """Widths (d,) of the prior's 95 % intervals, over the ranges."""
+    """Widths of the prior's 95 % intervals, over the ranges.
+
+    Parameters
+    ----------
+    space : ParameterSpace
+
+    Returns
+    -------
+    numpy.ndarray, (d,)
+    """
     widths = np.full(space.dimensions, CREDIBLE)
     tails = [(1 - CREDIBLE) / 2, (1 + CREDIBLE) / 2]
     for name, distribution in _normal_priors(space).items():
@@ -78,7 +97,17 @@ class Prior:
         self.order = np.argsort(self.place, axis=0)
 
     def weights(self, observed: np.ndarray, columns: Sequence[int], covariance: np.ndarray) -> np.ndarray:
-        """Posterior probability (n,) of each point; arguments as for `posterior`."""
+        """Posterior probability of each point.
+
+        Parameters
+        ----------
+        observed, columns, covariance
+            As in `posterior`.
+
+        Returns
+        -------
+        numpy.ndarray, (n,)
+        """
         root = np.linalg.cholesky(covariance[np.ix_(columns, columns)])
         off = np.linalg.solve(root, (observed[columns] - self.predicted[:, columns]).T)
         log_weight = -0.5 * (off**2).sum(axis=0)
@@ -126,7 +155,17 @@ class Prior:
 
 
 def joint_bits(weight: np.ndarray) -> float:
-    """Kullback-Leibler divergence of weighted points (n,) from equal weights, in bits."""
+    """Kullback-Leibler divergence of weighted points from equal weights.
+
+    Parameters
+    ----------
+    weight : numpy.ndarray, (n,)
+
+    Returns
+    -------
+    float
+        Bits.
+    """
     positive = weight[weight > 0]
     return float(positive @ np.log2(positive * len(weight)))
 

@@ -94,12 +94,18 @@ def log_likelihood(
 def misfit(
     responses: np.ndarray, covariances: np.ndarray, mean: np.ndarray, covariance: np.ndarray
 ) -> dict[str, float]:
-    """How well the best draw meets the measurements; arguments as `log_likelihood` takes them.
+    """How well the best draw meets the measurements.
+
+    Parameters
+    ----------
+    responses, covariances, mean, covariance
+        As in `log_likelihood`.
 
     Returns
     -------
     dict
-        squared_distance: the smallest, in standard deviations; p_value: its chi^2 tail with k degrees of freedom.
+        squared_distance: the smallest, in standard deviations; p_value: its chi^2 tail with k degrees of
+        freedom.
     """
     off = mean - responses
     best = float(_squared_distance(off, covariance + covariances).min())

@@ -115,9 +115,20 @@ def run(
 
 
 def measured_piles(npz: str | Path, particle: Particle, settings: pile.MeasureSettings) -> pd.DataFrame:
-    """One row for each good pour of a job: ``sample``, ``seed``, ``Height`` and every variant.
+    """Measurements of the good pours of a job.
 
-    A variant is the mean of all views; with " (view)" behind its name it is that of the first view.
+    Parameters
+    ----------
+    npz : path
+        The job's .npz file.
+    particle : Particle
+    settings : MeasureSettings
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each good pour: ``sample``, ``seed``, ``Height`` and every variant. A variant is the mean of
+        all views; with " (view)" behind its name it is that of the first view.
     """
     npz = Path(npz)
     job = saved_pours.read_pours(npz.with_name(npz.stem + saved_pours.POURS))
@@ -215,6 +226,16 @@ def noise_table(piles: pd.DataFrame, fixed: pd.DataFrame) -> pd.DataFrame:
 def spreads(piles: pd.DataFrame, name: str) -> tuple[float, float]:
     """Standard deviation within a sample, from seed to seed, and between the samples' noise-free means.
 
+    Parameters
+    ----------
+    piles : pandas.DataFrame
+    name : str
+        Of the column.
+
+    Returns
+    -------
+    within, between : float
+
     Notes
     -----
     One-way analysis of variance: within^2 is the mean of the samples' variances weighted by their degrees of
@@ -230,7 +251,16 @@ def spreads(piles: pd.DataFrame, name: str) -> tuple[float, float]:
 
 
 def correlation_table(piles: pd.DataFrame) -> pd.DataFrame:
-    """Correlation of the samples' means of the four definitions and Height."""
+    """Correlation of the samples' means of the four definitions and Height.
+
+    Parameters
+    ----------
+    piles : pandas.DataFrame
+
+    Returns
+    -------
+    pandas.DataFrame
+    """
     return piles.groupby("sample")[[*DEFINITIONS, "Height"]].mean().corr()
 
 
@@ -238,7 +268,20 @@ def correlation_table(piles: pd.DataFrame) -> pd.DataFrame:
 
 
 def bias_table(particle: Particle, settings: pile.MeasureSettings, shapes: int) -> pd.DataFrame:
-    """A row for each variant: mean and root mean square of its errors [deg] over piles of every angle."""
+    """Bias of every variant over piles of every angle.
+
+    Parameters
+    ----------
+    particle : Particle
+    settings : MeasureSettings
+    shapes : int
+        Number of filled cones of each angle; the strewn triangles are four times as many.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each variant: mean and root mean square of its errors [deg].
+    """
     errors: dict[str, list[dict[str, float]]] = {"filled": [], "strewn": []}
     for angle in ANGLES_DEG:
         rng = np.random.default_rng([SHAPE_SEED, angle])
@@ -261,9 +304,24 @@ def bias_table(particle: Particle, settings: pile.MeasureSettings, shapes: int) 
 def filled_cone(
     angle_deg: float, particle: Particle, rng: np.random.Generator, berries: int = CONE_BERRIES
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Random berries that fill a cone: centres (N, 3) [m] and quaternions (N, 4).
+    """Random berries that fill a cone.
 
-    The berries may overlap. Their centres fill a cone one mean radius inside the cone of 62 mm and the given angle.
+    The berries may overlap. Their centres fill a cone one mean radius inside the cone of 62 mm and the given
+    angle.
+
+    Parameters
+    ----------
+    angle_deg : float
+    particle : Particle
+    rng : numpy.random.Generator
+    berries : int, optional
+        Number of berries.
+
+    Returns
+    -------
+    centres : numpy.ndarray, (N, 3)
+        Metres.
+    quaternions : numpy.ndarray, (N, 4)
     """
     a, height = math.radians(angle_deg), 1e-3 * CONE_HEIGHT_MM
     reach = pile.equivalent_diameter(particle) / 2
@@ -277,9 +335,20 @@ def filled_cone(
 
 
 def strewn_triangle(angle_deg: float, rng: np.random.Generator, mm_per_pixel: float) -> np.ndarray:
-    """Profile (W,) in pixels of a triangle of 62 mm with discs strewn along both flanks.
+    """Profile of a triangle of 62 mm with discs strewn along both flanks.
 
     The discs are 10 to 20 mm wide, and their tops scatter 4 mm about the flank.
+
+    Parameters
+    ----------
+    angle_deg : float
+    rng : numpy.random.Generator
+    mm_per_pixel : float
+
+    Returns
+    -------
+    numpy.ndarray, (W,)
+        Pixels.
     """
     a = math.radians(angle_deg)
     half = CONE_HEIGHT_MM / math.tan(a) + 25

@@ -69,12 +69,34 @@ def read_runs(runs_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
 
 
 def of_bench(runs: pd.DataFrame, apparatus: str) -> pd.DataFrame:
-    """The runs of one bench test; a table without the column apparatus has those of a single one."""
+    """The runs of one bench test; a table without the column apparatus has those of a single one.
+
+    Parameters
+    ----------
+    runs : pandas.DataFrame
+    apparatus : str
+        Name of the bench test.
+
+    Returns
+    -------
+    pandas.DataFrame
+    """
     return runs[runs["apparatus"] == apparatus] if "apparatus" in runs else runs
 
 
 def usable(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
-    """The runs that ended well and have a number for each of these responses."""
+    """The runs that ended well and have a number for each of some responses.
+
+    Parameters
+    ----------
+    runs : pandas.DataFrame
+    names : tuple of str
+        Of the responses.
+
+    Returns
+    -------
+    pandas.DataFrame
+    """
     return runs[(runs["status"] == "ok") & runs[list(names)].notna().all(axis=1)]
 
 
@@ -199,7 +221,17 @@ def run(runs_csv: str | os.PathLike, targets: Targets, out_dir: str | os.PathLik
 
 
 def message(summary: dict[str, Any], targets: Targets) -> str:
-    """The noise floor in words, one line a response."""
+    """The noise floor in words, one line per response.
+
+    Parameters
+    ----------
+    summary : dict
+    targets : Targets
+
+    Returns
+    -------
+    str
+    """
     lines = []
     for target in targets:
         name, unit, row = target.name, target.response.unit, summary["responses"][target.name]

@@ -52,7 +52,19 @@ def points_of(name: str, space: ParameterSpace, settings: Mapping[str, Any]) -> 
 
 
 def run(space: ParameterSpace, settings: Mapping[str, Any], out_dir: str | Path) -> dict[str, pd.DataFrame]:
-    """Write samples.csv and fresh_samples.csv; return both tables by set. Parameters are those of `points_of`."""
+    """Write samples.csv and fresh_samples.csv.
+
+    Parameters
+    ----------
+    space, settings
+        As in `points_of`.
+    out_dir : path
+
+    Returns
+    -------
+    dict of pandas.DataFrame
+        Both tables by set.
+    """
     tables = {name: points_of(name, space, settings) for name in SETS}
     for name, table in tables.items():
         write_table(Path(out_dir) / f"{SETS[name].prefix}samples.csv", table, float_format="%.10g")

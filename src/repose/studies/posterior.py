@@ -201,7 +201,17 @@ def run(
 
 
 def statement(row: Mapping[str, Any]) -> str:
-    """What the measurements say of one parameter, in words; row: of posterior.csv."""
+    """What the measurements say of one parameter, in words.
+
+    Parameters
+    ----------
+    row : mapping
+        Row of posterior.csv.
+
+    Returns
+    -------
+    str
+    """
     bits, name = row["information_bits"], row["parameter"]
     where = f"{row['credible_low']:.3g} to {row['credible_high']:.3g}"
     share = f"{100 * row['width_ratio']:.0f} % of the prior's width, {bits:.2f} bits"
@@ -215,7 +225,16 @@ def statement(row: Mapping[str, Any]) -> str:
 
 
 def message(summary: Mapping[str, Any]) -> str:
-    """Statements, fit and convergence in words."""
+    """Statements, fit and convergence in words.
+
+    Parameters
+    ----------
+    summary : mapping
+
+    Returns
+    -------
+    str
+    """
     lines = list(summary["statements"].values())
     fit = summary["misfit"]
     bits, error = summary["information_bits"], summary["information_se_bits"]

@@ -323,7 +323,22 @@ def run_extended(
 
 
 def centre_of(proposal_csv: str | os.PathLike) -> dict[str, float]:
-    """Parameters of the proposal in a file of `run_propose`, by name; InputError where it has none."""
+    """Parameters of the proposal in a file of `run_propose`.
+
+    Parameters
+    ----------
+    proposal_csv : path
+
+    Returns
+    -------
+    dict of float
+        By name.
+
+    Raises
+    ------
+    InputError
+        If the file has no proposal.
+    """
     table = read_table(proposal_csv, ("sample", *PARAMETERS, "role"))
     own = table[table["role"] == PROPOSAL]
     if own.empty:

@@ -141,7 +141,20 @@ def drum_over_design(
 def read_drum(
     samples_json: Iterable[str | Path], runs_csv: str | Path, samples: np.ndarray
 ) -> dict[str, Known]:
-    """`drum_over_design` of files: those of the verb drum_design, and the table of runs of the verb drum_tables.
+    """`drum_over_design` of files.
+
+    Parameters
+    ----------
+    samples_json : iterable of path
+        Files of the verb drum_design.
+    runs_csv : path
+        Table of runs of the verb drum_tables.
+    samples : numpy.ndarray of int
+        Numbers of the samples.
+
+    Returns
+    -------
+    dict of Known
 
     Raises
     ------
@@ -271,9 +284,19 @@ def trained(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> Bayesia
 
 
 def left_out(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> np.ndarray:
-    """Predictions (samples,) of each sample by networks trained without it; NaN where it has no run.
+    """Predictions of each sample by networks trained without it.
 
-    Parameters are those of `trained`; settings also holds ``folds``.
+    Parameters
+    ----------
+    X, known
+        As in `trained`.
+    settings : mapping
+        As in `trained`, with ``folds``.
+
+    Returns
+    -------
+    numpy.ndarray, (samples,)
+        NaN where the sample has no run.
     """
     there = np.flatnonzero(np.isfinite(known.mean))
     fold = np.random.RandomState(settings["seed"]).permutation(len(there)) % settings["folds"]
@@ -287,7 +310,18 @@ def left_out(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> np.nda
 
 
 def cross_validated_r2(known: Known, predicted: np.ndarray) -> float:
-    """R2 of the predictions of `left_out`; NaN where all means are alike."""
+    """R2 of the predictions of `left_out`.
+
+    Parameters
+    ----------
+    known : Known
+    predicted : numpy.ndarray, (samples,)
+
+    Returns
+    -------
+    float
+        NaN where all means are alike.
+    """
     there = np.isfinite(predicted)
     found = r2(known.mean[there], predicted[there])
     return math.nan if found is None else found

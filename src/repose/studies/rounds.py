@@ -36,7 +36,18 @@ def jobs(section: Mapping[str, Any], round_: int) -> list[tuple[int, str, int]]:
 
 
 def round_of(sample: int) -> int:
-    """Round to which a sample's number belongs; numbers of the design give -1."""
+    """Round to which a sample belongs.
+
+    Parameters
+    ----------
+    sample : int
+        Its number.
+
+    Returns
+    -------
+    int
+        -1 for a sample of the design.
+    """
     return sample // OF_A_ROUND - 1
 
 

@@ -70,7 +70,15 @@ def sample(
 
 
 def split_r_hat(chains: np.ndarray) -> np.ndarray:
-    """R-hat (d,) of chains (m, n, d), each cut in two (Gelman et al. 2013, Bayesian Data Analysis, 11.4).
+    """R-hat of chains, each cut in two (Gelman et al. 2013, Bayesian Data Analysis, 11.4).
+
+    Parameters
+    ----------
+    chains : numpy.ndarray, (m, n, d)
+
+    Returns
+    -------
+    numpy.ndarray, (d,)
 
     Raises
     ------

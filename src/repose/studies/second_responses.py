@@ -76,7 +76,16 @@ class Modelled(NamedTuple):
 
 
 def base_label(responses: Sequence[Response]) -> str:
-    """Name of the set of all targets, as in ``AoR and Height``."""
+    """Name of the set of all targets, as in ``AoR and Height``.
+
+    Parameters
+    ----------
+    responses : sequence of Response
+
+    Returns
+    -------
+    str
+    """
     symbols = [one.symbol for one in responses]
     return " and ".join(filter(None, [", ".join(symbols[:-1]), symbols[-1]]))
 
@@ -168,7 +177,19 @@ def study(
 
 
 def modelled(data: Data, base: Sequence[str], settings: Mapping[str, Any]) -> Modelled:
-    """Which responses have enough signal and a good enough surrogate; the base is kept whatever it has."""
+    """Which responses have enough signal and a good enough surrogate; the base is kept in any case.
+
+    Parameters
+    ----------
+    data : Data
+    base : sequence of str
+        Names of the targets.
+    settings : mapping
+
+    Returns
+    -------
+    Modelled
+    """
     known = data.known
     names = [name for name in known if name in base or known[name].row["signal_to_noise"] >= NOISY]
     predicted = {name: left_out(data.X, known[name], settings) for name in names}
@@ -184,7 +205,20 @@ def modelled(data: Data, base: Sequence[str], settings: Mapping[str, Any]) -> Mo
 def prior_of(
     data: Data, names: Sequence[str], space: ParameterSpace, settings: Mapping[str, Any]
 ) -> information.Prior:
-    """A Sobol sequence over the prior and the predictions there of networks trained on all samples."""
+    """A Sobol sequence over the prior and the predictions there of networks trained on all samples.
+
+    Parameters
+    ----------
+    data : Data
+    names : sequence of str
+        Of the responses.
+    space : ParameterSpace
+    settings : mapping
+
+    Returns
+    -------
+    information.Prior
+    """
     quantile = stats.qmc.Sobol(space.dimensions, rng=settings["seed"]).random(settings["points"])
     place = information.places_of(space, quantile)
     points = space.values(place)
@@ -195,10 +229,23 @@ def prior_of(
 
 
 def observed_covariance(data: Data, model: Modelled, targets: Targets, percent: float) -> np.ndarray:
-    """S_y + S_s + S_d (k, k); percent: the discrepancy of each response, of its mean.
+    """Covariance S_y + S_s + S_d of observed and predicted responses.
 
-    A response that is no target is measured as often as the target that was measured least. Two responses have the
-    repetitions of the one that was measured less often in common, so the larger number divides their covariance.
+    A response that is no target is measured as often as the target that was measured least. Two responses
+    have the repetitions of the one that was measured less often in common, so the larger number divides their
+    covariance.
+
+    Parameters
+    ----------
+    data : Data
+    model : Modelled
+    targets : Targets
+    percent : float
+        Discrepancy of each response, of its mean.
+
+    Returns
+    -------
+    numpy.ndarray, (k, k)
     """
     rows = [data.known[name].row for name in model.names]
     own, least = {one.name: one.repetitions for one in targets}, min(one.repetitions for one in targets)
@@ -316,9 +363,25 @@ def run(
     settings: Mapping[str, Any],
     out_dir: str | Path,
 ) -> str:
-    """Write responses.csv, information.csv, narrowing.csv, order.csv and responses.json; return the message.
+    """Write responses.csv, information.csv, narrowing.csv, order.csv and responses.json.
 
-    Parameters and faults are those of `study`; data come from `responses_over_design.read`.
+    Parameters
+    ----------
+    data : Data
+        From `responses_over_design.read`.
+    targets, space, settings
+        As in `study`.
+    out_dir : path
+
+    Returns
+    -------
+    str
+        The message.
+
+    Raises
+    ------
+    InputError
+        As in `study`.
     """
     tables, summary = study(data, targets, space, settings)
     for name, table in tables.items():

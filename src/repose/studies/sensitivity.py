@@ -225,7 +225,16 @@ def _values(function: Function, unit: np.ndarray, low: np.ndarray, high: np.ndar
 
 
 def message(table: pd.DataFrame) -> str:
-    """First-order and total indices in words, one line per response."""
+    """First-order and total indices in words, one line per response.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+
+    Returns
+    -------
+    str
+    """
     lines = []
     for response, rows in table.groupby("response", sort=False):
         order = rows.sort_values("total", ascending=False)

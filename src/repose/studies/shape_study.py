@@ -28,7 +28,16 @@ Config = Mapping[str, Any]
 
 
 def cells(config: Config) -> list[str]:
-    """Names KIND-PARTICLE-FILLING of the study's jobs."""
+    """Names KIND-PARTICLE-FILLING of the study's jobs.
+
+    Parameters
+    ----------
+    config : mapping
+
+    Returns
+    -------
+    list of str
+    """
     study = config["shape_study"]
     names = [
         f"published-{particle}-{filling}" for particle in study["particles"] for filling in study["fillings"]
@@ -42,7 +51,19 @@ def cells(config: Config) -> list[str]:
 
 
 def check(config: Config, source: str = "configuration") -> None:
-    """InputError unless every particle, filling and sensitivity of the study is a good configuration."""
+    """Check every particle, filling and sensitivity of the study.
+
+    Parameters
+    ----------
+    config : mapping
+    source : str, optional
+        Named in the error.
+
+    Raises
+    ------
+    InputError
+        If one of them is no good configuration.
+    """
     study = config["shape_study"]
     for key, section in (("sensitivity_particle", "particles"), ("sensitivity_filling", "fillings")):
         if study[key] not in study[section]:
@@ -58,14 +79,35 @@ def check(config: Config, source: str = "configuration") -> None:
 
 
 def changed(config: Config, section: str, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """A copy of the configuration with some keys of a section changed."""
+    """A copy of the configuration with some keys of a section changed.
+
+    Parameters
+    ----------
+    config : mapping
+    section : str
+        Name of the section.
+    changes : mapping
+        Values by key.
+
+    Returns
+    -------
+    dict
+    """
     other = copy.deepcopy(dict(config))
     other[section] = other[section] | changes
     return other
 
 
 def compared_targets(config: Config) -> list[Target]:
-    """The targets that are compared: those of the pile that the published table has, in their order.
+    """Targets that are compared: those of the pile that the published table has, in their order.
+
+    Parameters
+    ----------
+    config : mapping
+
+    Returns
+    -------
+    list of Target
 
     Raises
     ------
@@ -84,7 +126,21 @@ def compared_targets(config: Config) -> list[Target]:
 
 
 def parameter_sets(config: Config, samples_csv: str | Path, kind: str) -> pd.DataFrame:
-    """Parameter sets of a kind of job: ``set``, the six parameters, and the published piles where there are some."""
+    """Parameter sets of a kind of job.
+
+    Parameters
+    ----------
+    config : mapping
+    samples_csv : path
+        Table of the design's samples.
+    kind : str
+        Of the job.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``set``, the six parameters, and the published piles where there are some.
+    """
     if kind == "design":
         table = read_table(samples_csv, ("sample", *PARAMETERS)).head(config["shape_study"]["design_samples"])
         return table.rename(columns={"sample": "set"})[["set", *PARAMETERS]]
@@ -93,9 +149,17 @@ def parameter_sets(config: Config, samples_csv: str | Path, kind: str) -> pd.Dat
 
 
 def published_sets(config: Config) -> pd.DataFrame:
-    """The published solutions, the representative last, with what their piles were published to be.
+    """The published solutions, the representative last, with the published numbers of their piles.
 
     A solution without a published pile is known only as nearly the physical pile, which stands for it.
+
+    Parameters
+    ----------
+    config : mapping
+
+    Returns
+    -------
+    pandas.DataFrame
     """
     targets = compared_targets(config)
     simulated = [one.response.simulated for one in targets]
@@ -109,7 +173,26 @@ def published_sets(config: Config) -> pd.DataFrame:
 
 
 def cell_settings(config: Config, cell: str) -> tuple[str, str, str, dict[str, Any]]:
-    """Kind, particle's name, filling's name and the configuration of a cell, or InputError."""
+    """Settings of a cell.
+
+    Parameters
+    ----------
+    config : mapping
+    cell : str
+        One of `cells`.
+
+    Returns
+    -------
+    kind, particle, filling : str
+        Names.
+    config : dict
+        Of the cell.
+
+    Raises
+    ------
+    InputError
+        If there is no such cell.
+    """
     kind, _, rest = cell.partition("-")
     particle, _, filling = rest.partition("-")
     if cell not in cells(config):
@@ -123,7 +206,18 @@ def cell_settings(config: Config, cell: str) -> tuple[str, str, str, dict[str, A
 
 
 def dependencies(config: Config, cell: str) -> dict[str, Any]:
-    """What the pours and measurements of a cell depend on."""
+    """Settings on which the pours and measurements of a cell depend.
+
+    Parameters
+    ----------
+    config : mapping
+    cell : str
+        One of `cells`.
+
+    Returns
+    -------
+    dict
+    """
     kind, _, _, own = cell_settings(config, cell)
     seeds = ("design_samples", "design_seeds") if kind == "design" else ("seeds",)
     found = {key: own["shape_study"][key] for key in seeds} | {"seed": own["design"]["seed"]}

@@ -34,14 +34,33 @@ NOISE_COLUMNS = (
 
 
 def run_columns(targets: Iterable[Target]) -> tuple[str, ...]:
-    """Columns of a cell's table of pours: where it belongs, the targets, and the angle by every definition."""
+    """Columns of a cell's table of pours: where it belongs, the targets, and the angle by every definition.
+
+    Parameters
+    ----------
+    targets : iterable of Target
+
+    Returns
+    -------
+    tuple of str
+    """
     own = (one.name for one in targets if one.name != CALIBRATED_ANGLE)
     about = ("kind", "particle", "filling", "set", "seed", "status")
     return tuple(dict.fromkeys((*about, *own, *MEAN_KEYS.values())))
 
 
 def measured_as(target: Target, definition: str) -> str:
-    """Column of the runs that holds a target where the angle is of this definition."""
+    """Column of the runs that holds a target where the angle is of a given definition.
+
+    Parameters
+    ----------
+    target : Target
+    definition : str
+
+    Returns
+    -------
+    str
+    """
     return MEAN_KEYS[definition] if target.name == CALIBRATED_ANGLE else target.name
 
 
@@ -88,7 +107,19 @@ def tables_of(
 
 
 def particle_row(about: Mapping[str, Any], mass_g: float) -> dict[str, Any]:
-    """Axes and mass of a cell's particle, and whether they are the measured berry's."""
+    """Axes and mass of a cell's particle, and whether they are the measured berry's.
+
+    Parameters
+    ----------
+    about : mapping
+        Content of the cell's file.
+    mass_g : float
+        Of the measured berry.
+
+    Returns
+    -------
+    dict
+    """
     axes, measured = np.array(about["axes_mm"]), np.array(about["measured_axes_mm"])
     off_axes, off_mass = float(np.abs(axes / measured - 1).max()), abs(about["mass_g"] / mass_g - 1)
     return {
@@ -103,7 +134,17 @@ def particle_row(about: Mapping[str, Any], mass_g: float) -> dict[str, Any]:
 
 
 def set_table(runs: pd.DataFrame, published: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
-    """Mean, standard error and difference from the published pile of each cell, definition and parameter set."""
+    """Mean, standard error and difference from the published pile of each cell, definition and parameter set.
+
+    Parameters
+    ----------
+    runs, published : pandas.DataFrame
+    targets : sequence of Target
+
+    Returns
+    -------
+    pandas.DataFrame
+    """
     rows, pairs = [], published.set_index("set")
     for (kind, particle, filling, name), group in runs.groupby(
         ["kind", "particle", "filling", "set"], sort=False
@@ -126,10 +167,19 @@ def combination_table(
 ) -> pd.DataFrame:
     """Each combination over all published sets, eligible ones first.
 
+    Parameters
+    ----------
+    sets, noise, particles : pandas.DataFrame
+    targets : sequence of Target
+
+    Returns
+    -------
+    pandas.DataFrame
+
     Notes
     -----
-    Mean differences with standard errors; the number of sets within the physical pile's standard deviations sd_i; and
-    the distance, the root of the mean over the sets of the sum of (difference_i / sd_i)^2.
+    Mean differences with standard errors; the number of sets within the physical pile's standard deviations
+    sd_i; and the distance, the root of the mean over the sets of the sum of (difference_i / sd_i)^2.
     """
     rows, measured = [], particles.set_index("particle")["measured_berry"]
     with_angle = any(one.name == CALIBRATED_ANGLE for one in targets)
@@ -173,11 +223,20 @@ def _signal_of(noise, particle, filling, response):
 def noise_table(runs: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
     """Signal and noise of every definition of the angle and of the other targets, for each particle and filling.
 
+    Parameters
+    ----------
+    runs : pandas.DataFrame
+    targets : sequence of Target
+
+    Returns
+    -------
+    pandas.DataFrame
+
     Notes
     -----
-    noise: standard deviation from seed to seed. signal: that of the true means over the designed parameter sets: the
-    spread of the sets' means less what the noise adds to it. The standard error of their ratio comes from leaving out
-    one set at a time (jackknife).
+    noise: standard deviation from seed to seed. signal: that of the true means over the designed parameter
+    sets: the spread of the sets' means less what the noise adds to it. The standard error of their ratio
+    comes from leaving out one set at a time (jackknife).
     """
     others = [one for one in targets if one.name != CALIBRATED_ANGLE]
     columns = MEAN_KEYS | {one.response.quantity: one.name for one in others}

@@ -142,7 +142,17 @@ def why_stopped(verdict: Mapping[str, Any], limit: int, targets: Targets) -> str
 
 
 def claim(verdict: Mapping[str, Any], targets: Targets) -> str:
-    """What the last round's own runs say of its proposal, in words."""
+    """What the last round's own runs say of its proposal, in words.
+
+    Parameters
+    ----------
+    verdict : mapping
+    targets : Targets
+
+    Returns
+    -------
+    str
+    """
     if verdict["outcome"] == "no pile":
         return "none: the proposal gives no pile"
     values = []

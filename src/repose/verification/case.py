@@ -84,13 +84,39 @@ def close(
 
 
 def at_most(quantity: str, unit: str, result: float, limit: float, source: str) -> Row:
-    """A result that must not exceed a limit."""
+    """A result that must not exceed a limit.
+
+    Parameters
+    ----------
+    quantity, unit : str
+        Name and unit of the result.
+    result, limit : float
+    source : str
+        Of the limit.
+
+    Returns
+    -------
+    Row
+    """
     status = PASSED if result <= limit else MISSED
     return Row(quantity, unit, f"at most {limit:.7g}", source, result, None, None, status)
 
 
 def within(quantity: str, unit: str, result: float, low: float, high: float, source: str) -> Row:
-    """A result that has to lie in a published range."""
+    """A result that has to lie in a published range.
+
+    Parameters
+    ----------
+    quantity, unit : str
+        Name and unit of the result.
+    result, low, high : float
+    source : str
+        Of the range.
+
+    Returns
+    -------
+    Row
+    """
     status = PASSED if low <= result <= high else MISSED
     return Row(quantity, unit, f"{low:g} to {high:g}", source, result, None, None, status)
 
@@ -98,7 +124,23 @@ def within(quantity: str, unit: str, result: float, low: float, high: float, sou
 def reported(
     quantity: str, unit: str, result: float, note: str, reference: float | str = "", source: str = ""
 ) -> Row:
-    """A result that is shown and not judged; with a number as reference its deviation too."""
+    """A result that is shown and not judged; with a number as reference its deviation too.
+
+    Parameters
+    ----------
+    quantity, unit : str
+        Name and unit of the result.
+    result : float
+    note : str
+        Shown beside the result.
+    reference : float or str, optional
+    source : str, optional
+        Of the reference.
+
+    Returns
+    -------
+    Row
+    """
     deviation = None
     if isinstance(reference, float) and reference != 0.0:
         deviation = abs(result - reference) / abs(reference)

@@ -70,10 +70,21 @@ class Hertz:
         return factor * self.overlap_m / self.speed
 
     def history(self, restitution: float, count: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Time [s], overlap [m] and normal force [N] of the damped impact from its differential equation (Tsuji 1992).
+        """The damped impact from its differential equation (Tsuji 1992).
 
-        m* d2(delta)/dt2 = -F, F = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) b sqrt(S m*) d(delta)/dt, S = 2 E* sqrt(R*
-        delta), b the damping ratio; in units in which overlap, mass and speed are 1.
+        m* d2(delta)/dt2 = -F, F = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) b sqrt(S m*) d(delta)/dt, S = 2 E*
+        sqrt(R* delta), b the damping ratio; in units in which overlap, mass and speed are 1.
+
+        Parameters
+        ----------
+        restitution : float
+        count : int, optional
+            Number of times.
+
+        Returns
+        -------
+        time, overlap, force : numpy.ndarray
+            s, m, and the normal force in N.
         """
         damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(restitution) * math.sqrt(15.0 / 8.0)
 
@@ -123,9 +134,24 @@ def sphere_over_plane(
     spin_rad_s: Sequence[float] = (0.0, 0.0, 0.0),
     tension: str = "keep",
 ) -> tuple[Simulation, int]:
-    """A sphere just above a rigid plane; returns the simulation and the steps until it has surely left.
+    """A sphere just above a rigid plane, without gravity.
 
-    velocity_m_s (3,): towards the plane, z negative; no gravity.
+    Parameters
+    ----------
+    solid : Solid
+    radius_m : float
+    contact : Contact
+    velocity_m_s : sequence of float, (3,)
+        Towards the plane, z negative.
+    spin_rad_s : sequence of float, (3,), optional
+    tension : str, optional
+        As the simulation takes it.
+
+    Returns
+    -------
+    simulation : Simulation
+    steps : int
+        Steps until the sphere has surely left.
     """
     hertz = hertz_on_plane(solid, radius_m, abs(velocity_m_s[2]))
     step = hertz.duration_s / STEPS_PER_CONTACT

@@ -161,7 +161,15 @@ def pairs_of_parameters(figure: Figure, names: Sequence[str]) -> Iterator[tuple[
 
 
 def save(figure: Figure, out_path: str | Path, small_run: bool) -> None:
-    """Write a PNG without anything that changes from run to run; a small run is marked across the top."""
+    """Write a PNG without anything that changes from run to run.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+    out_path : path
+    small_run : bool
+        A small run is marked across the top.
+    """
     if small_run:
         width, height = figure.get_size_inches()
         band = 0.24
