@@ -132,7 +132,18 @@ class GaussianProcess(Surrogate):
         )
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
-        """Responses (n, k), and their standard deviations; see `Surrogate.predict`."""
+        """Responses, and their standard deviations; see `Surrogate.predict`.
+
+        Parameters
+        ----------
+        X : array, (n, d)
+        return_std, noise : bool, optional
+
+        Returns
+        -------
+        mean, std : numpy.ndarray, (n, k)
+            `std` only with `return_std`.
+        """
         x = (checked_points(X, len(self.low_)) - self.low_) / self.width_
         if not return_std:
             means = np.column_stack([one.predict(x) for one in self.processes_])
@@ -142,7 +153,16 @@ class GaussianProcess(Surrogate):
         return means @ self._unmixing + self.offset_, np.sqrt(variances @ self._unmixing**2)
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Covariance (n, k, k) of the predicted means; diagonal without a `noise_covariance`."""
+        """Covariance of the predicted means; diagonal without a `noise_covariance`.
+
+        Parameters
+        ----------
+        X : array, (n, d)
+
+        Returns
+        -------
+        numpy.ndarray, (n, k, k)
+        """
         x = (checked_points(X, len(self.low_)) - self.low_) / self.width_
         roots = np.sqrt(self._moments(x)[1])[:, :, None] * self._unmixing
         return roots.transpose(0, 2, 1) @ roots
@@ -155,7 +175,18 @@ class GaussianProcess(Surrogate):
         return np.column_stack(means), np.maximum(variances, 0.0)
 
     def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """The means as one matrix product, an exponential and another product for each process."""
+        """The means as one matrix product, an exponential and another product for each process.
+
+        Parameters
+        ----------
+        low, high : numpy.ndarray, (d,)
+            What -1 and 1 stand for.
+
+        Returns
+        -------
+        callable
+            From points (n, d) to responses (n, k).
+        """
         middle, half = np.add(low, high) / 2, np.subtract(high, low) / 2
         parts = []
         for one in self.processes_:
@@ -176,7 +207,17 @@ class GaussianProcess(Surrogate):
         return respond
 
     def shifted(self, offset: np.ndarray) -> Self:
-        """A copy that predicts `offset` (k,) more."""
+        """A copy that predicts more.
+
+        Parameters
+        ----------
+        offset : numpy.ndarray, (k,)
+            Added to each prediction.
+
+        Returns
+        -------
+        GaussianProcess
+        """
         moved = copy.copy(self)
         moved.offset_ = self.offset_ + offset
         return moved
@@ -209,7 +250,16 @@ class GaussianProcess(Surrogate):
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """The processes of a `to_dict`; their numbers are not estimated again."""
+        """The processes of a `to_dict`; their numbers are not estimated again.
+
+        Parameters
+        ----------
+        content : mapping
+
+        Returns
+        -------
+        GaussianProcess
+        """
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
         model, training = cls(), content["training"]

@@ -116,7 +116,18 @@ class QuadraticSurface(Surrogate):
         return self
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
-        """Responses (n, k), and their standard deviations; see `Surrogate.predict`."""
+        """Responses, and their standard deviations; see `Surrogate.predict`.
+
+        Parameters
+        ----------
+        X : array, (n, d)
+        return_std, noise : bool, optional
+
+        Returns
+        -------
+        mean, std : numpy.ndarray, (n, k)
+            `std` only with `return_std`.
+        """
         a = self._terms(checked_points(X, len(self.low_)))
         mean = a @ self.coefficients_ + self.offset_
         if not return_std:
@@ -126,13 +137,32 @@ class QuadraticSurface(Surrogate):
         return mean, np.sqrt((leverage + noise) * self._variances)
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Covariance (n, k, k) of the predicted means: S_kl a'(R_k R_l')a with S of the residuals (Z62)."""
+        """Covariance of the predicted means: S_kl a'(R_k R_l')a with S of the residuals (Z62).
+
+        Parameters
+        ----------
+        X : array, (n, d)
+
+        Returns
+        -------
+        numpy.ndarray, (n, k, k)
+        """
         a = self._terms(checked_points(X, len(self.low_)))
         paths = np.stack([a @ root for root in self._roots], axis=1)
         return paths @ paths.transpose(0, 2, 1) * self.residual_covariance_
 
     def shifted(self, offset: np.ndarray) -> Self:
-        """A copy that predicts `offset` (k,) more."""
+        """A copy that predicts more.
+
+        Parameters
+        ----------
+        offset : numpy.ndarray, (k,)
+            Added to each prediction.
+
+        Returns
+        -------
+        QuadraticSurface
+        """
         moved = copy.copy(self)
         moved.offset_ = self.offset_ + offset
         return moved
@@ -157,7 +187,16 @@ class QuadraticSurface(Surrogate):
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """The surface of a `to_dict`."""
+        """The surface of a `to_dict`.
+
+        Parameters
+        ----------
+        content : mapping
+
+        Returns
+        -------
+        QuadraticSurface
+        """
         training = content["training"]
         model = cls().fit(training["inputs"], training["outputs"], precision=training["precision"])
         model.offset_ = np.asarray(content["offset"], dtype=float)

@@ -76,12 +76,21 @@ def checked_samples(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Samples as arrays of one form.
 
+    Parameters
+    ----------
+    X : array_like, (samples, inputs)
+    y : array_like, (samples,) or (samples, outputs)
+    sample_weight : array_like, (samples,), optional
+        How often a sample counts.
+    precision : array_like, (samples,) or (samples, outputs), optional
+        See `Surrogate.fit`.
+
     Returns
     -------
-    X : array (samples, inputs)
-    Y : array (samples, outputs)
-    count : array (samples,)
-    precision : array (samples, outputs)
+    X : numpy.ndarray, (samples, inputs)
+    Y : numpy.ndarray, (samples, outputs)
+    count : numpy.ndarray, (samples,)
+    precision : numpy.ndarray, (samples, outputs)
         All finite, and only of samples whose weight is above zero.
 
     Raises
