@@ -3,7 +3,21 @@ import os
 import sys
 from pathlib import Path
 
+import pytest
+
 # As in `repose.__main__`, and before numpy is loaded: threads that wait for each other on small matrices cost minutes.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parent))
 importlib.import_module("repose.apparatus")  # makes the responses known by name
+
+# Tests that run the engine stay on one worker, so that its kernels are compiled once; all others stay by their file.
+ENGINE = ("apparatus", "cli", "dem", "verification")
+
+
+def pytest_collection_modifyitems(items):
+    """Groups for `--dist loadgroup`."""
+    tests = Path(__file__).parent
+    for item in items:
+        path = item.path.relative_to(tests)
+        group = "engine" if path.parts[0] in ENGINE else str(path)
+        item.add_marker(pytest.mark.xdist_group(group))
