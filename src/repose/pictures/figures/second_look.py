@@ -101,5 +101,5 @@ def _map(panel, narrowing, order, base):
     labels = [TOGETHER.get(name) or response(name).label for name in order]
     panel.set_yticks(range(len(rows)), [*labels, f"{base},\nover the prior"], fontsize=6)
     panel.tick_params(length=0)
-    title = f"b   95 % interval, the simulator exact:\n     width over that with {base} alone"
+    title = f"b   95 % interval, simulator exact:\n     width over that with\n     {base} alone"
     panel.set_title(title, fontweight="bold")
