@@ -1,6 +1,7 @@
 """Shapes of bodies, sums of ellipsoids or clumps of spheres, with their mass and moments."""
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -170,3 +171,21 @@ class Clump:
     def slide(self) -> float:
         """How far a sphere's point that touches a plane may slide over it as the sphere's centre moves: nothing."""
         return 0.0
+
+
+def are_clumps(shapes: Mapping[str, Shape | Clump]) -> bool:
+    """Whether shapes are all clumps, False where none is; ValueError for a mixture or none at all."""
+    if not shapes:
+        raise ValueError("shapes is empty; allowed: names, each with a Shape or Clump, at least one")
+    of_clumps = isinstance(next(iter(shapes.values())), Clump)
+    if any(isinstance(shape, Clump) != of_clumps for shape in shapes.values()):
+        raise ValueError(
+            f"shapes has {', '.join(f'{k!r}: {type(v).__name__}' for k, v in shapes.items())}; "
+            "allowed: all of them a Shape or all of them a Clump (a sphere is a clump of one)"
+        )
+    return of_clumps
+
+
+def most_spheres(shapes: Iterable[Shape | Clump]) -> int:
+    """How many spheres the largest clump has; 0 for smooth bodies."""
+    return max(len(shape.spheres_m) if isinstance(shape, Clump) else 0 for shape in shapes)

@@ -2,28 +2,27 @@
 
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from . import contact_lists, running
-from .checks import chosen, height, is_name, is_number, mapping, number, positive, vector, whole_number
+from .body_rows import Body, write_body
+from .checks import chosen, height, is_number, mapping, number, positive, vector, whole_number
+from .contact_table import constants_of, number_materials, pairs_of
 from .io import checkpoint as checkpoints
 from .kernels import clumps as cl
 from .kernels import features, parallel
 from .kernels import state as st
 from .kernels import tile as tl
-from .kernels.atomics import BARRIER_SIZE
-from .kernels.engine import advance
-from .kernels.order import reorder
-from .kernels.rigid import TILE_ROWS, place_shape
+from .kernels.body_tile import TILE_ROWS
 from .laws import CONTACT_LAWS, ROLLING_LAWS, TENSIONS
 from .materials import Contact, Material
 from .observables import Observables
-from .rotations import rotation_matrix
-from .shapes import Clump, Shape
+from .shapes import Clump, Shape, are_clumps, most_spheres
+from .stepping import advance_some, grow
 from .surfaces import Mesh, Motion, Wall, WallSet
 from .wall_arrays import wall_arrays
 
@@ -101,14 +100,7 @@ class Simulation(Observables):
     ) -> None:
         self.shapes = mapping("shapes", shapes, Shape | Clump, "Shape or Clump")
         self.materials = mapping("materials", materials, Material, "Material")
-        if not self.shapes:
-            raise ValueError("shapes is empty; allowed: names, each with a Shape or Clump, at least one")
-        self._of_clumps = isinstance(next(iter(self.shapes.values())), Clump)
-        if any(isinstance(shape, Clump) != self._of_clumps for shape in self.shapes.values()):
-            raise ValueError(
-                f"shapes has {', '.join(f'{k!r}: {type(v).__name__}' for k, v in self.shapes.items())}; "
-                "allowed: all of them a Shape or all of them a Clump (a sphere is a clump of one)"
-            )
+        self._of_clumps = are_clumps(self.shapes)
         chosen("tension", tension, TENSIONS)
         self.tension = tension
         self.contact_law = chosen("contact_law", contact_law, CONTACT_LAWS)
@@ -122,11 +114,34 @@ class Simulation(Observables):
             )
         self.radius = self.largest_scale * max(shape.bounding_radius_m for shape in self.shapes.values())
         self.wall_set = WallSet({} if walls is None else walls)
-        self.contact_pairs = _pairs_of(contacts, self.materials)
-        self._set_materials(self.contact_pairs)
+        self.contact_pairs = pairs_of(contacts, self.materials)
+        of_walls = [surface.material for surface in self.wall_set.surfaces.values()]
+        self._numbers = number_materials(self.shapes, of_walls, self.materials, self.contact_pairs)
         limit = self.longest_time_step()
         dt = number("time_step_s", time_step_s, f"above 0, at most {limit:.3g}", lambda dt: 0.0 < dt <= limit)
         parts = 0 if self._of_clumps else max(len(shape.semi_axes_m) for shape in self.shapes.values())
+        self._make_arrays(parts)
+        of_pairs = self._numbers, self.materials, self.contact_pairs, tension
+        self.physics = st.Physics(
+            parts=parts,
+            gravity=vector("gravity_m_s2", gravity_m_s2),
+            law=self.contact_law.make_options(TENSIONS[tension]),
+            rolling=self.rolling_law.make_options(TENSIONS[tension]),
+            law_constants=constants_of(self.contact_law, *of_pairs),
+            rolling_constants=constants_of(self.rolling_law, *of_pairs),
+            n_state=self.contact_law.n_state,
+            mixed_pairs=len(self._numbers.of_bodies) > 1,
+            mixed_walls=len(self._numbers.of_bodies) > 1 or len(set(of_walls)) > 1,
+            dt=dt,
+            rolling_frame=np.zeros(3),
+            exit_height=height("exit_height_m", exit_height_m),
+            curved_walls_above=height("curved_walls_above_m", curved_walls_above_m),
+            floor_height=height("floor_height_m", floor_height_m),
+        )
+        self.threads = threads
+
+    def _make_arrays(self, parts: int) -> None:
+        """Make the arrays of bodies, walls and contacts, all of them empty; parts: most ellipsoids of a shape."""
         skin = SKIN_SHARE * self.radius
         self._shared = self.capacity >= parallel.FEWEST_BODIES and not self._of_clumps
         self._inner, self._outer = np.arange(self.capacity), np.arange(self.capacity)
@@ -145,58 +160,12 @@ class Simulation(Observables):
         self.flat, self.curved, self.meshed = contact_lists.new_wall_contacts(
             self.capacity, n_walls, self._of_clumps, self._n_state
         )
-        self.clumps = ()
+        self.clumps: Any = ()
         if self._of_clumps:
             self.clumps = cl.new_clumps(
                 list(self.shapes.values()), self._shape_ids, self._scales, n_walls[:2], len(self.meshed.body)
             )
         self.counts = np.zeros(st.COUNTS, np.int64)
-        wall_kinds = {surface.material for surface in self.wall_set.surfaces.values()}
-        self.physics = st.Physics(
-            parts=parts,
-            gravity=vector("gravity_m_s2", gravity_m_s2),
-            law=self.contact_law.make_options(TENSIONS[tension]),
-            rolling=self.rolling_law.make_options(TENSIONS[tension]),
-            law_constants=self._constants_of(self.contact_law),
-            rolling_constants=self._constants_of(self.rolling_law),
-            n_state=self.contact_law.n_state,
-            mixed_pairs=len(self._kinds) > 1,
-            mixed_walls=len(self._kinds) > 1 or len(wall_kinds) > 1,
-            dt=dt,
-            rolling_frame=np.zeros(3),
-            exit_height=height("exit_height_m", exit_height_m),
-            curved_walls_above=height("curved_walls_above_m", curved_walls_above_m),
-            floor_height=height("floor_height_m", floor_height_m),
-        )
-        self.threads = threads
-
-    def _set_materials(self, contacts):
-        """Number the materials, those of bodies first, and make the table of force laws."""
-        names = list(dict.fromkeys(shape.material for shape in self.shapes.values()))
-        self._kinds = {name: k for k, name in enumerate(names)}
-        names += dict.fromkeys(s.material for s in self.wall_set.surfaces.values() if s.material not in names)
-        self._wall_kinds = {name: k for k, name in enumerate(names)}
-        for name in names:
-            if name not in self.materials:
-                raise ValueError(f"material is {name!r}; allowed: {', '.join(self.materials)}")
-        self._names = names
-        for a in self._kinds:
-            for b in names:
-                if (a, b) not in contacts:
-                    raise ValueError(
-                        f"contacts has no pair ({a!r}, {b!r}); every pair of materials that can meet needs one"
-                    )
-
-    def _constants_of(self, law):
-        """Constants of a force law for all pairs of materials that can meet (K, K, n)."""
-        names = self._names
-        table = np.zeros((len(names), len(names), law.n_constants))
-        for a, i in self._kinds.items():
-            for j, b in enumerate(names):
-                contact = self.contact_pairs[a, b]
-                table[i, j] = law.constants(self.materials[a], self.materials[b], contact, self.tension)
-                table[j, i] = table[i, j]
-        return table
 
     @property
     def _n_state(self):
@@ -206,7 +175,7 @@ class Simulation(Observables):
     def _wall_arrays(self, old=None):
         """The walls as the kernels take them, where they are now."""
         size = float(np.linalg.norm(self.upper - self.lower))
-        return wall_arrays(self.wall_set, self._wall_kinds, size, old)
+        return wall_arrays(self.wall_set, self._numbers.of_all, size, old)
 
     def set_motion(self, wall: str, motion: Motion) -> None:
         """Give a wall another `Motion` from now on.
@@ -323,31 +292,11 @@ class Simulation(Observables):
         position = vector("position_m", position_m)
         velocity = vector("velocity_m_s", velocity_m_s)
         turning = vector("angular_velocity_rad_s", angular_velocity_rad_s)
-        row = self.bodies.rows[i]
-        row[st.POSITION : st.POSITION + 3] = position
-        row[st.VELOCITY : st.VELOCITY + 3] = velocity
-        row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3] = turning
-        row[st.INVERSE_MASS] = 1.0 / (kind.mass_kg * scale**3)
-        turned = turned / length
-        inertia = kind.inertia_kg_m2 * scale**5
-        turn = rotation_matrix(turned)
-        spin = turn @ (inertia * (turn.T @ row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3]))
-        squares = np.zeros(3 * st.MOST_PARTS)
-        if not self._of_clumps:
-            squares[: kind.semi_axes_m.size] = ((kind.semi_axes_m * scale) ** 2).ravel()
-        lanes = self.bodies.motion[i // st.LANES, i % st.LANES :: st.LANES]
-        for first, values in (
-            (st.QUATERNION, turned),
-            (st.ANGULAR_MOMENTUM, spin),
-            (st.INVERSE_MOMENTS, 1.0 / inertia),
-            (st.SQUARES, squares),
-            (st.RADIUS, [kind.bounding_radius_m * scale]),
-        ):
-            lanes[first // st.LANES : first // st.LANES + len(values)] = values
-        place_shape(self.bodies, i, self.physics.parts, self._body_tiles[0])
+        body = Body(kind, position, turned / length, velocity, turning, scale)
+        write_body(self.bodies, i, body, self.physics.parts, self._body_tiles[0])
         self._shape_ids[i] = list(self.shapes).index(shape)
         self._scales[i] = scale
-        self.bodies.kind[i] = self._kinds[kind.material]
+        self.bodies.kind[i] = self._numbers.of_bodies[kind.material]
         self.bodies.presence[i] = st.PRESENT
         self.bodies.wall_check[i] = -1.0
         self.bodies.resting[i // st.LANES] = 0
@@ -378,38 +327,11 @@ class Simulation(Observables):
         """
         left = whole_number("steps", steps, 0)
         while left > 0:
-            left -= self._advance(left)
+            left -= advance_some(self, left)
             if self.counts[st.FULL]:
                 raise RuntimeError("a contact list overflowed within one step; bodies overlap wildly")
             if left > 0:
-                self._grow()
-
-    def _advance(self, steps):
-        """Advance by at most so many steps, less where a list has to grow; returns the steps made."""
-        lists = (self.bodies, self.pairs, self.flat, self.curved, self.meshed)
-        world = (self.grid, self.walls, self.meshes, self.counts, self.physics)
-        if not self._shared:
-            scratch = (self._tiles[0], self._body_tiles[0], self._scratches[0])
-            return advance(*lists, self.clumps, *world, *scratch, steps)
-        if self.steps % parallel.REORDER_EVERY == 0:
-            self._reorder()
-        steps = min(steps, parallel.REORDER_EVERY - self.steps % parallel.REORDER_EVERY)
-        shared = st.Shared(
-            counters=np.zeros(BARRIER_SIZE, np.int64),
-            orders=np.zeros(1, np.int64),
-            begins=np.zeros(parallel.SHARES, np.int64),
-            numbers=np.zeros(parallel.SHARES, np.int64),
-            due=np.zeros(len(self.pairs.near_limit), np.int64),
-        )
-        tiles = (self._tiles, self._body_tiles, self._scratches)
-        return parallel.run_threads((*lists, *world), tiles, shared, steps)
-
-    def _reorder(self):
-        """Number the bodies in the order of space; what users see keeps their numbers."""
-        n = self.n_bodies
-        order = reorder(self.bodies, self.grid, self.pairs, self.flat, self.curved, self.meshed, self.counts)
-        self._outer[:n] = self._outer[:n][order]
-        self._inner[self._outer[:n]] = np.arange(n)
+                grow(self)
 
     def run(
         self,
@@ -464,39 +386,3 @@ class Simulation(Observables):
             sources of the engine.
         """
         return checkpoints.load(cls, path)
-
-    def _grow(self):
-        """Double the lists that are filling up; each in one move, or an interrupt could leave half of one."""
-        self.pairs = contact_lists.grown_pairs(
-            self.pairs, self.counts, self.capacity, self._most_spheres, self._n_state
-        )
-        self.flat = contact_lists.grown_wall_contacts(self.flat, self.counts[st.N_PLANE], self.capacity)
-        self.curved = contact_lists.grown_wall_contacts(self.curved, self.counts[st.N_CURVED], self.capacity)
-        meshed = contact_lists.grown_wall_contacts(self.meshed, self.counts[st.N_MESHED], self.capacity)
-        if self._of_clumps:
-            self.clumps = cl.with_room(self.clumps, len(meshed.body))
-        self.meshed = meshed
-
-
-def most_spheres(shapes: Iterable[Shape | Clump]) -> int:
-    """How many spheres the largest clump has; 0 for smooth bodies."""
-    return max(len(shape.spheres_m) if isinstance(shape, Clump) else 0 for shape in shapes)
-
-
-def _pairs_of(contacts, materials):
-    """Contacts by pairs of names in both orders, or ValueError."""
-    if not isinstance(contacts, Mapping):
-        raise ValueError(f"contacts is {contacts!r}; allowed: (material, material): Contact")
-    both = {}
-    for pair, contact in contacts.items():
-        named = isinstance(pair, tuple) and len(pair) == 2 and all(is_name(name) for name in pair)
-        if not (named and isinstance(contact, Contact)):
-            raise ValueError(f"contacts has {pair!r}: {contact!r}; allowed: (material, material): Contact")
-        if not set(pair) <= set(materials):
-            raise ValueError(f"contacts has {pair!r}; allowed: pairs of {', '.join(materials)}")
-        if both.get(pair, contact) != contact:
-            raise ValueError(
-                f"contacts has {pair!r} in both orders; allowed: one of them, or the same for both"
-            )
-        both[pair] = both[pair[::-1]] = contact
-    return both

@@ -17,7 +17,8 @@ from .frames import into_frame, turn_place, write_plane
 from .jit import inlined, kernel
 from .meshes import deepest_near, hand_over, search_mesh, track
 from .state import LANES, MOST_SPHERES, SHAPE
-from .walls import add_wall_contact, drop_wall_contact, effective_radius
+from .wall_contact import effective_radius
+from .walls import add_wall_contact, drop_wall_contact
 
 L = LANES
 NEAREST = 1e-30  # of two points, for a direction [m]

@@ -1,12 +1,6 @@
-"""Exact walls: planes (also discs), the inside of cones and tubes, and rounded ring edges.
+"""Contacts of bodies with planes, cones and ring edges: found anew and tracked from step to step.
 
-The inside of a cone or tube is convex, an intersection of half-spaces whose normals m(theta) turn about the axis. The
-overlap of a body is therefore the largest of phi(theta) = m.c + h(m) - k, a search in one variable; a long body in a
-narrow tube has two maxima and then two contacts. The edge at the end of a cone is a torus of a small stated radius,
-tangent to the cone. Which of the two a body touches is decided by the point projected onto the wall, so force and
-overlap pass continuously from one to the other and no band is left without a contact.
-
-Cones and rings are solved in their own frame, whose z axis is theirs (`frames`).
+`wall_contact` solves a contact with one wall.
 """
 
 import math
@@ -14,11 +8,11 @@ import math
 import numpy as np
 
 from . import state as st
-from .contact import LONGEST_STEP
 from .frames import into_frame, row_in_frame, turn_place, write_plane
-from .geometry import extent, support_terms, tangents
+from .geometry import extent
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
+from .wall_contact import climb_cone, cone_contact, ring_contact, ring_newton, solve_cone, solve_ring
 
 COSINES = np.cos(2.0 * np.pi * np.arange(st.STARTS) / st.STARTS)
 SINES = np.sin(2.0 * np.pi * np.arange(st.STARTS) / st.STARTS)
@@ -30,184 +24,6 @@ SAME_AZIMUTH = 0.12
 # wall's continuation, beyond the wall's end, and where its contact is known (a second one grows out of the first).
 NEXT_LOOK_BEYOND = 0.01
 NEXT_LOOK_KNOWN = 0.1
-# Concave walls flatter than the body: the relative curvature keeps at least this share of the body's own.
-LEAST_RELATIVE_CURVATURE = 0.1
-
-
-@inlined
-def effective_radius(q11, q12, q22, k1, k2):
-    """R* of a body (curvature radii Q) on a wall with principal curvatures k1, k2 along Q's axes.
-
-    1 / R*^2 = det(Q^-1 + K); a concave wall has a negative curvature.
-    """
-    det = q11 * q22 - q12 * q12
-    relative = 1.0 + q11 * k1 + q22 * k2 + det * k1 * k2
-    return math.sqrt(det / max(relative, LEAST_RELATIVE_CURVATURE))
-
-
-@inlined
-def cone_overlap(row, parts, cone, theta):
-    """phi(theta), its first and second derivative, and how far up the wall the body's deepest point lies."""
-    cos, sin = math.cos(theta), math.sin(theta)
-    mr, mz = cone[0], cone[1]
-    nx, ny, nz = mr * cos, mr * sin, mz
-    ux, uy, uz = -sin, cos, 0.0
-    wx, wy, wz = -mz * cos, -mz * sin, mr
-    h, x1, x2, q11, _q12, _q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
-    # the body's point: c + h n + x1 u + x2 w
-    px = row[0] + h * nx + x1 * ux + x2 * wx
-    py = row[1] + h * ny + x1 * uy + x2 * wy
-    pz = row[2] + h * nz + x2 * wz
-    value = nx * row[0] + ny * row[1] + nz * row[2] + h - cone[2]
-    slope = mr * (ux * px + uy * py)
-    bend = mr * mr * q11 - mr * (cos * px + sin * py)
-    along = (cos * px + sin * py) * cone[5] + pz * cone[6]
-    return value, slope, bend, along
-
-
-@inlined
-def climb_cone(row, parts, cone, theta):
-    """One step towards the nearest maximum of phi."""
-    _value, slope, bend, _along = cone_overlap(row, parts, cone, theta)
-    # where phi is not concave, or nearly flat, a short step uphill
-    step = -slope / bend if bend < -1e-7 else math.copysign(0.05, slope)
-    return theta + min(max(step, -0.2), 0.2)
-
-
-@kernel
-def cone_contact(row, parts, cone, theta, out):
-    """Contact of a body with a cone at azimuth theta (already a maximum of phi): fills `out`.
-
-    out: normal (3), gap, R*, contact point relative to the centre (3). Returns whether the contact lies on the wall.
-    """
-    cos, sin = math.cos(theta), math.sin(theta)
-    mr, mz = cone[0], cone[1]
-    nx, ny, nz = mr * cos, mr * sin, mz
-    ux, uy, uz = -sin, cos, 0.0
-    wx, wy, wz = -mz * cos, -mz * sin, mr
-    h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
-    gap = cone[2] - (nx * row[0] + ny * row[1] + nz * row[2] + h)
-    reach = h + 0.5 * gap
-    out[0], out[1], out[2] = nx, ny, nz
-    out[3] = gap
-    out[5] = reach * nx + x1 * ux + x2 * wx
-    out[6] = reach * ny + x1 * uy + x2 * wy
-    out[7] = reach * nz + x1 * uz + x2 * wz
-    px = row[0] + out[5]
-    py = row[1] + out[6]
-    pz = row[2] + out[7]
-    across = max(cos * px + sin * py, 1e-6)
-    # a cone curves towards the body with the radius across / m_r
-    out[4] = effective_radius(q11, q12, q22, -mr / across, 0.0)
-    along = across * cone[5] + pz * cone[6]
-    return along >= cone[3] and along <= cone[4]
-
-
-@inlined
-def ring_newton(row, parts, ring, theta, nx, ny, nz):
-    """One Newton step for the distance of a body to a circle: maximum over n, minimum over theta.
-
-    Returns the stepped theta and n, the distance at the old ones and the length of the step.
-    """
-    cos, sin = math.cos(theta), math.sin(theta)
-    radius = ring[0]
-    dx = radius * cos - row[0]
-    dy = radius * sin - row[1]
-    dz = ring[1] - row[2]
-    ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
-    f = nx * dx + ny * dy + nz * dz - h
-    g1 = dx * ux + dy * uy + dz * uz - x1
-    g2 = dx * wx + dy * wy + dz * wz - x2
-    # derivatives along the circle
-    tx, ty = -radius * sin, radius * cos
-    slope = nx * tx + ny * ty
-    bend = -radius * (nx * cos + ny * sin)
-    c1 = ux * tx + uy * ty
-    c2 = wx * tx + wy * ty
-    a = q11 + f
-    c = q22 + f
-    trace = q11 + q22
-    det = a * c - q12 * q12
-    if not (a > 0.0 and c > 0.0 and det > 1e-3 * trace * trace):
-        a = c = trace
-        q12 = 0.0
-        det = a * c
-    # eliminate n: s = A^-1 (g + c dtheta), then the reduced equation for theta
-    k1 = (c * c1 - q12 * c2) / det
-    k2 = (a * c2 - q12 * c1) / det
-    reduced = bend + c1 * k1 + c2 * k2
-    pull = slope + g1 * k1 + g2 * k2
-    turn = -pull / reduced if reduced > 1e-7 else -math.copysign(0.05, pull)
-    turn = min(max(turn, -0.2), 0.2)
-    g1 += c1 * turn
-    g2 += c2 * turn
-    s1 = (c * g1 - q12 * g2) / det
-    s2 = (a * g2 - q12 * g1) / det
-    length = math.sqrt(s1 * s1 + s2 * s2)
-    if length > LONGEST_STEP:
-        s1 *= LONGEST_STEP / length
-        s2 *= LONGEST_STEP / length
-    mx = nx + s1 * ux + s2 * wx
-    my = ny + s1 * uy + s2 * wy
-    mz = nz + s1 * uz + s2 * wz
-    inv = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
-    return theta + turn, mx * inv, my * inv, mz * inv, f, abs(turn) + length
-
-
-@kernel
-def ring_contact(row, parts, ring, theta, nx, ny, nz, out):
-    """Contact of a body with a ring edge at a solved (theta, n): fills `out` as `cone_contact` does.
-
-    Returns whether the normal points at the part of the torus that is not hidden behind the adjoining walls.
-    """
-    cos, sin = math.cos(theta), math.sin(theta)
-    # frame: u along the edge as far as it is tangent to the body, w across it
-    ux, uy, uz = -sin, cos, 0.0
-    un = ux * nx + uy * ny
-    ux -= un * nx
-    uy -= un * ny
-    uz -= un * nz
-    inv = 1.0 / math.sqrt(ux * ux + uy * uy + uz * uz)
-    ux *= inv
-    uy *= inv
-    uz *= inv
-    wx = ny * uz - nz * uy
-    wy = nz * ux - nx * uz
-    wz = nx * uy - ny * ux
-    h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
-    edge = ring[2]
-    gap = nx * (ring[0] * cos - row[0]) + ny * (ring[0] * sin - row[1]) + nz * (ring[1] - row[2]) - h - edge
-    reach = h + 0.5 * gap
-    out[0], out[1], out[2] = nx, ny, nz
-    out[3] = gap
-    outward = nx * cos + ny * sin
-    out[4] = effective_radius(q11, q12, q22, -outward / max(ring[0] - edge * outward, edge), 1.0 / edge)
-    out[5] = reach * nx + x1 * ux + x2 * wx
-    out[6] = reach * ny + x1 * uy + x2 * wy
-    out[7] = reach * nz + x1 * uz + x2 * wz
-    return outward * ring[3] + nz * ring[4] >= 0.0 and outward * ring[5] + nz * ring[6] >= 0.0
-
-
-@inlined
-def solve_cone(row, parts, cone, theta):
-    """Climb to a maximum of phi from a start."""
-    for _ in range(40):
-        step = climb_cone(row, parts, cone, theta) - theta
-        theta += step
-        if abs(step) < 1e-9:
-            break
-    return theta
-
-
-@inlined
-def solve_ring(row, parts, ring, theta, nx, ny, nz):
-    """Solve for the nearest point of a circle from a start; returns theta and n."""
-    for _ in range(40):
-        theta, nx, ny, nz, _f, step = ring_newton(row, parts, ring, theta, nx, ny, nz)
-        if step < 1e-9:
-            break
-    return theta, nx, ny, nz
 
 
 @inlined

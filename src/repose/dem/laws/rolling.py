@@ -2,7 +2,8 @@
 
 Every contact lends each of its bodies a budget of mu_r |F_n| r, with r the distance of the contact from the body's
 centre. The sum of a body's budgets opposes the rotation that all other torques leave: it can stop the rotation and
-never reverses it (`kernels.rigid`), so a pile comes to rest. For one contact this is the directional constant torque.
+never reverses it (`kernels.body_rotation`), so a pile comes to rest. For one contact this is the directional constant
+torque.
 
 References
 ----------

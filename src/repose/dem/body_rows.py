@@ -1,0 +1,47 @@
+"""The rows of one body, as the kernels have them."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .kernels import state as st
+from .kernels.rigid import place_shape
+from .rotations import rotation_matrix
+from .shapes import Clump, Shape
+
+
+class Body(NamedTuple):
+    """A body in its place: vectors (3,) of the world frame in SI units, a unit quaternion (4,), scale of lengths."""
+
+    kind: Shape | Clump
+    position: np.ndarray
+    quaternion: np.ndarray
+    velocity: np.ndarray
+    angular_velocity: np.ndarray
+    scale: float
+
+
+def write_body(bodies: Any, i: int, body: Body, parts: int, tile: np.ndarray) -> None:
+    """Write body i into the arrays of the bodies; parts: ellipsoids of a shape at most; tile: a scratch tile."""
+    kind, scale = body.kind, body.scale
+    row = bodies.rows[i]
+    row[st.POSITION : st.POSITION + 3] = body.position
+    row[st.VELOCITY : st.VELOCITY + 3] = body.velocity
+    row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3] = body.angular_velocity
+    row[st.INVERSE_MASS] = 1.0 / (kind.mass_kg * scale**3)
+    inertia = kind.inertia_kg_m2 * scale**5
+    turn = rotation_matrix(body.quaternion)
+    spin = turn @ (inertia * (turn.T @ row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3]))
+    squares = np.zeros(3 * st.MOST_PARTS)
+    if isinstance(kind, Shape):
+        squares[: kind.semi_axes_m.size] = ((kind.semi_axes_m * scale) ** 2).ravel()
+    lanes = bodies.motion[i // st.LANES, i % st.LANES :: st.LANES]
+    for first, values in (
+        (st.QUATERNION, body.quaternion),
+        (st.ANGULAR_MOMENTUM, spin),
+        (st.INVERSE_MOMENTS, 1.0 / inertia),
+        (st.SQUARES, squares),
+        (st.RADIUS, [kind.bounding_radius_m * scale]),
+    ):
+        lanes[first // st.LANES : first // st.LANES + len(values)] = values
+    place_shape(bodies, i, parts, tile)

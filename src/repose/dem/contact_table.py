@@ -1,0 +1,73 @@
+"""Materials of a simulation by number, and the table of a force law's constants for each pair of them."""
+
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from .checks import is_name
+from .laws import Law
+from .materials import Contact, Material
+from .shapes import Clump, Shape
+
+Pairs = dict[tuple[str, str], Contact]
+
+
+class MaterialNumbers(NamedTuple):
+    """Number of each material by its name: of those that bodies have, and of all; the former come first."""
+
+    of_bodies: dict[str, int]
+    of_all: dict[str, int]
+
+
+def pairs_of(contacts: Mapping[tuple[str, str], Contact], materials: Mapping[str, Material]) -> Pairs:
+    """Contacts by pairs of names in both orders, or ValueError."""
+    if not isinstance(contacts, Mapping):
+        raise ValueError(f"contacts is {contacts!r}; allowed: (material, material): Contact")
+    both: Pairs = {}
+    for pair, contact in contacts.items():
+        named = isinstance(pair, tuple) and len(pair) == 2 and all(is_name(name) for name in pair)
+        if not (named and isinstance(contact, Contact)):
+            raise ValueError(f"contacts has {pair!r}: {contact!r}; allowed: (material, material): Contact")
+        if not set(pair) <= set(materials):
+            raise ValueError(f"contacts has {pair!r}; allowed: pairs of {', '.join(materials)}")
+        if both.get(pair, contact) != contact:
+            raise ValueError(
+                f"contacts has {pair!r} in both orders; allowed: one of them, or the same for both"
+            )
+        both[pair] = both[pair[::-1]] = contact
+    return both
+
+
+def number_materials(
+    shapes: Mapping[str, Shape] | Mapping[str, Clump],
+    of_walls: Iterable[str],
+    materials: Mapping[str, Material],
+    contacts: Pairs,
+) -> MaterialNumbers:
+    """Number the materials, those of bodies first; ValueError where a material or a pair of them is missing."""
+    names = list(dict.fromkeys(shape.material for shape in shapes.values()))
+    of_bodies = {name: k for k, name in enumerate(names)}
+    names += dict.fromkeys(name for name in of_walls if name not in names)
+    for name in names:
+        if name not in materials:
+            raise ValueError(f"material is {name!r}; allowed: {', '.join(materials)}")
+    for a in of_bodies:
+        for b in names:
+            if (a, b) not in contacts:
+                raise ValueError(
+                    f"contacts has no pair ({a!r}, {b!r}); every pair of materials that can meet needs one"
+                )
+    return MaterialNumbers(of_bodies, {name: k for k, name in enumerate(names)})
+
+
+def constants_of(
+    law: Law, numbers: MaterialNumbers, materials: Mapping[str, Material], contacts: Pairs, tension: str
+) -> np.ndarray:
+    """Constants of a force law for all pairs of materials that can meet (K, K, n)."""
+    table = np.zeros((len(numbers.of_all), len(numbers.of_all), law.n_constants))
+    for a, i in numbers.of_bodies.items():
+        for b, j in numbers.of_all.items():
+            table[i, j] = law.constants(materials[a], materials[b], contacts[a, b], tension)
+            table[j, i] = table[i, j]
+    return table
