@@ -110,14 +110,16 @@ DROP = register(
     )
 )
 
-if __name__ == "__main__":
+
+def main(berries=20, duration_s=2.0):
+    """Drop berries without and with rolling friction."""
     from repose.apparatus.job import run_once
     from repose.config import loader
     from repose.core.parameters import PARAMETERS
     from repose.particle.build import ellipsoid_mesh, fit_particle
 
     config = loader.load("config/quick.yaml")
-    config["drop"] = {"berries": 20, "seeds": 1, "height_mm": 100.0, "duration_s": 2.0}
+    config["drop"] = {"berries": berries, "seeds": 1, "height_mm": 100.0, "duration_s": duration_s}
     config["targets"] = [
         {
             "response": "spread_mm",
@@ -134,3 +136,7 @@ if __name__ == "__main__":
         parameters = dict(zip(PARAMETERS, (0.2, 0.6, rolling, 0.2, 0.6, rolling), strict=True))
         measured, _ = run_once(DROP, config, parameters, 1, particle, berry)
         print(f"rolling friction {rolling}: {DROP.in_words.format(**measured)}")
+
+
+if __name__ == "__main__":
+    main()
