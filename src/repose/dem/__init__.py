@@ -11,10 +11,12 @@ if TYPE_CHECKING:
     from .io.recorder import Recorder
     from .io.vtk import VtkSeries, write_vtk
     from .materials import Contact, Material
+    from .mesh_wall import Mesh
+    from .motion import Motion
     from .rotations import random_quaternion, rotation_matrices, rotation_matrix
     from .shapes import Clump, Shape
     from .simulation import Simulation
-    from .surfaces import Cone, Cylinder, Mesh, Motion, Plane, RingEdge
+    from .surfaces import Cone, Cylinder, Plane, RingEdge
 
 _HOME = {
     "Clump": "shapes",
@@ -22,8 +24,8 @@ _HOME = {
     "Contact": "materials",
     "Cylinder": "surfaces",
     "Material": "materials",
-    "Mesh": "surfaces",
-    "Motion": "surfaces",
+    "Mesh": "mesh_wall",
+    "Motion": "motion",
     "Plane": "surfaces",
     "Recorder": "io.recorder",
     "RingEdge": "surfaces",

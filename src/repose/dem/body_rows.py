@@ -3,7 +3,9 @@
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from .checks import vector
 from .kernels import state as st
 from .kernels.rigid import place_shape
 from .rotations import rotation_matrix
@@ -19,6 +21,25 @@ class Body(NamedTuple):
     velocity: np.ndarray
     angular_velocity: np.ndarray
     scale: float
+
+
+def checked_body(
+    kind: Shape | Clump,
+    position_m: ArrayLike,
+    quaternion: ArrayLike,
+    velocity_m_s: ArrayLike,
+    angular_velocity_rad_s: ArrayLike,
+    scale: float,
+) -> Body:
+    """A body of what a user gives; ValueError naming what is no vector of finite numbers, or a quaternion of 0."""
+    turned = vector("quaternion", quaternion, 4)
+    length = np.linalg.norm(turned)
+    if not length > 0.0:
+        raise ValueError("quaternion is 0; allowed: four finite numbers that are not all 0")
+    position = vector("position_m", position_m)
+    velocity = vector("velocity_m_s", velocity_m_s)
+    turning = vector("angular_velocity_rad_s", angular_velocity_rad_s)
+    return Body(kind, position, turned / length, velocity, turning, scale)
 
 
 def write_body(bodies: Any, i: int, body: Body, parts: int, tile: np.ndarray) -> None:

@@ -46,7 +46,7 @@ def whole_number(name, value, least):
 
 
 def vector(name, value, length=3):
-    """So many finite numbers as an array."""
+    """A given number of finite numbers as an array."""
     words = {3: "three", 4: "four", 7: "seven"}[length]
     return array(name, value, (length,), f"{words} finite numbers")
 

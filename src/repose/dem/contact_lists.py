@@ -23,7 +23,7 @@ def new_pairs(capacity: int, most_spheres: int, n_state: int) -> Any:
 def new_wall_contacts(
     capacity: int, n_walls: tuple[int, int, int], of_clumps: bool, n_state: int
 ) -> tuple[Any, Any, Any]:
-    """Room for contacts with planes, with cones and rings, and with meshes, of which there are so many."""
+    """Room for contacts with planes, with cones and rings, and with meshes; n_walls: number of each kind."""
     n_planes, _n_curved, n_meshes = n_walls
     spare = 64 * st.MOST_SPHERES if of_clumps else 64
     rows = (ct.WALL_STATE if of_clumps else st.WALL_STATE) // st.LANES + n_state

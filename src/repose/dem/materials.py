@@ -9,8 +9,17 @@ from .checks import not_negative, number, positive
 class Material:
     """An isotropic elastic material.
 
-    shear_modulus_pa: G > 0 [Pa]; poisson_ratio: -1 < nu <= 0.5.
-    Raises ValueError naming the value that is out of range.
+    Parameters
+    ----------
+    shear_modulus_pa : float
+        G, above 0 [Pa].
+    poisson_ratio : float
+        nu, above -1, at most 0.5.
+
+    Raises
+    ------
+    ValueError
+        Naming the value that is out of range.
     """
 
     shear_modulus_pa: float
@@ -30,8 +39,19 @@ class Material:
 class Contact:
     """What the contact law needs to know of a pair of surfaces.
 
-    restitution: 0 < e <= 1; static_friction, rolling_friction: >= 0 (dimensionless).
-    Raises ValueError naming the value that is out of range.
+    Parameters
+    ----------
+    restitution : float
+        Coefficient of restitution e, above 0, at most 1.
+    static_friction : float
+        Coefficient mu_s of Coulomb's limit, 0 or more.
+    rolling_friction : float
+        Coefficient mu_r of the rolling resistance, 0 or more.
+
+    Raises
+    ------
+    ValueError
+        Naming the value that is out of range.
     """
 
     restitution: float
@@ -45,7 +65,18 @@ class Contact:
 
 
 def effective_moduli(a: Material, b: Material) -> tuple[float, float]:
-    """E* and G* of two materials: 1/E* = sum (1 - nu^2)/E, 1/G* = sum (2 - nu)/G [Pa]."""
+    """Effective moduli of two materials in contact.
+
+    Parameters
+    ----------
+    a, b : Material
+        The two materials.
+
+    Returns
+    -------
+    young, shear : float
+        E* and G* [Pa], with 1/E* = sum (1 - nu^2)/E and 1/G* = sum (2 - nu)/G.
+    """
     young = 1.0 / sum((1.0 - m.poisson_ratio**2) / m.elastic_modulus_pa for m in (a, b))
     shear = 1.0 / sum((2.0 - m.poisson_ratio) / m.shear_modulus_pa for m in (a, b))
     return young, shear

@@ -91,7 +91,13 @@ class Observables:
         return values[self._inner[: self.n_bodies]] if self._shared else values[: self.n_bodies]
 
     def kinetic_energies(self) -> np.ndarray:
-        """Kinetic energy of each body, translation and rotation (N,) [J]."""
+        """Kinetic energy of each body, of translation and rotation.
+
+        Returns
+        -------
+        ndarray (N,)
+            The energies [J].
+        """
         inverse = self._seen(self.bodies.rows)[:, st.INVERSE_MASS]
         masses = np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0.0)
         translation = 0.5 * masses * np.sum(self.velocities**2, axis=1)
@@ -99,7 +105,13 @@ class Observables:
         return translation + rotation
 
     def contacts(self) -> np.ndarray:
-        """Indices of the touching pairs (M, 2), the smaller first, sorted."""
+        """Pairs of bodies that touch.
+
+        Returns
+        -------
+        ndarray (M, 2)
+            Indices of the two bodies, the smaller first, sorted by rows.
+        """
         n = self.counts[st.N_PAIRS]
         pairs = self._outer[np.column_stack([self.pairs.first[:n], self.pairs.second[:n]])]
         pairs.sort(axis=1)
@@ -108,9 +120,16 @@ class Observables:
         return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
     def sphere_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Touching spheres of two clumps: bodies (M, 2), the smaller first, their spheres (M, 2), normals (M, 3).
+        """Spheres of two clumps that touch; empty for smooth bodies.
 
-        The normal points from the first body to the second. Empty for smooth bodies.
+        Returns
+        -------
+        bodies : ndarray (M, 2)
+            Indices of the two bodies, the smaller first.
+        spheres : ndarray (M, 2)
+            Indices of their spheres.
+        normals : ndarray (M, 3)
+            Unit vectors from the first body to the second.
         """
         n = int(self.counts[st.N_PAIRS]) if self._of_clumps else 0
         bodies = np.column_stack([self.pairs.first[:n], self.pairs.second[:n]]).astype(np.int64)
@@ -118,9 +137,18 @@ class Observables:
         return bodies, spheres, st.contact_rows(self.pairs.data, n)[:, :3].copy()
 
     def curved_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Contacts with cones, tubes and rings: body (M,), wall (M,), normal (M, 3), azimuth (M,) [rad].
+        """Contacts with cones, tubes and rings.
 
-        Walls are numbered with the cones and tubes first, then the rings.
+        Returns
+        -------
+        body : ndarray (M,)
+            Index of the body.
+        wall : ndarray (M,)
+            Number of the wall: the cones and tubes first, then the rings.
+        normal : ndarray (M, 3)
+            Unit vector into the wall.
+        azimuth : ndarray (M,)
+            Azimuth about the wall's axis [rad].
         """
         n = self.counts[st.N_CURVED]
         rows = st.contact_rows(self.curved.data, n)
@@ -139,10 +167,19 @@ class Observables:
         return np.arctan2(local[:, 1], local[:, 0])
 
     def mesh_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Contacts with meshes: body (M,), mesh (M,), feature (M,), normal into the wall (M, 3), overlap (M,) [m].
+        """Contacts with meshes.
 
         Meshes and features are numbered in the order of the walls: of each mesh its triangles, then its edges and
-        vertices that can be touched. A contact is found before it bears: the overlap is that of the last step.
+        vertices that can be touched.
+
+        Returns
+        -------
+        body, mesh, feature : ndarray (M,)
+            Index of the body, number of the mesh and of its feature.
+        normal : ndarray (M, 3)
+            Unit vector into the wall.
+        overlap : ndarray (M,)
+            Overlap in the last step [m]; a contact is found before it bears a force.
         """
         n = self.counts[st.N_MESHED]
         rows = st.contact_rows(self.meshed.data, n)

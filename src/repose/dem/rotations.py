@@ -5,7 +5,18 @@ from numpy.typing import ArrayLike
 
 
 def rotation_matrices(quaternions: ArrayLike) -> np.ndarray:
-    """Rotations body to world (N, 3, 3) of quaternions (N, 4); normalised here."""
+    """Rotation matrices of quaternions.
+
+    Parameters
+    ----------
+    quaternions : array_like (N, 4)
+        (w, x, y, z), of any length but 0; normalised here.
+
+    Returns
+    -------
+    ndarray (N, 3, 3)
+        Rotations from the body's frame to the world's.
+    """
     q = np.asarray(quaternions, dtype=float)
     w, x, y, z = (q / np.linalg.norm(q, axis=1, keepdims=True)).T
     rows = [
@@ -17,11 +28,33 @@ def rotation_matrices(quaternions: ArrayLike) -> np.ndarray:
 
 
 def rotation_matrix(quaternion: ArrayLike) -> np.ndarray:
-    """Rotation body to world (3, 3) of one quaternion (4,)."""
+    """Rotation matrix of one quaternion.
+
+    Parameters
+    ----------
+    quaternion : array_like (4,)
+        (w, x, y, z), of any length but 0; normalised here.
+
+    Returns
+    -------
+    ndarray (3, 3)
+        Rotation from the body's frame to the world's.
+    """
     return rotation_matrices(np.asarray(quaternion, dtype=float)[None])[0]
 
 
 def random_quaternion(rng: np.random.Generator) -> np.ndarray:
-    """A uniformly random orientation (w, x, y, z) of a generator of numpy."""
+    """A uniformly random orientation.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Gives four normal numbers.
+
+    Returns
+    -------
+    ndarray (4,)
+        A unit quaternion (w, x, y, z).
+    """
     q = rng.normal(size=4)
     return q / np.linalg.norm(q)

@@ -68,6 +68,6 @@ def _timed(function, argument):
 
 
 def _next_chunk(made, took_s):
-    """Steps that take about CHUNK_S, judged by so many that took so long; compiling counts as long."""
+    """Steps that take about CHUNK_S, where `made` steps took `took_s`; the time to compile counts, too."""
     wanted = made * CHUNK_S / max(took_s, 1e-6)
     return max(1, round(min(max(wanted, 0.1 * made), 10.0 * made)))

@@ -37,9 +37,21 @@ def _inertia(value):
 class Shape:
     """A convex body whose support function is the sum of those of K ellipsoids with common axes.
 
-    semi_axes_m (K, 3): of the ellipsoids [m], K at most 3; mass_kg; inertia_kg_m2 (3,): principal moments about the
-    axes, each at most the sum of the others; material: a name that the simulation knows.
-    Raises ValueError naming the value that is out of range.
+    Parameters
+    ----------
+    semi_axes_m : array_like (K, 3)
+        Half axes of the ellipsoids [m], K at most 3.
+    mass_kg : float
+        Mass, above 0 [kg].
+    inertia_kg_m2 : array_like (3,)
+        Principal moments about the axes, each above 0 and at most the sum of the others [kg m2].
+    material : str
+        A name that the simulation knows.
+
+    Raises
+    ------
+    ValueError
+        Naming the value that is out of range.
     """
 
     semi_axes_m: np.ndarray
@@ -57,7 +69,27 @@ class Shape:
 
     @classmethod
     def ellipsoid(cls, semi_axes_m: ArrayLike, density_kg_m3: float, material: str) -> "Shape":
-        """A solid ellipsoid: semi-axes (3,) [m], density [kg/m3]."""
+        """A solid ellipsoid.
+
+        Parameters
+        ----------
+        semi_axes_m : array_like (3,)
+            Half axes, above 0 [m].
+        density_kg_m3 : float
+            Density, above 0 [kg/m3].
+        material : str
+            A name that the simulation knows.
+
+        Returns
+        -------
+        Shape
+            With the mass and moments of the solid.
+
+        Raises
+        ------
+        ValueError
+            Naming the value that is out of range.
+        """
         axes = vector("semi_axes_m", semi_axes_m)
         if not np.all(axes > 0.0):
             raise ValueError(f"semi_axes_m is {semi_axes_m!r}; allowed: three lengths above 0")
@@ -69,16 +101,58 @@ class Shape:
 
     @classmethod
     def sphere(cls, radius_m: float, density_kg_m3: float, material: str) -> "Shape":
-        """A solid sphere: radius [m], density [kg/m3]."""
+        """A solid sphere.
+
+        Parameters
+        ----------
+        radius_m : float
+            Radius, above 0 [m].
+        density_kg_m3 : float
+            Density, above 0 [kg/m3].
+        material : str
+            A name that the simulation knows.
+
+        Returns
+        -------
+        Shape
+            With the mass and moments of the solid.
+
+        Raises
+        ------
+        ValueError
+            Naming the value that is out of range.
+        """
         positive("radius_m", radius_m)
         return cls.ellipsoid((radius_m, radius_m, radius_m), density_kg_m3, material)
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Largest extents (...) [m] along unit vectors n (..., 3) of the body frame."""
+        """Largest extents along unit vectors: the support function.
+
+        Parameters
+        ----------
+        n : ndarray (..., 3)
+            Unit vectors of the body frame.
+
+        Returns
+        -------
+        ndarray (...)
+            The extents [m].
+        """
         return np.sqrt(np.square(n) @ np.square(self.semi_axes_m).T).sum(axis=-1)
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
-        """Points (..., 3) [m] of the surface whose outward normals are the unit vectors n (..., 3)."""
+        """Points of the surface with given outward normals.
+
+        Parameters
+        ----------
+        n : ndarray (..., 3)
+            Unit vectors of the body frame.
+
+        Returns
+        -------
+        ndarray (..., 3)
+            The points [m].
+        """
         extents = np.sqrt(np.square(n) @ np.square(self.semi_axes_m).T)
         return n * ((1.0 / extents) @ np.square(self.semi_axes_m))
 
@@ -122,12 +196,27 @@ def _spheres(value):
 class Clump:
     """A rigid body of M spheres, which may overlap; it need not be convex.
 
-    spheres_m (M, 4): centre x, y, z and radius of each [m] in the body's frame, whose axes are the principal ones and
-    whose origin is the centre of mass, M at most 64; mass_kg, inertia_kg_m2 (3,): of the whole body, principal moments
-    about the axes, each at most the sum of the others; material: a name that the simulation knows.
+    Parameters
+    ----------
+    spheres_m : array_like (M, 4)
+        Centre x, y, z and radius of each sphere [m], M at most 64. The origin of the body's frame is the centre of
+        mass, its axes are the principal ones.
+    mass_kg : float
+        Mass of the whole body, above 0 [kg].
+    inertia_kg_m2 : array_like (3,)
+        Principal moments of the whole body, each above 0 and at most the sum of the others [kg m2].
+    material : str
+        A name that the simulation knows.
+
+    Raises
+    ------
+    ValueError
+        Naming the value that is out of range.
+
+    Notes
+    -----
     Each sphere that touches something has the whole contact force of a sphere of its radius, with the mass of the
     whole body: a body that lies on k spheres is about k times as stiff as on one, and its restitution differs.
-    Raises ValueError naming the value that is out of range.
     """
 
     spheres_m: np.ndarray
@@ -144,11 +233,33 @@ class Clump:
         object.__setattr__(self, "inertia_kg_m2", inertia)
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Largest extents (...) [m] along unit vectors n (..., 3) of the body frame."""
+        """Largest extents along unit vectors: the support function.
+
+        Parameters
+        ----------
+        n : ndarray (..., 3)
+            Unit vectors of the body frame.
+
+        Returns
+        -------
+        ndarray (...)
+            The extents [m].
+        """
         return (n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]).max(axis=-1)
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
-        """Points (..., 3) [m] of the convex hull's surface farthest along the unit vectors n (..., 3)."""
+        """Points of the convex hull's surface that lie farthest along unit vectors.
+
+        Parameters
+        ----------
+        n : ndarray (..., 3)
+            Unit vectors of the body frame.
+
+        Returns
+        -------
+        ndarray (..., 3)
+            The points [m].
+        """
         farthest = np.argmax(n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3], axis=-1)
         return self.spheres_m[farthest, :3] + self.spheres_m[farthest, 3, None] * n
 

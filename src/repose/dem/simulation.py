@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import contact_lists, running
-from .body_rows import Body, write_body
+from . import contact_lists, running, time_steps
+from .body_rows import checked_body, write_body
 from .checks import chosen, height, is_number, mapping, number, positive, vector, whole_number
 from .contact_table import constants_of, number_materials, pairs_of
 from .io import checkpoint as checkpoints
@@ -20,15 +20,15 @@ from .kernels import tile as tl
 from .kernels.body_tile import TILE_ROWS
 from .laws import CONTACT_LAWS, ROLLING_LAWS, TENSIONS
 from .materials import Contact, Material
+from .mesh_wall import Mesh
+from .motion import Motion
 from .observables import Observables
 from .shapes import Clump, Shape, are_clumps, most_spheres
 from .stepping import advance_some, grow
-from .surfaces import Mesh, Motion, Wall, WallSet
+from .surfaces import Wall, WallSet
 from .wall_arrays import wall_arrays
 
 SKIN_SHARE = 0.45  # skin of the neighbour list over the largest bounding radius
-STEPS_PER_CONTACT = 15  # the longest time step is this share of a head-on impact's contact time
-FASTEST_IMPACT_M_S = 2.0
 
 
 class Simulation(Observables):
@@ -178,12 +178,19 @@ class Simulation(Observables):
         return wall_arrays(self.wall_set, self._numbers.of_all, size, old)
 
     def set_motion(self, wall: str, motion: Motion) -> None:
-        """Give a wall another `Motion` from now on.
+        """Give a wall another motion from now on.
+
+        Parameters
+        ----------
+        wall : str
+            Name of the wall.
+        motion : Motion
+            Its motion; the other walls go on with theirs.
 
         Raises
         ------
         ValueError
-            For a name that is not a wall's.
+            For a name that is not a wall's, or a motion that is no `Motion`.
         """
         if not isinstance(motion, Motion):
             raise ValueError(f"motion is {motion!r}; allowed: a Motion")
@@ -216,7 +223,7 @@ class Simulation(Observables):
         """Angular velocity of the frame against which rolling is resisted, a view (3,); zero unless set [rad/s]."""
         return self.physics.rolling_frame
 
-    def longest_time_step(self, speed_m_s: float = FASTEST_IMPACT_M_S) -> float:
+    def longest_time_step(self, speed_m_s: float = time_steps.FASTEST_IMPACT_M_S) -> float:
         """A fifteenth of the shortest duration of an impact of two bodies that meet head-on.
 
         Parameters
@@ -234,15 +241,7 @@ class Simulation(Observables):
         The contact law has the duration; Hertz's is 2.868 (m*^2 / (R* E*^2 v))^0.2 (Johnson 1985, Eq. 11.24).
         """
         positive("speed_m_s", speed_m_s)
-        shapes = self.shapes.values()
-        return min(self._contact_time(a, b, speed_m_s) for a in shapes for b in shapes) / STEPS_PER_CONTACT
-
-    def _contact_time(self, a, b, speed_m_s):
-        """Contact time of two shapes that meet head-on [s]; it grows with their scale."""
-        mass = 1.0 / (1.0 / a.mass_kg + 1.0 / b.mass_kg)
-        radius = 1.0 / (1.0 / a.smallest_radius_m + 1.0 / b.smallest_radius_m)
-        materials = self.materials[a.material], self.materials[b.material]
-        return self.contact_law.contact_time(*materials, mass, radius, speed_m_s)
+        return time_steps.longest(self.contact_law, self.materials, self.shapes.values(), speed_m_s)
 
     def add(
         self,
@@ -284,15 +283,13 @@ class Simulation(Observables):
         if shape not in self.shapes:
             raise ValueError(f"shape is {shape!r}; allowed: {', '.join(self.shapes)}")
         kind = self.shapes[shape]
-        self._check_scale(scale, kind)
-        turned = vector("quaternion", quaternion, 4)
-        length = np.linalg.norm(turned)
-        if not length > 0.0:
-            raise ValueError("quaternion is 0; allowed: four finite numbers that are not all 0")
-        position = vector("position_m", position_m)
-        velocity = vector("velocity_m_s", velocity_m_s)
-        turning = vector("angular_velocity_rad_s", angular_velocity_rad_s)
-        body = Body(kind, position, turned / length, velocity, turning, scale)
+        smallest = time_steps.smallest_scale(self.contact_law, self.materials, kind, self.physics.dt)
+        if not (is_number(scale) and smallest <= scale <= self.largest_scale):
+            raise ValueError(
+                f"scale is {scale!r}; allowed: at least {smallest:.3g}, or time_step_s is too long for the body, "
+                f"at most largest_scale, {self.largest_scale:g}"
+            )
+        body = checked_body(kind, position_m, quaternion, velocity_m_s, angular_velocity_rad_s, scale)
         write_body(self.bodies, i, body, self.physics.parts, self._body_tiles[0])
         self._shape_ids[i] = list(self.shapes).index(shape)
         self._scales[i] = scale
@@ -307,23 +304,20 @@ class Simulation(Observables):
         self.counts[st.N_MOVED] += 1
         return i
 
-    def _check_scale(self, scale, kind):
-        """ValueError unless a body of a kind may have this scale."""
-        limit = self._contact_time(kind, kind, FASTEST_IMPACT_M_S) / STEPS_PER_CONTACT
-        smallest = self.physics.dt / limit
-        if not (is_number(scale) and (1.0 - 1e-12) * smallest <= scale <= self.largest_scale):
-            raise ValueError(
-                f"scale is {scale!r}; allowed: at least {smallest:.3g}, or time_step_s is too long for the body, "
-                f"at most largest_scale, {self.largest_scale:g}"
-            )
-
     def run_steps(self, steps: int) -> None:
         """Advance by a number of time steps.
+
+        Parameters
+        ----------
+        steps : int
+            How many, 0 or more.
 
         Raises
         ------
         ValueError
             Where that is no whole number, 0 or more.
+        RuntimeError
+            Where bodies overlap so much that a contact list overflows within one step.
         """
         left = whole_number("steps", steps, 0)
         while left > 0:
@@ -372,12 +366,28 @@ class Simulation(Observables):
         running.run(self, seconds, progress, record, record_every_s, checkpoint, every_s)
 
     def save(self, path: str | os.PathLike) -> None:
-        """Write everything to a file (.npz without pickle), in one move, for `load`."""
+        """Write everything to a file (.npz without pickle), in one move, for `load`.
+
+        Parameters
+        ----------
+        path : path
+            The file.
+        """
         checkpoints.save(self, path)
 
     @classmethod
     def load(cls, path: str | os.PathLike) -> "Simulation":
         """The simulation that `save` wrote; it goes on with the same bits as if it had never stopped.
+
+        Parameters
+        ----------
+        path : path
+            The file.
+
+        Returns
+        -------
+        Simulation
+            In the state in which it was saved.
 
         Raises
         ------

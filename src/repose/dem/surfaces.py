@@ -1,52 +1,18 @@
-"""Walls as a user states them: planes, cones and cylinders, rounded ring edges, meshes, at rest or moving."""
+"""Walls as a user states them: planes, cones and cylinders, rounded ring edges, and named sets of walls."""
 
 import math
-import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import trimesh
 
 from .checks import array, mapping, name_of, not_negative, number
 from .checks import direction as _direction
 from .checks import positive as _positive
 from .checks import vector as _vector
-from .errors import InputError
-from .kernels.features import split
-
-ORIGIN = (0.0, 0.0, 0.0)
-UP = (0.0, 0.0, 1.0)
-Vector = Sequence[float] | np.ndarray
-
-
-@dataclass(frozen=True)
-class Motion:
-    """Rigid motion of a wall: velocity of the pivot [m/s], angular velocity [rad/s], pivot (moves along) [m].
-
-    Raises ValueError naming the value that is not three finite numbers.
-    """
-
-    velocity_m_s: Vector = ORIGIN
-    angular_velocity_rad_s: Vector = ORIGIN
-    pivot_m: Vector = ORIGIN
-
-    def __post_init__(self):
-        self.row()
-
-    def row(self) -> np.ndarray:
-        """Velocity, angular velocity and pivot as the kernels take them (9,)."""
-        return np.concatenate(
-            [
-                _vector("velocity_m_s", self.velocity_m_s),
-                _vector("angular_velocity_rad_s", self.angular_velocity_rad_s),
-                _vector("pivot_m", self.pivot_m),
-            ]
-        )
-
-
-STILL = Motion()
+from .mesh_wall import Mesh
+from .motion import ORIGIN, STILL, UP, Motion, Vector
 
 
 def _check_common(surface):
@@ -58,9 +24,25 @@ def _check_common(surface):
 
 @dataclass(frozen=True)
 class Plane:
-    """A plane, or a disc of it: its middle [m], normal towards the bodies, radius [m].
+    """A plane, or a disc of it.
 
-    Raises ValueError naming the value and what is allowed.
+    Parameters
+    ----------
+    point_m : array_like (3,)
+        A point of the plane, the middle of a disc [m].
+    normal : array_like (3,)
+        Normal towards the bodies, of any length but 0.
+    material : str
+        A name that the simulation knows.
+    radius_m : float
+        Radius of a disc, above 0 [m]; a plane without end by default.
+    motion : Motion
+        How the wall moves; by default it rests.
+
+    Raises
+    ------
+    ValueError
+        Naming the value and what is allowed.
     """
 
     point_m: Vector
@@ -86,9 +68,26 @@ class Plane:
 class Cone:
     """The inside of a cone about an axis, given by its line in the half plane (r, z) of its own frame.
 
-    line: m_r, m_z (unit normal from the inside into the wall), offset k with m.(r, z) = k, first and last place along
-    the line, e_r, e_z (unit vector up along the line). origin_m, axis: of the frame. See `between`.
-    Raises ValueError naming the value and what is allowed.
+    `between` makes one of two circles.
+
+    Parameters
+    ----------
+    line : array_like (7,)
+        m_r, m_z (unit normal from the inside into the wall), offset k with m.(r, z) = k [m], first and last place along
+        the line [m], e_r, e_z (unit vector up along the line).
+    material : str
+        A name that the simulation knows.
+    origin_m : array_like (3,)
+        Origin of the wall's own frame [m].
+    axis : array_like (3,)
+        Direction of the frame's z axis, of any length but 0.
+    motion : Motion
+        How the wall moves; by default it rests.
+
+    Raises
+    ------
+    ValueError
+        Naming the value and what is allowed.
     """
 
     line: Vector
@@ -117,9 +116,32 @@ class Cone:
         material: str,
         motion: Motion = STILL,
     ) -> "Cone":
-        """The inside of a cone between two circles: the middle of the first, height and radii [m].
+        """The inside of a cone between two circles.
 
-        One of the radii may be 0. Raises ValueError naming the value and what is allowed.
+        Parameters
+        ----------
+        base_m : array_like (3,)
+            The middle of the first circle [m].
+        axis : array_like (3,)
+            Direction from the first circle to the second, of any length but 0.
+        height_m : float
+            Distance of the circles, above 0 [m].
+        base_radius_m, top_radius_m : float
+            Radii of the first and of the second circle [m]. One of them may be 0.
+        material : str
+            A name that the simulation knows.
+        motion : Motion
+            How the wall moves; by default it rests.
+
+        Returns
+        -------
+        Cone
+            The wall.
+
+        Raises
+        ------
+        ValueError
+            Naming the value and what is allowed.
         """
         _vector("base_m", base_m)
         height = _positive("height_m", height_m)
@@ -148,9 +170,32 @@ class Cone:
 def Cylinder(
     base_m: Vector, axis: Vector, height_m: float, radius_m: float, material: str, motion: Motion = STILL
 ) -> Cone:
-    """The inside of a cylinder: the middle of its first end, axis, height and radius [m].
+    """The inside of a cylinder.
 
-    Raises ValueError naming the value and what is allowed.
+    Parameters
+    ----------
+    base_m : array_like (3,)
+        The middle of its first end [m].
+    axis : array_like (3,)
+        Direction from the first end to the other, of any length but 0.
+    height_m : float
+        Distance of the ends, above 0 [m].
+    radius_m : float
+        Radius, above 0 [m].
+    material : str
+        A name that the simulation knows.
+    motion : Motion
+        How the wall moves; by default it rests.
+
+    Returns
+    -------
+    Cone
+        The wall, a cone of two equal radii.
+
+    Raises
+    ------
+    ValueError
+        Naming the value and what is allowed.
     """
     _positive("radius_m", radius_m)
     return Cone.between(base_m, axis, height_m, radius_m, radius_m, material, motion)
@@ -158,11 +203,32 @@ def Cylinder(
 
 @dataclass(frozen=True)
 class RingEdge:
-    """A rounded circular edge, a torus: radius of its core circle and of the edge [m], about an axis.
+    """A rounded circular edge about an axis: a torus.
 
-    gates: two directions (g_r, g_z) of the half plane (r, z); a contact normal, seen from the body, that opposes one
-    of them would lie behind the walls that meet at the edge and is no contact. Zeros leave the whole torus open.
-    Raises ValueError naming the value and what is allowed.
+    Parameters
+    ----------
+    radius_m : float
+        Radius of the core circle, above `edge_radius_m` [m].
+    edge_radius_m : float
+        Radius of the edge, above 0 [m].
+    material : str
+        A name that the simulation knows.
+    gates : array_like (2, 2)
+        Two directions (g_r, g_z) of the half plane (r, z). A contact whose normal, seen from the body, opposes one of
+        them lies behind the walls that meet at the edge, and is none. Zeros leave the whole torus open.
+    height_m : float
+        Height of the core circle in the wall's own frame [m].
+    origin_m : array_like (3,)
+        Origin of the wall's own frame [m].
+    axis : array_like (3,)
+        Direction of the frame's z axis, of any length but 0.
+    motion : Motion
+        How the wall moves; by default it rests.
+
+    Raises
+    ------
+    ValueError
+        Naming the value and what is allowed.
     """
 
     radius_m: float
@@ -187,87 +253,6 @@ class RingEdge:
         return np.array(
             [self.radius_m, self.height_m, self.edge_radius_m, *self.gates[0], *self.gates[1]], float
         )
-
-
-@dataclass(frozen=True, eq=False)
-class Mesh:
-    """A wall of triangles, touched from the side of their outward normals: the surface of a solid obstacle.
-
-    vertices_m (V, 3) [m]; faces (F, 3): indices of a triangle's vertices, counter-clockwise seen from the bodies;
-    edge_radius_m: convex edges and vertices are rounded with it, tangent to the faces, which stay where they are, and
-    so are open borders. It must leave every triangle some room. Bodies that come from behind a face pass through it.
-    Of faces that meet in a concave kink below 20 degrees a body touches the one that it overlaps most.
-    Raises ValueError naming the argument and what is allowed: no degenerate triangle, at most two triangles at an edge,
-    wound alike.
-    """
-
-    vertices_m: np.ndarray
-    faces: np.ndarray
-    material: str
-    edge_radius_m: float = 0.0005
-    motion: Motion = STILL
-
-    origin_m = ORIGIN
-    axis = UP
-
-    def __post_init__(self):
-        vertices = np.asarray(self.vertices_m, float)
-        if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.all(np.isfinite(vertices)):
-            raise ValueError(f"vertices_m is {self.vertices_m!r}; allowed: (V, 3) finite numbers")
-        faces = np.asarray(self.faces)
-        if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces) or faces.dtype.kind not in "iu":
-            raise ValueError(f"faces is {self.faces!r}; allowed: (F, 3) whole numbers, at least one triangle")
-        if faces.min() < 0 or faces.max() >= len(vertices):
-            raise ValueError(
-                f"faces has {faces.min()} to {faces.max()}; allowed: 0 to {len(vertices) - 1}, rows of vertices_m"
-            )
-        if not (math.isfinite(self.edge_radius_m) and self.edge_radius_m > 0.0):
-            raise ValueError(f"edge_radius_m is {self.edge_radius_m!r}; allowed: above 0")
-        corners = vertices[faces]
-        sides = corners[:, 1:] - corners[:, :1]
-        thin = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-        thin = np.flatnonzero(thin <= 1e-12 * np.max(np.sum(np.ptp(vertices, axis=0) ** 2)))
-        if len(thin):
-            raise ValueError(
-                f"faces has {faces[thin[0]].tolist()}, a triangle without area; allowed: triangles with an area"
-            )
-        if not isinstance(self.motion, Motion):
-            raise ValueError(f"motion is {self.motion!r}; allowed: a Motion")
-        object.__setattr__(self, "vertices_m", vertices)
-        object.__setattr__(self, "faces", faces.astype(np.int64))
-        object.__setattr__(self, "part", split(vertices, self.faces, float(self.edge_radius_m)))
-
-    @classmethod
-    def from_stl(
-        cls,
-        path: str | os.PathLike,
-        material: str,
-        scale: float = 1.0,
-        edge_radius_m: float = 0.0005,
-        motion: Motion = STILL,
-    ) -> "Mesh":
-        """A mesh from an STL file (or what else trimesh reads); scale: metres of one unit of the file.
-
-        Raises InputError, a ValueError, naming the file and what is wrong with it.
-        """
-        if not (math.isfinite(scale) and scale > 0.0):
-            raise ValueError(f"scale is {scale!r}; allowed: above 0")
-        try:
-            source: Any = path
-            mesh: Any = trimesh.load(source, force="mesh")
-        except Exception as error:  # trimesh's readers raise whatever their parsers do
-            raise InputError(
-                path, "file", str(error), "a mesh that trimesh can read, such as an STL"
-            ) from None
-        if not len(mesh.faces):
-            raise InputError(path, "triangles", 0, "at least one")
-        mesh.merge_vertices()
-        # corners that fall together when merged leave lines, which are no triangles
-        mesh.update_faces(np.array([len(set(face)) == 3 for face in mesh.faces.tolist()]))
-        try:
-            return cls(scale * mesh.vertices, np.array(mesh.faces), material, edge_radius_m, motion)
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from None
 
 
 def frame_of(surface: Any) -> np.ndarray:

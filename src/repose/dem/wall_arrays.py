@@ -3,7 +3,8 @@
 import numpy as np
 
 from .kernels import state as st
-from .surfaces import Cone, Mesh, Plane, RingEdge, frame_of
+from .mesh_wall import Mesh
+from .surfaces import Cone, Plane, RingEdge, frame_of
 
 HOME = np.concatenate([np.zeros(3), np.eye(3).ravel()])  # the frame that is the world
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from repose.apparatus.funnel_geometry import Funnel
 from repose.dem import Simulation
-from repose.dem.surfaces import Cone, Mesh
+from repose.dem.mesh_wall import Mesh
+from repose.dem.surfaces import Cone
 from repose.dem.tessellation import cone_circles, endless, in_world, plane_polygon
 
 FIELD_OF_VIEW_DEG = 24.0

@@ -13,8 +13,8 @@ from ..cache import source_hash
 from ..errors import InputError
 from ..kernels import state as st
 from ..materials import Contact, Material
+from ..motion import Motion
 from ..shapes import Clump, Shape
-from ..surfaces import Motion
 from .whole import write_whole
 
 FORMAT = 1
@@ -23,16 +23,39 @@ WHOLE = "a whole file that Simulation.save wrote"
 
 
 def save(simulation, path):
-    """Write a simulation to a file in one move: a .npz of plain arrays, the descriptive part as JSON in bytes."""
+    """Write a simulation to a file in one move.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        The simulation.
+    path : path
+        The file: a .npz of plain arrays, the descriptive part as JSON in bytes.
+    """
     about = json.dumps(_description(simulation)).encode()
     arrays = {ABOUT: np.frombuffer(about, np.uint8), **dict(_arrays(simulation))}
     write_whole(path, lambda handle: np.savez_compressed(handle, **arrays))
 
 
 def load(kind, path):
-    """The simulation of a file, of a class `kind`.
+    """Read the simulation of a file.
 
-    Raises InputError naming the file where it is missing, damaged, of another format, or of other engine sources.
+    Parameters
+    ----------
+    kind : type
+        Class of the simulation.
+    path : path
+        The file.
+
+    Returns
+    -------
+    Simulation
+        In the state in which it was saved.
+
+    Raises
+    ------
+    repose.dem.errors.InputError
+        Naming the file where it is missing, damaged, of another format, or of other engine sources.
     """
     path = Path(path)
     about, arrays = _read(path)

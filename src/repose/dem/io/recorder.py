@@ -1,19 +1,31 @@
 """Frames of a simulation: where everything was, for animations and analyses."""
 
+import os
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 
 from .whole import write_whole
+
+if TYPE_CHECKING:
+    from ..simulation import Simulation
 
 
 class Recorder:
     """Keeps the state of a simulation each time it is called with it; see `Simulation.run(record=...)`."""
 
-    def __init__(self):
-        self._frames = []
+    def __init__(self) -> None:
+        self._frames: list[tuple] = []
         self._shapes, self._scales = np.zeros(0, np.int32), np.zeros(0)
 
-    def __call__(self, simulation):
-        """Keep a frame."""
+    def __call__(self, simulation: "Simulation") -> None:
+        """Keep a frame.
+
+        Parameters
+        ----------
+        simulation : Simulation
+            The simulation.
+        """
         there = simulation.present[:, None]
         self._shapes, self._scales = simulation.shape_ids.copy(), simulation.scales.copy()
         self._frames.append(
@@ -26,14 +38,19 @@ class Recorder:
             )
         )
 
-    def __len__(self):
+    def __len__(self) -> int:
+        """How many frames were kept."""
         return len(self._frames)
 
-    def frames(self):
-        """What was kept, as arrays of T frames of N bodies, those not there being NaN.
+    def frames(self) -> dict[str, np.ndarray]:
+        """What was kept, as arrays of T frames of N bodies.
 
-        time_s (T,), position (T, N, 3) [m] and quaternion (T, N, 4) in single precision, shape (N,): the place
-        among the names of the shapes, scale (N,), planes (T, P, 7) and wall_frames (T, C, 12): see `state`.
+        Returns
+        -------
+        dict of str to ndarray
+            time_s (T,) [s]; position (T, N, 3) [m] and quaternion (T, N, 4), in single precision, NaN where a body is
+            not there; shape (N,), the place among the names of the shapes; scale (N,); planes (T, P, 7) and
+            wall_frames (T, C, 12), the walls as the kernels have them (`repose.dem.kernels.state`).
         """
         n = len(self._scales)
         positions = np.full((len(self._frames), n, 3), np.nan, np.float32)
@@ -51,7 +68,13 @@ class Recorder:
             "wall_frames": np.array([frame[4] for frame in self._frames]),
         }
 
-    def save(self, path):
-        """Write the frames to a .npz file, in one move."""
-        frames = self.frames()
+    def save(self, path: str | os.PathLike) -> None:
+        """Write the frames to a .npz file, in one move.
+
+        Parameters
+        ----------
+        path : path
+            The file.
+        """
+        frames: Any = self.frames()
         write_whole(path, lambda handle: np.savez_compressed(handle, **frames))

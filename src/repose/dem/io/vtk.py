@@ -6,7 +6,9 @@ the libraries that could do it bring a renderer or a mesh converter along.
 
 import base64
 import math
+import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -15,19 +17,37 @@ from ..rotations import rotation_matrices
 from ..tessellation import triangulated_bodies, triangulated_walls
 from .whole import write_whole
 
+if TYPE_CHECKING:
+    from ..simulation import Simulation
+
 VTK_TYPES = {"f8": "Float64", "i8": "Int64", "i4": "Int32", "u1": "UInt8"}
 CONTENTS = ("points", "surfaces", "walls")
 
 
-def write_vtk(path, simulation, content="points"):
+def write_vtk(path: str | os.PathLike, simulation: "Simulation", content: str = "points") -> None:
     """Write one .vtp file of a simulation as it is now.
 
-    content: "points", a point for each body that is there, with id, shape (its place among the names of the shapes),
-    scale, quaternion (w, x, y, z), velocity, angular_velocity, semi_axes (half the extents along the body's axes), and
-    tensor, whose eigenvalues are the full extents: ParaView's Tensor Glyph with a sphere of radius 0.5 draws each
-    ellipsoid in its size and place; "surfaces", the bodies as triangles with id and shape; "walls", all walls as
-    triangles with the number of the wall. Shape and wall names are in the field data. SI units.
-    Raises ValueError for another content or ending.
+    Parameters
+    ----------
+    path : path
+        The file, which ends in .vtp.
+    simulation : Simulation
+        The simulation.
+    content : {"points", "surfaces", "walls"}
+        What is written. "points": a point for each body that is there; "surfaces": the bodies as triangles, with id
+        and shape; "walls": all walls as triangles, with the number of the wall.
+
+    Raises
+    ------
+    ValueError
+        For another content or ending.
+
+    Notes
+    -----
+    All is in SI units. A point has id, shape (its place among the names of the shapes), scale, quaternion (w, x, y, z),
+    velocity, angular_velocity, semi_axes (half the extents along the body's axes), and tensor. The eigenvalues of the
+    tensor are the full extents: ParaView's Tensor Glyph with a sphere of radius 0.5 draws each ellipsoid in its size
+    and place. The names of shapes and walls are in the field data.
     """
     path = Path(path)
     if path.suffix != ".vtp":
@@ -138,21 +158,44 @@ def _poly_data(time_s, names, points, cells, point_data, cell_data):
 class VtkSeries:
     """A series of .vtp files and the .pvd file that gives each its time; ParaView opens the .pvd.
 
-    path: of the .pvd file; the others lie beside it, in a folder of its name. surfaces: bodies as triangles instead of
-    points. Call it with a simulation to add its present state, or give it to `Simulation.run(record=...)`. Walls that
-    never moved are written once. Raises ValueError for another ending than .pvd.
+    Call it with a simulation to add its present state, or give it to `Simulation.run(record=...)`. Walls that never
+    moved are written once.
+
+    Parameters
+    ----------
+    path : path
+        The .pvd file; the others lie beside it, in a folder of its name.
+    surfaces : bool
+        Whether bodies are written as triangles instead of points.
+
+    Raises
+    ------
+    ValueError
+        For another ending than .pvd.
     """
 
-    def __init__(self, path, surfaces=False):
+    def __init__(self, path: str | os.PathLike, surfaces: bool = False) -> None:
         self.path = Path(path)
         if self.path.suffix != ".pvd":
             raise ValueError(f"path is {str(path)!r}; allowed: a file that ends in .pvd")
         self.content = "surfaces" if surfaces else "points"
-        self._entries = []
-        self._walls, self._places = None, None
+        self._entries: list[tuple[float, list[str]]] = []
+        self._walls: str | None = None
+        self._places = np.zeros(0)
 
-    def __call__(self, simulation):
-        """Write the present state and bring the .pvd up to date."""
+    def __call__(self, simulation: "Simulation") -> None:
+        """Write the present state and bring the .pvd up to date.
+
+        Parameters
+        ----------
+        simulation : Simulation
+            The simulation.
+
+        Raises
+        ------
+        ValueError
+            Where its time is not later than that of the last state.
+        """
         number, time = len(self._entries), simulation.time_s
         if not math.isfinite(time) or (self._entries and time <= self._entries[-1][0]):
             raise ValueError(

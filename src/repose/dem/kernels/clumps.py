@@ -57,7 +57,7 @@ def new_clumps(shapes, shape, scale, walls, n_meshed):
 
 
 def with_room(clumps, n_meshed):
-    """The same with room for so many contacts with meshes."""
+    """The same with room for a number of contacts with meshes."""
     if n_meshed == len(clumps.mesh_sphere):
         return clumps
     bigger = np.zeros(n_meshed, np.uint32)

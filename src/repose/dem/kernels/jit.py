@@ -15,7 +15,7 @@ import numpy as np
 from .. import cache  # noqa: F401  (sets the cache folder before any kernel is made)
 
 FLAGS = {"contract"}
-# What numba is told of a small function that is always inlined into its callers.
+# Options of a small function that numba always inlines into its callers.
 INLINED: dict[str, Any] = {"fastmath": FLAGS, "error_model": "numpy", "_nrt": False, "forceinline": True}
 
 

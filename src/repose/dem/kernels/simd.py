@@ -15,7 +15,7 @@ from .jit import JIT_OFF, inlined
 
 WIDTH = 8  # numbers moved at once
 DOUBLE, INT64, INT32, BYTE = ir.DoubleType(), ir.IntType(64), ir.IntType(32), ir.IntType(8)
-FOR_READING, TO_ALL_CACHES, DATA = 0, 3, 1  # what llvm.prefetch is told
+FOR_READING, TO_ALL_CACHES, DATA = 0, 3, 1  # arguments of llvm.prefetch
 VECTOR = ir.VectorType(DOUBLE, WIDTH)
 
 

@@ -188,7 +188,7 @@ def new_grid(n, lower, upper, cell):
 
 
 def new_contacts(n, rows):
-    """Tiles of so many rows for n contacts; unused lanes hold a harmless normal."""
+    """Tiles for n contacts; unused lanes hold a harmless normal."""
     data = zeros(-(-n // LANES), rows * LANES)
     data[:, 2 * LANES : 3 * LANES] = 1.0
     return data

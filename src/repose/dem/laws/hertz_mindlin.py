@@ -83,7 +83,22 @@ def _log_released(b: float) -> float:
 
 
 def constants(a: Material, b: Material, contact: Contact, tension: str = "keep") -> np.ndarray:
-    """Constants of the law for two materials as the kernel takes them (5,)."""
+    """Constants of the law for two materials as the kernel takes them.
+
+    Parameters
+    ----------
+    a, b : Material
+        The two materials.
+    contact : Contact
+        Their contact.
+    tension : {"keep", "release", "cut"}
+        How a contact ends, see `Simulation`.
+
+    Returns
+    -------
+    ndarray (5,)
+        4/3 E*, 8 G*, the dampings 2 sqrt(5/6) beta sqrt(2 E*) and 2 sqrt(5/6) beta sqrt(8 G*), static friction; SI.
+    """
     young, shear = effective_moduli(a, b)
     damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(contact.restitution, tension)
     return np.array(
@@ -98,7 +113,24 @@ def constants(a: Material, b: Material, contact: Contact, tension: str = "keep")
 
 
 def contact_time(a: Material, b: Material, mass: float, radius: float, speed: float) -> float:
-    """Duration of an elastic head-on impact [s]: 2.868 (m*^2 / (R* E*^2 v))^0.2 (Johnson 1985, Eq. 11.24)."""
+    """Duration of an elastic head-on impact.
+
+    Parameters
+    ----------
+    a, b : Material
+        Materials of the two bodies.
+    mass : float
+        Effective mass m* [kg].
+    radius : float
+        Effective radius R* [m].
+    speed : float
+        Relative speed v [m/s].
+
+    Returns
+    -------
+    float
+        The duration [s], 2.868 (m*^2 / (R* E*^2 v))^0.2 (Johnson 1985, Eq. 11.24).
+    """
     young, _ = effective_moduli(a, b)
     return 2.868 * (mass**2 / (radius * young**2 * speed)) ** 0.2
 
@@ -155,7 +187,10 @@ def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int) -> None:
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """The forces of each lane. Several short loops: a processor runs as many lanes at once as its window holds."""
+    """The forces of each lane; arguments of `law.contact_forces`.
+
+    Several short loops: a processor runs as many lanes at once as its window holds.
+    """
     contact_sizes(t)
     slip(t, c, at + SPRING, dt)
     push(t, c, at + SPRING, law.tension)

@@ -64,16 +64,41 @@ class Law:
 
 
 def contact_forces(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """Force of each lane's contact on body A, and the size of its normal part: rows `TO_A` and `PUSH` of the tile."""
+    """Force of each lane's contact on body A, and the size of its normal part: rows `TO_A` and `PUSH` of the tile.
+
+    Parameters
+    ----------
+    law : namedtuple
+        The options of a law.
+    t : ndarray
+        Tile of 32 contacts, rows as `repose.dem.kernels.tile` names them.
+    c : ndarray
+        Tile of what the contacts keep from step to step.
+    at : int
+        Place of the law's first row in `c`.
+    dt : float
+        Time step [s].
+    """
     _KERNELS[type(law)](law, t, c, at, dt)
 
 
 def rolling_resistance(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     """Budget of each lane's rolling resistance on both bodies: row `ROLL` of `TO_A` and `TO_B`.
 
-    It is called after the torques.
+    It is called after the torques. A law that acts by a torque adds it to the torques and leaves a budget of zero.
 
-    A law that acts by a torque adds it to the torques and leaves a budget of zero.
+    Parameters
+    ----------
+    law : namedtuple
+        The options of a law.
+    t : ndarray
+        Tile of 32 contacts, rows as `repose.dem.kernels.tile` names them.
+    c : ndarray
+        Tile of what the contacts keep from step to step.
+    at : int
+        Place of the law's first row in `c`.
+    dt : float
+        Time step [s].
     """
     _KERNELS[type(law)](law, t, c, at, dt)
 

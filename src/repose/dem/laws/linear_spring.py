@@ -40,7 +40,22 @@ SPRING = _state.take(3)
 
 
 def constants(a: Material, b: Material, contact: Contact, tension: str = "keep") -> np.ndarray:
-    """k_n / R*, k_t / k_n, 2 beta and static friction of two materials (4,)."""
+    """Constants of the law for two materials as the kernel takes them.
+
+    Parameters
+    ----------
+    a, b : Material
+        The two materials.
+    contact : Contact
+        Their contact.
+    tension : {"keep", "release", "cut"}
+        How a contact ends, see `Simulation`.
+
+    Returns
+    -------
+    ndarray (4,)
+        k_n / R* [Pa], k_t / k_n, 2 beta and static friction.
+    """
     young, shear = effective_moduli(a, b)
     damping = 2.0 * damping_ratio(contact.restitution, tension)
     return np.array(
@@ -49,13 +64,30 @@ def constants(a: Material, b: Material, contact: Contact, tension: str = "keep")
 
 
 def contact_time(a: Material, b: Material, mass: float, radius: float, _speed: float) -> float:
-    """Duration of an elastic head-on impact [s]: pi sqrt(m* / k_n)."""
+    """Duration of an elastic head-on impact.
+
+    Parameters
+    ----------
+    a, b : Material
+        Materials of the two bodies.
+    mass : float
+        Effective mass m* [kg].
+    radius : float
+        Effective radius R* [m].
+    _speed : float
+        Relative speed [m/s]; the duration is the same at any.
+
+    Returns
+    -------
+    float
+        The duration [s], pi sqrt(m* / k_n).
+    """
     young, _ = effective_moduli(a, b)
     return math.pi * math.sqrt(mass / (4.0 / 3.0 * young * math.sqrt(SECANT) * radius))
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """The forces of each lane."""
+    """The forces of each lane; arguments of `law.contact_forces`."""
     spring = at + SPRING
     slip(t, c, spring, dt)
     least = -math.inf if law.tension == KEEP else 0.0

@@ -31,12 +31,12 @@ ROLLING_FRICTION = _rows.take()
 
 
 def constants(_a: Material, _b: Material, contact: Contact, _tension: str = "keep") -> np.ndarray:
-    """Constants of the law for two materials as the kernel takes them (1,)."""
+    """Constants of the law for two materials as the kernel takes them: the rolling friction (1,)."""
     return np.array([contact.rolling_friction])
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """The budgets of each lane's bodies."""
+    """The budgets of each lane's bodies; arguments of `law.rolling_resistance`."""
     for k in range(L):
         rolling = t[ROLLING_FRICTION + k] * t[tl.PUSH + k]
         x, y, z = t[tl.RA + k], t[tl.RA + L + k], t[tl.RA + 2 * L + k]
