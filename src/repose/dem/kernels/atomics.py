@@ -1,4 +1,4 @@
-"""A barrier for a few threads that run one kernel each: atomic counters, told to LLVM as such."""
+"""A barrier for a few threads that run one kernel each: atomic counters, declared to LLVM as such."""
 
 from llvmlite import ir
 from numba import types

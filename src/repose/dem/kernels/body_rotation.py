@@ -117,7 +117,7 @@ def all_stay(m, c, dt, undecided, tile):
 
 @kernel
 def twist_lanes(m, c, dt):
-    """Give each lane's body the angular momentum of its torque; returns how many might turn all the same."""
+    """Give each lane's body the angular momentum of its torque; returns how many may still turn."""
     n = 0
     for k in range(L):
         lx = c[ANGULAR_MOMENTUM + k] + dt * m[LOAD + 3 * L + k]

@@ -1,4 +1,4 @@
-"""One time step: which contacts, what forces, where to.
+"""One time step: find the contacts, add up their forces, move the bodies.
 
 `clumps` is empty in a simulation of smooth bodies, see `forces`.
 """

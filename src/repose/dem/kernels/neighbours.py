@@ -55,7 +55,7 @@ def unlink(grid, i):
 
 @kernel
 def link(grid, bodies, i):
-    """Put body i into the cell of its present position and note when its neighbours are to be found anew."""
+    """Put body i into the cell of its position, and set the displacement at which its neighbours are found anew."""
     x, y, z = bodies.rows[i, 0], bodies.rows[i, 1], bodies.rows[i, 2]
     cell = cell_of(grid, x, y, z)
     bodies.motion[i // L, st.RELIST + i % L] = bodies.displacement[i] + 0.5 * grid.lengths[st.SKIN]
@@ -69,7 +69,7 @@ def link(grid, bodies, i):
 
 @inlined
 def mark_moved(grid, counts, i):
-    """Ask for new neighbours of body i at the next step."""
+    """Mark body i: its neighbours are found anew at the next step."""
     if grid.moved[i] == 0:
         grid.moved[i] = 1
         grid.moved_list[counts[st.N_MOVED]] = i
@@ -162,7 +162,7 @@ def check_near(bodies, pairs, counts, grid, parts, k, normal):
 
 @kernel
 def next_due(displacement, first, second, limit, begin, end):
-    """First pair of begin to end that has used up its gap, or `end`.
+    """First pair of begin to end whose displacements have used up its gap, or `end`.
 
     Unsigned indices: numba looks at signed ones for negative numbers, which would double the time of this loop.
     """
@@ -186,7 +186,7 @@ def update_near(bodies, pairs, counts, grid, parts, normal):
 
 @inlined
 def listed(counter, grid, counts):
-    """How many entries of a list the bodies that moved on have; a pair of two of them counts twice."""
+    """Number of entries of the bodies whose neighbours are found anew; a pair of two such bodies counts twice."""
     n = 0
     for m in range(counts[st.N_MOVED]):
         n += counter[grid.moved_list[m]]

@@ -1,4 +1,4 @@
-"""Bodies that moved on: their pairs are listed anew; bodies that are gone: all they had is dropped.
+"""Renewal of the neighbour list: bodies that moved far get new pairs, bodies that are gone lose theirs.
 
 `clumps` is empty in a simulation of smooth bodies, see `forces`.
 """

@@ -95,7 +95,7 @@ def act_on_events(bodies, grid, counts, begin, n, time):
 
 @inlined
 def take_loads(bodies, tile, m):
-    """Add up the shares of a tile's loads, and clear them; what no contact has touched is zero and not looked at."""
+    """Add up the shares of a tile's loads, and clear them; a share that no contact touched is zero and skipped."""
     base = tile * L
     for k in range(st.LOAD_COLUMNS * L):
         m[LOAD + k] = 0.0
@@ -122,7 +122,7 @@ def take_only_load(bodies, tile, m):
 
 @inlined
 def fetch_next(bodies, tile):
-    """Ask for the loads, rows and motion of the next tile but one, which in a large simulation are far from hand."""
+    """Prefetch the loads, rows and motion of the next tile but one: in a large simulation they are not in the cache."""
     following = tile + 2
     if following >= bodies.resting.shape[0]:
         return

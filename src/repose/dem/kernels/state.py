@@ -228,7 +228,7 @@ def new_pairs(n_contacts, n_near, ghost, n_state):
 
 
 def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows):
-    """Room for contacts with walls of one kind; `limit` is the displacement reading that calls for a new look.
+    """Room for contacts with walls of one kind; `limit` is the displacement at the next look.
 
     feature: for walls that are meshes, which of their features, else for clumps which of their spheres.
     """

@@ -1,4 +1,4 @@
-"""New contacts with walls: which bodies have to be looked at, and at which walls.
+"""The search for new contacts with walls: of which bodies, and with which walls.
 
 What counts for a look is how far a body may have moved since the last one, and the walls with it. `clumps` is empty in
 a simulation of smooth bodies, see `forces`.
@@ -35,7 +35,7 @@ def find_on_curved(bodies, curved, clumps, walls, counts, parts, wall, i, scratc
 
 @kernel
 def look_at_walls(bodies, flat, curved, clumps, walls, counts, parts, i, reading, lowest, scratch):
-    """Find new contacts of body i with walls; returns the reading that calls for the next look."""
+    """Find new contacts of body i with walls; returns its displacement at the next look."""
     if len(clumps) > 0:
         place_clump(bodies, clumps, i, scratch.spheres)
     wall_check = math.inf

@@ -1,7 +1,7 @@
 """The tangential spring of a contact, which contact laws share.
 
 The spring is the path of the contact point of A over that of B in the tangent plane, as long as the two touch
-(Cundall and Strack 1979). It turns with the plane: what of it points along the normal of today is dropped.
+(Cundall and Strack 1979). It turns with the plane: its part along the present normal is dropped.
 """
 
 import math
@@ -18,7 +18,7 @@ N = st.NORMAL
 
 @inlined
 def slip(t: np.ndarray, c: np.ndarray, spring: int, dt: float) -> None:
-    """Velocity of A against B at each lane's contact, and the tangential spring in the tangent plane of today.
+    """Velocity of A against B at each lane's contact, and the tangential spring in the present tangent plane.
 
     Writes rows V (tangential) and VN (normal) of the tile and the three rows from `spring` on.
     """
