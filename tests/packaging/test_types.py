@@ -9,21 +9,6 @@ SOURCE = Path(__file__).parents[2] / "src" / "repose"
 PACKAGES = ("apparatus", "chain", "config", "core", "dem", "measure", "particle", "search", "surrogate")
 # Compiled functions: numba finds their types.
 COMPILED = SOURCE / "dem" / "kernels"
-# Modules of which some public functions are still without types. A module that is done leaves the list.
-WITHOUT: frozenset[str] = frozenset(
-    {
-        "dem/cache.py",
-        "dem/checks.py",
-        "dem/io/checkpoint.py",
-        "dem/io/progress.py",
-        "dem/io/recorder.py",
-        "dem/io/vtk.py",
-        "dem/running.py",
-        "dem/surfaces.py",
-        "dem/tessellation.py",
-        "dem/wall_arrays.py",
-    }
-)
 MODULES = sorted(
     path
     for package in PACKAGES
@@ -52,5 +37,4 @@ def untyped(path):
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(SOURCE)))
 def test_public_functions_have_types(path):
-    if str(path.relative_to(SOURCE)) not in WITHOUT:
-        assert untyped(path) == []
+    assert untyped(path) == []

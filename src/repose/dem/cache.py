@@ -10,7 +10,7 @@ import os
 from pathlib import Path
 
 
-def source_hash():
+def source_hash() -> str:
     """Return a short hash of the sources of `repose.dem`."""
     digest = hashlib.sha256()
     home = Path(__file__).parent
@@ -20,14 +20,15 @@ def source_hash():
     return digest.hexdigest()[:16]
 
 
-def use_cache():
+def use_cache() -> None:
     """Point numba at a cache folder of this source version, below NUMBA_CACHE_DIR or the user's cache folder."""
     import numba
 
     base = os.environ.get("NUMBA_CACHE_DIR") or os.path.join(
         os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache"), "repose"
     )
-    numba.config.CACHE_DIR = os.path.join(base, f"dem-{source_hash()}")
+    # numba makes its settings when it is imported, so their types are not seen.
+    setattr(numba.config, "CACHE_DIR", os.path.join(base, f"dem-{source_hash()}"))  # noqa: B010
 
 
 use_cache()

@@ -1,58 +1,60 @@
 """Checks of what a user gives: the value as the engine takes it, or ValueError naming it and what is allowed."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from numbers import Integral, Real
+from typing import Any
 
 import numpy as np
 
 
-def is_number(value, *, finite=True):
+def is_number(value: Any, *, finite: bool = True) -> bool:
     """Whether a value is a real number, finite unless said otherwise, and no truth value."""
     if not isinstance(value, Real) or isinstance(value, bool | np.bool):
         return False
     return math.isfinite(value) if finite else not math.isnan(value)
 
 
-def number(name, value, allowed, accepts):
+def number(name: str, value: Any, allowed: str, accepts: Callable[[Any], Any]) -> float:
     """A finite number that `accepts` agrees to; `allowed` says in words what that is."""
     if not (is_number(value) and accepts(value)):
         raise ValueError(f"{name} is {value!r}; allowed: {allowed}")
     return float(value)
 
 
-def positive(name, value):
+def positive(name: str, value: Any) -> float:
     """A finite number above 0."""
     return number(name, value, "above 0", lambda v: v > 0.0)
 
 
-def not_negative(name, value):
+def not_negative(name: str, value: Any) -> float:
     """A finite number, 0 or more."""
     return number(name, value, "0 or more", lambda v: v >= 0.0)
 
 
-def height(name, value):
+def height(name: str, value: Any) -> float:
     """A number that may be infinite: a height that nothing reaches."""
     if not is_number(value, finite=False):
         raise ValueError(f"{name} is {value!r}; allowed: a number, or -inf for none")
     return float(value)
 
 
-def whole_number(name, value, least):
+def whole_number(name: str, value: Any, least: int) -> int:
     """A whole number, `least` or more."""
     if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
         raise ValueError(f"{name} is {value!r}; allowed: a whole number, {least} or more")
     return int(value)
 
 
-def vector(name, value, length=3):
+def vector(name: str, value: Any, length: int = 3) -> np.ndarray:
     """A given number of finite numbers as an array."""
     words = {3: "three", 4: "four", 7: "seven"}[length]
     return array(name, value, (length,), f"{words} finite numbers")
 
 
-def array(name, value, shape, allowed):
+def array(name: str, value: Any, shape: tuple[int, ...], allowed: str) -> np.ndarray:
     """Finite numbers of a shape as an array."""
+    numbers: np.ndarray | None
     try:
         numbers = np.array(value, float)
     except (TypeError, ValueError):
@@ -62,7 +64,7 @@ def array(name, value, shape, allowed):
     return numbers
 
 
-def direction(name, value):
+def direction(name: str, value: Any) -> np.ndarray:
     """A unit vector along three numbers."""
     along = vector(name, value)
     length = np.linalg.norm(along)
@@ -71,19 +73,19 @@ def direction(name, value):
     return along / length
 
 
-def is_name(value):
+def is_name(value: Any) -> bool:
     """Whether a value can name a shape, a material or a wall."""
     return isinstance(value, str) and bool(value)
 
 
-def name_of(what, value):
+def name_of(what: str, value: Any) -> str:
     """A name."""
     if not is_name(value):
         raise ValueError(f"{what} is {value!r}; allowed: a name, text that is not empty")
     return value
 
 
-def mapping(name, value, kinds, words):
+def mapping(name: str, value: Any, kinds: Any, words: str) -> dict[str, Any]:
     """Names to objects of some kinds, as a new dictionary."""
     good = isinstance(value, Mapping) and all(is_name(k) and isinstance(v, kinds) for k, v in value.items())
     if not good:
@@ -91,7 +93,7 @@ def mapping(name, value, kinds, words):
     return dict(value)
 
 
-def chosen(name, value, choices):
+def chosen(name: str, value: Any, choices: Mapping[str, Any]) -> Any:
     """What the name `value` stands for among named choices."""
     if not (isinstance(value, str) and value in choices):
         raise ValueError(f"{name} is {value!r}; allowed: {', '.join(map(repr, choices))}")

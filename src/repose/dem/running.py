@@ -1,6 +1,7 @@
 """Runs of any length: in chunks that Ctrl-C can end, with progress, records and checkpoints on the way."""
 
 import time
+from typing import Any
 
 from .checks import not_negative, positive
 from .io.progress import display
@@ -9,7 +10,15 @@ CHUNK_S = 0.2  # wall time between two looks at the clock
 FIRST_CHUNK = 20  # steps
 
 
-def run(simulation, seconds, progress, record, record_every_s, checkpoint, every_s):
+def run(
+    simulation: Any,
+    seconds: float,
+    progress: Any,
+    record: Any,
+    record_every_s: float | None,
+    checkpoint: Any,
+    every_s: float,
+) -> None:
     """Advance a simulation; see `Simulation.run`."""
     begin_s, dt = simulation.time_s, simulation.physics.dt
     end = simulation.steps + round(not_negative("seconds", seconds) / dt)

@@ -55,7 +55,7 @@ class Plane:
         _check_common(self)
         self.row()
 
-    def row(self):
+    def row(self) -> np.ndarray:
         """The plane as the kernels take it: its normal points into the wall there."""
         if self.radius_m != math.inf:
             _positive("radius_m", self.radius_m)
@@ -162,7 +162,7 @@ class Cone:
         )
         return cls(line, material, base_m, axis, motion)
 
-    def row(self):
+    def row(self) -> np.ndarray:
         """The cone as the kernels take it, in its own frame."""
         return np.array([*self.line, 0.0], float)
 
@@ -248,7 +248,7 @@ class RingEdge:
         array("gates", self.gates, (2, 2), "two directions of two finite numbers")
         frame_of(self)
 
-    def row(self):
+    def row(self) -> np.ndarray:
         """The ring as the kernels take it, in its own frame."""
         return np.array(
             [self.radius_m, self.height_m, self.edge_radius_m, *self.gates[0], *self.gates[1]], float

@@ -1,6 +1,8 @@
 """Bodies and walls as triangles, for pictures and for files that other programs draw."""
 
 import math
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +14,7 @@ SECTORS = 48  # of a full turn of a wall
 TUBE_SECTORS = 24  # of a full turn about a rounded edge
 
 
-def tessellate(body, rings=18, sectors=36):
+def tessellate(body: Any, rings: int = 18, sectors: int = 36) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Support points and normals of a body on a latitude-longitude grid about its first axis.
 
     body: a `Clump`, or what has `support` and `support_point`, such as a `Shape`. Of a clump there is what is seen from
@@ -56,7 +58,9 @@ def _grid_triangles(rows, columns):
     return np.concatenate([np.stack([a, c, b], -1).reshape(-1, 3), np.stack([b, c, d], -1).reshape(-1, 3)])
 
 
-def plane_polygon(plane, lower, upper, others=()):
+def plane_polygon(
+    plane: np.ndarray, lower: np.ndarray, upper: np.ndarray, others: Sequence[np.ndarray] | np.ndarray = ()
+) -> np.ndarray:
     """Corners (M, 3) m of what there is of a plane, anticlockwise seen from the bodies.
 
     plane (7,): as `Simulation.walls` has it. A disc is a polygon of many corners; an endless plane is cut off by the
@@ -101,19 +105,19 @@ def _clipped(polygon, normal, offset):
     return np.array(corners).reshape(-1, 3)
 
 
-def endless(planes):
+def endless(planes: np.ndarray) -> np.ndarray:
     """Which planes (P, 7) have no edge (P,)."""
     return np.isinf(planes[:, 6])
 
 
-def visible_polygon(simulation, k):
+def visible_polygon(simulation: Any, k: int) -> np.ndarray:
     """`plane_polygon` of plane k of a simulation, cut off by its box and its other endless planes."""
     planes = simulation.walls.planes
     others = planes[endless(planes) & (np.arange(len(planes)) != k)]
     return plane_polygon(planes[k], simulation.lower, simulation.upper, others)
 
 
-def cone_circles(line):
+def cone_circles(line: Sequence[float] | np.ndarray) -> np.ndarray:
     """Radius and height of the circles at the ends of a `Cone`'s line, in its own frame (2, 2) [m]."""
     m_r, m_z, offset, first, last, e_r, e_z = line
     return np.array([[m_r * offset + e_r * s, m_z * offset + e_z * s] for s in (first, last)])
@@ -142,12 +146,12 @@ def _edge_profile(ring):
     return np.column_stack([ring.radius_m + edge * np.cos(turn), ring.height_m + edge * np.sin(turn)])
 
 
-def in_world(frame, points):
+def in_world(frame: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Points (M, 3) of a frame (12,) in the world."""
     return frame[:3] + points @ frame[3:].reshape(3, 3).T
 
 
-def triangulated_walls(simulation):
+def triangulated_walls(simulation: Any) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """The walls where they are now: names to points (V, 3) m and triangles (T, 3).
 
     Endless planes end at the box of the simulation and at each other.
@@ -183,7 +187,9 @@ def _all_spheres(clump, rings, sectors):
     return points.reshape(-1, 3), (first[:, None, None] + triangles).reshape(-1, 3)
 
 
-def triangulated_bodies(simulation, rings=8, sectors=16):
+def triangulated_bodies(
+    simulation: Any, rings: int = 8, sectors: int = 16
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """All bodies that are there as triangles: points (V, 3) m, triangles (T, 3), the body of each triangle (T,).
 
     Clumps with all their spheres, also where these lie inside each other.

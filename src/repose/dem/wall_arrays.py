@@ -1,5 +1,8 @@
 """Walls from the words of a user to the arrays of the kernels."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from .kernels import state as st
@@ -9,7 +12,9 @@ from .surfaces import Cone, Plane, RingEdge, frame_of
 HOME = np.concatenate([np.zeros(3), np.eye(3).ravel()])  # the frame that is the world
 
 
-def wall_arrays(wall_set, kinds, size_m, old=None):
+def wall_arrays(
+    wall_set: Any, kinds: Mapping[str, int], size_m: float, old: st.Walls | None = None
+) -> st.Walls:
     """The walls as the kernels take them (`state.Walls`).
 
     kinds: number of each material's name; size_m: of the box the bodies stay in; old: arrays of the same walls, whose

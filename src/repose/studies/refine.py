@@ -3,7 +3,7 @@
 Round 0 simulates what the main chain proposes. Every round runs its proposal with many fresh seeds and a few
 neighbours with fewer, and is judged by the simulated means of the proposal alone (`repose.studies.verdict`). As long as
 these miss a target, all points so far join the training samples, the refitted surrogate is corrected near the last
-proposal, and the search runs again there. docs/refinement.md says why each of these steps is needed.
+proposal, and the search runs again there: docs/refinement.md says why.
 """
 
 import os

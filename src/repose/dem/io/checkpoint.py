@@ -2,9 +2,11 @@
 
 import dataclasses
 import json
+import os
 import zipfile
 import zlib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +24,7 @@ ABOUT = "about"  # the array that holds the description
 WHOLE = "a whole file that Simulation.save wrote"
 
 
-def save(simulation, path):
+def save(simulation: Any, path: str | os.PathLike) -> None:
     """Write a simulation to a file in one move.
 
     Parameters
@@ -37,7 +39,7 @@ def save(simulation, path):
     write_whole(path, lambda handle: np.savez_compressed(handle, **arrays))
 
 
-def load(kind, path):
+def load(kind: type, path: str | os.PathLike) -> Any:
     """Read the simulation of a file.
 
     Parameters

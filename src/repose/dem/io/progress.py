@@ -3,13 +3,14 @@
 import sys
 import time
 from collections import deque
+from typing import Any
 
 WINDOW_S = 10.0  # wall time over which the speed is taken
 LINE_EVERY_S = 60.0
 BAR_EVERY_S = 0.1
 
 
-def display(begin_s, end_s, time_step_s, progress=None, label=""):
+def display(begin_s: float, end_s: float, time_step_s: float, progress: Any = None, label: str = "") -> Any:
     """What shows the progress of a run: a context manager, to be called with the simulated time [s] now and then.
 
     begin_s, end_s: simulated time at the ends of the run; progress: None for a bar where stderr is a terminal and
@@ -118,7 +119,7 @@ class _Bar(_Display):
         self._rich.update(self._task, completed=done, words=self.words(time_s), refresh=True)
 
 
-def clock(seconds):
+def clock(seconds: float) -> str:
     """Seconds as hours, minutes and seconds: 1:02:03, or 02:03 below an hour."""
     minutes, seconds = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)

@@ -105,15 +105,15 @@ def _triangles(particle: Particle) -> tuple[np.ndarray, np.ndarray]:
         points, _, triangles = tessellate(particle, 36, 72)
         return points, triangles
     ball = trimesh.creation.icosphere(subdivisions=4)
-    vertices, triangles = [], []
+    vertices, faces = [], []
     for k, sphere in enumerate(particle.spheres_m):
         points = sphere[:3] + sphere[3] * np.asarray(ball.vertices)
         others = np.delete(particle.spheres_m, k, axis=0)
         middle = points[ball.faces].mean(axis=1)
         seen = distances(others, middle) > -0.05 * sphere[3] if len(others) else np.ones(len(middle), bool)
-        triangles.append(ball.faces[seen] + k * len(points))
+        faces.append(ball.faces[seen] + k * len(points))
         vertices.append(points)
-    return np.concatenate(vertices), np.concatenate(triangles)
+    return np.concatenate(vertices), np.concatenate(faces)
 
 
 def _caption(panel: Axes, title: str, body: Particle | Body | None, words: str) -> None:
