@@ -81,9 +81,8 @@ def propose(
     targets : Targets
     section : mapping
         `refine` of the configuration.
-    round_ : int
-    study_seed : int
-        ``design.seed``.
+    round_, study_seed : int
+        Number of the round; ``design.seed``.
 
     Returns
     -------
