@@ -13,33 +13,77 @@ from repose.dem.tessellation import tessellate
 class Drawable(Protocol):
     """A shape that can be drawn: `repose.dem.Shape`, or a `Particle`.
 
-    One that is made of spheres has them as `spheres_m` (M, 4) [m] besides: centre and radius.
+    One that is made of spheres has them as `spheres_m` besides: (M, 4), centre and radius in m.
     """
 
     @property
     def bounding_radius_m(self) -> float:
-        """Distance of its farthest point from its centre [m]."""
+        """Distance of its farthest point from its centre in m."""
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Support function (...,) [m] in the directions n (..., 3)."""
+        """Support function of the body.
+
+        Parameters
+        ----------
+        n : numpy.ndarray, (..., 3)
+            Unit directions in the body's frame.
+
+        Returns
+        -------
+        numpy.ndarray, (...,)
+            Distance of the tangent plane with the normal n from the centre, in m.
+        """
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
-        """Farthest points (..., 3) [m] in the directions n (..., 3)."""
+        """Farthest point of the body in a direction.
+
+        Parameters
+        ----------
+        n : numpy.ndarray, (..., 3)
+            Unit directions in the body's frame.
+
+        Returns
+        -------
+        numpy.ndarray, (..., 3)
+            In m.
+        """
 
 
 @dataclass(frozen=True)
 class Bodies:
-    """The N bodies to be drawn, of S shapes with V points each."""
+    """The N bodies to be drawn, of S shapes with V points and T triangles each.
 
-    points: np.ndarray  # (S, V, 3) m
-    normals: np.ndarray  # (S, V, 3)
-    triangles: np.ndarray  # (T, 3), the same for all shapes
-    shape_ids: np.ndarray  # (N,)
-    turn: np.ndarray  # (N, 3, 3)
-    vertices: np.ndarray  # (N, V, 3) m, in the world
-    owner: np.ndarray  # (N,): the body to which a part belongs, itself for a body of one part
-    middle: np.ndarray  # (N,): place of the part along the body's long axis, -1 to 1
-    share: np.ndarray  # (N,): half length of the part over that of the body
+    Attributes
+    ----------
+    points : numpy.ndarray, (S, V, 3)
+        Points of each shape in m.
+    normals : numpy.ndarray, (S, V, 3)
+        Unit normals at these points.
+    triangles : numpy.ndarray of int, (T, 3)
+        Numbers of their points, the same for all shapes.
+    shape_ids : numpy.ndarray of int, (N,)
+        Number of each body's shape.
+    turn : numpy.ndarray, (N, 3, 3)
+        Rotation of each body, body to world.
+    vertices : numpy.ndarray, (N, V, 3)
+        Points of each body in the world, in m.
+    owner : numpy.ndarray of int, (N,)
+        The body to which a part belongs; itself for a body of one part.
+    middle : numpy.ndarray, (N,)
+        Place of the part along the body's long axis, -1 to 1.
+    share : numpy.ndarray, (N,)
+        Half length of the part over that of the body.
+    """
+
+    points: np.ndarray
+    normals: np.ndarray
+    triangles: np.ndarray
+    shape_ids: np.ndarray
+    turn: np.ndarray
+    vertices: np.ndarray
+    owner: np.ndarray
+    middle: np.ndarray
+    share: np.ndarray
 
 
 class _Ball:
@@ -61,15 +105,25 @@ def place_bodies(
     shape_ids: np.ndarray,
     scales: np.ndarray,
 ) -> Bodies:
-    """The `Bodies` at these places: each sphere of a body of spheres is a part of its own.
+    """Bodies at their places, ready to be drawn; each sphere of a body of spheres is a part of its own.
 
     Parameters
     ----------
-    centres, quaternions : numpy.ndarray
-        (N, 3) [m] and (N, 4), body to world.
+    centres : numpy.ndarray, (N, 3)
+        In m.
+    quaternions : numpy.ndarray, (N, 4)
+        w, x, y, z, body to world.
     shapes : sequence of Drawable
-    shape_ids, scales : numpy.ndarray
-        (N,): place of each body's shape in that sequence, and its size over that of the shape.
+        The shapes there are.
+    shape_ids : numpy.ndarray of int, (N,)
+        Place of each body's shape in that sequence.
+    scales : numpy.ndarray, (N,)
+        Size of each body over that of its shape.
+
+    Returns
+    -------
+    Bodies
+        In the order of the input; the parts of bodies of spheres ordered by shape.
     """
     if any(_spheres(shape) is not None for shape in shapes):
         return _place_parts(centres, quaternions, shapes, shape_ids, scales)

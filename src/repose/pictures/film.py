@@ -175,9 +175,10 @@ def drum_inside(section: Mapping[str, Any], turned_rad: float) -> DrumInside:
 
     Parameters
     ----------
+    turned_rad : float
+        How far it has turned.
     section : mapping
         The section `drum` of the configuration.
-    turned_rad : float
 
     Returns
     -------

@@ -42,6 +42,21 @@ def write_page(csv_path: str | Path, title: str, out_path: str | Path, small_run
 
 
 def page(title: str, body: str, style: str = STYLE) -> str:
-    """An HTML page of a title as plain text and a body as HTML."""
+    """An HTML page.
+
+    Parameters
+    ----------
+    title : str
+        Plain text.
+    body : str
+        HTML.
+    style : str, optional
+        CSS.
+
+    Returns
+    -------
+    str
+        HTML.
+    """
     head = f'<meta charset="utf-8"><title>{html.escape(title)}</title><style>{style}</style>'
     return f"<!doctype html>\n<html><head>{head}</head>\n<body>{body}</body></html>\n"

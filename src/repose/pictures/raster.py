@@ -40,7 +40,30 @@ def _rasterise(x, y, near, triangles, nearest, body, weights, corner):
 def draw(
     x: np.ndarray, y: np.ndarray, near: np.ndarray, triangles: np.ndarray, shape: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Buffers nearest (H, W), body (H, W; -1 where empty), triangle (H, W) and weights (H, W, 2)."""
+    """What each pixel of a picture shows of triangles, the nearest first.
+
+    Parameters
+    ----------
+    x, y : numpy.ndarray, (N, V)
+        Places of the bodies' points in pixels, row 0 on top.
+    near : numpy.ndarray, (N, V)
+        The larger, the nearer.
+    triangles : numpy.ndarray of int, (T, 3)
+        Numbers of their points, the same for all bodies.
+    shape : tuple of int
+        Height H and width W in pixels.
+
+    Returns
+    -------
+    nearest : numpy.ndarray, (H, W)
+        `near` of what is seen; minus infinity where nothing is.
+    body : numpy.ndarray of int, (H, W)
+        Number of the body, -1 where there is none.
+    corner : numpy.ndarray of int, (H, W)
+        Number of the triangle.
+    weights : numpy.ndarray, (H, W, 2)
+        Shares of the triangle's second and third point.
+    """
     nearest = np.full(shape, -np.inf)
     body, corner = np.full(shape, -1, np.int32), np.zeros(shape, np.int32)
     weights = np.zeros((*shape, 2))
@@ -70,7 +93,36 @@ def _spiral(taps):
 
 @numba.njit(cache=True)
 def lit_fraction(points, offset, valid, light_map, axes, origin, pixel_m, softness_m, bias_m, taps):
-    """Share of the light that reaches each point (H, W, 3), 0 to 1, from a depth map seen from the light."""
+    """Share of the light that reaches each point, from a depth map seen from the light.
+
+    Parameters
+    ----------
+    points : numpy.ndarray, (H, W, 3)
+        In m.
+    offset : numpy.ndarray, (H, W, 3)
+        Directions in which a point is moved by `bias_m`, away from its own surface.
+    valid : numpy.ndarray of bool, (H, W)
+        Which points are asked for.
+    light_map : numpy.ndarray, (R, C)
+        Largest height towards the light in m.
+    axes : numpy.ndarray, (3, 3)
+        Rows: two axes across the light, then towards it.
+    origin : numpy.ndarray, (2,)
+        Of the map, across the light in m.
+    pixel_m : float
+        Size of a pixel of the map.
+    softness_m : float
+        Radius about a point in which the map is looked up.
+    bias_m : float
+        How far a surface must stand before a point to shade it.
+    taps : int
+        Number of look-ups for a point.
+
+    Returns
+    -------
+    numpy.ndarray, (H, W)
+        0 to 1; 1 where none is asked for.
+    """
     rows, columns = valid.shape
     lit = np.ones((rows, columns))
     across, down = _spiral(taps)
@@ -97,7 +149,28 @@ def lit_fraction(points, offset, valid, light_map, axes, origin, pixel_m, softne
 
 @numba.njit(cache=True)
 def openness(points, normals, valid, wanted, reach_px, radius_m, taps):
-    """Share of the sky that each wanted point sees past its neighbours within `radius_m`."""
+    """Share of the sky that each point sees past its neighbours in the picture.
+
+    Parameters
+    ----------
+    points, normals : numpy.ndarray, (H, W, 3)
+        Places in m, and unit normals.
+    valid : numpy.ndarray of bool, (H, W)
+        Which pixels hold a point.
+    wanted : numpy.ndarray of bool, (H, W)
+        Which points are asked for.
+    reach_px : numpy.ndarray, (H, W)
+        Radius in pixels in which neighbours are looked up.
+    radius_m : float
+        Length by which the shade of a neighbour grows weaker with its distance.
+    taps : int
+        Number of neighbours looked up for a point.
+
+    Returns
+    -------
+    numpy.ndarray, (H, W)
+        0 to 1; 1 where none is asked for.
+    """
     rows, columns = valid.shape
     open_sky = np.ones((rows, columns))
     across, down = _spiral(taps)

@@ -19,9 +19,16 @@ LENGTHS = ("inlet_diameter", "outlet_diameter", "tube_length", "rim_radius", "ou
 
 @dataclass(frozen=True)
 class Frustum:
-    """A wall of revolution about the z axis of a frame, from (z_low_m, r_low_m) up to (z_high_m, r_high_m).
+    """A wall of revolution about the z axis of a frame.
 
-    frame (12,): origin and rotation (frame to world, by rows); the world's own unless given.
+    Attributes
+    ----------
+    z_low_m, r_low_m : float
+        Height and radius of its lower end.
+    z_high_m, r_high_m : float
+        Height and radius of its upper end.
+    frame : tuple of float, (12,)
+        Origin in m and rotation (frame to world, by rows); the world's own unless given.
     """
 
     z_low_m: float
@@ -32,13 +39,19 @@ class Frustum:
 
     @property
     def slope(self) -> float:
-        """Gain of radius over height."""
+        """Gain of radius over gain of height."""
         return (self.r_high_m - self.r_low_m) / (self.z_high_m - self.z_low_m)
 
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """A flat opaque wall, seen from one side only: corners (M, 3) m of a convex polygon, anticlockwise from there."""
+    """A flat opaque wall, seen from one side only.
+
+    Attributes
+    ----------
+    corners_m : numpy.ndarray, (M, 3)
+        Corners of a convex polygon, anticlockwise from the side it is seen from.
+    """
 
     corners_m: np.ndarray
 
@@ -54,10 +67,40 @@ class Backdrop(Protocol):
     """A surface behind all bodies, such as `repose.pictures.backdrop.DrumInside`."""
 
     def meet(self, eye_m: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Depth (H, W) [m] at which each ray (H, W, 3) meets it, infinite for none, and normals (H, W, 3) there."""
+        """Where rays meet the surface.
+
+        Parameters
+        ----------
+        eye_m : numpy.ndarray, (3,)
+            Origin of the rays in m.
+        rays : numpy.ndarray, (H, W, 3)
+            Directions, scaled to unit depth along the view.
+
+        Returns
+        -------
+        depth : numpy.ndarray, (H, W)
+            In m along the view; infinite for a ray that meets nothing.
+        normal : numpy.ndarray, (H, W, 3)
+            Unit normals there.
+        """
 
     def paint(self, place: np.ndarray, normal: np.ndarray, lit: np.ndarray, sky: np.ndarray) -> np.ndarray:
-        """Colour (M, 3) at places of it (M, 3) with normals (M, 3); lit, sky (M,): share of light and sky there."""
+        """Colours of places on the surface.
+
+        Parameters
+        ----------
+        place : numpy.ndarray, (M, 3)
+            In m.
+        normal : numpy.ndarray, (M, 3)
+            As `meet` gives them.
+        lit, sky : numpy.ndarray, (M,)
+            Shares of the light and of the sky that reach the places, 0 to 1.
+
+        Returns
+        -------
+        numpy.ndarray, (M, 3)
+            Red, green and blue, 0 to 1 or a little above.
+        """
 
 
 @dataclass(frozen=True)
@@ -69,7 +112,9 @@ class Setting:
     plate_m : float or None
         Height of an endless plate.
     panels : tuple of Panel
+        Opaque walls.
     frusta : tuple of Frustum
+        Translucent walls.
     backdrop : Backdrop or None
         What is seen behind all of them.
     """
@@ -82,7 +127,19 @@ class Setting:
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera: `axes` rows are right, up, forward; the picture is (height, width) pixels."""
+    """A pinhole camera.
+
+    Attributes
+    ----------
+    eye_m : numpy.ndarray, (3,)
+        Where it stands.
+    axes : numpy.ndarray, (3, 3)
+        Rows: right, up, forward.
+    focal_px : float
+        Focal length in pixels.
+    width, height : int
+        Of the picture in pixels.
+    """
 
     eye_m: np.ndarray
     axes: np.ndarray
@@ -91,7 +148,20 @@ class Camera:
     height: int
 
     def project(self, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Screen x, y (px, row 0 on top) and inverse depth (1/m) of points (..., 3)."""
+        """Places of points in the picture.
+
+        Parameters
+        ----------
+        points_m : numpy.ndarray, (..., 3)
+            In the world.
+
+        Returns
+        -------
+        x, y : numpy.ndarray, (...,)
+            In pixels, row 0 on top.
+        near : numpy.ndarray, (...,)
+            Inverse depth in 1/m.
+        """
         seen = (points_m - self.eye_m) @ self.axes.T
         near = 1.0 / seen[..., 2]
         x = self.width / 2 + self.focal_px * seen[..., 0] * near
@@ -99,7 +169,13 @@ class Camera:
         return x, y, near
 
     def rays(self) -> np.ndarray:
-        """World direction of each pixel's ray, (height, width, 3), scaled to unit depth along the view."""
+        """Direction of each pixel's ray in the world.
+
+        Returns
+        -------
+        numpy.ndarray, (height, width, 3)
+            Scaled to unit depth along the view.
+        """
         x = (np.arange(self.width) + 0.5 - self.width / 2) / self.focal_px
         y = (self.height / 2 - np.arange(self.height) - 0.5) / self.focal_px
         right, up, forward = self.axes
@@ -117,6 +193,7 @@ def funnel_walls(section: Mapping[str, Any]) -> list[Frustum]:
     Returns
     -------
     list of Frustum
+        The tube, where there is one, and the cone.
     """
     funnel = Funnel(
         **{f"{key}_m": section[f"{key}_mm"] / 1e3 for key in LENGTHS},
@@ -144,12 +221,15 @@ def look_at(
     Parameters
     ----------
     points_m : numpy.ndarray, (M, 3)
+        What the picture holds.
     width, height : int
-        Pixels.
+        Of the picture in pixels.
     elevation_deg, azimuth_deg : float, optional
-        Direction.
+        Direction from the points to the camera.
     margin : float, optional
+        Size of the picture over that of the points in it.
     field_of_view_deg : float, optional
+        Of the longer side of the picture.
 
     Returns
     -------
@@ -171,7 +251,24 @@ def look_at(
 def outline(
     centres: np.ndarray, reach: float, walls: Sequence[Frustum], panels: Sequence[Panel] = ()
 ) -> np.ndarray:
-    """Points (M, 3) that a picture of these bodies and walls has to hold."""
+    """Points that a picture of bodies and walls has to hold.
+
+    Parameters
+    ----------
+    centres : numpy.ndarray, (N, 3)
+        Of the bodies, in m.
+    reach : float
+        Largest bounding radius of a body in m.
+    walls : sequence of Frustum
+        Walls of revolution.
+    panels : sequence of Panel, optional
+        Flat walls; without one the origin is held too.
+
+    Returns
+    -------
+    numpy.ndarray, (M, 3)
+        In m.
+    """
     spread = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
     around = np.linspace(0, 2 * math.pi, 36, endpoint=False)
     rings = [
@@ -198,6 +295,7 @@ def setting_of(
     Parameters
     ----------
     simulation : Simulation
+        Its walls are shown.
     planes : numpy.ndarray, (P, 7), optional
         As `repose.dem.Recorder` keeps them.
     wall_frames : numpy.ndarray, (C, 12), optional

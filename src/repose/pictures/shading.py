@@ -30,21 +30,27 @@ def paint(
     frame: np.ndarray,
     setting: Setting,
 ) -> np.ndarray:
-    """Colours (H, W, 3), 0 to 1 or a little above, of what each pixel shows.
+    """Colours of what each pixel shows.
 
     Parameters
     ----------
     camera : Camera
+        That sees it.
     view : View
         What each pixel shows.
-    skin : numpy.ndarray
-        Colour (M, 3) of the M pixels that show a body, see `skin`.
-    lit, sky : numpy.ndarray
-        What `light_and_sky` gave, (H, W).
-    frame : numpy.ndarray
-        Points (P, 3) [m] that the picture holds; the plate fades out beyond them.
+    skin : numpy.ndarray, (M, 3)
+        Colours of the M pixels that show a body, see `skin`.
+    lit, sky : numpy.ndarray, (H, W)
+        What `light_and_sky` gave.
+    frame : numpy.ndarray, (P, 3)
+        Points that the picture holds in m; the plate fades out beyond them.
     setting : Setting
         Walls and backdrop.
+
+    Returns
+    -------
+    numpy.ndarray, (H, W, 3)
+        Red, green and blue, 0 to 1 or a little above.
     """
     image = np.broadcast_to(BACKGROUND, view.place.shape).copy()
     _paint_flat(image, view, lit, sky, frame, setting.backdrop)
@@ -59,7 +65,24 @@ def paint(
 def light_and_sky(
     camera: Camera, bodies: Bodies, view: View, largest: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Shares (H, W) of the light and of the sky that reach each pixel; largest: bounding radius of the bodies [m]."""
+    """Shares of the light and of the sky that reach what each pixel shows.
+
+    Parameters
+    ----------
+    camera : Camera
+        The light turns with it.
+    bodies : Bodies
+        They cast the shadows.
+    view : View
+        What each pixel shows.
+    largest : float
+        Largest bounding radius of the bodies in m.
+
+    Returns
+    -------
+    lit, sky : numpy.ndarray, (H, W)
+        0 to 1; 1 where nothing is.
+    """
     lit, sky = np.ones(view.hit.shape), np.ones(view.hit.shape)
     if not len(bodies.vertices):
         return lit, sky
@@ -77,15 +100,23 @@ def light_and_sky(
 
 
 def skin(body: np.ndarray, along: np.ndarray, shape: np.ndarray, count: int, shapes: int) -> np.ndarray:
-    """Colour (M, 3) of places on bodies; no two bodies are alike.
+    """Colours of places on bodies; no two bodies are alike.
 
     Parameters
     ----------
-    body, along, shape : numpy.ndarray
-        (M,): number of the body, place along its axis from -1 to 1, and its shape; the first shape is the berry with
-        its calyx.
+    body : numpy.ndarray of int, (M,)
+        Number of the body.
+    along : numpy.ndarray, (M,)
+        Place along its long axis, -1 to 1.
+    shape : numpy.ndarray of int, (M,)
+        Number of its shape; the first is the berry with its calyx.
     count, shapes : int
-        Number of all bodies, and of shapes.
+        Numbers of all bodies, and of shapes.
+
+    Returns
+    -------
+    numpy.ndarray, (M, 3)
+        Red, green and blue, 0 to 1.
     """
     skins = np.array([SKIN, *(OTHER_SKINS[k % len(OTHER_SKINS)] for k in range(shapes - 1))])
     random = np.random.RandomState(2026)

@@ -11,18 +11,38 @@ from repose.pictures.scenery import Camera, Panel, Setting
 
 @dataclass(frozen=True)
 class View:
-    """What each pixel (H, W) shows: a body (`hit`), a flat wall, the plate, or nothing; M of them show a body."""
+    """What each pixel of a picture (H, W) shows: a body, a flat wall, the plate, the backdrop, or nothing.
 
-    rays: np.ndarray  # (H, W, 3)
+    Attributes
+    ----------
+    rays : numpy.ndarray, (H, W, 3)
+        Directions of the pixels' rays, scaled to unit depth along the view.
+    hit : numpy.ndarray of bool, (H, W)
+        Whether it is a body; M pixels show one.
+    flat : numpy.ndarray of bool, (H, W)
+        Whether it is the plate, a panel or the backdrop.
+    plate, behind : numpy.ndarray of bool, (H, W)
+        Whether it is the plate; whether it is the backdrop.
+    body : numpy.ndarray of int, (H, W)
+        Number of the body or part, -1 where there is none.
+    depth : numpy.ndarray, (H, W)
+        In m along the view, infinite where nothing is.
+    place, normal : numpy.ndarray, (H, W, 3)
+        Place in m, and unit normal there.
+    along : numpy.ndarray, (M,)
+        Place along the body's long axis, -1 to 1.
+    """
+
+    rays: np.ndarray
     hit: np.ndarray
-    flat: np.ndarray  # the plate and the panels
+    flat: np.ndarray
     plate: np.ndarray
-    behind: np.ndarray  # the backdrop
-    body: np.ndarray  # (H, W), -1 where there is none
-    depth: np.ndarray  # m along the view, infinite where nothing is
-    place: np.ndarray  # (H, W, 3) m
-    normal: np.ndarray  # (H, W, 3)
-    along: np.ndarray  # (M,) place along the body's long axis, -1 to 1
+    behind: np.ndarray
+    body: np.ndarray
+    depth: np.ndarray
+    place: np.ndarray
+    normal: np.ndarray
+    along: np.ndarray
 
 
 def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
@@ -31,12 +51,16 @@ def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
     Parameters
     ----------
     camera : Camera
+        That looks.
     bodies : Bodies
+        As `place_bodies` gives them.
     setting : Setting
+        Walls and backdrop.
 
     Returns
     -------
     View
+        Of the camera's pixels.
     """
     nearest, which, corner, weights = raster.draw(
         *camera.project(bodies.vertices), bodies.triangles, (camera.height, camera.width)

@@ -5,7 +5,7 @@ from typing import Any
 
 from repose.core.errors import InputError
 
-from . import convergence, energy, impacts, oblique, packing, rolling, rotation
+from . import convergence, energy, impacts, oblique, packing, resting, rolling, rotation
 from .case import FULL, Effort, Result
 
 # Every case by name: a function of an `Effort` that returns a `case.Result`.
@@ -20,8 +20,8 @@ CASES = {
     "chung8": oblique.unequal_spheres,
     "rolling": rolling.slip_to_roll,
     "slope": rolling.coulomb_slope,
-    "rest": rolling.berry_at_rest,
-    "rocking": rolling.rocking,
+    "rest": resting.berry_at_rest,
+    "rocking": resting.rocking,
     "rotation": rotation.free_rotation,
     "momentum": energy.cloud_momentum,
     "energy": energy.energy_of_hits,
@@ -60,7 +60,7 @@ def run(
     Raises
     ------
     InputError
-        If a name is unknown.
+        If a name is not one of `CASES`.
     """
     chosen = list(names) if names else [name for name in CASES if name not in EXPENSIVE]
     for name in chosen:

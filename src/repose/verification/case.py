@@ -74,6 +74,11 @@ def close(
         What the difference is divided by; the reference unless given.
     known : str
         Why the row is known to miss: it is then shown with its deviation and not counted as a failure.
+
+    Returns
+    -------
+    Row
+        Passed, missed, or known to deviate; the deviation is that of the two numbers over `scale`.
     """
     if tolerance is None:
         tolerance = DIGITISED_TOLERANCE if source.startswith("digitised") else CLOSED_TOLERANCE
@@ -97,6 +102,7 @@ def at_most(quantity: str, unit: str, result: float, limit: float, source: str) 
     Returns
     -------
     Row
+        Passed or missed; without a deviation.
     """
     status = PASSED if result <= limit else MISSED
     return Row(quantity, unit, f"at most {limit:.7g}", source, result, None, None, status)
@@ -116,6 +122,7 @@ def within(quantity: str, unit: str, result: float, low: float, high: float, sou
     Returns
     -------
     Row
+        Passed or missed; without a deviation.
     """
     status = PASSED if low <= result <= high else MISSED
     return Row(quantity, unit, f"{low:g} to {high:g}", source, result, None, None, status)
@@ -140,6 +147,7 @@ def reported(
     Returns
     -------
     Row
+        Neither passed nor missed.
     """
     deviation = None
     if isinstance(reference, float) and reference != 0.0:
@@ -149,7 +157,21 @@ def reported(
 
 @dataclass(frozen=True)
 class Curve:
-    """A line of a plot; reference curves are drawn as lines, results as markers unless `line`."""
+    """A line of a plot; reference curves are drawn as lines, results as markers unless `line`.
+
+    Attributes
+    ----------
+    label : str
+        In the legend.
+    x, y : array_like, (N,)
+        In the units of the panel's labels.
+    reference : bool
+        Whether it is what the results are compared with.
+    line : bool
+        Whether a result is drawn as a line.
+    error : array_like, (N,), or None
+        Half lengths of the error bars of y.
+    """
 
     label: str
     x: object
@@ -161,7 +183,17 @@ class Curve:
 
 @dataclass(frozen=True)
 class Panel:
-    """One pair of axes."""
+    """One pair of axes.
+
+    Attributes
+    ----------
+    x_label, y_label : str
+        With the units.
+    curves : tuple of Curve
+        In the order of the legend.
+    log_x : bool
+        Whether x is on a logarithmic scale.
+    """
 
     x_label: str
     y_label: str
@@ -171,7 +203,19 @@ class Panel:
 
 @dataclass(frozen=True)
 class Result:
-    """A case: its title, what is compared with what, rows and the panels of its plot."""
+    """A case: its title, what is compared with what, rows and the panels of its plot.
+
+    Attributes
+    ----------
+    title : str
+        Of the case.
+    compared : str
+        What is compared with what.
+    rows : list of Row
+        The numbers.
+    panels : list of Panel
+        Of the plot; none where nothing is drawn.
+    """
 
     title: str
     compared: str

@@ -25,7 +25,13 @@ SPACING, LANE = 0.2, 12  # distance of isolated impacts [m] and how many of them
 
 
 def cloud_momentum(_effort: Effort) -> Result:
-    """A cloud of 64 berries that fly together, collide and fly apart keeps its momentum and angular momentum."""
+    """A cloud of 64 berries that fly together, collide and fly apart keeps its momentum and angular momentum.
+
+    Returns
+    -------
+    Result
+        Drift of momentum and angular momentum over the sums of their sizes; kinetic energy that is left.
+    """
     rng = np.random.default_rng(5)
     simulation = berry_simulation(
         Contact(0.4, 0.5, 0.0), 1e-4, capacity=64, lower=(-0.3, -0.3, -0.3), upper=(0.3, 0.3, 0.3)
@@ -98,7 +104,28 @@ def _ratios(simulation: Simulation, checks: int, steps: int) -> tuple[np.ndarray
 def pair_hits(
     rng: np.random.Generator, contact: Contact, axes: tuple[float, float, float] = BERRY_M, step: float = STEP
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Energy ratios of isolated pairs of ellipsoids of the given semi-axes [m]: largest and final, each (pairs,)."""
+    """Energy after collisions of isolated pairs of ellipsoids, over the energy before.
+
+    A pair that still touches at the end is left out: it holds elastic energy.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Of directions, orientations, velocities and spins.
+    contact : Contact
+        Between the ellipsoids.
+    axes : tuple of float, (3,), optional
+        Semi-axes in m.
+    step : float, optional
+        Time step in seconds.
+
+    Returns
+    -------
+    most : numpy.ndarray, (pairs,)
+        Largest ratio at any of ten looks.
+    final : numpy.ndarray, (pairs,)
+        Ratio at the last look.
+    """
     n = LANE * LANE
     edge = LANE * SPACING
     simulation = berry_simulation(
@@ -131,7 +158,22 @@ def pair_hits(
 
 
 def funnel_hits(rng: np.random.Generator, contact: Contact, kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """The same for one berry thrown at the cone, the rim or the tube of a funnel from inside."""
+    """Energy of one berry thrown at a funnel from inside, over its energy before.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Of place, orientation, velocity and spin.
+    contact : Contact
+        Of the berry with the funnel.
+    kind : str
+        What it is thrown at: "cone", "rim" or "tube".
+
+    Returns
+    -------
+    most, final : numpy.ndarray, (1,)
+        Largest ratio at any of ten looks, and the one at the last.
+    """
     funnel = TUBED if kind == "tube" else FUNNEL
     simulation = berry_simulation(
         contact,
@@ -153,7 +195,20 @@ def funnel_hits(rng: np.random.Generator, contact: Contact, kind: str) -> tuple[
 
 
 def shell_hits(rng: np.random.Generator, contact: Contact, _kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """The same for berries in a row along a drum, each thrown at its shell."""
+    """Energy of berries in a row along a drum, each thrown at the shell, over their energy before.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Of places, orientations, velocities and spins.
+    contact : Contact
+        Of a berry with the shell.
+
+    Returns
+    -------
+    most, final : numpy.ndarray, (40,)
+        Largest ratio at any of ten looks, and the one at the last.
+    """
     n, radius, spacing = 40, 0.06, 0.06
     length = n * spacing
     simulation = berry_simulation(
@@ -183,7 +238,18 @@ KINDS = {
 
 
 def energy_of_hits(effort: Effort) -> Result:
-    """No impact with e below 1 and without rolling friction leaves with more energy than it came with."""
+    """No impact with e below 1 and without rolling friction leaves with more energy than it came with.
+
+    Parameters
+    ----------
+    effort : Effort
+        `hits` impacts of each of `KINDS`.
+
+    Returns
+    -------
+    Result
+        The largest ratio of each kind beside 1, with room for the rounding of the free rotation.
+    """
     rows, curves = [], []
     for kind, throw in KINDS.items():
         rng = np.random.default_rng([13, len(kind)])
@@ -212,7 +278,18 @@ def energy_of_hits(effort: Effort) -> Result:
 
 
 def elastic_impacts(effort: Effort) -> Result:
-    """How far the force is from conservative: pairs with e = 1 and without friction; spheres as a control."""
+    """How far the force is from conservative: pairs with e = 1 and without friction; spheres as a control.
+
+    Parameters
+    ----------
+    effort : Effort
+        `hits` impacts of each body.
+
+    Returns
+    -------
+    Result
+        Change of energy of berries at two time steps, reported; of spheres, judged.
+    """
     bodies = (
         ("berries", BERRY_M, STEP),
         ("berries, a fifth of the time step", BERRY_M, STEP / 5),

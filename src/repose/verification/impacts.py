@@ -33,7 +33,22 @@ STILL = (0.0, 0.0, 0.0)
 def pair_history(
     solid: Solid, radius_m: float, speed_m_s: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Two equal spheres head-on, each with half the speed of approach: time, overlap, force over the contact."""
+    """Elastic impact of two equal spheres, head-on, each with half the speed of approach.
+
+    Parameters
+    ----------
+    solid : Solid
+        Of both spheres.
+    radius_m : float
+        Of both spheres.
+    speed_m_s : float
+        Of approach.
+
+    Returns
+    -------
+    time, overlap, force : numpy.ndarray, (steps,)
+        Seconds since the contact began, m, and the normal force in N, at the time steps in contact.
+    """
     hertz = hertz_of_pair(solid, radius_m, speed_m_s)
     step = hertz.duration_s / STEPS_PER_CONTACT
     reach, half = radius_m + 2.0 * step * speed_m_s, 0.5 * speed_m_s
@@ -62,7 +77,24 @@ def pair_history(
 def plane_history(
     solid: Solid, radius_m: float, speed_m_s: float, restitution: float = 1.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A sphere on a rigid plane: time, overlap, force over the contact."""
+    """Impact of a sphere on a rigid plane, along its normal and without friction.
+
+    Parameters
+    ----------
+    solid : Solid
+        Of the sphere.
+    radius_m : float
+        Of the sphere.
+    speed_m_s : float
+        Of approach.
+    restitution : float, optional
+        Of the contact.
+
+    Returns
+    -------
+    time, overlap, force : numpy.ndarray, (steps,)
+        Seconds since the contact began, m, and the normal force in N, at the time steps in contact.
+    """
     simulation, steps = sphere_over_plane(solid, radius_m, frictionless(restitution), (0.0, 0.0, -speed_m_s))
     step = hertz_on_plane(solid, radius_m, speed_m_s).duration_s / STEPS_PER_CONTACT
     return _history(
@@ -95,7 +127,23 @@ def _history(
 
 
 def duration_of(time: np.ndarray, overlap: np.ndarray) -> float:
-    """Contact time: the last step in contact and what is left of the overlap at the speed it is undone with [s]."""
+    """Contact time of an impact.
+
+    It ends after the last step in contact, by the time in which the overlap that is left is undone at its
+    last speed.
+
+    Parameters
+    ----------
+    time : numpy.ndarray, (steps,)
+        Seconds since the contact began.
+    overlap : numpy.ndarray, (steps,)
+        In m, as `pair_history` gives it.
+
+    Returns
+    -------
+    float
+        In seconds.
+    """
     step = time[1] - time[0]
     return time[-1] + step * overlap[-1] / (overlap[-2] - overlap[-1])
 
@@ -132,7 +180,18 @@ def _elastic(title: str, compared: str, cases: Sequence[tuple], published: Mappi
 
 
 def two_spheres(_effort: Effort) -> Result:
-    """Test 1: two equal spheres of radius 10 mm, head-on at 10 m/s each, elastic."""
+    """Test 1: two equal spheres of radius 10 mm, head-on at 10 m/s each, elastic.
+
+    Returns
+    -------
+    Result
+        Peak force, largest overlap and contact time of glass and limestone beside Hertz; of glass beside the
+        digitised values too.
+
+    References
+    ----------
+    Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 1.
+    """
     cases = [
         (solid, hertz_of_pair(solid, 0.01, 20.0), pair_history(solid, 0.01, 20.0))
         for solid in (GLASS, LIMESTONE)
@@ -146,7 +205,18 @@ def two_spheres(_effort: Effort) -> Result:
 
 
 def sphere_on_plane(_effort: Effort) -> Result:
-    """Test 2: a sphere of radius 0.1 m on a rigid plane at 0.2 m/s, elastic."""
+    """Test 2: a sphere of radius 0.1 m on a rigid plane at 0.2 m/s, elastic.
+
+    Returns
+    -------
+    Result
+        Peak force, largest overlap and contact time of two alloys beside Hertz; of the aluminium alloy beside
+        the digitised values too.
+
+    References
+    ----------
+    Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 2.
+    """
     cases = [
         (solid, hertz_on_plane(solid, 0.1, 0.2), plane_history(solid, 0.1, 0.2))
         for solid in (ALUMINIUM_ALLOY, MAGNESIUM_ALLOY)
@@ -160,7 +230,18 @@ def sphere_on_plane(_effort: Effort) -> Result:
 
 
 def damped_impact(_effort: Effort) -> Result:
-    """Test 3: restitution out for restitution in, a sphere of radius 2.5 mm on a rigid plane at 3.9 m/s."""
+    """Test 3: restitution out for restitution in, a sphere of radius 2.5 mm on a rigid plane at 3.9 m/s.
+
+    Returns
+    -------
+    Result
+        Restitution of two solids beside the one asked for; peak forces beside the damped equation
+        (`Hertz.history`).
+
+    References
+    ----------
+    Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 3.
+    """
     asked = np.linspace(0.2, 1.0, 9)
     rows, curves = [], [Curve("restitution out = in", asked, asked, reference=True)]
     for solid in (ALUMINIUM_OXIDE, CAST_IRON):
@@ -196,6 +277,7 @@ def damped_impact(_effort: Effort) -> Result:
 
 
 def _restitution(solid: Solid, restitution: float) -> float:
+    """Restitution that the simulator gives where one is asked for, in the third test."""
     simulation, steps = sphere_over_plane(solid, 0.0025, Contact(restitution, 0.0, 0.0), (0.0, 0.0, -3.9))
     simulation.run_steps(steps)
     return simulation.velocities[0, 2] / 3.9

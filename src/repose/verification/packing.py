@@ -30,7 +30,14 @@ SOURCES = (
 
 
 def hexagonal_packing(_effort: Effort) -> Result:
-    """Rows of spheres without friction between a floor and walls settle into their lattice and stay."""
+    """Rows of spheres without friction between a floor and walls settle into their lattice and stay.
+
+    Returns
+    -------
+    Result
+        Force on the floor beside the weight; distance from the lattice, motion and kinetic energy beside
+        their limits.
+    """
     rows_of, columns = 6, 8
     shape = Shape.sphere(RADIUS, BERRY_DENSITY, "sphere")
     width = columns * 2.0 * RADIUS
@@ -93,7 +100,23 @@ def hexagonal_packing(_effort: Effort) -> Result:
 
 
 def poured_packing(effort: Effort) -> Result:
-    """Berries poured into a box, with friction and without: solid fraction and coordination number of the core."""
+    """Berries poured into a box, with friction and without: solid fraction and coordination number of the core.
+
+    Parameters
+    ----------
+    effort : Effort
+        `berries` fall into the box.
+
+    Returns
+    -------
+    Result
+        Solid fraction and coordination number beside published ranges.
+
+    References
+    ----------
+    Schaller (2012), and Delaney, Hilton and Cleary (2011), for berries with friction; Donev et al. (2004),
+    Science 303, 990, for berries without.
+    """
     rows, curves = [], []
     cases = (
         ("mu 0.6", Contact(0.1, 0.6, 0.05), FRICTIONAL, SOURCES[0]),
@@ -167,9 +190,26 @@ def _top(simulation: Simulation) -> float:
 def solid_fraction_profile(
     simulation: Simulation, side: float, points: int = 900
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Share of random points inside a berry over height: middles of slices [m] and shares.
+    """Share of the room that berries fill, over the height.
 
-    Points within MARGIN of a side wall are left out.
+    It is the share of random points inside a berry, in slices 4 mm thick. Points within `MARGIN` of a side
+    wall are left out.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        Berries of `BERRY_M` in a box from 0 to `side`.
+    side : float
+        Width of the box in m.
+    points : int, optional
+        Random points in each slice.
+
+    Returns
+    -------
+    heights : numpy.ndarray, (slices,)
+        Middles of the slices in m.
+    shares : numpy.ndarray, (slices,)
+        From 0 to 1.
     """
     rng = np.random.default_rng(31)
     heights = np.arange(0.002, simulation.positions[:, 2].max(), 0.004)
@@ -189,7 +229,22 @@ def solid_fraction_profile(
 
 
 def coordination(simulation: Simulation, side: float, top: float) -> float:
-    """Mean number of touching neighbours of the berries away from the walls and the top."""
+    """Mean number of touching neighbours of the berries in the core.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        Berries in a box from 0 to `side`.
+    side : float
+        Width of the box in m.
+    top : float
+        Height of the filling in m. The core lies `MARGIN` away from the walls and the top.
+
+    Returns
+    -------
+    float
+        Neighbours of a berry.
+    """
     x, y, z = simulation.positions.T
     margin = MARGIN
     core = (x > margin) & (x < side - margin) & (y > margin) & (y < side - margin)

@@ -68,7 +68,18 @@ def _write_csv(results: Mapping[str, Result], path: Path) -> None:
 
 
 def draw(result: Result) -> Figure:
-    """The figure of a case: its panels side by side."""
+    """The figure of a case: its panels side by side.
+
+    Parameters
+    ----------
+    result : Result
+        With at least one panel.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        One pair of axes for each panel.
+    """
     figure = style.new_figure(style.PAGE if len(result.panels) > 1 else 1.3 * style.COLUMN, 3.2)
     axes = figure.subplots(1, len(result.panels), squeeze=False)[0]
     for ax, panel in zip(axes, result.panels, strict=True):
@@ -97,6 +108,7 @@ def draw(result: Result) -> Figure:
 
 
 def _page(results: Mapping[str, Result]) -> str:
+    """The page: how many numbers miss, and a plot and a table of each case."""
     rows = sum(len(result.rows) for result in results.values())
     missed = sum(row.status == MISSED for result in results.values() for row in result.rows)
     known = sum(row.status == KNOWN for result in results.values() for row in result.rows)
@@ -115,10 +127,12 @@ def _page(results: Mapping[str, Result]) -> str:
 
 
 def _number(value: object) -> str:
+    """Six digits of a number; a text stays."""
     return value if isinstance(value, str) else "" if value is None else f"{value:.6g}"
 
 
 def _table(rows: list[Row]) -> str:
+    """Rows of a case as an HTML table."""
     head = ("quantity", "unit", "result", "reference", "source", "deviation", "allowed", "status")
     lines = ["<table><tr>" + "".join(f"<th>{name}</th>" for name in head) + "</tr>"]
     for row in rows:

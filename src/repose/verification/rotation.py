@@ -14,10 +14,32 @@ from .machine import berry_simulation, frictionless
 def euler_solution(
     inertia: np.ndarray, first: float, third: float, time: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Angular velocity in the body frame of a free body (3, T) (Landau & Lifshitz, Mechanics, section 37).
+    """Angular velocity of a free body in its own frame, and the period of its motion.
 
-    inertia: three principal moments, rising; the body begins with (first, 0, third) [rad/s] and L^2 > 2 E I_2.
-    Also returns the period [s].
+    Parameters
+    ----------
+    inertia : numpy.ndarray, (3,)
+        Principal moments in kg m2, rising.
+    first, third : float
+        Angular velocity at time 0 is (first, 0, third), in rad/s.
+    time : numpy.ndarray, (T,)
+        In seconds.
+
+    Returns
+    -------
+    velocity : numpy.ndarray, (3, T)
+        In rad/s.
+    period : float
+        In seconds.
+
+    Raises
+    ------
+    ValueError
+        If the square of the angular momentum is not above 2 E I_2.
+
+    References
+    ----------
+    Landau, L. D., & Lifshitz, E. M. Mechanics, section 37.
     """
     i1, i2, i3 = inertia
     twice_energy = i1 * first**2 + i3 * third**2
@@ -32,7 +54,13 @@ def euler_solution(
 
 
 def free_rotation(_effort: Effort) -> Result:
-    """A tumbling berry in space keeps its angular momentum and energy, and turns as Euler's equations say."""
+    """A tumbling berry in space keeps its angular momentum and energy, and turns as Euler's equations say.
+
+    Returns
+    -------
+    Result
+        Angular velocity beside `euler_solution`; drift of angular momentum and energy beside 0.
+    """
     step, every, first, third = 2e-5, 50, 8.0, 25.0
     simulation = berry_simulation(frictionless(), step)
     inertia = simulation.shapes["berry"].inertia_kg_m2

@@ -22,7 +22,18 @@ ROUNDS = 3
 
 @numba.njit
 def reference_kernel(n):
-    """A chain of n dependent steps of arithmetic with a square root and a division each."""
+    """A chain of n dependent steps of arithmetic with a square root and a division each.
+
+    Parameters
+    ----------
+    n : int
+        Number of steps.
+
+    Returns
+    -------
+    float
+        The last value; it keeps the compiler from leaving the loop out.
+    """
     x = 1.0
     for k in range(n):
         x = math.sqrt(x * 1.0000001 + 1e-9 * k) / (1.0 + 1e-7 * x)
@@ -48,7 +59,7 @@ def run(
         With the moduli.
     parameters : mapping
         The contact parameters of the pours.
-    seed : int
+    seed : int, optional
         Of the pours.
 
     Returns
@@ -77,7 +88,28 @@ def timed_pour(
     particle: Particle,
     berry: Mapping[str, float],
 ) -> tuple[float, float]:
-    """Microseconds a step over the last second of a pour, and seconds of wall time that the whole pour took."""
+    """Time that a pour takes.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    parameters : mapping
+        Contact parameters by name.
+    seed : int
+        Of the pour.
+    particle : Particle
+        That is poured.
+    berry : mapping
+        With the moduli.
+
+    Returns
+    -------
+    us_per_step : float
+        Microseconds a step, over the last second of the pour.
+    wall_s : float
+        Wall time of the whole pour in seconds.
+    """
     poured = funnel.pour(config, parameters, seed, particle, berry)
     return poured.us_per_step, poured.wall_s
 
@@ -118,7 +150,18 @@ def summary(
 
 
 def message(result: Mapping[str, Any]) -> str:
-    """The table of `run` for a terminal."""
+    """The table of `run` for a terminal.
+
+    Parameters
+    ----------
+    result : mapping
+        What `run` gives.
+
+    Returns
+    -------
+    str
+        One line for each particle, under a heading.
+    """
     lines = [
         f"{result['berries']} berries, time step {result['time_step_s']:g} s, one core; "
         f"reference kernel {result['reference_us']:.1f} us",

@@ -28,7 +28,29 @@ RECONSTRUCTED = "Sizes are a reconstruction from published statistics, not measu
 
 
 def sizes_and_sphericity(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 2: histograms of the axes and the sphericity with the normal curves of their moments."""
+    """Figure 2: histograms of the axes and the sphericity with the normal curves of their moments.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Path of ``sizes``, the measured axes.
+    config : mapping
+        The whole configuration.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Four panels.
+
+    Raises
+    ------
+    InputError
+        If the table cannot be read.
+
+    References
+    ----------
+    Figure 2 and Table 1 of the paper; sphericity: its Eq. (1).
+    """
     sizes = berry.read_sizes(inputs["sizes"])
     figure = style.new_figure(style.COLUMN * 1.25, 3.9)
     panels = figure.subplots(2, 2).ravel()
@@ -44,6 +66,7 @@ def sizes_and_sphericity(inputs: Mapping[str, Any], config: Mapping[str, Any]) -
 
 
 def _histogram(panel: Axes, values: np.ndarray, label: str, colour: str, unit: str) -> None:
+    """Histogram of one size with the normal curve of its mean and standard deviation."""
     mean, sd = values.mean(), values.std(ddof=1)
     # Berries that are all alike still have a bin, and a curve too narrow to see.
     sd_shown = max(sd, 1e-3 * mean)
@@ -59,7 +82,29 @@ def _histogram(panel: Axes, values: np.ndarray, label: str, colour: str, unit: s
 
 
 def particle_and_mesh(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 7: the mesh and every particle made from it, side by side on axes of the same scale."""
+    """Figure 7: the mesh and every particle made from it, side by side on axes of the same scale.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of ``stl``, the mesh, and ``particle``, both of the verb shape.
+    config : mapping
+        The whole configuration; `berry` tells how many spheres the particle of spheres has.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Four panels; a particle that cannot be made is told by its reason.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read.
+
+    References
+    ----------
+    Figure 7 of the paper.
+    """
     chosen = build.Particle.load(inputs["particle"])
     mesh = build.load_mesh(inputs["stl"])
     section = config["berry"]
@@ -131,6 +176,7 @@ def _caption(panel: Axes, title: str, body: Particle | Body | None, words: str) 
 def _surface(
     panel: Axes, vertices_mm: np.ndarray, triangles: np.ndarray, half: np.ndarray, edges: bool
 ) -> None:
+    """Shaded triangles of a body."""
     corners = vertices_mm[triangles]
     normals = trimesh.triangles.normals(corners)[0]
     # Triangles at the poles of the grid have no area, and trimesh leaves their normals out.

@@ -32,6 +32,16 @@ def accuracy(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
         Path of ``accuracy``, table of the verb compare_accuracy.
     config : mapping
         The whole configuration.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Two rows of panels.
+
+    Raises
+    ------
+    InputError
+        If the table cannot be read.
     """
     keys = ("r2", "r2_low", "r2_high", "r2_bar", "explainable", "explainable_low", "explainable_high")
     columns = ("training", "simulations", "seeds", "response", "reachable_r2", *keys, "explainable_bar")
@@ -76,6 +86,16 @@ def surrogates(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
         Path of ``surrogates``, table of the verb compare_surrogates.
     config : mapping
         The whole configuration.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A panel for each response.
+
+    Raises
+    ------
+    InputError
+        If the table cannot be read.
     """
     table = read_table(
         inputs["surrogates"],
@@ -108,6 +128,16 @@ def sampling(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
         Path of ``sampling``, table of the verb compare_sampling.
     config : mapping
         The whole configuration.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Designs above, points against seeds below; a column for each response.
+
+    Raises
+    ------
+    InputError
+        If the table cannot be read.
     """
     keys = ("comparison", "design", "data", "fit", "points", "seeds", "response")
     table = read_table(inputs["sampling"], (*keys, "explainable", "explainable_se"))

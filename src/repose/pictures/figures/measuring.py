@@ -29,6 +29,16 @@ def definitions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
         Paths of ``heap`` (positions of pours), ``particle`` and ``berry``.
     config : mapping
         The whole configuration.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The first view above, all views below.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read.
     """
     berry = read_json(inputs["berry"], what="what the verb berry wrote")
     settings = pile.MeasureSettings.of(config["measure"], berry)

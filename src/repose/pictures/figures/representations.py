@@ -32,6 +32,16 @@ def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
         Paths of ``combinations`` and ``sets``, tables of the verb shape_study.
     config : mapping
         The whole configuration.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Four panels.
+
+    Raises
+    ------
+    InputError
+        If a table cannot be read.
     """
     combinations = read_table(inputs["combinations"], ("particle", "filling", "definition", "distance"))
     sets = read_table(inputs["sets"], ("kind", "definition", "set"))

@@ -29,7 +29,29 @@ TITLES = {
 
 
 def states(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 15: side views along the axis with the line fitted to the upper edge, in the states there are."""
+    """Figure 15: side views along the axis with the line fitted to the upper edge, in the states there are.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of ``states``, of the verb drum, and ``particle``.
+    config : mapping
+        The whole configuration.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A panel for each state.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read.
+
+    References
+    ----------
+    Figure 15 of the paper.
+    """
     arrays = read_npz(inputs["states"], ("position_start", "quaternion_start"), "the states of a drum")
     particle, scales = build.Particle.load(inputs["particle"]), arrays.get("scale")
     slipped = "position_before" in arrays
@@ -94,7 +116,25 @@ def _side_view(
 
 
 def course(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Angles over the turned angle of every run, and the motion of the slipping layer by depth."""
+    """Angles over the turned angle of every run, and the motion of the slipping layer by depth.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of ``record``, ``profile`` and ``runs``, tables of the verb drum_tables.
+    config : mapping
+        The whole configuration.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Two panels.
+
+    Raises
+    ------
+    InputError
+        If a table cannot be read.
+    """
     record = read_table(inputs["record"], ("seed", "time_s", "surface_deg", "bed_deg"))
     profile = read_table(inputs["profile"], ("seed", "depth_mm", "moved_mm"))
     runs = read_table(inputs["runs"], ("seed", "status"))
@@ -108,6 +148,7 @@ def course(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
 
 
 def _angles(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, section: Mapping[str, Any]) -> None:
+    """Angles of surface and bed of every run over the time, and where the first slip begins."""
     for k, (seed, run) in enumerate(record.groupby("seed")):
         one = runs[runs["seed"] == seed].iloc[0]
         turning = run if one["status"] != "ok" else run[run["time_s"] <= one["after_time_s"]]
@@ -149,6 +190,7 @@ def _angles(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, section: Mapp
 
 
 def _layers(panel: Axes, profile: pd.DataFrame, section: Mapping[str, Any]) -> None:
+    """Motion of the slipping layer over the depth of every run."""
     panel.set(xlabel="motion against the drum (mm)", ylabel="depth below the surface (mm)")
     panel.invert_yaxis()
     if not len(profile):

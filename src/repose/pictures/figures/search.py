@@ -31,6 +31,20 @@ def feasible_solutions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> 
         Paths of ``feasible`` and ``summary``, of the verb miga, and perhaps ``published``, the published intervals.
     config : mapping
         The whole configuration.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The parameters, and a panel for each target.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read.
+
+    References
+    ----------
+    Figure 14 and Table 3 of the paper.
     """
     targets = style.targets_of(config)
     solutions = read_table(inputs["feasible"], ("feasible", "representative", *targets.predicted))
@@ -159,6 +173,16 @@ def convergence(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
         Paths of ``history`` and perhaps ``summary``, of the verb miga.
     config : mapping
         The whole configuration.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Two panels.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read.
     """
     columns = ("generation", "mean_objective", "best_objective", "feasible_found")
     history = read_table(inputs["history"], columns)

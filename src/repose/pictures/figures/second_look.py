@@ -25,6 +25,16 @@ def what_to_measure_next(inputs: Mapping[str, str], config: Mapping[str, Any]) -
         Paths of ``responses``, ``information`` and ``narrowing``, tables of the verb second_responses.
     config : mapping
         The whole configuration.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Bits on the left, widths on the right.
+
+    Raises
+    ------
+    InputError
+        If a table cannot be read.
     """
     base_name = base_label(style.targets_of(config).responses)
     information = read_table(inputs["information"], ("discrepancy_percent", "set", "gain_bits"))

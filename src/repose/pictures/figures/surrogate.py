@@ -20,7 +20,29 @@ SPLITS = (("train", style.BLUE, "o"), ("validation", style.ORANGE, "s"), ("test"
 
 
 def network_structure(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 10: nodes and connections; line width is the weight's size, colour its sign."""
+    """Figure 10: nodes and connections; line width is the weight's size, colour its sign.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Path of ``network``, of the verb network.
+    config : mapping
+        The whole configuration.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        One panel.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or holds a response that is not known.
+
+    References
+    ----------
+    Figure 10 of the paper.
+    """
     network = read_json(inputs["network"], ("inputs", "outputs", "W1", "W2"), "the file of a network")
     weights = [np.atleast_2d(network["W1"]), np.atleast_2d(network["W2"])]
     places = [_column(x, n) for x, n in zip((0, 1, 2), (*weights[0].T.shape, len(weights[1])), strict=True)]
@@ -67,7 +89,29 @@ def _column(x: float, count: int) -> np.ndarray:
 
 
 def predicted_against_simulated(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 13: predicted over simulated responses by split, with y = x, R2 (Eq. 13) and RMSE."""
+    """Figure 13: predicted over simulated responses by split, with y = x, R2 (Eq. 13) and RMSE.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of ``predictions``, of the verb network, and ``dataset``.
+    config : mapping
+        The whole configuration.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A panel for each target.
+
+    Raises
+    ------
+    InputError
+        If a table cannot be read.
+
+    References
+    ----------
+    Figure 13 of the paper.
+    """
     targets = style.targets_of(config)
     table = read_table(inputs["predictions"], ("sample", "split", *targets.names, *targets.predicted))
     errors = read_table(inputs["dataset"], ("sample", *targets.errors))

@@ -1,0 +1,216 @@
+"""A berry on a plane under gravity: at rest, and rocking."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.special import ellipe, ellipk
+
+from repose.dem import Contact, Material, Plane
+from repose.dem.materials import effective_moduli
+
+from .case import Curve, Effort, Panel, Result, close, reported
+from .machine import BERRY, BERRY_M, FLOOR, PVC, UP, berry_simulation
+
+GRAVITY = 9.81
+STIFF = Material(4.3e7, 0.32)  # a thousand berries stiff: the overlap is 1e-5 of the radius
+ELLIPTIC_NOTE = "the engine takes R* = sqrt(R1 R2) in the law of spheres; Hertz's own solution is elliptic"
+
+
+def resting_overlap(mass: float, radius: float, material: Material) -> float:
+    """Overlap that carries the weight of a sphere on a plate of PVC: (m g / (4/3 E* sqrt(R*)))^(2/3).
+
+    Parameters
+    ----------
+    mass : float
+        In kg.
+    radius : float
+        Radius of curvature R* in m.
+    material : Material
+        Of the sphere.
+
+    Returns
+    -------
+    float
+        In m.
+    """
+    young, _ = effective_moduli(material, PVC)
+    return (mass * GRAVITY / (4.0 / 3.0 * young * math.sqrt(radius))) ** (2.0 / 3.0)
+
+
+def elliptic_overlap(mass: float, radii: Sequence[float], young: float) -> float:
+    """Hertz's overlap of an elliptic contact under a body's weight.
+
+    The eccentricity e solves R1 / R2 = (E(e) / (1 - e^2) - K(e)) / (K(e) - E(e)) with complete elliptic
+    integrals of e^2.
+
+    Parameters
+    ----------
+    mass : float
+        In kg.
+    radii : sequence of float, (2,)
+        Relative radii of curvature R1 and R2 in m, the larger first.
+    young : float
+        Effective modulus E* in Pa.
+
+    Returns
+    -------
+    float
+        In m.
+
+    References
+    ----------
+    Johnson, K. L. (1985). Contact Mechanics. Cambridge University Press, Eq. 4.26-4.28.
+    """
+    low, high = 1e-9, 1.0 - 1e-9
+    for _ in range(200):
+        m = 0.5 * (low + high)
+        ratio = (ellipe(m) / (1.0 - m) - ellipk(m)) / (ellipk(m) - ellipe(m))
+        low, high = (m, high) if ratio < radii[0] / radii[1] else (low, m)
+    shape = (ellipe(m) / (1.0 - m) - ellipk(m)) * (ellipk(m) - ellipe(m))
+    axis_ratio = (1.0 - m) ** -0.5  # a / b
+    radius_e = math.sqrt(radii[0] * radii[1])
+    # c^3 = (a b)^1.5 = 3 P R_e / (4 E*) * 4 / (pi e^2) (b / a)^1.5 sqrt(shape)
+    c3 = 0.75 * mass * GRAVITY * radius_e / young * 4.0 / (math.pi * m) * axis_ratio**-1.5 * math.sqrt(shape)
+    a, b = c3 ** (1.0 / 3.0) * math.sqrt(axis_ratio), c3 ** (1.0 / 3.0) / math.sqrt(axis_ratio)
+    return 1.5 * mass * GRAVITY / (math.pi * a * b * young) * b * ellipk(m)
+
+
+def berry_at_rest(_effort: Effort) -> Result:
+    """A berry lies on a plate, each of its axes vertical in turn, at the overlap of its curvature.
+
+    Returns
+    -------
+    Result
+        Overlap beside the law of spheres with R* = sqrt(R1 R2), judged; beside the elliptic one, reported.
+    """
+    quarter = math.sqrt(0.5)
+    turns = {
+        "shortest": (1, 0, 0, 0),
+        "middle": (quarter, quarter, 0, 0),
+        "longest": (quarter, 0, quarter, 0),
+    }
+    young, _ = effective_moduli(BERRY, PVC)
+    rows, radii_drawn, found_drawn = [], [], []
+    for (name, turn), up in zip(turns.items(), (2, 1, 0), strict=True):
+        height = BERRY_M[up]
+        radii = sorted((axis**2 / height for k, axis in enumerate(BERRY_M) if k != up), reverse=True)
+        simulation = berry_simulation(
+            Contact(0.3, 0.5, 0.1),
+            1e-4,
+            walls={"floor": Plane(FLOOR, UP, "wall")},
+            gravity_m_s2=(0.0, 0.0, -GRAVITY),
+        )
+        mass = simulation.shapes["berry"].mass_kg
+        expected = resting_overlap(mass, math.sqrt(radii[0] * radii[1]), BERRY)
+        simulation.add("berry", (0.0, 0.0, height), turn)
+        simulation.run_steps(6000)
+        found = height - simulation.positions[0, 2]
+        rows.append(close(f"{name} axis up: overlap", "um", 1e6 * found, 1e6 * expected))
+        note = f"{ELLIPTIC_NOTE}; R1 / R2 = {radii[0] / radii[1]:.2f}"
+        rows.append(
+            reported(
+                f"{name} axis up: overlap", "um", 1e6 * found, note, 1e6 * elliptic_overlap(mass, radii, young),
+                "closed form, elliptic Hertz contact",
+            )
+        )  # fmt: skip
+        radii_drawn.append(1e3 * math.sqrt(radii[0] * radii[1]))
+        found_drawn.append(1e6 * found)
+    fine = np.linspace(0.8 * min(radii_drawn), 1.1 * max(radii_drawn), 100)
+    exact = [1e6 * resting_overlap(mass, 1e-3 * r, BERRY) for r in fine]
+    panel = Panel(
+        "sqrt(R1 R2) of the contact (mm)",
+        "overlap at rest (um)",
+        (Curve("Hertz", fine, exact, reference=True), Curve("repose", radii_drawn, found_drawn)),
+    )
+    return Result("A berry at rest on a plate", "overlap under its own weight", rows, [panel])
+
+
+def rocking_period(a: float, c: float) -> float:
+    """Period of a berry that rocks without slipping, at small angles.
+
+    Its potential energy is m g h(theta), h the support function; the moment of inertia about the contact is I
+    + m c^2, I = m (a^2 + c^2) / 5, and the stiffness m g h'' = m g (a^2 / c - c).
+
+    Parameters
+    ----------
+    a, c : float
+        Semi-axes in the plane of the motion in m, a level and c upright; a above c.
+
+    Returns
+    -------
+    float
+        In seconds.
+    """
+    return 2.0 * math.pi * math.sqrt(((a * a + c * c) / 5.0 + c * c) / (GRAVITY * (a * a / c - c)))
+
+
+def rocking(_effort: Effort) -> Result:
+    """A berry tilted by a degree from its flat rest rocks with the period of theory, about either level axis.
+
+    Returns
+    -------
+    Result
+        Two periods beside `rocking_period`.
+    """
+    rows, curves = [], []
+    for name, level, about in (("about the middle axis", 0, 1), ("about the long axis", 1, 0)):
+        period = rocking_period(BERRY_M[level], BERRY_M[2])
+        time, tilt = _rocking_history(level, about, 3.0 * period)
+        rows.append(close(f"period {name}", "s", period_of(time, tilt), period))
+        cut = time < 2.0 * period
+        fine = np.linspace(0.0, 2.0, 300)
+        curves.append(Curve(f"theory, {name}", fine * period, np.cos(2.0 * math.pi * fine), reference=True))
+        curves.append(Curve(f"repose, {name}", time[cut][::25], tilt[cut][::25]))
+    panel = Panel("time (s)", "tilt (deg)", tuple(curves))
+    return Result(
+        "A berry rocks on a plane",
+        "period of small oscillations; a berry a thousand times stiffer, so that it hardly sinks in",
+        rows,
+        [panel],
+    )
+
+
+def _rocking_history(level: int, about: int, duration_s: float) -> np.ndarray:
+    """Time and tilt [deg] about a body axis of a berry released at one degree."""
+    step, start = 2e-5, math.radians(1.0)
+    simulation = berry_simulation(
+        Contact(0.3, 10.0, 0.0),
+        step,
+        walls={"floor": Plane(FLOOR, UP, "wall")},
+        material=STIFF,
+        gravity_m_s2=(0.0, 0.0, -GRAVITY),
+    )
+    mass = simulation.shapes["berry"].mass_kg
+    height = math.hypot(BERRY_M[2] * math.cos(start), BERRY_M[level] * math.sin(start))
+    turn = np.zeros(4)
+    turn[0], turn[1 + about] = math.cos(0.5 * start), math.sin(0.5 * start)
+    radius = BERRY_M[0] * BERRY_M[1] / BERRY_M[2]
+    simulation.add("berry", (0.0, 0.0, height - resting_overlap(mass, radius, STIFF)), turn)
+    every = 20
+    found = []
+    for _ in range(int(duration_s / step / every)):
+        simulation.run_steps(every)
+        q = simulation.quaternions[0]
+        found.append((simulation.time_s, math.degrees(2.0 * math.asin(q[1 + about]))))
+    return np.array(found).T
+
+
+def period_of(time: np.ndarray, wave: np.ndarray) -> float:
+    """Mean period of a wave from its zero crossings.
+
+    Parameters
+    ----------
+    time : numpy.ndarray, (N,)
+        In seconds.
+    wave : numpy.ndarray, (N,)
+        In any unit, about 0; it crosses 0 at least twice.
+
+    Returns
+    -------
+    float
+        In seconds.
+    """
+    k = np.flatnonzero(wave[:-1] * wave[1:] < 0.0)
+    zeros = time[k] - wave[k] * (time[k + 1] - time[k]) / (wave[k + 1] - wave[k])
+    return 2.0 * (zeros[-1] - zeros[0]) / (len(zeros) - 1)
