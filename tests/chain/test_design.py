@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from repose.chain import design
+from repose.chain import design, exchange_search
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
@@ -83,23 +83,23 @@ def test_gain_of_an_exchange_against_recomputation():
     squared, repulsion = np.zeros((25, 25)), np.zeros((25, 25))
     doublings = 3
     for row in range(25):
-        design._update_pairs(points, squared, repulsion, doublings, row)
+        exchange_search._update_pairs(points, squared, repulsion, doublings, row)
 
     def total(p):
         return sum(np.sum((a - b) ** 2) ** -(2.0**doublings) for i, a in enumerate(p) for b in p[:i])
 
-    assert design._totals(squared, repulsion) == pytest.approx(
+    assert exchange_search._totals(squared, repulsion) == pytest.approx(
         (total(points), design.minimum_distance(points) ** 2)
     )
     for _ in range(20):
         column = rng.integers(4)
         i, j = rng.choice(25, 2, replace=False)
-        gain = design._exchange_gain(points, squared, repulsion, doublings, column, i, j)
+        gain = exchange_search._exchange_gain(points, squared, repulsion, doublings, column, i, j)
         before = total(points)
-        design._exchange(points, squared, repulsion, doublings, column, i, j)
+        exchange_search._exchange(points, squared, repulsion, doublings, column, i, j)
         after = total(points)
         assert gain == pytest.approx(after - before, rel=1e-6, abs=1e-9 * max(before, after))
-        assert design._totals(squared, repulsion)[0] == pytest.approx(after)
+        assert exchange_search._totals(squared, repulsion)[0] == pytest.approx(after)
 
 
 def test_criteria_against_slow_twins():

@@ -5,6 +5,9 @@ enough for what is asked here.
 """
 
 import ast
+import importlib
+import inspect
+import operator
 import re
 from pathlib import Path
 
@@ -20,15 +23,11 @@ LATER = (
     "apparatus/funnel.py",
     "apparatus/scene.py",
     "apparatus/stability.py",
-    "chain",
     "cli",
-    "config",
-    "core",
     "dem",
     "measure",
     "particle",
     "studies",
-    "surrogate",
     "verification/machine.py",
     "verification/oblique.py",
 )
@@ -92,6 +91,15 @@ def raises(function):
     )
 
 
+def docstring(path, name, node):
+    """Of a function or class; a method without one has that of the method it overrides, as `help` shows it."""
+    own = ast.get_docstring(node)
+    if own or "." not in name:
+        return own
+    module = importlib.import_module(".".join(("repose", *path.relative_to(SOURCE).with_suffix("").parts)))
+    return inspect.getdoc(operator.attrgetter(name)(module))
+
+
 def is_verb(function):
     """Whether a function is a verb of the command line; its options are its parameters, and tell themselves."""
     return any(ast.unparse(one).startswith("family.verb(") for one in function.decorator_list)
@@ -121,7 +129,7 @@ def faults(path):
         for node in place.body:
             if not isinstance(node, (*FUNCTION, ast.ClassDef)) or node.name.startswith("_"):
                 continue
-            name, told = f"{prefix}{node.name}", sections(ast.get_docstring(node))
+            name = f"{prefix}{node.name}"
             if isinstance(node, ast.ClassDef):
                 places.append((f"{name}.", node))
                 asked = fields(node)
@@ -131,6 +139,7 @@ def faults(path):
                 asked = parameters(node, {"self", "cls"} if prefix else ())
             if not asked:
                 continue
+            told = sections(docstring(path, name, node))
             listed = documented(told.get("Parameters", told.get("Attributes", ())))
             if sorted(listed) != sorted(asked):
                 found.append(

@@ -160,6 +160,11 @@ def run(
     prefix : str
         Put before the three names.
 
+    Returns
+    -------
+    dict
+        See `counts`, with `definitions`.
+
     Raises
     ------
     InputError

@@ -9,12 +9,12 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-import numba
 import numpy as np
 import pandas as pd
 from scipy.spatial.distance import pdist
 from scipy.stats import qmc
 
+from repose.chain.exchange_search import evolve
 from repose.core.errors import InputError
 from repose.core.files import write_table
 from repose.core.parameter_space import ParameterSpace
@@ -32,19 +32,61 @@ ROUNDS_PER_STAGE = 100
 
 
 def random_lhs(n: int, d: int, rng: np.random.Generator) -> np.ndarray:
-    """Random Latin hypercube, (n, d) in the unit cube: random pairing, random position in each stratum."""
+    """Random Latin hypercube: random pairing, random position in each stratum.
+
+    Parameters
+    ----------
+    n, d : int
+        Numbers of points and of columns.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    numpy.ndarray, (n, d)
+        In the unit cube.
+    """
     position = rng.uniform(EDGE_MARGIN, 1.0 - EDGE_MARGIN, (n, d))
     stratum = np.stack([rng.permutation(n) for _ in range(d)], axis=1)
     return (stratum + position) / n
 
 
 def minimum_distance(points: np.ndarray) -> float:
-    """Smallest Euclidean distance between two rows of points (n, d): the maximin criterion, Eq. 5."""
+    """Smallest Euclidean distance between two points: the maximin criterion.
+
+    Parameters
+    ----------
+    points : numpy.ndarray, (n, d)
+        At least two.
+
+    Returns
+    -------
+    float
+
+    References
+    ----------
+    Eq. 5 of the paper.
+    """
     return float(pdist(points).min())
 
 
 def phi_p(points: np.ndarray, power: float = PHI_POWER) -> float:
-    """Morris and Mitchell's criterion (sum of distance^-power)^(1/power); small is good, -> 1 / minimum."""
+    """Morris and Mitchell's criterion (sum of distance^-power)^(1/power); a small one is good.
+
+    Parameters
+    ----------
+    points : numpy.ndarray, (n, d)
+        No two at the same place.
+    power : float, optional
+
+    Returns
+    -------
+    float
+        Goes to 1 / minimum distance as the power grows.
+
+    References
+    ----------
+    Morris and Mitchell 1995, J. Stat. Plan. Inference 43:381.
+    """
     return float(np.sum(pdist(points) ** -float(power)) ** (1.0 / power))
 
 
@@ -110,7 +152,7 @@ def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
         return best
     current = best.copy()
     for doublings in PHI_STAGE_DOUBLINGS:
-        current, widest = _evolve(current, doublings, ROUNDS_PER_STAGE, rng)
+        current, widest = evolve(current, doublings, ROUNDS_PER_STAGE, rng)
         best = max((best, current, widest), key=minimum_distance)
     return best
 
@@ -232,7 +274,25 @@ def parameter_sets(points: np.ndarray, space: ParameterSpace) -> pd.DataFrame:
 def run(
     space: ParameterSpace, samples: int, method: str, seed: int, out_dir: str | os.PathLike
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Write samples.csv and comparison.csv to out_dir (`design`); return both tables."""
+    """Write samples.csv and comparison.csv; return both tables.
+
+    Parameters
+    ----------
+    space, samples, method, seed
+        As for `design`.
+    out_dir : path
+        Folder to write.
+
+    Returns
+    -------
+    table, comparison : pandas.DataFrame
+        See `design`.
+
+    Raises
+    ------
+    InputError
+        As in `design`.
+    """
     table, comparison = design(space, samples, method, seed)
     write_table(Path(out_dir) / "samples.csv", table, float_format="%.10g")
     write_table(Path(out_dir) / "comparison.csv", comparison, float_format="%.6g")
@@ -250,146 +310,3 @@ def _check_size(n, d):
         raise ValueError(f"n is {n}; a design has at least 2 points")
     if d < 1:
         raise ValueError(f"d is {d}; a design has at least 1 column")
-
-
-@numba.njit(cache=True)
-def _repulsion(squared_distance, doublings):
-    """distance^-power for power = 2^(doublings + 1), by repeated squaring."""
-    value = 1.0 / squared_distance
-    for _ in range(doublings):
-        value *= value
-    return value
-
-
-@numba.njit(cache=True)
-def _exchange_gain(points, squared, repulsion, doublings, column, i, j):
-    """Change of sum(distance^-power) when rows i and j swap their values in column: O(n)."""
-    xi, xj = points[i, column], points[j, column]
-    gain = 0.0
-    for k in range(points.shape[0]):
-        if k in (i, j):
-            continue
-        xk = points[k, column]
-        shift = (xj - xk) ** 2 - (xi - xk) ** 2
-        gain += _repulsion(squared[i, k] + shift, doublings) - repulsion[i, k]
-        gain += _repulsion(squared[j, k] - shift, doublings) - repulsion[j, k]
-    return gain
-
-
-@numba.njit(cache=True)
-def _exchange(points, squared, repulsion, doublings, column, i, j):
-    """Swap rows i and j in column and bring their pairs up to date."""
-    points[i, column], points[j, column] = points[j, column], points[i, column]
-    for row in (i, j):
-        _update_pairs(points, squared, repulsion, doublings, row)
-
-
-@numba.njit(cache=True)
-def _update_pairs(points, squared, repulsion, doublings, row):
-    """Squared distances and repulsions between row and every other row."""
-    for k in range(points.shape[0]):
-        if k == row:
-            continue
-        total = 0.0
-        for c in range(points.shape[1]):
-            total += (points[row, c] - points[k, c]) ** 2
-        squared[row, k] = squared[k, row] = total
-        repulsion[row, k] = repulsion[k, row] = _repulsion(total, doublings)
-
-
-@numba.njit(cache=True)
-def _totals(squared, repulsion):
-    """(sum of the repulsions over pairs, smallest squared distance)."""
-    total, smallest = 0.0, np.inf
-    for i in range(squared.shape[0]):
-        for j in range(i):
-            total += repulsion[i, j]
-            smallest = min(smallest, squared[i, j])
-    return total, smallest
-
-
-@numba.njit(cache=True)
-def _best_of_candidates(points, squared, repulsion, doublings, column, candidates, rng):
-    """(i, j, gain) of the best among a few random exchanges in column."""
-    n = points.shape[0]
-    chosen_i, chosen_j, chosen_gain = 0, 1, np.inf
-    for _ in range(candidates):
-        i = rng.integers(0, n)
-        j = (i + 1 + rng.integers(0, n - 1)) % n
-        gain = _exchange_gain(points, squared, repulsion, doublings, column, i, j)
-        if gain < chosen_gain:
-            chosen_i, chosen_j, chosen_gain = i, j, gain
-    return chosen_i, chosen_j, chosen_gain
-
-
-@numba.njit(cache=True)
-def _next_threshold(threshold, better, accepted, improved, inner, warming):
-    """(threshold, warming) of the next round: Jin et al. 2005, section 3.2.
-
-    While the best design improves, the threshold keeps acceptance low; once it stalls, it is raised until
-    most exchanges pass, then lowered until few do, and so on.
-    """
-    if better:
-        if accepted > 0.1 * inner and improved < accepted:
-            threshold *= 0.8
-        elif accepted <= 0.1 * inner:
-            threshold /= 0.8
-        return threshold, warming
-    if accepted < 0.1 * inner:
-        warming = True
-    elif accepted > 0.8 * inner:
-        warming = False
-    return (threshold / 0.7 if warming else threshold * 0.9), warming
-
-
-@numba.njit(cache=True)
-def _evolve(start, doublings, rounds, rng):
-    """Enhanced stochastic evolution on phi_p with p = 2^(doublings + 1).
-
-    Returns (design of smallest phi_p, design of largest minimum distance seen at the end of a round). Each
-    round goes through the columns, takes the best of a few random exchanges and accepts it against a random
-    share of the threshold.
-    """
-    n, d = start.shape
-    points = start.copy()
-    squared = np.zeros((n, n))
-    repulsion = np.zeros((n, n))
-    for i in range(n):
-        _update_pairs(points, squared, repulsion, doublings, i)
-    exponent = 1.0 / 2.0 ** (doublings + 1)
-    total, widest = _totals(squared, repulsion)
-    phi = total**exponent
-    widest_points = points.copy()
-    best_phi, best_points = phi, points.copy()
-    threshold = 0.005 * phi
-    candidates = min(50, max(1, n * (n - 1) // 10))
-    inner = min(100, 2 * candidates * d)
-    warming = True
-    for _ in range(rounds):
-        phi_before = best_phi
-        accepted = 0
-        improved = 0
-        for step in range(inner):
-            column = step % d
-            i, j, gain = _best_of_candidates(points, squared, repulsion, doublings, column, candidates, rng)
-            trial = max(total + gain, 0.0) ** exponent
-            if trial - phi > threshold * rng.random():
-                continue
-            _exchange(points, squared, repulsion, doublings, column, i, j)
-            total += gain
-            phi = trial
-            accepted += 1
-            if phi < best_phi:
-                best_phi = phi
-                best_points[:] = points
-                improved += 1
-        # Summed afresh, or the rounding of thousands of gains would pile up.
-        total, smallest = _totals(squared, repulsion)
-        phi = total**exponent
-        if smallest > widest:
-            widest = smallest
-            widest_points[:] = points
-        threshold, warming = _next_threshold(
-            threshold, best_phi < phi_before, accepted, improved, inner, warming
-        )
-    return best_points, widest_points

@@ -144,6 +144,11 @@ def run(
     source : object
         Where these definitions stand, for the error.
 
+    Returns
+    -------
+    dict
+        See `Inversion.summary`.
+
     Raises
     ------
     InputError

@@ -140,6 +140,11 @@ def run(
     source : object
         Where these definitions stand, for the error.
 
+    Returns
+    -------
+    dict
+        See `Training.metrics`.
+
     Raises
     ------
     InputError
@@ -191,6 +196,11 @@ def restore(
         What `run` wrote.
     dataset_csv : path
         What it read.
+
+    Returns
+    -------
+    Surrogate
+        Trained.
 
     Raises
     ------

@@ -306,6 +306,11 @@ def run(
     out_dir : path
         Folder to write.
 
+    Returns
+    -------
+    dict of pandas.DataFrame
+        The tables by the names of their files.
+
     Raises
     ------
     InputError

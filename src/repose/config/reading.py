@@ -14,6 +14,23 @@ class StrictLoader(yaml.SafeLoader):
     """YAML that refuses a key given twice and reads 2e-4 as the number it is (YAML 1.1 takes it for text)."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """The mapping of a node; called by PyYAML.
+
+        Parameters
+        ----------
+        node : yaml.MappingNode
+        deep : bool, optional
+            Whether to construct what the mapping holds at once.
+
+        Returns
+        -------
+        dict
+
+        Raises
+        ------
+        InputError
+            If a key stands twice; it names the line.
+        """
         seen = set()
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=deep)
@@ -93,12 +110,31 @@ def parse(text: str, name: str) -> Any:
 
 
 class Origin:
-    """Where each dotted key came from; a key that is nowhere belongs to the first file."""
+    """Where each dotted key came from; a key that is nowhere belongs to the first file.
+
+    Parameters
+    ----------
+    origin : mapping of str to str
+        Name of the file of each dotted key.
+    default : str
+        Name of the first file.
+    """
 
     def __init__(self, origin, default):
         self.origin, self.default = origin, default
 
     def of(self, key: str) -> str:
+        """Name of the file that holds a key.
+
+        Parameters
+        ----------
+        key : str
+            Dotted.
+
+        Returns
+        -------
+        str
+        """
         return self.origin.get(key, self.default)
 
 

@@ -6,7 +6,13 @@ __all__ = ["InputError", "NoFlankError"]
 
 
 class NoFlankError(ValueError):
-    """The picture or the pile has no flank to measure; `reason` says why."""
+    """The picture or the pile has no flank to measure; `reason` says why.
+
+    Parameters
+    ----------
+    reason : str
+        Why there is no flank.
+    """
 
     def __init__(self, reason: str) -> None:
         self.reason = reason

@@ -47,6 +47,10 @@ class ParameterSpace:
         source : object
             Where the section stands, for the error.
 
+        Returns
+        -------
+        ParameterSpace
+
         Raises
         ------
         InputError

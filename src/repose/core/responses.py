@@ -111,6 +111,11 @@ _REGISTRY: dict[str, Response] = {}
 def register(*responses: Response) -> None:
     """Make responses known by their names.
 
+    Parameters
+    ----------
+    *responses : Response
+        Of one bench test.
+
     Raises
     ------
     ValueError

@@ -36,6 +36,11 @@ def pour_seeds(study_seed: int, purpose: str, number: int, count: int, apparatus
         How many seeds. The first k are the same for any count of at least k.
     apparatus : str
         Bench test: each has streams of its own, so that its noise is independent of the others'.
+
+    Returns
+    -------
+    list of int
+        From 0 to 2^32 - 1.
     """
     import numpy as np
 

@@ -51,7 +51,13 @@ class Target:
 
 
 class Targets(Sequence[Target]):
-    """The targets of a study, in the order of the configuration; numbers as arrays (k,)."""
+    """The targets of a study, in the order of the configuration; numbers as arrays (k,).
+
+    Parameters
+    ----------
+    targets : sequence of Target
+        One or more.
+    """
 
     def __init__(self, targets: Sequence[Target]):
         self._targets = tuple(targets)

@@ -91,6 +91,11 @@ class Components(NamedTuple):
         Returns
         -------
         int
+
+        Raises
+        ------
+        ValueError
+            If `standard_error` is not above 0.
         """
         if not standard_error > 0:
             raise ValueError(f"standard_error is {standard_error!r}; allowed: above 0")

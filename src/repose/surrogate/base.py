@@ -11,6 +11,7 @@ To add a surrogate, write a subclass of `Surrogate` in a module of its own, put 
 the module in `repose.surrogate`, and add the name to the key `surrogate` of the configuration's schema.
 """
 
+import copy
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -46,6 +47,7 @@ class Surrogate(ABC):
     outputs: tuple[str, ...] = ()
     definitions: Definitions = {}  # noqa: RUF012 - replaced as a whole, never changed in place
     samples: tuple[int, ...] = ()
+    offset_: np.ndarray
 
     @classmethod
     @abstractmethod
@@ -57,6 +59,10 @@ class Surrogate(ABC):
         settings : mapping
             The section `network` of the configuration, with `seed`. A surrogate takes the keys that it knows and
             leaves the others.
+
+        Returns
+        -------
+        Surrogate
         """
 
     @abstractmethod
@@ -82,6 +88,11 @@ class Surrogate(ABC):
         noise_covariance : array (k, k), optional
             Covariance of the noise of the responses, up to a factor. `precision` is then the same for all responses
             of a sample.
+
+        Returns
+        -------
+        Surrogate
+            The same one.
 
         Raises
         ------
@@ -123,9 +134,11 @@ class Surrogate(ABC):
         numpy.ndarray, (n, k, k)
         """
 
-    @abstractmethod
     def shifted(self, offset: np.ndarray) -> Self:
         """A copy that predicts more.
+
+        It changes `offset_`, which `predict` adds to the responses. A surrogate without `offset_` has a `shifted` of
+        its own.
 
         Parameters
         ----------
@@ -136,6 +149,9 @@ class Surrogate(ABC):
         -------
         Surrogate
         """
+        moved = copy.copy(self)
+        moved.offset_ = self.offset_ + offset
+        return moved
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:
@@ -280,6 +296,10 @@ def make(name: str, settings: Mapping[str, Any], source: object = "surrogate") -
     source : object
         Named in the error: a file or a key.
 
+    Returns
+    -------
+    Surrogate
+
     Raises
     ------
     InputError
@@ -296,6 +316,10 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
     path : path
     outputs : sequence of str, optional
         Responses that the surrogate must have, in this order.
+
+    Returns
+    -------
+    Surrogate
 
     Raises
     ------

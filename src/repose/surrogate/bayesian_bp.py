@@ -158,6 +158,11 @@ class BayesianBP(Surrogate):
             combinations of the outputs whose noises are independent (A35), and given back in units of y. `precision`
             then is one number a sample.
 
+        Returns
+        -------
+        BayesianBP
+            The same one.
+
         Raises
         ------
         ValueError
@@ -257,11 +262,11 @@ class BayesianBP(Surrogate):
         return roots @ roots.transpose(0, 2, 1)
 
     def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """The network with every scaling folded into its weights, for points in [-1, 1]."""
+        # Every scaling is folded into the weights.
         return response_function(self._arrays(), low, high)
 
     def shifted(self, offset: np.ndarray) -> Self:
-        """A copy with other output biases, which predicts `offset` (outputs,) more."""
+        # The output biases are scaled; `offset` is in the responses' units.
         bottom, top = self.scaled_range
         moved = copy.copy(self)
         moved.b2_ = self.b2_ + offset * (top - bottom) / width(self.output_min_, self.output_max_)
@@ -325,10 +330,7 @@ class BayesianBP(Surrogate):
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """The network of a `to_dict`; one without `training` predicts without errors.
-
-        Nothing is trained: the Hessian is that of the saved weights.
-        """
+        # Nothing is trained: the Hessian is that of the saved weights. Without `training` it predicts without errors.
         arrays = {key: np.asarray(content[key], dtype=float) for key in ARRAYS}
         training = content.get("training")
         model = cls(hidden=len(arrays["b1"]), scaled_range=tuple(content["scaled_range"]))

@@ -7,7 +7,6 @@ Sources of the lines, named where they are used
   (A35)   Aitken 1935, on least squares and linear combination of observations: independent combinations of outputs
 """
 
-import copy
 import warnings
 from collections.abc import Callable, Mapping
 from typing import Any, Self
@@ -39,17 +38,6 @@ class GaussianProcess(Surrogate):
 
     @classmethod
     def of(cls, settings: Mapping[str, Any]) -> Self:
-        """An untrained process.
-
-        Parameters
-        ----------
-        settings : mapping
-            No key is used.
-
-        Returns
-        -------
-        GaussianProcess
-        """
         return cls()
 
     def fit(
@@ -132,18 +120,6 @@ class GaussianProcess(Surrogate):
         )
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
-        """Responses, and their standard deviations; see `Surrogate.predict`.
-
-        Parameters
-        ----------
-        X : array, (n, d)
-        return_std, noise : bool, optional
-
-        Returns
-        -------
-        mean, std : numpy.ndarray, (n, k)
-            `std` only with `return_std`.
-        """
         x = (checked_points(X, len(self.low_)) - self.low_) / self.width_
         if not return_std:
             means = np.column_stack([one.predict(x) for one in self.processes_])
@@ -205,22 +181,6 @@ class GaussianProcess(Surrogate):
             return means @ self._unmixing + self.offset_
 
         return respond
-
-    def shifted(self, offset: np.ndarray) -> Self:
-        """A copy that predicts more.
-
-        Parameters
-        ----------
-        offset : numpy.ndarray, (k,)
-            Added to each prediction.
-
-        Returns
-        -------
-        GaussianProcess
-        """
-        moved = copy.copy(self)
-        moved.offset_ = self.offset_ + offset
-        return moved
 
     def report(self) -> dict[str, Any]:
         """Log marginal likelihood and numbers of each process."""

@@ -27,7 +27,13 @@ SMALLEST_MU = float(np.finfo(float).tiny)
 
 @dataclass(frozen=True)
 class Settings:
-    """How a start is trained; each is explained in `repose.surrogate.bayesian_bp.BayesianBP`."""
+    """How a start is trained.
+
+    Parameters
+    ----------
+    epochs, goal, mu, mu_decrease, mu_increase, mu_max, min_gradient, prior
+        As for `repose.surrogate.bayesian_bp.BayesianBP`.
+    """
 
     epochs: int
     goal: float

@@ -6,7 +6,6 @@ Sources of the lines, named where they are used
   (Z62)   Zellner 1962, an efficient method of estimating seemingly unrelated regressions, J. Am. Stat. Assoc. 57, 348
 """
 
-import copy
 from collections.abc import Mapping
 from typing import Any, Self
 
@@ -34,17 +33,6 @@ class QuadraticSurface(Surrogate):
 
     @classmethod
     def of(cls, settings: Mapping[str, Any]) -> Self:
-        """An untrained surface.
-
-        Parameters
-        ----------
-        settings : mapping
-            No key is used.
-
-        Returns
-        -------
-        QuadraticSurface
-        """
         return cls()
 
     @staticmethod
@@ -116,18 +104,6 @@ class QuadraticSurface(Surrogate):
         return self
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
-        """Responses, and their standard deviations; see `Surrogate.predict`.
-
-        Parameters
-        ----------
-        X : array, (n, d)
-        return_std, noise : bool, optional
-
-        Returns
-        -------
-        mean, std : numpy.ndarray, (n, k)
-            `std` only with `return_std`.
-        """
         a = self._terms(checked_points(X, len(self.low_)))
         mean = a @ self.coefficients_ + self.offset_
         if not return_std:
@@ -150,22 +126,6 @@ class QuadraticSurface(Surrogate):
         a = self._terms(checked_points(X, len(self.low_)))
         paths = np.stack([a @ root for root in self._roots], axis=1)
         return paths @ paths.transpose(0, 2, 1) * self.residual_covariance_
-
-    def shifted(self, offset: np.ndarray) -> Self:
-        """A copy that predicts more.
-
-        Parameters
-        ----------
-        offset : numpy.ndarray, (k,)
-            Added to each prediction.
-
-        Returns
-        -------
-        QuadraticSurface
-        """
-        moved = copy.copy(self)
-        moved.offset_ = self.offset_ + offset
-        return moved
 
     def report(self) -> dict[str, Any]:
         """Number of terms, degrees of freedom, standard deviation of the residuals."""

@@ -43,10 +43,10 @@ def evaluate(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
 def response_function(
     network: Mapping[str, Any], low: np.ndarray, high: np.ndarray
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """The same network as a function of points in [-1, 1]: (points, inputs) to (points, outputs).
+    """The same network as a function of points in [-1, 1].
 
-    Every scaling is folded into the weights. Two small matrix products and a tanh remain, for a search that calls the
-    function millions of times.
+    Every scaling is folded into the weights. Two small matrix products and a tanh remain, for a search that
+    calls the function millions of times.
 
     Parameters
     ----------
@@ -54,6 +54,11 @@ def response_function(
         As for `evaluate`.
     low, high : array (inputs,)
         What -1 and 1 stand for.
+
+    Returns
+    -------
+    callable
+        From points (n, inputs) to responses (n, outputs).
     """
     a = {key: np.asarray(network[key], dtype=float) for key in (*ARRAYS, "scaled_range")}
     bottom, top = a["scaled_range"]
@@ -127,6 +132,11 @@ def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
     mixing : array (outputs, outputs)
     hidden : int
         Neurons of the hidden layer.
+
+    Returns
+    -------
+    numpy.ndarray
+        Of the shape of w.
     """
     outputs = len(mixing)
     first = len(w) - outputs * (hidden + 1)
