@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from repose.core.errors import NoFlankError
-from repose.measure import angles
+from repose.measure import angles, profile_points
 
-RULES = tuple(angles.FLANK_RULES)
+RULES = tuple(profile_points.FLANK_RULES)
 MARGIN = 20
 
 
@@ -105,9 +105,9 @@ def slow_steepest(profile, low, high, rule):
     """Every window by itself, with numpy's own regression."""
     window, best = (high - low) / 2, -math.inf
     for k in range(math.floor(window) + 1):
-        u, z = angles.FLANK_RULES[rule](profile, low, high)
+        u, z = profile_points.FLANK_RULES[rule](profile, low, high)
         inside = (z >= low + k) & (z <= low + k + window)
-        if inside.sum() >= angles.MIN_LEVELS and u[inside].std() >= angles.WALL_SD:
+        if inside.sum() >= profile_points.MIN_LEVELS and u[inside].std() >= angles.WALL_SD:
             best = max(best, np.polyfit(u[inside], z[inside], 1)[0])
     return degrees(best)
 

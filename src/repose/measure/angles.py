@@ -12,19 +12,8 @@ whole
 A profile here is one side of a pile: heights (M,) over the plate from outside the foot to the crest, one a
 pixel column, in pixels. All lengths are pixels, all angles degrees.
 
-What the line goes through where the boundary is lumpy is said by a rule; `FLANK_RULES` names them and can
-take another:
-
-levels
-    at every height the middle of the outermost and the innermost place where the boundary crosses it. The
-    heights are not scattered, so the ends of the band bend nothing.
-rows
-    the outermost crossing alone.
-columns
-    the top of every pixel column that lies in the band: the plain reading of a linear fit to the boundary.
-    Lumps cut off at the ends of the band, and the regression on a scattered distance, both flatten the line.
-
-Numbers from different definitions or rules must not be compared.
+The points of the boundary that a line goes through are in `repose.measure.profile_points`. Numbers from different
+definitions or rules must not be compared.
 """
 
 import math
@@ -33,13 +22,13 @@ from typing import NamedTuple
 import numpy as np
 
 from repose.core.errors import NoFlankError
+from repose.measure.profile_points import MIN_LEVELS, outermost_crossing, points_between
 
 DEFINITIONS = ("flank", "secant", "steepest", "whole")
 MEAN_KEYS = {name: f"aor_{name}_deg" for name in DEFINITIONS}  # mean of all views
 # the first view alone, as a camera sees it
 VIEW_KEYS = {name: f"aor_{name}_view_deg" for name in DEFINITIONS}
 
-MIN_LEVELS = 12  # pixel rows in the band: fewer carry no angle
 WALL_SD = 0.5  # points whose distances scatter by less than this are a wall
 WALL = "too few boundary points on the flank, it is a wall"
 FOOT = 1.0  # the whole profile begins here: a column below it shows no pile
@@ -59,84 +48,7 @@ class Line(NamedTuple):
     ends: tuple[tuple[float, float], tuple[float, float]]
 
 
-Points = tuple[np.ndarray, np.ndarray]
 Measured = tuple[dict[str, tuple[float, Line, Line]], dict[str, str]]
-
-
-# --- the points that a line goes through ----------------------------------------------------------
-
-
-def levels_between(low: float, high: float) -> np.ndarray:
-    """Heights one pixel apart inside a band."""
-    return np.arange(math.ceil(low), math.floor(high) + 1, dtype=float)
-
-
-def crossing(profile: np.ndarray, index: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Where the profile rises through `heights` just before `index`, between columns by linear
-    interpolation."""
-    before, after = profile[index - 1], profile[index]
-    return index - (after - heights) / (after - before)
-
-
-def outermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Where, coming from the foot, the profile first reaches each height."""
-    return crossing(profile, np.searchsorted(np.maximum.accumulate(profile), heights), heights)
-
-
-def innermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Where, coming from the foot, the profile last rises through each height."""
-    never_lower = np.minimum.accumulate(profile[::-1])[::-1]
-    return crossing(profile, np.searchsorted(never_lower, heights), heights)
-
-
-def points_by_levels(profile: np.ndarray, low: float, high: float) -> Points:
-    """Rule "levels": the middle of outermost and innermost crossing of each height."""
-    heights = levels_between(low, high)
-    return 0.5 * (outermost_crossing(profile, heights) + innermost_crossing(profile, heights)), heights
-
-
-def points_by_rows(profile: np.ndarray, low: float, high: float) -> Points:
-    """Rule "rows": the outermost crossing of each height."""
-    heights = levels_between(low, high)
-    return outermost_crossing(profile, heights), heights
-
-
-def points_by_columns(profile: np.ndarray, low: float, high: float) -> Points:
-    """Rule "columns": the column tops inside the band."""
-    distance = np.flatnonzero((profile >= low) & (profile <= high))
-    return distance.astype(float), profile[distance]
-
-
-FLANK_RULES = {"levels": points_by_levels, "rows": points_by_rows, "columns": points_by_columns}
-
-
-def points_between(profile: np.ndarray, low: float, high: float, rule: str) -> Points:
-    """Points that a rule takes from a band of one side.
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels, from outside the foot to the crest.
-    low, high : float
-        Ends of the band in pixels.
-    rule : str
-        One of `FLANK_RULES`.
-
-    Returns
-    -------
-    distances, heights : numpy.ndarray, (points,)
-        Pixels.
-
-    Raises
-    ------
-    NoFlankError
-        If the band is too thin, or the foot is not seen.
-    """
-    if levels_between(low, high).size < MIN_LEVELS:
-        raise NoFlankError(f"the flank is only {high - low:.0f} pixels high, {MIN_LEVELS} are needed")
-    if profile[0] >= low:
-        raise NoFlankError("the pile runs out of the picture sideways: its foot is not seen")
-    return FLANK_RULES[rule](profile, low, high)
 
 
 # --- the definitions ------------------------------------------------------------------------------
@@ -232,9 +144,21 @@ def steepest(profile: np.ndarray, low: float, high: float, rule: str = "columns"
 def window_slopes(
     distance: np.ndarray, height: np.ndarray, lows: np.ndarray, highs: np.ndarray
 ) -> np.ndarray:
-    """Slope of the regression line of the points whose height lies in each window; NaN where there is none.
+    """Slope of the regression line of the points whose height lies in each window.
 
-    From sums accumulated over the points in order of height, so that all windows cost one pass.
+    It comes from sums accumulated over the points in order of height, so that all windows cost one pass.
+
+    Parameters
+    ----------
+    distance, height : numpy.ndarray, (points,)
+        Points of the boundary in pixels.
+    lows, highs : numpy.ndarray, (windows,)
+        Ends of the windows in pixels; both belong to the window.
+
+    Returns
+    -------
+    numpy.ndarray, (windows,)
+        Height over distance; NaN where there are too few points, or a wall.
     """
     order = np.argsort(height, kind="stable")
     x, z = distance[order] - distance.mean(), height[order] - height.mean()
@@ -251,7 +175,25 @@ def window_slopes(
 
 
 def fitted(distance: np.ndarray, height: np.ndarray, low: float, high: float) -> Line:
-    """The regression line of height on distance, drawn from low to high."""
+    """The regression line of height on distance.
+
+    Parameters
+    ----------
+    distance, height : numpy.ndarray, (points,)
+        Points of the boundary in pixels.
+    low, high : float
+        Heights between which the line is drawn, in pixels.
+
+    Returns
+    -------
+    Line
+        Its angle, and its ends at `low` and `high`.
+
+    Raises
+    ------
+    NoFlankError
+        If there are too few points, the points stand one above the other, or the line does not rise.
+    """
     spread = distance - distance.mean() if distance.size else distance
     if distance.size < MIN_LEVELS or spread @ spread < distance.size * WALL_SD**2:
         raise NoFlankError(WALL)

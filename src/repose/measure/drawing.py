@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from repose.measure.pile import Measurement, MeasureSettings, measure_segmented, with_response
-from repose.measure.silhouette import segment
+from repose.measure.segmentation import segment
 
 RED, GREEN, YELLOW, BLUE = (40, 40, 230), (60, 170, 40), (0, 200, 255), (220, 120, 20)  # blue first
 

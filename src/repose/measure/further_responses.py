@@ -28,7 +28,8 @@ from repose.core.errors import InputError, NoFlankError
 from repose.core.files import read_table, write_table
 from repose.core.responses import names, responses_of
 from repose.measure import pile, saved_pours
-from repose.measure.angles import MEAN_KEYS, outermost_crossing
+from repose.measure.angles import MEAN_KEYS
+from repose.measure.profile_points import outermost_crossing
 from repose.particle.particle import Particle
 
 BENCH = "funnel"
@@ -76,6 +77,7 @@ def mean_half_width(profiles: Sequence[np.ndarray], mm_per_pixel: float, levels_
     profiles : sequence of numpy.ndarray, (W,)
         Height of the upper edge in pixels for each column, as `pile.profile_of` gives it.
     mm_per_pixel : float
+        Scale of the silhouettes.
     levels_mm : array_like, (levels,)
         Heights over the plate.
 
@@ -108,10 +110,16 @@ def of_profile(
     profiles : sequence of numpy.ndarray, (W,)
         As for `mean_half_width`.
     mm_per_pixel : float
+        Scale of the silhouettes.
     height_mm, berry_mm : float
         Height of the pile, and of a berry.
     berries_mm3 : float
         Volume of the berries in the pile.
+
+    Returns
+    -------
+    dict of float
+        ``base_radius_mm``, ``lower_deg``, ``upper_deg`` and ``packing_percent``.
 
     Raises
     ------
@@ -144,6 +152,11 @@ def of_scatter(centres_m: np.ndarray, in_pile: ArrayLike, on_plate_mm: float) ->
     on_plate_mm : float
         Radius of the plate about the axis x = y = 0.
 
+    Returns
+    -------
+    dict of float
+        ``radius_90_mm`` and ``loose_percent``.
+
     Raises
     ------
     NoFlankError
@@ -167,9 +180,16 @@ def of_pour(
     arrays : mapping
         ``position``, ``quaternion``, ``in_pile`` and perhaps ``scale`` of the berries.
     particle : Particle
+        That was poured.
     settings : pile.MeasureSettings
+        How the pile is measured.
     plate_mm : float
         Diameter of the plate.
+
+    Returns
+    -------
+    dict of float
+        In the units of their names.
 
     Raises
     ------
@@ -197,7 +217,7 @@ def of_pours(
     settings: pile.MeasureSettings,
     plate_mm: float,
 ) -> dict[tuple[int, int], dict[str, float]]:
-    """`MEASURED` of the good runs in files of pours, by sample and seed; empty where there is no pile.
+    """`MEASURED` of the good runs in files of pours.
 
     Parameters
     ----------
@@ -207,6 +227,11 @@ def of_pours(
         Runs to measure.
     particle, settings, plate_mm
         As for `of_pour`.
+
+    Returns
+    -------
+    dict of dict of float
+        Responses by (sample, seed); none of a run that made no pile.
 
     Raises
     ------
@@ -234,6 +259,11 @@ def joined(runs: pd.DataFrame, found: Mapping[tuple[int, int], Mapping[str, floa
         With the columns ``sample`` and ``seed``, and ``apparatus`` where there are several bench tests.
     found : mapping
         Of `of_pours`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row for each run, in the same order.
     """
     keys = runs[["sample", "seed"]].itertuples(index=False, name=None)
     of_run = [found.get(key, {}) if own else {} for key, own in zip(keys, _of_the_pile(runs), strict=True)]
@@ -248,7 +278,7 @@ def run(
     berry: Mapping[str, Any],
     out_csv: str | Path,
 ) -> pd.DataFrame:
-    """Measure every good run of a study's pours; write and return the table: sample, seed, status, all responses.
+    """Measure every good run of a study's pours, and write the table.
 
     Parameters
     ----------
@@ -259,9 +289,16 @@ def run(
     runs_csv : path
         Single runs as the dataset stage writes them, for the responses that are there already.
     particle : Particle
+        That was poured.
     berry : mapping
         What the verb berry wrote.
     out_csv : path
+        The table.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``sample``, ``seed``, ``status`` and all responses.
 
     Raises
     ------

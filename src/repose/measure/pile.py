@@ -19,19 +19,18 @@ import cv2
 import numpy as np
 
 from repose.core.errors import InputError, NoFlankError
-from repose.measure.angles import DEFINITIONS, FLANK_RULES, measure_sides
+from repose.measure.angles import DEFINITIONS, measure_sides
+from repose.measure.profile_points import FLANK_RULES
 from repose.measure.results import Angle, Measurement, PileResult
+from repose.measure.segmentation import Segmentation, segment, upper_edge
 from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import (
     ConvexBody,
-    Segmentation,
     frame,
     outlines,
     paint,
-    segment,
     silhouette,
     top_of,
-    upper_edge,
 )
 
 __all__ = [
@@ -67,7 +66,7 @@ def measure_image(
     ----------
     image : numpy.ndarray of uint8, (H, W) or (H, W, 3)
         A photograph from the side (BGR) or a silhouette. The pile may be darker or brighter than the
-        background, see `repose.measure.silhouette.segment`.
+        background, see `repose.measure.segmentation.segment`.
     mm_per_pixel : float
         Of this picture, instead of the settings'.
     settings : MeasureSettings, optional

@@ -36,11 +36,13 @@ class Measurement:
     Attributes
     ----------
     response : str
+        The definition that is the angle of repose.
     angles : dict of Angle
         For each definition that could be measured.
     reasons : dict of str
         Why the other definitions could not be measured.
     height_mm : float
+        Of the highest point over the plate.
     base_row : float
         Row of the plate.
     top : (float, float)
@@ -62,22 +64,32 @@ class Measurement:
 
     @property
     def left_deg(self) -> float:
+        """Angle of the left side by the response's definition."""
         return self.angles[self.response].left_deg
 
     @property
     def right_deg(self) -> float:
+        """Angle of the right side by the response's definition."""
         return self.angles[self.response].right_deg
 
     @property
     def aor_deg(self) -> float:
+        """The angle of repose."""
         return self.angles[self.response].aor_deg
 
     @property
     def lines(self) -> tuple:
+        """Lines of both sides by the response's definition, see `Angle`."""
         return self.angles[self.response].lines
 
     def record(self) -> dict[str, float | None]:
-        """The response's two sides and every definition by name, to 0.001; what could not be measured is None."""
+        """The response's two sides and every definition, to 0.001.
+
+        Returns
+        -------
+        dict of float or None
+            By name; None where it could not be measured.
+        """
         sides = {key: round(getattr(self, key), 3) for key in ("left_deg", "right_deg", "aor_deg")}
         found = {
             MEAN_KEYS[name]: round(self.angles[name].aor_deg, 3) if name in self.angles else None
@@ -93,6 +105,7 @@ class PileResult:
     Attributes
     ----------
     response : str
+        The definition that is the angle of repose.
     height_mm : float
         Exact, from the bodies themselves.
     view_height_mm : numpy.ndarray, (V,)
@@ -134,14 +147,22 @@ class PileResult:
 
     @property
     def left_deg(self) -> np.ndarray:
+        """Angles of the left side in each view by the response's definition, (V,)."""
         return self.left[self.response]
 
     @property
     def right_deg(self) -> np.ndarray:
+        """Angles of the right side in each view by the response's definition, (V,)."""
         return self.right[self.response]
 
     def record(self) -> dict[str, float | None]:
-        """All responses by name; what could not be measured is None."""
+        """All responses of the pile.
+
+        Returns
+        -------
+        dict of float or None
+            By name; None where it could not be measured.
+        """
         views = {VIEW_KEYS[name]: _or_none(self.aor[name][0]) for name in DEFINITIONS}
         means = {MEAN_KEYS[name]: self.mean_deg(name) for name in DEFINITIONS}
         heights = {"height_mm": self.height_mm, "height_view_mm": _or_none(self.view_height_mm[0])}
@@ -149,4 +170,5 @@ class PileResult:
 
 
 def _or_none(value):
+    """A number, or None for one that is not finite."""
     return float(value) if np.isfinite(value) else None

@@ -22,6 +22,7 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
     Parameters
     ----------
     path : path
+        Of ``NAME.pours.json``.
 
     Returns
     -------
@@ -49,10 +50,12 @@ def saved_positions(path: str | PathLike) -> dict[str, np.ndarray]:
     Parameters
     ----------
     path : path
+        Of ``NAME.npz``.
 
     Returns
     -------
     dict of numpy.ndarray
+        Each named NAME_SEED.
 
     Raises
     ------
@@ -75,8 +78,13 @@ def pour_arrays(
         Of the pour.
     source : path
         Named in the error.
-    kinds : iterable of str
+    kinds : iterable of str, optional
         Arrays that the pour must have; it may have more, such as ``scale``.
+
+    Returns
+    -------
+    dict of numpy.ndarray
+        By name, such as ``position``.
 
     Raises
     ------
@@ -97,10 +105,12 @@ def first_pour(path: str | PathLike) -> dict[str, np.ndarray]:
     Parameters
     ----------
     path : path
+        Of ``NAME.npz``.
 
     Returns
     -------
     dict of numpy.ndarray
+        By name, such as ``position``.
 
     Raises
     ------
@@ -120,6 +130,7 @@ def positions_beside(pours_json: str | PathLike) -> Path:
     Parameters
     ----------
     pours_json : path
+        Of ``NAME.pours.json``.
 
     Returns
     -------

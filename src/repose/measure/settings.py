@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from repose.core.errors import InputError
-from repose.measure.angles import DEFINITIONS, FLANK_RULES
+from repose.measure.angles import DEFINITIONS
+from repose.measure.profile_points import FLANK_RULES
 
 
 @dataclass(frozen=True)

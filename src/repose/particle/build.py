@@ -254,15 +254,23 @@ def make(
         With ``long_mm``, ``major_mm``, ``minor_mm`` and ``density_kg_m3``, and perhaps the moduli.
     scan : trimesh.Trimesh, optional
         As `load_mesh` gives it.
-    kind : str
+    kind : str, optional
         One of `KINDS`.
     mass_g : float, optional
-    spheres, surface
+        Of the mean berry.
+    spheres, surface : int, str, optional
         Of a multisphere, see `sphere_packing.pack`.
     time_step_s : float, optional
-        Of the study; a multisphere must be stable with it, at the wall's lowest `restitution`.
-    source : object
+        Of the study; a multisphere must be stable with it.
+    restitution : float, optional
+        The lowest between berry and wall in the study.
+    source : object, optional
         Named in errors of the mesh.
+
+    Returns
+    -------
+    Made
+        The particle, its mesh, and all kinds of particles beside each other.
 
     Raises
     ------
@@ -300,7 +308,7 @@ def run(
     out_dir: str | PathLike = "results/berry",
     **how: Any,
 ) -> Particle:
-    """Write berry.stl, particle.json and particles.csv to out_dir; return the particle.
+    """Write berry.stl, particle.json and particles.csv.
 
     Parameters
     ----------
@@ -308,9 +316,15 @@ def run(
         What the verb ``berry`` wrote.
     stl : path, optional
         The user's mesh.
-    out_dir : path
+    out_dir : path, optional
+        Folder of the three files.
     **how
         The options of `make`.
+
+    Returns
+    -------
+    Particle
+        What particle.json holds.
 
     Raises
     ------

@@ -1,0 +1,189 @@
+"""Points of a pile's boundary that the line along a flank goes through.
+
+A profile is one side of a pile, as in `repose.measure.angles`: heights (M,) over the plate from outside the foot to the
+crest, one a pixel column, in pixels.
+
+Where the boundary is lumpy, a rule tells which points are taken; `FLANK_RULES` names the rules and can take another:
+
+levels
+    at every height the middle of the outermost and the innermost place where the boundary crosses it. The
+    heights are not scattered, so the ends of the band bend nothing.
+rows
+    the outermost crossing alone.
+columns
+    the top of every pixel column that lies in the band: the plain reading of a linear fit to the boundary.
+    Lumps cut off at the ends of the band, and the regression on a scattered distance, both flatten the line.
+"""
+
+import math
+
+import numpy as np
+
+from repose.core.errors import NoFlankError
+
+MIN_LEVELS = 12  # pixel rows in the band: fewer carry no angle
+
+Points = tuple[np.ndarray, np.ndarray]
+
+
+def levels_between(low: float, high: float) -> np.ndarray:
+    """Heights one pixel apart inside a band.
+
+    Parameters
+    ----------
+    low, high : float
+        Ends of the band in pixels.
+
+    Returns
+    -------
+    numpy.ndarray, (levels,)
+        In pixels, rising; none where no whole height lies inside.
+    """
+    return np.arange(math.ceil(low), math.floor(high) + 1, dtype=float)
+
+
+def crossing(profile: np.ndarray, index: np.ndarray, heights: np.ndarray) -> np.ndarray:
+    """Where a profile rises through some heights, between columns by linear interpolation.
+
+    Parameters
+    ----------
+    profile : numpy.ndarray, (M,)
+        Heights of one side in pixels.
+    index : numpy.ndarray of int, (levels,)
+        First column at or above each height; from 1.
+    heights : numpy.ndarray, (levels,)
+        In pixels.
+
+    Returns
+    -------
+    numpy.ndarray, (levels,)
+        Columns, at most one before `index`.
+    """
+    before, after = profile[index - 1], profile[index]
+    return index - (after - heights) / (after - before)
+
+
+def outermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
+    """Where, coming from the foot, the profile first reaches each height.
+
+    Parameters
+    ----------
+    profile : numpy.ndarray, (M,)
+        Heights of one side in pixels.
+    heights : numpy.ndarray, (levels,)
+        In pixels, above the first height of the profile and at most its largest.
+
+    Returns
+    -------
+    numpy.ndarray, (levels,)
+        Columns, between pixels.
+    """
+    return crossing(profile, np.searchsorted(np.maximum.accumulate(profile), heights), heights)
+
+
+def innermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
+    """Where, coming from the foot, the profile last rises through each height.
+
+    Parameters
+    ----------
+    profile : numpy.ndarray, (M,)
+        Heights of one side in pixels.
+    heights : numpy.ndarray, (levels,)
+        In pixels, above the first height of the profile and at most its last.
+
+    Returns
+    -------
+    numpy.ndarray, (levels,)
+        Columns, between pixels.
+    """
+    never_lower = np.minimum.accumulate(profile[::-1])[::-1]
+    return crossing(profile, np.searchsorted(never_lower, heights), heights)
+
+
+def points_by_levels(profile: np.ndarray, low: float, high: float) -> Points:
+    """Rule "levels": the middle of outermost and innermost crossing of each height.
+
+    Parameters
+    ----------
+    profile : numpy.ndarray, (M,)
+        Heights of one side in pixels.
+    low, high : float
+        Ends of the band in pixels.
+
+    Returns
+    -------
+    distances, heights : numpy.ndarray, (levels,)
+        Pixels.
+    """
+    heights = levels_between(low, high)
+    return 0.5 * (outermost_crossing(profile, heights) + innermost_crossing(profile, heights)), heights
+
+
+def points_by_rows(profile: np.ndarray, low: float, high: float) -> Points:
+    """Rule "rows": the outermost crossing of each height.
+
+    Parameters
+    ----------
+    profile : numpy.ndarray, (M,)
+        Heights of one side in pixels.
+    low, high : float
+        Ends of the band in pixels.
+
+    Returns
+    -------
+    distances, heights : numpy.ndarray, (levels,)
+        Pixels.
+    """
+    heights = levels_between(low, high)
+    return outermost_crossing(profile, heights), heights
+
+
+def points_by_columns(profile: np.ndarray, low: float, high: float) -> Points:
+    """Rule "columns": the column tops inside the band.
+
+    Parameters
+    ----------
+    profile : numpy.ndarray, (M,)
+        Heights of one side in pixels.
+    low, high : float
+        Ends of the band in pixels.
+
+    Returns
+    -------
+    distances, heights : numpy.ndarray, (columns,)
+        Pixels.
+    """
+    distance = np.flatnonzero((profile >= low) & (profile <= high))
+    return distance.astype(float), profile[distance]
+
+
+FLANK_RULES = {"levels": points_by_levels, "rows": points_by_rows, "columns": points_by_columns}
+
+
+def points_between(profile: np.ndarray, low: float, high: float, rule: str) -> Points:
+    """Points that a rule takes from a band of one side.
+
+    Parameters
+    ----------
+    profile : numpy.ndarray, (M,)
+        Heights of one side in pixels, from outside the foot to the crest.
+    low, high : float
+        Ends of the band in pixels.
+    rule : str
+        One of `FLANK_RULES`.
+
+    Returns
+    -------
+    distances, heights : numpy.ndarray, (points,)
+        Pixels.
+
+    Raises
+    ------
+    NoFlankError
+        If the band is too thin, or the foot is not seen.
+    """
+    if levels_between(low, high).size < MIN_LEVELS:
+        raise NoFlankError(f"the flank is only {high - low:.0f} pixels high, {MIN_LEVELS} are needed")
+    if profile[0] >= low:
+        raise NoFlankError("the pile runs out of the picture sideways: its foot is not seen")
+    return FLANK_RULES[rule](profile, low, high)

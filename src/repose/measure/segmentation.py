@@ -1,0 +1,341 @@
+"""Where the pile of a picture ends and the background begins, to a fraction of a pixel.
+
+Rows count downwards from the picture's top; a pixel's centre has whole coordinates, as in OpenCV.
+"""
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from repose.core.errors import InputError, NoFlankError
+
+# Simulations run side by side, one a core: OpenCV's own threads would only fight over them.
+cv2.setNumThreads(1)
+
+
+@dataclass(frozen=True)
+class Segmentation:
+    """A picture split into pile and background.
+
+    Attributes
+    ----------
+    grey : numpy.ndarray of uint8, (H, W)
+        The picture without its colours.
+    contrast : numpy.ndarray of float32, (H, W)
+        Distance of each pixel from the background, in tone or colour.
+    level : float
+        The contrast at which the pile begins (Otsu).
+    mask : numpy.ndarray of uint8, (H, W)
+        1 where the pile is; holes are filled, the plate is left out.
+    base_row : float
+        Row of the pile's lower edge.
+    pile_is : str
+        "darker" or "brighter" than the background.
+    """
+
+    grey: np.ndarray
+    contrast: np.ndarray
+    level: float
+    mask: np.ndarray
+    base_row: float
+    pile_is: str
+
+
+def segment(image: np.ndarray, largest_pile_only: bool = True, base_row: float | None = None) -> Segmentation:
+    """Split a picture into pile and background.
+
+    Polarity is never assumed. The border strip (the upper edge and both sides) shows background; the pile is
+    what differs from it: in tone, or in colour (red fruit on a grey board of the same brightness), darker or
+    brighter.
+
+    The background is a quadratic surface for each channel, fitted to that strip with outliers trimmed, which
+    takes tilted light and vignetting out. Then follow median and Gaussian filters and Otsu's threshold on the
+    distance from the background, and holes (highlights) are filled. A picture of two tones is binary already:
+    it skips fitting and filters, which could only round its corners.
+
+    Rows that are "pile" from border to border are a plate or table that differs from the background as the
+    fruit does: the pile stands on the first of them. Otherwise the base is the pile's lowest row, or
+    `base_row`.
+
+    Parameters
+    ----------
+    image : numpy.ndarray of uint8, (H, W) or (H, W, 3)
+        Colours in the order BGR.
+    largest_pile_only : bool, optional
+        Whether only the largest connected part counts.
+    base_row : float, optional
+        Row of the plate, where the caller knows it.
+
+    Returns
+    -------
+    Segmentation
+
+    Raises
+    ------
+    InputError
+        If the picture or `base_row` cannot be used.
+    NoFlankError
+        If the picture shows no pile.
+    """
+    image = checked(image)
+    grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    contrast = two_tone_contrast(image) if image.ndim == 2 else None
+    noisy = contrast is None
+    if contrast is None:
+        smooth = cv2.GaussianBlur(cv2.medianBlur(image, 3), (0, 0), 1.0)
+        contrast = background_contrast(smooth)
+    level, mask = threshold(contrast)
+    if noisy:
+        mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    if base_row is None:
+        base_row = plate_row(mask)
+    if base_row is not None:
+        if not 0 < base_row <= mask.shape[0]:
+            raise InputError("picture", "base_row", base_row, f"above 0, at most {mask.shape[0]}")
+        mask[math.ceil(base_row) :] = 0
+    mask = pile_component(mask, largest_pile_only)
+    if base_row is None:
+        base_row = lower_edge(mask, contrast, level)
+    inside = mask > 0
+    pile_is = "darker" if grey[inside].mean() < grey[border(grey.shape)].mean() else "brighter"
+    return Segmentation(grey, contrast, level, mask, float(base_row), pile_is)
+
+
+def checked(image: np.ndarray) -> np.ndarray:
+    """A picture as contiguous bytes, of one channel if its three are the same.
+
+    Parameters
+    ----------
+    image : numpy.ndarray of uint8, (H, W) or (H, W, 3)
+        At least 20 by 20 pixels.
+
+    Returns
+    -------
+    numpy.ndarray of uint8, (H, W) or (H, W, 3)
+        The same picture.
+
+    Raises
+    ------
+    InputError
+        If the type or the shape is another one.
+    """
+    image = np.asarray(image)
+    if image.dtype != np.uint8:
+        raise InputError("picture", "pixel type", str(image.dtype), "uint8")
+    if not (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)) or min(image.shape[:2]) < 20:
+        raise InputError("picture", "shape", image.shape, "(H, W) or (H, W, 3), at least 20 by 20 pixels")
+    if (
+        image.ndim == 3
+        and np.array_equal(image[..., 0], image[..., 1])
+        and np.array_equal(image[..., 0], image[..., 2])
+    ):
+        image = image[..., 0]
+    return np.ascontiguousarray(image)
+
+
+def border(shape: tuple[int, ...]) -> np.ndarray:
+    """The strip that shows background: the upper edge and both sides, 3 % of the picture wide.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Of the picture: height and width, and perhaps channels.
+
+    Returns
+    -------
+    numpy.ndarray of bool, (H, W)
+        Where the strip is.
+    """
+    strip = max(2, round(0.03 * min(shape)))
+    where = np.zeros(shape[:2], dtype=bool)
+    where[:strip] = where[:, :strip] = where[:, -strip:] = True
+    return where
+
+
+def two_tone_contrast(grey: np.ndarray) -> np.ndarray | None:
+    """Distance from the background's tone in a picture of two tones at most.
+
+    Parameters
+    ----------
+    grey : numpy.ndarray of uint8, (H, W)
+        The picture.
+
+    Returns
+    -------
+    numpy.ndarray of float32, (H, W), or None
+        Tones, from 0; None where the picture has more than two.
+    """
+    tones = np.flatnonzero(cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel())
+    if tones.size > 2:
+        return None
+    background = np.bincount(grey[border(grey.shape)], minlength=256).argmax()
+    return cv2.absdiff(grey, np.full_like(grey, background)).astype(np.float32)
+
+
+def background_contrast(image: np.ndarray) -> np.ndarray:
+    """Distance of each pixel from the background surface that is fitted to the border strip.
+
+    Parameters
+    ----------
+    image : numpy.ndarray of uint8, (H, W) or (H, W, 3)
+        The picture.
+
+    Returns
+    -------
+    numpy.ndarray of float32, (H, W)
+        Tones; of a coloured picture the root of the sum of squares of its channels.
+    """
+    rows, columns = image.shape[:2]
+    y, x = np.linspace(-1, 1, rows, dtype=np.float32)[:, None], np.linspace(-1, 1, columns, dtype=np.float32)
+    where = border(image.shape)
+    strip_y, strip_x = y[where.nonzero()[0], 0], x[where.nonzero()[1]]
+    strip_terms = np.stack(
+        [np.ones_like(strip_x), strip_x, strip_x**2, strip_y, strip_y**2, strip_x * strip_y], axis=1
+    ).astype(float)
+    squares = np.zeros((rows, columns), np.float32)
+    for channel in image.reshape(rows, columns, -1).transpose(2, 0, 1):
+        seen = channel[where].astype(float)
+        kept = np.ones(seen.size, dtype=bool)
+        # A plate or a stray berry in the strip is a minority: start from the median tone, then trim what
+        # stands out.
+        centre = np.full(seen.size, np.median(seen))
+        for _ in range(4):
+            miss = np.abs(seen - centre)
+            kept = miss <= max(3 * 1.4826 * np.median(miss), 2.0)
+            weights = np.linalg.lstsq(strip_terms[kept], seen[kept], rcond=None)[0]
+            centre = strip_terms @ weights
+        w = weights.astype(np.float32)
+        surface = (w[0] + w[1] * x + w[2] * x * x) + (w[3] * y + w[4] * y * y) + w[5] * y * x
+        squares += (channel - surface) ** 2
+    return np.sqrt(squares)
+
+
+def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
+    """Otsu's level of the contrast, and what lies above it.
+
+    Parameters
+    ----------
+    contrast : numpy.ndarray of float32, (H, W)
+        Distance from the background.
+
+    Returns
+    -------
+    level : float
+        In the contrast's unit.
+    mask : numpy.ndarray of uint8, (H, W)
+        1 above the level, 0 elsewhere.
+
+    Raises
+    ------
+    NoFlankError
+        If nothing differs from the background.
+
+    References
+    ----------
+    Otsu, N. (1979). IEEE Trans. Syst. Man Cybern. 9, 62-66.
+    """
+    peak = float(contrast.max())
+    if peak < 8:
+        raise NoFlankError("nothing in the picture differs from its background")
+    scaled = cv2.convertScaleAbs(contrast, alpha=255.0 / peak)
+    binary = cv2.threshold(scaled, 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[1]
+    # Otsu's optimum lies half-way between the means of its two classes. Where the histogram has a gap every
+    # level in it is as good and OpenCV returns the lowest, which would put the sub-pixel edge half a pixel
+    # too far out.
+    level = (cv2.mean(scaled, mask=1 - binary)[0] + cv2.mean(scaled, mask=binary)[0]) / 2
+    return level * peak / 255.0, cv2.threshold(scaled, math.floor(level), 1, cv2.THRESH_BINARY)[1]
+
+
+def plate_row(mask: np.ndarray) -> float | None:
+    """Upper edge of a plate that counts as "pile" from border to border.
+
+    Above a plate the mask narrows abruptly; above the foot of a pile that the picture cuts off it does not.
+
+    Parameters
+    ----------
+    mask : numpy.ndarray of uint8, (H, W)
+        1 where the picture differs from its background.
+
+    Returns
+    -------
+    float or None
+        Row between two pixels; None where there is no plate.
+    """
+    share = mask.mean(axis=1)
+    from_border_to_border = mask[:, :3].any(axis=1) & mask[:, -3:].any(axis=1) & (share > 0.97)
+    if not from_border_to_border.any():
+        return None
+    first = int(from_border_to_border.argmax())
+    return first - 0.5 if first >= 4 and share[first - 4] < 0.9 else None
+
+
+def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
+    """The pile of a mask, with holes filled.
+
+    Parameters
+    ----------
+    mask : numpy.ndarray of uint8, (H, W)
+        1 where pile is.
+    largest_only : bool
+        Whether only the largest connected part is kept, or all but specks below 1 % of it.
+
+    Returns
+    -------
+    numpy.ndarray of uint8, (H, W)
+        1 where the kept parts are.
+
+    Raises
+    ------
+    NoFlankError
+        If the mask is empty.
+    """
+    contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
+    if not contours:
+        raise NoFlankError("the picture shows no pile above its base")
+    areas = np.array([cv2.contourArea(contour) for contour in contours])
+    kept = [int(areas.argmax())] if largest_only else np.flatnonzero(areas >= 0.01 * areas.max()).tolist()
+    filled = np.zeros_like(mask)
+    cv2.drawContours(filled, [contours[i] for i in kept], -1, 1, cv2.FILLED)
+    return filled
+
+
+def upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.ndarray:
+    """Row at which each column's pile begins, between pixels by linear interpolation.
+
+    Parameters
+    ----------
+    mask, contrast, level : numpy.ndarray, numpy.ndarray, float
+        As in `Segmentation`.
+
+    Returns
+    -------
+    numpy.ndarray, (W,)
+        Rows; NaN in a column without pile.
+    """
+    top = mask.argmax(axis=0)
+    column = np.arange(mask.shape[1])
+    inner = contrast[top, column]
+    outer = np.where(top > 0, contrast[np.maximum(top - 1, 0), column], 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        step = np.where(inner > outer, (inner - level) / (inner - outer), 0.5)
+    return np.where(mask[top, column] > 0, top - np.clip(step, 0.0, 1.0), np.nan)
+
+
+def lower_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> float:
+    """Row of the pile's lowest point: the picture's lower border where the pile is cut off by it.
+
+    Parameters
+    ----------
+    mask, contrast, level : numpy.ndarray, numpy.ndarray, float
+        As in `Segmentation`; the mask is not empty.
+
+    Returns
+    -------
+    float
+        In pixels, between rows.
+    """
+    if mask[-1].any():
+        return mask.shape[0] - 0.5
+    return mask.shape[0] - 1 - float(np.nanmin(upper_edge(mask[::-1], contrast[::-1], level)))
