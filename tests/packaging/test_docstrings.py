@@ -23,9 +23,10 @@ LATER = (
     "apparatus/funnel.py",
     "apparatus/scene.py",
     "apparatus/stability.py",
-    "cli",
     "dem",
-    "studies",
+    "studies/refine.py",
+    "studies/responses_over_design.py",
+    "studies/second_responses.py",
     "verification/machine.py",
     "verification/oblique.py",
 )

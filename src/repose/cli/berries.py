@@ -11,10 +11,27 @@ WRITTEN = "what the verb berry wrote"
 
 
 def berry_and_particle(config, source, berry_json=None, particle_json=None):
-    """Content of berry.json, a dict, and the Particle.
+    """The berry and its particle.
 
-    config: checked configuration; source: its file, for messages; berry_json, particle_json: files to read
-    instead of making them from the configuration. Raises InputError.
+    Parameters
+    ----------
+    config : mapping
+        The checked configuration.
+    source : object
+        The configuration's file, named in the error.
+    berry_json, particle_json : path, optional
+        Files to read; without them both are made from the configuration.
+
+    Returns
+    -------
+    berry : dict
+        Content of berry.json.
+    particle : Particle
+
+    Raises
+    ------
+    InputError
+        If a file is bad, or the configuration names one that is.
     """
     from repose.config import checks
     from repose.core.files import read_json
@@ -37,7 +54,21 @@ def berry_and_particle(config, source, berry_json=None, particle_json=None):
 
 
 def write_berry(config, table1, out_dir):
-    """Sizes and moduli of the configuration's berry, written to a folder beside the published table1."""
+    """Write sizes and moduli of the configuration's berry, beside the published ones.
+
+    Parameters
+    ----------
+    config : mapping
+        The checked configuration.
+    table1 : path
+        Published sizes.
+    out_dir : path
+
+    Raises
+    ------
+    InputError
+        If a file is bad.
+    """
     from repose.particle import berry
 
     section = config["berry"]
@@ -45,7 +76,25 @@ def write_berry(config, table1, out_dir):
 
 
 def write_particle(config, berry_json, out_dir):
-    """The configuration's Particle, written to a folder."""
+    """Write the configuration's particle.
+
+    Parameters
+    ----------
+    config : mapping
+        The checked configuration.
+    berry_json : path
+        What `write_berry` wrote.
+    out_dir : path
+
+    Returns
+    -------
+    Particle
+
+    Raises
+    ------
+    InputError
+        If a file is bad.
+    """
     from repose.particle import build
 
     return build.run(berry_json, config["berry"]["stl"], out_dir, **_how(config))

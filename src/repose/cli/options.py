@@ -17,7 +17,19 @@ JSON = Option("--json", action="store_true", help="print as JSON")
 
 
 def file_options(files, what=""):
-    """An option for each file of a dict from name to path; what: said in its help before the path."""
+    """An option for each of several files.
+
+    Parameters
+    ----------
+    files : mapping of str to path
+        Default path of each option, by the option's name with underscores.
+    what : str, optional
+        Said in the help, before the path.
+
+    Returns
+    -------
+    list of Option
+    """
     return [
         Option(f"--{name.replace('_', '-')}", default=path, help=f"{what}({path})")
         for name, path in files.items()
@@ -25,12 +37,41 @@ def file_options(files, what=""):
 
 
 def chosen_files(args, files):
-    """The paths that the options of `file_options` were given, by name."""
+    """The paths that the options of `file_options` were given.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+    files : mapping
+        As for `file_options`.
+
+    Returns
+    -------
+    dict of str
+        Paths by the same names.
+    """
     return {name: getattr(args, name) for name in files}
 
 
 def pairs(entries, option):
-    """NAME=VALUE entries of an option as a dict; InputError for a name given twice, or no value."""
+    """NAME=VALUE entries of an option.
+
+    Parameters
+    ----------
+    entries : iterable of str
+    option : str
+        Named in the error.
+
+    Returns
+    -------
+    dict of str
+        Values by name.
+
+    Raises
+    ------
+    InputError
+        For an entry without name or value, or a name given twice.
+    """
     found = {}
     for entry in entries:
         name, equals, value = entry.partition("=")

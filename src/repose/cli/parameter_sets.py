@@ -56,6 +56,11 @@ def parameters(
     section : mapping
         The section `parameters` of the configuration. A parameter that is not set has the centre of its range.
 
+    Returns
+    -------
+    dict
+        The six parameters.
+
     Raises
     ------
     InputError
@@ -77,7 +82,22 @@ def parameters(
 
 
 def run_seeds(given: list[int] | None) -> list[int]:
-    """Seeds from --seed, a list or None; InputError unless they are distinct whole numbers from 0."""
+    """Seeds from --seed.
+
+    Parameters
+    ----------
+    given : list of int or None
+        None stands for seed 1.
+
+    Returns
+    -------
+    list of int
+
+    Raises
+    ------
+    InputError
+        Unless they are distinct whole numbers from 0.
+    """
     given = given or [1]
     if min(given) < 0 or len(set(given)) < len(given):
         raise InputError("command line", "--seed", given, "distinct whole numbers from 0")
@@ -85,7 +105,26 @@ def run_seeds(given: list[int] | None) -> list[int]:
 
 
 def pour_seeds(args: Namespace, study_seed: int, apparatus: str = streams.UNNAMED) -> list[int]:
-    """Seeds from --seed, or --seeds of the study's streams; InputError for both."""
+    """Seeds from --seed, or the study's own from --seeds.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        With ``seed``, ``seeds``, ``purpose`` and ``sample``.
+    study_seed : int
+        `design.seed` of the configuration.
+    apparatus : str, optional
+        Name of the bench test.
+
+    Returns
+    -------
+    list of int
+
+    Raises
+    ------
+    InputError
+        If both options are given, or one has a bad value.
+    """
     if args.seeds is None:
         return run_seeds(args.seed)
     if args.seed or args.seeds < 1:

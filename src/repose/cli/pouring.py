@@ -158,7 +158,19 @@ def drum_tables(args):
 
 
 def told(run, words):
-    """One run in words, a template of its values; or why there are none."""
+    """One run in words, or why there are none.
+
+    Parameters
+    ----------
+    run : mapping
+        A measured run.
+    words : str
+        The bench test's template of the run's values.
+
+    Returns
+    -------
+    str
+    """
     if run["status"] != "ok":
         return f"seed {run['seed']}: {run['status']}: {run['reason']}"
     try:

@@ -10,13 +10,28 @@ PROGRAM = "python -m repose"
 
 
 class Option:
-    """One option or positional argument, in the words of `argparse.ArgumentParser.add_argument`."""
+    """One option or positional argument, in the words of `argparse.ArgumentParser.add_argument`.
+
+    Parameters
+    ----------
+    *names : str
+    **keywords
+    """
 
     def __init__(self, *names, **keywords):
         self.names, self.keywords = names, keywords
 
     def but(self, **changes):
-        """The same option with some keywords changed."""
+        """The same option with some keywords changed.
+
+        Parameters
+        ----------
+        **changes
+
+        Returns
+        -------
+        Option
+        """
         return Option(*self.names, **(self.keywords | changes))
 
 
@@ -26,9 +41,17 @@ CONFIG = Option(
 
 
 class Verb(NamedTuple):
-    """A step that runs by name: run(args) does it and may return an exit status.
+    """A step that runs by name.
 
-    passes_on: whether it takes words that none of its options takes, as the list `args.rest`.
+    Attributes
+    ----------
+    run : callable
+        Takes the parsed options, does the step, and may return an exit status.
+    summary, example : str
+        As for `Family.verb`.
+    options : tuple of Option
+    passes_on : bool
+        Whether it takes words that none of its options takes, as the list `args.rest`.
     """
 
     run: Callable
@@ -42,7 +65,13 @@ class Verb(NamedTuple):
         return self.run.__name__
 
     def add_to(self, subparsers):
-        """Add the verb's own parser to those of the program; what it parses has the verb's name as `verb`."""
+        """Add the verb's own parser to those of the program; what it parses has the verb's name as `verb`.
+
+        Parameters
+        ----------
+        subparsers : object
+            What `argparse.ArgumentParser.add_subparsers` gave.
+        """
         parser = subparsers.add_parser(
             self.name,
             help=self.summary,
@@ -63,10 +92,25 @@ class Family:
     def verb(self, summary, *, example="", out=None, config=True, options=(), passes_on=False):
         """Decorator that makes a function the verb of the same name.
 
-        summary: the verb in one line, as the help shows it, without capital and full stop; example: what follows
-        the name in a call that parses; out: default of --out, which there is only then; config: whether it takes
-        --config; options: the further ones, each an `Option`; passes_on: whether the verb passes
-        words of other programs on.
+        Parameters
+        ----------
+        summary : str
+            The verb in one line, as the help shows it, without capital and full stop.
+        example : str, optional
+            What follows the name in a call that parses.
+        out : str, optional
+            Default of --out; without it there is no --out.
+        config : bool, optional
+            Whether the verb takes --config.
+        options : sequence of Option, optional
+            Its further options.
+        passes_on : bool, optional
+            Whether the verb passes words on to another program.
+
+        Returns
+        -------
+        callable
+            The decorator.
         """
         shared = [CONFIG] if config else []
         if out:

@@ -54,8 +54,7 @@ def check(config: dict[str, Any], source: str | Origin = "configuration") -> dic
 
 
 def check_inputs(config: dict[str, Any], source: str | Origin = "configuration") -> None:
-    """Check that the files which a checked configuration names can be used, and that berry, bench test and time
-    step fit.
+    """Check the files that a checked configuration names, and that berry, bench test and time step fit together.
 
     Parameters
     ----------

@@ -60,6 +60,10 @@ def tables_of(
         With the height of a berry.
     shapes : int
         Piles of each known shape and angle.
+
+    Returns
+    -------
+    dict of pandas.DataFrame
     """
     return {
         "noise": noise_table(piles, fixed),
@@ -93,6 +97,11 @@ def run(
     out_dir : path
     shapes : int
         Piles of each known shape and angle.
+
+    Returns
+    -------
+    dict of pandas.DataFrame
+        See `tables_of`.
 
     Raises
     ------
@@ -149,7 +158,7 @@ def measured_piles(npz: str | Path, particle: Particle, settings: pile.MeasureSe
 def variants_of(
     poured: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings
 ) -> dict[str, float]:
-    """Height [mm] and every variant [deg] of one pour, all from the same silhouettes; NaN where one cannot be measured.
+    """Height and every variant of the angle of one pour, all from the same silhouettes.
 
     Parameters
     ----------
@@ -157,6 +166,17 @@ def variants_of(
         ``position``, ``quaternion``, and perhaps ``in_pile`` and ``scale`` of the berries.
     particle : Particle
     settings : pile.MeasureSettings
+
+    Returns
+    -------
+    dict
+        ``Height`` [mm] and the variants [deg], means over the views; a name with " (view)" behind it is of
+        the first view. NaN where a variant cannot be measured in half of the views.
+
+    Raises
+    ------
+    NoFlankError
+        If there is no pile; see `repose.measure.pile.pile_views`.
     """
     height_m, views = pile.pile_views(
         poured["position"],
@@ -207,9 +227,17 @@ def variants_of_profile(profile: np.ndarray, crest: int, settings: pile.MeasureS
 def noise_table(piles: pd.DataFrame, fixed: pd.DataFrame) -> pd.DataFrame:
     """Noise and signal of Height and of each variant.
 
-    Columns: mean over the design; mean and scatter from seed to seed at the published solution; scatter from seed to
-    seed over the design (``within``), spread from sample to sample without that noise (``between``), and their ratio,
-    over all views and in one.
+    Parameters
+    ----------
+    piles, fixed
+        As for `tables_of`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Mean over the design; mean and scatter from seed to seed at the published solution; scatter from seed
+        to seed over the design (``within``), spread from sample to sample without that noise (``between``),
+        and their ratio. The last three are given over all views and in one.
     """
     rows = []
     for name in ("Height", *VARIANTS):

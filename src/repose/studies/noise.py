@@ -143,7 +143,17 @@ def within_correlation(
 
 
 def told(pairs: dict[str, dict[str, float]]) -> dict[str, Any]:
-    """Correlations as the JSON files have them: by the names of the pair, or the only pair by itself."""
+    """Correlations as the JSON files have them: by the names of the pair, or the only pair by itself.
+
+    Parameters
+    ----------
+    pairs : dict of dict
+        Numbers of each pair of responses, by the pair's name.
+
+    Returns
+    -------
+    dict
+    """
     return next(iter(pairs.values())) if len(pairs) == 1 else pairs
 
 

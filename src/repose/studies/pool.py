@@ -36,7 +36,7 @@ SETS = {"pool": PointSet("", "samples", 0), "fresh": PointSet("fresh_", "fresh_s
 
 
 def points_of(name: str, space: ParameterSpace, settings: Mapping[str, Any]) -> pd.DataFrame:
-    """Points of a set: ``sample``, numbered from 1, and the six parameters.
+    """Points of a set.
 
     Parameters
     ----------
@@ -45,6 +45,11 @@ def points_of(name: str, space: ParameterSpace, settings: Mapping[str, Any]) -> 
     space : ParameterSpace
     settings : mapping
         The configuration's section `pool`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``sample``, numbered from 1, and the six parameters.
     """
     one = SETS[name]
     unit = design.sobol(settings[one.size], space.dimensions, [settings["seed"], one.scrambling])

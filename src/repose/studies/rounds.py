@@ -58,5 +58,9 @@ def goes_on(verdict: Mapping[str, Any]) -> bool:
     ----------
     verdict : mapping
         Of `repose.studies.verdict`: outcome, and the number of usable samples.
+
+    Returns
+    -------
+    bool
     """
     return verdict["outcome"] != "within" and verdict["usable"] > 0

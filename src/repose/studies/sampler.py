@@ -100,9 +100,6 @@ def split_r_hat(chains: np.ndarray) -> np.ndarray:
 def information_bits(draws: np.ndarray, effective: float) -> float:
     """Kullback-Leibler divergence of one parameter's posterior from its prior, in bits.
 
-    The divergence of a histogram. Its expected excess for `effective` independent draws,
-    (bins - 1) / (2 effective ln 2), is subtracted (Miller 1955), and the result is not below 0.
-
     Parameters
     ----------
     draws : numpy.ndarray
@@ -110,6 +107,20 @@ def information_bits(draws: np.ndarray, effective: float) -> float:
         uniform.
     effective : float
         Number of independent draws that they are worth.
+
+    Returns
+    -------
+    float
+        At least 0.
+
+    Notes
+    -----
+    The divergence of a histogram. Its expected excess for `effective` independent draws, (bins - 1) / (2
+    effective ln 2), is subtracted.
+
+    References
+    ----------
+    Miller 1955, Note on the bias of information estimates.
     """
     share = np.histogram(draws, bins=BINS, range=(0, 1))[0] / len(draws)
     filled = share[share > 0]

@@ -324,6 +324,11 @@ def run_tables(config: Config, cell_csvs: list[str | Path], out_dir: str | Path)
         What `run_cell` wrote, the JSON files beside them.
     out_dir : path
 
+    Returns
+    -------
+    dict
+        The tables, and the content of choice.json as ``choice``.
+
     Raises
     ------
     InputError

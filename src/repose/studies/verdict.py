@@ -132,6 +132,10 @@ def why_stopped(verdict: Mapping[str, Any], limit: int, targets: Targets) -> str
     limit : int
         How often the surrogate may be refitted.
     targets : Targets
+
+    Returns
+    -------
+    str
     """
     row = f"round {verdict['round']}"
     if verdict["outcome"] == "within":
@@ -246,9 +250,7 @@ def run(
 def run_tables(
     verdict_jsons: Sequence[str | os.PathLike], limit: int, targets: Targets, out_dir: str | os.PathLike
 ) -> dict[str, Any]:
-    """Write rounds.csv, one row per round, and summary.json: why the loop stopped, what may be claimed.
-
-    Return the content of summary.json.
+    """Write rounds.csv, one row for each round, and summary.json: why the loop stopped, what may be claimed.
 
     Parameters
     ----------
@@ -258,6 +260,11 @@ def run_tables(
         How often the surrogate may be refitted.
     targets : Targets
     out_dir : path
+
+    Returns
+    -------
+    dict
+        Content of summary.json.
 
     Raises
     ------

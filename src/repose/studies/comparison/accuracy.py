@@ -27,6 +27,11 @@ def table_of(sets: Sequence[Points], names: Sequence[str], settings: Mapping[str
         Responses.
     settings : mapping
         The configuration's section `network`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        With the bounds of R2 and of the explainable share, and the bars that they are held against.
     """
     main, pool, fresh = sets
     rows = []
@@ -39,17 +44,40 @@ def table_of(sets: Sequence[Points], names: Sequence[str], settings: Mapping[str
 def run(
     sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any], out_dir: str | Path
 ) -> pd.DataFrame:
-    """Write accuracy.csv; return the table. Parameters are those of `table_of`."""
+    """Write accuracy.csv; return the table.
+
+    Parameters
+    ----------
+    sets, names, settings
+        As for `table_of`.
+    out_dir : path
+
+    Returns
+    -------
+    pandas.DataFrame
+    """
     table = table_of(sets, names, settings)
     write_table(Path(out_dir) / "accuracy.csv", table, float_format="%.6g")
     return table
 
 
 def training_sets(main: Points, pool: Points, settings: Mapping[str, Any]) -> Iterator[tuple[str, Points]]:
-    """Pairs (source, points) of what the network is trained on.
+    """What the network is trained on.
 
-    They are the main design as the chain splits it, all of it with fewer and with all runs, the pool's leading points
-    with fewer and with all runs, and both together.
+    First the main design's training samples as the chain splits it. Then all of the main design, and leading
+    parts of the pool, each with fewer and with all runs. Last the main design and the pool together.
+
+    Parameters
+    ----------
+    main, pool : Points
+    settings : mapping
+        ``split`` and ``seed`` of the configuration's section `network`.
+
+    Yields
+    ------
+    source : str
+        In words.
+    points : Points
     """
     train = split(len(main.X), settings["split"], settings["seed"])["train"]
     yield "main design, training samples", main.take(train)
@@ -64,7 +92,17 @@ def training_sets(main: Points, pool: Points, settings: Mapping[str, Any]) -> It
 
 
 def message(table: pd.DataFrame) -> str:
-    """Accuracy after each training set in words, one line per response."""
+    """Accuracy after each training set in words, one line for each response.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        See `table_of`.
+
+    Returns
+    -------
+    str
+    """
     lines = []
     for row in table.itertuples():
         lines.append(

@@ -54,7 +54,17 @@ class EarlyStoppingBP:
         self.held_back, self.patience, self.seed = held_back, patience, seed
 
     def fit(self, X: np.ndarray, Y: np.ndarray) -> Self:
-        """Train on X (samples, inputs) and Y (samples, outputs).
+        """Train on samples.
+
+        Parameters
+        ----------
+        X : numpy.ndarray, (samples, inputs)
+        Y : numpy.ndarray, (samples, outputs)
+
+        Returns
+        -------
+        EarlyStoppingBP
+            The same one.
 
         Raises
         ------
@@ -79,7 +89,16 @@ class EarlyStoppingBP:
         return self
 
     def predict(self, X: np.ndarray) -> np.ndarray:
-        """Responses (samples, outputs) at X (samples, inputs)."""
+        """Responses at parameter sets.
+
+        Parameters
+        ----------
+        X : numpy.ndarray, (samples, inputs)
+
+        Returns
+        -------
+        numpy.ndarray, (samples, outputs)
+        """
         return evaluate(self.network_, X)
 
     def _train(self, w, used, held, mu=0.005, mu_max=1e10):

@@ -30,16 +30,50 @@ class Noise(Protocol):
     """The deviations of single runs from the mean."""
 
     def draw(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> np.ndarray:
-        """Deviations (n, seeds, k) at points X (n, d)."""
+        """Draw the deviations of new runs.
+
+        Parameters
+        ----------
+        X : numpy.ndarray, (n, d)
+            Points.
+        seeds : int
+            Runs of each.
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        numpy.ndarray, (n, seeds, k)
+            In the responses' units.
+        """
 
 
 class EvenNoise(NamedTuple):
-    """Normal noise of one covariance (k, k) everywhere."""
+    """Normal noise of one covariance everywhere.
+
+    Attributes
+    ----------
+    covariance : numpy.ndarray, (k, k)
+        Of a single run.
+    """
 
     covariance: np.ndarray
 
     def draw(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> np.ndarray:
-        """As `Noise.draw`."""
+        """Draw the deviations of new runs.
+
+        Parameters
+        ----------
+        X : numpy.ndarray, (n, d)
+            Only their number counts.
+        seeds : int
+            Runs of each.
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        numpy.ndarray, (n, seeds, k)
+            In the responses' units.
+        """
         zeros = np.zeros(len(self.covariance))
         return rng.multivariate_normal(zeros, self.covariance, size=(len(X), seeds))
 
@@ -63,12 +97,35 @@ class ScalingNoise(NamedTuple):
     width: np.ndarray
 
     def std(self, X: np.ndarray) -> np.ndarray:
-        """Standard deviations (n, k) of a single run's responses at X (n, d)."""
+        """Standard deviations of a single run's responses.
+
+        Parameters
+        ----------
+        X : numpy.ndarray, (n, d)
+
+        Returns
+        -------
+        numpy.ndarray, (n, k)
+            In the responses' units.
+        """
         x = np.column_stack([np.ones(len(X)), (X - self.low) / self.width])
         return np.exp(0.5 * x @ self.log_variance)
 
     def draw(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> np.ndarray:
-        """As `Noise.draw`."""
+        """Draw the deviations of new runs.
+
+        Parameters
+        ----------
+        X : numpy.ndarray, (n, d)
+        seeds : int
+            Runs of each.
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        numpy.ndarray, (n, seeds, k)
+            In the responses' units.
+        """
         root = np.linalg.cholesky(self.correlation)
         normal = rng.standard_normal((len(X), seeds, len(root)))
         mixed = np.empty_like(normal)
@@ -97,7 +154,19 @@ class Emulator(NamedTuple):
     explainable: np.ndarray
 
     def pour(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> Points:
-        """Points at X (n, d) with this many emulated runs each."""
+        """Points with emulated runs.
+
+        Parameters
+        ----------
+        X : numpy.ndarray, (n, d)
+        seeds : int
+            Runs of each.
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        Points
+        """
         return Points(X, self.mean(X)[:, None] + self.noise.draw(X, seeds, rng))
 
 
@@ -111,6 +180,10 @@ def chosen_by_cross_validation(points: Points, settings: Mapping[str, Any], seed
         The configuration's section `network`.
     seed : int
         Of the folds and of the network.
+
+    Returns
+    -------
+    Emulator
 
     Raises
     ------
@@ -156,6 +229,10 @@ def with_process(
     seed : int
         Of the points that the kernel is fitted to, and of the folds.
 
+    Returns
+    -------
+    Emulator
+
     Notes
     -----
     The kernel of each response is fitted to at most `MOST_FOR_SCALES` points, and held in the cross-validation.
@@ -185,7 +262,20 @@ def with_process(
 
 
 def left_out(points: Points, fit: Callable[[Points], Predict], parts: Sequence[np.ndarray]) -> np.ndarray:
-    """Predictions (n, k) for the points of each part by a fit to all the others."""
+    """Predictions for the points of each part by a fit to all the others.
+
+    Parameters
+    ----------
+    points : Points
+    fit : callable
+        From `Points` to a function of X (n, d) that gives responses (n, k).
+    parts : sequence of numpy.ndarray
+        Numbers of points; each point is in one part.
+
+    Returns
+    -------
+    numpy.ndarray, (n, k)
+    """
     predicted = np.empty((len(points.X), points.responses))
     for part in parts:
         rest = np.setdiff1d(np.arange(len(points.X)), part)
@@ -194,13 +284,35 @@ def left_out(points: Points, fit: Callable[[Points], Predict], parts: Sequence[n
 
 
 def explainable(means: np.ndarray, predicted: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """Share (k,) of the explainable variance that predictions (n, k) have."""
+    """Share of the explainable variance that predictions have; see `repose.chain.train.r2_noise_corrected`.
+
+    Parameters
+    ----------
+    means, predicted, errors : numpy.ndarray, (n, k)
+        Means of the points, their predictions, and standard errors of the means.
+
+    Returns
+    -------
+    numpy.ndarray, (k,)
+        NaN where the noise explains all of the variance, or an error is unknown.
+    """
     columns = zip(means.T, predicted.T, errors.T, strict=True)
     return np.array([r2_noise_corrected(*column) for column in columns], float)
 
 
 def scaling_noise(points: Points, covariance: np.ndarray) -> ScalingNoise:
-    """The noise of points of which some have several runs; covariance (k, k): of a single run, over all points."""
+    """The noise of points of which some have several runs.
+
+    Parameters
+    ----------
+    points : Points
+    covariance : numpy.ndarray, (k, k)
+        Of a single run, over all points.
+
+    Returns
+    -------
+    ScalingNoise
+    """
     low = points.X.min(axis=0)
     width = points.X.max(axis=0) - low
     width = np.where(width > 0, width, 1.0)  # a parameter that is fixed

@@ -27,7 +27,21 @@ PUBLISHED = {"prior": "one", "goal": 1e-4, "weights_from_errors": False, "correl
 
 
 def configured_network(points: Points, settings: Settings, seed: int) -> Predict:
-    """The network as the main chain trains it, with the noise that the points' own runs show."""
+    """The network as the main chain trains it, with the noise that the points' own runs show.
+
+    Parameters
+    ----------
+    points : Points
+    settings : mapping
+        The configuration's section `network`.
+    seed : int
+        Of the starts.
+
+    Returns
+    -------
+    callable
+        See `Predict`.
+    """
     covariance = points.covariance() if settings["correlated_noise"] else None
     errors, precision = points.errors(), None
     if settings["weights_from_errors"] and np.isfinite(errors).any() and points.counts().max() >= 4:
@@ -39,12 +53,44 @@ def configured_network(points: Points, settings: Settings, seed: int) -> Predict
 
 
 def published_network(points: Points, settings: Settings, seed: int) -> Predict:
-    """The same network with the published prior and goal, its samples weighed alike, its outputs independent."""
+    """The same network with the published prior and goal, its samples weighed alike, its outputs independent.
+
+    Parameters
+    ----------
+    points : Points
+    settings : mapping
+        The configuration's section `network`; the published values replace its own.
+    seed : int
+        Of the starts.
+
+    Returns
+    -------
+    callable
+        See `Predict`.
+
+    References
+    ----------
+    Section 3.2.2 of the paper.
+    """
     return configured_network(points, {**settings, **PUBLISHED}, seed)
 
 
 def unregularised_network(points: Points, settings: Settings, seed: int) -> Predict:
-    """A network of the same shape without regularisation, `EarlyStoppingBP`."""
+    """A network of the same shape without regularisation, `EarlyStoppingBP`.
+
+    Parameters
+    ----------
+    points : Points
+    settings : mapping
+        ``hidden``, ``epochs``, ``starts`` and ``split`` of the configuration's section `network`.
+    seed : int
+        Of the starts and of the samples that are held back.
+
+    Returns
+    -------
+    callable
+        See `Predict`; without standard deviation.
+    """
     train, validation, _ = settings["split"]
     network = EarlyStoppingBP(
         hidden=settings["hidden"],
@@ -57,7 +103,21 @@ def unregularised_network(points: Points, settings: Settings, seed: int) -> Pred
 
 
 def quadratic_surface(points: Points, settings: Settings, seed: int) -> Predict | None:
-    """`QuadraticSurface`, or None where its terms are as many as the points."""
+    """The surrogate `repose.surrogate.quadratic.QuadraticSurface`, where there are more points than terms.
+
+    Parameters
+    ----------
+    points : Points
+    settings : mapping
+        Not used.
+    seed : int
+        Not used.
+
+    Returns
+    -------
+    callable or None
+        See `Predict`; None with too few points.
+    """
     varying = np.count_nonzero(np.ptp(points.X, axis=0))
     if len(points.X) < QuadraticSurface.least_samples(int(varying)):
         return None
@@ -65,12 +125,40 @@ def quadratic_surface(points: Points, settings: Settings, seed: int) -> Predict 
 
 
 def gaussian_process(points: Points, settings: Settings, seed: int) -> Predict:
-    """`GaussianProcess`, one process per response."""
+    """The surrogate `repose.surrogate.gaussian_process.GaussianProcess`, one process for each response.
+
+    Parameters
+    ----------
+    points : Points
+    settings : mapping
+        Not used.
+    seed : int
+        Not used.
+
+    Returns
+    -------
+    callable
+        See `Predict`.
+    """
     return _of_the_mean(GaussianProcess().fit(points.X, points.means()))
 
 
 def random_forest(points: Points, settings: Settings, seed: int) -> Predict:
-    """Random forest of TREES trees."""
+    """Random forest of `TREES` trees.
+
+    Parameters
+    ----------
+    points : Points
+    settings : mapping
+        Not used.
+    seed : int
+        Of the trees.
+
+    Returns
+    -------
+    callable
+        See `Predict`; without standard deviation.
+    """
     from sklearn.ensemble import RandomForestRegressor
 
     forest = RandomForestRegressor(TREES, min_samples_leaf=2, max_features=0.5, random_state=seed)
@@ -79,7 +167,21 @@ def random_forest(points: Points, settings: Settings, seed: int) -> Predict:
 
 
 def gradient_boosting(points: Points, settings: Settings, seed: int) -> Predict:
-    """Gradient boosting, ROUNDS trees of depth 3 per response."""
+    """Gradient boosting with `ROUNDS` trees of depth 3 for each response.
+
+    Parameters
+    ----------
+    points : Points
+    settings : mapping
+        Not used.
+    seed : int
+        Of the samples that each tree is fitted to.
+
+    Returns
+    -------
+    callable
+        See `Predict`; without standard deviation.
+    """
     from sklearn.ensemble import GradientBoostingRegressor
 
     boosts = [

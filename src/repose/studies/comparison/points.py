@@ -70,11 +70,34 @@ class Points(NamedTuple):
         return self.values.shape[0] * self.values.shape[1]
 
     def take(self, rows: np.ndarray | Sequence[int] | slice, seeds: int | None = None) -> "Points":
-        """Some points, with all runs or with their first ones; points that are left without a good run are dropped."""
+        """Some points, with all runs or with their first ones; points without a good run among them are left out.
+
+        Parameters
+        ----------
+        rows : array of int or slice
+            Numbers of the points.
+        seeds : int, optional
+            Runs of each; all by default.
+
+        Returns
+        -------
+        Points
+        """
         return Points(self.X[rows], self.values[rows, :seeds])._with_runs()
 
     def with_seeds_drawn(self, seeds: int, rng: np.random.Generator) -> "Points":
-        """The same points with `seeds` of their runs, drawn at random for each."""
+        """The same points with some of their runs, drawn at random for each; points without a good run are left out.
+
+        Parameters
+        ----------
+        seeds : int
+            Runs of each.
+        rng : numpy.random.Generator
+
+        Returns
+        -------
+        Points
+        """
         order = rng.permuted(np.tile(np.arange(self.values.shape[1]), (len(self.X), 1)), axis=1)[:, :seeds]
         return Points(self.X, np.take_along_axis(self.values, order[:, :, None], axis=1))._with_runs()
 
@@ -85,7 +108,16 @@ class Points(NamedTuple):
 
 
 def joined(sets: Sequence[Points]) -> Points:
-    """All points of several sets; where a set has fewer runs than another, NaN stands in their place."""
+    """All points of several sets; where a set has fewer runs than another, NaN fills the gap.
+
+    Parameters
+    ----------
+    sets : sequence of Points
+
+    Returns
+    -------
+    Points
+    """
     seeds = max(one.values.shape[1] for one in sets)
     padded = [
         np.pad(one.values, ((0, 0), (0, seeds - one.values.shape[1]), (0, 0)), constant_values=np.nan)
@@ -100,9 +132,19 @@ def read_sets(files: Mapping[str, str | Path], names: Sequence[str]) -> list[Poi
     Parameters
     ----------
     files : mapping
-        Paths ``main_dataset``, ``main_runs``, ``pool_dataset``, ``pool_runs``, ``fresh_dataset``, ``fresh_runs``.
+        Paths ``main_dataset``, ``main_runs``, ``pool_dataset``, ``pool_runs``, ``fresh_dataset``,
+        ``fresh_runs``.
     names : sequence of str
-        Responses. Faults are those of `read`.
+        Responses.
+
+    Returns
+    -------
+    list of Points
+
+    Raises
+    ------
+    InputError
+        As in `read`.
     """
     return [read(files[f"{name}_dataset"], files[f"{name}_runs"], names) for name in SETS]
 
@@ -115,6 +157,10 @@ def read(dataset_csv: str | Path, runs_csv: str | Path, names: Sequence[str]) ->
     dataset_csv, runs_csv : path
     names : sequence of str, (k,)
         Responses.
+
+    Returns
+    -------
+    Points
 
     Raises
     ------

@@ -60,7 +60,22 @@ def surface(unit: np.ndarray, means: np.ndarray, terms: Model) -> Model:
 
 
 def plane(unit: np.ndarray, means: np.ndarray) -> Model:
-    """A linear function of places (m, d), fitted by least squares; arguments as for `surface`."""
+    """A linear function of places (m, d), fitted by least squares; arguments as for `surface`.
+
+    Parameters
+    ----------
+    unit, means
+        As for `surface`.
+
+    Attributes
+    ----------
+    plane fitted by least squares.
+
+    Returns
+    -------
+    callable
+        Places (m, d) to responses (m, k).
+    """
     X = np.column_stack([np.ones(len(unit)), unit])
     found = np.linalg.lstsq(X, means, rcond=None)[0]
     return lambda x: np.column_stack([np.ones(len(np.atleast_2d(x))), np.atleast_2d(x)]) @ found
@@ -81,6 +96,17 @@ def local_search(
     starts : int
         The centre of the ranges and random points.
     random : numpy.random.Generator
+
+    Attributes
+    ----------
+    local search by SLSQP on the squared deviations from the targets.
+
+    Returns
+    -------
+    place : numpy.ndarray, (d,)
+        In the ranges, from 0 to 1.
+    evaluations : int
+        Of the model.
     """
     evaluations = 0
 
@@ -102,7 +128,7 @@ def local_search(
 
 
 def tables_of(samples: Points, space: ParameterSpace, targets: Targets) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The samples as tables of the dataset stage: samples with their means and errors, and single runs.
+    """The samples as the two tables of the dataset stage.
 
     Parameters
     ----------
@@ -111,6 +137,11 @@ def tables_of(samples: Points, space: ParameterSpace, targets: Targets) -> tuple
     space : ParameterSpace
     targets : Targets
         Responses of the samples, in their order.
+
+    Returns
+    -------
+    samples, runs : pandas.DataFrame
+        The samples with their means and errors, and their good runs.
     """
     table = pd.DataFrame(space.values(samples.X), columns=list(PARAMETERS))
     table.insert(0, "sample", np.arange(len(table)))
@@ -128,7 +159,19 @@ def tables_of(samples: Points, space: ParameterSpace, targets: Targets) -> tuple
 def study_surrogate(
     samples: Points, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]
 ) -> Surrogate:
-    """The surrogate as the study's stage trains it on these samples; settings: the section `network`."""
+    """The surrogate as the study trains it on these samples.
+
+    Parameters
+    ----------
+    samples, space, targets
+        As for `tables_of`.
+    settings : mapping
+        The configuration's section `network`.
+
+    Returns
+    -------
+    Surrogate
+    """
     return train.train(*tables_of(samples, space, targets), targets, settings).model
 
 
@@ -140,7 +183,7 @@ def proposed(
     settings: Mapping[str, Any],
     random: np.random.Generator,
 ) -> dict[str, tuple[np.ndarray, int]]:
-    """What each method proposes: place in the ranges (d,), and the number of evaluations of the model, by name.
+    """What each method proposes.
 
     Parameters
     ----------
@@ -153,6 +196,11 @@ def proposed(
     settings : mapping
         ``local_starts`` and the sections ``network`` and ``miga``.
     random : numpy.random.Generator
+
+    Returns
+    -------
+    dict
+        For each method the place in the ranges (d,), from 0 to 1, and the number of evaluations of the model.
     """
     means, section = samples.means(), settings["network"]
     objective = Objective.of(targets)

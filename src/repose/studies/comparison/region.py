@@ -67,14 +67,20 @@ class Region:
         self.reach = float(np.median([cKDTree(one).query(self.cloud)[0] for one in self.lists]))
 
     def spread(self, points: np.ndarray) -> dict[str, float]:
-        """How widely feasible points (n, d) lie, by name; NaN of fewer than two.
+        """How widely feasible points lie.
+
+        Parameters
+        ----------
+        points : numpy.ndarray, (n, d)
+            In [-1, 1].
 
         Returns
         -------
         dict
-            ``pairwise_distance``: mean. ``coverage``: share of the feasible region within `reach` of one of them; a
-            half for as many random points. ``width``: mean over the parameters of their interval over the region's
-            (dispersion of Table 3). ``volume``: root of the determinant of their covariance over the region's.
+            ``pairwise_distance``: mean. ``coverage``: share of the feasible region within `reach` of one of
+            them; a half for as many random points. ``width``: mean over the parameters of their interval over
+            the region's (dispersion of Table 3). ``volume``: root of the determinant of their covariance over
+            the region's. All NaN with fewer than two points.
         """
         if len(points) < 2:
             return dict.fromkeys(("pairwise_distance", "coverage", "width", "volume"), math.nan)

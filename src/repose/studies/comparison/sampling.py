@@ -38,10 +38,22 @@ COMPOSITE_DIMENSIONS = 6
 
 
 def central_composite(n: int, d: int = COMPOSITE_DIMENSIONS) -> np.ndarray:
-    """Face-centred central composite design (n, d) in the unit cube (MM09).
+    """Face-centred central composite design (MM09).
 
-    Corners (all, half or a quarter of the 2^6, the largest fraction that fits), 12 face centres and the middle; what is
-    left of n is spent on the same points again, from the first.
+    It has corners (all, half or a quarter of the 2^6, the largest fraction that fits), 12 face centres and
+    the middle. What is left of n repeats these points in their order: the middle, the faces, the corners.
+
+    Parameters
+    ----------
+    n : int
+        Number of points, at least 29.
+    d : int, optional
+        Number of dimensions: 6.
+
+    Returns
+    -------
+    numpy.ndarray, (n, d)
+        In the unit cube.
 
     Raises
     ------
@@ -71,7 +83,17 @@ DESIGNS: dict[str, Design] = {
 
 
 def designs_for(d: int) -> dict[str, Design]:
-    """The designs that exist in d dimensions."""
+    """The designs that exist in d dimensions.
+
+    Parameters
+    ----------
+    d : int
+
+    Returns
+    -------
+    dict
+        Functions of a size, d and a seed, by the name of the design.
+    """
     return {
         name: make
         for name, make in DESIGNS.items()
@@ -148,7 +170,18 @@ def run(
     seed: int,
     out_dir: str | Path,
 ) -> pd.DataFrame:
-    """Write sampling.csv and emulator.json; return the table. Parameters are those of `table_of`."""
+    """Write sampling.csv and emulator.json; return the table.
+
+    Parameters
+    ----------
+    sets, names, space, settings, seeds, seed
+        As for `table_of`.
+    out_dir : path
+
+    Returns
+    -------
+    pandas.DataFrame
+    """
     table, summary = table_of(sets, names, space, settings, seeds, seed)
     write_table(Path(out_dir) / "sampling.csv", table, float_format="%.6g")
     write_json(Path(out_dir) / "emulator.json", summary)

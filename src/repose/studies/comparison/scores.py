@@ -50,7 +50,17 @@ def bootstrap(
     seed: int = 0,
     confidence: float = 0.95,
 ) -> dict[str, tuple[float, ...]]:
-    """Percentile intervals of ``r2`` and ``explainable`` of `accuracy`, the m test points drawn with replacement.
+    """Percentile intervals of ``r2`` and ``explainable`` of `accuracy`; test points are drawn with replacement.
+
+    Parameters
+    ----------
+    means, errors, predicted : numpy.ndarray, (m,)
+        As for `accuracy`.
+    resamples : int, optional
+        Number of draws.
+    seed : int, optional
+    confidence : float, optional
+        Share of the draws inside an interval.
 
     Returns
     -------
@@ -80,15 +90,38 @@ def bootstrap(
 
 
 def on_runs(values: np.ndarray, predicted: np.ndarray) -> float | None:
-    """R2 of predictions (m,) on single runs (m, seeds); a failed run is NaN."""
+    """R2 of predictions on single runs.
+
+    Parameters
+    ----------
+    values : numpy.ndarray, (m, seeds)
+        NaN where a run failed.
+    predicted : numpy.ndarray, (m,)
+
+    Returns
+    -------
+    float or None
+        None where all values are alike.
+    """
     ok = np.isfinite(values)
     return r2(values[ok], np.broadcast_to(predicted[:, None], values.shape)[ok])
 
 
 def on_few_seeds(values: np.ndarray, predicted: np.ndarray, seeds: int) -> float | None:
-    """Mean R2 of predictions (m,) on means over disjoint groups of `seeds` runs of (m, runs).
+    """R2 of predictions on means over few runs: the mean over disjoint groups of the runs.
 
-    None where a point has fewer runs than that.
+    Parameters
+    ----------
+    values : numpy.ndarray, (m, runs)
+        NaN where a run failed.
+    predicted : numpy.ndarray, (m,)
+    seeds : int
+        Runs of a group.
+
+    Returns
+    -------
+    float or None
+        None where a point has fewer runs than a group.
     """
     groups = values.shape[1] // seeds
     if groups == 0:
@@ -103,7 +136,7 @@ def on_few_seeds(values: np.ndarray, predicted: np.ndarray, seeds: int) -> float
 def calibration(
     means: np.ndarray, errors: np.ndarray, predicted: np.ndarray, std: np.ndarray
 ) -> dict[str, float]:
-    """Share of the means inside the intervals of LEVELS, and mean standardised square, of one response.
+    """How well the error bars of one response hold.
 
     Parameters
     ----------
@@ -111,6 +144,12 @@ def calibration(
         As for `accuracy`.
     std : numpy.ndarray, (m,)
         Of the predicted noise-free mean; the noise of the test point is added.
+
+    Returns
+    -------
+    dict
+        ``coverage_50`` and ``coverage_90``: shares of the means inside the intervals of `LEVELS`.
+        ``standardised_square``: mean square of the deviations in standard deviations.
 
     Notes
     -----
@@ -125,7 +164,17 @@ def calibration(
 
 
 def mean_and_error(values: ArrayLike) -> tuple[float, float]:
-    """Mean and standard error of repetitions (n,), the error NaN for one; both NaN where a value is missing."""
+    """Mean and standard error of repetitions.
+
+    Parameters
+    ----------
+    values : array_like, (n,)
+
+    Returns
+    -------
+    mean, error : float
+        The error is NaN for a single value; both are NaN where a value is missing.
+    """
     values = np.array(values, dtype=float)
     error = values.std(ddof=1) / math.sqrt(len(values)) if len(values) > 1 else math.nan
     return float(values.mean()), float(error)

@@ -33,7 +33,7 @@ REFERENCE = "feasible region"
 def judged(
     log: Log, region: Region, tolerance: float, solutions: int, distance: float, seed: int
 ) -> tuple[dict[str, float], np.ndarray]:
-    """One search in numbers, by name, and the best point (d,) it found.
+    """One search in numbers.
 
     Parameters
     ----------
@@ -47,6 +47,13 @@ def judged(
         Least between two of them.
     seed : int
         Of the choice among all feasible points it met.
+
+    Returns
+    -------
+    row : dict
+        Numbers by name.
+    best : numpy.ndarray, (d,)
+        Best point that it found, in [-1, 1].
     """
     fitness, feasible = log.fitness, log.fitness <= log.objective.infeasible
     found, values = log.points[feasible], fitness[feasible]
@@ -71,13 +78,34 @@ def _first(met):
 
 
 def checkpoints(evaluations: int) -> np.ndarray:
-    """Numbers of evaluations, evenly in their logarithm from 10 on."""
+    """Numbers of evaluations, evenly in their logarithm from 10 on.
+
+    Parameters
+    ----------
+    evaluations : int
+        The last one.
+
+    Returns
+    -------
+    numpy.ndarray of int
+    """
     count = max(2, round(CHECKPOINTS_A_DECADE * math.log10(evaluations / 10)) + 1)
     return np.unique(np.geomspace(10, evaluations, count).round().astype(int))
 
 
 def curve(fitness: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Best fitness so far (m,) after these numbers of evaluations (m,)."""
+    """Best fitness so far.
+
+    Parameters
+    ----------
+    fitness : numpy.ndarray, (evaluations,)
+    at : numpy.ndarray of int, (m,)
+        Numbers of evaluations, from 1.
+
+    Returns
+    -------
+    numpy.ndarray, (m,)
+    """
     return np.minimum.accumulate(fitness)[at - 1]
 
 
@@ -155,6 +183,10 @@ def run(
         As for `compared`.
     out_dir : path
 
+    Returns
+    -------
+    pandas.DataFrame
+
     Raises
     ------
     InputError
@@ -213,7 +245,17 @@ def _methods(runs, bests, region):
 
 
 def message(methods: pd.DataFrame) -> str:
-    """The comparison in words, one line for each method."""
+    """The comparison in words, one line for each method.
+
+    Parameters
+    ----------
+    methods : pandas.DataFrame
+        search_methods.csv.
+
+    Returns
+    -------
+    str
+    """
     lines = []
     for row in methods.itertuples():
         if row.method == REFERENCE:

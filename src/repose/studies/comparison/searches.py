@@ -74,15 +74,61 @@ class Log:
         return self._keep(points, self.respond(points))
 
     def of_one(self, x: np.ndarray) -> float:
-        """Fitness of one point (d,)."""
+        """Fitness of one point.
+
+        Parameters
+        ----------
+        x : numpy.ndarray, (d,)
+            In [-1, 1].
+
+        Returns
+        -------
+        float
+
+        Raises
+        ------
+        Spent
+            When all evaluations are used.
+        """
         return float(self(np.asarray(x)[None])[0])
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
-        """Deviations (k,) of one point (d,) from the targets, in widths of their ranges."""
+        """Deviations of one point's responses from the targets.
+
+        Parameters
+        ----------
+        x : numpy.ndarray, (d,)
+            In [-1, 1].
+
+        Returns
+        -------
+        numpy.ndarray, (k,)
+            In widths of the targets' ranges.
+
+        Raises
+        ------
+        Spent
+            When all evaluations are used.
+        """
         return self._residuals(np.asarray(x)[None])[0]
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
-        """Derivatives (k, d) of the deviations by differences into the box; costs d evaluations."""
+        """Derivatives of the deviations, by differences into the box; costs d evaluations.
+
+        Parameters
+        ----------
+        x : numpy.ndarray, (d,)
+            In [-1, 1]; counted already.
+
+        Returns
+        -------
+        numpy.ndarray, (k, d)
+
+        Raises
+        ------
+        Spent
+            When all evaluations are used.
+        """
         steps = STEP * np.where(np.asarray(x) > 0, -1.0, 1.0)
         moved = self._residuals(np.asarray(x) + np.diag(steps))
         return ((moved - self._residuals_at(x)) / steps[:, None]).T
@@ -112,14 +158,38 @@ class Log:
 
 
 def miga(log: Log, seed: int, **settings: Any) -> None:
-    """The multi-island genetic algorithm; settings: `OPERATORS`."""
+    """The multi-island genetic algorithm.
+
+    Parameters
+    ----------
+    log : Log
+    seed : int
+    **settings
+        Of `repose.search.miga.OPERATORS`.
+
+    Raises
+    ------
+    Spent
+        When all evaluations are used.
+    """
     search = MIGA(log.dimensions, **settings, seed=seed)
     while True:
         search.tell(log(search.ask()))
 
 
 def differential_evolution(log: Log, seed: int) -> None:
-    """Differential evolution of scipy, whole populations at once."""
+    """Differential evolution of scipy, whole populations at once.
+
+    Parameters
+    ----------
+    log : Log
+    seed : int
+
+    Raises
+    ------
+    Spent
+        When all evaluations are used.
+    """
     for restart in range(10**6):
         optimize.differential_evolution(
             lambda x: log(x.T),
@@ -135,7 +205,18 @@ def differential_evolution(log: Log, seed: int) -> None:
 
 
 def dual_annealing(log: Log, seed: int) -> None:
-    """Dual annealing of scipy."""
+    """Dual annealing of scipy.
+
+    Parameters
+    ----------
+    log : Log
+    seed : int
+
+    Raises
+    ------
+    Spent
+        When all evaluations are used.
+    """
     for restart in range(10**6):
         random = np.random.default_rng([seed, restart])
         optimize.dual_annealing(
@@ -144,7 +225,18 @@ def dual_annealing(log: Log, seed: int) -> None:
 
 
 def cma_es(log: Log, seed: int) -> None:
-    """Covariance matrix adaptation of the package cmaes."""
+    """Covariance matrix adaptation of the package cmaes.
+
+    Parameters
+    ----------
+    log : Log
+    seed : int
+
+    Raises
+    ------
+    Spent
+        When all evaluations are used.
+    """
     from cmaes import CMA
 
     bounds = np.tile([-1.0, 1.0], (log.dimensions, 1))
@@ -158,7 +250,18 @@ def cma_es(log: Log, seed: int) -> None:
 
 
 def least_squares(log: Log, seed: int) -> None:
-    """Least squares of scipy from one random point after another."""
+    """Least squares of scipy from one random point after another.
+
+    Parameters
+    ----------
+    log : Log
+    seed : int
+
+    Raises
+    ------
+    Spent
+        When all evaluations are used.
+    """
     random = np.random.default_rng(seed)
     while True:
         start = random.uniform(-1, 1, log.dimensions)
@@ -166,7 +269,18 @@ def least_squares(log: Log, seed: int) -> None:
 
 
 def uniform(log: Log, seed: int) -> None:
-    """Uniform points."""
+    """Uniform points.
+
+    Parameters
+    ----------
+    log : Log
+    seed : int
+
+    Raises
+    ------
+    Spent
+        When all evaluations are used.
+    """
     random = np.random.default_rng(seed)
     while True:
         log(random.uniform(-1, 1, (2000, log.dimensions)))
@@ -182,12 +296,17 @@ SEARCHES: dict[str, Search] = {
 
 
 def searches(section: Mapping[str, Any]) -> dict[str, tuple[Search, int | None]]:
-    """All searches by name, each with its number of evaluations where it has one of its own.
+    """All searches.
 
     Parameters
     ----------
     section : mapping
         `miga` of the configuration.
+
+    Returns
+    -------
+    dict
+        By name: the search, and its number of evaluations where it has one of its own, else None.
     """
     own = {key: section[key] for key in OPERATORS}
     alone = own | {"islands": 1, "population": section["islands"] * section["population"]}
@@ -203,7 +322,22 @@ def searches(section: Mapping[str, Any]) -> dict[str, tuple[Search, int | None]]
 def logged(
     search: Search, respond: Respond, objective: Objective, evaluations: int, dimensions: int, seed: int
 ) -> tuple[Log, float]:
-    """The `Log` of one search with all its evaluations used, and the seconds it took."""
+    """One search with all its evaluations used.
+
+    Parameters
+    ----------
+    search : callable
+        A function of a `Log` and a seed.
+    respond, objective, evaluations, dimensions
+        As for `Log`.
+    seed : int
+
+    Returns
+    -------
+    log : Log
+    seconds : float
+        What the search took [s].
+    """
     log, began = Log(respond, objective, evaluations, dimensions), time.perf_counter()
     with suppress(Spent):
         search(log, seed)

@@ -35,6 +35,11 @@ def table_of(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     tables : mapping
         ``sampling``, ``surrogates``, ``search`` and ``whole``, as `read` gives them.
 
+    Returns
+    -------
+    pandas.DataFrame
+        With the columns `COLUMNS`.
+
     Notes
     -----
     ``data`` tells rows of simulated samples (``real``) from those of an emulator fitted to them (``emulated``) and of
@@ -54,6 +59,10 @@ def read(files: Mapping[str, str | Path]) -> dict[str, pd.DataFrame]:
     ----------
     files : mapping
         Paths ``sampling``, ``surrogates``, ``search`` and ``whole``.
+
+    Returns
+    -------
+    dict of pandas.DataFrame
 
     Raises
     ------
@@ -75,7 +84,23 @@ def read(files: Mapping[str, str | Path]) -> dict[str, pd.DataFrame]:
 
 
 def run(files: Mapping[str, str | Path], out_dir: str | Path) -> pd.DataFrame:
-    """Write comparison.csv; return the table. Parameters and faults are those of `read`."""
+    """Write comparison.csv; return the table.
+
+    Parameters
+    ----------
+    files : mapping
+        As for `read`.
+    out_dir : path
+
+    Returns
+    -------
+    pandas.DataFrame
+
+    Raises
+    ------
+    InputError
+        As in `read`.
+    """
     table = table_of(read(files))
     write_table(Path(out_dir) / "comparison.csv", table, float_format="%.6g")
     return table

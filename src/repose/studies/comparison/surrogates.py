@@ -41,6 +41,10 @@ def table_of(
     seed : int
         Of the training sets.
 
+    Returns
+    -------
+    pandas.DataFrame
+
     Notes
     -----
     Rows of one training set (the main design, the whole pool) have no standard error.
@@ -63,14 +67,39 @@ def run(
     seed: int,
     out_dir: str | Path,
 ) -> pd.DataFrame:
-    """Write surrogates.csv; return the table. Parameters are those of `table_of`."""
+    """Write surrogates.csv; return the table.
+
+    Parameters
+    ----------
+    sets, names, settings, seed
+        As for `table_of`.
+    out_dir : path
+
+    Returns
+    -------
+    pandas.DataFrame
+    """
     table = table_of(sets, names, settings, seed)
     write_table(Path(out_dir) / "surrogates.csv", table, float_format="%.6g")
     return table
 
 
 def training_sets(main: Points, pool: Points, seed: int) -> Iterator[tuple[str, list[Points]]]:
-    """Pairs (source, list of points): random parts of the pool, then the main design and the whole pool."""
+    """Random parts of the pool at each budget, then the whole pool and the main design.
+
+    Parameters
+    ----------
+    main, pool : Points
+    seed : int
+        Of the random parts.
+
+    Yields
+    ------
+    source : str
+        In words.
+    sets : list of Points
+        One, or as many as there are repetitions.
+    """
     rng = np.random.default_rng([seed, 1])
     for count in BUDGETS:
         if 2 * count <= len(pool.X):
@@ -81,7 +110,20 @@ def training_sets(main: Points, pool: Points, seed: int) -> Iterator[tuple[str, 
 
 
 def judged(predict: Callable | None, fresh: Points) -> list[dict[str, Any]] | None:
-    """Measures of a fitted model at the fresh points, one mapping for each response; None without a model."""
+    """Measures of a fitted model at the fresh points.
+
+    Parameters
+    ----------
+    predict : callable or None
+        See `repose.studies.comparison.models.Predict`.
+    fresh : Points
+
+    Returns
+    -------
+    list of dict or None
+        For each response the numbers of `scores.accuracy`, and those of `scores.calibration` where the model
+        has errors. None without a model.
+    """
     if predict is None:
         return None
     means, errors, (mean, std) = fresh.means(), fresh.known_errors(), predict(fresh.X)

@@ -60,6 +60,15 @@ class Samples(NamedTuple):
 def samples_of(points: Points) -> Samples:
     """Points with the covariance of a single run.
 
+    Parameters
+    ----------
+    points : Points
+        X (n, d): places in the ranges.
+
+    Returns
+    -------
+    Samples
+
     Raises
     ------
     ValueError
@@ -88,6 +97,10 @@ def read_samples(
     names : sequence of str, (k,)
         Responses.
 
+    Returns
+    -------
+    Samples
+
     Raises
     ------
     InputError
@@ -103,19 +116,58 @@ def read_samples(
 
 
 def matern(inputs: int) -> Any:
-    """Kernel of the truth: Matern 5/2 with a length for each input."""
+    """Kernel of the truth: Matern 5/2 with a length for each input.
+
+    Parameters
+    ----------
+    inputs : int
+        Number of inputs.
+
+    Returns
+    -------
+    sklearn.gaussian_process.kernels.Kernel
+    """
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
     return ConstantKernel(1.0, (1e-2, 1e3)) * Matern(np.ones(inputs), (0.1, 30.0), nu=2.5)
 
 
 def truth_of(samples: Samples, seed: int) -> Emulator:
-    """The emulator of all samples that proposals are judged by."""
+    """The emulator of all samples that proposals are judged by.
+
+    Parameters
+    ----------
+    samples : Samples
+    seed : int
+        Of the points that the kernel is fitted to, and of the folds.
+
+    Returns
+    -------
+    Emulator
+    """
     return with_process(samples.points, samples.errors, samples.covariance, matern, seed)
 
 
 def emulated(samples: Samples, truth: Emulator, count: int, random: np.random.Generator) -> Points:
-    """A new Latin hypercube of `count` samples whose runs scatter about the truth as real ones do."""
+    """A new Latin hypercube of `count` samples whose runs scatter about the truth as real ones do.
+
+    Parameters
+    ----------
+    samples : Samples
+        As many runs of each sample as these have on average.
+    truth : Emulator
+    count : int
+        Number of samples.
+    random : numpy.random.Generator
+
+    Attributes
+    ----------
+    new Latin hypercube whose runs scatter about the truth as real ones do.
+
+    Returns
+    -------
+    Points
+    """
     dimensions = samples.points.X.shape[1]
     unit = stats.qmc.LatinHypercube(dimensions, rng=random).random(count)
     return truth.pour(unit, samples.seeds, random)
@@ -167,7 +219,18 @@ def run(
     settings: Mapping[str, Any],
     out_dir: str | Path,
 ) -> pd.DataFrame:
-    """Write whole.csv and whole_proposals.csv; return the first. Parameters are those of `compared`."""
+    """Write whole.csv and whole_proposals.csv; return the first.
+
+    Parameters
+    ----------
+    samples, space, targets, settings
+        As for `compared`.
+    out_dir : path
+
+    Returns
+    -------
+    pandas.DataFrame
+    """
     table, proposals = compared(samples, space, targets, settings)
     write_table(Path(out_dir) / "whole_proposals.csv", proposals)
     write_table(Path(out_dir) / "whole.csv", table)
@@ -214,7 +277,18 @@ def _table(proposals, truth, targets, available):
 
 
 def message(table: pd.DataFrame, targets: Targets) -> str:
-    """The largest number of samples in words, one line for each method."""
+    """The largest number of samples in words, one line for each method.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        whole.csv.
+    targets : Targets
+
+    Returns
+    -------
+    str
+    """
     lines = []
     for kind, group in table.groupby("data", sort=False):
         last = group[group["samples"] == group["samples"].max()]
