@@ -1,7 +1,7 @@
 """A bench test of one's own: berries are dropped on a plate, and how far they spread is a response.
 
 Stands this module in `repose/apparatus/` and is imported there, `targets:` may name the response, and the verbs pour
-and measure_heap, the dataset and the workflow know the bench test. Here it is registered by running it.
+and measure_runs, the dataset and the workflow know the bench test. Here it is registered by running it.
 """
 
 import time
@@ -39,7 +39,8 @@ SCHEMA = {
 
 def contradictions(config):
     """Keys whose values do not go together, and what is allowed."""
-    fall_s = (2e-3 * config[NAME]["height_mm"] / config["simulation"]["gravity_m_s2"]) ** 0.5
+    gravity = SimulationSettings.of(config).gravity_m_s2
+    fall_s = (2e-3 * config[NAME]["height_mm"] / gravity) ** 0.5
     if config[NAME]["duration_s"] < fall_s:
         yield "drop.duration_s", f"at least {fall_s:.2g}, the time of the fall"
 
@@ -68,9 +69,9 @@ def run(config, parameters, seed, particle, berry, interval_s=None, progress=Non
     simulation = build(config, parameters, particle, berry)
     filmed = Filmed(simulation, interval_s, progress)
     end = settings.steps(section["duration_s"])
-    rate = 2.0 * section["berries"] / section["duration_s"]
+    source = {"berries": section["berries"], "rate_per_s": 2.0 * section["berries"] / section["duration_s"]}
     factory = Disc(2.0 * particle.bounding_radius_m, 1e-3 * section["height_mm"])
-    fill(simulation, np.random.default_rng(seed), factory, section["berries"], rate, end, filmed.run_to)
+    fill(simulation, factory, source, seed, end, filmed.run_to)
     filmed.run_to(end)
     finite = bool(np.all(np.isfinite(simulation.positions)))
     record = {

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from PIL import Image
 
-from repose.apparatus import drum, drum_geometry, drum_tables, drum_turn
+from repose.apparatus import drum, drum_geometry, drum_rotation, drum_tables
 from repose.apparatus.job import measure_job, pour_job
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
@@ -144,31 +144,31 @@ def test_the_motion_of_a_known_layer_is_found_by_depth():
 
 
 @pytest.fixture(scope="module")
-def small_turn():
-    return drum_turn.turn(config(**SMALL), REPRESENTATIVE, 3, PARTICLE, BERRY)
+def small_rotation():
+    return drum_rotation.rotate(config(**SMALL), REPRESENTATIVE, 3, PARTICLE, BERRY)
 
 
-def test_a_small_bed_turns_with_the_drum_and_no_berry_leaves(small_turn):
-    record, whole = small_turn.record, drum_geometry.Drum.of(config(**SMALL)["drum"])
-    assert drum.status_of(small_turn, config(**SMALL))[0] == "no_slip"
-    assert small_turn.rest_energy_j < 1e-9
+def test_a_small_bed_turns_with_the_drum_and_no_berry_leaves(small_rotation):
+    record, whole = small_rotation.record, drum_geometry.Drum.of(config(**SMALL)["drum"])
+    assert drum.status_of(small_rotation, config(**SMALL))[0] == "no_slip"
+    assert small_rotation.rest_energy_j < 1e-9
     assert record["turned_deg"][-1] == pytest.approx(math.degrees(0.0873), rel=1e-6)
     assert record["bed_deg"][-1] - record["bed_deg"][0] == pytest.approx(record["turned_deg"][-1], abs=0.3)
     # against the drum berries hardly move, though the wall has gone 5 mm
-    last = bed.to_drum_frame(small_turn.centres_m[-1], 0.0873)
-    assert np.median(np.linalg.norm(last - small_turn.centres_m[0], axis=1)) < 2e-4
-    assert whole.holds(small_turn.centres_m[-1]).all()
-    assert small_turn.held
+    last = bed.to_drum_frame(small_rotation.centres_m[-1], 0.0873)
+    assert np.median(np.linalg.norm(last - small_rotation.centres_m[0], axis=1)) < 2e-4
+    assert whole.holds(small_rotation.centres_m[-1]).all()
+    assert small_rotation.held
 
 
-def test_shell_and_caps_hold_every_point_of_every_berry(small_turn):
+def test_shell_and_caps_hold_every_point_of_every_berry(small_rotation):
     from repose.dem.rotations import rotation_matrices
 
     rng = np.random.default_rng(0)
     directions = rng.normal(size=(400, 3))
     surface = PARTICLE.support_point(directions / np.linalg.norm(directions, axis=1, keepdims=True))
-    turn = rotation_matrices(small_turn.quaternions[-1])
-    points = small_turn.centres_m[-1][:, None, :] + np.einsum("nij,mj->nmi", turn, surface)
+    turn = rotation_matrices(small_rotation.quaternions[-1])
+    points = small_rotation.centres_m[-1][:, None, :] + np.einsum("nij,mj->nmi", turn, surface)
     overlap = 3e-4
     assert np.hypot(points[..., 0], points[..., 2]).max() == pytest.approx(0.055, abs=overlap)
     assert np.abs(points[..., 1]).max() == pytest.approx(0.030, abs=overlap)
@@ -207,7 +207,7 @@ def test_a_job_writes_what_tables_and_film_read(tmp_path):
     assert np.isnan(summary.loc["before_turned_deg", "standard_error"])
     assert tables["profile"]["berries"].sum() > 20
     with np.load(tmp_path / "turn_3.npz") as arrays:
-        for state in drum_turn.STATES:
+        for state in drum_rotation.STATES:
             assert arrays[f"position_{state}"].shape == (60, 3)
     out = tmp_path / "drum.gif"
     film.animate_drum(
@@ -218,7 +218,7 @@ def test_a_job_writes_what_tables_and_film_read(tmp_path):
 
 
 def test_means_have_standard_errors(tmp_path):
-    record = {key: np.zeros(2) for key in drum_turn.RECORD}
+    record = {key: np.zeros(2) for key in drum_rotation.RECORD}
     for seed, angle in ((1, 40.0), (2, 44.0)):
         run = {"seed": seed, "status": "ok", "before_surface_deg": angle}
         (tmp_path / f"turn_{seed}.json").write_text(json.dumps({"run": run}))

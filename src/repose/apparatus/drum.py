@@ -17,7 +17,7 @@ from repose.core.runs import Recorded
 
 if TYPE_CHECKING:
     from repose import dem
-    from repose.apparatus.drum_turn import Turn
+    from repose.apparatus.drum_rotation import Rotation
     from repose.particle.particle import Particle
 
 NAME = "drum"
@@ -129,17 +129,17 @@ def build(
     -------
     repose.dem.Simulation
     """
-    from repose.apparatus import drum_turn
+    from repose.apparatus import drum_rotation
 
-    return drum_turn.build(config, parameters, particle, berry, largest_scale)
+    return drum_rotation.build(config, parameters, particle, berry, largest_scale)
 
 
-def status_of(turned: "Turn", config: Mapping[str, Any]) -> tuple[str, str]:
+def status_of(rotation: "Rotation", config: Mapping[str, Any]) -> tuple[str, str]:
     """Status and reason of a run.
 
     Parameters
     ----------
-    turned : Turn
+    rotation : Rotation
     config : mapping
 
     Returns
@@ -148,14 +148,14 @@ def status_of(turned: "Turn", config: Mapping[str, Any]) -> tuple[str, str]:
         One of `STATUSES`.
     reason : str
     """
-    if not (np.isfinite(turned.rest_energy_j) and np.all(np.isfinite(turned.record["energy_j"]))):
+    if not (np.isfinite(rotation.rest_energy_j) and np.all(np.isfinite(rotation.record["energy_j"]))):
         return "unstable", "a position is not finite; the time step is too long for these contacts"
-    if not turned.held:
+    if not rotation.held:
         return "lost", "a berry is missing, or outside the drum"
-    if turned.rest_energy_j > SimulationSettings.of(config).rest_energy_j:
-        return "not_at_rest", f"kinetic energy {turned.rest_energy_j:.2e} J a berry when the rotation began"
-    if turned.slip is None:
-        fall, last = config[NAME]["slip_drop_deg"], turned.record["time_s"][-1]
+    if rotation.rest_energy_j > SimulationSettings.of(config).rest_energy_j:
+        return "not_at_rest", f"kinetic energy {rotation.rest_energy_j:.2e} J a berry when the rotation began"
+    if rotation.slip is None:
+        fall, last = config[NAME]["slip_drop_deg"], rotation.record["time_s"][-1]
         return "no_slip", f"the bed's centre of mass never fell by {fall:g} degrees in {last:g} s"
     return "ok", ""
 
@@ -187,35 +187,35 @@ def run(
     -------
     Run
     """
-    from repose.apparatus.drum_turn import RECORD, slip_numbers, turn
+    from repose.apparatus.drum_rotation import RECORD, rotate, slip_numbers
 
-    turned = turn(config, parameters, seed, particle, berry, progress)
-    status, reason = status_of(turned, config)
+    rotation = rotate(config, parameters, seed, particle, berry, progress)
+    status, reason = status_of(rotation, config)
     record = {
         "seed": int(seed),
         "status": status,
         "reason": reason,
-        "rotation_from_s": turned.rotation_from_s,
+        "rotation_from_s": rotation.rotation_from_s,
     }
     profile = np.zeros((0, 4))
     if status in ("ok", "no_slip"):
-        for state, row in turned.rows().items():
-            record |= {f"{state}_{key}": float(turned.record[key][row]) for key in RECORD}
-    if status == "ok" and turned.slip is not None:
+        for state, row in rotation.rows().items():
+            record |= {f"{state}_{key}": float(rotation.record[key][row]) for key in RECORD}
+    if status == "ok" and rotation.slip is not None:
         scale = config["measure"]["mm_per_pixel"]
-        numbers, profile = slip_numbers(turned, turned.slip, config[NAME], particle, scale)
+        numbers, profile = slip_numbers(rotation, rotation.slip, config[NAME], particle, scale)
         record |= numbers
-    record["wall_s"] = round(turned.wall_s, 2)
-    position, quaternion = turned.centres_m.astype(np.float32), turned.quaternions.astype(np.float32)
-    arrays = {"profile": profile, "scale": turned.scales, **turned.record}
-    for state, row in turned.rows().items() if len(position) else ():
+    record["wall_s"] = round(rotation.wall_s, 2)
+    position, quaternion = rotation.centres_m.astype(np.float32), rotation.quaternions.astype(np.float32)
+    arrays = {"profile": profile, "scale": rotation.scales, **rotation.record}
+    for state, row in rotation.rows().items() if len(position) else ():
         arrays |= {f"position_{state}": position[row], f"quaternion_{state}": quaternion[row]}
-        arrays[f"turned_{state}_deg"] = turned.record["turned_deg"][row]
+        arrays[f"turned_{state}_deg"] = rotation.record["turned_deg"][row]
     if interval_s is None:
         return Run(record, arrays)
-    shown = {key: turned.record[key] for key in ("time_s", "turned_deg")}
+    shown = {key: rotation.record[key] for key in ("time_s", "turned_deg")}
     return Run(
-        record, arrays, {"position": position, "quaternion": quaternion, "scale": turned.scales, **shown}
+        record, arrays, {"position": position, "quaternion": quaternion, "scale": rotation.scales, **shown}
     )
 
 

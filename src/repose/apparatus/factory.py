@@ -1,9 +1,9 @@
-"""Where berries appear, how they are turned, and how a scene is filled with them."""
+"""Where berries appear, their orientation, and how a scene is filled with them."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -150,16 +150,14 @@ def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray
 
 def fill(
     simulation: "Simulation",
-    rng: np.random.Generator,
     factory: Factory,
-    berries: int,
-    rate_per_s: float,
+    section: Mapping[str, Any],
+    seed: int,
     last_step: int,
     run_to: Callable[[int], None],
     scales: Sequence[float] | np.ndarray | None = None,
-    orientation: str = "random",
 ) -> None:
-    """Add berries one by one, at rest.
+    """Add the berries of a bench test one by one, at rest.
 
     A berry appears where it cannot touch another one. Where no such place is found the factory waits a time step.
 
@@ -167,25 +165,23 @@ def fill(
     ----------
     simulation : Simulation
         With a shape of the name ``berry``.
-    rng : numpy.random.Generator
-        Draws places and orientations.
     factory : Factory
         Where they appear.
-    berries : int
-        How many.
-    rate_per_s : float
-        Berries in a second [1/s].
+    section : mapping
+        Of the bench test in the configuration: ``berries`` (how many), ``rate_per_s`` (how many in a second) and, if
+        they are not to lie at random, ``orientation``, see `random_orientation`.
+    seed : int
+        Of the places and orientations.
     last_step : int
         From this time step on no berry is added.
     run_to : function
         Advances the simulation to a time step.
     scales : sequence of float, optional
         Sizes (berries,) relative to the shape; by default 1.
-    orientation : str
-        See `random_orientation`.
     """
-    for k in range(berries):
-        due = round(k / rate_per_s / simulation.physics.dt)
+    rng, orientation = np.random.default_rng(seed), section.get("orientation", "random")
+    for k in range(section["berries"]):
+        due = round(k / section["rate_per_s"] / simulation.physics.dt)
         if due >= last_step:
             return
         run_to(due)

@@ -216,17 +216,7 @@ def pour(
     rest_step = last_step - settings.steps(section["rest_window_s"])
     timed_step = max(0, min(rest_step, last_step - settings.steps(1.0)))
     filmed = Filmed(simulation, interval_s, progress)
-    fill(
-        simulation,
-        np.random.default_rng(seed),
-        factory,
-        section["berries"],
-        section["rate_per_s"],
-        rest_step,
-        filmed.run_to,
-        scales,
-        section["orientation"],
-    )
+    fill(simulation, factory, section, seed, rest_step, filmed.run_to, scales)
     timed_step = max(timed_step, simulation.steps)
     filmed.run_to(timed_step)
     clock = time.perf_counter()

@@ -1,4 +1,4 @@
-"""A simulation of berries among walls of one material, frames of it on the way, and its largest heap."""
+"""A simulation of berries among walls of one material, frames of it on the way, and its largest cluster."""
 
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any

@@ -24,7 +24,7 @@ STATES = ("start", "report", "before", "after")
 
 
 @dataclass(frozen=True)
-class Turn:
+class Rotation:
     """One run: its record over time, the frames at the same times, the slip, and what judges the run.
 
     Attributes
@@ -168,14 +168,14 @@ def build(
     )
 
 
-def turn(
+def rotate(
     config: Mapping[str, Any],
     parameters: Mapping[str, float],
     seed: int,
     particle: "Particle",
     berry: Mapping[str, Any],
     progress: Callable[[float], object] | None = None,
-) -> Turn:
+) -> Rotation:
     """Fill the drum, let the bed rest, turn the drum until the bed slips, and let it rest again.
 
     Parameters
@@ -185,7 +185,7 @@ def turn(
 
     Returns
     -------
-    Turn
+    Rotation
 
     Notes
     -----
@@ -206,26 +206,17 @@ def turn(
     def run_to(step):
         simulation.run_steps(max(0, step - simulation.steps))
 
-    fill(
-        simulation,
-        np.random.default_rng(seed),
-        factory,
-        section["berries"],
-        section["rate_per_s"],
-        latest,
-        run_to,
-        scales,
-    )
+    fill(simulation, factory, section, seed, latest, run_to, scales)
     run_to(max(simulation.steps, settings.steps(section["rotate_from_s"])))
     calm = settings.rest_energy_j
     while simulation.kinetic_energies().mean() > calm and simulation.steps < latest:
         run_to(min(latest, simulation.steps + every))
     rest_energy = float(simulation.kinetic_energies().mean())
     watch = _Watch(simulation, drum, particle, config)
-    slip = _rotate(watch, section, calm, every, progress) if np.isfinite(rest_energy) else None
+    slip = _until_slip(watch, section, calm, every, progress) if np.isfinite(rest_energy) else None
     record = watch.record() if watch.rows else {name: np.zeros(0) for name in RECORD}
     late = np.abs(watch.began_s + record["time_s"] - section["report_s"])
-    return Turn(
+    return Rotation(
         record=record,
         centres_m=np.array(watch.centres),
         quaternions=np.array(watch.quaternions),
@@ -239,7 +230,7 @@ def turn(
     )
 
 
-def _rotate(watch, section, calm, every, progress):
+def _until_slip(watch, section, calm, every, progress):
     """Turn until the first slip and let the bed rest; returns the `bed.Slip` or None."""
     simulation = watch.simulation
     step_s = every * simulation.physics.dt
@@ -270,13 +261,13 @@ def _rotate(watch, section, calm, every, progress):
 
 
 def slip_numbers(
-    turned: Turn, slip: bed.Slip, section: Mapping[str, Any], particle: "Particle", mm_per_pixel: float
+    rotation: Rotation, slip: bed.Slip, section: Mapping[str, Any], particle: "Particle", mm_per_pixel: float
 ) -> tuple[dict[str, float], np.ndarray]:
     """Numbers of a slip, and the motion by depth.
 
     Parameters
     ----------
-    turned : Turn
+    rotation : Rotation
     slip : repose.measure.bed.Slip
     section : mapping
         The section `drum` of the configuration.
@@ -289,20 +280,20 @@ def slip_numbers(
     profile : numpy.ndarray, (bins, 4)
         Rows of `bed.depth_profile`, lengths in mm.
     """
-    record = turned.record
+    record = rotation.record
     drum = Drum.of(section)
     before = bed.measure_surface(
-        turned.centres_m[slip.begins],
-        turned.quaternions[slip.begins],
+        rotation.centres_m[slip.begins],
+        rotation.quaternions[slip.begins],
         particle,
         drum.radius_m,
         mm_per_pixel,
         section["fit_share"],
-        turned.scales,
+        rotation.scales,
     )
     turned_rad = math.radians(record["turned_deg"][slip.ends] - record["turned_deg"][slip.begins])
     depth, moved = bed.slip_displacement(
-        turned.centres_m[slip.begins], turned.centres_m[slip.ends], turned_rad, before
+        rotation.centres_m[slip.begins], rotation.centres_m[slip.ends], turned_rad, before
     )
     profile = bed.depth_profile(depth, moved, 1e-3 * section["depth_bin_mm"]) * (1e3, 1e3, 1e3, 1.0)
     numbers = {
