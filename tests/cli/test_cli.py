@@ -154,7 +154,7 @@ def test_heap_pours_and_prints_its_record(short_config, tmp_path, capsys):
         assert frames["position"].shape == (15, 12, 3)
 
 
-def test_pour_and_measure_heap_are_heap_in_two_steps(short_config, tmp_path, capsys):
+def test_pour_and_measure_runs_are_heap_in_two_steps(short_config, tmp_path, capsys):
     words = ["--config", short_config, "--seed", "7"]
     assert main(["heap", *words, "--out", str(tmp_path / "whole")]) == 0
     assert main(["pour", *words, "--out", str(tmp_path / "steps")]) == 0
@@ -162,7 +162,7 @@ def test_pour_and_measure_heap_are_heap_in_two_steps(short_config, tmp_path, cap
     assert not (tmp_path / "steps" / "heap.json").exists()
     out = tmp_path / "measured"
     pours = str(tmp_path / "steps" / "heap.pours.json")
-    assert main(["measure_heap", pours, "--config", short_config, "--out", str(out)]) == 0
+    assert main(["measure_runs", pours, "--config", short_config, "--out", str(out)]) == 0
     whole, steps = (json.loads((folder / "heap.json").read_text()) for folder in (tmp_path / "whole", out))
     for run in (*whole["runs"], *steps["runs"]):
         del run["wall_s"], run["us_per_step"]

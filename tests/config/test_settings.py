@@ -297,6 +297,9 @@ def test_seeds_are_stable_distinct_and_fresh_for_validation():
     fresh = [seed for k in numbers for seed in pour_seeds(2026, "validation", k, 8)]
     assert len(set(design + fresh)) == len(design) + len(fresh)
     assert pour_seeds(2027, "design", 1, 1) != pour_seeds(2026, "design", 1, 1)
+    assert pour_seeds(2026, "design", 1, 2, "drum") != pour_seeds(2026, "design", 1, 2)
+    # streams of the drum alone say so by their purpose
+    assert pour_seeds(2026, "drum_design", 1, 2, "drum") == pour_seeds(2026, "drum_design", 1, 2)
 
 
 def test_work_counts_every_pour(config):

@@ -182,8 +182,8 @@ def study(tmp_path_factory):
     for k in range(0, 40, 2):
         drum.append(folder / f"{k + 1:03d}.json")
         slip = 40 + 10 * table["e_gp"][k]
-        run = {"status": "ok", "before_surface_deg": slip, "after_surface_deg": slip - 5}
-        drum[-1].write_text(json.dumps({"sample": k + 1, "runs": [run]}))
+        run = {"status": "ok", "drum_slip_deg": slip, "drum_rest_deg": slip - 5}
+        drum[-1].write_text(json.dumps({"apparatus": "drum", "sample": k + 1, "runs": [run]}))
     repeated = pd.DataFrame({"status": "ok", "before_surface_deg": [44.0, 45.0, 46.0]})
     repeated["after_surface_deg"] = repeated["before_surface_deg"] - [5.5, 5, 4.5]
     repeated.to_csv(folder / "drum_runs.csv", index=False)
@@ -247,7 +247,7 @@ def test_study_with_one_target_and_with_four(study, tmp_path, names):
 
 def test_drum_of_another_design_and_a_target_out_of_reach_are_refused(study, tmp_path):
     files, (_, drum_runs) = study
-    (tmp_path / "999.json").write_text(json.dumps({"sample": 999, "runs": []}))
+    (tmp_path / "999.json").write_text(json.dumps({"apparatus": "drum", "sample": 999, "runs": []}))
     with pytest.raises(InputError, match="999"):
         responses_over_design.read(*files, TARGETS, "secant", [tmp_path / "999.json"], drum_runs)
     far = Targets.of([target("aor_deg", 80, 81), HEIGHT])

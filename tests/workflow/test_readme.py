@@ -36,7 +36,7 @@ def dry_run(mine, *targets):
 def test_the_crop_that_readme_shows_is_planned(mine):
     status, told = dry_run(mine)
     assert status == 0, told
-    assert "measure_heap" in told
+    assert "measure_runs" in told
 
 
 def test_a_study_is_checked_when_it_is_asked_for(mine):

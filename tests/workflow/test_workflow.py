@@ -24,20 +24,26 @@ STAGES = (
         "berry",
         "shape",
         "design",
-        "heap",
-        "measure_heap",
+        "pour",
+        "measure_runs",
         "dataset",
         "network",
         "miga",
         "solutions",
-        "validation_heap",
-        "measure_validation_heap",
+        "validation_pour",
+        "measure_validation_runs",
         "validate",
     ),
     *("measure", "film", "draw_convergence", "page_table1", "page_table3", "page_table4", "page_published"),
     *("turn", "drum", "drum_film", "draw_drum", "page_drum"),
     *(f"draw_figure{number:02d}" for number in (2, 5, 6, 7, 8, 9, 10, 13, 14, 15)),
 )
+
+# Targets from two bench tests.
+MIXED = [
+    {"response": name, "apparatus": apparatus, "value": 40, "sd": 2, "repetitions": 5, "range": [38, 42]}
+    for name, apparatus in (("height_mm", "funnel"), ("drum_slip_deg", "drum"))
+]
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +114,7 @@ def planned(project, *words):
 def test_the_recommended_study_has_every_stage_and_one_job_a_sample(project):
     jobs = planned(project)
     assert set(STAGES) <= set(jobs)
-    assert (jobs["heap"], jobs["validation_heap"], jobs["turn"]) == (150, 12, 6)
+    assert (jobs["pour"], jobs["validation_pour"], jobs["turn"]) == (150, 12, 6)
     assert not (project / "results").exists(), "a dry run writes nothing"
 
 
@@ -117,20 +123,15 @@ def test_the_workflow_runs_from_either_file(project):
     itself = planned(project, "--configfile", "config/quick.yaml", "-s", "workflow/Snakefile")
     assert through_top.pop("everything") == itself.pop("all") == 1
     assert through_top == itself
-    assert itself["heap"] == 20
+    assert itself["pour"] == 20
 
 
 def test_samples_are_run_in_every_bench_test_of_the_targets(project):
-    target = {"value": 40, "sd": 2, "repetitions": 5, "range": [38, 42]}
-    mixed = [
-        {"response": "height_mm", "apparatus": "funnel"} | target,
-        {"response": "drum_slip_deg", "apparatus": "drum"} | target,
-    ]
-    for targets, folders in ((mixed, ("heaps", "drum_runs")), (mixed[1:], ("drum_runs",))):
+    for targets, folders in ((MIXED, ("heaps", "drum_runs")), (MIXED[1:], ("drum_runs",))):
         (project / "mine.yaml").write_text(json.dumps({"targets": targets}))
         words = ("--configfile", "config/quick.yaml", "mine.yaml", "--", "dataset")
         jobs = planned(project, *words)
-        assert (jobs["heap"], jobs["measure_heap"]) == (20 * len(folders), 20 * len(folders))
+        assert (jobs["pour"], jobs["measure_runs"]) == (20 * len(folders), 20 * len(folders))
         shown = snakemake(project, "-n", "-p", *words).stdout
         for folder in folders:
             assert f"results/quick/{folder}/020.json" in shown
@@ -140,7 +141,7 @@ def test_samples_are_run_in_every_bench_test_of_the_targets(project):
 def test_the_small_run_has_the_same_rules(project):
     small = planned(project, "--configfile", "config/quick.yaml")
     assert set(small) == set(planned(project))
-    assert (small["heap"], small["turn"]) == (20, 2)
+    assert (small["pour"], small["turn"]) == (20, 2)
 
 
 @pytest.mark.parametrize(
@@ -178,11 +179,11 @@ def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
     assert resolved["design"]["samples"] == 20
 
     target = ("results/quick/heaps/001.json", "--configfile", "config/quick.yaml")
-    assert set(planned(project, *target)) == {"heap", "measure_heap", "total"}
+    assert set(planned(project, *target)) == {"pour", "measure_runs", "total"}
     fewer = planned(project, *target, "--config", "design={samples: 25}")
-    assert set(fewer) == {"design", "heap", "measure_heap", "total"}
+    assert set(fewer) == {"design", "pour", "measure_runs", "total"}
     heavier = planned(project, *target, "--config", "berry={density_kg_m3: 900}")
-    assert set(heavier) == {"berry", "shape", "heap", "measure_heap", "total"}
+    assert set(heavier) == {"berry", "shape", "pour", "measure_runs", "total"}
 
 
 @pytest.fixture(scope="module")
@@ -199,20 +200,20 @@ def finished(project):
     return project, words
 
 
-POURS = ("heap", "validation_heap", "trajectory", "turn")
+POURS = ("pour", "validation_pour", "trajectory", "turn")
 
 
 @pytest.mark.parametrize(
     ("change", "measured", "poured"),
     [
-        ("measure={response: flank}", ("measure_heap", "measure_validation_heap"), ()),
-        ("measure={mm_per_pixel: 0.3}", ("measure_heap", "measure_validation_heap"), ("turn",)),
-        ("funnel={rest_motion_mm: 2}", ("measure_heap", "measure_validation_heap"), POURS[:3]),
+        ("measure={response: flank}", ("measure_runs", "measure_validation_runs"), ()),
+        ("measure={mm_per_pixel: 0.3}", ("measure_runs", "measure_validation_runs"), ("turn",)),
+        ("funnel={rest_motion_mm: 2}", ("measure_runs", "measure_validation_runs"), POURS[:3]),
         ("drum={fit_share: 0.5}", (), ("turn",)),
         (
             "validation={seeds: 3, representative_seeds: 3}",
-            ("measure_validation_heap",),
-            ("validation_heap",),
+            ("measure_validation_runs",),
+            ("validation_pour",),
         ),
     ],
 )
@@ -220,11 +221,11 @@ def test_a_changed_measurement_measures_again_and_pours_nothing(finished, change
     project, words = finished
     before = planned(project, *words, change, "--", "dataset")
     # what the study would pour again because its solution has moved is left out here
-    alone = (*POURS[1:], "measure_validation_heap", "validate", "drum", "film")
+    alone = (*POURS[1:], "measure_validation_runs", "validate", "drum", "film")
     behind = planned(project, *words, change, "--allowed-rules", *alone, "--", "validate", "drum", "film")
     jobs = before | behind
     assert set(jobs) - {"dataset", "validate", "drum", "film", "total"} == {*measured, *poured}
-    for rule, count in (("heap", 12), ("measure_heap", 12), ("measure_validation_heap", 9)):
+    for rule, count in (("pour", 12), ("measure_runs", 12), ("measure_validation_runs", 9)):
         assert jobs.get(rule, count) == count
 
 
@@ -249,23 +250,37 @@ def test_comparisons_are_targets_of_their_own_and_the_drum_is_asked_for_by_name(
     own = {"search_tables", "whole_tables", "measure_responses", "second_responses_tables"}
     drawn = {"draw_search", "draw_whole", "draw_second_responses"}
     assert set(jobs) == own | drawn | {"compare_search", "compare_whole", "second_responses", "total"}
-    turned = planned(project, *words, "--", "second_responses_drum")
-    assert turned["drum_sample"] == 12
+    with_drum = planned(project, *words, "--", "second_responses_drum")
+    assert (with_drum["drum_design_pour"], with_drum["measure_drum_design_runs"]) == (12, 12)
     assert not own & set(planned(project, *words, "--forceall"))
 
 
 REFIT = {"refine_data", "refine_network", "refine_search"}
-ROUND = {"refine_propose", "refine_heap", "measure_refine_heap", "refine_dataset", "refine_round"}
+ROUND = {"refine_propose", "refine_pour", "measure_refine_runs", "refine_dataset", "refine_round"}
 END = {"refine_tables", "draw_approach", "refined", "total"}
+
+
+def test_a_round_of_the_refinement_runs_every_bench_test_of_the_targets(project):
+    (project / "mine.yaml").write_text(json.dumps({"targets": MIXED}))
+    words = ("--configfile", "config/quick.yaml", "mine.yaml", "--", "refined")
+    jobs = planned(project, *words)
+    assert (jobs["refine_pour"], jobs["measure_refine_runs"]) == (8, 8), "four jobs in each bench test"
+    shown = snakemake(project, "-n", "-p", *words).stdout
+    for folder, name in (("heaps", "funnel"), ("drum_runs", "drum")):
+        out = f"results/quick/refined/round_0/{folder}"
+        assert f"{out}/1101.json" in shown
+        poured = [line for line in shown.splitlines() if f"--out {out} " in line and "repose pour" in line]
+        assert len(poured) == 4
+        assert all(f"--apparatus {name} " in line and "--purpose refine " in line for line in poured)
 
 
 def test_the_refinement_is_a_target_of_its_own(finished):
     project, words = finished
     jobs = planned(project, *words, "--", "refined")
     assert set(jobs) == ROUND | END, "until round 0 is judged no other is planned"
-    assert jobs["refine_heap"] == 4, "two blocks of the proposal and two neighbours"
+    assert jobs["refine_pour"] == 4, "two blocks of the proposal and two neighbours"
     more = planned(project, *words, "refine={seeds: 6}", "--", "refined")
-    assert more["refine_heap"] == 5
+    assert more["refine_pour"] == 5
     assert not (REFIT | ROUND | END - {"total"}) & set(planned(project, *words, "--forceall"))
 
 
@@ -292,10 +307,10 @@ def test_a_round_that_misses_is_followed_by_the_next_until_one_is_within_or_the_
 def test_the_pool_is_a_target_of_its_own_and_grows_without_pouring_again(project):
     words = ("pool", "--configfile", "config/quick.yaml", "--config", "pool={fresh_samples: 5}")
     jobs = planned(project, *words)
-    assert (jobs["pool_heap"], jobs["measure_pool_heap"]) == (29, 29)
+    assert (jobs["pool_pour"], jobs["measure_pool_runs"]) == (29, 29)
     assert (jobs["pool_dataset"], jobs["fresh_dataset"]) == (1, 1)
-    assert "heap" not in jobs
-    assert "pool_heap" not in planned(project)
+    assert "pour" not in jobs
+    assert "pool_pour" not in planned(project)
 
     listed = snakemake(project, "-n", "--summary", *words)
     for line in listed.stdout.splitlines()[1:]:
@@ -304,7 +319,7 @@ def test_the_pool_is_a_target_of_its_own_and_grows_without_pouring_again(project
         path.touch()
     done = snakemake(project, "pool", "--touch", "--cores", "1", *words[1:])
     assert done.returncode == 0, done.stderr
-    assert planned(project, *words[:-1], "pool={fresh_samples: 8}")["pool_heap"] == 3
+    assert planned(project, *words[:-1], "pool={fresh_samples: 8}")["pool_pour"] == 3
 
 
 def test_the_comparisons_are_a_target_of_their_own(project):

@@ -80,43 +80,6 @@ def run_job(
     return results
 
 
-def design_job(
-    config: Mapping[str, Any],
-    sample: int,
-    parameters: Mapping[str, float],
-    seeds: Iterable[int],
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    out_dir: str | PathLike,
-) -> dict[str, Any]:
-    """Turn the drum with one sample of the design, and write OUT/SAMPLE.json.
-
-    Parameters
-    ----------
-    config : mapping
-    sample : int
-        Number of the sample.
-    parameters : mapping of float
-        The six contact parameters of the sample.
-    seeds : iterable of int
-        Of the runs.
-    particle : Particle
-    berry : mapping
-        What `repose berry` wrote.
-    out_dir : path
-
-    Returns
-    -------
-    dict
-        Content of the file.
-    """
-    about = about_job(drum.BENCH, config, sample, parameters)
-    runs = [drum.run(config, parameters, seed, particle, berry).record for seed in seeds]
-    result = {key: about[key] for key in ("sample", "config", "parameters")} | {"runs": runs}
-    write_json(Path(out_dir) / f"{sample:03d}.json", result)
-    return result
-
-
 def run(json_paths: Sequence[str | PathLike], out_dir: str | PathLike) -> "dict[str, pd.DataFrame]":
     """Write runs.csv, summary.csv, record.csv and profile.csv into out_dir; return the tables by name.
 

@@ -19,7 +19,7 @@ family = Family()
     example="results/heaps/???.json --out results",
     out="results",
     options=[
-        Option("heaps", nargs="+", help="JSON files that the verb measure_heap or heap wrote"),
+        Option("jobs", nargs="+", help="JSON files that the verb measure_runs or heap wrote"),
         SAMPLES.but(help="the design"),
         Option("--prefix", default="", help="put before the names of the tables"),
     ],
@@ -29,7 +29,7 @@ def dataset(args):
 
     config = loader.load(args.config)
     targets, definitions = Targets.of(config["targets"]), definitions_of(config)
-    dataset.run(args.samples, args.heaps, targets, definitions, args.out, args.prefix)
+    dataset.run(args.samples, args.jobs, targets, definitions, args.out, args.prefix)
 
 
 @family.verb(
@@ -97,7 +97,7 @@ def solutions(args):
     example="results/validation/heaps/???.json",
     out="results/validation",
     options=[
-        Option("heaps", nargs="+", help="JSON files that measure_heap wrote, one for each solution"),
+        Option("jobs", nargs="+", help="JSON files that measure_runs wrote, one for each solution"),
         Option("--solutions", default="results/validation/solutions.csv", help="what `solutions` wrote"),
         SUPPORT,
     ],
@@ -107,7 +107,7 @@ def validate(args):
 
     config = loader.load(args.config)
     published, targets = config["validation"]["published"], Targets.of(config["targets"])
-    validate.run(args.solutions, args.heaps, published, targets, args.out, _support(args, config))
+    validate.run(args.solutions, args.jobs, published, targets, args.out, _support(args, config))
 
 
 def _support(args, config):

@@ -37,7 +37,7 @@ class _Job(NamedTuple):
 
 
 @family.verb(
-    "run a bench test with one parameter set and one or more seeds; save the runs for measure_heap",
+    "run a bench test with one parameter set and one or more seeds; save the runs for measure_runs",
     example="--apparatus funnel --set mus_gg=0.642 --seed 1 --out results/try",
     out="results/try",
     options=[APPARATUS, *POUR],
@@ -49,7 +49,7 @@ def pour(args):
 
 
 @family.verb(
-    "pour berries through the funnel and measure the pile: pour and measure_heap in one verb",
+    "pour berries through the funnel and measure the pile: pour and measure_runs in one verb",
     example="--set e_gg=0.203 --set mus_gg=0.642 --seed 1 --out results/try --json",
     out="results/try",
     options=[*POUR, JSON.but(help="print the result as JSON")],
@@ -105,7 +105,7 @@ def _flat(result):
         *BERRY_AND_PARTICLE,
     ],
 )
-def measure_heap(args):
+def measure_runs(args):
     from repose.apparatus import bench
     from repose.apparatus.job import measure_job
     from repose.core.seeds import UNNAMED

@@ -1,13 +1,10 @@
-"""Verbs of further responses: measure them on a pile or in a drum, and tell how much information they add."""
+"""Verbs of further responses: measure them on a pile, and tell how much information they add."""
 
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
-from repose.cli.options import DATASET, RUNS, SAMPLES
-from repose.cli.parameter_sets import parameters
-from repose.cli.pouring import told
+from repose.cli.options import DATASET, RUNS
 from repose.cli.registry import Family, Option
 from repose.config import loader
 from repose.core.parameter_space import ParameterSpace
-from repose.core.seeds import pour_seeds
 from repose.core.targets import Targets
 
 family = Family()
@@ -33,36 +30,13 @@ def measure_responses(args):
 
 
 @family.verb(
-    "turn the drum with one sample of the design, with its own seeds",
-    example="--samples results/design/samples.csv --sample 1",
-    out="results/responses/drum",
-    options=[
-        SAMPLES,
-        Option("--sample", type=int, required=True, help="number in the column sample"),
-        *BERRY_AND_PARTICLE,
-    ],
-)
-def drum_design(args):
-    from repose.apparatus import bench, drum_tables
-
-    config = loader.load(args.config)
-    count = config["second_responses"]["drum_seeds"]
-    seeds = pour_seeds(config["design"]["seed"], "drum_design", args.sample, count)
-    berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
-    values = parameters([], args.samples, args.sample, config["parameters"])
-    result = drum_tables.design_job(config, args.sample, values, seeds, particle, berry_of, args.out)
-    for run in result["runs"]:
-        print(told(run, bench("drum").in_words))
-
-
-@family.verb(
     "tell how much each further response narrows the posterior of the parameters",
     example="--runs results/responses/runs.csv --dataset results/dataset.csv",
     out="results/responses",
     options=[
         RUNS.but(default="results/responses/runs.csv", help="what measure_responses wrote"),
         DATASET,
-        Option("--drum", nargs="+", help="files of drum_design, to judge the drum as well"),
+        Option("--drum", nargs="+", help="files of measure_runs, of samples in the drum: it is judged, too"),
         Option("--drum-runs", default="results/drum/runs.csv", help="what the verb drum_tables wrote"),
     ],
 )

@@ -19,6 +19,8 @@ PURPOSES = {
 
 # The first bench test: its seeds and its files carry no name of a bench test.
 UNNAMED = "funnel"
+# Streams of the drum alone: their name tells the bench test.
+OF_THE_DRUM = ("drum", "drum_design")
 
 
 def pour_seeds(study_seed: int, purpose: str, number: int, count: int, apparatus: str = UNNAMED) -> list[int]:
@@ -44,6 +46,7 @@ def pour_seeds(study_seed: int, purpose: str, number: int, count: int, apparatus
     """
     import numpy as np
 
-    own = [] if apparatus == UNNAMED else [zlib.crc32(apparatus.encode())]
+    named = apparatus == UNNAMED or purpose in OF_THE_DRUM
+    own = [] if named else [zlib.crc32(apparatus.encode())]
     state = np.random.SeedSequence([study_seed, PURPOSES[purpose], number, *own]).generate_state(count)
     return [int(seed) for seed in state]

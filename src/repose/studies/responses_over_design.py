@@ -21,8 +21,9 @@ from repose.surrogate.samples import weights_from_errors
 
 FEWEST_SAMPLES = 12
 EPOCHS = 300  # of the surrogates, most
-# Columns of a run of the drum that hold its responses.
+# Columns of the drum's table of runs that hold its responses.
 DRUM_COLUMNS = {"drum_slip_deg": "before_surface_deg", "drum_rest_deg": "after_surface_deg"}
+DRUM_JOB = "a job of the drum, measured by the verb measure_runs"
 
 
 class Known(NamedTuple):
@@ -112,16 +113,17 @@ def drum_over_design(
     Parameters
     ----------
     jobs : mapping
-        Good runs of each sample that was turned, with the columns of `DRUM_COLUMNS`.
+        Good runs of each sample that was run in the drum: its responses by name.
     repeated : pandas.DataFrame
-        Good runs of one parameter set with several seeds, for the scatter from run to run.
+        Good runs of one parameter set with several seeds, for the scatter from run to run; with the columns of
+        `DRUM_COLUMNS`.
     samples : numpy.ndarray, (m,)
         Order of the result.
     """
     found = {}
     for name, column in DRUM_COLUMNS.items():
         within = float(repeated[column].var(ddof=1))
-        values = np.array([run[column] for good in jobs.values() for run in good])
+        values = np.array([run[name] for good in jobs.values() for run in good])
         groups = np.array([sample for sample, good in jobs.items() for _ in good])
         mean, error, count = _means(values, groups, samples, within)
         spread = max(0.0, float(np.nanvar(mean, ddof=1)) - float(np.nanmean(error**2)))
@@ -146,7 +148,7 @@ def read_drum(
     Parameters
     ----------
     samples_json : iterable of path
-        Files of the verb drum_design.
+        Files of the verb measure_runs: jobs of the drum.
     runs_csv : path
         Table of runs of the verb drum_tables.
     samples : numpy.ndarray of int
@@ -167,16 +169,16 @@ def read_drum(
         raise InputError(runs_csv, "good runs", len(repeated), "2 or more, for the scatter from run to run")
     jobs = {}
     for path in samples_json:
-        job = read_json(path, {"sample": int, "runs": list}, "a file of the verb drum_design")
+        job = read_json(path, {"sample": int, "apparatus": str, "runs": list}, DRUM_JOB)
+        if job["apparatus"] != "drum":
+            raise InputError(path, "apparatus", job["apparatus"], "drum")
         if job["sample"] not in samples:
             raise InputError(path, "sample", job["sample"], "a sample of the design")
         try:
             good = [run for run in job["runs"] if run["status"] == "ok"]
-            jobs[job["sample"]] = [
-                {column: float(run[column]) for column in DRUM_COLUMNS.values()} for run in good
-            ]
+            jobs[job["sample"]] = [{name: float(run[name]) for name in DRUM_COLUMNS} for run in good]
         except (KeyError, TypeError, ValueError) as error:
-            raise InputError(path, "runs", str(error), "a file of the verb drum_design") from error
+            raise InputError(path, "runs", str(error), DRUM_JOB) from error
     return drum_over_design(jobs, repeated, samples)
 
 
@@ -199,7 +201,7 @@ def read(
     definition : str
         `measure.response` of the configuration.
     drum : iterable of path
-        Files of the verb drum_design, to judge the drum as well.
+        Files of the verb measure_runs, jobs of the drum, to judge it as well.
     drum_runs : path, optional
         The table of runs of the verb drum_tables; needed with ``drum``.
 
@@ -226,8 +228,8 @@ def read(
     if drum:
         if drum_runs is None:
             raise ValueError("drum_runs is None; allowed: the table of runs, where drum names files")
-        turned = read_drum(drum, drum_runs, samples)
-        known |= {name: one for name, one in turned.items() if name not in known}
+        of_drum = read_drum(drum, drum_runs, samples)
+        known |= {name: one for name, one in of_drum.items() if name not in known}
     return Data(table[list(PARAMETERS)].to_numpy(float), known, runs)
 
 

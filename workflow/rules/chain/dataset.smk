@@ -1,8 +1,8 @@
 rule dataset:
     input:
         samples=rules.design.output.samples,
-        heaps=expand(
-            rules.measure_heap.output.result, runs=folders_of_targets(), sample=SAMPLES
+        jobs=expand(
+            rules.measure_runs.output.result, runs=folders_of_targets(), sample=SAMPLES
         ),
     output:
         dataset=f"{RESULTS}/dataset.csv",
@@ -22,5 +22,5 @@ rule dataset:
     message:
         "Table of all samples and their responses"
     shell:
-        "python -m repose dataset {input.heaps} --config {params.config} --samples {input.samples}"
+        "python -m repose dataset {input.jobs} --config {params.config} --samples {input.samples}"
         " --out {params.folder} > {log} 2>&1"

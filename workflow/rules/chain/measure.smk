@@ -34,7 +34,7 @@ rule measure:
         " --berry {input.berry} --overlay {output.overlay} --json > {output.result}) 2> {log}"
 
 
-use rule heap as trajectory with:
+use rule pour as trajectory with:
     input:
         samples=rules.solutions.output.solutions,
         berry=rules.berry.output.berry,

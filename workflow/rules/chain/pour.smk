@@ -8,7 +8,7 @@ wildcard_constraints:
     runs="|".join(APPARATUS_OF),
 
 
-rule heap:
+rule pour:
     input:
         samples=rules.design.output.samples,
         berry=rules.berry.output.berry,
@@ -41,10 +41,10 @@ rule heap:
         " --berry {input.berry} --particle {input.particle} {params.more} --out {params.folder} > {log} 2>&1"
 
 
-rule measure_heap:
+rule measure_runs:
     input:
-        pours=rules.heap.output.pours,
-        berries=rules.heap.output.berries,
+        pours=rules.pour.output.pours,
+        berries=rules.pour.output.berries,
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
     output:
@@ -61,7 +61,7 @@ rule measure_heap:
         folder=folder,
         depends=measuring,
     message:
-        "Measuring the piles of sample {wildcards.sample}"
+        "Measuring the runs of sample {wildcards.sample}"
     shell:
-        "python -m repose measure_heap {input.pours} --config {params.config} --berry {input.berry}"
+        "python -m repose measure_runs {input.pours} --config {params.config} --berry {input.berry}"
         " --particle {input.particle} --out {params.folder} > {log} 2>&1"

@@ -34,7 +34,7 @@ rule solutions:
         " > {log} 2>&1"
 
 
-use rule heap as validation_heap with:
+use rule pour as validation_pour with:
     input:
         samples=rules.solutions.output.solutions,
         berry=rules.berry.output.berry,
@@ -53,10 +53,10 @@ use rule heap as validation_heap with:
         "Pouring solution {wildcards.sample} with fresh seeds"
 
 
-use rule measure_heap as measure_validation_heap with:
+use rule measure_runs as measure_validation_runs with:
     input:
-        pours=rules.validation_heap.output.pours,
-        berries=rules.validation_heap.output.berries,
+        pours=rules.validation_pour.output.pours,
+        berries=rules.validation_pour.output.berries,
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
     output:
@@ -66,14 +66,14 @@ use rule measure_heap as measure_validation_heap with:
     benchmark:
         f"{RESULTS}/benchmarks/validation/{{runs}}/{{sample}}_measured.tsv"
     message:
-        "Measuring the piles of solution {wildcards.sample}"
+        "Measuring the runs of solution {wildcards.sample}"
 
 
 rule validate:
     input:
         solutions=rules.solutions.output.solutions,
-        heaps=expand(
-            rules.measure_validation_heap.output.result,
+        jobs=expand(
+            rules.measure_validation_runs.output.result,
             runs=folders_of_targets(),
             sample=OURS + THEIRS,
         ),
@@ -96,5 +96,5 @@ rule validate:
     message:
         "Predicted beside simulated and published"
     shell:
-        "python -m repose validate {input.heaps} --config {params.config} --solutions {input.solutions}"
+        "python -m repose validate {input.jobs} --config {params.config} --solutions {input.solutions}"
         " --dataset {input.dataset} --out {params.folder} > {log} 2>&1"

@@ -4,8 +4,8 @@ PUBLISHED_REPRESENTATIVE = [REPRESENTATIVE, *THEIRS][-1]
 
 rule measurement_study:
     input:
-        heaps=expand(rules.heap.output.berries, runs="heaps", sample=SAMPLES),
-        pours=expand(rules.heap.output.pours, runs="heaps", sample=SAMPLES),
+        heaps=expand(rules.pour.output.berries, runs="heaps", sample=SAMPLES),
+        pours=expand(rules.pour.output.pours, runs="heaps", sample=SAMPLES),
         # the published representative solution, the last of its table; or else our own
         representative=f"{RESULTS}/validation/heaps/{PUBLISHED_REPRESENTATIVE}.npz",
         its_pours=f"{RESULTS}/validation/heaps/{PUBLISHED_REPRESENTATIVE}.pours.json",

@@ -35,7 +35,7 @@ rule pool_design:
 
 
 # A larger pool begins with the points of the smaller one, so its table being new is no reason to pour them again.
-use rule heap as pool_heap with:
+use rule pour as pool_pour with:
     input:
         samples=lambda wildcards: ancient(
             rules.pool_design.output[list(POOL_SETS).index(wildcards.points)]
@@ -58,10 +58,10 @@ use rule heap as pool_heap with:
         "Pouring point {wildcards.sample} of the set {wildcards.points}"
 
 
-use rule measure_heap as measure_pool_heap with:
+use rule measure_runs as measure_pool_runs with:
     input:
-        pours=rules.pool_heap.output.pours,
-        berries=rules.pool_heap.output.berries,
+        pours=rules.pool_pour.output.pours,
+        berries=rules.pool_pour.output.berries,
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
     output:
@@ -81,8 +81,8 @@ for points, (prefix, count, _) in POOL_SETS.items():
             f"{points}_dataset"
         input:
             samples=f"{POOL}/{prefix}samples.csv",
-            heaps=expand(
-                rules.measure_pool_heap.output.result,
+            jobs=expand(
+                rules.measure_pool_runs.output.result,
                 runs=folders_of_targets(),
                 points=points,
                 sample=[f"{k:03d}" for k in range(1, config["pool"][count] + 1)],
@@ -106,7 +106,7 @@ for points, (prefix, count, _) in POOL_SETS.items():
         message:
             "Table of the set {rule}"
         shell:
-            "python -m repose dataset {input.heaps} --config {params.config} --samples {input.samples}"
+            "python -m repose dataset {input.jobs} --config {params.config} --samples {input.samples}"
             " --prefix '{params.prefix}' --out {params.folder} > {log} 2>&1"
 
 

@@ -121,7 +121,7 @@ rule refine_propose:
         " --network {input.network} --round {wildcards.round} --out {params.folder} > {log} 2>&1"
 
 
-use rule heap as refine_heap with:
+use rule pour as refine_pour with:
     input:
         samples=rules.refine_propose.output.proposal,
         berry=rules.berry.output.berry,
@@ -144,10 +144,10 @@ use rule heap as refine_heap with:
         "Pouring sample {wildcards.job} of round {wildcards.round}"
 
 
-use rule measure_heap as measure_refine_heap with:
+use rule measure_runs as measure_refine_runs with:
     input:
-        pours=rules.refine_heap.output.pours,
-        berries=rules.refine_heap.output.berries,
+        pours=rules.refine_pour.output.pours,
+        berries=rules.refine_pour.output.berries,
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
     output:
@@ -160,13 +160,13 @@ use rule measure_heap as measure_refine_heap with:
         round=r"\d{1,2}",
         job=r"\d{4,5}",
     message:
-        "Measuring the piles of sample {wildcards.job} of round {wildcards.round}"
+        "Measuring the runs of sample {wildcards.job} of round {wildcards.round}"
 
 
 use rule dataset as refine_dataset with:
     input:
         samples=rules.refine_propose.output.proposal,
-        heaps=round_jobs,
+        jobs=round_jobs,
     output:
         dataset=f"{REFINED}/round_{{round}}/dataset.csv",
         runs=f"{REFINED}/round_{{round}}/runs.csv",

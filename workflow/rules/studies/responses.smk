@@ -1,15 +1,15 @@
 # What to measure next. Targets of their own: `snakemake --cores 2 second_responses`, and with the drum on a part of
 # the design, `second_responses_drum`.
-TURNED = config["second_responses"]["drum_samples"]
+IN_DRUM = config["second_responses"]["drum_samples"]
 DRUM_SAMPLES = [
-    SAMPLES[k * (len(SAMPLES) - 1) // max(1, TURNED - 1)] for k in range(TURNED)
+    SAMPLES[k * (len(SAMPLES) - 1) // max(1, IN_DRUM - 1)] for k in range(IN_DRUM)
 ]
 
 
 rule measure_responses:
     input:
-        pours=expand(rules.heap.output.pours, runs="heaps", sample=SAMPLES),
-        berries=expand(rules.heap.output.berries, runs="heaps", sample=SAMPLES),
+        pours=expand(rules.pour.output.pours, runs="heaps", sample=SAMPLES),
+        berries=expand(rules.pour.output.berries, runs="heaps", sample=SAMPLES),
         runs=rules.dataset.output.runs,
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
@@ -32,38 +32,46 @@ rule measure_responses:
         " --berry {input.berry} --particle {input.particle} --out {output.runs} > {log} 2>&1"
 
 
-rule drum_sample:
+use rule pour as drum_design_pour with:
+    output:
+        pours=f"{RESULTS}/responses/drum/{{sample}}.pours.json",
+        berries=f"{RESULTS}/responses/drum/{{sample}}.npz",
+    log:
+        f"{RESULTS}/logs/responses/drum/{{sample}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/responses/drum/{{sample}}.tsv"
+    resources:
+        mem_mb=900,
+    params:
+        apparatus="drum",
+        purpose="drum_design",
+        seeds=config["second_responses"]["drum_seeds"],
+        depends=pouring_settings("drum") | sections("measure.mm_per_pixel"),
+    message:
+        "Turning the drum with sample {wildcards.sample}"
+
+
+use rule measure_runs as measure_drum_design_runs with:
     input:
-        samples=rules.design.output.samples,
+        pours=rules.drum_design_pour.output.pours,
+        berries=rules.drum_design_pour.output.berries,
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
     output:
         result=f"{RESULTS}/responses/drum/{{sample}}.json",
     log:
-        f"{RESULTS}/logs/responses/drum/{{sample}}.log",
+        f"{RESULTS}/logs/responses/drum/{{sample}}_measured.log",
     benchmark:
-        f"{RESULTS}/benchmarks/responses/drum/{{sample}}.tsv"
-    retries: 1
-    threads: 1
-    resources:
-        mem_mb=900,
+        f"{RESULTS}/benchmarks/responses/drum/{{sample}}_measured.tsv"
     params:
-        config=CONFIG,
-        folder=folder,
-        number=lambda wildcards: int(wildcards.sample),
-        depends=pouring_settings("drum")
-        | sections("measure.mm_per_pixel", "second_responses.drum_seeds"),
+        depends=[],
     message:
-        "Turning the drum with sample {wildcards.sample}"
-    shell:
-        "python -m repose drum_design --config {params.config} --samples {input.samples}"
-        " --sample {params.number} --berry {input.berry} --particle {input.particle} --out {params.folder}"
-        " > {log} 2>&1"
+        "Measuring the drum's runs of sample {wildcards.sample}"
 
 
 rule drum_design:
     input:
-        expand(rules.drum_sample.output.result, sample=DRUM_SAMPLES),
+        expand(rules.measure_drum_design_runs.output.result, sample=DRUM_SAMPLES),
 
 
 # The same tables without and with the drum: a folder, and what is read beside the piles.
