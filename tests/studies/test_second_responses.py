@@ -9,6 +9,7 @@ import pytest
 from scipy import stats
 
 import repose.apparatus  # noqa: F401  (makes the responses known)
+from repose.__main__ import main
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
@@ -159,6 +160,9 @@ def test_means_share_the_repetitions_of_the_one_measured_less_often():
     found = second_responses.observed_covariance(data, model, targets, 2.0)
     expected = np.array([[1 + 1, 3 / 9, 1 / 4], [3 / 9, 1 + 1, 1.5 / 9], [1 / 4, 1.5 / 9, 1 / 4 + 1]])
     assert found == pytest.approx(expected)
+    expected[2, 2] = 1 / 4 + 25
+    found = second_responses.observed_covariance(data, model, targets, 2.0, {"loose_percent": 10.0})
+    assert found == pytest.approx(expected)
 
 
 @pytest.fixture(scope="module")
@@ -215,6 +219,48 @@ def test_study_finds_the_response_that_tells_something_new(study, tmp_path):
     table = pd.read_csv(tmp_path / "responses.csv").set_index("response")
     assert table.loc["packing_percent", "r2_noise_corrected"] > 0.9
     assert table.loc["drum_slip_deg", "samples"] == 20
+
+
+def test_a_discrepancy_of_its_own_lowers_the_gain_of_that_response_alone(study):
+    files, _ = study
+    data = responses_over_design.read(*files, TARGETS, "secant")
+    found = {}
+    for percent in (2.0, 50.0):
+        settings = SETTINGS | {"discrepancies": {"packing_percent": percent}}
+        tables, summary = second_responses.study(data, TARGETS, SPACE, settings)
+        assert summary["discrepancies"] == {"packing_percent": percent}
+        found[percent] = tables["information"].set_index(["discrepancy_percent", "set"])["bits"]
+    # the exact simulator, and sets without the response, are the same
+    assert found[2.0][0.0].to_dict() == found[50.0][0.0].to_dict()
+    assert found[2.0][2.0, "AoR and Height"] == found[50.0][2.0, "AoR and Height"]
+    base = found[2.0][2.0, "AoR and Height"]
+    assert found[2.0][2.0, "packing_percent"] > base + 1
+    assert found[50.0][2.0, "packing_percent"] == pytest.approx(base, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("entry", "allowed"),
+    [
+        ("packing=10", "a response of aor_deg, height_mm"),
+        ("packing_percent=much", "a number from 0 to 100"),
+        ("packing_percent=101", "a number from 0 to 100"),
+        ("packing_percent", "NAME=VALUE"),
+    ],
+)
+def test_the_verb_refuses_a_discrepancy_of_no_response_or_no_share(study, entry, allowed, tmp_path, capsys):
+    (runs, dataset), _ = study
+    words = [
+        "second_responses",
+        "--config",
+        "config/quick.yaml",
+        "--runs",
+        str(runs),
+        "--dataset",
+        str(dataset),
+    ]
+    assert main([*words, "--discrepancy", entry, "--out", str(tmp_path / "none")]) != 0
+    assert allowed in capsys.readouterr().err
+    assert not (tmp_path / "none").exists()
 
 
 @pytest.mark.parametrize("names", [["height_mm"], ["aor_deg", "height_mm", "packing_percent", "upper_deg"]])

@@ -1,9 +1,12 @@
 """Verbs of further responses: measure them on a pile, and tell how much information they add."""
 
+import math
+
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
-from repose.cli.options import DATASET, RUNS
+from repose.cli.options import DATASET, RUNS, pairs
 from repose.cli.registry import Family, Option
 from repose.config import loader
+from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
 
@@ -38,6 +41,13 @@ def measure_responses(args):
         DATASET,
         Option("--drum", nargs="+", help="files of measure_runs, of samples in the drum: it is judged, too"),
         Option("--drum-runs", default="results/drum/runs.csv", help="what the verb drum_tables wrote"),
+        Option(
+            "--discrepancy",
+            action="append",
+            default=[],
+            metavar="NAME=PERCENT",
+            help="discrepancy of one response, instead of posterior.discrepancy_percent; may be repeated",
+        ),
     ],
 )
 def second_responses(args):
@@ -46,9 +56,25 @@ def second_responses(args):
     config = loader.load(args.config)
     settings = config["second_responses"] | {key: config["network"][key] for key in ("hidden", "epochs")}
     settings |= {"discrepancy_percent": config["posterior"]["discrepancy_percent"]}
+    own = pairs(args.discrepancy, "--discrepancy")
     targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
     definition = config["measure"]["response"]
     data = responses_over_design.read(
         args.runs, args.dataset, targets, definition, args.drum or (), args.drum_runs
     )
+    settings["discrepancies"] = {name: _percent(name, text, data.known) for name, text in own.items()}
     print(second_responses.run(data, targets, space, settings, args.out))
+
+
+def _percent(name, text, known):
+    """The discrepancy of one response as a number; InputError for another response or number."""
+    option = f"--discrepancy {name}"
+    if name not in known:
+        raise InputError("command line", option, text, f"a response of {', '.join(known)}")
+    try:
+        percent = float(text)
+    except ValueError:
+        percent = math.nan
+    if not 0 <= percent <= 100:
+        raise InputError("command line", option, text, "a number from 0 to 100")
+    return percent

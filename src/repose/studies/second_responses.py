@@ -18,7 +18,7 @@ targets lie in their ranges, and
          correlations
     S_s  the surrogates' own error: covariance of the cross-validated residuals, less what the noise of the means adds
     S_d  what the model cannot do with any parameters: a share of each response's mean, independent; once none, once
-         `discrepancy_percent`
+         `discrepancy_percent`, or the response's own in `discrepancies`
 
 The posterior is that of importance sampling (`repose.studies.information`).
 """
@@ -130,7 +130,7 @@ def study(
     space : ParameterSpace
     settings : mapping
         ``points``, ``truths``, ``folds``, ``seed``, ``discrepancy_percent``, and ``hidden``, ``epochs`` and ``starts``
-        of the surrogates.
+        of the surrogates. ``discrepancies`` gives some responses a discrepancy of their own, by name [%].
 
     Returns
     -------
@@ -148,8 +148,9 @@ def study(
     truths, normal = plausible_truths(prior.predicted, model.names, targets, settings)
     tables: dict[str, list] = {"information": [], "narrowing": [], "order": []}
     sets, base_set, least = sets_of(model.names, targets.responses), base_label(targets.responses), math.inf
-    for percent in dict.fromkeys((0.0, float(settings["discrepancy_percent"]))):
-        covariance = observed_covariance(data, model, targets, percent)
+    own = dict(settings.get("discrepancies", {}))
+    for percent, special in ({0.0: {}} | {float(settings["discrepancy_percent"]): own}).items():
+        covariance = observed_covariance(data, model, targets, percent, special)
         base = None
         for label, chosen in sets.items():
             columns = [model.names.index(name) for name in chosen]
@@ -171,7 +172,7 @@ def study(
         "left_out": [name for name in data.known if name not in model.names],
         "modelled": model.names,
         "noise_correlation": model.correlation.round(3).tolist(),
-    }
+    } | ({"discrepancies": own} if own else {})
     frames = {"responses": pd.DataFrame(rows)} | {name: pd.DataFrame(one) for name, one in tables.items()}
     return frames, summary
 
@@ -228,7 +229,13 @@ def prior_of(
     return information.Prior(quantile, predicted, place, information.prior_widths(space))
 
 
-def observed_covariance(data: Data, model: Modelled, targets: Targets, percent: float) -> np.ndarray:
+def observed_covariance(
+    data: Data,
+    model: Modelled,
+    targets: Targets,
+    percent: float,
+    discrepancies: Mapping[str, float] | None = None,
+) -> np.ndarray:
     """Covariance S_y + S_s + S_d of observed and predicted responses.
 
     A response that is no target is measured as often as the target that was measured least. Two responses
@@ -242,6 +249,8 @@ def observed_covariance(data: Data, model: Modelled, targets: Targets, percent: 
     targets : Targets
     percent : float
         Discrepancy of each response, of its mean.
+    discrepancies : mapping of float, optional
+        The same of single responses, by name.
 
     Returns
     -------
@@ -253,7 +262,8 @@ def observed_covariance(data: Data, model: Modelled, targets: Targets, percent: 
     within = np.array([row["sd_within"] for row in rows])
     measured = np.outer(within, within) * model.correlation / np.maximum.outer(repetitions, repetitions)
     means = np.array([row["mean"] for row in rows])
-    return measured + model.surrogate + np.diag((percent / 100 * means) ** 2)
+    shares = np.array([(discrepancies or {}).get(name, percent) / 100 for name in model.names])
+    return measured + model.surrogate + np.diag((shares * means) ** 2)
 
 
 def plausible_truths(
