@@ -70,7 +70,7 @@ def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     -------
     iterator of (str, str)
     """
-    drum, step_s = config[NAME], config["simulation"]["time_step_s"]
+    drum, step_s = config[NAME], SimulationSettings.of(config).time_step_s
     radius = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"]
     if radius <= 0:
         yield "drum.wall_thickness_mm", f"below half of drum.outer_diameter_mm, {drum['outer_diameter_mm']:g}"

@@ -79,7 +79,7 @@ def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     funnel = config[NAME]
     inlet, outlet = funnel["inlet_diameter_mm"], funnel["outlet_diameter_mm"]
     duration, window = funnel["duration_s"], funnel["rest_window_s"]
-    if config["simulation"]["time_step_s"] > window / 2:
+    if SimulationSettings.of(config).time_step_s > window / 2:
         yield "simulation.time_step_s", f"at most half of funnel.rest_window_s, {window:g}"
     if outlet >= inlet:
         yield "funnel.outlet_diameter_mm", f"below funnel.inlet_diameter_mm, {inlet:g}"
@@ -266,10 +266,8 @@ def status_of(poured: Pour, config: Mapping[str, Any]) -> tuple[str, str]:
         return "jammed", f"{poured.in_funnel} berries in the funnel and {waiting} not yet poured at the end"
     if poured.off_plate > LARGEST_LOSS * n:
         return "left_plate", f"{poured.off_plate} of {n} berries left the plate"
-    energy, rest = (
-        poured.kinetic_energy_j / max(1, int(poured.in_pile.sum())),
-        config["simulation"]["rest_energy_j"],
-    )
+    energy = poured.kinetic_energy_j / max(1, int(poured.in_pile.sum()))
+    rest = SimulationSettings.of(config).rest_energy_j
     if energy > rest:
         return "not_at_rest", f"kinetic energy {energy:.2e} J a berry, more than {rest:.0e}"
     if 1e3 * poured.largest_motion_m > section["rest_motion_mm"]:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from repose.apparatus.bench_test import BenchTest, Run, bench
+from repose.apparatus.settings import SimulationSettings
 from repose.core.errors import InputError
 from repose.core.files import write_json, write_npz
 from repose.core.parameters import PARAMETERS
@@ -74,7 +75,7 @@ def about_job(
         "sample": int(str(name)) if str(name).isdigit() else name,
         "config": config["label"],
         "parameters": {p: float(parameters[p]) for p in PARAMETERS},
-        "time_step_s": config["simulation"]["time_step_s"],
+        "time_step_s": SimulationSettings.of(config).time_step_s,
     }
 
 

@@ -107,6 +107,7 @@ def _material(section):
 
 def _how(config):
     """Options of `build.make`."""
+    from repose.apparatus.settings import SimulationSettings
     from repose.core.parameter_space import range_of
 
     section = config["berry"]
@@ -115,6 +116,6 @@ def _how(config):
         "mass_g": section["mass_g"],
         "spheres": section["spheres"],
         "surface": section["surface"],
-        "time_step_s": config["simulation"]["time_step_s"],
+        "time_step_s": SimulationSettings.of(config).time_step_s,
         "restitution": range_of("e_gp", config["parameters"]["e_gp"])[0],
     }

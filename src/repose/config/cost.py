@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from repose.apparatus import bench
+from repose.apparatus.settings import SimulationSettings
 from repose.core.published import published_count
 from repose.core.targets import Targets
 
@@ -27,7 +28,7 @@ def run_s(config: Mapping[str, Any], name: str) -> float:
     float
         Seconds.
     """
-    steps = bench(name).duration_s(config) / config["simulation"]["time_step_s"]
+    steps = bench(name).duration_s(config) / SimulationSettings.of(config).time_step_s
     return SECONDS_A_BERRY_STEP * config[name].get("berries", 1) * steps
 
 

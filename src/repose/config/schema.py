@@ -7,6 +7,7 @@ import difflib
 import math
 from collections.abc import Mapping, Sequence
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,16 @@ def _validator(apparatus):
     )
     schema = yaml.safe_load(SCHEMA_PATH.read_text(encoding="utf-8"))
     schema["properties"] |= {name: bench(name).section_schema() for name in apparatus}
-    return jsonschema.validators.extend(base, type_checker=types)(schema)
+    return jsonschema.validators.extend(base, {"increasing": _not_increasing}, type_checker=types)(schema)
+
+
+def _not_increasing(validator, wanted, given, _):
+    """Faults of a list of numbers that do not rise, for the schema's keyword `increasing`."""
+    from jsonschema import ValidationError
+
+    numbers = validator.is_type(given, "array") and all(validator.is_type(one, "number") for one in given)
+    if wanted and numbers and not all(low < high for low, high in pairwise(given)):
+        yield ValidationError(f"{given!r} does not rise")
 
 
 def input_error(error: Any, config: Any, source: str | Origin) -> InputError:

@@ -13,6 +13,7 @@ from typing import Any
 
 import pandas as pd
 
+from repose.apparatus.settings import SimulationSettings
 from repose.config import checks
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_table, write_json, write_table
@@ -298,7 +299,7 @@ def run_cell(
         mass_g=section["mass_g"],
         spheres=section["spheres"],
         surface=section["surface"],
-        time_step_s=own["simulation"]["time_step_s"],
+        time_step_s=SimulationSettings.of(own).time_step_s,
     )
     berry = read_json(berry_json, ("long_mm", "major_mm", "minor_mm"), "what the verb berry wrote")
     about = {

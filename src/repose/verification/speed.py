@@ -13,6 +13,7 @@ import numba
 import numpy as np
 
 from repose.apparatus import funnel
+from repose.apparatus.settings import SimulationSettings
 from repose.particle.build import Particle
 
 REFERENCE_LOOPS = 20_000
@@ -77,7 +78,8 @@ def run(
         references.append(1e6 * _median_s(lambda: reference_kernel(REFERENCE_LOOPS)))
         for name, particle in particles.items():
             pours[name].append(timed_pour(config, parameters, seed, particle, berry))
-    of_pours = {"berries": config["funnel"]["berries"], "time_step_s": config["simulation"]["time_step_s"]}
+    step_s = SimulationSettings.of(config).time_step_s
+    of_pours = {"berries": config["funnel"]["berries"], "time_step_s": step_s}
     return of_pours | summary(references, pours)
 
 
