@@ -149,8 +149,9 @@ def study(
     tables: dict[str, list] = {"information": [], "narrowing": [], "order": []}
     sets, base_set, least = sets_of(model.names, targets.responses), base_label(targets.responses), math.inf
     own = dict(settings.get("discrepancies", {}))
-    for percent, special in ({0.0: {}} | {float(settings["discrepancy_percent"]): own}).items():
-        covariance = observed_covariance(data, model, targets, percent, special)
+    cases: dict[float, dict[str, float]] = {0.0: {}, float(settings["discrepancy_percent"]): own}
+    for percent, apart in cases.items():
+        covariance = observed_covariance(data, model, targets, percent, apart)
         base = None
         for label, chosen in sets.items():
             columns = [model.names.index(name) for name in chosen]
@@ -230,11 +231,7 @@ def prior_of(
 
 
 def observed_covariance(
-    data: Data,
-    model: Modelled,
-    targets: Targets,
-    percent: float,
-    discrepancies: Mapping[str, float] | None = None,
+    data: Data, model: Modelled, targets: Targets, percent: float, apart: Mapping[str, float] | None = None
 ) -> np.ndarray:
     """Covariance S_y + S_s + S_d of observed and predicted responses.
 
@@ -249,7 +246,7 @@ def observed_covariance(
     targets : Targets
     percent : float
         Discrepancy of each response, of its mean.
-    discrepancies : mapping of float, optional
+    apart : mapping of float, optional
         The same of single responses, by name.
 
     Returns
@@ -262,7 +259,7 @@ def observed_covariance(
     within = np.array([row["sd_within"] for row in rows])
     measured = np.outer(within, within) * model.correlation / np.maximum.outer(repetitions, repetitions)
     means = np.array([row["mean"] for row in rows])
-    shares = np.array([(discrepancies or {}).get(name, percent) / 100 for name in model.names])
+    shares = np.array([(apart or {}).get(name, percent) / 100 for name in model.names])
     return measured + model.surrogate + np.diag((shares * means) ** 2)
 
 
