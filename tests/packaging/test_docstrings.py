@@ -22,7 +22,6 @@ LATER = (
     "apparatus/drum_tables.py",
     "apparatus/funnel.py",
     "apparatus/scene.py",
-    "apparatus/stability.py",
     "dem",
     "studies/refine.py",
     "studies/responses_over_design.py",

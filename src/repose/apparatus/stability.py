@@ -16,7 +16,15 @@ STEPS_PER_CONTACT, IMPACT_M_S = 15, 2.0
 
 
 class Limit(NamedTuple):
-    """The longest time step [s] and what sets it, in words."""
+    """The longest time step and what sets it.
+
+    Attributes
+    ----------
+    time_step_s : float
+        In seconds.
+    reason : str
+        In words.
+    """
 
     time_step_s: float
     reason: str
@@ -25,13 +33,21 @@ class Limit(NamedTuple):
 def rayleigh_time_s(
     axes_mm: Sequence[float], density_kg_m3: float, poisson: float, shear_modulus_pa: float
 ) -> float:
-    """Time that a Rayleigh wave takes over the sphere of equal volume [s], the usual measure of a DEM time step.
+    """Time that a Rayleigh wave takes over the sphere of equal volume, the usual measure of a DEM time step.
 
     Parameters
     ----------
-    axes_mm : sequence of float
-        The three full axes [mm].
-    density_kg_m3, poisson, shear_modulus_pa : float
+    axes_mm : sequence of float, (3,)
+        The three full axes.
+    density_kg_m3 : float
+        Of the body.
+    poisson, shear_modulus_pa : float
+        Of its material.
+
+    Returns
+    -------
+    float
+        In seconds.
 
     Notes
     -----
@@ -42,13 +58,19 @@ def rayleigh_time_s(
 
 
 def contact_limit(mass_kg: float, radius_m: float, poisson: float, shear_modulus_pa: float) -> float:
-    """A share of the contact time of two equal bodies that meet head-on [s].
+    """A share of the contact time of two equal bodies that meet head-on.
 
     Parameters
     ----------
     mass_kg, radius_m : float
         Of a body; the radius is half its smallest extent.
     poisson, shear_modulus_pa : float
+        Of its material.
+
+    Returns
+    -------
+    float
+        In seconds.
 
     Notes
     -----
@@ -74,6 +96,11 @@ def longest_time_step(berry: Mapping[str, Any], mass_kg: float | None, smallest_
         Of the mean berry; None for the ellipsoid of its axes.
     smallest_scale : float
         Of a berry, relative to the mean one: smaller bodies have shorter contacts.
+
+    Returns
+    -------
+    Limit
+        The smaller one of the Rayleigh wave's and the contact's.
     """
     axes_mm = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
     moduli = berry["poisson_ratio"], berry["shear_modulus_pa"]
