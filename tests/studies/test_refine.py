@@ -164,6 +164,47 @@ def test_every_surrogate_can_be_corrected_and_is_saved_so(name, tmp_path):
     np.testing.assert_allclose(moved.covariance(X), model.covariance(X))
 
 
+def jobs_of(table, seeds, values, folder):
+    """Jobs of both bench tests for each row of a table, all runs alike but for a small scatter; the paths."""
+    paths = []
+    for row, count in zip(table.to_dict("records"), seeds, strict=True):
+        parameters = {name: row[name] for name in PARAMETERS}
+        for apparatus, (name, value) in values.items():
+            runs = [
+                {"seed": k, "status": "ok", "reason": "", name: value + 0.05 * (-1) ** k}
+                for k in range(count)
+            ]
+            job = {"apparatus": apparatus, "sample": row["sample"], "parameters": parameters, "runs": runs}
+            paths.append(folder / f"{apparatus}_{row['sample']}.json")
+            paths[-1].write_text(json.dumps(job))
+    return paths
+
+
+def test_a_round_of_two_bench_tests_is_judged_by_both_and_added(tmp_path):
+    targets = targets_of(height_mm=60.0, drum_slip_deg=40.0)
+    design, own = tmp_path / "samples.csv", tmp_path / "round_0"
+    own.mkdir()
+    solutions()[list(PARAMETERS)].assign(sample=1).to_csv(design, index=False)
+    values = {"funnel": ("height_mm", 60.2), "drum": ("drum_slip_deg", 42.0)}
+    jobs = jobs_of(pd.read_csv(design), [2], values, tmp_path)
+    dataset.run(design, jobs, targets, {}, tmp_path)
+    table = proposed(targets=targets, seeds=4, block=2, neighbours=2)
+    table.to_csv(own / "proposal.csv", index=False)
+    jobs = jobs_of(table, table["seeds"], values, own)
+    dataset.run(own / "proposal.csv", jobs, targets, {}, own)
+    row = verdict.run(
+        *(own / f"{name}.csv" for name in ("proposal", "dataset", "runs")), targets, SECTION, own
+    )
+    assert (row["outcome"], row["n_seeds"], row["poured"]) == ("not within", 4, 8)
+    assert (row["height_simulated_mm"], row["drum_slip_simulated_deg"]) == pytest.approx((60.2, 42.0))
+    assert "slip 42.00 deg is 5.00 %" in row["reason"]
+    assert "Height 60.20 mm is 0.33 %" in row["reason"]
+    added = refine.run_extended(tmp_path / "dataset.csv", tmp_path / "runs.csv", [own], tmp_path / "data")
+    assert added["dataset"]["drum_slip_deg"].tolist() == pytest.approx([42.0] * 5, abs=0.02)
+    assert added["dataset"]["height_mm"].tolist() == pytest.approx([60.2] * 5, abs=0.02)
+    assert added["runs"].groupby("apparatus")["round"].count().to_dict() == {"drum": 10, "funnel": 10}
+
+
 # The whole loop
 
 SPREAD = np.array([1.2, 2.4])
