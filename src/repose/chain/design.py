@@ -24,11 +24,11 @@ PHI_POWER = 16
 # The first power shapes the whole design; the higher ones press on its closest pairs alone, which is what
 # the minimum distance is about.
 # Powers 16, 32 and 64, as the number of squarings that lead from distance^2 to distance^power.
-PHI_STAGE_DOUBLINGS = (3, 4, 5)
+PHI_DOUBLINGS = (3, 4, 5)
 # Positions keep this share of a stratum away from its edges, so that rounding in a file cannot move a point
 # into the neighbouring stratum.
 EDGE_MARGIN = 1e-4
-ROUNDS_PER_STAGE = 100
+ROUNDS_PER_POWER = 100
 
 
 def random_lhs(n: int, d: int, rng: np.random.Generator) -> np.ndarray:
@@ -141,8 +141,8 @@ def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
 
     References
     ----------
-    Enhanced stochastic evolution (Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference 134:268) on phi_p, in stages
-    of growing power; the best design by minimum distance is kept. It starts from `lhsdesign` with the same seed, so it
+    Enhanced stochastic evolution (Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference 134:268) on phi_p, for powers
+    that grow; the best design by minimum distance is kept. It starts from `lhsdesign` with the same seed, so it
     is never worse than that.
     """
     _check_size(n, d)
@@ -151,8 +151,8 @@ def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
     if n < 3 or d < 2:
         return best
     current = best.copy()
-    for doublings in PHI_STAGE_DOUBLINGS:
-        current, widest = evolve(current, doublings, ROUNDS_PER_STAGE, rng)
+    for doublings in PHI_DOUBLINGS:
+        current, widest = evolve(current, doublings, ROUNDS_PER_POWER, rng)
         best = max((best, current, widest), key=minimum_distance)
     return best
 

@@ -287,7 +287,7 @@ def run(
     pours_json : iterable of path
         As for `of_pours`.
     runs_csv : path
-        Single runs as the dataset stage writes them, for the responses that are there already.
+        Single runs as the verb dataset writes them, for the responses that are there already.
     particle : Particle
         That was poured.
     berry : mapping

@@ -161,10 +161,10 @@ def animate_drum(
     out_path = _checked(out_path)
     record = read_npz(trajectory, (*KEYS, "turned_deg"), "the trajectory of a drum")
     times, positions, quaternions, scales = _moving(record)
-    turned = np.radians(record["turned_deg"])
+    angles_rad = np.radians(record["turned_deg"])
     pictures = []
     for k in _spread(times, frames):
-        inside = drum_inside(section, turned[k])
+        inside = drum_inside(section, angles_rad[k])
         look: dict[str, Any] = {"frame_m": inside.outline(), "backdrop": inside, "scales": scales}
         pictures.append(render_pile(positions[k], quaternions[k], particle, 0.0, -90.0, width, width, **look))
     _write_within(pictures, frame_s, out_path, max_bytes)

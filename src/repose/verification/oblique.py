@@ -88,7 +88,7 @@ def sliding_rows(
     before: tuple[float, float],
 ) -> list[Row]:
     """Gross sliding beside the law, and beside rigid bodies; found, before: tangential velocity and spin."""
-    slowed, turned = sliding_law(contact, hertz, radius_m)
+    slowed, sped_up = sliding_law(contact, hertz, radius_m)
     rigid = sliding_impulse(contact, hertz.speed)
     velocity, spin = found
     note = TENSION_NOTE if contact.restitution < 1.0 else ARM_NOTE
@@ -97,7 +97,7 @@ def sliding_rows(
     moved, spun = sign * (velocity - before[0]), -sign * (spin - before[1])
     return [
         close(names[0], "m/s", moved, slowed, LAW),
-        close(names[1], "rad/s", spun, turned, LAW),
+        close(names[1], "rad/s", spun, sped_up, LAW),
         close(names[0], "m/s", moved, rigid, known=note),
         close(names[1], "rad/s", spun, 2.5 * rigid / radius_m, known=note),
     ]

@@ -67,18 +67,18 @@ def free_rotation(_effort: Effort) -> Result:
     simulation.add("berry", (0.0, 0.0, 0.0), angular_velocity_rad_s=(first, 0.0, third))
     momentum, energy = simulation.angular_momenta[0], simulation.kinetic_energies()[0]
     _, period = euler_solution(inertia, first, third, np.zeros(1))
-    times, turned, energies = [], [], []
+    times, velocities, energies = [], [], []
     for _ in range(int(2.0 * period / step / every)):
         simulation.run_steps(every)
-        turn = rotation_matrix(simulation.quaternions[0])
+        rotation = rotation_matrix(simulation.quaternions[0])
         times.append(simulation.time_s)
-        turned.append((turn.T @ simulation.angular_momenta[0]) / inertia)
+        velocities.append((rotation.T @ simulation.angular_momenta[0]) / inertia)
         energies.append(simulation.kinetic_energies()[0])
-    time, turning = np.array(times), np.array(turned).T
+    time, velocity = np.array(times), np.array(velocities).T
     exact, _ = euler_solution(inertia, first, third, time)
     drift = float(np.linalg.norm(simulation.angular_momenta[0] - momentum) / np.linalg.norm(momentum))
     size = float(np.linalg.norm(exact, axis=0).max())
-    worst = float(np.abs(turning - exact).max())
+    worst = float(np.abs(velocity - exact).max())
     rows = [
         close("angular velocity, largest difference over two periods", "rad/s", worst, 0.0, scale=size),
         close("angular momentum, relative drift", "", drift, 0.0, tolerance=1e-14, scale=1.0),
@@ -90,7 +90,7 @@ def free_rotation(_effort: Effort) -> Result:
     curves = []
     for k in range(3):
         curves.append(Curve(f"omega {k + 1}, Jacobi", time, exact[k], reference=True))
-        curves.append(Curve(f"omega {k + 1}, repose", time[::14], turning[k, ::14]))
+        curves.append(Curve(f"omega {k + 1}, repose", time[::14], velocity[k, ::14]))
     return Result(
         "Free rotation of a berry",
         f"angular velocity in the body frame over two periods; time step {step:g} s",
