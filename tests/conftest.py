@@ -11,13 +11,17 @@ sys.path.insert(0, str(Path(__file__).parent))
 importlib.import_module("repose.apparatus")  # makes the responses known by name
 
 # Tests that run the engine stay on one worker, so that its kernels are compiled once; all others stay by their file.
+# Clumps have kernels of their own, which the other worker compiles in the meantime.
 ENGINE = ("apparatus", "cli", "dem", "verification")
+OWN_KERNELS = ("dem/test_clumps.py",)
 
 
+# Before xdist's own hook, which reads the groups.
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
     """Groups for `--dist loadgroup`."""
     tests = Path(__file__).parent
     for item in items:
-        path = item.path.relative_to(tests)
-        group = "engine" if path.parts[0] in ENGINE else str(path)
+        path = item.path.relative_to(tests).as_posix()
+        group = "engine" if path.startswith(ENGINE) and path not in OWN_KERNELS else path
         item.add_marker(pytest.mark.xdist_group(group))

@@ -11,12 +11,6 @@ def rotation(q):
     return np.array(columns).T
 
 
-def support(semi_axes, q, n):
-    """Support value of a sum of ellipsoids in a world direction."""
-    m = rotation(q).T @ n
-    return sum(np.linalg.norm(a * m) for a in np.atleast_2d(semi_axes))
-
-
 def support_point(semi_axes, q, n):
     """Touching point of a sum of ellipsoids in a world direction, relative to the centre."""
     turn = rotation(q)
@@ -36,18 +30,17 @@ def sphere_points(count):
 def gap(semi_axes, d, qa, qb, count=4000):
     """Gap and normal of two bodies: the largest f(n) of a dense search, polished by a general optimiser."""
 
+    turns = rotation(qa), rotation(qb)
+
     def f(n):
-        n = n / np.linalg.norm(n)
-        return n @ d - support(semi_axes, qa, n) - support(semi_axes, qb, -n)
+        return n @ d - sum(
+            np.linalg.norm(a * (n @ turn), axis=-1) for a in np.atleast_2d(semi_axes) for turn in turns
+        )
 
     n = sphere_points(count)
-    ta, tb = n @ rotation(qa), n @ rotation(qb)
-    values = n @ d
-    for a in np.atleast_2d(semi_axes):
-        values = values - np.linalg.norm(a * ta, axis=1) - np.linalg.norm(a * tb, axis=1)
-    start = n[values.argmax()]
+    start = n[f(n).argmax()]
     # lengths of about a millimetre: scaled so that the optimiser's tolerances mean something
-    found = minimize(lambda x: -1e3 * f(x), start, method="BFGS", options={"gtol": 1e-12})
+    found = minimize(lambda x: -1e3 * f(x / np.linalg.norm(x)), start, method="BFGS", options={"gtol": 1e-12})
     best = found.x / np.linalg.norm(found.x)
     return f(best), best
 
@@ -89,36 +82,17 @@ def cone_gap(semi_axes, centre, q, normal_r, normal_z, offset, count=20000):
 
 def circle_distance(semi_axes, centre, q, radius, height, count=720):
     """Least distance of a single ellipsoid to a circle (negative inside), by a search over points of the circle."""
-    turn = rotation(q)
-    axes = np.atleast_2d(semi_axes)[0]
+    turn, axes = rotation(q), np.atleast_2d(semi_axes)[0]
 
-    def distance(theta):
-        p = turn.T @ (np.array([radius * np.cos(theta), radius * np.sin(theta), height]) - centre)
-        return _point_to_ellipsoid(p, axes)
+    def distances(theta):
+        circle = np.column_stack(
+            [radius * np.cos(theta), radius * np.sin(theta), np.full(len(theta), height)]
+        )
+        return _points_to_ellipsoid((circle - centre) @ turn, axes)[0]
 
     theta = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
-    values = np.array([distance(t) for t in theta])
-    k = values.argmin()
-    fine = theta[k] + np.linspace(-1.0, 1.0, 401) * 2.0 * np.pi / count
-    return float(min(distance(t) for t in fine))
-
-
-def _point_to_ellipsoid(p, axes):
-    """Signed distance of a point to an ellipsoid by bisection of the Lagrange multiplier (outside or just inside)."""
-
-    def residual(t):
-        return np.sum((axes * p / (axes**2 + t)) ** 2) - 1.0
-
-    low, high = -(axes.min() ** 2) * (1.0 - 1e-12), np.linalg.norm(p) * axes.max() + 1e-12
-    for _ in range(200):
-        middle = 0.5 * (low + high)
-        if residual(middle) > 0.0:
-            low = middle
-        else:
-            high = middle
-    foot = axes**2 * p / (axes**2 + low)
-    side = 1.0 if np.sum((p / axes) ** 2) > 1.0 else -1.0
-    return side * float(np.linalg.norm(p - foot))
+    nearest = theta[distances(theta).argmin()]
+    return float(distances(nearest + np.linspace(-1.0, 1.0, 401) * 2.0 * np.pi / count).min())
 
 
 def mesh_distance(semi_axes, centre, q, vertices, faces, spacing):
@@ -179,11 +153,16 @@ def _finest(triangle, u, v, axes, width):
 
 
 def _points_to_ellipsoid(points, axes):
-    """Distances of points outside an ellipsoid, and their nearest points on it, by bisection as above."""
-    low, high = np.zeros(len(points)), np.linalg.norm(points, axis=1) * axes.max()
+    """Signed distances of points to an ellipsoid, and their nearest points on it.
+
+    By bisection of the Lagrange multiplier; the points lie outside or just inside.
+    """
+    outside = np.sum((points / axes) ** 2, axis=1) > 1.0
+    low = np.where(outside, 0.0, -(axes.min() ** 2) * (1.0 - 1e-12))
+    high = np.linalg.norm(points, axis=1) * axes.max() + 1e-12
     for _ in range(45):
         middle = 0.5 * (low + high)
         far = np.sum((axes * points / (axes**2 + middle[:, None])) ** 2, axis=1) > 1.0
         low, high = np.where(far, middle, low), np.where(far, high, middle)
     feet = axes**2 * points / (axes**2 + low[:, None])
-    return np.linalg.norm(points - feet, axis=1), feet
+    return np.where(outside, 1.0, -1.0) * np.linalg.norm(points - feet, axis=1), feet
