@@ -4,24 +4,28 @@ import sys
 from pathlib import Path
 
 import pytest
+from xdist.scheduler import LoadScopeScheduling
 
 # As in `repose.__main__`, and before numpy is loaded: threads that wait for each other on small matrices cost minutes.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parent))
 importlib.import_module("repose.apparatus")  # makes the responses known by name
 
-# Tests that run the engine stay on one worker, so that its kernels are compiled once; all others stay by their file.
+# Tests that run the engine stay on one worker, so that its kernels are compiled once.
+ENGINE = tuple(f"tests/{room}/" for room in ("apparatus", "cli", "dem", "verification"))
 # Clumps have kernels of their own, which the other worker compiles in the meantime.
-ENGINE = ("apparatus", "cli", "dem", "verification")
-OWN_KERNELS = ("dem/test_clumps.py",)
+OWN_KERNELS = ("tests/dem/test_clumps.py",)
 
 
-# Before xdist's own hook, which reads the groups.
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items):
-    """Groups for `--dist loadgroup`."""
-    tests = Path(__file__).parent
-    for item in items:
-        path = item.path.relative_to(tests).as_posix()
-        group = "engine" if path.startswith(ENGINE) and path not in OWN_KERNELS else path
-        item.add_marker(pytest.mark.xdist_group(group))
+class ByKernels(LoadScopeScheduling):
+    """Workers take whole groups: the tests of the engine, or those of one file."""
+
+    def _split_scope(self, nodeid):
+        path = nodeid.split("::")[0]
+        return "engine" if path.startswith(ENGINE) and path not in OWN_KERNELS else path
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """For `--dist loadscope`, which pyproject.toml asks for."""
+    return ByKernels(config, log) if config.getoption("dist") == "loadscope" else None
