@@ -45,21 +45,23 @@ def gap(semi_axes, d, qa, qb, count=4000):
     return f(best), best
 
 
-def hertz_mindlin(law, overlap, radius, n, v, spring, dt, tension):
-    """Force on body A, the new spring; the contact law in the words of design and literature, one contact.
+def hertz_mindlin(law, overlap, radius, n, v, spring, dt, tension, limit):
+    """Force on body A, the new spring, the force that limits friction and rolling: the law as the literature has it.
 
-    law: E*, G*, m*, damping ratio, static friction; v: velocity of A relative to B at the contact; n from A to B.
+    law: E*, G*, m*, damping ratio, static friction; v: velocity of A relative to B at the contact; n from A to B;
+    tension: whether the damped force may pull; limit: "elastic" or "total".
     """
     young, shear, mass, beta, friction = law
     vn = v @ n
     vt = v - vn * n
     stiffness_n = 2.0 * young * np.sqrt(radius * overlap)
     stiffness_t = 8.0 * shear * np.sqrt(radius * overlap)
-    normal = 4.0 / 3.0 * young * np.sqrt(radius) * overlap**1.5
-    normal += 2.0 * np.sqrt(5.0 / 6.0) * beta * np.sqrt(stiffness_n * mass) * vn
-    if not tension:
-        normal = max(normal, 0.0)
-    cap = friction * abs(normal)
+    elastic = 4.0 / 3.0 * young * np.sqrt(radius) * overlap**1.5
+    normal = elastic + 2.0 * np.sqrt(5.0 / 6.0) * beta * np.sqrt(stiffness_n * mass) * vn
+    limiting = elastic if limit == "elastic" else abs(normal)
+    if normal < 0.0 and not tension:
+        normal = limiting = 0.0
+    cap = friction * limiting
     spring = spring - (spring @ n) * n + vt * dt
     pull = np.linalg.norm(spring) * stiffness_t
     if pull > cap:
@@ -68,7 +70,7 @@ def hertz_mindlin(law, overlap, radius, n, v, spring, dt, tension):
     pull = np.linalg.norm(tangential)
     if pull > cap:
         tangential = tangential * cap / pull
-    return -normal * n - tangential, spring
+    return -normal * n - tangential, spring, limiting
 
 
 def cone_gap(semi_axes, centre, q, normal_r, normal_z, offset, count=20000):

@@ -26,7 +26,7 @@ def berry_simulation(
     Parameters
     ----------
     config : mapping
-        The whole configuration. Time step, gravity and tension are those of its section ``simulation``.
+        The whole configuration. Time step, gravity and the contact's choices are those of its section ``simulation``.
     parameters : mapping
         The six contact parameters by name.
     particle : Particle
@@ -72,6 +72,7 @@ def _simulation(config, parameters, particle, berry, capacity, scene) -> "dem.Si
         capacity=capacity,
         gravity_m_s2=(0.0, 0.0, -settings.gravity_m_s2),
         tension=settings.tension,
+        friction_limit=settings.friction_limit,
         **scene,
     )
 

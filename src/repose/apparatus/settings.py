@@ -17,6 +17,8 @@ class SimulationSettings:
         Acceleration along -z [m/s2].
     tension : str
         How the normal force ends an impact; see `repose.dem.Simulation`.
+    friction_limit : str
+        Which normal force limits friction and rolling resistance; see `repose.dem.Simulation`.
     rest_energy_j : float
         A bed is at rest when its mean kinetic energy of a berry is below this [J].
     """
@@ -24,6 +26,7 @@ class SimulationSettings:
     time_step_s: float
     gravity_m_s2: float
     tension: str
+    friction_limit: str
     rest_energy_j: float
 
     @classmethod

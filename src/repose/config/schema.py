@@ -18,7 +18,7 @@ from repose.config.reading import Origin, get, origin_of
 from repose.core.errors import InputError
 
 SCHEMA_PATH = Path(__file__).with_name("schema.yaml")
-SHARED = ("time_step_s", "gravity_m_s2", "tension", "rest_energy_j")
+SHARED = ("time_step_s", "gravity_m_s2", "tension", "friction_limit", "rest_energy_j")
 # Keys of earlier configurations, and where they went.
 MOVED = {
     "heap": f"now the section funnel; its keys {', '.join(SHARED)} are in the section simulation",

@@ -18,7 +18,7 @@ from .kernels import features, parallel
 from .kernels import state as st
 from .kernels import tile as tl
 from .kernels.body_tile import TILE_ROWS
-from .laws import CONTACT_LAWS, ROLLING_LAWS, TENSIONS
+from .laws import CONTACT_LAWS, FRICTION_LIMITS, ROLLING_LAWS, TENSIONS
 from .materials import Contact, Material
 from .mesh_wall import Mesh
 from .motion import Motion
@@ -57,6 +57,10 @@ class Simulation(Observables):
         the restitution asked for. "release" ends the contact when the force vanishes, with a damping that gives the
         restitution asked for all the same. "cut" ends it too and keeps the damping of "keep", so that bodies leave
         faster than asked for.
+    friction_limit : {"elastic", "total"}
+        Which normal force limits friction and rolling resistance: its elastic part, or the size of all of it, damping
+        included. A sliding impact gives a tangential impulse of mu (1 + e) m V with "elastic" where the contact may
+        pull, and with "total" where it may not.
     contact_law, rolling_law : str
         Names of force laws, see `repose.dem.laws`.
     largest_scale : float
@@ -90,6 +94,7 @@ class Simulation(Observables):
         walls: Mapping[str, Wall] | None = None,
         gravity_m_s2: ArrayLike = (0.0, 0.0, -9.81),
         tension: str = "keep",
+        friction_limit: str = "elastic",
         contact_law: str = "hertz_mindlin",
         rolling_law: str = "budget",
         largest_scale: float = 1.0,
@@ -102,7 +107,8 @@ class Simulation(Observables):
         self.materials = mapping("materials", materials, Material, "Material")
         self._of_clumps = are_clumps(self.shapes)
         chosen("tension", tension, TENSIONS)
-        self.tension = tension
+        chosen("friction_limit", friction_limit, FRICTION_LIMITS)
+        self.tension, self.friction_limit = tension, friction_limit
         self.contact_law = chosen("contact_law", contact_law, CONTACT_LAWS)
         self.rolling_law = chosen("rolling_law", rolling_law, ROLLING_LAWS)
         self.capacity = whole_number("capacity", capacity, 1)
@@ -125,8 +131,8 @@ class Simulation(Observables):
         self.physics = st.Physics(
             parts=parts,
             gravity=vector("gravity_m_s2", gravity_m_s2),
-            law=self.contact_law.make_options(TENSIONS[tension]),
-            rolling=self.rolling_law.make_options(TENSIONS[tension]),
+            law=self.contact_law.make_options(tension, friction_limit),
+            rolling=self.rolling_law.make_options(tension, friction_limit),
             law_constants=constants_of(self.contact_law, *of_pairs),
             rolling_constants=constants_of(self.rolling_law, *of_pairs),
             n_state=self.contact_law.n_state,
@@ -172,10 +178,10 @@ class Simulation(Observables):
         """Rows that the force laws keep for each contact."""
         return self.contact_law.n_state + self.rolling_law.n_state
 
-    def _wall_arrays(self, old=None):
-        """The walls as the kernels take them, where they are now."""
+    def _wall_arrays(self, old=None, changed=-1):
+        """The walls as the kernels take them, where they are now; `changed` has another motion."""
         size = float(np.linalg.norm(self.upper - self.lower))
-        return wall_arrays(self.wall_set, self._numbers.of_all, size, old)
+        return wall_arrays(self.wall_set, self._numbers.of_all, size, old, changed)
 
     def set_motion(self, wall: str, motion: Motion) -> None:
         """Give a wall another motion from now on.
@@ -195,11 +201,7 @@ class Simulation(Observables):
         if not isinstance(motion, Motion):
             raise ValueError(f"motion is {motion!r}; allowed: a Motion")
         self.wall_set = self.wall_set.with_motion(wall, motion)
-        old, new = self.walls, self._wall_arrays(self.walls)
-        # the pivots of the other walls stay where their motion has brought them
-        others = np.arange(len(old.motion)) != self.wall_set.names.index(wall)
-        new.motion[others] = old.motion[others]
-        self.walls = new
+        self.walls = self._wall_arrays(self.walls, self.wall_set.names.index(wall))
         present = self.bodies.presence[: self.n_bodies] == st.PRESENT
         self.bodies.wall_check[: self.n_bodies][present] = -1.0
         self.bodies.wall_margin[:] = 0.0

@@ -13,12 +13,12 @@ HOME = np.concatenate([np.zeros(3), np.eye(3).ravel()])  # the frame that is the
 
 
 def wall_arrays(
-    wall_set: Any, kinds: Mapping[str, int], size_m: float, old: st.Walls | None = None
+    wall_set: Any, kinds: Mapping[str, int], size_m: float, old: st.Walls | None = None, changed: int = -1
 ) -> st.Walls:
     """The walls as the kernels take them (`state.Walls`).
 
     kinds: number of each material's name; size_m: of the box the bodies stay in; old: arrays of the same walls, whose
-    places are taken over.
+    places are taken over; changed: number of the wall that has another motion than there.
     """
     planes, cones, rings, meshes = (wall_set.of(kind) for kind in (Plane, Cone, RingEdge, Mesh))
     surfaces = [*planes, *cones, *rings, *meshes]
@@ -27,6 +27,10 @@ def wall_arrays(
     if old is not None:
         flat, frames = old.planes.copy(), old.frames.copy()
     motion = np.array([surface.motion.row() for surface in surfaces]).reshape(-1, 9)
+    if old is not None:
+        # the pivots of the other walls stay where their motion has brought them
+        others = np.arange(len(motion)) != changed
+        motion[others] = old.motion[others]
     moves = np.any(motion[:, :6] != 0.0, axis=1)
     axes = [*flat[:, 3:6], *frames[:, 3:].reshape(-1, 3, 3)[:, :, 2]]
     places = [*flat[:, :3], *frames[:, :3]]

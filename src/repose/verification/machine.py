@@ -133,6 +133,7 @@ def sphere_over_plane(
     velocity_m_s: Sequence[float],
     spin_rad_s: Sequence[float] = (0.0, 0.0, 0.0),
     tension: str = "keep",
+    friction_limit: str = "elastic",
 ) -> tuple[Simulation, int]:
     """A sphere just above a rigid plane, without gravity.
 
@@ -144,8 +145,8 @@ def sphere_over_plane(
     velocity_m_s : sequence of float, (3,)
         Towards the plane, z negative.
     spin_rad_s : sequence of float, (3,), optional
-    tension : str, optional
-        As the simulation takes it.
+    tension, friction_limit : str, optional
+        As the simulation takes them.
 
     Returns
     -------
@@ -167,6 +168,7 @@ def sphere_over_plane(
         walls={"floor": Plane(FLOOR, UP, "wall")},
         gravity_m_s2=(0.0, 0.0, 0.0),
         tension=tension,
+        friction_limit=friction_limit,
     )
     gap = 3.5 * step * hertz.speed
     simulation.add(
@@ -192,6 +194,7 @@ def spheres(
     spins_rad_s: Sequence[Sequence[float]],
     step_s: float,
     tension: str = "keep",
+    friction_limit: str = "elastic",
 ) -> Simulation:
     """Two spheres in space, each of its own solid and radius."""
     names = ("a", "b")
@@ -206,6 +209,7 @@ def spheres(
         upper=(reach, reach, reach),
         gravity_m_s2=(0.0, 0.0, 0.0),
         tension=tension,
+        friction_limit=friction_limit,
     )
     for name, place, velocity, spin in zip(names, places_m, velocities_m_s, spins_rad_s, strict=True):
         simulation.add(name, place, velocity_m_s=velocity, angular_velocity_rad_s=spin)

@@ -150,6 +150,7 @@ def _description(simulation):
             "upper": _plain(simulation.upper),
             "gravity_m_s2": _plain(physics.gravity),
             "tension": simulation.tension,
+            "friction_limit": simulation.friction_limit,
             "contact_law": simulation.contact_law.name,
             "rolling_law": simulation.rolling_law.name,
             "largest_scale": simulation.largest_scale,

@@ -31,7 +31,7 @@ RADIUS = _rows.take()  # effective radius
 RA, RB = _rows.take(3), _rows.take(3)  # contact point relative to each centre
 # As the columns of `load`: force and torque on each body and the budget of the rolling torque.
 TO_A, TO_B = _rows.take(LOAD_COLUMNS), _rows.take(LOAD_COLUMNS)
-PUSH = _rows.take()  # size of the normal force
+PUSH = _rows.take()  # normal force that limits friction and rolling
 STEP = _rows.take(2)  # how far the normal turns along each tangent
 V = _rows.take(3)  # tangential velocity of A against B
 VN = _rows.take()  # normal velocity

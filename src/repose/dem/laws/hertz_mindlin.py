@@ -4,9 +4,9 @@ With overlap delta, effective radius R*, effective moduli E* and G*, effective m
 velocities v_n, v_t:
 
     F_n = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) beta sqrt(S_n m*) v_n,    S_n = 2 E* sqrt(R* delta)
-    F_t = -S_t delta_t - 2 sqrt(5/6) beta sqrt(S_t m*) v_t,  |F_t| <= mu_s |F_n|,    S_t = 8 G* sqrt(R* delta)
+    F_t = -S_t delta_t - 2 sqrt(5/6) beta sqrt(S_t m*) v_t,  |F_t| <= mu_s F_c,    S_t = 8 G* sqrt(R* delta)
 
-delta_t is the tangential spring (`tangential`).
+delta_t is the tangential spring, F_c the normal force that Coulomb's limit takes (`tangential`).
 
 References
 ----------
@@ -27,12 +27,12 @@ from ..kernels.jit import inlined
 from ..kernels.rows import Rows
 from ..kernels.simd import rsqrt
 from ..materials import Contact, Material, effective_moduli
-from .law import KEEP, Law
-from .tangential import slip
+from .law import Law
+from .tangential import limited, normal_forces, slip
 
 L = st.LANES
 
-HertzMindlin = namedtuple("HertzMindlin", "tension")
+HertzMindlin = namedtuple("HertzMindlin", "tension friction_limit")
 
 _rows = Rows(tl.LAW)
 # Constants of two materials: 4/3 E*, 8 G*, the dampings 2 sqrt(5/6) beta sqrt(2 E*) and 2 sqrt(5/6) beta sqrt(8 G*).
@@ -150,40 +150,23 @@ def contact_sizes(t: np.ndarray) -> None:
 
 
 @inlined
-def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int) -> None:
-    """Normal force, and the tangential force that Coulomb's limit leaves, of each lane.
-
-    Coulomb's limit is `tangential.limited`, written out: as a call it changes which products fused operations take in,
-    and with them the last bits of every result.
-    """
-    least = -math.inf if tension == KEEP else 0.0
+def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit: int) -> None:
+    """Normal force, and the tangential force that Coulomb's limit leaves, of each lane."""
     for k in range(L):
         gap = t[tl.GAP + k]
         overlap = -gap if gap < 0.0 else 0.0
         circle = t[CIRCLE + k]
         viscous = t[VISCOUS + k]
-        fn = t[NORMAL_STIFFNESS + k] * circle * overlap + t[NORMAL_DAMPING + k] * viscous * t[tl.VN + k]
-        fn = fn if fn > least else least
-        size = abs(fn)
-        cap = t[FRICTION + k] * size
+        elastic = t[NORMAL_STIFFNESS + k] * circle * overlap
+        damped = elastic + t[NORMAL_DAMPING + k] * viscous * t[tl.VN + k]
+        fn, limit = normal_forces(elastic, damped, tension, friction_limit)
         stiffness = t[TANGENTIAL_STIFFNESS + k] * circle
-        ex, ey, ez = c[spring + k], c[spring + L + k], c[spring + 2 * L + k]
-        gx, gy, gz = stiffness * ex, stiffness * ey, stiffness * ez
-        cut = cap / math.sqrt(gx * gx + gy * gy + gz * gz)
-        cut = cut if cut < 1.0 else 1.0
-        c[spring + k] = cut * ex
-        c[spring + L + k] = cut * ey
-        c[spring + 2 * L + k] = cut * ez
-        dashpot = t[TANGENTIAL_DAMPING + k] * viscous
-        fx = cut * gx + dashpot * t[tl.V + k]
-        fy = cut * gy + dashpot * t[tl.V + L + k]
-        fz = cut * gz + dashpot * t[tl.V + 2 * L + k]
-        cut = cap / math.sqrt(fx * fx + fy * fy + fz * fz)
-        cut = cut if cut < 1.0 else 1.0
+        damping = t[TANGENTIAL_DAMPING + k] * viscous
+        cut, fx, fy, fz = limited(t, c, spring, k, stiffness, damping, t[FRICTION + k] * limit)
         t[tl.TO_A + k] = -fn * c[st.NORMAL + k] - cut * fx
         t[tl.TO_A + L + k] = -fn * c[st.NORMAL + L + k] - cut * fy
         t[tl.TO_A + 2 * L + k] = -fn * c[st.NORMAL + 2 * L + k] - cut * fz
-        t[tl.PUSH + k] = size
+        t[tl.PUSH + k] = limit
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
@@ -193,13 +176,12 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     """
     contact_sizes(t)
     slip(t, c, at + SPRING, dt)
-    push(t, c, at + SPRING, law.tension)
+    push(t, c, at + SPRING, law.tension, law.friction_limit)
 
 
 LAW = Law(
     name="hertz_mindlin",
     options=HertzMindlin,
-    make_options=HertzMindlin,
     constants=constants,
     n_constants=5,
     n_rows=_rows.count,

@@ -17,6 +17,9 @@ from ..kernels.jit import INLINED
 # How a contact ends: "keep" lets the damped normal force pull, "release" and "cut" end it when the force vanishes.
 KEEP, RELEASE, CUT = range(3)
 TENSIONS = {"keep": KEEP, "release": RELEASE, "cut": CUT}
+# Which normal force limits friction and rolling: its elastic part, or the size of all of it, damping included.
+ELASTIC, TOTAL = range(2)
+FRICTION_LIMITS = {"elastic": ELASTIC, "total": TOTAL}
 
 _INLINED: Any = INLINED
 _KERNELS: dict[type, Callable] = {}
@@ -31,9 +34,7 @@ class Law:
     name : str
         What users call it.
     options : type
-        A named tuple class of this law alone: the kernel gets an instance.
-    make_options : callable
-        (tension) -> options; tension is one of `TENSIONS`.
+        A named tuple class of this law alone, with the fields tension and friction_limit: the kernel gets an instance.
     constants : callable
         (material, material, contact, tension) -> array (n_constants,): what the kernel needs to know of two materials.
     n_constants : int
@@ -51,7 +52,6 @@ class Law:
 
     name: str
     options: type
-    make_options: Callable[[int], Any]
     constants: Callable[..., np.ndarray]
     n_constants: int
     n_rows: int
@@ -62,9 +62,26 @@ class Law:
     def __post_init__(self) -> None:
         _KERNELS[self.options] = self.kernel
 
+    def make_options(self, tension: str = "keep", friction_limit: str = "elastic") -> Any:
+        """The options that the kernel gets.
+
+        Parameters
+        ----------
+        tension : {"keep", "release", "cut"}
+            How a contact ends, see `Simulation`.
+        friction_limit : {"elastic", "total"}
+            Which normal force limits friction and rolling, see `Simulation`.
+
+        Returns
+        -------
+        namedtuple
+            An instance of `options`, with numbers for the names.
+        """
+        return self.options(TENSIONS[tension], FRICTION_LIMITS[friction_limit])
+
 
 def contact_forces(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """Force of each lane's contact on body A, and the size of its normal part: rows `TO_A` and `PUSH` of the tile.
+    """Force of each lane's contact on body A, and the force that limits rolling: rows `TO_A` and `PUSH` of the tile.
 
     Parameters
     ----------

@@ -4,10 +4,11 @@ With overlap delta, effective radius R*, effective moduli E* and G*, effective m
 velocities v_n, v_t:
 
     F_n = k_n delta + 2 beta sqrt(k_n m*) v_n,                              k_n = 4/3 E* sqrt(SECANT) R*
-    F_t = -k_t delta_t - 2 beta sqrt(k_t m*) v_t,  |F_t| <= mu_s |F_n|,     k_t = 4 G* / E* k_n
+    F_t = -k_t delta_t - 2 beta sqrt(k_t m*) v_t,  |F_t| <= mu_s F_c,       k_t = 4 G* / E* k_n
 
 k_n is the stiffness with which a Hertz contact carries an overlap of SECANT R*, k_t / k_n the ratio of Mindlin's
-stiffnesses. An impact lasts pi / sqrt(k_n / m* (1 - beta^2)) and ends with the same restitution at any speed.
+stiffnesses, F_c the normal force that Coulomb's limit takes (`tangential`). An impact lasts
+pi / sqrt(k_n / m* (1 - beta^2)) and ends with the same restitution at any speed.
 
 References
 ----------
@@ -26,13 +27,13 @@ from ..kernels.rows import Rows
 from ..kernels.simd import rsqrt
 from ..materials import Contact, Material, effective_moduli
 from .hertz_mindlin import damping_ratio
-from .law import KEEP, Law
-from .tangential import limited, slip
+from .law import Law
+from .tangential import limited, normal_forces, slip
 
 L = st.LANES
 SECANT = 0.01  # overlap over effective radius at which the spring is as stiff as Hertz's contact
 
-LinearSpring = namedtuple("LinearSpring", "tension")
+LinearSpring = namedtuple("LinearSpring", "tension friction_limit")
 _rows = Rows(tl.LAW)
 STIFFNESS, TANGENTIAL_RATIO, DAMPING, FRICTION = _rows.take_each(4)
 _state = Rows()
@@ -90,7 +91,6 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     """The forces of each lane; arguments of `law.contact_forces`."""
     spring = at + SPRING
     slip(t, c, spring, dt)
-    least = -math.inf if law.tension == KEEP else 0.0
     for k in range(L):
         gap = t[tl.GAP + k]
         touching = 1.0 if gap < 0.0 else 0.0
@@ -99,24 +99,21 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
         viscous = math.sqrt(stiffness) * rsqrt(
             t[tl.A + st.INVERSE_MASS * L + k] + t[tl.B + st.INVERSE_MASS * L + k]
         )
-        fn = -stiffness * gap * touching + t[DAMPING + k] * viscous * t[tl.VN + k]
-        fn = fn if fn > least else least
-        size = abs(fn)
+        elastic = -stiffness * gap * touching
+        damped = elastic + t[DAMPING + k] * viscous * t[tl.VN + k]
+        fn, limit = normal_forces(elastic, damped, law.tension, law.friction_limit)
         ratio = t[TANGENTIAL_RATIO + k]
-        damping = t[DAMPING + k] * math.sqrt(ratio)
-        cut, fx, fy, fz = limited(
-            t, c, spring, k, ratio * stiffness, damping, viscous, t[FRICTION + k] * size
-        )
+        damping = t[DAMPING + k] * math.sqrt(ratio) * viscous
+        cut, fx, fy, fz = limited(t, c, spring, k, ratio * stiffness, damping, t[FRICTION + k] * limit)
         t[tl.TO_A + k] = -fn * c[st.NORMAL + k] - cut * fx
         t[tl.TO_A + L + k] = -fn * c[st.NORMAL + L + k] - cut * fy
         t[tl.TO_A + 2 * L + k] = -fn * c[st.NORMAL + 2 * L + k] - cut * fz
-        t[tl.PUSH + k] = size
+        t[tl.PUSH + k] = limit
 
 
 LAW = Law(
     name="linear_spring",
     options=LinearSpring,
-    make_options=LinearSpring,
     constants=constants,
     n_constants=4,
     n_rows=_rows.count,

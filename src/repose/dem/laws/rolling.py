@@ -24,7 +24,7 @@ from .law import Law
 
 L = st.LANES
 
-RollingBudget = namedtuple("RollingBudget", "tension")
+RollingBudget = namedtuple("RollingBudget", "tension friction_limit")
 
 _rows = Rows(tl.ROLLING)
 ROLLING_FRICTION = _rows.take()
@@ -48,7 +48,6 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
 LAW = Law(
     name="budget",
     options=RollingBudget,
-    make_options=RollingBudget,
     constants=constants,
     n_constants=1,
     n_rows=_rows.count,

@@ -1,7 +1,13 @@
-"""The tangential spring of a contact, which contact laws share.
+"""The tangential spring of a contact and Coulomb's limit, which contact laws share.
 
 The spring is the path of the contact point of A over that of B in the tangent plane, as long as the two touch
-(Cundall and Strack 1979). It turns with the plane: its part along the present normal is dropped.
+(Cundall and Strack 1979). It follows the plane as this tilts: its part along the present normal is dropped. When both
+bodies turn together about the normal, the spring does not turn with them.
+
+The normal force in Coulomb's limit is the elastic one, as in EDEM's Hertz-Mindlin contact. Where the damped force may
+pull, its dashpot adds nothing over a whole impact, so a sliding impact changes the tangential velocity by
+mu_s (1 + e) V_n, as of rigid bodies. The other choice is the size of the damped force, as in LIGGGHTS and LAMMPS: where
+it may not pull, that one gives mu_s (1 + e) V_n.
 """
 
 import math
@@ -11,6 +17,7 @@ import numpy as np
 from ..kernels import state as st
 from ..kernels import tile as tl
 from ..kernels.jit import inlined
+from .law import ELASTIC, KEEP
 
 L = st.LANES
 N = st.NORMAL
@@ -56,6 +63,18 @@ def slip(t: np.ndarray, c: np.ndarray, spring: int, dt: float) -> None:
 
 
 @inlined
+def normal_forces(elastic: float, damped: float, tension: int, friction_limit: int) -> tuple[float, float]:
+    """Normal force, and the one that limits friction and rolling; numbers of `law.TENSIONS`, `law.FRICTION_LIMITS`.
+
+    A contact that has ended because the damped force vanished has neither.
+    """
+    least = -math.inf if tension == KEEP else 0.0
+    force = damped if damped > least else least
+    limit = elastic if friction_limit == ELASTIC else abs(force)
+    return force, limit if damped > least else 0.0
+
+
+@inlined
 def limited(
     t: np.ndarray,
     c: np.ndarray,
@@ -63,12 +82,11 @@ def limited(
     k: int,
     stiffness: float,
     damping: float,
-    viscous: float,
     cap: float,
 ) -> tuple[float, float, float, float]:
     """Tangential force of lane k that Coulomb's limit `cap` leaves.
 
-    It cuts the spring first, then the sum of spring and dashpot (damping times viscous times velocity, row V). Returns
+    It cuts the spring first, then the sum of spring and dashpot (damping times velocity, row V). Returns
     the share that the second cut leaves, and the sum before it.
     """
     ex, ey, ez = c[spring + k], c[spring + L + k], c[spring + 2 * L + k]
@@ -78,10 +96,9 @@ def limited(
     c[spring + k] = cut * ex
     c[spring + L + k] = cut * ey
     c[spring + 2 * L + k] = cut * ez
-    dashpot = damping * viscous
-    fx = cut * gx + dashpot * t[tl.V + k]
-    fy = cut * gy + dashpot * t[tl.V + L + k]
-    fz = cut * gz + dashpot * t[tl.V + 2 * L + k]
+    fx = cut * gx + damping * t[tl.V + k]
+    fy = cut * gy + damping * t[tl.V + L + k]
+    fz = cut * gz + damping * t[tl.V + 2 * L + k]
     cut = cap / math.sqrt(fx * fx + fy * fy + fz * fz)
     cut = cut if cut < 1.0 else 1.0
     return cut, fx, fy, fz
