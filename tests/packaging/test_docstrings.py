@@ -23,9 +23,6 @@ LATER = (
     "apparatus/funnel.py",
     "apparatus/scene.py",
     "dem",
-    "studies/refine.py",
-    "studies/responses_over_design.py",
-    "studies/second_responses.py",
     "verification/machine.py",
     "verification/oblique.py",
 )

@@ -13,7 +13,7 @@ from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.seeds import pour_seeds
-from repose.studies import refine, rounds, verdict
+from repose.studies import refine, refine_files, rounds, verdict
 from repose.surrogate import load, make, names
 
 RANGES = {name: [0.0, 1.0] for name in PARAMETERS} | {"mus_gg": [2.0, 6.0]}
@@ -141,9 +141,9 @@ def test_rounds_of_another_definition_are_not_added(tmp_path):
         (folder / "dataset_summary.json").write_text(json.dumps({"definitions": definitions}))
     files = (design / "dataset.csv", design / "runs.csv", [round_])
     with pytest.raises(InputError, match=r"round_0/dataset_summary\.json: definition of aor_deg"):
-        refine.run_extended(*files, tmp_path / "out")
+        refine_files.run_extended(*files, tmp_path / "out")
     (round_ / "dataset_summary.json").write_text((design / "dataset_summary.json").read_text())
-    refine.run_extended(*files, tmp_path / "out")
+    refine_files.run_extended(*files, tmp_path / "out")
     kept = json.loads((tmp_path / "out" / "dataset_summary.json").read_text())
     assert kept["definitions"] == {"aor_deg": {"measure.response": "secant"}}
 
@@ -199,7 +199,9 @@ def test_a_round_of_two_bench_tests_is_judged_by_both_and_added(tmp_path):
     assert (row["height_simulated_mm"], row["drum_slip_simulated_deg"]) == pytest.approx((60.2, 42.0))
     assert "slip 42.00 deg is 5.00 %" in row["reason"]
     assert "Height 60.20 mm is 0.33 %" in row["reason"]
-    added = refine.run_extended(tmp_path / "dataset.csv", tmp_path / "runs.csv", [own], tmp_path / "data")
+    added = refine_files.run_extended(
+        tmp_path / "dataset.csv", tmp_path / "runs.csv", [own], tmp_path / "data"
+    )
     assert added["dataset"]["drum_slip_deg"].tolist() == pytest.approx([42.0] * 5, abs=0.02)
     assert added["dataset"]["height_mm"].tolist() == pytest.approx([60.2] * 5, abs=0.02)
     assert added["runs"].groupby("apparatus")["round"].count().to_dict() == {"drum": 10, "funnel": 10}
@@ -290,15 +292,17 @@ def closed(simulator, out, limit):
     for k in range(limit + 1):
         own = out / "refined" / f"round_{k}"
         if k:
-            refine.run_extended(out / "dataset.csv", out / "runs.csv", folders, own / "data")
+            refine_files.run_extended(out / "dataset.csv", out / "runs.csv", folders, own / "data")
             data = own / "data" / "dataset.csv"
             train.run(data, own / "data" / "runs.csv", TARGETS, CONFIG["network"], own / "network")
             near = folders[-1] / "proposal.csv"
             fitted = own / "network" / "network.json"
-            refine.run_search(fitted, data, near, SPACE, TARGETS, CONFIG, out / "table3.csv", own / "miga")
+            refine_files.run_search(
+                fitted, data, near, SPACE, TARGETS, CONFIG, out / "table3.csv", own / "miga"
+            )
             network, feasible = own / "miga" / "network.json", own / "miga" / "feasible.csv"
         proposal = own / "proposal.csv"
-        table = refine.run_propose(feasible, network, SPACE, TARGETS, CONFIG["refine"], k, 7, proposal)
+        table = refine_files.run_propose(feasible, network, SPACE, TARGETS, CONFIG["refine"], k, 7, proposal)
         jobs = simulator.pour(table, table["seeds"], "refine", own / "heaps")
         dataset.run(proposal, jobs, TARGETS, {}, own)
         files = (proposal, own / "dataset.csv", own / "runs.csv")

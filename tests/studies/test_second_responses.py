@@ -16,7 +16,7 @@ from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.measure import further_responses
 from repose.pictures.figures import second_look, style
-from repose.studies import information, responses_over_design, second_responses
+from repose.studies import information, response_sets, responses_over_design, second_responses
 
 SPACE = ParameterSpace.of(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
 
@@ -128,23 +128,23 @@ def test_a_normal_prior_counts_as_known():
 
 def test_sets_hold_the_base_and_the_drum_apart():
     names = ["aor_deg", "height_mm", "loose_percent", "drum_slip_deg"]
-    sets = second_responses.sets_of(names, TARGETS.responses)
+    sets = response_sets.sets_of(names, TARGETS.responses)
     assert list(sets)[:2] == ["AoR alone", "AoR and Height"]
     assert sets["AoR and Height"] == ("aor_deg", "height_mm")
     assert sets["whole pile"] == ("aor_deg", "height_mm", "loose_percent")
     assert sets["pile and drum"] == tuple(names)
-    assert "pile and drum" not in second_responses.sets_of(names[:3], TARGETS.responses)
+    assert "pile and drum" not in response_sets.sets_of(names[:3], TARGETS.responses)
 
 
 def test_sets_of_one_and_of_three_targets():
     one = Targets.of([HEIGHT]).responses
-    assert list(second_responses.sets_of(["height_mm", "loose_percent"], one)) == [
+    assert list(response_sets.sets_of(["height_mm", "loose_percent"], one)) == [
         "Height",
         "loose_percent",
         "whole pile",
     ]
     three = Targets.of([ANGLE, HEIGHT, target("drum_slip_deg", 30, 50)]).responses
-    assert second_responses.base_label(three) == "AoR, Height and slip"
+    assert response_sets.base_label(three) == "AoR, Height and slip"
 
 
 def test_means_share_the_repetitions_of_the_one_measured_less_often():
@@ -272,7 +272,7 @@ def test_study_with_one_target_and_with_four(study, tmp_path, names):
     assert tuple(data.known)[: len(names)] == targets.names
     second_responses.run(data, targets, SPACE, SETTINGS, tmp_path)
     found = pd.read_csv(tmp_path / "information.csv")
-    label = second_responses.base_label(targets.responses)
+    label = response_sets.base_label(targets.responses)
     assert label in set(found["set"])
     first = found[found["discrepancy_percent"] == 0].set_index("set")
     assert first.loc[label, "gain_bits"] == 0

@@ -28,9 +28,9 @@ family = Family()
     ],
 )
 def refine_data(args):
-    from repose.studies import refine
+    from repose.studies import refine_files
 
-    refine.run_extended(args.dataset, args.runs, args.rounds, args.out)
+    refine_files.run_extended(args.dataset, args.runs, args.rounds, args.out)
 
 
 @family.verb(
@@ -45,13 +45,13 @@ def refine_data(args):
     ],
 )
 def refine_search(args):
-    from repose.studies import refine
+    from repose.studies import refine_files
 
     config = loader.load(args.config)
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     files = (args.network, args.dataset, args.near)
     defined = (definitions_of(config), args.config)
-    summary = refine.run_search(*files, space, targets, config, args.table3, args.out, *defined)
+    summary = refine_files.run_search(*files, space, targets, config, args.table3, args.out, *defined)
     print(summary["message"])
 
 
@@ -66,13 +66,13 @@ def refine_search(args):
     ],
 )
 def refine_propose(args):
-    from repose.studies import refine
+    from repose.studies import refine_files
 
     config = loader.load(args.config)
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     seed, out = config["design"]["seed"], Path(args.out) / "proposal.csv"
     files, defined = (args.feasible, args.network), (definitions_of(config), args.config)
-    refine.run_propose(*files, space, targets, config["refine"], args.round, seed, out, *defined)
+    refine_files.run_propose(*files, space, targets, config["refine"], args.round, seed, out, *defined)
 
 
 @family.verb(

@@ -72,6 +72,10 @@ def over_design(values: np.ndarray, groups: np.ndarray, samples: np.ndarray) -> 
     samples : numpy.ndarray, (m,)
         Order of the result.
 
+    Returns
+    -------
+    Known
+
     Notes
     -----
     The errors come from the variance within samples, pooled over all of them: the few runs of one sample do not tell
@@ -119,6 +123,10 @@ def drum_over_design(
         `DRUM_COLUMNS`.
     samples : numpy.ndarray, (m,)
         Order of the result.
+
+    Returns
+    -------
+    dict of Known
     """
     found = {}
     for name, column in DRUM_COLUMNS.items():
@@ -205,10 +213,16 @@ def read(
     drum_runs : path, optional
         The table of runs of the verb drum_tables; needed with ``drum``.
 
+    Returns
+    -------
+    Data
+
     Raises
     ------
     InputError
         If a file is bad, fewer than 12 samples can be used, or too few samples have two runs.
+    ValueError
+        If ``drum`` names files and ``drum_runs`` is None.
     """
     table = read_table(dataset_csv, ("sample", *PARAMETERS, "status"))
     table = table[table["status"] == "ok"]
@@ -234,7 +248,7 @@ def read(
 
 
 def noise_correlation(runs: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
-    """Correlation (k, k) of responses from run to run within samples.
+    """Correlation of responses from run to run within samples.
 
     Parameters
     ----------
@@ -243,6 +257,10 @@ def noise_correlation(runs: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
     names : sequence of str, (k,)
         Responses; those that are not in the table have a correlation of 0 with all others, and so have responses of
         different bench tests, which come from different runs.
+
+    Returns
+    -------
+    numpy.ndarray, (k, k)
     """
     found = np.eye(len(names))
     for test in dict.fromkeys(response(name).apparatus for name in names):
@@ -269,6 +287,10 @@ def trained(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> Bayesia
     known : Known
     settings : mapping
         ``hidden``, ``epochs``, ``starts`` and ``seed``.
+
+    Returns
+    -------
+    BayesianBP
     """
     there = np.isfinite(known.mean)
     model = BayesianBP(
@@ -330,7 +352,7 @@ def cross_validated_r2(known: Known, predicted: np.ndarray) -> float:
 
 
 def surrogate_covariance(residuals: np.ndarray, errors: np.ndarray, correlation: np.ndarray) -> np.ndarray:
-    """Covariance S_s (k, k) of the surrogates' own errors.
+    """Covariance S_s of the surrogates' own errors.
 
     Parameters
     ----------
@@ -340,6 +362,11 @@ def surrogate_covariance(residuals: np.ndarray, errors: np.ndarray, correlation:
         Standard errors of the means.
     correlation : numpy.ndarray, (k, k)
         Of the noise of the means.
+
+    Returns
+    -------
+    numpy.ndarray, (k, k)
+        In the responses' units; positive definite.
 
     Notes
     -----

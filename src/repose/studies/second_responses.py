@@ -36,10 +36,10 @@ from repose.chain.train import r2_noise_corrected
 from repose.core.errors import InputError
 from repose.core.files import write_json, write_table
 from repose.core.parameter_space import ParameterSpace
-from repose.core.responses import Response, response
+from repose.core.responses import response
 from repose.core.targets import Targets
-from repose.measure import further_responses
 from repose.studies import information
+from repose.studies.response_sets import base_label, sets_of, source_of
 from repose.studies.responses_over_design import (
     Data,
     cross_validated_r2,
@@ -52,7 +52,6 @@ from repose.studies.responses_over_design import (
 NOISY = 0.5  # a response with less signal than this share of its noise is not modelled
 WORST_R2 = 0.2  # nor is one whose surrogate explains less, as after few runs of the drum
 FEWEST_EFFECTIVE = 30
-WHOLE_PILE, EVERYTHING = "whole pile", "pile and drum"
 
 
 class Modelled(NamedTuple):
@@ -73,49 +72,6 @@ class Modelled(NamedTuple):
     predicted: dict[str, np.ndarray]
     correlation: np.ndarray
     surrogate: np.ndarray
-
-
-def base_label(responses: Sequence[Response]) -> str:
-    """Name of the set of all targets, as in ``AoR and Height``.
-
-    Parameters
-    ----------
-    responses : sequence of Response
-
-    Returns
-    -------
-    str
-    """
-    symbols = [one.symbol for one in responses]
-    return " and ".join(filter(None, [", ".join(symbols[:-1]), symbols[-1]]))
-
-
-def sets_of(names: Sequence[str], responses: Sequence[Response]) -> dict[str, tuple[str, ...]]:
-    """Sets of responses to compare, by label.
-
-    Parameters
-    ----------
-    names : sequence of str
-        All responses that are modelled.
-    responses : sequence of Response
-        Those of the targets.
-
-    Returns
-    -------
-    dict
-        The first target alone (where there are several), the targets, the targets with each further response, with
-        all that the pile gives, and with everything (where there is more than the pile).
-    """
-    base = tuple(one.name for one in responses)
-    extra = [name for name in names if name not in base]
-    pile = [name for name in extra if _source(name) == "pile"]
-    found = {f"{responses[0].symbol} alone": base[:1]} if len(base) > 1 else {}
-    found |= {base_label(responses): base}
-    found |= {name: (*base, name) for name in extra}
-    found[WHOLE_PILE] = (*base, *pile)
-    if len(pile) < len(extra):
-        found[EVERYTHING] = (*base, *extra)
-    return found
 
 
 def study(
@@ -299,7 +255,17 @@ def plausible_truths(
 
 
 def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> str:
-    """What to measure next, in words."""
+    """What to measure next, in words.
+
+    Parameters
+    ----------
+    tables, summary
+        As `study` gives them.
+
+    Returns
+    -------
+    str
+    """
     rows = tables["information"]
     rows = rows[rows["discrepancy_percent"] == rows["discrepancy_percent"].iloc[0]]
     single = rows[rows["set"].isin(summary["modelled"])].sort_values(
@@ -320,15 +286,9 @@ def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> s
     return "\n".join(lines)
 
 
-def _source(name):
-    """Where a response comes from, as the table says it."""
-    bench = response(name).apparatus
-    return "pile" if bench == further_responses.BENCH else bench
-
-
 def _row(name, known, predicted, is_modelled):
     """The row of responses.csv of one response."""
-    row = {"response": name, "source": _source(name), **known.row}
+    row = {"response": name, "source": source_of(name), **known.row}
     row |= {"modelled": is_modelled, "r2": None, "r2_noise_corrected": None, "rmse": None}
     if predicted is not None:
         there = np.isfinite(predicted)

@@ -216,7 +216,7 @@ def run(
     Parameters
     ----------
     proposal_csv : path
-        Of `repose.studies.refine.run_propose`.
+        Of `repose.studies.refine_files.run_propose`.
     dataset_csv, runs_csv : path
         Of the round's own jobs, as the verb dataset writes them.
     targets : Targets

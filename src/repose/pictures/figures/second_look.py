@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS, SYMBOLS
 from repose.core.responses import response
-from repose.studies.second_responses import EVERYTHING, WHOLE_PILE, base_label
+from repose.studies.response_sets import EVERYTHING, WHOLE_PILE, base_label
 
 from . import style
 
