@@ -139,7 +139,8 @@ def faults(path):
             if not asked:
                 continue
             told = sections(docstring(path, name, node))
-            listed = documented(told.get("Parameters", told.get("Attributes", ())))
+            heads = ("Parameters", "Attributes") if isinstance(node, ast.ClassDef) else ("Parameters",)
+            listed = documented(next((told[head] for head in heads if head in told), ()))
             if sorted(listed) != sorted(asked):
                 found.append(
                     f"{name}: Parameters are {', '.join(asked)}; told: {', '.join(listed) or 'none'}"

@@ -49,14 +49,12 @@ VERBS = {verb.name: verb for module in FAMILIES for verb in module.family.verbs}
 def main(words: Sequence[str] | None = None) -> int:
     """Run one verb.
 
+    A fault of the input is told in one line on stderr. It is no fault if the reader of stdout stops, such as `head`.
+
     Parameters
     ----------
     words : sequence of str, optional
         The command line after the program's name; that of the process by default.
-
-    Attributes
-    ----------
-    fault of the input is told in one line on stderr. It is no fault if the reader of stdout stops, such as `head`.
 
     Returns
     -------

@@ -60,16 +60,12 @@ def surface(unit: np.ndarray, means: np.ndarray, terms: Model) -> Model:
 
 
 def plane(unit: np.ndarray, means: np.ndarray) -> Model:
-    """A linear function of places (m, d), fitted by least squares; arguments as for `surface`.
+    """A plane fitted by least squares.
 
     Parameters
     ----------
     unit, means
         As for `surface`.
-
-    Attributes
-    ----------
-    plane fitted by least squares.
 
     Returns
     -------
@@ -84,7 +80,7 @@ def plane(unit: np.ndarray, means: np.ndarray) -> Model:
 def local_search(
     respond: Model, objective: Objective, dimensions: int, starts: int, random: np.random.Generator
 ) -> tuple[np.ndarray, int]:
-    """Place (d,) by SLSQP on the squared deviations, and the number of evaluations of the model.
+    """A local search by SLSQP on the squared deviations from the targets.
 
     Parameters
     ----------
@@ -96,10 +92,6 @@ def local_search(
     starts : int
         The centre of the ranges and random points.
     random : numpy.random.Generator
-
-    Attributes
-    ----------
-    local search by SLSQP on the squared deviations from the targets.
 
     Returns
     -------

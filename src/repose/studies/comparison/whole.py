@@ -160,10 +160,6 @@ def emulated(samples: Samples, truth: Emulator, count: int, random: np.random.Ge
         Number of samples.
     random : numpy.random.Generator
 
-    Attributes
-    ----------
-    new Latin hypercube whose runs scatter about the truth as real ones do.
-
     Returns
     -------
     Points
