@@ -42,6 +42,7 @@ class Run:
 
 
 def _nothing(*_: Any) -> Iterator[Any]:
+    """No contradictions and no misfits."""
     return iter(())
 
 
@@ -103,6 +104,7 @@ class BenchTest:
         Parameters
         ----------
         config : mapping
+            The whole configuration.
 
         Returns
         -------
@@ -118,6 +120,7 @@ class BenchTest:
         Parameters
         ----------
         config : mapping
+            The whole configuration.
 
         Returns
         -------
@@ -126,7 +129,13 @@ class BenchTest:
         return self.recorded.beginning_with(core.names(self.wanted(config)))
 
     def section_schema(self) -> dict[str, Any]:
-        """JSON schema of its section of the configuration."""
+        """JSON schema of its section of the configuration.
+
+        Returns
+        -------
+        dict
+            An object whose keys are all required, and no others allowed.
+        """
         keys = self.schema
         if isinstance(keys, Path):
             import yaml
@@ -149,6 +158,7 @@ def register(test: BenchTest) -> BenchTest:
     Parameters
     ----------
     test : BenchTest
+        Of a name that is free.
 
     Returns
     -------
@@ -172,6 +182,7 @@ def bench(name: str, source: object = "apparatus") -> BenchTest:
     Parameters
     ----------
     name : str
+        Of the bench test.
     source : object, optional
         Named in the error.
 
@@ -190,10 +201,22 @@ def bench(name: str, source: object = "apparatus") -> BenchTest:
 
 
 def names() -> tuple[str, ...]:
-    """Names of all bench tests, in the order of their registration."""
+    """Names of all bench tests.
+
+    Returns
+    -------
+    tuple of str
+        In the order of their registration.
+    """
     return tuple(_REGISTRY)
 
 
 def bench_tests() -> tuple[BenchTest, ...]:
-    """All bench tests, in the order of their registration."""
+    """All bench tests.
+
+    Returns
+    -------
+    tuple of BenchTest
+        In the order of their registration.
+    """
     return tuple(_REGISTRY.values())

@@ -65,10 +65,12 @@ def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     Parameters
     ----------
     config : mapping
+        The whole configuration.
 
-    Returns
-    -------
-    iterator of (str, str)
+    Yields
+    ------
+    key, allowed : str
+        Dotted key, and what it may be.
     """
     drum, step_s = config[NAME], SimulationSettings.of(config).time_step_s
     radius = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"]
@@ -86,18 +88,19 @@ def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def misfits(config: Mapping[str, Any], axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
-    """Keys of a drum in which a mean berry cannot lie across the axis at the factory's height, and what is
-    allowed.
+    """Keys of a drum in which a mean berry cannot lie across the axis at the factory's height.
 
     Parameters
     ----------
     config : mapping
+        The whole configuration.
     axes_mm : sequence of float, (3,)
-        Mean axes of the berry.
+        Mean axes of the berry, the longest first.
 
-    Returns
-    -------
-    iterator of (str, str)
+    Yields
+    ------
+    key, allowed : str
+        Dotted key, and what it may be.
     """
     drum, long_mm = config[NAME], max(axes_mm)
     highest = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"] - long_mm / 2

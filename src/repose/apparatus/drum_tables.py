@@ -89,6 +89,11 @@ def run(json_paths: Sequence[str | PathLike], out_dir: str | PathLike) -> "dict[
         Files of `run_job`, each with its .npz beside it.
     out_dir : path
 
+    Returns
+    -------
+    dict of pandas.DataFrame
+        As `tables` gives them.
+
     Raises
     ------
     InputError

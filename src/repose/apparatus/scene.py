@@ -38,6 +38,11 @@ def berry_simulation(
     **scene
         Walls, lower, upper and the other arguments of `repose.dem.Simulation`.
 
+    Returns
+    -------
+    repose.dem.Simulation
+        Without a berry.
+
     Raises
     ------
     InputError
@@ -85,7 +90,7 @@ class Filmed:
     simulation : Simulation
     interval_s : float or None
         Simulated time between two frames [s]; None records none.
-    progress : function, optional
+    progress : callable, optional
         Called with the simulated time.
     """
 
