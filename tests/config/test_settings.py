@@ -175,8 +175,17 @@ def test_weights_need_standard_errors(config):
     config["funnel"]["seeds"] = 1
     for key in ("weights_from_errors", "correlated_noise"):
         config["network"] |= {"weights_from_errors": False, "correlated_noise": False, key: True}
-        with pytest.raises(InputError, match=key):
+        with pytest.raises(InputError, match=rf"{key} is True; allowed: false where funnel\.seeds"):
             checks.check(config)
+
+
+def test_weights_need_standard_errors_of_every_bench_test_of_the_targets(config):
+    config["drum"]["seeds"] = 3
+    config["network"]["weights_from_errors"] = True
+    checks.check(config)
+    config["targets"].append(config["targets"][0] | {"response": "drum_slip_deg", "apparatus": "drum"})
+    with pytest.raises(InputError, match=r"false where drum\.seeds is below 4"):
+        checks.check(config)
 
 
 def test_a_quadratic_surface_needs_more_samples_than_terms(config):

@@ -109,16 +109,7 @@ def _contradictions(config):
     if abs(sum(network["split"]) - 1) > 1e-6 or network["split"][0] == 0 or network["split"][2] == 0:
         yield "network.split", "three shares that sum to 1, those of training and test above 0"
     yield from _surrogate_contradictions(config)
-    if network["weights_from_errors"] and config["funnel"]["seeds"] < 4:
-        yield (
-            "network.weights_from_errors",
-            "false where funnel.seeds is below 4: there are no standard errors to use",
-        )
-    if network["correlated_noise"] and config["funnel"]["seeds"] < 2:
-        yield (
-            "network.correlated_noise",
-            "false where funnel.seeds is 1: pours of one sample cannot be compared",
-        )
+    yield from _seed_contradictions(config)
     design, further = config["design"]["samples"], config["second_responses"]
     if further["drum_samples"] > design:
         yield "second_responses.drum_samples", f"at most design.samples, {design}"
@@ -139,6 +130,23 @@ def _surrogate_contradictions(config):
     if config["surrogate"] == "quadratic" and training < needed:
         allowed = "network or gaussian_process where design.samples times the first of network.split is below"
         yield "surrogate", f"{allowed} {needed}"
+
+
+def _seed_contradictions(config):
+    """Too few runs of a sample, in a bench test of the targets, for what the training wants to know of them."""
+    network = config["network"]
+    for name in dict.fromkeys(target["apparatus"] for target in config["targets"]):
+        seeds = config[name]["seeds"]
+        if network["weights_from_errors"] and seeds < 4:
+            yield (
+                "network.weights_from_errors",
+                f"false where {name}.seeds is below 4: there are no standard errors to use",
+            )
+        if network["correlated_noise"] and seeds < 2:
+            yield (
+                "network.correlated_noise",
+                f"false where {name}.seeds is 1: runs of one sample cannot be compared",
+            )
 
 
 def _target_contradictions(config):
