@@ -36,7 +36,7 @@ def box(tmp_path_factory):
 
 def test_the_example_of_the_readme_runs_and_the_berries_come_to_lie_in_the_box(box):
     simulation, folder = box
-    assert simulation.time_s == pytest.approx(1.0)
+    assert simulation.time_s == simulation.steps * simulation.time_step_s == pytest.approx(1.0)
     positions = simulation.positions
     assert (np.abs(positions[:, :2]) < 0.05).all()
     assert (positions[:, 2] > 0.004).all()

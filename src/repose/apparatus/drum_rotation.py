@@ -127,7 +127,7 @@ class _Watch:
     def advance(self, steps):
         """Run, turn and keep."""
         self.simulation.run_steps(steps)
-        self.turned_rad -= steps * self.simulation.physics.dt * self.simulation.rolling_frame_rad_s[1]
+        self.turned_rad -= steps * self.simulation.time_step_s * self.simulation.rolling_frame_rad_s[1]
         self.keep()
 
     def record(self):
@@ -233,7 +233,7 @@ def rotate(
 def _until_slip(watch, section, calm, every, progress):
     """Turn until the first slip and let the bed rest; returns the `bed.Slip` or None."""
     simulation = watch.simulation
-    step_s = every * simulation.physics.dt
+    step_s = every * simulation.time_step_s
     report_s = section["report_s"] - watch.began_s
     set_rotation(simulation, section["angular_velocity_rad_s"])
     watch.keep()

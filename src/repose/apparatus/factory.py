@@ -181,7 +181,7 @@ def fill(
     """
     rng, orientation = np.random.default_rng(seed), section.get("orientation", "random")
     for k in range(section["berries"]):
-        due = round(k / section["rate_per_s"] / simulation.physics.dt)
+        due = round(k / section["rate_per_s"] / simulation.time_step_s)
         if due >= last_step:
             return
         run_to(due)

@@ -101,7 +101,7 @@ class Filmed:
         progress: Callable[[float], object] | None = None,
     ):
         self.simulation, self.progress = simulation, progress
-        self.every = None if interval_s is None else max(1, round(interval_s / simulation.physics.dt))
+        self.every = None if interval_s is None else max(1, round(interval_s / simulation.time_step_s))
         self.recorder = None if interval_s is None else dem.Recorder()
 
     def run_to(self, step: int) -> None:

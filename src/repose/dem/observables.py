@@ -37,9 +37,14 @@ class Observables:
         return int(self.counts[st.STEPS])
 
     @property
+    def time_step_s(self) -> float:
+        """Length of a time step [s]."""
+        return float(self.physics.dt)
+
+    @property
     def time_s(self) -> float:
         """Simulated time [s]."""
-        return float(self.counts[st.STEPS] * self.physics.dt)
+        return self.steps * self.time_step_s
 
     @property
     def positions(self) -> np.ndarray:

@@ -20,7 +20,7 @@ def run(
     every_s: float,
 ) -> None:
     """Advance a simulation; see `Simulation.run`."""
-    begin_s, dt = simulation.time_s, simulation.physics.dt
+    begin_s, dt = simulation.time_s, simulation.time_step_s
     end = simulation.steps + round(not_negative("seconds", seconds) / dt)
     records = _functions(record)
     between = _steps_between(record_every_s, dt) if records else 0

@@ -285,7 +285,7 @@ class Simulation(Observables):
         if shape not in self.shapes:
             raise ValueError(f"shape is {shape!r}; allowed: {', '.join(self.shapes)}")
         kind = self.shapes[shape]
-        smallest = time_steps.smallest_scale(self.contact_law, self.materials, kind, self.physics.dt)
+        smallest = time_steps.smallest_scale(self.contact_law, self.materials, kind, self.time_step_s)
         if not (is_number(scale) and smallest <= scale <= self.largest_scale):
             raise ValueError(
                 f"scale is {scale!r}; allowed: at least {smallest:.3g}, or time_step_s is too long for the body, "
