@@ -13,9 +13,7 @@ from repose.measure.pile import (
     MeasureSettings,
     NoFlankError,
     measure_image,
-    measure_pile,
     read_image,
-    silhouette,
 )
 
 MM = 0.25
@@ -89,37 +87,6 @@ def tilted_noisy(picture, rng, tilt=60, noise=8):
     slope = np.add.outer(np.linspace(0, 0.4, rows), np.linspace(0, 0.6, columns)) * tilt
     slope = slope[..., None] if picture.ndim == 3 else slope
     return np.clip(picture - slope + rng.normal(0, noise, picture.shape), 0, 255).astype(np.uint8)
-
-
-class Ellipsoids:
-    """Stand-in for a particle: the sum of co-axial ellipsoids' support functions, half axes (K, 3) in
-    metres."""
-
-    def __init__(self, *half_axes_mm):
-        self.half_axes = np.array(half_axes_mm) * 1e-3
-
-    def support_point(self, n):
-        total = np.zeros(np.shape(n))
-        for a in self.half_axes:
-            stretched = n * a
-            total += stretched * a / np.linalg.norm(stretched, axis=-1, keepdims=True)
-        return total
-
-
-BERRY = Ellipsoids([10.57, 5.685, 4.94])
-BARREL = Ellipsoids([7.399, 0.94, 0.94], [3.171, 4.745, 4.0])
-
-
-def cone_of_berries(angle, rng, berries=500, height_m=0.062):
-    """Random berries (centres, quaternions) filling a cone whose flank lies one mean radius outside the
-    centres."""
-    a, reach = math.radians(angle), 0.0066
-    centres = np.empty((0, 3))
-    while len(centres) < berries:
-        p = rng.uniform([-1, -1, 0.11], [1, 1, 1], (4000, 3)) * height_m / [math.tan(a), math.tan(a), 1]
-        over = np.hypot(p[:, 0], p[:, 1]) * math.sin(a) + p[:, 2] * math.cos(a)
-        centres = np.concatenate([centres, p[over < height_m * math.cos(a) - reach]])
-    return centres[:berries], rng.normal(size=(berries, 4))
 
 
 def lumpy_piles(angle, count):
@@ -345,90 +312,3 @@ def test_wrong_arrays_are_refused():
 def test_pictures_without_a_flank_say_why(picture, reason):
     with pytest.raises(NoFlankError, match=reason):
         measure_image(picture, MM)
-
-
-# --- simulated piles ------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("particle", [BERRY, BARREL])
-def test_silhouette_equals_the_projection_of_a_cloud_of_surface_points(particle):
-    rng = np.random.default_rng(5)
-    centres = rng.uniform([-0.03, -0.03, 0.012], [0.03, 0.03, 0.04], (12, 3))
-    q = rng.normal(size=(12, 4))
-    azimuth, mm, extent = 37.0, 0.5, (-0.05, 0.05, 0.06)
-    image = silhouette(centres, q, particle, azimuth, mm, extent)
-    assert image.shape == (120, 200)
-    normals = rng.normal(size=(60_000, 3))
-    surface = particle.support_point(normals / np.linalg.norm(normals, axis=1, keepdims=True))
-    cloud = np.zeros(image.shape, bool)
-    for c, (w, x, y, z) in zip(centres, q / np.linalg.norm(q, axis=1, keepdims=True), strict=True):
-        v = np.array([x, y, z])
-        points = c + surface + 2 * np.cross(v, np.cross(v, surface) + w * surface)
-        u = points[:, 0] * math.cos(math.radians(azimuth)) + points[:, 1] * math.sin(math.radians(azimuth))
-        row = np.floor(120 - points[:, 2] * 1e3 / mm).astype(int)
-        column = np.floor((u - extent[0]) * 1e3 / mm).astype(int)
-        cloud[row[row < 120], column[row < 120]] = True
-    pile = image < 128
-    ones = np.ones((3, 3), np.uint8)
-    # a point touches a pixel before the outline covers its centre: the two differ by the rim, and only
-    # outwards
-    assert not (pile & ~cloud).any()
-    assert not (cloud & (cv2.dilate(pile.astype(np.uint8), ones) == 0)).any()
-
-
-def test_silhouette_of_a_ball_has_its_area_and_stands_on_the_plate():
-    ball = Ellipsoids([10.0, 10.0, 10.0])
-    areas = []
-    for shift in np.linspace(0, 0.25e-3, 7):
-        image = silhouette(np.array([[shift, 0, 0.01]]), np.array([[1.0, 0, 0, 0]]), ball, 0.0, MM)
-        areas.append((image < 128).sum() * MM**2)
-        assert (image[-2] < 128).any()
-    assert np.mean(areas) == pytest.approx(math.pi * 100, rel=4e-3)
-
-
-def test_a_view_turns_with_the_pile_and_its_opposite_is_its_mirror():
-    centres = np.array([[0.03, 0.0, 0.01], [0.0, 0.0, 0.02]])
-    q = np.array([[0.5, 0.5, 0.1, 0.7], [1.0, 0, 0, 0]])
-    extent = (-0.06, 0.06, 0.04)
-    front, back = (silhouette(centres, q, BERRY, a, MM, extent) for a in (0.0, 180.0))
-    assert (front < 128).any(axis=0).nonzero()[0].max() > 300
-    assert np.mean(front[:, ::-1] != back) < 2e-3
-
-
-def test_cones_of_berries_have_their_angle_within_a_degree():
-    """Measured bias over 15 to 45 degrees: levels +0.6, rows +0.9, columns -1.6."""
-    errors = {"levels": [], "columns": []}
-    for angle in (20, 30, 40):
-        rng = np.random.default_rng(angle)
-        for _ in range(4):
-            pile = cone_of_berries(angle, rng)
-            for rule in errors:
-                errors[rule].append(measure_pile(*pile, BERRY, MeasureSettings(flank=rule)).aor_deg - angle)
-    assert abs(np.mean(errors["levels"])) < 1.0
-    assert abs(np.mean(errors["levels"])) < abs(np.mean(errors["columns"]))
-
-
-def test_the_pile_is_the_members_and_its_height_is_exact():
-    rng = np.random.default_rng(2)
-    centres, q = cone_of_berries(25, rng)
-    stray = np.array([[0.2, 0.0, 0.01], [-0.2, 0.1, 0.01]])
-    with_stray = np.vstack([centres, stray]), np.vstack([q, rng.normal(size=(2, 4))])
-    members = np.arange(502) < 500
-    alone, masked = measure_pile(centres, q, BERRY), measure_pile(*with_stray, BERRY, members=members)
-    assert masked.aor_deg == alone.aor_deg
-    assert masked.height_mm == alone.height_mm
-    assert alone.left_deg.shape == alone.right_deg.shape == alone.view_height_mm.shape == (18,)
-    assert alone.aor_deg == pytest.approx(np.mean([alone.left_deg, alone.right_deg]))
-    assert np.abs(alone.view_height_mm - alone.height_mm).max() < MM
-    every = measure_pile(*with_stray, BERRY, MeasureSettings(largest_pile_only=False), members=members)
-    assert every.aor_deg < alone.aor_deg - 1
-
-
-def test_a_layer_or_nothing_is_no_pile():
-    rng = np.random.default_rng(4)
-    flat = np.column_stack([rng.uniform(-0.1, 0.1, (80, 2)), np.full(80, 0.005)])
-    upright = np.tile([1.0, 0, 0, 0], (80, 1))
-    with pytest.raises(NoFlankError, match="mm high"):
-        measure_pile(flat, upright, BERRY)
-    with pytest.raises(NoFlankError, match="no berry"):
-        measure_pile(flat, upright, BERRY, members=np.zeros(80, bool))

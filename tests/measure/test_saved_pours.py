@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from test_pile import BERRY as PARTICLE
-from test_pile import cone_of_berries
+from test_simulated_piles import BERRY as PARTICLE
+from test_simulated_piles import cone_of_berries
 
 from repose.apparatus import funnel
 from repose.apparatus.job import measure_job

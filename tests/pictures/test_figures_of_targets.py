@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from made_up import RANGES, words
+from made_up import words
+from made_up_config import RANGES
 from shared import TARGETS
 
 from repose.core.parameters import PARAMETERS

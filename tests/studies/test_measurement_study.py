@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
-from test_pile import BERRY as PARTICLE
-from test_pile import cone_of_berries
 from test_saved_pours import AXES, CONFIG, one_pour
+from test_simulated_piles import BERRY as PARTICLE
+from test_simulated_piles import cone_of_berries
 
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS

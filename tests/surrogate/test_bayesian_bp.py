@@ -3,27 +3,13 @@ import sys
 
 import numpy as np
 import pytest
+from known_responses import known_function, noisy_data
 
 from repose.surrogate import bayesian_bp, evidence, levenberg_marquardt, load, two_layer
 from repose.surrogate.accuracy import r2
 from repose.surrogate.bayesian_bp import BayesianBP
 from repose.surrogate.samples import weights_from_errors
 from repose.surrogate.sklearn_estimator import BayesianBPRegressor
-
-
-def known_function(U):
-    """Two smooth responses of six inputs in [-1, 1], as strong and as curved as a pile's."""
-    aor = 23 + 2.2 * U[:, 4] + 2.2 * U[:, 2] - 1.2 * U[:, 0] + 0.6 * U[:, 2] * U[:, 4] - 0.8 * U[:, 4] ** 2
-    height = (
-        61 + 4.7 * U[:, 4] + 4.7 * U[:, 2] - 3.5 * U[:, 0] + 1.5 * U[:, 2] * U[:, 4] + np.sin(2 * U[:, 0])
-    )
-    return np.column_stack([aor, height])
-
-
-def noisy_data(samples, seed, noise=(0.5, 1.0)):
-    random = np.random.RandomState(seed)
-    U = random.uniform(-1, 1, (samples, 6))
-    return U, known_function(U) + random.normal(size=(samples, 2)) * noise
 
 
 @pytest.fixture(scope="module")
@@ -257,137 +243,6 @@ def test_predict_refuses_other_inputs_and_an_unfitted_network(fitted):
         BayesianBP.predict(fitted[0], np.ones((4, 5)))
     with pytest.raises(ValueError, match="before fit"):
         BayesianBP().predict(np.ones((4, 5)))
-
-
-def linear_features(x):
-    """Nine fixed functions of two inputs: a model linear in as many weights as a 2-2-1 network has."""
-    a = np.random.RandomState(20).normal(size=(2, 9))
-    return np.sin(4 * x @ a + np.arange(9))
-
-
-@pytest.fixture
-def linear(monkeypatch):
-    """The training and error bars of this file on a model that is linear in its weights, fitted."""
-    for module in (levenberg_marquardt, bayesian_bp):
-        monkeypatch.setattr(
-            module, "jacobian", lambda w, x, outputs: ((p := linear_features(x)) @ w[:, None], p[:, None, :])
-        )
-    monkeypatch.setattr(
-        levenberg_marquardt,
-        "residuals",
-        lambda w, x, t, root: (linear_features(x) @ w - t[:, 0]) * root[:, 0],
-    )
-    random = np.random.RandomState(21)
-    X = np.concatenate([[[0, 0], [1, 1]], random.uniform(0, 1, (50, 2))])
-    y = linear_features(X) @ random.normal(size=9) + 0.3 * random.normal(size=52)
-    y = (y - y.min()) / np.ptp(y)
-    model = BayesianBP(hidden=2, starts=1, goal=0.0, scaled_range=(0, 1))
-    return model.fit(X, y), X, y
-
-
-def test_on_a_linear_model_gamma_is_its_closed_form(linear):
-    model, X, _ = linear
-    eigenvalues = np.linalg.eigvalsh(2 * model.beta_ * linear_features(X).T @ linear_features(X))
-    exact = np.sum(eigenvalues / (eigenvalues + 2 * model.alpha_))
-    assert 3 < exact < 8.99
-    assert model.gamma_ == pytest.approx(exact, rel=1e-6)
-
-
-def test_on_a_linear_model_evidence_and_error_bars_are_those_of_bayesian_ridge(linear):
-    from sklearn.linear_model import BayesianRidge
-
-    model, X, y = linear
-    flat = dict.fromkeys(("alpha_1", "alpha_2", "lambda_1", "lambda_2"), 0.0)
-    ridge = BayesianRidge(max_iter=5000, tol=1e-12, fit_intercept=False, **flat).fit(linear_features(X), y)
-    assert 2 * model.beta_ == pytest.approx(ridge.alpha_, rel=1e-5)
-    assert 2 * model.alpha_ == pytest.approx(ridge.lambda_, rel=1e-5)
-    np.testing.assert_allclose(model.posterior_root_ @ model.posterior_root_.T, ridge.sigma_, rtol=1e-4)
-    fresh = np.random.RandomState(22).uniform(0, 2, (40, 2))
-    std = model.predict(fresh, return_std=True)[1]
-    np.testing.assert_allclose(std, ridge.predict(linear_features(fresh), return_std=True)[1], rtol=1e-4)
-
-
-CORRELATED = np.array([[0.25, 0.475], [0.475, 1.0]])  # correlation 0.95
-
-
-@pytest.mark.parametrize("noise_covariance", [None, CORRELATED])
-def test_error_bars_of_the_mean_are_those_of_networks_drawn_from_the_posterior(noise_covariance):
-    """Brute force: weights from the Laplace approximation, each sent through the whole network.
-
-    Drawn a hundred times closer to the best ones: along directions that the data leave open the network is
-    no longer linear over the whole width of the posterior, a limit of the approximation itself.
-    """
-    X, Y = noisy_data(400, 14, noise=(0.2, 0.4))
-    model = BayesianBP(hidden=4, starts=3).fit(X, Y, noise_covariance=noise_covariance)
-    fresh = np.random.RandomState(15).uniform(-0.9, 0.9, (30, 6))
-    mean, std = model.predict(fresh, return_std=True, noise=False)
-    w = np.concatenate([model.W1_.ravel(), model.b1_, model.W2_.ravel(), model.b2_])
-    normal = np.random.RandomState(16).normal(size=(4000, w.size))
-    stored, drawn = model.to_dict(), []
-    for one in w + 0.01 * normal @ model.posterior_root_.T:
-        stored["W1"], stored["b1"], stored["W2"], stored["b2"] = two_layer.unpack(one, 6, 4, 2)
-        drawn.append(two_layer.evaluate(stored, fresh))
-    ratio = np.std(drawn, axis=0) / (0.01 * std)
-    assert ratio.mean() == pytest.approx(1.0, abs=0.03)
-    assert np.abs(ratio - 1).max() < 0.1
-    total = model.predict(fresh, return_std=True)[1]
-    np.testing.assert_allclose(total**2, std**2 + model.noise_std_**2)
-    assert mean.shape == std.shape == (30, 2)
-
-
-def test_a_covariance_of_independent_outputs_of_one_variance_changes_nothing():
-    X, Y = noisy_data(60, 31)
-    plain = BayesianBP(hidden=3, starts=2).fit(X, Y)
-    alike = BayesianBP(hidden=3, starts=2).fit(X, Y, noise_covariance=7 * np.diag(np.ptp(Y, axis=0) ** 2))
-    np.testing.assert_allclose(alike.predict(X), plain.predict(X), rtol=1e-6)
-    np.testing.assert_allclose(alike.noise_std_, plain.noise_std_, rtol=1e-6)
-    assert alike.log_evidence_ == pytest.approx(plain.log_evidence_)
-
-
-def test_mixed_weights_are_the_network_with_mixed_outputs():
-    random = np.random.RandomState(32)
-    x, w, mixing = random.uniform(size=(9, 3)), random.normal(size=26), random.normal(size=(2, 2))
-    mixed = two_layer.mix_outputs(w, mixing, 4)
-    np.testing.assert_allclose(two_layer.jacobian(mixed, x, 2)[0], two_layer.jacobian(w, x, 2)[0] @ mixing)
-    columns = two_layer.mix_outputs(np.column_stack([w, 2 * w]), mixing, 4)
-    np.testing.assert_allclose(columns, np.column_stack([mixed, 2 * mixed]))
-
-
-def test_noise_that_the_outputs_share_is_learned_unless_the_covariance_is_given():
-    """Noise of correlation 0.95: over 10 draws of 95 samples the squared error against the truth falls, by more
-    than two standard errors, and the noise is found again."""
-    root = np.linalg.cholesky(CORRELATED / 4)
-    fresh = np.random.RandomState(40).uniform(-1, 1, (500, 6))
-    gain, found = [], []
-    for seed in range(10):
-        random = np.random.RandomState(50 + seed)
-        X = random.uniform(-1, 1, (95, 6))
-        Y = known_function(X) + random.normal(size=(95, 2)) @ root.T
-        errors = []
-        for covariance in (None, CORRELATED):
-            model = BayesianBP(hidden=8, starts=1, goal=0, epochs=100, seed=seed)
-            P = model.fit(X, Y, noise_covariance=covariance).predict(fresh)
-            errors.append(np.mean(((P - known_function(fresh)) / (1.0, 2.0)) ** 2))
-        gain.append(np.log(errors[0] / errors[1]))
-        found.append(model.noise_std_)
-    assert np.mean(gain) > 2 * np.std(gain, ddof=1) / np.sqrt(len(gain)) > 0
-    np.testing.assert_allclose(np.mean(found, axis=0), (0.25, 0.5), rtol=0.2)
-
-
-@pytest.mark.parametrize(
-    ("covariance", "allowed"),
-    [
-        (np.eye(3), r"symmetric, \(2, 2\)"),
-        ([[1.0, 0.5], [0.4, 1.0]], "symmetric"),
-        ([[1.0, 2.0], [2.0, 1.0]], "positive definite"),
-    ],
-)
-def test_a_covariance_that_is_none_is_refused(covariance, allowed):
-    X, Y = noisy_data(20, 33)
-    with pytest.raises(ValueError, match=rf"(?s)noise_covariance is .*allowed: {allowed}"):
-        BayesianBP().fit(X, Y, noise_covariance=covariance)
-    with pytest.raises(ValueError, match="precision differs between outputs"):
-        BayesianBP().fit(X, Y, precision=1 + Y**2, noise_covariance=CORRELATED)
 
 
 def test_error_bars_hold_what_they_promise(fitted):

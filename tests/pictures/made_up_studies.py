@@ -1,0 +1,204 @@
+"""Made-up inputs of the studies' figures: smooth numbers in the workflow's columns."""
+
+import json
+
+import numpy as np
+import pandas as pd
+from made_up_config import CONFIG, RANGES
+
+from repose.core.parameters import PARAMETERS
+from repose.core.targets import Targets
+from repose.measure.angles import DEFINITIONS
+from repose.pictures.figures import inversion
+from repose.studies import noise
+from repose.studies.comparison.search import REFERENCE
+
+
+def write(folder, rng):
+    """Write the tables of every study to a folder."""
+    _uncertainty(folder, rng)
+    _pool_comparisons(folder)
+    _representations(folder)
+    _comparisons(folder)
+    _rounds(folder)
+
+
+def _pool_comparisons(folder):
+    """Tables of the comparisons on the pool: shares that rise with the simulations."""
+    both = [("aor_deg", 0.0), ("height_mm", -0.02)]
+    rows = []
+    for response, less in both:
+        for source, sizes in (("main design", (600, 900)), ("pool", (240, 480, 1760))):
+            for n in sizes:
+                share = 1 - 20 / n + less
+                row = {"training": source, "simulations": n, "seeds": 4, "response": response}
+                row |= {"r2": share - 0.02, "r2_low": share - 0.05, "r2_high": share, "r2_bar": 0.94}
+                row |= {
+                    "explainable": share,
+                    "explainable_low": share - 0.03,
+                    "explainable_high": share + 0.02,
+                }
+                rows.append(row | {"explainable_bar": 0.95, "reachable_r2": 0.99})
+    pd.DataFrame(rows).to_csv(folder / "accuracy.csv", index=False)
+    rows = []
+    for k, model in enumerate(("network", "quadratic surface", "random forest")):
+        for response, less in both:
+            for training, n in (("pool", 120), ("pool", 440), ("main design", 900)):
+                row = {"model": model, "training": training, "simulations": n, "response": response}
+                rows.append(row | {"explainable": 1 - 20 / n - 0.05 * k + less, "explainable_se": 0.01})
+    pd.DataFrame(rows).to_csv(folder / "surrogates.csv", index=False)
+    rows = []
+    for response, less in both:
+        for design, data in (("optimal", "emulated"), ("random", "emulated"), ("optimal", "real")):
+            for n in (30, 150):
+                row = {"comparison": "designs", "design": design, "data": data, "fit": "network", "points": n}
+                row |= {"seeds": 6, "response": response, "explainable": 1 - 8 / n + less}
+                rows.append(row | {"explainable_se": 0.01})
+        for seeds in (1, 4, 16):
+            row = {
+                "comparison": "points against seeds",
+                "design": "sobol",
+                "data": "emulated",
+                "fit": "network",
+            }
+            row |= {"points": 480 // seeds, "seeds": seeds, "response": response, "explainable": 0.9 + less}
+            rows.append(row | {"explainable_se": 0.01})
+    pd.DataFrame(rows).to_csv(folder / "sampling.csv", index=False)
+
+
+def _representations(folder):
+    """Two tables of a shape study in which every combination is off by its own distance."""
+    section, rows = CONFIG["shape_study"], []
+    for i, particle in enumerate(section["particles"]):
+        for j, filling in enumerate(section["fillings"]):
+            for k, definition in enumerate(DEFINITIONS):
+                row = {
+                    "particle": particle,
+                    "filling": filling,
+                    "definition": definition,
+                    "distance": 1.0 + i,
+                }
+                row |= {"aor_difference_deg": i - 2.0 + 3 * k, "height_difference_mm": 4.0 * j - 6.0}
+                rows.append(row | {"aor_se_deg": 0.2, "height_se_mm": 0.5})
+    pd.DataFrame(rows).to_csv(folder / "combinations.csv", index=False)
+    sets = pd.DataFrame({"kind": "published", "definition": "secant", "set": ["2", "15"]})
+    sets["aor_deg"], sets["aor_difference_deg"] = [33.0, 32.0], [-0.7, -0.2]
+    sets["height_mm"], sets["height_difference_mm"] = [65.0, 66.0], [0.2, 1.8]
+    sets.to_csv(folder / "sets.csv", index=False)
+
+
+def _uncertainty(folder, rng):
+    """Tables of noise, posterior and sensitivity; the posterior leans to the upper end of every range."""
+    runs = pd.DataFrame({"sample": np.repeat(np.arange(20), 4), "seed": np.tile(np.arange(4), 20)})
+    runs["status"] = np.where(rng.random(80) < 0.05, "jammed", "ok")
+    for column, mean, spread in (("aor_deg", 24.0, 1.5), ("height_mm", 61.0, 3.0)):
+        runs[column] = mean + 1.4 * spread * np.sin(runs["sample"]) + rng.normal(0, spread, 80)
+    runs.to_csv(folder / "noise_runs.csv", index=False)
+    noise.run(folder / "noise_runs.csv", Targets.of(CONFIG["targets"]), folder / "floor")
+    for name in ("seeds.csv", "noise.json"):
+        (folder / "floor" / name).rename(folder / name)
+    draws = pd.DataFrame(
+        {name: low + (high - low) * rng.beta(3, 1, 500) for name, (low, high) in RANGES.items()}
+    )
+    draws.to_csv(folder / "draws.csv", index=False)
+    rows = pd.DataFrame({"parameter": PARAMETERS, "width_ratio": 0.7, "information_bits": 0.4})
+    low, high = np.array([RANGES[name] for name in PARAMETERS]).T
+    places = {"low": 0, "high": 1, "credible_low": 0.3, "credible_high": 1, "median": 0.8}
+    places |= {"published_low": 0.4, "published_high": 0.5, "miga_low": 0.6, "miga_high": 0.62}
+    for column, place in places.items():
+        rows[column] = low + place * (high - low)
+    rows.to_csv(folder / "posterior.csv", index=False)
+    summary = {
+        "misfit": {"squared_distance": 4.0},
+        "thin_share": 0.98,
+        "converged": False,
+        "largest_r_hat": 1.2,
+    }
+    predicted = {name: {"mean": 30.0, "low": 29.0, "high": 31.0} for name in ("aor_deg", "height_mm")}
+    summary |= {"least_effective_draws": 90.0, "predicted": predicted}
+    (folder / "posterior_summary.json").write_text(json.dumps(summary))
+    sobol = [
+        {"response": response, "parameter": name, "first": 0.15, "first_low": 0.1, "first_high": 0.2}
+        | {"total": 0.2, "total_low": 0.18, "total_high": 0.22}
+        for response in ("aor_deg", "height_mm")
+        for name in PARAMETERS
+    ]
+    pd.DataFrame(sobol).to_csv(folder / "sobol.csv", index=False)
+    effects = pd.concat(
+        pd.DataFrame({"parameter": name, "value": np.linspace(*RANGES[name], 5)}) for name in PARAMETERS
+    )
+    effects["aor_deg"], effects["height_mm"] = np.tile([20, 22, 24, 25, 25.5], 6), 60.0
+    effects.to_csv(folder / "effects.csv", index=False)
+
+
+def _comparisons(folder):
+    """Tables of searches, of the whole method, and of further responses."""
+    at = np.array([10, 100, 1000])
+    curves, methods = [], []
+    for k, name in enumerate(inversion.SEARCHES):
+        many = at * 10 if name == "miga_whole" else at
+        curves.append(pd.DataFrame({"method": name, "evaluations": many, "log10_mean": -k - np.log10(at)}))
+        methods.append({"method": name, "reached": 10 - 5 * (name == "random"), "repetitions": 10})
+        methods[-1] |= {"evaluations_to_tolerance": 100.0 * (k + 1), "evaluations_to_tolerance_se": 10.0}
+        methods[-1] |= {"listed_coverage": 0.05 * k, "met_coverage": 0.06 * k}
+    methods.append({"method": REFERENCE, "listed_coverage": 0.5, "met_coverage": 0.5})
+    pd.concat(curves).assign(log10_se=0.1).to_csv(folder / "curves.csv", index=False)
+    errors = {"listed_coverage_se": 0.01, "met_coverage_se": 0.01}
+    pd.DataFrame(methods).assign(**errors).to_csv(folder / "methods.csv", index=False)
+    whole = [
+        {
+            "data": kind,
+            "samples": n,
+            "method": name,
+            "simulations": 6 * n,
+            "aor_off_deg": 5 / n,
+            "aor_off_deg_se": 1 / n,
+        }
+        | {"height_off_mm": 9 / n, "height_off_mm_se": 1 / n}
+        for kind in inversion.KINDS
+        for n in (30, 60)
+        for name in inversion.WHOLE
+    ]
+    pd.DataFrame(whole).to_csv(folder / "whole.csv", index=False)
+    sets = ["AoR and Height", "loose_percent", "drum_slip_deg", "whole pile", "pile and drum"]
+    information = [
+        {
+            "discrepancy_percent": p,
+            "set": name,
+            "bits": 5.0 + k,
+            "bits_se": 0.2,
+            "gain_bits": k,
+            "gain_se_bits": 0.1,
+        }
+        for p in (0.0, 2.0)
+        for k, name in enumerate(sets)
+    ]
+    pd.DataFrame(information).to_csv(folder / "information.csv", index=False)
+    narrowing = [
+        {
+            "discrepancy_percent": 0.0,
+            "set": name,
+            "parameter": p,
+            "width_ratio": 0.7,
+            "over_base": 1 - 0.15 * k,
+        }
+        for k, name in enumerate(sets)
+        for p in PARAMETERS
+    ]
+    pd.DataFrame(narrowing).to_csv(folder / "narrowing.csv", index=False)
+    known = pd.DataFrame({"response": ["aor_deg", "height_mm", "loose_percent", "drum_slip_deg"]})
+    known.assign(signal_to_noise=1.5, r2=0.9).to_csv(folder / "responses.csv", index=False)
+    pd.DataFrame({"place": [1]}).to_csv(folder / "order.csv", index=False)
+
+
+def _rounds(folder):
+    """Three rounds of a refinement; the second gave no pile, the third is within."""
+    rounds = pd.DataFrame({"round": [0, 1, 2], "n_seeds": [64, 20, 63]})
+    rounds["outcome"] = ["not within", "no pile", "within"]
+    for name, unit, target in (("aor", "deg", 32.87), ("height", "mm", 65.57)):
+        rounds[f"{name}_target_{unit}"] = target
+        rounds[f"{name}_predicted_{unit}"] = target * np.array([1.0, 1.001, 1.0])
+        rounds[f"{name}_simulated_{unit}"] = target * np.array([0.96, np.nan, 1.005])
+        rounds[f"{name}_se_{unit}"] = target * np.array([0.006, np.nan, 0.005])
+    rounds.to_csv(folder / "rounds.csv", index=False)
+    (folder / "refined_summary.json").write_text(json.dumps({"why": "round 2 meets both targets"}))
