@@ -17,11 +17,7 @@ SOURCE = Path(__file__).parents[2] / "src" / "repose"
 # Compiled functions; comments say what their rows hold.
 KERNELS = SOURCE / "dem" / "kernels"
 # Files and folders that are not held yet.
-LATER = (
-    "dem",
-    "verification/machine.py",
-    "verification/oblique.py",
-)
+LATER = ("dem",)
 MODULES = sorted(
     path
     for path in SOURCE.rglob("*.py")

@@ -8,8 +8,9 @@ import pytest
 from repose import verification
 from repose.__main__ import main
 from repose.core.errors import InputError
-from repose.verification import machine, report
+from repose.verification import report
 from repose.verification.case import KNOWN, MISSED, PASSED, Curve, Panel, Result, at_most, close, within
+from repose.verification.hertz import Hertz
 from repose.verification.rotation import euler_solution
 
 
@@ -71,7 +72,7 @@ def test_a_figure_shows_every_curve():
 
 
 def test_the_reference_of_the_damped_law_has_the_restitution_it_is_for():
-    hertz = machine.Hertz(mass=0.01, radius=0.005, young=25e9, speed=20.0)
+    hertz = Hertz(mass=0.01, radius=0.005, young=25e9, speed=20.0)
     for e in (0.3, 1.0):
         time, overlap, force = hertz.history(e, 20_000)
         left = np.trapezoid(force, time) / hertz.mass - hertz.speed

@@ -5,7 +5,7 @@ from typing import Any
 
 from repose.core.errors import InputError
 
-from . import convergence, energy, impacts, oblique, packing, resting, rolling, rotation
+from . import convergence, energy, impacts, oblique, packing, resting, rolling, rotation, spinning
 from .case import FULL, Effort, Result
 
 # Every case by name: a function of an `Effort` that returns a `case.Result`.
@@ -15,9 +15,9 @@ CASES = {
     "chung3": impacts.damped_impact,
     "chung4": oblique.angles,
     "chung5": oblique.tangential_speeds,
-    "chung6": oblique.plane_spins,
-    "chung7": oblique.equal_spheres,
-    "chung8": oblique.unequal_spheres,
+    "chung6": spinning.plane_spins,
+    "chung7": spinning.equal_spheres,
+    "chung8": spinning.unequal_spheres,
     "rolling": rolling.slip_to_roll,
     "slope": rolling.coulomb_slope,
     "rest": resting.berry_at_rest,

@@ -10,16 +10,8 @@ import numpy as np
 from repose.dem import Contact, Simulation
 
 from .case import DIGITISED, Curve, Effort, Panel, Result, close
-from .machine import (
-    STEPS_PER_CONTACT,
-    Solid,
-    frictionless,
-    hertz_of_pair,
-    hertz_on_plane,
-    sphere_over_plane,
-    spheres,
-    steps_of_impact,
-)
+from .hertz import Solid, hertz_of_pair, hertz_on_plane
+from .machine import STEPS_PER_CONTACT, frictionless, sphere_over_plane, spheres, steps_of_impact
 
 GLASS = Solid("glass", 48e9, 0.20, 2800.0)
 LIMESTONE = Solid("limestone", 20e9, 0.25, 2500.0)

@@ -1,18 +1,15 @@
-"""Simulations that several cases share: impacts of spheres, and the reference solution of the contact law."""
+"""Simulations that several cases share: impacts of spheres, and berries."""
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from repose.dem import Contact, Material, Plane, Shape, Simulation
 from repose.dem.laws.hertz_mindlin import damping_ratio
-from repose.dem.materials import effective_moduli
 
-RIGID = 1e9  # how many times stiffer than the sphere a wall is that stands for a rigid one
+from .hertz import Solid, hertz_on_plane, rigid
+
 STEPS_PER_CONTACT = 1500  # time steps in the contact time of Hertz
 FLOOR = (0.0, 0.0, 0.0)
 UP = (0.0, 0.0, 1.0)
@@ -20,110 +17,6 @@ BERRY_M = (0.01057, 0.005685, 0.00494)  # half the mean axes of the goji berry
 BERRY_DENSITY = 840.47
 BERRY = Material(4.3e4, 0.32)
 PVC = Material(1.12e9, 0.4)
-
-
-@dataclass(frozen=True)
-class Solid:
-    """Elastic constants and density of a sphere: E [Pa], Poisson's ratio, density [kg/m3]."""
-
-    name: str
-    elastic_modulus_pa: float
-    poisson_ratio: float
-    density_kg_m3: float
-
-    @property
-    def material(self) -> Material:
-        """The engine's material: G = E / (2 (1 + nu))."""
-        return Material(self.elastic_modulus_pa / (2.0 * (1.0 + self.poisson_ratio)), self.poisson_ratio)
-
-    def sphere_mass(self, radius_m: float) -> float:
-        """Mass of a solid sphere [kg]."""
-        return self.density_kg_m3 * 4.0 / 3.0 * math.pi * radius_m**3
-
-
-@dataclass(frozen=True)
-class Hertz:
-    """Elastic impact of two spheres, or of a sphere on a plane (Johnson 1985, section 11.4).
-
-    mass, radius: the effective ones m*, R* [kg, m]; young: E* [Pa]; speed: of approach [m/s].
-    """
-
-    mass: float
-    radius: float
-    young: float
-    speed: float
-
-    @property
-    def overlap_m(self) -> float:
-        """Largest overlap: (15 m* v^2 / (16 E* sqrt(R*)))^(2/5)."""
-        return (15.0 * self.mass * self.speed**2 / (16.0 * self.young * math.sqrt(self.radius))) ** 0.4
-
-    @property
-    def force_n(self) -> float:
-        """Largest force: 4/3 E* sqrt(R*) delta^(3/2)."""
-        return 4.0 / 3.0 * self.young * math.sqrt(self.radius) * self.overlap_m**1.5
-
-    @property
-    def duration_s(self) -> float:
-        """Contact time: 2.9432 delta / v, the number being 4/5 sqrt(pi) Gamma(2/5) / Gamma(9/10)."""
-        factor = 0.8 * math.sqrt(math.pi) * math.gamma(0.4) / math.gamma(0.9)
-        return factor * self.overlap_m / self.speed
-
-    def history(self, restitution: float, count: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The damped impact from its differential equation (Tsuji 1992).
-
-        m* d2(delta)/dt2 = -F, F = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) b sqrt(S m*) d(delta)/dt, S = 2 E*
-        sqrt(R* delta), b the damping ratio; in units in which overlap, mass and speed are 1.
-
-        Parameters
-        ----------
-        restitution : float
-        count : int, optional
-            Number of times.
-
-        Returns
-        -------
-        time, overlap, force : numpy.ndarray
-            s, m, and the normal force in N.
-        """
-        damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(restitution) * math.sqrt(15.0 / 8.0)
-
-        def force(x: np.ndarray, v: np.ndarray) -> np.ndarray:
-            x = np.maximum(x, 0.0)
-            return 1.25 * x**1.5 + damping * x**0.25 * v
-
-        def parts(_t: float, state: np.ndarray) -> tuple[float, np.ndarray]:
-            return state[1], -force(state[0], state[1])
-
-        def leaves(_t: float, state: np.ndarray) -> float:
-            return state[0]
-
-        leaves.terminal, leaves.direction = True, -1  # type: ignore[attr-defined]  # so scipy wants it
-        found = solve_ivp(
-            parts, (0.0, 40.0), (0.0, 1.0), events=leaves, rtol=1e-9, atol=1e-12, dense_output=True
-        )
-        time = np.linspace(0.0, found.t[-1], count)
-        overlap, speed = found.sol(time)
-        unit_s = self.overlap_m / self.speed
-        unit_n = self.mass * self.speed**2 / self.overlap_m
-        return time * unit_s, overlap * self.overlap_m, force(overlap, speed) * unit_n
-
-
-def hertz_of_pair(solid: Solid, radius_m: float, speed_m_s: float) -> Hertz:
-    """Two equal spheres that approach with a speed."""
-    young, _ = effective_moduli(solid.material, solid.material)
-    return Hertz(0.5 * solid.sphere_mass(radius_m), 0.5 * radius_m, young, speed_m_s)
-
-
-def hertz_on_plane(solid: Solid, radius_m: float, speed_m_s: float) -> Hertz:
-    """A sphere on the wall that stands for a rigid plane."""
-    young, _ = effective_moduli(solid.material, rigid(solid.material))
-    return Hertz(solid.sphere_mass(radius_m), radius_m, young, speed_m_s)
-
-
-def rigid(material: Material) -> Material:
-    """A material that gives way to this one by one part in 1e9."""
-    return Material(RIGID * material.shear_modulus_pa, material.poisson_ratio)
 
 
 def sphere_over_plane(
@@ -140,13 +33,17 @@ def sphere_over_plane(
     Parameters
     ----------
     solid : Solid
+        Of the sphere.
     radius_m : float
+        Of the sphere.
     contact : Contact
+        Of the sphere with the plane.
     velocity_m_s : sequence of float, (3,)
         Towards the plane, z negative.
     spin_rad_s : sequence of float, (3,), optional
+        Angular velocity.
     tension, friction_limit : str, optional
-        As the simulation takes them.
+        How the contact ends, and what limits friction, see `Simulation`.
 
     Returns
     -------
@@ -181,7 +78,20 @@ def sphere_over_plane(
 
 
 def steps_of_impact(restitution: float, tension: str = "keep") -> int:
-    """Time steps after which an impact is over: a damped contact lasts longer than an elastic one."""
+    """Time steps after which an impact is over: a damped contact lasts longer than an elastic one.
+
+    Parameters
+    ----------
+    restitution : float
+        Of the contact, above 0 and at most 1.
+    tension : {"keep", "release", "cut"}, optional
+        How the contact ends, see `Simulation`.
+
+    Returns
+    -------
+    int
+        At `STEPS_PER_CONTACT` time steps in the contact time of Hertz.
+    """
     return int(STEPS_PER_CONTACT * (1.3 + 1.5 * damping_ratio(restitution, tension)))
 
 
@@ -196,7 +106,28 @@ def spheres(
     tension: str = "keep",
     friction_limit: str = "elastic",
 ) -> Simulation:
-    """Two spheres in space, each of its own solid and radius."""
+    """Two spheres in space, without gravity, each of its own solid and radius.
+
+    Parameters
+    ----------
+    solids : sequence of Solid, (2,)
+        Of the spheres.
+    radii_m : sequence of float, (2,)
+        Of the spheres.
+    contact : Contact
+        Between the spheres.
+    places_m, velocities_m_s, spins_rad_s : sequence, (2, 3)
+        Of the two centres; the last are angular velocities.
+    step_s : float
+        Time step in seconds.
+    tension, friction_limit : str, optional
+        How the contact ends, and what limits friction, see `Simulation`.
+
+    Returns
+    -------
+    Simulation
+        Of two bodies.
+    """
     names = ("a", "b")
     reach = 4.0 * max(radii_m)
     simulation = Simulation(
@@ -225,7 +156,35 @@ def berry_simulation(
     axes: tuple[float, float, float] = BERRY_M,
     **keywords: Any,
 ) -> Simulation:
-    """Berries, ellipsoids of the mean axes unless given, with walls of PVC; without gravity unless asked for."""
+    """An empty simulation of berries, with walls of PVC; without gravity unless asked for.
+
+    Parameters
+    ----------
+    contact : Contact
+        Of berries with each other and with the walls.
+    step_s : float
+        Time step in seconds.
+    capacity : int, optional
+        The most berries.
+    walls : mapping, optional
+        Walls by name, of the material "wall".
+    material : Material, optional
+        Of the berries.
+    axes : tuple of float, (3,), optional
+        Semi-axes of the ellipsoids in m; half the mean axes unless given.
+    **keywords
+        Of `Simulation`. The box reaches 0.1 m to each side unless given.
+
+    Returns
+    -------
+    Simulation
+        Its shape is named "berry".
+
+    Raises
+    ------
+    ValueError
+        If the simulator refuses a value.
+    """
     shape = Shape.ellipsoid(axes, BERRY_DENSITY, "berry")
     keywords.setdefault("gravity_m_s2", (0.0, 0.0, 0.0))
     keywords.setdefault("lower", (-0.1, -0.1, -0.1))
@@ -242,11 +201,33 @@ def berry_simulation(
 
 
 def random_direction(rng: np.random.Generator) -> np.ndarray:
-    """A uniformly random unit vector (3,)."""
+    """A uniformly random unit vector.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of the numbers.
+
+    Returns
+    -------
+    numpy.ndarray, (3,)
+        Of length 1.
+    """
     n = rng.normal(size=3)
     return n / np.linalg.norm(n)
 
 
 def frictionless(restitution: float = 1.0) -> Contact:
-    """A contact without any friction."""
+    """A contact without any friction.
+
+    Parameters
+    ----------
+    restitution : float, optional
+        Of the contact.
+
+    Returns
+    -------
+    Contact
+        Without static and rolling friction.
+    """
     return Contact(restitution, 0.0, 0.0)

@@ -1,0 +1,195 @@
+"""Reference solution of a normal impact: Hertz's law, elastic and damped."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from repose.dem import Material
+from repose.dem.laws.hertz_mindlin import damping_ratio
+from repose.dem.materials import effective_moduli
+
+RIGID = 1e9  # how many times stiffer than the sphere a wall is that stands for a rigid one
+
+
+@dataclass(frozen=True)
+class Solid:
+    """Elastic constants and density of a sphere.
+
+    Attributes
+    ----------
+    name : str
+        In the rows of a case.
+    elastic_modulus_pa : float
+        Young's modulus E.
+    poisson_ratio : float
+        Poisson's ratio.
+    density_kg_m3 : float
+        Density.
+    """
+
+    name: str
+    elastic_modulus_pa: float
+    poisson_ratio: float
+    density_kg_m3: float
+
+    @property
+    def material(self) -> Material:
+        """The engine's material: G = E / (2 (1 + nu))."""
+        return Material(self.elastic_modulus_pa / (2.0 * (1.0 + self.poisson_ratio)), self.poisson_ratio)
+
+    def sphere_mass(self, radius_m: float) -> float:
+        """Mass of a solid sphere.
+
+        Parameters
+        ----------
+        radius_m : float
+            Of the sphere.
+
+        Returns
+        -------
+        float
+            In kg.
+        """
+        return self.density_kg_m3 * 4.0 / 3.0 * math.pi * radius_m**3
+
+
+@dataclass(frozen=True)
+class Hertz:
+    """Elastic impact of two spheres, or of a sphere on a plane.
+
+    Attributes
+    ----------
+    mass : float
+        Effective mass m* in kg.
+    radius : float
+        Effective radius R* in m.
+    young : float
+        Effective modulus E* in Pa.
+    speed : float
+        Of approach, in m/s.
+
+    References
+    ----------
+    Johnson, K. L. (1985). Contact Mechanics. Cambridge University Press, section 11.4.
+    """
+
+    mass: float
+    radius: float
+    young: float
+    speed: float
+
+    @property
+    def overlap_m(self) -> float:
+        """Largest overlap in m: (15 m* v^2 / (16 E* sqrt(R*)))^(2/5)."""
+        return (15.0 * self.mass * self.speed**2 / (16.0 * self.young * math.sqrt(self.radius))) ** 0.4
+
+    @property
+    def force_n(self) -> float:
+        """Largest force in N: 4/3 E* sqrt(R*) delta^(3/2)."""
+        return 4.0 / 3.0 * self.young * math.sqrt(self.radius) * self.overlap_m**1.5
+
+    @property
+    def duration_s(self) -> float:
+        """Contact time in seconds: 2.9432 delta / v, the number being 4/5 sqrt(pi) Gamma(2/5) / Gamma(9/10)."""
+        factor = 0.8 * math.sqrt(math.pi) * math.gamma(0.4) / math.gamma(0.9)
+        return factor * self.overlap_m / self.speed
+
+    def history(self, restitution: float, count: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The damped impact from its differential equation (Tsuji 1992).
+
+        m* d2(delta)/dt2 = -F, F = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) b sqrt(S m*) d(delta)/dt, S = 2 E*
+        sqrt(R* delta), b the damping ratio; in units in which overlap, mass and speed are 1.
+
+        Parameters
+        ----------
+        restitution : float
+            Of the contact, above 0 and at most 1.
+        count : int, optional
+            Number of times.
+
+        Returns
+        -------
+        time, overlap, force : numpy.ndarray, (count,)
+            Seconds since the contact began, m, and the normal force in N.
+        """
+        damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(restitution) * math.sqrt(15.0 / 8.0)
+
+        def force(x: np.ndarray, v: np.ndarray) -> np.ndarray:
+            x = np.maximum(x, 0.0)
+            return 1.25 * x**1.5 + damping * x**0.25 * v
+
+        def parts(_t: float, state: np.ndarray) -> tuple[float, np.ndarray]:
+            return state[1], -force(state[0], state[1])
+
+        def leaves(_t: float, state: np.ndarray) -> float:
+            return state[0]
+
+        leaves.terminal, leaves.direction = True, -1  # type: ignore[attr-defined]  # so scipy wants it
+        found = solve_ivp(
+            parts, (0.0, 40.0), (0.0, 1.0), events=leaves, rtol=1e-9, atol=1e-12, dense_output=True
+        )
+        time = np.linspace(0.0, found.t[-1], count)
+        overlap, speed = found.sol(time)
+        unit_s = self.overlap_m / self.speed
+        unit_n = self.mass * self.speed**2 / self.overlap_m
+        return time * unit_s, overlap * self.overlap_m, force(overlap, speed) * unit_n
+
+
+def hertz_of_pair(solid: Solid, radius_m: float, speed_m_s: float) -> Hertz:
+    """Elastic impact of two equal spheres.
+
+    Parameters
+    ----------
+    solid : Solid
+        Of both spheres.
+    radius_m : float
+        Of both spheres.
+    speed_m_s : float
+        Of approach.
+
+    Returns
+    -------
+    Hertz
+        With m* = m / 2 and R* = R / 2.
+    """
+    young, _ = effective_moduli(solid.material, solid.material)
+    return Hertz(0.5 * solid.sphere_mass(radius_m), 0.5 * radius_m, young, speed_m_s)
+
+
+def hertz_on_plane(solid: Solid, radius_m: float, speed_m_s: float) -> Hertz:
+    """Elastic impact of a sphere on the wall that stands for a rigid plane.
+
+    Parameters
+    ----------
+    solid : Solid
+        Of the sphere.
+    radius_m : float
+        Of the sphere.
+    speed_m_s : float
+        Of approach.
+
+    Returns
+    -------
+    Hertz
+        With the mass and the radius of the sphere.
+    """
+    young, _ = effective_moduli(solid.material, rigid(solid.material))
+    return Hertz(solid.sphere_mass(radius_m), radius_m, young, speed_m_s)
+
+
+def rigid(material: Material) -> Material:
+    """A material so stiff that beside another one it counts as rigid.
+
+    Parameters
+    ----------
+    material : Material
+        The other one.
+
+    Returns
+    -------
+    Material
+        Its shear modulus is `RIGID` times larger; Poisson's ratio is the same.
+    """
+    return Material(RIGID * material.shear_modulus_pa, material.poisson_ratio)
