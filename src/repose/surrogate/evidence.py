@@ -71,7 +71,7 @@ def posterior_root(alpha: np.ndarray, beta: float, JJ: np.ndarray) -> np.ndarray
 
     Returns
     -------
-    array (N, N)
+    numpy.ndarray, (N, N)
     """
     prior_root = 1 / np.sqrt(2 * alpha)
     eigenvalues, vectors = np.linalg.eigh(2 * beta * prior_root[:, None] * JJ * prior_root)

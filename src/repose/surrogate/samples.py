@@ -22,7 +22,7 @@ def weights_from_errors(errors: np.ndarray) -> np.ndarray:
 
     Returns
     -------
-    array (samples, outputs)
+    numpy.ndarray, (samples, outputs)
     """
     known = np.where(np.isfinite(errors), errors, np.nanmax(errors, axis=0))
     variance = known**2 + np.median(known**2, axis=0)
@@ -45,7 +45,7 @@ def independent_mixing(
 
     Returns
     -------
-    array (outputs, outputs)
+    numpy.ndarray, (outputs, outputs)
         Scaled outputs times this matrix have independent noises of one variance. Its determinant is one, so the
         combinations stay about as wide as the outputs.
 

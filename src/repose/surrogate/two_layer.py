@@ -31,7 +31,7 @@ def evaluate(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
 
     Returns
     -------
-    array (samples, outputs)
+    numpy.ndarray, (samples, outputs)
     """
     a = {key: np.asarray(network[key], dtype=float) for key in (*ARRAYS, "scaled_range")}
     low, high = a["scaled_range"]
