@@ -103,8 +103,11 @@ def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Fact
     Parameters
     ----------
     rng : numpy.random.Generator
+        Source of the numbers.
     simulation : repose.dem.Simulation
+        With the berries that are there.
     factory : Factory
+        Where the new one appears.
 
     Returns
     -------

@@ -40,6 +40,7 @@ class Line(NamedTuple):
     Attributes
     ----------
     angle_deg : float
+        From the horizontal.
     ends : tuple
         Lower end and upper end, each (distance, height) in pixels.
     """

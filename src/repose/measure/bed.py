@@ -73,12 +73,15 @@ def measure_surface(
     Parameters
     ----------
     centres_m : numpy.ndarray, (N, 3)
+        In the world; the drum's axis is y.
     quaternions : numpy.ndarray, (N, 4)
         w, x, y, z, from the body to the world.
     particle : ConvexBody
+        The shape of all of them.
     radius_m : float
         Inner radius of the drum.
     mm_per_pixel : float
+        Scale of the silhouette.
     fit_share : float
         From 0 to 1.
     scales : numpy.ndarray, (N,), optional
@@ -137,6 +140,7 @@ def bed_angle(centres_m: np.ndarray) -> float:
     Parameters
     ----------
     centres_m : numpy.ndarray, (N, 3)
+        In the world; the drum's axis is y.
 
     Returns
     -------
@@ -204,6 +208,7 @@ def find_slip(
     energy_j : numpy.ndarray, (T,)
         Kinetic energy of a berry in the drum's frame.
     drop_deg, calm_energy_j : float
+        Fall of the angle that is a slip, and the energy below which it has ended.
 
     Returns
     -------

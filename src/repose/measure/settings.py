@@ -14,16 +14,12 @@ from repose.measure.profile_points import FLANK_RULES
 class MeasureSettings:
     """How a pile is measured.
 
-    Raises
-    ------
-    InputError
-        If a value is not allowed.
-
     Attributes
     ----------
     views : int
         Side views, evenly over half a turn; the other half mirrors them. From 1 to 360.
     mm_per_pixel : float
+        Scale of the silhouettes.
     response : str
         The definition that is the angle of repose, one of `DEFINITIONS`.
     fit_from, fit_to : float or str
@@ -34,6 +30,11 @@ class MeasureSettings:
         Whether only the largest connected part counts.
     flank : str
         Rule of the lines, one of `FLANK_RULES`.
+
+    Raises
+    ------
+    InputError
+        If a value is not allowed.
     """
 
     views: int = 18

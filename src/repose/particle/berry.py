@@ -59,8 +59,9 @@ def elastic_modulus(
     Parameters
     ----------
     force_n, length_m, breadth_m : float or array
+        Load, and the axes of the section across it.
     width_1_m, width_2_m : float or array
-        Before and after.
+        Extent along the load, before and after.
 
     Returns
     -------
@@ -92,6 +93,7 @@ def shear_modulus(elastic_modulus_pa: float, poisson: float) -> float:
     Parameters
     ----------
     elastic_modulus_pa, poisson : float
+        E and nu.
 
     Returns
     -------

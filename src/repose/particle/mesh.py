@@ -78,10 +78,12 @@ def stl_of(mesh: trimesh.Trimesh) -> bytes:
     Parameters
     ----------
     mesh : trimesh.Trimesh
+        In mm.
 
     Returns
     -------
     bytes
+        The binary format.
     """
     content = mesh.export(file_type="stl")
     assert isinstance(content, bytes)
@@ -94,6 +96,7 @@ def mesh_of(stl: bytes, source: object) -> trimesh.Trimesh:
     Parameters
     ----------
     stl : bytes
+        As `stl_of` gives it.
     source : object
         Named in the error.
 
@@ -150,16 +153,18 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> None:
 
 
 def principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Copy of a mesh with its centre of mass at the origin and its principal axes along x (the longest), y and
-    z.
+    """Copy of a mesh with its centre of mass at the origin and its principal axes along x (the longest), y
+    and z.
 
     Parameters
     ----------
     mesh : trimesh.Trimesh
+        In any unit.
 
     Returns
     -------
     trimesh.Trimesh
+        In the same unit.
     """
     # Ascending moments: the smallest belongs to the longest axis.
     axes = np.linalg.eigh(mesh.moment_inertia).eigenvectors.T
@@ -215,6 +220,7 @@ def sphere_directions(count: int) -> np.ndarray:
     Parameters
     ----------
     count : int
+        Number of vectors.
 
     Returns
     -------
@@ -233,6 +239,7 @@ def mesh_support(mesh: trimesh.Trimesh, n: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     mesh : trimesh.Trimesh
+        In any unit.
     n : numpy.ndarray, (N, 3)
         Unit vectors.
 

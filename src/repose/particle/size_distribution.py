@@ -22,6 +22,7 @@ def of_sizes(diameters_mm: np.ndarray) -> tuple[float, float, float]:
     Parameters
     ----------
     diameters_mm : numpy.ndarray, (N,)
+        Of single berries, at least two.
 
     Returns
     -------
@@ -94,7 +95,9 @@ def draw(rng: np.random.Generator, count: int, sd: float, low: float, high: floa
     Parameters
     ----------
     rng : numpy.random.Generator
+        Source of the numbers.
     count : int
+        Number of berries.
     sd, low, high : float
         Standard deviation and the two ends, over the mean.
 

@@ -112,11 +112,14 @@ def surface_points(mesh: trimesh.Trimesh, count: int = SURFACE_POINTS) -> tuple[
     Parameters
     ----------
     mesh : trimesh.Trimesh
+        In any unit.
     count : int, optional
+        Number of points.
 
     Returns
     -------
     points, normals : numpy.ndarray, (count, 3)
+        In the unit of the mesh; unit vectors.
     """
     cumulated = np.cumsum(mesh.area_faces)
     draws = qmc.Halton(3, scramble=False).random(count + 1)[1:]
@@ -151,12 +154,14 @@ def distances(spheres: np.ndarray, points: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     spheres : numpy.ndarray, (M, 4)
+        Centres and radii, in any unit.
     points : numpy.ndarray, (N, 3)
+        In the same unit.
 
     Returns
     -------
     numpy.ndarray, (N,)
-        Negative inside; there it is a bound.
+        In the same unit; negative inside, where it is a bound.
     """
     away = np.linalg.norm(points[:, None, :] - spheres[None, :, :3], axis=2)
     return (away - spheres[:, 3]).min(axis=1)
@@ -168,6 +173,7 @@ def union_volume(spheres: np.ndarray, box: np.ndarray, count: int = VOLUME_POINT
     Parameters
     ----------
     spheres : numpy.ndarray, (M, 4)
+        Centres and radii, in any unit.
     box : numpy.ndarray, (2, 3)
         Lower and upper corner of a box that holds most of the union.
     count : int, optional
@@ -176,6 +182,7 @@ def union_volume(spheres: np.ndarray, box: np.ndarray, count: int = VOLUME_POINT
     Returns
     -------
     float
+        In the cube of that unit.
     """
     reach = np.stack(
         [(spheres[:, :3] - spheres[:, 3:]).min(axis=0), (spheres[:, :3] + spheres[:, 3:]).max(axis=0)]
@@ -250,6 +257,7 @@ def stacking(spheres: np.ndarray, overlap: float = TYPICAL_OVERLAP) -> float:
     Parameters
     ----------
     spheres : numpy.ndarray, (M, 4)
+        Centres and radii, in any unit.
     overlap : float, optional
 
     Returns
@@ -277,6 +285,7 @@ def longest_time_step(
     particle : Particle
         A multisphere.
     shear_modulus_pa, poisson_ratio, restitution : float
+        Of the berry's material, and of its contact with the wall.
 
     Returns
     -------
@@ -303,9 +312,11 @@ def check_time_step(
     Parameters
     ----------
     particle : Particle
+        A multisphere.
     berry : mapping
         With shear_modulus_pa and poisson_ratio.
     restitution, time_step_s : float
+        Of the contact with the wall, and of the study.
     source : object, optional
         Named in the error.
 

@@ -31,6 +31,7 @@ def component_supports(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     semi_axes : numpy.ndarray, (K, 3)
+        Half axes of the components, in any unit.
     n : numpy.ndarray, (..., 3)
         Unit vectors.
 
@@ -48,6 +49,7 @@ def support(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     semi_axes : numpy.ndarray, (K, 3)
+        Half axes of the components, in any unit.
     n : numpy.ndarray, (..., 3)
         Unit vectors.
 
@@ -65,6 +67,7 @@ def support_point(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     semi_axes : numpy.ndarray, (K, 3)
+        Half axes of the components, in any unit.
     n : numpy.ndarray, (..., 3)
         Unit vectors.
 
@@ -84,6 +87,7 @@ def recognise_ellipsoid(
     Parameters
     ----------
     vertices : numpy.ndarray, (V, 3)
+        In the unit of the radius.
     radius : float
         Mean radius of the body.
     n : numpy.ndarray, (N, 3)
@@ -94,7 +98,7 @@ def recognise_ellipsoid(
     Returns
     -------
     numpy.ndarray, (1, 3), or None
-        None where there is no such ellipsoid.
+        In the unit of the radius; None where there is no such ellipsoid.
     """
     x = vertices / radius
     if len(x) < 12:
@@ -142,6 +146,7 @@ def fit_components(
     Returns
     -------
     numpy.ndarray, (K, 3)
+        In the unit of the radius, the longest component first.
     """
     best, best_rms = np.zeros((0, 3)), math.inf
     extents = measured[np.argmax(n, axis=0)]
@@ -263,6 +268,7 @@ def bounding_radius(semi_axes: np.ndarray) -> float:
     Parameters
     ----------
     semi_axes : numpy.ndarray, (K, 3)
+        Half axes of the components, in any unit.
 
     Returns
     -------

@@ -96,6 +96,7 @@ def at_most(quantity: str, unit: str, result: float, limit: float, source: str) 
     quantity, unit : str
         Name and unit of the result.
     result, limit : float
+        The two numbers, in that unit.
     source : str
         Of the limit.
 
@@ -116,6 +117,7 @@ def within(quantity: str, unit: str, result: float, low: float, high: float, sou
     quantity, unit : str
         Name and unit of the result.
     result, low, high : float
+        The number and the ends of the range, in that unit.
     source : str
         Of the range.
 
