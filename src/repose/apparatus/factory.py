@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from repose.dem.rotations import random_quaternion
 
@@ -23,16 +24,19 @@ class Factory(Protocol):
     def height_m(self) -> float:
         """Its height [m]."""
 
-    def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """A uniformly random point of the factory.
+    def draw(self, rng: np.random.Generator, n: int) -> np.ndarray:
+        """Uniformly random points of the factory.
 
         Parameters
         ----------
         rng : numpy.random.Generator
+            It draws two numbers for each point, one point after another.
+        n : int
+            How many.
 
         Returns
         -------
-        numpy.ndarray, (3,)
+        numpy.ndarray, (n, 3)
             Metres.
         """
 
@@ -50,21 +54,25 @@ class Disc:
     radius_m: float
     height_m: float
 
-    def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """A uniformly random point of the disc.
+    def draw(self, rng: np.random.Generator, n: int) -> np.ndarray:
+        """Uniformly random points of the disc.
 
         Parameters
         ----------
         rng : numpy.random.Generator
+        n : int
+            How many.
 
         Returns
         -------
-        numpy.ndarray, (3,)
+        numpy.ndarray, (n, 3)
             Metres.
         """
-        r = self.radius_m * math.sqrt(rng.random())
-        angle = 2.0 * math.pi * rng.random()
-        return np.array([r * math.cos(angle), r * math.sin(angle), self.height_m])
+        places = []
+        for radius, turn in rng.random((n, 2)).tolist():
+            r, angle = self.radius_m * math.sqrt(radius), 2.0 * math.pi * turn
+            places.append((r * math.cos(angle), r * math.sin(angle), self.height_m))
+        return np.array(places)
 
 
 @dataclass(frozen=True)
@@ -81,20 +89,22 @@ class Strip:
     half_y_m: float
     height_m: float
 
-    def draw(self, rng: np.random.Generator) -> np.ndarray:
-        """A uniformly random point of the strip.
+    def draw(self, rng: np.random.Generator, n: int) -> np.ndarray:
+        """Uniformly random points of the strip.
 
         Parameters
         ----------
         rng : numpy.random.Generator
+        n : int
+            How many.
 
         Returns
         -------
-        numpy.ndarray, (3,)
+        numpy.ndarray, (n, 3)
             Metres.
         """
-        x, y = rng.uniform(-1.0, 1.0, 2)
-        return np.array([self.half_x_m * x, self.half_y_m * y, self.height_m])
+        x, y = rng.uniform(-1.0, 1.0, (n, 2)).T
+        return np.column_stack([self.half_x_m * x, self.half_y_m * y, np.full(n, self.height_m)])
 
 
 def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Factory) -> np.ndarray | None:
@@ -114,14 +124,20 @@ def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Fact
     numpy.ndarray, (3,), or None
         Metres; None where none was found.
     """
+    place = factory.draw(rng, 1)[0]
     others = simulation.positions[simulation.present]
     reach = 2.0 * simulation.radius
     others = others[others[:, 2] > factory.height_m - reach]
-    for _ in range(PLACES_TRIED):
-        place = factory.draw(rng)
-        if not len(others) or np.min(np.sum((others - place) ** 2, axis=1)) > reach * reach:
-            return place
-    return None
+    if not len(others) or np.sum((others - place) ** 2, axis=1).min() > reach * reach:
+        return place
+    before = rng.bit_generator.state
+    places = factory.draw(rng, PLACES_TRIED - 1)
+    free = np.flatnonzero(cdist(places, others, "sqeuclidean").min(axis=1) > reach * reach)
+    if not len(free):
+        return None
+    # as if the places behind the free one had never been drawn
+    rng.bit_generator.state = before
+    return factory.draw(rng, int(free[0]) + 1)[-1]
 
 
 def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray:

@@ -1,0 +1,60 @@
+"""Where a new berry appears: the first free one of the random places, found for all of them at once."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from repose.apparatus.factory import PLACES_TRIED, Disc, Strip, free_place
+
+FACTORIES = [Disc(0.03, 0.2), Strip(0.04, 0.02, 0.2)]
+RADIUS = 0.01
+
+
+def crowd(rng, n):
+    """Berries about the factory, as much of a simulation as `free_place` sees."""
+    places = rng.uniform((-0.05, -0.05, 0.17), (0.05, 0.05, 0.24), (n, 3))
+    return SimpleNamespace(positions=places, present=rng.random(n) < 0.9, radius=RADIUS)
+
+
+def slow_place(rng, simulation, factory):
+    """The same, one place after another."""
+    for _ in range(PLACES_TRIED):
+        place = factory.draw(rng, 1)[0]
+        others = simulation.positions[simulation.present]
+        if all(np.linalg.norm(place - other) > 2.0 * RADIUS for other in others):
+            return place
+    return None
+
+
+@pytest.mark.parametrize("factory", FACTORIES)
+@pytest.mark.parametrize("berries", [0, 5, 15, 30, 60, 300])
+def test_the_place_is_the_first_free_one_and_no_other_is_drawn(factory, berries):
+    found = 0
+    for seed in range(30):
+        simulation = crowd(np.random.default_rng([seed, berries]), berries)
+        slow, fast = np.random.default_rng(seed), np.random.default_rng(seed)
+        expected, place = slow_place(slow, simulation, factory), free_place(fast, simulation, factory)
+        assert np.array_equal(place, expected)
+        assert slow.random() == fast.random()
+        found += place is not None
+    assert found == {0: 30, 300: 0}.get(berries, found)
+
+
+@pytest.mark.parametrize("factory", FACTORIES)
+def test_many_points_are_those_that_come_one_by_one(factory):
+    one, many = np.random.default_rng(3), np.random.default_rng(3)
+    assert np.array_equal(np.concatenate([factory.draw(one, 1) for _ in range(50)]), factory.draw(many, 50))
+
+
+def test_a_blocked_factory_draws_twice_and_not_for_every_place():
+    class Counting(Disc):
+        draws = 0
+
+        def draw(self, rng, n):
+            Counting.draws += 1
+            return super().draw(rng, n)
+
+    simulation = crowd(np.random.default_rng(1), 300)
+    assert free_place(np.random.default_rng(2), simulation, Counting(0.03, 0.2)) is None
+    assert Counting.draws == 2
