@@ -14,6 +14,7 @@ import pytest
 from repose.__main__ import main
 from repose.cli import FAMILIES, VERBS, parser
 from repose.core.parameters import PARAMETERS
+from repose.dem.kernels.engine import advance
 from repose.measure.angles import MEAN_KEYS
 
 ROOT = Path(__file__).parents[2]
@@ -152,6 +153,18 @@ def test_heap_pours_and_prints_its_record(short_config, tmp_path, capsys):
         assert arrays["position_7"].shape == (12, 3)
     with np.load(tmp_path / "heap" / "heap_trajectory_7.npz") as frames:
         assert frames["position"].shape == (15, 12, 3)
+
+
+def test_warm_up_compiles_what_a_pour_needs(short_config, tmp_path, capsys):
+    words = ["--config", short_config]
+    assert main(["warm_up", *words]) == 0
+    told = capsys.readouterr().out
+    assert re.match(
+        r"the engine was ready after [0-9.]+ s; its compiled code is in \S+/dem-\w{16}$", told.strip()
+    )
+    compiled = list(advance.signatures)
+    assert main(["pour", *words, "--seed", "7", "--out", str(tmp_path)]) == 0
+    assert advance.signatures == compiled
 
 
 def test_pour_and_measure_runs_are_heap_in_two_steps(short_config, tmp_path, capsys):

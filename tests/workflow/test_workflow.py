@@ -179,11 +179,11 @@ def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
     assert resolved["design"]["samples"] == 20
 
     target = ("results/quick/heaps/001.json", "--configfile", "config/quick.yaml")
-    assert set(planned(project, *target)) == {"pour", "measure_runs", "total"}
+    assert set(planned(project, *target)) == {"warm_up", "pour", "measure_runs", "total"}
     fewer = planned(project, *target, "--config", "design={samples: 25}")
-    assert set(fewer) == {"design", "pour", "measure_runs", "total"}
+    assert set(fewer) == {"design", "warm_up", "pour", "measure_runs", "total"}
     heavier = planned(project, *target, "--config", "berry={density_kg_m3: 900}")
-    assert set(heavier) == {"berry", "shape", "pour", "measure_runs", "total"}
+    assert set(heavier) == {"berry", "shape", "warm_up", "pour", "measure_runs", "total"}
 
 
 @pytest.fixture(scope="module")
@@ -227,6 +227,12 @@ def test_a_changed_measurement_measures_again_and_pours_nothing(finished, change
     assert set(jobs) - {"dataset", "validate", "drum", "film", "total"} == {*measured, *poured}
     for rule, count in (("pour", 12), ("measure_runs", 12), ("measure_validation_runs", 9)):
         assert jobs.get(rule, count) == count
+
+
+def test_an_engine_compiled_again_is_no_reason_to_pour_again(finished):
+    project, words = finished
+    for targets in (("calibration",), ("drum", "film")):
+        assert planned(project, *words, "--forcerun", "warm_up", "--", *targets)["total"] == 1
 
 
 def test_the_study_of_the_measurement_takes_the_piles_that_are_there(finished):

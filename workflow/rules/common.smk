@@ -12,6 +12,7 @@ from repose.core.errors import InputError
 from repose.core.published import published_count
 from repose.core.seeds import pour_seeds
 from repose.core.targets import Targets
+from repose.dem.cache import source_hash
 from repose.studies import rounds, shape_study
 
 # The verbs run under the Python that runs snakemake, whether its environment is activated or not.

@@ -37,6 +37,22 @@ class _Job(NamedTuple):
 
 
 @family.verb(
+    "compile the engine for a study's particle, so that runs that start together do not each compile it",
+    example="--config config/quick.yaml",
+    options=[*BERRY_AND_PARTICLE],
+)
+def warm_up(args):
+    from repose.apparatus import warm_up
+    from repose.dem.cache import folder
+
+    config = loader.load(args.config)
+    berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
+    values = parameters([], None, None, config["parameters"])
+    took_s = warm_up.warm_up(config, values, particle, berry_of)
+    print(f"the engine was ready after {took_s:.1f} s; its compiled code is in {folder()}")
+
+
+@family.verb(
     "run a bench test with one parameter set and one or more seeds; save the runs for measure_runs",
     example="--apparatus funnel --set mus_gg=0.642 --seed 1 --out results/try",
     out="results/try",

@@ -20,15 +20,20 @@ def source_hash() -> str:
     return digest.hexdigest()[:16]
 
 
-def use_cache() -> None:
-    """Point numba at a cache folder of this source version, below NUMBA_CACHE_DIR or the user's cache folder."""
-    import numba
-
+def folder() -> str:
+    """Path of the cache folder of this source version, below NUMBA_CACHE_DIR or the user's cache folder."""
     base = os.environ.get("NUMBA_CACHE_DIR") or os.path.join(
         os.environ.get("XDG_CACHE_HOME") or os.path.join(os.path.expanduser("~"), ".cache"), "repose"
     )
+    return os.path.join(base, f"dem-{source_hash()}")
+
+
+def use_cache() -> None:
+    """Point numba at the cache folder."""
+    import numba
+
     # numba makes its settings when it is imported, so their types are not seen.
-    setattr(numba.config, "CACHE_DIR", os.path.join(base, f"dem-{source_hash()}"))  # noqa: B010
+    setattr(numba.config, "CACHE_DIR", folder())  # noqa: B010
 
 
 use_cache()

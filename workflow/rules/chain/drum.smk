@@ -13,6 +13,7 @@ rule turn:
         samples=rules.solutions.output.solutions,
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
+        ready=ancient(rules.warm_up.output.ready),
     output:
         result=f"{RESULTS}/drum/turn_{{seed}}.json",
         states=f"{RESULTS}/drum/turn_{{seed}}.npz",

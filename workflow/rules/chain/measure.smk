@@ -39,6 +39,7 @@ use rule pour as trajectory with:
         samples=rules.solutions.output.solutions,
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
+        ready=ancient(rules.warm_up.output.ready),
     output:
         trajectory=f"{RESULTS}/film/{REPRESENTATIVE}_trajectory_{FILM_SEED}.npz",
     log:

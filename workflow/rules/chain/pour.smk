@@ -13,6 +13,7 @@ rule pour:
         samples=rules.design.output.samples,
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
+        ready=ancient(rules.warm_up.output.ready),
     output:
         pours=f"{RESULTS}/{{runs}}/{{sample}}.pours.json",
         berries=f"{RESULTS}/{{runs}}/{{sample}}.npz",

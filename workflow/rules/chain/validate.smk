@@ -39,6 +39,7 @@ use rule pour as validation_pour with:
         samples=rules.solutions.output.solutions,
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
+        ready=ancient(rules.warm_up.output.ready),
     output:
         pours=f"{RESULTS}/validation/{{runs}}/{{sample}}.pours.json",
         berries=f"{RESULTS}/validation/{{runs}}/{{sample}}.npz",

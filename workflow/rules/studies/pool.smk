@@ -42,6 +42,7 @@ use rule pour as pool_pour with:
         ),
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
+        ready=ancient(rules.warm_up.output.ready),
     output:
         pours=f"{POOL}/{{runs}}/{{points}}/{{sample}}.pours.json",
         berries=f"{POOL}/{{runs}}/{{points}}/{{sample}}.npz",

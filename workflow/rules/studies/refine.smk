@@ -126,6 +126,7 @@ use rule pour as refine_pour with:
         samples=rules.refine_propose.output.proposal,
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
+        ready=ancient(rules.warm_up.output.ready),
     output:
         pours=f"{REFINED}/round_{{round}}/{{runs}}/{{job}}.pours.json",
         berries=f"{REFINED}/round_{{round}}/{{runs}}/{{job}}.npz",

@@ -1,0 +1,24 @@
+# The engine is compiled once, before the first run, and its time is seen in the log and the benchmark. The compiled code
+# lies in numba's cache, not among the results. So runs wait for this rule, and take its being new for no reason to run
+# again.
+rule warm_up:
+    input:
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+    output:
+        ready=touch(f"{RESULTS}/berry/engine_is_compiled"),
+    log:
+        f"{RESULTS}/logs/warm_up.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/warm_up.tsv"
+    threads: 1
+    resources:
+        mem_mb=900,
+    params:
+        config=CONFIG,
+        engine=source_hash(),
+    message:
+        "Compiling the engine"
+    shell:
+        "python -m repose warm_up --config {params.config} --berry {input.berry} --particle {input.particle}"
+        " > {log} 2>&1"
