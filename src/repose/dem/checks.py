@@ -52,6 +52,16 @@ def vector(name: str, value: Any, length: int = 3) -> np.ndarray:
     return array(name, value, (length,), f"{words} finite numbers")
 
 
+def box(lower: Any, upper: Any) -> tuple[np.ndarray, np.ndarray]:
+    """The corners of a box, each (3,)."""
+    corners = vector("lower", lower), vector("upper", upper)
+    if not np.all(corners[0] < corners[1]):
+        raise ValueError(
+            f"lower is {lower!r}, upper {upper!r}; allowed: lower below upper in every direction"
+        )
+    return corners
+
+
 def array(name: str, value: Any, shape: tuple[int, ...], allowed: str) -> np.ndarray:
     """Finite numbers of a shape as an array."""
     numbers: np.ndarray | None

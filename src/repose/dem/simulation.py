@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from . import contact_lists, running, time_steps
 from .body_rows import checked_body, write_body
-from .checks import chosen, height, is_number, mapping, number, positive, vector, whole_number
-from .contact_table import constants_of, number_materials, pairs_of
+from .checks import box, chosen, height, is_number, mapping, number, positive, vector, whole_number
+from .contact_table import fields_of_laws, number_materials, pairs_of
 from .io import checkpoint as checkpoints
 from .kernels import clumps as cl
 from .kernels import features, parallel
@@ -106,18 +106,10 @@ class Simulation(Observables):
         self.shapes = mapping("shapes", shapes, Shape | Clump, "Shape or Clump")
         self.materials = mapping("materials", materials, Material, "Material")
         self._of_clumps = are_clumps(self.shapes)
-        chosen("tension", tension, TENSIONS)
-        chosen("friction_limit", friction_limit, FRICTION_LIMITS)
-        self.tension, self.friction_limit = tension, friction_limit
-        self.contact_law = chosen("contact_law", contact_law, CONTACT_LAWS)
-        self.rolling_law = chosen("rolling_law", rolling_law, ROLLING_LAWS)
+        self._choose_laws(contact_law, rolling_law, tension, friction_limit)
         self.capacity = whole_number("capacity", capacity, 1)
         self.largest_scale = positive("largest_scale", largest_scale)
-        self.lower, self.upper = vector("lower", lower), vector("upper", upper)
-        if not np.all(self.lower < self.upper):
-            raise ValueError(
-                f"lower is {lower!r}, upper {upper!r}; allowed: lower below upper in every direction"
-            )
+        self.lower, self.upper = box(lower, upper)
         self.radius = self.largest_scale * max(shape.bounding_radius_m for shape in self.shapes.values())
         self.wall_set = WallSet({} if walls is None else walls)
         self.contact_pairs = pairs_of(contacts, self.materials)
@@ -127,17 +119,14 @@ class Simulation(Observables):
         dt = number("time_step_s", time_step_s, f"above 0, at most {limit:.3g}", lambda dt: 0.0 < dt <= limit)
         parts = 0 if self._of_clumps else max(len(shape.semi_axes_m) for shape in self.shapes.values())
         self._make_arrays(parts)
-        of_pairs = self._numbers, self.materials, self.contact_pairs, tension
+        several = len(self._numbers.of_bodies) > 1
+        laws = self.contact_law, self.rolling_law, tension, friction_limit
         self.physics = st.Physics(
             parts=parts,
             gravity=vector("gravity_m_s2", gravity_m_s2),
-            law=self.contact_law.make_options(tension, friction_limit),
-            rolling=self.rolling_law.make_options(tension, friction_limit),
-            law_constants=constants_of(self.contact_law, *of_pairs),
-            rolling_constants=constants_of(self.rolling_law, *of_pairs),
-            n_state=self.contact_law.n_state,
-            mixed_pairs=len(self._numbers.of_bodies) > 1,
-            mixed_walls=len(self._numbers.of_bodies) > 1 or len(set(of_walls)) > 1,
+            **fields_of_laws(*laws, self._numbers, self.materials, self.contact_pairs),
+            mixed_pairs=several,
+            mixed_walls=several or len(set(of_walls)) > 1,
             dt=dt,
             rolling_frame=np.zeros(3),
             exit_height=height("exit_height_m", exit_height_m),
@@ -145,6 +134,14 @@ class Simulation(Observables):
             floor_height=height("floor_height_m", floor_height_m),
         )
         self.threads = threads
+
+    def _choose_laws(self, contact_law: str, rolling_law: str, tension: str, friction_limit: str) -> None:
+        """Keep the force laws of these names and their options, or ValueError."""
+        chosen("tension", tension, TENSIONS)
+        chosen("friction_limit", friction_limit, FRICTION_LIMITS)
+        self.tension, self.friction_limit = tension, friction_limit
+        self.contact_law = chosen("contact_law", contact_law, CONTACT_LAWS)
+        self.rolling_law = chosen("rolling_law", rolling_law, ROLLING_LAWS)
 
     def _make_arrays(self, parts: int) -> None:
         """Make the arrays of bodies, walls and contacts, all of them empty; parts: most ellipsoids of a shape."""
