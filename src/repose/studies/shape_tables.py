@@ -244,30 +244,31 @@ def noise_table(runs: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
     for (particle, filling), group in runs.groupby(["particle", "filling"], sort=False):
         for response, column in columns.items():
             by_set = [one[column].dropna().to_numpy() for _, one in group.groupby("set")]
-            by_set = [values for values in by_set if len(values) > 1]
-            signal, noise = _signal_and_noise(by_set)
-            left_out = [_ratio(by_set[:k] + by_set[k + 1 :]) for k in range(len(by_set))]
-            spread = (len(by_set) - 1) * np.var(left_out) if by_set else math.nan
-            found = (signal, noise, _ratio(by_set), math.sqrt(spread), len(by_set))
+            moments = [
+                (values.var(ddof=1), values.mean(), len(values)) for values in by_set if len(values) > 1
+            ]
+            sets = np.array(moments).reshape(-1, 3)
+            signal, noise = _signal_and_noise(sets)
+            left_out = [_ratio(np.delete(sets, k, axis=0)) for k in range(len(sets))]
+            spread = (len(sets) - 1) * np.var(left_out) if moments else math.nan
+            found = (signal, noise, _ratio(sets), math.sqrt(spread), len(sets))
             rows.append((particle, filling, response, *found))
     return pd.DataFrame(rows, columns=list(NOISE_COLUMNS))
 
 
-def _signal_and_noise(by_set):
-    """Standard deviations of the true means and of single runs, from the runs of each set."""
-    if len(by_set) < 3:
+def _signal_and_noise(sets):
+    """Standard deviations of the true means and of single runs, from variance, mean and number of runs of each set."""
+    if len(sets) < 3:
         return math.nan, math.nan
-    within = np.average(
-        [values.var(ddof=1) for values in by_set], weights=[len(values) - 1 for values in by_set]
-    )
-    between = np.var([values.mean() for values in by_set], ddof=1)
-    added = within * np.mean([1 / len(values) for values in by_set])
-    return math.sqrt(max(between - added, 0.0)), math.sqrt(within)
+    variance, mean, count = sets.T
+    within = np.average(variance, weights=count - 1)
+    added = within * np.mean(1 / count)
+    return math.sqrt(max(np.var(mean, ddof=1) - added, 0.0)), math.sqrt(within)
 
 
-def _ratio(by_set):
+def _ratio(sets):
     """Signal over noise, NaN without noise."""
-    signal, noise = _signal_and_noise(by_set)
+    signal, noise = _signal_and_noise(sets)
     return signal / noise if noise else math.nan
 
 
