@@ -78,6 +78,7 @@ def ensembles():
     return {name: np.array(values) for name, values in found.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", REFERENCES)
 def test_ensembles_agree_with_the_reference_values(ensembles, name):
     _, n, aor, aor_sd, height, height_sd = REFERENCES[name]
