@@ -14,15 +14,17 @@ importlib.import_module("repose.apparatus")  # makes the responses known by name
 # Tests that run the engine stay on one worker, so that its kernels are compiled once.
 ENGINE = tuple(f"tests/{room}/" for room in ("apparatus", "cli", "dem", "verification"))
 # Clumps have kernels of their own, which the other worker compiles in the meantime.
-OWN_KERNELS = ("tests/dem/test_clumps.py",)
+CLUMPS = "tests/dem/test_clumps"
 
 
 class ByKernels(LoadScopeScheduling):
-    """Workers take whole groups: the tests of the engine, or those of one file."""
+    """Workers take whole groups: the tests of the engine, those of clumps, or those of one file."""
 
     def _split_scope(self, nodeid):
         path = nodeid.split("::")[0]
-        return "engine" if path.startswith(ENGINE) and path not in OWN_KERNELS else path
+        if path.startswith(CLUMPS):
+            return "clumps"
+        return "engine" if path.startswith(ENGINE) else path
 
 
 @pytest.hookimpl(optionalhook=True)

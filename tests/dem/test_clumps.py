@@ -1,4 +1,4 @@
-"""Clumps of spheres: a clump of one is a sphere, contacts are those of all pairs of spheres, nothing is created."""
+"""Clumps of spheres: contacts are those of all pairs of spheres, nothing is created."""
 
 import itertools
 import math
@@ -6,20 +6,18 @@ import math
 import numpy as np
 import pytest
 import trimesh
+from dem.clump_scenes import BENT, BENT_INERTIA, CONE, FLOOR, FUNNEL, MASS, RADIUS, ball_of_one, bent, scene
 from dem.common import DENSITY, GOJI, PVC, random_direction
 from oracles import rotation
 
-from repose.apparatus.funnel_geometry import Funnel
 from repose.dem import (
     Clump,
-    Cone,
     Contact,
     Cylinder,
     Mesh,
     Motion,
     Plane,
     Recorder,
-    RingEdge,
     Shape,
     Simulation,
     random_quaternion,
@@ -28,118 +26,6 @@ from repose.dem import (
 from repose.dem.kernels import state as st
 from repose.dem.kernels.clumps import new_sphere_pairs
 from repose.dem.tessellation import tessellate, triangulated_bodies
-
-RADIUS = 0.006
-FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)
-BALL_MASS = DENSITY * 4.0 / 3.0 * math.pi * RADIUS**3
-# a bent body of five spheres of three sizes, none of them in its centre
-BENT = np.array(
-    [
-        [-8.0, -1.5, 0.0, 3.0],
-        [-4.0, 0.8, 0.5, 4.0],
-        [0.5, 1.9, -0.5, 4.0],
-        [4.5, 0.6, 0.6, 3.5],
-        [8.0, -1.8, 0.0, 2.5],
-    ]
-) * 1e-3  # fmt: skip
-BENT_INERTIA = np.array([1.0e-8, 3.5e-8, 3.6e-8])
-MASS = 1.0e-3
-FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")
-CONE = Cone.between((0.0, 0.0, 0.03), (0.0, 0.0, 1.0), 0.09, 0.016, 0.07, "wall")
-
-
-def bent(material="body"):
-    return Clump(BENT, MASS, BENT_INERTIA, material)
-
-
-def ball_of_one(radius=RADIUS, material="body"):
-    """A sphere as a clump."""
-    solid = Shape.sphere(radius, DENSITY, material)
-    return Clump([[0.0, 0.0, 0.0, radius]], solid.mass_kg, solid.inertia_kg_m2, material)
-
-
-def scene(shapes, contact=None, walls=None, dt=1e-5, capacity=2, gravity=(0.0, 0.0, 0.0), **keywords):
-    """A simulation of named shapes of material "body" among walls of material "wall"."""
-    contact = contact or Contact(0.3, 0.5, 0.02)
-    keywords.setdefault("lower", (-0.1, -0.1, -0.1))
-    keywords.setdefault("upper", (0.1, 0.1, 0.2))
-    laws = {("body", "body"): contact, ("body", "wall"): contact}
-    materials = {"body": GOJI, "wall": PVC}
-    return Simulation(
-        shapes, materials, laws, dt, capacity=capacity, walls=walls, gravity_m_s2=gravity, **keywords
-    )
-
-
-def both(**keywords):
-    """The same scene of a sphere and of a clump of one."""
-    return [
-        scene({"body": shape}, **keywords) for shape in (Shape.sphere(RADIUS, DENSITY, "body"), ball_of_one())
-    ]
-
-
-def compare(pair, steps, rounds, tolerance=1e-9):
-    """Run two simulations; their states have to agree relative to how far and how fast bodies moved."""
-    for _ in range(rounds):
-        start = pair[0].positions.copy()
-        for s in pair:
-            s.run_steps(steps)
-        for name in ("positions", "velocities", "angular_velocities"):
-            a, b = (getattr(s, name) for s in pair)
-            size = np.abs(a - start if name == "positions" else a).max()
-            assert np.abs(a - b).max() <= tolerance * size, name
-
-
-def test_a_clump_of_one_falls_and_rests_as_a_sphere():
-    pair = both(walls={"floor": FLOOR}, gravity=(0.0, 0.0, -9.81), dt=2e-5)
-    for s in pair:
-        s.add(
-            "body", (0.0, 0.0, 0.02), velocity_m_s=(0.3, 0.0, -0.5), angular_velocity_rad_s=(5.0, 20.0, 3.0)
-        )
-    compare(pair, 500, 20)
-
-
-def test_a_clump_of_one_hits_obliquely_as_a_sphere():
-    pair = both(dt=1e-6)
-    for s in pair:
-        s.add(
-            "body",
-            (-0.0061, 0.0, 0.0),
-            velocity_m_s=(0.5, 0.1, 0.0),
-            angular_velocity_rad_s=(3.0, -9.0, 20.0),
-        )
-        s.add("body", (0.0061, 0.003, 0.001), velocity_m_s=(-0.5, 0.0, 0.2))
-    compare(pair, 1000, 20)
-    assert np.abs(pair[1].angular_velocities[1]).max() > 1.0
-
-
-@pytest.mark.parametrize("kind", ["disc", "cone", "tilted tube", "edge", "mesh", "moving"])
-def test_clumps_of_one_pile_up_among_walls_as_spheres(kind):
-    wedge = trimesh.creation.box((0.08, 0.08, 0.02))
-    walls = {
-        "disc": {"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", 0.03)},
-        "cone": {"cone": CONE, "floor": FLOOR},
-        "tilted tube": {"tube": Cylinder((0.0, 0.0, 0.02), (0.1, 0.05, 1.0), 0.1, 0.03, "wall"), "floor": FLOOR},
-        "edge": {"edge": RingEdge(0.014, 0.002, "wall", ((0.0, -1.0), (0.0, -1.0)), 0.02), "floor": FLOOR},
-        "mesh": {"block": Mesh(np.array(wedge.vertices), np.array(wedge.faces), "wall", 1e-3)},
-        "moving": {
-            "floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", motion=Motion((0.05, 0.0, 0.1))),
-            "drum": Cylinder((0, 0, -0.1), (0, 0, 1), 0.4, 0.04, "wall", motion=Motion((0, 0, 0), (0, 0, 5))),
-        },
-    }[kind]  # fmt: skip
-    pair = both(walls=walls, gravity=(0.0, 0.0, -9.81), dt=5e-6, capacity=12, floor_height_m=-0.05)
-    rng = np.random.default_rng(4)
-    for k in range(12):
-        x, y = 0.0135 * (np.array(divmod(k % 4, 2)) - 0.5) + 1e-3 * rng.random(2)
-        place, velocity = (x, y, 0.04 + 0.0135 * (k // 4)), 0.1 * rng.normal(size=3) - (0.0, 0.0, 0.5)
-        for s in pair:
-            s.add("body", place, velocity_m_s=velocity)
-    # the smooth body's contact is an expansion, whose error falls with the square of the step; hits amplify it
-    touched = 0
-    for _ in range(20):
-        compare(pair, 1000, 1, 1e-5)
-        touched += s.counts[st.N_PLANE] + s.counts[st.N_CURVED] + s.counts[st.N_MESHED]
-        assert np.array_equal(*(s.contacts() for s in pair))
-    assert touched > 20
 
 
 def all_spheres(s):

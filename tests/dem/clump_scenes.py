@@ -1,0 +1,56 @@
+"""Clumps, walls and simulations that the tests of clumps share."""
+
+import math
+
+import numpy as np
+from dem.common import DENSITY, GOJI, PVC
+
+from repose.apparatus.funnel_geometry import Funnel
+from repose.dem import (
+    Clump,
+    Cone,
+    Contact,
+    Plane,
+    Shape,
+    Simulation,
+)
+
+RADIUS = 0.006
+FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)
+BALL_MASS = DENSITY * 4.0 / 3.0 * math.pi * RADIUS**3
+# a bent body of five spheres of three sizes, none of them in its centre
+BENT = np.array(
+    [
+        [-8.0, -1.5, 0.0, 3.0],
+        [-4.0, 0.8, 0.5, 4.0],
+        [0.5, 1.9, -0.5, 4.0],
+        [4.5, 0.6, 0.6, 3.5],
+        [8.0, -1.8, 0.0, 2.5],
+    ]
+) * 1e-3  # fmt: skip
+BENT_INERTIA = np.array([1.0e-8, 3.5e-8, 3.6e-8])
+MASS = 1.0e-3
+FLOOR = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")
+CONE = Cone.between((0.0, 0.0, 0.03), (0.0, 0.0, 1.0), 0.09, 0.016, 0.07, "wall")
+
+
+def bent(material="body"):
+    return Clump(BENT, MASS, BENT_INERTIA, material)
+
+
+def ball_of_one(radius=RADIUS, material="body"):
+    """A sphere as a clump."""
+    solid = Shape.sphere(radius, DENSITY, material)
+    return Clump([[0.0, 0.0, 0.0, radius]], solid.mass_kg, solid.inertia_kg_m2, material)
+
+
+def scene(shapes, contact=None, walls=None, dt=1e-5, capacity=2, gravity=(0.0, 0.0, 0.0), **keywords):
+    """A simulation of named shapes of material "body" among walls of material "wall"."""
+    contact = contact or Contact(0.3, 0.5, 0.02)
+    keywords.setdefault("lower", (-0.1, -0.1, -0.1))
+    keywords.setdefault("upper", (0.1, 0.1, 0.2))
+    laws = {("body", "body"): contact, ("body", "wall"): contact}
+    materials = {"body": GOJI, "wall": PVC}
+    return Simulation(
+        shapes, materials, laws, dt, capacity=capacity, walls=walls, gravity_m_s2=gravity, **keywords
+    )
