@@ -101,6 +101,7 @@ def place_near(rng, solid, q):
     return target + 0.08 * direction
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solid", [cube, l_shape])
 def test_gaps_and_normals_are_those_of_a_dense_search(solid):
     """The wall is what lies within the edge radius of the solid with its faces that much deeper."""
@@ -150,6 +151,7 @@ def test_a_berry_on_a_tessellated_plane_moves_as_on_a_plane():
     assert np.abs(tracks[1] - tracks[0]).max() < 1e-9
 
 
+@pytest.mark.slow
 def test_random_hits_of_a_cube_create_no_energy():
     """A body as long as a berry thrown at faces, edges and corners, spinning."""
     rng = np.random.default_rng(31)
