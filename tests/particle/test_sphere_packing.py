@@ -61,6 +61,47 @@ def test_a_rough_surface_has_bumps(goji, clump):
     assert np.all(rough.support(n) < 1e-3 * (n @ goji.vertices.T).max(axis=1) + 5e-5)
 
 
+@pytest.mark.parametrize("surface", ["smooth", "rough_full"])
+def test_the_fewest_spheres_are_near_volume_and_minor_axis(goji, surface):
+    particle = build.make_particle(goji, 840.47, "multisphere", "fewest", surface)
+    count = len(particle.spheres_m)
+    assert 14 <= count <= 60
+    assert particle.volume_m3 == pytest.approx(1e-9 * goji.volume, rel=0.02)
+    assert particle.axes_m[2] == pytest.approx(9.88e-3, rel=0.03 + 1e-6)
+    # one sphere less is too far off, grown to the volume or to the longest minor axis that is allowed
+    filling = sphere_packing._Filling(goji, surface)
+    less = filling.placed(count - 1)
+    room = 1.03 * 9.88 - sphere_packing._extent(less, 2)
+    full = filling.grown(count - 1)
+    assert sphere_packing._extent(full, 2) > 1.03 * 9.88
+    less[:, 3] += room / 2
+    assert sphere_packing.union_volume(less, filling.box) < 0.98 * goji.volume
+
+
+def test_full_rough_spheres_hold_the_meshs_volume(goji):
+    rough = build.make_particle(goji, 840.47, "multisphere", 40, "rough")
+    full = build.make_particle(goji, 840.47, "multisphere", 40, "rough_full")
+    assert full.volume_m3 == pytest.approx(1e-9 * goji.volume, rel=2e-3)
+    assert rough.volume_m3 < 0.9 * full.volume_m3
+    assert np.ptp(full.spheres_m[:, 3]) < 1e-9
+    np.testing.assert_allclose(full.spheres_m[:, :3], rough.spheres_m[:, :3])
+
+
+def test_a_rough_surface_from_inside_never_holds_enough(goji):
+    with pytest.raises(
+        InputError, match="no union of 14 to 60 rough spheres is within 2% of the mesh's volume"
+    ):
+        sphere_packing.pack(goji, "fewest", "rough")
+
+
+def test_the_volume_of_a_union_with_sixteen_times_the_points(goji):
+    box = np.stack([goji.vertices.min(axis=0), goji.vertices.max(axis=0)])
+    for surface in ("smooth", "rough"):
+        spheres = 1e3 * sphere_packing.pack(goji, 40, surface).spheres_m
+        more = sphere_packing.union_volume(spheres, box, 16 * sphere_packing.VOLUME_POINTS)
+        assert sphere_packing.union_volume(spheres, box) == pytest.approx(more, rel=2e-3)
+
+
 def test_moments_of_a_mesh_are_those_of_an_ellipsoid():
     a, b, c = 10e-3, 6e-3, 4e-3
     body = body_of(ellipsoid_mesh([20.0, 12.0, 8.0], 5), 800.0)

@@ -11,6 +11,7 @@ CONFIG = {
     "compare_search": {"tolerance": 0.01},
     "shape_study": {
         "particles": dict.fromkeys(("ellipsoid", "rough_spheres")),
+        "tensions": ["keep", "cut"],
         "fillings": dict.fromkeys(("open_cone", "lying")),
     },
     "berry": {"spheres": 14, "surface": "smooth"},

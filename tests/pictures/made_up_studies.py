@@ -1,5 +1,6 @@
 """Made-up inputs of the studies' figures: smooth numbers in the workflow's columns."""
 
+import itertools
 import json
 
 import numpy as np
@@ -8,10 +9,10 @@ from made_up_config import CONFIG, RANGES
 
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
-from repose.measure.angles import DEFINITIONS
 from repose.pictures.figures import inversion
 from repose.studies import noise
 from repose.studies.comparison.search import REFERENCE
+from repose.studies.shape_piles import COLUMNS
 
 
 def write(folder, rng):
@@ -68,18 +69,16 @@ def _pool_comparisons(folder):
 
 def _representations(folder):
     """Two tables of a shape study in which every combination is off by its own distance."""
-    section, rows = CONFIG["shape_study"], []
-    for i, particle in enumerate(section["particles"]):
-        for j, filling in enumerate(section["fillings"]):
-            for k, definition in enumerate(DEFINITIONS):
-                row = {
-                    "particle": particle,
-                    "filling": filling,
-                    "definition": definition,
-                    "distance": 1.0 + i,
-                }
-                row |= {"aor_difference_deg": i - 2.0 + 3 * k, "height_difference_mm": 4.0 * j - 6.0}
-                rows.append(row | {"aor_se_deg": 0.2, "height_se_mm": 0.5})
+    study, rows = CONFIG["shape_study"], []
+    ways = itertools.product(study["particles"], study["tensions"], study["fillings"], COLUMNS)
+    for k, (particle, tension, filling, definition) in enumerate(ways):
+        row = {"particle": particle, "tension": tension, "filling": filling, "definition": definition}
+        row |= {
+            "distance": 1.0 + k % 2,
+            "aor_difference_deg": k % 7 - 2.0,
+            "height_difference_mm": k % 5 - 6.0,
+        }
+        rows.append(row | {"aor_se_deg": 0.2, "height_se_mm": 0.5})
     pd.DataFrame(rows).to_csv(folder / "combinations.csv", index=False)
     sets = pd.DataFrame({"kind": "published", "definition": "secant", "set": ["2", "15"]})
     sets["aor_deg"], sets["aor_difference_deg"] = [33.0, 32.0], [-0.7, -0.2]

@@ -10,8 +10,8 @@ from matplotlib.text import Text
 
 from repose.core.parameters import PARAMETERS
 from repose.core.responses import derived, response
-from repose.measure.angles import DEFINITIONS
 from repose.pictures.figures import representations, search, style
+from repose.studies.shape_piles import COLUMNS
 
 SETS = (
     ("height_mm",),
@@ -23,7 +23,11 @@ SETS = (
 def config_of(names):
     known = {"value": 50.0, "sd": 2.0, "repetitions": 4, "range": [48.0, 52.0]}
     parameters = {name: [0.0, 1.0] for name in PARAMETERS} | {"mus_gp": {"fixed": 0.5}}
-    study = {"particles": {"egg": {}, "clump": {}}, "fillings": {"here": {}, "there": {}}}
+    study = {
+        "particles": {"egg": {}, "clump": {}},
+        "tensions": ["keep"],
+        "fillings": {"here": {}, "there": {}},
+    }
     targets = [{"response": name} | known for name in names]
     return {"targets": targets, "parameters": parameters, "shape_study": study}
 
@@ -58,8 +62,8 @@ def test_the_shape_study_is_drawn_for_its_targets(names, tmp_path):
     rows, sets = [], []
     for particle in ("egg", "clump"):
         for filling in ("here", "there"):
-            for definition in DEFINITIONS:
-                row = {"particle": particle, "filling": filling, "definition": definition}
+            for definition in COLUMNS:
+                row = {"particle": particle, "tension": "keep", "filling": filling, "definition": definition}
                 numbers = {derived(name, "difference"): 1.0 for name in names}
                 rows.append(row | numbers | {response(name).error: 0.2 for name in names})
                 rows[-1]["distance"] = math.sqrt(len(names))
@@ -72,7 +76,7 @@ def test_the_shape_study_is_drawn_for_its_targets(names, tmp_path):
             {"combinations": tmp_path / "c.csv", "sets": tmp_path / "s.csv"}, config_of(names)
         )
         style.save(figure, tmp_path / "a.png", small_run=False)
-    assert figure.axes[2].get_xlabel() == f"{response(names[0]).label} ({response(names[0]).unit})"
+    assert figure.axes[4].get_xlabel() == f"{response(names[0]).label} ({response(names[0]).unit})"
     up = "distance (–)" if len(names) == 1 else "Height (mm)"
     assert figure.axes[0].get_ylabel() == up
-    assert [panel.get_title(loc="left") for panel in figure.axes] == list(DEFINITIONS)
+    assert [panel.get_title(loc="left") for panel in figure.axes] == list(COLUMNS)

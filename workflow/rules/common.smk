@@ -5,6 +5,8 @@ import os
 import shlex
 import sys
 
+import pandas
+
 from repose.apparatus import bench, names
 from repose.config import loader
 from repose.core import places
@@ -13,7 +15,7 @@ from repose.core.published import published_count
 from repose.core.seeds import pour_seeds
 from repose.core.targets import Targets
 from repose.dem.cache import source_hash
-from repose.studies import rounds, shape_study
+from repose.studies import rounds, shape_cells
 
 # The verbs run under the Python that runs snakemake, whether its environment is activated or not.
 shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; ")
@@ -99,12 +101,3 @@ def validation_seeds(wildcards):
     """Pours of a solution; our representative one gets more."""
     ours = wildcards.sample == OURS[0]
     return config["validation"]["representative_seeds" if ours else "seeds"]
-
-
-def cells_of_the_study(wildcards):
-    """Runs of every cell; the study's own keys are checked here, when someone asks for the study."""
-    try:
-        shape_study.check(config)
-    except InputError as error:
-        sys.exit(f"repose: error: {error}")
-    return expand(rules.shape_cell.output.runs, cell=CELLS)

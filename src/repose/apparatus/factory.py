@@ -176,7 +176,7 @@ def fill(
     run_to: Callable[[int], None],
     scales: Sequence[float] | np.ndarray | None = None,
 ) -> None:
-    """Add the berries of a bench test one by one, at rest.
+    """Add the berries of a bench test one by one, at rest or with the speed of a fall.
 
     A berry appears where it cannot touch another one. Where no such place is found the factory waits a time step.
 
@@ -188,7 +188,8 @@ def fill(
         Where they appear.
     section : mapping
         Of the bench test in the configuration: ``berries`` (how many), ``rate_per_s`` (how many in a second) and, if
-        they are not to lie at random, ``orientation``, see `random_orientation`.
+        they are not to lie at random, ``orientation``, see `random_orientation`; if they are not to start at rest,
+        ``speed_m_s``, down.
     seed : int
         Of the places and orientations.
     last_step : int
@@ -199,6 +200,7 @@ def fill(
         Sizes (berries,) relative to the shape; by default 1.
     """
     rng, orientation = np.random.default_rng(seed), section.get("orientation", "random")
+    down = (0.0, 0.0, -section.get("speed_m_s", 0.0))
     for k in range(section["berries"]):
         due = round(k / section["rate_per_s"] / simulation.time_step_s)
         if due >= last_step:
@@ -211,4 +213,4 @@ def fill(
         if place is None:
             return
         scale = 1.0 if scales is None else scales[k]
-        simulation.add("berry", place, random_orientation(orientation, rng), scale=scale)
+        simulation.add("berry", place, random_orientation(orientation, rng), down, scale=scale)

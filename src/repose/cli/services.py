@@ -24,12 +24,12 @@ family = Family()
     options=[JSON],
 )
 def bench(args: argparse.Namespace) -> None:
-    from repose.studies import shape_study
+    from repose.studies import shape_cells
     from repose.verification import speed
 
     config, particles = loader.load(args.config), {}
     for name, changes in config["shape_study"]["particles"].items():
-        changed = shape_study.changed(config, "berry", changes)
+        changed = shape_cells.changed(config, "berry", changes)
         berry_of, particles[name] = berry_and_particle(changed, args.config)
     result = speed.run(config, particles, berry_of, published.representative())
     print(json.dumps(result, indent=1) if args.json else speed.message(result))

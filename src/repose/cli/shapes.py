@@ -1,4 +1,4 @@
-"""Verbs of the shape study: particles, fillings and definitions of the angle."""
+"""Verbs of the shape study: particles, tensions, fillings and definitions of the angle."""
 
 from repose.cli.options import BERRY, SAMPLES
 from repose.cli.registry import Family, Option
@@ -8,30 +8,45 @@ family = Family()
 
 
 @family.verb(
-    "pour and measure one combination of particle and filling at the published or the designed parameters",
-    example="--cell published-smooth-open_cone",
+    "pour and measure one combination of particle, tension and filling, or fill a measuring cylinder",
+    example="--cell published-smooth-keep-open_cone",
     out="results/shape/cells",
     options=[
-        Option("--cell", required=True, help="KIND-PARTICLE-FILLING of the section shape_study"),
+        Option("--cell", required=True, help="KIND-PARTICLE-TENSION-FILLING of the section shape_study"),
         BERRY,
         SAMPLES,
     ],
 )
 def shape_cell(args):
-    from repose.studies import shape_study
+    from repose.studies import shape_cells, shape_study
 
     config = loader.load(args.config)
-    shape_study.check(config, args.config)
+    shape_cells.check(config, args.config)
     shape_study.run_cell(config, args.cell, args.berry, args.samples, args.out)
 
 
 @family.verb(
-    "compare particles, fillings and definitions of the angle with the published piles; choose the best combination",
-    example="results/shape/cells/*.csv",
+    "compare particles, tensions, fillings and definitions of the angle with the published piles; select finalists",
+    example="results/shape/cells/published-*.csv results/shape/cells/bulk-*.csv",
     out="results/shape",
     options=[Option("cells", nargs="+", help="CSV files of shape_cell")],
+)
+def shape_selection(args):
+    from repose.studies import shape_study
+
+    shape_study.run_selection(loader.load(args.config), args.cells, args.out)
+
+
+@family.verb(
+    "judge the finalists by their fresh pours and choose one",
+    example="results/shape/cells/*.csv --finalists results/shape/finalists.csv",
+    out="results/shape",
+    options=[
+        Option("cells", nargs="+", help="CSV files of shape_cell"),
+        Option("--finalists", required=True, help="what shape_selection wrote"),
+    ],
 )
 def shape_study(args):
     from repose.studies import shape_study
 
-    shape_study.run_tables(loader.load(args.config), args.cells, args.out)
+    shape_study.run_verdict(loader.load(args.config), args.cells, args.finalists, args.out)

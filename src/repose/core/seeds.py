@@ -14,6 +14,8 @@ PURPOSES = {
     "refine": 8,
     "pool": 6,
     "fresh": 7,
+    "shape_fresh": 10,
+    "shape_bulk": 11,
 }
 
 

@@ -3,7 +3,11 @@
 "smooth": few large overlapping balls. Each is inscribed in the mesh; a greedy search takes the one that lowers the
 mean squared distance of the mesh's surface from the balls most, then exchanges one at a time for a better one; last,
 all radii grow by one length until the union has the mesh's volume. "rough": balls of one smaller radius that touch
-the surface from inside, as far apart as possible, so there are bumps between them. Nothing is random.
+the surface from inside, as far apart as possible, so there are bumps between them; their union holds less than the
+mesh. "rough_full": the same, grown until the union has the mesh's volume. Nothing is random.
+
+A number of spheres is a choice, too. "fewest" makes it by a rule: the fewest spheres, from 14 to 60, whose union is
+within 2 % of the mesh's volume and within 3 % of its shortest axis; they grow no further than these 3 % allow.
 
 Spheres that act at the same place add up in stiffness and damping. A clump is refused if this makes
 `longest_time_step` shorter than the time step of the study.
@@ -25,12 +29,17 @@ from repose.particle.mesh import MM, sphere_directions
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
 
-SURFACES = ("smooth", "rough")
+SURFACES = ("smooth", "rough", "rough_full")
+FEWEST = "fewest"
+FEWEST_FROM, FEWEST_TO = 14, 60
+NEAR_VOLUME, NEAR_SHORTEST_AXIS = 0.02, 0.03
 MOST_SPHERES = 100
 # A further sphere has to lower the rms distance of the surface by this share of the mean radius.
 SMALLEST_GAIN = 1e-4
 ROUGH_SHARE = 0.62  # radius of a rough clump's spheres over that of the largest inscribed ball
 CANDIDATES, SURFACE_POINTS, VOLUME_POINTS = 3000, 1500, 2**17
+# A union whose volume is further off than this, by a sixteenth of the points, is not looked at again.
+SCREENED = 0.03
 # Centres of a smooth packing keep this distance, over the radius of the largest inscribed ball: spheres side by side
 # would act as one stiffer sphere.
 SPACING = 0.35
@@ -61,17 +70,19 @@ class Packing:
     stacking: float
 
 
-def pack(mesh: trimesh.Trimesh, count: int = 14, surface: str = "smooth", source: object = "mesh") -> Packing:
+def pack(
+    mesh: trimesh.Trimesh, count: int | str = 14, surface: str = "smooth", source: object = "mesh"
+) -> Packing:
     """Fill a mesh with spheres.
 
     Parameters
     ----------
     mesh : trimesh.Trimesh
         In mm, nearly convex, centred.
-    count : int, optional
-        The most spheres, from 1 to 100; fewer are taken where more add nothing.
+    count : int or str, optional
+        The most spheres, from 1 to 100; fewer are taken where more add nothing. Or "fewest", see above.
     surface : str, optional
-        "smooth" or "rough".
+        "smooth", "rough" or "rough_full".
     source : object, optional
         Named in the error.
 
@@ -82,28 +93,75 @@ def pack(mesh: trimesh.Trimesh, count: int = 14, surface: str = "smooth", source
     Raises
     ------
     InputError
-        If `count` or `surface` is not allowed.
+        If `count` or `surface` is not allowed, or no number of spheres is near enough.
     """
-    if not (isinstance(count, int) and 1 <= count <= MOST_SPHERES):
-        raise InputError(source, "spheres", count, f"a whole number from 1 to {MOST_SPHERES}")
+    if count != FEWEST and not (isinstance(count, int) and 1 <= count <= MOST_SPHERES):
+        allowed = f"a whole number from 1 to {MOST_SPHERES} or {FEWEST}"
+        raise InputError(source, "spheres", count, allowed)
     if surface not in SURFACES:
         raise InputError(source, "surface", surface, ", ".join(SURFACES))
-    points, normals = surface_points(mesh)
-    centres, depths = _inside(mesh, points)
-    box = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
-    if surface == "rough":
-        spheres = _bumps(points, normals, ROUGH_SHARE * depths.max(), count)
-    else:
-        spheres = _cover(centres, depths, points, count)
-        spheres[:, 3] += _growth(spheres, mesh, box)
-    gaps = distances(spheres, points)
+    filling = _Filling(mesh, surface)
+    spheres = filling.grown(count) if isinstance(count, int) else filling.fewest(source)
+    gaps = distances(spheres, filling.points)
     return Packing(
         spheres_m=np.round(spheres * MM, 9),
-        volume_m3=union_volume(spheres, box) * MM**3,
+        volume_m3=union_volume(spheres, filling.box) * MM**3,
         deviation_max_m=float(np.abs(gaps).max()) * MM,
         deviation_rms_m=float(np.sqrt(np.mean(gaps**2))) * MM,
         stacking=stacking(spheres),
     )
+
+
+class _Filling:
+    """Fillings of one mesh with one kind of surface."""
+
+    def __init__(self, mesh, surface):
+        self.mesh, self.surface = mesh, surface
+        self.points, self.normals = surface_points(mesh)
+        self.centres, self.depths = _inside(mesh, self.points)
+        self.box = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
+
+    def placed(self, count):
+        """Spheres (M, 4) inside the mesh, before they grow."""
+        if self.surface == "smooth":
+            return _cover(self.centres, self.depths, self.points, count)
+        return _bumps(self.points, self.normals, ROUGH_SHARE * self.depths.max(), count)
+
+    def grown(self, count):
+        """Spheres (M, 4) of a given number."""
+        spheres = self.placed(count)
+        if self.surface != "rough":
+            spheres[:, 3] += _growth(spheres, self.mesh, self.box)
+        return spheres
+
+    def fewest(self, source):
+        """The fewest spheres (M, 4) that are near the mesh's volume and shortest axis."""
+        extents = np.ptp(self.box, axis=0)
+        shortest, volume = int(extents.argmin()), abs(self.mesh.volume)
+        for count in range(FEWEST_FROM, FEWEST_TO + 1):
+            spheres = self.placed(count)
+            if len(spheres) < count:
+                break
+            room = (1 + NEAR_SHORTEST_AXIS) * extents[shortest] - _extent(spheres, shortest)
+            for points, near in ((VOLUME_POINTS // 16, SCREENED), (VOLUME_POINTS, NEAR_VOLUME)):
+                tried = spheres.copy()
+                if self.surface != "rough":
+                    tried[:, 3] += min(_growth(spheres, self.mesh, self.box, points), room / 2)
+                if abs(union_volume(tried, self.box, points) / volume - 1) > near:
+                    break
+            else:
+                if abs(_extent(tried, shortest) / extents[shortest] - 1) <= NEAR_SHORTEST_AXIS + 1e-9:
+                    return tried
+        allowed = (
+            f"a number: no union of {FEWEST_FROM} to {FEWEST_TO} {self.surface} spheres is within "
+            f"{NEAR_VOLUME:.0%} of the mesh's volume and {NEAR_SHORTEST_AXIS:.0%} of its shortest axis"
+        )
+        raise InputError(source, "spheres", FEWEST, allowed)
+
+
+def _extent(spheres, axis):
+    """Length of a union of spheres along an axis."""
+    return float(np.max(spheres[:, axis] + spheres[:, 3]) - np.min(spheres[:, axis] - spheres[:, 3]))
 
 
 def surface_points(mesh: trimesh.Trimesh, count: int = SURFACE_POINTS) -> tuple[np.ndarray, np.ndarray]:
@@ -170,6 +228,9 @@ def distances(spheres: np.ndarray, points: np.ndarray) -> np.ndarray:
 def union_volume(spheres: np.ndarray, box: np.ndarray, count: int = VOLUME_POINTS) -> float:
     """Volume of the union of spheres, by a regular sequence of points.
 
+    With the default number of points the error is below 0.2 % for unions of up to 60 spheres; a test compares with
+    sixteen times as many, and with a closed form.
+
     Parameters
     ----------
     spheres : numpy.ndarray, (M, 4)
@@ -193,11 +254,11 @@ def union_volume(spheres: np.ndarray, box: np.ndarray, count: int = VOLUME_POINT
     return inside / count * float(np.prod(high - low))
 
 
-def _growth(spheres, mesh, box):
+def _growth(spheres, mesh, box, count=VOLUME_POINTS):
     """By how much all radii have to grow for the union to have the mesh's volume."""
     margin = 0.2 * np.abs(box).max()
     low, high = box[0] - margin, box[1] + margin
-    points = low + (high - low) * qmc.Halton(3, scramble=False).random(VOLUME_POINTS)
+    points = low + (high - low) * qmc.Halton(3, scramble=False).random(count)
     away = np.concatenate([distances(spheres, part) for part in np.array_split(points, 16)])
     return float(np.quantile(away, mesh.volume / np.prod(high - low)))
 

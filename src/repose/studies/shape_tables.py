@@ -1,8 +1,6 @@
-"""How combinations of particle, filling and definition of the angle are judged: the tables of the shape study.
+"""Tables of the shape study: particles, piles, combinations beside the published piles, and the choice.
 
-A combination is judged by three things: how far its piles are from the published ones, in units of the physical pile's
-standard deviations; whether its particle has the measured axes and mass; and the signal-to-noise ratio of its angle
-(of the first target, where the angle is none) over a designed set of parameters.
+`repose.studies.shape_rule` is the rule that they apply.
 """
 
 import math
@@ -14,27 +12,17 @@ import pandas as pd
 
 from repose.core.responses import derived
 from repose.core.targets import Target
-from repose.measure.angles import DEFINITIONS, MEAN_KEYS
 from repose.measure.further_responses import CALIBRATED_ANGLE
+from repose.studies import shape_rule
+from repose.studies.shape_piles import COLUMNS, DENSITY
+from repose.studies.shape_rule import CELL, COMBINATION
 
-# A particle stands for the measured berry when its extents and its mass are as near as this.
-NEAR_AXES, NEAR_MASS = 0.05, 0.02
-LEAST_SIGNAL_TO_NOISE = 1.3
-COMBINATION = ["particle", "filling", "definition"]
-NOISE_COLUMNS = (
-    "particle",
-    "filling",
-    "response",
-    "signal",
-    "noise",
-    "signal_to_noise",
-    "standard_error",
-    "sets",
-)
+BULK = ("bulk_density_kg_m3", "core_density_kg_m3")
+NOISE_COLUMNS = (*CELL, "response", "signal", "noise", "signal_to_noise", "standard_error", "sets")
 
 
 def run_columns(targets: Iterable[Target]) -> tuple[str, ...]:
-    """Columns of a cell's table of pours: where it belongs, the targets, and the angle by every definition.
+    """Columns of a cell's table of pours: where it belongs, the targets, angles by every definition, densities.
 
     Parameters
     ----------
@@ -45,8 +33,8 @@ def run_columns(targets: Iterable[Target]) -> tuple[str, ...]:
     tuple of str
     """
     own = (one.name for one in targets if one.name != CALIBRATED_ANGLE)
-    about = ("kind", "particle", "filling", "set", "seed", "status")
-    return tuple(dict.fromkeys((*about, *own, *MEAN_KEYS.values())))
+    about = ("kind", *CELL, "set", "seed", "status")
+    return tuple(dict.fromkeys((*about, *own, *COLUMNS.values(), DENSITY, *BULK)))
 
 
 def measured_as(target: Target, definition: str) -> str:
@@ -61,76 +49,153 @@ def measured_as(target: Target, definition: str) -> str:
     -------
     str
     """
-    return MEAN_KEYS[definition] if target.name == CALIBRATED_ANGLE else target.name
+    return COLUMNS[definition] if target.name == CALIBRATED_ANGLE else target.name
 
 
-def tables_of(
-    runs: pd.DataFrame,
-    abouts: Iterable[Mapping[str, Any]],
-    published: pd.DataFrame,
-    targets: Sequence[Target],
-    mass_g: float,
-) -> tuple[dict[str, pd.DataFrame], dict[str, Any] | None]:
-    """All tables of the study, and its choice.
+class Study:
+    """Pours of a study, with what is needed to judge them.
 
     Parameters
     ----------
     runs : pandas.DataFrame
-        Pours of all cells, with the columns of `run_columns`.
-    abouts : iterable of mappings
-        The particle of each cell: ``particle``, ``axes_mm``, ``measured_axes_mm``, ``mass_g``, ``volume_mm3``.
+        With the columns of `run_columns`.
+    abouts : iterable of mapping
+        The particle of each cell.
     published : pandas.DataFrame
         ``set`` and the published pile of each.
     targets : sequence of Target
         Those that are compared.
-    mass_g : float
+    mass_g, density_kg_m3 : float
         Of the measured berry.
-
-    Returns
-    -------
-    tables : dict
-        ``sets``: mean and standard error of every particle, filling, definition and parameter set beside the published
-        pile. ``combinations``: the sets of a combination taken together, the best first. ``noise``: signal to noise
-        over the design. ``particles``.
-    choice : dict or None
-        The first eligible combination.
     """
-    runs = runs.assign(set=runs["set"].astype(str))
-    particles = pd.DataFrame([particle_row(about, mass_g) for about in abouts]).drop_duplicates("particle")
-    noise = noise_table(runs[runs["kind"] == "design"], targets)
-    sets = set_table(runs[runs["kind"] != "design"], published, targets)
-    combinations = combination_table(sets[sets["kind"] == "published"], noise, particles, targets)
-    eligible = combinations[combinations["eligible"]]
-    choice = None if eligible.empty else eligible.iloc[0].to_dict()
-    tables = {"sets": sets, "combinations": combinations, "noise": noise, "particles": particles}
-    return tables, choice
+
+    def __init__(
+        self,
+        runs: pd.DataFrame,
+        abouts: Iterable[Mapping[str, Any]],
+        published: pd.DataFrame,
+        targets: Sequence[Target],
+        mass_g: float,
+        density_kg_m3: float,
+    ) -> None:
+        self.runs = runs.assign(set=runs["set"].astype(str))
+        self.published, self.targets, self.density = published, list(targets), density_kg_m3
+        rows = [shape_rule.particle_row(about, mass_g, density_kg_m3) for about in abouts]
+        self.particles = pd.DataFrame(rows).drop_duplicates("particle", ignore_index=True)
+
+    def of(self, kind: str) -> pd.DataFrame:
+        """Pours of a kind.
+
+        Parameters
+        ----------
+        kind : str
+            One of `shape_cells.KINDS`, or the name of a sensitivity.
+
+        Returns
+        -------
+        pandas.DataFrame
+            Rows of the runs.
+        """
+        return self.runs[self.runs["kind"] == kind]
+
+    def selection(self) -> dict[str, pd.DataFrame]:
+        """Tables of the first pours: ``particles``, ``piles``, ``sets``, ``combinations``, ``finalists``.
+
+        Returns
+        -------
+        dict of pandas.DataFrame
+        """
+        piles = pile_table(self.of("published"), self.of("bulk"), self.density)
+        sets = set_table(self.of("published"), self.published, self.targets)
+        combinations = judged(combination_table(sets, self.targets), piles, self.particles)
+        finalists = shape_rule.finalists(combinations, self.particles)
+        tables = {"particles": self.particles, "piles": piles, "sets": sets, "combinations": combinations}
+        return tables | {"finalists": finalists}
+
+    def verdict(self, finalists: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], dict[str, Any]]:
+        """Tables of the fresh pours, ``fresh``, ``fresh_sets`` and ``noise``, and the choice.
+
+        Parameters
+        ----------
+        finalists : pandas.DataFrame
+            Of `selection`.
+
+        Returns
+        -------
+        tables : dict of pandas.DataFrame
+        choice : dict
+        """
+        noise = noise_table(self.of("design"), self.targets)
+        sets = set_table(self.runs[self.runs["kind"] != "design"], self.published, self.targets)
+        sets = sets[~sets["kind"].isin(["published", "bulk"])]
+        fresh = with_signal(
+            combination_table(sets[sets["kind"] == "fresh"], self.targets), noise, self.targets
+        )
+        fresh["meets"] = [shape_rule.meets(row, self.targets) for row in fresh.to_dict("records")]
+        fresh = fresh.merge(self._reached(fresh), on=COMBINATION, how="left")
+        selected = finalists[[*COMBINATION, "physical", "distance"]]
+        selected = selected.rename(columns={"distance": "selection_distance"})
+        rows = selected.merge(fresh, on=COMBINATION, how="left")
+        choice = shape_rule.choice(rows.to_dict("records"), self._definitions(rows, fresh))
+        choice["rule_sha256"] = shape_rule.sha256()
+        return {"fresh": fresh, "fresh_sets": sets, "noise": noise}, choice
+
+    def _reached(self, fresh):
+        """For each fresh combination: whether its definition can reach the physical pile."""
+        angle = next((one for one in self.targets if one.name == CALIBRATED_ANGLE), None)
+        height = next((one for one in self.targets if one.name != CALIBRATED_ANGLE), None)
+        rows = []
+        for row in fresh[COMBINATION].to_dict("records"):
+            found = {"angle_at_height": math.nan, "reached": False}
+            if angle is not None and height is not None:
+                design = self.of("design")
+                own = design[np.logical_and.reduce([design[key] == row[key] for key in CELL])]
+                names = {COLUMNS[row["definition"]]: "angle", height.name: "height"}
+                means = own.groupby("set")[list(names)].mean().rename(columns=names)
+                found = shape_rule.reached(means, angle, height)
+            rows.append(row | found)
+        return pd.DataFrame(rows, columns=[*COMBINATION, "angle_at_height", "reached"])
+
+    def _definitions(self, rows, fresh):
+        """All definitions of the most physical finalist, the nearest of the first pours first."""
+        physical = rows[rows["physical"]]
+        if physical.empty:
+            return []
+        first = set_table(self.of("published"), self.published, self.targets)
+        first = combination_table(first, self.targets).merge(physical[CELL], on=CELL)
+        order = first.sort_values("distance", kind="stable")[COMBINATION]
+        return order.merge(fresh, on=COMBINATION).to_dict("records")
 
 
-def particle_row(about: Mapping[str, Any], mass_g: float) -> dict[str, Any]:
-    """Axes and mass of a cell's particle, and whether they are the measured berry's.
+def pile_table(piles: pd.DataFrame, bulk: pd.DataFrame, density_kg_m3: float) -> pd.DataFrame:
+    """Share of pours that made a pile, packing inside the piles, and bulk density in the measuring cylinder.
 
     Parameters
     ----------
-    about : mapping
-        Content of the cell's file.
-    mass_g : float
-        Of the measured berry.
+    piles, bulk : pandas.DataFrame
+        Pours of the funnel and of the cylinder.
+    density_kg_m3 : float
+        Of the berry.
 
     Returns
     -------
-    dict
+    pandas.DataFrame
+        A row for each cell; the cylinder's numbers are those of its particle.
     """
-    axes, measured = np.array(about["axes_mm"]), np.array(about["measured_axes_mm"])
-    off_axes, off_mass = float(np.abs(axes / measured - 1).max()), abs(about["mass_g"] / mass_g - 1)
-    return {
-        "particle": about["particle"],
-        **{f"axis_{k + 1}_mm": value for k, value in enumerate(axes)},
-        "mass_g": about["mass_g"],
-        "volume_mm3": about["volume_mm3"],
-        "largest_axis_deviation": off_axes,
-        "mass_deviation": off_mass,
-        "measured_berry": off_axes <= NEAR_AXES and off_mass <= NEAR_MASS,
-    }
+    rows = []
+    for key, group in piles.groupby(CELL, sort=False):
+        density, error = _mean(group[DENSITY])
+        row = dict(zip(CELL, key, strict=True)) | {DENSITY: density, "packing": density / density_kg_m3}
+        row |= {
+            "packing_se": error / density_kg_m3,
+            "share_of_piles": float((group["status"] == "ok").mean()),
+        }
+        poured = bulk[bulk["particle"] == key[0]]
+        for column in BULK:
+            row[column] = float(poured[column].mean())
+        row["cylinder_packing"] = row[BULK[0]] / density_kg_m3
+        rows.append(row)
+    return pd.DataFrame(rows)
 
 
 def set_table(runs: pd.DataFrame, published: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
@@ -146,30 +211,33 @@ def set_table(runs: pd.DataFrame, published: pd.DataFrame, targets: Sequence[Tar
     pandas.DataFrame
     """
     rows, pairs = [], published.set_index("set")
-    for (kind, particle, filling, name), group in runs.groupby(
-        ["kind", "particle", "filling", "set"], sort=False
-    ):
-        for definition in DEFINITIONS:
-            row = {"kind": kind, "particle": particle, "filling": filling}
-            row |= {"definition": definition, "set": name}
+    for key, group in runs[runs["set"].isin(pairs.index)].groupby(["kind", *CELL, "set"], sort=False):
+        about = dict(zip(["kind", *CELL, "set"], key, strict=True))
+        for definition in COLUMNS:
+            row = about | {"definition": definition}
             for one in targets:
                 row[one.name], row[one.response.error] = _mean(group[measured_as(one, definition)])
             for one in targets:
-                difference = row[one.name] - pairs.at[name, one.response.simulated]
+                difference = row[one.name] - pairs.at[about["set"], one.response.simulated]
                 row[derived(one.name, "difference")] = difference
             row |= {"n_ok": int((group["status"] == "ok").sum()), "n": len(group)}
             rows.append(row)
-    return pd.DataFrame(rows)
+    numbers = [name for one in targets for name in (one.name, one.response.error, _off(one))]
+    return pd.DataFrame(rows, columns=["kind", *CELL, "set", "definition", *numbers, "n_ok", "n"])
 
 
-def combination_table(
-    sets: pd.DataFrame, noise: pd.DataFrame, particles: pd.DataFrame, targets: Sequence[Target]
-) -> pd.DataFrame:
-    """Each combination over all published sets, eligible ones first.
+def _off(target):
+    """Column of the difference from the published pile."""
+    return derived(target.name, "difference")
+
+
+def combination_table(sets: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
+    """Each combination over all published sets, the nearest first.
 
     Parameters
     ----------
-    sets, noise, particles : pandas.DataFrame
+    sets : pandas.DataFrame
+        Of `set_table`.
     targets : sequence of Target
 
     Returns
@@ -181,47 +249,72 @@ def combination_table(
     Mean differences with standard errors; the number of sets within the physical pile's standard deviations
     sd_i; and the distance, the root of the mean over the sets of the sum of (difference_i / sd_i)^2.
     """
-    rows, measured = [], particles.set_index("particle")["measured_berry"]
-    with_angle = any(one.name == CALIBRATED_ANGLE for one in targets)
-    for (particle, filling, definition), group in sets.groupby(COMBINATION, sort=False):
+    rows = []
+    for key, group in sets.groupby(COMBINATION, sort=False):
         count = len(group)
-        off, within = np.zeros(count), np.ones(count, bool)
-        row = {"particle": particle, "filling": filling, "definition": definition}
+        off, within = pd.Series(0.0, group.index), pd.Series(True, group.index)
+        row: dict[str, Any] = dict(zip(COMBINATION, key, strict=True))
         for one in targets:
-            difference = group[derived(one.name, "difference")]
+            difference = group[_off(one)]
             row[difference.name] = difference.mean()
             row[one.response.error] = math.sqrt((group[one.response.error] ** 2).sum()) / count
             off = off + (difference / one.sd) ** 2
             within = within & (difference.abs() <= one.sd)
-        judged = definition if with_angle else targets[0].response.quantity
-        signal, signal_se = _signal_of(noise, particle, filling, judged)
         row |= {
             "sets_within": int(within.sum()),
             "sets": count,
-            "distance": math.sqrt(off.mean()),
-            "signal_to_noise": signal,
-            "signal_to_noise_se": signal_se,
-            "measured_berry": bool(measured[particle]),
+            "distance": math.sqrt(off.mean(skipna=False)),
         }
-        enough = signal + 2 * signal_se >= LEAST_SIGNAL_TO_NOISE
-        row["eligible"] = bool(row["measured_berry"] and enough and not math.isnan(row["distance"]))
         rows.append(row)
-    table = pd.DataFrame(rows)
+    numbers = [name for one in targets for name in (_off(one), one.response.error)]
+    table = pd.DataFrame(rows, columns=[*COMBINATION, *numbers, "sets_within", "sets", "distance"])
+    return table.sort_values("distance", ignore_index=True, kind="stable")
+
+
+def judged(combinations: pd.DataFrame, piles: pd.DataFrame, particles: pd.DataFrame) -> pd.DataFrame:
+    """Combinations with what the rule asks of particle and pile, those that fulfil it first.
+
+    Parameters
+    ----------
+    combinations, piles, particles : pandas.DataFrame
+
+    Returns
+    -------
+    pandas.DataFrame
+    """
+    wanted = ["packing", "packing_se", "share_of_piles"]
+    table = combinations.merge(piles[[*CELL, *wanted]], on=CELL, how="left")
+    table = table.merge(particles[["particle", "measured_berry"]], on="particle", how="left")
+    pairs = table[["packing", "packing_se"]].itertuples(index=False, name=None)
+    table["packs_like_a_fruit"] = [shape_rule.packs_like_a_fruit(*pair) for pair in pairs]
+    flows = table["share_of_piles"] >= shape_rule.LEAST_SHARE_OF_PILES
+    fulfils = table["measured_berry"] & table["packs_like_a_fruit"] & flows
+    table["eligible"] = fulfils & table["distance"].notna()
     return table.sort_values(["eligible", "distance"], ascending=[False, True], ignore_index=True)
 
 
-def _signal_of(noise, particle, filling, response):
-    """Signal-to-noise ratio and its standard error; of the first filling that has one where this has none."""
-    rows = noise[(noise["particle"] == particle) & (noise["response"] == response)]
-    own = rows[rows["filling"] == filling]
-    row = own if len(own) else rows.head(1)
-    if row.empty:
-        return math.nan, math.nan
-    return float(row["signal_to_noise"].iloc[0]), float(row["standard_error"].iloc[0])
+def with_signal(combinations: pd.DataFrame, noise: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
+    """Combinations with the signal-to-noise ratio of their angle; of the first target, where the angle is none.
+
+    Parameters
+    ----------
+    combinations, noise : pandas.DataFrame
+    targets : sequence of Target
+
+    Returns
+    -------
+    pandas.DataFrame
+    """
+    with_angle = any(one.name == CALIBRATED_ANGLE for one in targets)
+    judged_by = combinations["definition"] if with_angle else targets[0].response.quantity
+    columns = {"standard_error": "signal_to_noise_se"}
+    ratios = noise.rename(columns=columns)[[*CELL, "response", "signal_to_noise", "signal_to_noise_se"]]
+    table = combinations.assign(response=judged_by).merge(ratios, on=[*CELL, "response"], how="left")
+    return table.drop(columns="response")
 
 
 def noise_table(runs: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
-    """Signal and noise of every definition of the angle and of the other targets, for each particle and filling.
+    """Signal and noise of every definition of the angle and of the other targets, for each cell.
 
     Parameters
     ----------
@@ -239,9 +332,9 @@ def noise_table(runs: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
     comes from leaving out one set at a time (jackknife).
     """
     others = [one for one in targets if one.name != CALIBRATED_ANGLE]
-    columns = MEAN_KEYS | {one.response.quantity: one.name for one in others}
+    columns = COLUMNS | {one.response.quantity: one.name for one in others}
     rows = []
-    for (particle, filling), group in runs.groupby(["particle", "filling"], sort=False):
+    for key, group in runs.groupby(CELL, sort=False):
         for response, column in columns.items():
             by_set = [one[column].dropna().to_numpy() for _, one in group.groupby("set")]
             moments = [
@@ -252,7 +345,7 @@ def noise_table(runs: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
             left_out = [_ratio(np.delete(sets, k, axis=0)) for k in range(len(sets))]
             spread = (len(sets) - 1) * np.var(left_out) if moments else math.nan
             found = (signal, noise, _ratio(sets), math.sqrt(spread), len(sets))
-            rows.append((particle, filling, response, *found))
+            rows.append((*key, response, *found))
     return pd.DataFrame(rows, columns=list(NOISE_COLUMNS))
 
 

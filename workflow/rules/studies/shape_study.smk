@@ -1,6 +1,26 @@
-# Particle, filling and definition of the angle beside the published piles. A target of its own:
-# `snakemake --cores 2 shape_study`.
-CELLS = shape_study.cells(config)
+# Particle, tension, filling and definition of the angle beside the published piles. A target of its own:
+# `snakemake --cores 2 shape_study`. The selection is a checkpoint: it tells what is poured again with fresh seeds.
+SHAPE = f"{RESULTS}/shape"
+
+
+def first_cells(wildcards):
+    """Pours of the selection; the study's own keys are checked here, when someone asks for the study."""
+    try:
+        shape_cells.check(config)
+    except InputError as error:
+        sys.exit(f"repose: error: {error}")
+    return expand(rules.shape_cell.output.runs, cell=shape_cells.first_cells(config))
+
+
+def second_cells(wildcards):
+    """Pours with fresh seeds, known when the finalists are."""
+    finalists = pandas.read_csv(
+        checkpoints.shape_selection.get().output.finalists, dtype=str
+    )
+    return expand(
+        rules.shape_cell.output.runs,
+        cell=shape_cells.second_cells(config, finalists),
+    )
 
 
 rule shape_cell:
@@ -9,14 +29,14 @@ rule shape_cell:
         berry=rules.berry.output.berry,
         published=config["validation"]["published"] or [],
     output:
-        runs=f"{RESULTS}/shape/cells/{{cell}}.csv",
-        particle=f"{RESULTS}/shape/cells/{{cell}}.json",
+        runs=f"{SHAPE}/cells/{{cell}}.csv",
+        particle=f"{SHAPE}/cells/{{cell}}.json",
     log:
         f"{RESULTS}/logs/shape/{{cell}}.log",
     benchmark:
         f"{RESULTS}/benchmarks/shape/{{cell}}.tsv"
     wildcard_constraints:
-        cell=r"[a-z0-9_]+-[a-z0-9_]+-[a-z0-9_]+",
+        cell=r"[a-z0-9_]+(-[a-z0-9_]+){3}",
     retries: 1
     threads: 1
     resources:
@@ -24,7 +44,7 @@ rule shape_cell:
     params:
         config=CONFIG,
         folder=folder,
-        depends=lambda wildcards: shape_study.dependencies(config, wildcards.cell),
+        depends=lambda wildcards: shape_cells.dependencies(config, wildcards.cell),
     message:
         "Pouring {wildcards.cell}"
     shell:
@@ -32,16 +52,42 @@ rule shape_cell:
         " --samples {input.samples} --out {params.folder} > {log} 2>&1"
 
 
+checkpoint shape_selection:
+    input:
+        cells=first_cells,
+    output:
+        particles=f"{SHAPE}/particles.csv",
+        piles=f"{SHAPE}/piles.csv",
+        sets=f"{SHAPE}/sets.csv",
+        combinations=f"{SHAPE}/combinations.csv",
+        finalists=f"{SHAPE}/finalists.csv",
+    log:
+        f"{RESULTS}/logs/shape_selection.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/shape_selection.tsv"
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("shape_study", "targets"),
+    message:
+        "Selecting the finalists of the shape study"
+    shell:
+        "python -m repose shape_selection {input.cells} --config {params.config} --out {params.folder} > {log} 2>&1"
+
+
 rule shape_tables:
     input:
-        cells=cells_of_the_study,
-        particles=expand(rules.shape_cell.output.particle, cell=CELLS),
+        first=first_cells,
+        second=second_cells,
+        finalists=rules.shape_selection.output.finalists,
     output:
-        sets=f"{RESULTS}/shape/sets.csv",
-        combinations=f"{RESULTS}/shape/combinations.csv",
-        noise=f"{RESULTS}/shape/noise.csv",
-        particles=f"{RESULTS}/shape/particles.csv",
-        choice=f"{RESULTS}/shape/choice.json",
+        fresh=f"{SHAPE}/fresh.csv",
+        fresh_sets=f"{SHAPE}/fresh_sets.csv",
+        noise=f"{SHAPE}/noise.csv",
+        choice=f"{SHAPE}/choice.json",
     log:
         f"{RESULTS}/logs/shape_tables.log",
     benchmark:
@@ -54,21 +100,22 @@ rule shape_tables:
         folder=folder,
         depends=sections("shape_study", "targets"),
     message:
-        "Particles, fillings and definitions beside the published piles"
+        "Judging the finalists of the shape study"
     shell:
-        "python -m repose shape_study {input.cells} --config {params.config} --out {params.folder} > {log} 2>&1"
+        "python -m repose shape_study {input.first} {input.second} --finalists {input.finalists}"
+        " --config {params.config} --out {params.folder} > {log} 2>&1"
 
 
 rule draw_shape_study:
     input:
-        combinations=rules.shape_tables.output.combinations,
-        sets=rules.shape_tables.output.sets,
+        combinations=rules.shape_selection.output.combinations,
+        sets=rules.shape_selection.output.sets,
     output:
         report(
-            f"{RESULTS}/shape/shape_study.png",
+            f"{SHAPE}/shape_study.png",
             caption="../../report/shape_study.rst",
             category="Particles",
-            labels={"figure": "Particles, fillings and definitions"},
+            labels={"figure": "Particles, tensions, fillings and definitions"},
         ),
     log:
         f"{RESULTS}/logs/figures/shape_study.log",

@@ -1,4 +1,4 @@
-"""The shape study: piles of every particle, filling and definition of the angle beside the published ones."""
+"""The shape study: piles of every particle, tension, filling and definition beside the published ones."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -12,11 +12,12 @@ from matplotlib.patches import Rectangle
 from repose.core.files import read_table
 from repose.core.responses import derived
 from repose.core.targets import Target
-from repose.measure.angles import DEFINITIONS
+from repose.studies.shape_piles import COLUMNS
 
 from . import style
 
 MARKERS = "osD^vP*X"
+FILLS = ("full", "left", "none", "top")
 COLOURS = ("#1B6CA8", "#D7191C", "#F08A24", "#5BA300", "#2E7D4F", "#7B4FA3", "#8C564B", "#555555")
 
 
@@ -43,32 +44,35 @@ def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     InputError
         If a table cannot be read.
     """
-    combinations = read_table(inputs["combinations"], ("particle", "filling", "definition", "distance"))
+    columns = ("particle", "tension", "filling", "definition", "distance")
+    combinations = read_table(inputs["combinations"], columns)
     sets = read_table(inputs["sets"], ("kind", "definition", "set"))
     shown = [one for one in style.targets_of(config) if derived(one.name, "difference") in combinations][:2]
     published = _published(sets, shown)
-    particles = list(config["shape_study"]["particles"])
-    fillings = list(config["shape_study"]["fillings"])
+    study = config["shape_study"]
+    particles, tensions, fillings = (list(study[key]) for key in ("particles", "tensions", "fillings"))
     looks = {
-        (particle, filling): {
+        (particle, tension, filling): {
             "color": COLOURS[i % len(COLOURS)],
+            "fillstyle": FILLS[j % len(FILLS)],
             "marker": MARKERS[k % len(MARKERS)],
         }
         for i, particle in enumerate(particles)
+        for j, tension in enumerate(tensions)
         for k, filling in enumerate(fillings)
     }
-    figure = style.new_figure(style.PAGE, style.PAGE * 0.92)
-    panels = figure.subplots(2, 2, sharex=True, sharey=True)
-    for panel, definition in zip(panels.flat, DEFINITIONS, strict=True):
+    figure = style.new_figure(style.PAGE, style.PAGE * 1.3)
+    panels = figure.subplots(3, 2, sharex=True, sharey=True)
+    for panel, definition in zip(panels.flat, COLUMNS, strict=True):
         rows = combinations[combinations["definition"] == definition]
         _one_definition(panel, rows, shown, published, looks)
         panel.set_title(definition, fontsize=9)
     labels = [f"{one.response.label} ({one.response.unit})" for one in shown] + ["distance (–)"]
-    for panel in panels[1]:
+    for panel in panels[-1]:
         panel.set_xlabel(labels[0])
     for panel in panels[:, 0]:
         panel.set_ylabel(labels[1])
-    _legend(figure, particles, fillings, looks)
+    _legend(figure, particles, tensions, fillings)
     return figure
 
 
@@ -92,7 +96,7 @@ def _one_definition(
             markersize=4.5,
             linewidth=0.8,
             linestyle="none",
-            **looks[row["particle"], row["filling"]],
+            **looks[row["particle"], row["tension"], row["filling"]],
         )
 
 
@@ -113,29 +117,20 @@ def _ranges(panel: Axes, shown: list[Target]) -> None:
     panel.add_patch(Rectangle((across.low, up.low), *size, **look))
 
 
-def _legend(figure: Figure, particles: list[str], fillings: list[str], looks: Mapping) -> None:
-    """Colours of the particles, marks of the fillings."""
-    names = [
-        Line2D(
-            [],
-            [],
-            color=looks[name, fillings[0]]["color"],
-            marker="o",
-            linestyle="none",
-            label=name.replace("_", " "),
-        )
-        for name in particles
+def _legend(figure: Figure, particles: list[str], tensions: list[str], fillings: list[str]) -> None:
+    """Colours of the particles, marks of the fillings, and how full a mark is for each tension."""
+    grey = {"color": "0.4", "linestyle": "none"}
+    handles = [
+        Line2D([], [], color=colour, marker="o", linestyle="none", label=name.replace("_", " "))
+        for name, colour in zip(particles, COLOURS, strict=False)
     ]
-    ways = [
-        Line2D(
-            [],
-            [],
-            color="0.4",
-            marker=looks[particles[0], name]["marker"],
-            linestyle="none",
-            label=name.replace("_", " "),
-        )
-        for name in fillings
+    handles += [
+        Line2D([], [], marker=marker, label=name.replace("_", " "), **grey)
+        for name, marker in zip(fillings, MARKERS, strict=False)
     ]
-    ways.append(Line2D([], [], color="k", marker="+", linestyle="none", label="published piles"))
-    figure.legend(handles=names + ways, loc="outside lower center", ncols=3, fontsize=7, frameon=False)
+    handles += [
+        Line2D([], [], marker="o", fillstyle=fill, label=name, **grey)
+        for name, fill in zip(tensions, FILLS, strict=False)
+    ]
+    handles.append(Line2D([], [], color="k", marker="+", linestyle="none", label="published piles"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=7, frameon=False)

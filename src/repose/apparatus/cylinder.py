@@ -1,0 +1,361 @@
+"""The measuring cylinder: berries are poured into it and struck off at its rim; their mass over its volume is the bulk
+density.
+
+Vessel and pouring follow the small container of ISO 17828 (5 litres: 167 mm wide, 228 mm high; poured from 200 to 300
+mm above the rim, struck off level), without the shocks that the standard adds. The wall goes on above the rim as a
+collar, so that no berry falls beside the cylinder; what lies above the rim is struck off when the berries rest.
+
+A berry belongs to the cylinder when its centre lies below the rim. What protrudes above the rim then makes up, on
+average, for what is missing below it, and the density depends on no shape. So does the density of the core, which lies
+`core_margin_mm` away from wall, floor and rim, where berries pack more loosely than in the middle.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from repose import dem
+from repose.apparatus.bench_test import BenchTest, Run, register
+from repose.apparatus.factory import Disc, fill
+from repose.apparatus.scene import Filmed, berry_simulation
+from repose.apparatus.settings import SimulationSettings
+from repose.core.responses import Response
+from repose.core.runs import Recorded
+
+if TYPE_CHECKING:
+    from repose.particle.particle import Particle
+
+NAME = "cylinder"
+STATUSES = ("ok", "unstable", "lost", "not_at_rest", "not_full")
+
+# --- what it gives --------------------------------------------------------------------------------
+
+VESSEL = ("cylinder.diameter_mm", "cylinder.height_mm")
+RESPONSES = (
+    Response("bulk_density_kg_m3", "kg/m3", "bulk density", "bulk density", NAME, 0.0, 25000.0, VESSEL),
+    Response(
+        "core_density_kg_m3",
+        "kg/m3",
+        "bulk density of the core",
+        "core density",
+        NAME,
+        0.0,
+        25000.0,
+        (*VESSEL, "cylinder.core_margin_mm"),
+    ),
+)
+MEASURED = tuple(one.name for one in RESPONSES)
+RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "berries_in_cylinder"))
+
+# --- what its configuration asks ------------------------------------------------------------------
+
+
+def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Keys of a cylinder that cannot be filled or has no core, and what is allowed.
+
+    Parameters
+    ----------
+    config : mapping
+
+    Yields
+    ------
+    key : str
+        Dotted.
+    allowed : str
+        What is allowed there.
+    """
+    section = config[NAME]
+    last = (section["berries"] - 1) / section["rate_per_s"]
+    if last >= section["duration_s"]:
+        yield f"{NAME}.duration_s", f"above {last:g}: the last berry appears at {last:g} s"
+    smallest = min(section["diameter_mm"], section["height_mm"])
+    if section["core_margin_mm"] >= smallest / 2:
+        yield f"{NAME}.core_margin_mm", f"below {smallest / 2:g}, or there is no core"
+
+
+def misfits(config: Mapping[str, Any], axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
+    """Keys of a cylinder into which the mean berry does not fall in any orientation, and what is allowed.
+
+    Parameters
+    ----------
+    config : mapping
+    axes_mm : sequence of float, (3,)
+        Mean axes of the berry.
+
+    Yields
+    ------
+    key : str
+        Dotted.
+    allowed : str
+        What is allowed there.
+    """
+    longest = max(axes_mm)
+    if config[NAME]["diameter_mm"] <= longest:
+        yield f"{NAME}.diameter_mm", f"above {longest:.4g}, the length of a mean berry"
+
+
+# --- build and run --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Vessel:
+    """The cylinder about the z axis, its floor at z = 0.
+
+    Attributes
+    ----------
+    radius_m, height_m, collar_m : float
+        Of its inside; the collar above the rim [m].
+    """
+
+    radius_m: float
+    height_m: float
+    collar_m: float
+
+    @classmethod
+    def of(cls, section: Mapping[str, Any]) -> "Vessel":
+        """The vessel of a configuration.
+
+        Parameters
+        ----------
+        section : mapping
+            The section `cylinder`.
+
+        Returns
+        -------
+        Vessel
+        """
+        lengths = 0.5 * section["diameter_mm"], section["height_mm"], section["collar_mm"]
+        return cls(*(1e-3 * length for length in lengths))
+
+    @property
+    def top_m(self) -> float:
+        """Upper end of the collar, where berries appear [m]."""
+        return self.height_m + self.collar_m
+
+    def density_kg_m3(self, centres_m: np.ndarray, masses_kg: np.ndarray, margin_m: float = 0.0) -> float:
+        """Mass of the berries whose centres lie in the cylinder, over its volume.
+
+        Parameters
+        ----------
+        centres_m : numpy.ndarray, (N, 3)
+        masses_kg : numpy.ndarray, (N,)
+        margin_m : float, optional
+            Distance of the volume from wall, floor and rim.
+
+        Returns
+        -------
+        float
+            kg/m3.
+        """
+        radius, low, high = self.radius_m - margin_m, margin_m, self.height_m - margin_m
+        mass = float(masses_kg[self.inside(centres_m, margin_m)].sum())
+        return mass / (math.pi * radius**2 * (high - low))
+
+    def inside(self, centres_m: np.ndarray, margin_m: float = 0.0) -> np.ndarray:
+        """Which centres lie in the cylinder, at least `margin_m` away from wall, floor and rim.
+
+        Parameters
+        ----------
+        centres_m : numpy.ndarray, (N, 3)
+        margin_m : float, optional
+
+        Returns
+        -------
+        numpy.ndarray of bool, (N,)
+        """
+        x, y, z = np.asarray(centres_m, float).T
+        between = (z > margin_m) & (z < self.height_m - margin_m)
+        return between & (np.hypot(x, y) < self.radius_m - margin_m)
+
+
+def build(
+    config: Mapping[str, Any],
+    parameters: Mapping[str, float],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    largest_scale: float = 1.0,
+) -> "dem.Simulation":
+    """The empty simulation of the cylinder with its collar.
+
+    Parameters
+    ----------
+    config, parameters, particle, berry, largest_scale
+        As in `BenchTest.build`.
+
+    Returns
+    -------
+    repose.dem.Simulation
+    """
+    vessel = Vessel.of(config[NAME])
+    reach = largest_scale * particle.bounding_radius_m
+    wall_m = vessel.top_m + 2.0 * reach
+    floor, up = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+    return berry_simulation(
+        config,
+        parameters,
+        particle,
+        berry,
+        config[NAME]["berries"],
+        walls={
+            "floor": dem.Plane(floor, up, "wall"),
+            "shell": dem.Cylinder(floor, up, wall_m, vessel.radius_m, "wall"),
+        },
+        lower=(-vessel.radius_m, -vessel.radius_m, 0.0),
+        upper=(vessel.radius_m, vessel.radius_m, wall_m),
+        largest_scale=largest_scale,
+    )
+
+
+def status_of(
+    centres_m: np.ndarray, energy_j: float, config: Mapping[str, Any], length_m: float
+) -> tuple[str, str]:
+    """Status and reason of a filling.
+
+    Parameters
+    ----------
+    centres_m : numpy.ndarray, (N, 3)
+        At the end.
+    energy_j : float
+        Mean kinetic energy of a berry.
+    config : mapping
+        The whole configuration.
+    length_m : float
+        Of a berry.
+
+    Returns
+    -------
+    status : str
+        One of `STATUSES`.
+    reason : str
+
+    Notes
+    -----
+    The cylinder is full when the berries above the rim would make a layer of a berry's length there: the heap in the
+    collar is nearly level, so the rim is covered everywhere.
+    """
+    section, vessel = config[NAME], Vessel.of(config[NAME])
+    if not (np.all(np.isfinite(centres_m)) and math.isfinite(energy_j)):
+        return "unstable", "a position is not finite; the time step is too long for these contacts"
+    if np.any(np.hypot(*centres_m.T[:2]) >= vessel.radius_m) or np.any(centres_m[:, 2] <= 0.0):
+        return "lost", "a berry lies outside the cylinder"
+    rest = SimulationSettings.of(config).rest_energy_j
+    if energy_j > rest:
+        return "not_at_rest", f"kinetic energy {energy_j:.2e} J a berry, more than {rest:.0e}"
+    below = int(np.count_nonzero(centres_m[:, 2] < vessel.height_m))
+    layer = math.ceil(below * length_m / vessel.height_m)
+    if len(centres_m) - below < layer:
+        return "not_full", (
+            f"{len(centres_m)} of {section['berries']} berries poured, {below} of them below the rim; "
+            f"a full cylinder has at least {layer} above it"
+        )
+    return "ok", ""
+
+
+def run(
+    config: Mapping[str, Any],
+    parameters: Mapping[str, float],
+    seed: int,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    interval_s: float | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Run:
+    """Fill the cylinder once and let the berries rest; see `BenchTest.run`.
+
+    Parameters
+    ----------
+    config, parameters, seed, particle, berry, interval_s, progress
+        As in `BenchTest.run`.
+
+    Returns
+    -------
+    Run
+        Its arrays are ``position`` (N, 3) [m], ``quaternion`` (N, 4) and ``scale`` (N,).
+    """
+    from repose.particle.size_distribution import of_pour
+
+    section, settings, vessel = config[NAME], SimulationSettings.of(config), Vessel.of(config[NAME])
+    began = time.perf_counter()
+    scales, largest = of_pour(config["berry"]["size_distribution"], berry, seed, section["berries"])
+    simulation = build(config, parameters, particle, berry, largest)
+    filmed, last_step = Filmed(simulation, interval_s, progress), settings.steps(section["duration_s"])
+    factory = Disc(vessel.radius_m - largest * particle.bounding_radius_m, vessel.top_m)
+    fill(simulation, factory, section, seed, last_step, filmed.run_to, scales)
+    filmed.run_to(last_step)
+    centres = simulation.positions.copy()
+    energy = float(simulation.kinetic_energies().mean())
+    status, reason = status_of(centres, energy, config, float(particle.axes_m.max()))
+    record = {
+        "seed": int(seed),
+        "status": status,
+        "reason": reason,
+        "berries_poured": len(centres),
+        "kinetic_energy_J": energy if math.isfinite(energy) else None,
+        "wall_s": round(time.perf_counter() - began, 3),
+    }
+    arrays = {
+        "position": centres.astype(np.float32),
+        "quaternion": simulation.quaternions.astype(np.float32),
+        "scale": simulation.scales.astype(np.float32),
+    }
+    return Run(record, arrays, filmed.frames())
+
+
+# --- measure --------------------------------------------------------------------------------------
+
+
+def measure(
+    record: Mapping[str, Any],
+    arrays: Mapping[str, np.ndarray],
+    config: Mapping[str, Any],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+) -> dict[str, Any]:
+    """The measured run: its record with both densities.
+
+    Parameters
+    ----------
+    record, arrays, config, particle, berry
+        As in `BenchTest.measure`.
+
+    Returns
+    -------
+    dict
+        The densities are None where the cylinder was not filled.
+    """
+    measured: dict[str, Any] = dict.fromkeys((*MEASURED, "berries_in_cylinder"))
+    if record["status"] == "ok":
+        vessel, centres = Vessel.of(config[NAME]), np.asarray(arrays["position"], float)
+        masses = particle.mass_kg * np.asarray(arrays["scale"], float) ** 3
+        margin = 1e-3 * config[NAME]["core_margin_mm"]
+        measured = {
+            "bulk_density_kg_m3": vessel.density_kg_m3(centres, masses),
+            "core_density_kg_m3": vessel.density_kg_m3(centres, masses, margin),
+            "berries_in_cylinder": int(vessel.inside(centres).sum()),
+        }
+    return {**record, **measured}
+
+
+BENCH = register(
+    BenchTest(
+        name=NAME,
+        responses=RESPONSES,
+        recorded=RECORDED,
+        statuses=STATUSES,
+        schema=Path(__file__).with_name("cylinder.yaml"),
+        build=build,
+        run=run,
+        measure=measure,
+        duration_s=lambda config: config[NAME]["duration_s"],
+        contradictions=contradictions,
+        misfits=misfits,
+        kept=("position", "quaternion", "scale"),
+        in_words="bulk density {bulk_density_kg_m3:.0f} kg/m3, in the core {core_density_kg_m3:.0f}, "
+        "{berries_in_cylinder} berries in the cylinder, {wall_s:.1f} s",
+    )
+)

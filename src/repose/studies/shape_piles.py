@@ -1,0 +1,123 @@
+"""One pile by every definition of the angle and every rule for points on its flank, and the bulk density inside it.
+
+All come from the same pictures, which cost more than the measurements.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from repose.measure import pile
+from repose.measure.angles import MEAN_KEYS
+from repose.measure.further_responses import mean_half_width
+from repose.measure.profile_points import FLANK_RULES
+from repose.particle.particle import Particle
+
+# Columns of the definitions. `steepest` and `whole` follow the rule of the configuration, `secant` needs none.
+FLANKS = {rule: f"flank_{rule}" for rule in FLANK_RULES}
+COLUMNS = {
+    "secant": MEAN_KEYS["secant"],
+    **{name: f"aor_{name}_deg" for name in FLANKS.values()},
+    "steepest": MEAN_KEYS["steepest"],
+    "whole": MEAN_KEYS["whole"],
+}
+DENSITY = "pile_density_kg_m3"
+LEVELS = 200
+
+
+def measured(
+    arrays: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings
+) -> dict[str, float | None]:
+    """Numbers of a pile.
+
+    Parameters
+    ----------
+    arrays : mapping
+        ``position``, ``quaternion``, ``in_pile`` and ``scale`` of a pour.
+    particle : Particle
+    settings : MeasureSettings
+
+    Returns
+    -------
+    dict
+        ``height_mm``; the angle by each definition of `COLUMNS`, mean over the views, None where fewer than half of
+        them have one; and `DENSITY`.
+
+    Raises
+    ------
+    NoFlankError
+        If there is no pile.
+    """
+    settings = pile.with_berry_height(settings, particle)
+    members, centres = arrays["in_pile"], arrays["position"].astype(float)
+    sizes = arrays["scale"].astype(float)
+    height_m, views = pile.pile_views(centres, arrays["quaternion"], particle, settings, members, sizes)
+    angles: dict[str, list[float]] = {name: [] for name in COLUMNS}
+    profiles = []
+    for view in views:
+        profiles.append(pile.profile_of(view)[0])
+        seen = {rule: pile.measure_segmented(view, replace(settings, flank=rule)).angles for rule in FLANKS}
+        for name in COLUMNS:
+            rule = name.removeprefix("flank_")
+            of_rule, definition = (seen[rule], "flank") if rule in seen else (seen[settings.flank], name)
+            angles[name].append(of_rule[definition].aor_deg if definition in of_rule else math.nan)
+    found: dict[str, float | None] = {COLUMNS[name]: _mean(values) for name, values in angles.items()}
+    assert settings.berry_height_mm is not None
+    lengths_mm = settings.mm_per_pixel, 1e3 * height_m, settings.berry_height_mm
+    masses = particle.mass_kg * sizes[members] ** 3
+    density = core_density(centres[members], masses, profiles, *lengths_mm)
+    return found | {"height_mm": 1e3 * height_m, DENSITY: density}
+
+
+def core_density(
+    centres_m: np.ndarray,
+    masses_kg: np.ndarray,
+    profiles: Sequence[np.ndarray],
+    mm_per_pixel: float,
+    height_mm: float,
+    berry_mm: float,
+) -> float | None:
+    """Bulk density in the core of a pile: mass of the berries whose centres lie there, over the core's volume.
+
+    The core begins one berry's height below the surface of the body of revolution of the mean silhouette. Near the
+    plate berries lie in layers, and a sharp lower end would count a layer or miss it; so mass and volume get a weight
+    that rises from 0 to 1 over one berry's height, from half a berry above the plate.
+
+    Parameters
+    ----------
+    centres_m : numpy.ndarray, (N, 3)
+        Of the pile's berries.
+    masses_kg : numpy.ndarray, (N,)
+    profiles : sequence of numpy.ndarray, (W,)
+        Of the views, as `pile.profile_of` gives them.
+    mm_per_pixel, height_mm, berry_mm : float
+        Of a picture, the pile, and a berry.
+
+    Returns
+    -------
+    float or None
+        kg/m3; None where the pile has no core.
+    """
+    top = height_mm - berry_mm
+    if top <= 1.5 * berry_mm:
+        return None
+    levels = (np.arange(LEVELS) + 0.5) * top / LEVELS
+    radii = mean_half_width(profiles, mm_per_pixel, levels + berry_mm)
+    volume_mm3 = math.pi * float((_weight(levels, berry_mm) * radii**2).sum()) * top / LEVELS
+    x, y, z = 1e3 * np.asarray(centres_m).T
+    away = np.hypot(x - x.mean(), y - y.mean())
+    inside = (z < top) & (away < np.interp(z, levels, radii))
+    return float((masses_kg * _weight(z, berry_mm))[inside].sum()) / (1e-9 * volume_mm3)
+
+
+def _weight(height_mm, berry_mm):
+    """How much of a height belongs to the core."""
+    return np.clip(height_mm / berry_mm - 0.5, 0.0, 1.0)
+
+
+def _mean(values):
+    """Mean of the finite values, None where more than half are not."""
+    kept = [value for value in values if math.isfinite(value)]
+    return float(np.mean(kept)) if kept and 2 * len(kept) >= len(values) else None

@@ -1,0 +1,213 @@
+"""The rule of the shape study: how it chooses particle, tension, filling and definition of the angle.
+
+This file is the rule. It was committed before the first pour of the study; the tables quote its SHA-256.
+
+1. Particle. Each axis is within 5 % of the measured one, the mass within 2 % of the measured mass, and the volume of
+   the body within 5 % of the berry's, which is mass over density. The volume of a multisphere is that of the union of
+   its spheres.
+2. Pile. The packing in the core of the piles is one that a fruit can have: bulk density of the core over the density of
+   the berry is from 0.55 to 0.70, or beyond by less than two standard errors; mean over the pours at the published
+   parameter sets. At least three of four pours make a pile. The bulk density in the measuring cylinder stands beside
+   it in the tables.
+3. Nearness. Of each combination of particle, tension, filling and definition of the angle: the distance
+   sqrt(mean over the published sets of the sum over the targets of ((here - published) / sd)^2), with the standard
+   deviation sd of the physical piles. An angle always goes with the Height of the same piles.
+4. Finalists. Of the combinations that fulfil 1 and 2, the nearest one of each of the four nearest cells; a cell is a
+   particle with a tension and a filling. To them comes the most physical combination, see 7.
+5. Fresh seeds. The finalists are poured again with seeds that no earlier pour had: at the published sets, and at
+   samples of the design. A finalist meets the published piles if the mean difference over the sets of every target is
+   at most one sd, and if the signal-to-noise ratio of its angle over the design is at least 1.3, or below it by less
+   than two standard errors.
+6. Choice. The first finalist, in the order of the distances of 3, that meets the published piles.
+7. If none does, the most physical combination is chosen. Its particle is the one that fulfils 1 and 2 and whose surface
+   lies nearest to that of the measured body (least rms deviation; in a tie the first listed). Its tension is `release`:
+   dry fruits do not pull at each other, and a hit returns the restitution asked for. Its filling is the nearest by 3.
+   Its definition is the nearest by 3 of those that can reach the physical pile: over the design's samples, the
+   regression of the angle on the Height gives an angle within one sd of the physical one at the physical Height, which
+   lies inside the range of the samples. If no definition can, the Height alone is the target.
+"""
+
+import hashlib
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from repose.core.responses import derived
+from repose.core.targets import Target
+
+NEAR_AXES, NEAR_MASS, NEAR_VOLUME = 0.05, 0.02, 0.05
+LEAST_PACKING, LARGEST_PACKING = 0.55, 0.70
+LEAST_SHARE_OF_PILES = 0.75
+FINALISTS = 4
+LEAST_SIGNAL_TO_NOISE = 1.3
+STANDARD_ERRORS = 2.0
+PHYSICAL_TENSION = "release"
+CELL = ["particle", "tension", "filling"]
+COMBINATION = [*CELL, "definition"]
+
+
+def sha256() -> str:
+    """Hash of this file."""
+    return hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
+
+
+def particle_row(about: Mapping[str, Any], mass_g: float, density_kg_m3: float) -> dict[str, Any]:
+    """A particle beside the measured berry, and whether it is one (1).
+
+    Parameters
+    ----------
+    about : mapping
+        Content of a cell's JSON file.
+    mass_g, density_kg_m3 : float
+        Of the measured berry.
+
+    Returns
+    -------
+    dict
+    """
+    axes, measured = np.array(about["axes_mm"]), np.array(about["measured_axes_mm"])
+    off_axes = float(np.abs(axes / measured - 1).max())
+    off_mass = abs(about["mass_g"] / mass_g - 1)
+    off_volume = about["volume_mm3"] / (1e6 * mass_g / density_kg_m3) - 1
+    near = off_axes <= NEAR_AXES and off_mass <= NEAR_MASS and abs(off_volume) <= NEAR_VOLUME
+    return {
+        "particle": about["particle"],
+        "spheres": about["spheres"],
+        **{f"axis_{k + 1}_mm": value for k, value in enumerate(axes)},
+        "mass_g": about["mass_g"],
+        "volume_mm3": about["volume_mm3"],
+        "deviation_rms_mm": about["deviation_rms_mm"],
+        "deviation_max_mm": about["deviation_max_mm"],
+        "largest_axis_deviation": off_axes,
+        "mass_deviation": off_mass,
+        "volume_deviation": off_volume,
+        "measured_berry": near,
+    }
+
+
+def packs_like_a_fruit(packing: float, standard_error: float) -> bool:
+    """Whether a packing is possible, or too near to a bound to be refused (2).
+
+    Parameters
+    ----------
+    packing, standard_error : float
+        Bulk density over the density of the berry.
+
+    Returns
+    -------
+    bool
+    """
+    beyond = max(LEAST_PACKING - packing, packing - LARGEST_PACKING, 0.0)
+    return beyond == 0.0 or beyond < STANDARD_ERRORS * standard_error
+
+
+def finalists(combinations: pd.DataFrame, particles: pd.DataFrame) -> pd.DataFrame:
+    """The combinations that are poured again (4), the nearest first and the most physical last.
+
+    Parameters
+    ----------
+    combinations : pandas.DataFrame
+        With `COMBINATION`, ``distance``, ``eligible``.
+    particles : pandas.DataFrame
+        Rows of `particle_row`, in the order in which the study lists them.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Rows of `combinations`; the column ``physical`` marks the last.
+    """
+    eligible = combinations[combinations["eligible"]].sort_values("distance", kind="stable")
+    nearest = eligible.drop_duplicates(CELL).head(FINALISTS)
+    release = eligible[eligible["tension"] == PHYSICAL_TENSION]
+    there = particles[particles["particle"].isin(release["particle"])]
+    if there.empty:
+        return nearest.assign(physical=False)
+    # the first of equals: size distributions change no shape
+    truest = there.loc[there["deviation_rms_mm"].idxmin(), "particle"]
+    physical = release[release["particle"] == truest].head(1)
+    return pd.concat([nearest.assign(physical=False), physical.assign(physical=True)], ignore_index=True)
+
+
+def has_signal(ratio: float, standard_error: float) -> bool:
+    """Whether a signal-to-noise ratio is large enough, or too near to be refused (5).
+
+    Parameters
+    ----------
+    ratio, standard_error : float
+
+    Returns
+    -------
+    bool
+    """
+    return ratio + STANDARD_ERRORS * standard_error >= LEAST_SIGNAL_TO_NOISE
+
+
+def meets(row: Mapping[str, Any], targets: Sequence[Target]) -> bool:
+    """Whether a finalist's fresh pours meet the published piles (5).
+
+    Parameters
+    ----------
+    row : mapping
+        Mean differences from the published piles, ``signal_to_noise`` and ``signal_to_noise_se``.
+    targets : sequence of Target
+
+    Returns
+    -------
+    bool
+    """
+    near = all(abs(row[derived(one.name, "difference")]) <= one.sd for one in targets)
+    return near and has_signal(row["signal_to_noise"], row["signal_to_noise_se"])
+
+
+def reached(means: pd.DataFrame, angle: Target, height: Target) -> dict[str, Any]:
+    """Whether piles of a particle can have the physical angle together with the physical Height (7).
+
+    Parameters
+    ----------
+    means : pandas.DataFrame
+        ``angle`` and ``height``, a row for each sample of the design.
+    angle, height : Target
+        Of the physical pile.
+
+    Returns
+    -------
+    dict
+        ``angle_at_height`` by the regression, NaN where there are fewer than three samples; ``reached``.
+    """
+    known = means.dropna()
+    if len(known) < 3:
+        return {"angle_at_height": math.nan, "reached": False}
+    slope, offset = np.polyfit(known["height"], known["angle"], 1)
+    at = float(slope * height.value + offset)
+    inside = known["height"].min() <= height.value <= known["height"].max()
+    return {"angle_at_height": at, "reached": bool(inside and abs(at - angle.value) <= angle.sd)}
+
+
+def choice(rows: Sequence[Mapping[str, Any]], definitions: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """What the study chooses (6, 7).
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        The finalists in their order, with ``meets`` and ``physical``.
+    definitions : sequence of mapping
+        Of the most physical finalist: each definition of the angle, the nearest first, with ``reached``.
+
+    Returns
+    -------
+    dict
+        ``chosen``: a row, or None without finalists. ``meets_the_published_piles``. ``angle_is_a_target``: whether the
+        chosen definition can reach the physical pile.
+    """
+    met = [row for row in rows if row["meets"]]
+    if met:
+        return {"chosen": dict(met[0]), "meets_the_published_piles": True, "angle_is_a_target": True}
+    found = {"meets_the_published_piles": False}
+    within = [row for row in definitions if row["reached"]]
+    if within or definitions:
+        return found | {"chosen": dict((within or definitions)[0]), "angle_is_a_target": bool(within)}
+    return found | {"chosen": None, "angle_is_a_target": False}

@@ -1,0 +1,114 @@
+"""The measuring cylinder: its density on lattices of known density, how a filling is judged, and a small filling."""
+
+import copy
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from repose.apparatus import bench, cylinder
+from repose.apparatus.job import run_once
+from repose.config import checks
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
+from repose.particle.build import ellipsoid_mesh, fit_particle
+
+ROOT = Path(__file__).parents[2]
+BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32, "density_kg_m3": 840.47}
+PARTICLE = fit_particle(ellipsoid_mesh(np.array([21.14, 11.37, 9.88])), 840.47)
+SET = dict(zip(PARAMETERS, (0.25, 0.5, 0.03, 0.3, 0.6, 0.2), strict=True))
+SMALL = {"berries": 90, "rate_per_s": 150.0, "duration_s": 1.6, "diameter_mm": 60.0, "height_mm": 30.0}
+SMALL |= {"collar_mm": 60.0, "core_margin_mm": 5.0}
+
+
+def config(**keys):
+    """The recommended configuration with some keys of its cylinder changed."""
+    whole = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
+    whole["cylinder"].update(keys)
+    return whole
+
+
+def lattice(spacing_m, top_m):
+    """Points of a simple cubic lattice that fills the default cylinder up to a height, off its planes of symmetry."""
+    side = np.arange(-0.1, 0.1, spacing_m) + 0.3 * spacing_m
+    height = np.arange(0.4 * spacing_m, top_m, spacing_m)
+    points = np.stack(np.meshgrid(side, side, height, indexing="ij"), axis=-1).reshape(-1, 3)
+    return points[np.hypot(*points[:, :2].T) < 0.0835]
+
+
+@pytest.mark.parametrize("margin_m", [0.0, 0.025])
+def test_density_of_a_lattice_is_mass_over_cell(margin_m):
+    centres = lattice(2e-3, 0.3)
+    masses = np.full(len(centres), 4.8e-6)
+    vessel = cylinder.Vessel.of(config()["cylinder"])
+    assert vessel.density_kg_m3(centres, masses, margin_m) == pytest.approx(600.0, rel=0.01)
+    counted = vessel.inside(centres, margin_m)
+    assert centres[counted, 2].max() < 0.228 - margin_m
+    assert np.hypot(*centres[counted, :2].T).max() < 0.0835 - margin_m
+
+
+def test_sizes_count_by_their_mass():
+    scales = np.array([1.0, 1.2, 0.8, 1.0])
+    arrays = {
+        "position": np.array([[0, 0, 0.01], [0, 0, 0.1], [0.05, 0, 0.2], [0, 0, 0.24]]),
+        "scale": scales,
+    }
+    found = cylinder.measure({"status": "ok"}, arrays, config(), PARTICLE, BERRY)
+    mass = PARTICLE.mass_kg * (1.0 + 1.2**3 + 0.8**3)
+    assert found["bulk_density_kg_m3"] == pytest.approx(mass / (math.pi * 0.0835**2 * 0.228))
+    assert found["berries_in_cylinder"] == 3
+    core = PARTICLE.mass_kg * (1.2**3 + 0.8**3) / (math.pi * 0.0585**2 * 0.178)
+    assert found["core_density_kg_m3"] == pytest.approx(core)
+    nothing = cylinder.measure({"status": "not_full"}, arrays, config(), PARTICLE, BERRY)
+    assert nothing["bulk_density_kg_m3"] is None
+
+
+def test_a_filling_is_judged():
+    full, low = lattice(5e-3, 0.26), lattice(5e-3, 0.24)
+    assert cylinder.status_of(full, 1e-12, config(), 0.021)[0] == "ok"
+    # 12 mm above the rim are less than the length of a berry
+    status, reason = cylinder.status_of(low, 1e-12, config(), 0.021)
+    assert status == "not_full"
+    assert "above it" in reason
+    assert cylinder.status_of(full, 1e-6, config(), 0.021)[0] == "not_at_rest"
+    assert cylinder.status_of(full + np.array([0.02, 0, 0]), 1e-12, config(), 0.021)[0] == "lost"
+    assert cylinder.status_of(full * np.nan, 1e-12, config(), 0.021)[0] == "unstable"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "allowed"),
+    [
+        ("duration_s", 8.0, "above 8.2475"),
+        ("core_margin_mm", 90.0, "there is no core"),
+        ("berries", 0, "1 to 20000"),
+    ],
+)
+def test_a_cylinder_that_cannot_be_filled_is_refused(key, value, allowed):
+    with pytest.raises(InputError, match=rf"cylinder\.{key}.*{allowed}"):
+        checks.check(config(**{key: value}))
+
+
+def test_a_berry_has_to_fit():
+    assert [key for key, _ in cylinder.misfits(config(diameter_mm=20.0), (21.1, 11.4, 9.9))] == [
+        "cylinder.diameter_mm"
+    ]
+    assert not list(cylinder.misfits(config(), (21.1, 11.4, 9.9)))
+
+
+def test_a_small_filling():
+    own = config(**SMALL)
+    record, run = run_once(bench("cylinder"), own, SET, 1, PARTICLE, BERRY)
+    assert (record["status"], record["berries_poured"]) == ("ok", 90)
+    vessel = cylinder.Vessel.of(own["cylinder"])
+    centres = run.arrays["position"]
+    assert (np.hypot(*centres[:, :2].T) < vessel.radius_m).all()
+    assert 0.45 < record["bulk_density_kg_m3"] / 840.47 < 0.72
+    again, _ = run_once(bench("cylinder"), own, SET, 1, PARTICLE, BERRY)
+    assert again["bulk_density_kg_m3"] == record["bulk_density_kg_m3"]
+    few = copy.deepcopy(own)
+    few["cylinder"]["berries"] = 30
+    short, _ = run_once(bench("cylinder"), few, SET, 1, PARTICLE, BERRY)
+    assert short["status"] == "not_full"
+    assert short["bulk_density_kg_m3"] is None
