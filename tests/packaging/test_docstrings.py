@@ -16,13 +16,7 @@ import pytest
 SOURCE = Path(__file__).parents[2] / "src" / "repose"
 # Compiled functions; comments say what their rows hold.
 KERNELS = SOURCE / "dem" / "kernels"
-# Files and folders that are not held yet.
-LATER = ("dem",)
-MODULES = sorted(
-    path
-    for path in SOURCE.rglob("*.py")
-    if not path.is_relative_to(KERNELS) and not any(path.is_relative_to(SOURCE / one) for one in LATER)
-)
+MODULES = sorted(path for path in SOURCE.rglob("*.py") if not path.is_relative_to(KERNELS))
 FUNCTION = (ast.FunctionDef, ast.AsyncFunctionDef)
 
 
@@ -91,9 +85,10 @@ def docstring(path, name, node):
     return inspect.getdoc(operator.attrgetter(name)(module))
 
 
-def is_verb(function):
-    """Whether a function is a verb of the command line; its options are its parameters, and tell themselves."""
-    return any(ast.unparse(one).startswith("family.verb(") for one in function.decorator_list)
+def tells_itself(function):
+    """Whether a function is a verb of the command line, told by its options, or a property's setter, by its getter."""
+    marks = [ast.unparse(one) for one in function.decorator_list]
+    return any(mark.startswith("family.verb(") or mark.endswith(".setter") for mark in marks)
 
 
 def fields(kind):
@@ -124,7 +119,7 @@ def faults(path):
             if isinstance(node, ast.ClassDef):
                 places.append((f"{name}.", node))
                 asked = fields(node)
-            elif is_verb(node):
+            elif tells_itself(node):
                 continue
             else:
                 asked = parameters(node, {"self", "cls"} if prefix else ())

@@ -13,7 +13,19 @@ from .shapes import Clump, Shape
 
 
 class Body(NamedTuple):
-    """A body in its place: vectors (3,) of the world frame in SI units, a unit quaternion (4,), scale of lengths."""
+    """A body in its place.
+
+    Attributes
+    ----------
+    kind : Shape or Clump
+        What it is.
+    position, velocity, angular_velocity : numpy.ndarray, (3,)
+        In the world, in m, m/s and rad/s.
+    quaternion : numpy.ndarray, (4,)
+        w, x, y, z, body to world, of length 1.
+    scale : float
+        Of its lengths, over those of its kind.
+    """
 
     kind: Shape | Clump
     position: np.ndarray
@@ -31,7 +43,33 @@ def checked_body(
     angular_velocity_rad_s: ArrayLike,
     scale: float,
 ) -> Body:
-    """A body of what a user gives; ValueError naming what is no vector of finite numbers, or a quaternion of 0."""
+    """A body of what a user gives.
+
+    Parameters
+    ----------
+    kind : Shape or Clump
+        What it is.
+    position_m : array_like, (3,)
+        Its centre of mass.
+    quaternion : array_like, (4,)
+        w, x, y, z, body to world, of any length above 0.
+    velocity_m_s : array_like, (3,)
+        Of its centre of mass.
+    angular_velocity_rad_s : array_like, (3,)
+        In the world.
+    scale : float
+        Of its lengths.
+
+    Returns
+    -------
+    Body
+        Its quaternion has length 1.
+
+    Raises
+    ------
+    ValueError
+        If one is no vector of finite numbers, or the quaternion is 0.
+    """
     turned = vector("quaternion", quaternion, 4)
     length = np.linalg.norm(turned)
     if not length > 0.0:
@@ -43,7 +81,21 @@ def checked_body(
 
 
 def write_body(bodies: Any, i: int, body: Body, parts: int, tile: np.ndarray) -> None:
-    """Write body i into the arrays of the bodies; parts: ellipsoids of a shape at most; tile: a scratch tile."""
+    """Write a body into the arrays of the bodies.
+
+    Parameters
+    ----------
+    bodies : state.Bodies
+        The arrays.
+    i : int
+        Its number.
+    body : Body
+        What is written.
+    parts : int
+        The most ellipsoids of a shape.
+    tile : numpy.ndarray
+        Scratch, a tile of bodies.
+    """
     kind, scale = body.kind, body.scale
     row = bodies.rows[i]
     row[st.POSITION : st.POSITION + 3] = body.position

@@ -11,7 +11,13 @@ from pathlib import Path
 
 
 def source_hash() -> str:
-    """Return a short hash of the sources of `repose.dem`."""
+    """A short hash of the sources of `repose.dem`.
+
+    Returns
+    -------
+    str
+        16 hexadecimal digits.
+    """
     digest = hashlib.sha256()
     home = Path(__file__).parent
     for path in sorted(home.rglob("*.py")):

@@ -19,7 +19,20 @@ def run(
     checkpoint: Any,
     every_s: float,
 ) -> None:
-    """Advance a simulation; see `Simulation.run`."""
+    """Advance a simulation with progress, records and checkpoints.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        That is advanced.
+    seconds, progress, record, record_every_s, checkpoint, every_s : object
+        See `Simulation.run`.
+
+    Raises
+    ------
+    ValueError
+        If one of them is not allowed.
+    """
     begin_s, dt = simulation.time_s, simulation.time_step_s
     end = simulation.steps + round(not_negative("seconds", seconds) / dt)
     records = _functions(record)
@@ -65,6 +78,7 @@ def _steps_between(record_every_s, dt):
 
 
 def _keep(records, simulation):
+    """Call every function with the simulation."""
     for function in records:
         function(simulation)
 

@@ -17,7 +17,20 @@ if TYPE_CHECKING:
 
 
 def advance_some(simulation: "Simulation", steps: int) -> int:
-    """Advance by at most `steps` steps, fewer where a list has to grow; returns the steps made."""
+    """Advance a simulation by some steps, fewer where a list has to grow.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        That is advanced.
+    steps : int
+        The most steps.
+
+    Returns
+    -------
+    int
+        The steps made.
+    """
     lists = (simulation.bodies, simulation.pairs, simulation.flat, simulation.curved, simulation.meshed)
     world = (simulation.grid, simulation.walls, simulation.meshes, simulation.counts, simulation.physics)
     if not simulation._shared:
@@ -38,7 +51,13 @@ def advance_some(simulation: "Simulation", steps: int) -> int:
 
 
 def renumber(simulation: "Simulation") -> None:
-    """Number the bodies in the order of space; what users see keeps their numbers."""
+    """Number the bodies in the order of space; what users see keeps their numbers.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        Of smooth bodies, with threads.
+    """
     s, n = simulation, simulation.n_bodies
     order = reorder(s.bodies, s.grid, s.pairs, s.flat, s.curved, s.meshed, s.counts)
     s._outer[:n] = s._outer[:n][order]
@@ -46,7 +65,13 @@ def renumber(simulation: "Simulation") -> None:
 
 
 def grow(simulation: "Simulation") -> None:
-    """Double the lists that are filling up; each in one move, or an interrupt could leave half of one."""
+    """Double the lists that are filling up; each in one move, or an interrupt could leave half of one.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        Whose lists they are.
+    """
     s, counts, capacity = simulation, simulation.counts, simulation.capacity
     s.pairs = contact_lists.grown_pairs(s.pairs, counts, capacity, s._most_spheres, s._n_state)
     s.flat = contact_lists.grown_wall_contacts(s.flat, counts[st.N_PLANE], capacity)

@@ -256,7 +256,18 @@ class RingEdge:
 
 
 def frame_of(surface: Any) -> np.ndarray:
-    """Origin and rotation (frame to world, by rows) of a curved surface as the kernels take them (12,)."""
+    """Origin and rotation of a curved surface as the kernels take them.
+
+    Parameters
+    ----------
+    surface : Cone, RingEdge or Mesh
+        With an axis and an origin.
+
+    Returns
+    -------
+    numpy.ndarray, (12,)
+        Origin in m, and the rotation from frame to world by rows.
+    """
     z = _direction("axis", surface.axis)
     frame = np.eye(3)
     if not np.array_equal(z, UP):
@@ -271,7 +282,18 @@ Wall = Plane | Cone | RingEdge | Mesh
 
 @dataclass
 class WallSet:
-    """Named walls, sorted into the order of the kernels: planes, cones, rings, meshes."""
+    """Named walls, sorted into the order of the kernels: planes, cones, rings, meshes.
+
+    Parameters
+    ----------
+    surfaces : mapping, optional
+        From name to Plane, Cone, RingEdge or Mesh.
+
+    Raises
+    ------
+    ValueError
+        If a name or a wall is something else.
+    """
 
     surfaces: Mapping[str, Any] = field(default_factory=dict)
 
@@ -283,11 +305,40 @@ class WallSet:
         ]
 
     def of(self, kind: type) -> list:
-        """The walls of a kind, in order."""
+        """The walls of a kind, in order.
+
+        Parameters
+        ----------
+        kind : type
+            Plane, Cone, RingEdge or Mesh.
+
+        Returns
+        -------
+        list
+            Of that type.
+        """
         return [self.surfaces[n] for n in self.names if isinstance(self.surfaces[n], kind)]
 
     def with_motion(self, name: str, motion: Motion) -> "WallSet":
-        """The same walls, one of them with another motion."""
+        """The same walls, one of them with another motion.
+
+        Parameters
+        ----------
+        name : str
+            Of the wall.
+        motion : Motion
+            Its new motion.
+
+        Returns
+        -------
+        WallSet
+            A new one.
+
+        Raises
+        ------
+        ValueError
+            If no wall has this name.
+        """
         if name not in self.surfaces:
             raise ValueError(
                 f"wall is {name!r}; allowed: {', '.join(self.names) or 'none, there are no walls'}"

@@ -17,10 +17,21 @@ TUBE_SECTORS = 24  # of a full turn about a rounded edge
 def tessellate(body: Any, rings: int = 18, sectors: int = 36) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Support points and normals of a body on a latitude-longitude grid about its first axis.
 
-    body: a `Clump`, or what has `support` and `support_point`, such as a `Shape`. Of a clump there is what is seen from
-    its centre of mass.
-    Returns points (V, 3) m, normals (V, 3), triangles (T, 3) that run anticlockwise seen from outside; V and T are the
-    same for all bodies.
+    Parameters
+    ----------
+    body : Clump or Shape
+        Or what has `support` and `support_point`. Of a clump there is what is seen from its centre of mass.
+    rings, sectors : int, optional
+        Of the grid.
+
+    Returns
+    -------
+    points : numpy.ndarray, (V, 3)
+        In m; V and T are the same for all bodies.
+    normals : numpy.ndarray, (V, 3)
+        Unit vectors.
+    triangles : numpy.ndarray of int, (T, 3)
+        Numbers of their points, anticlockwise seen from outside.
     """
     polar, turn = np.meshgrid(
         np.linspace(0, math.pi, rings + 1),
@@ -61,10 +72,24 @@ def _grid_triangles(rows, columns):
 def plane_polygon(
     plane: np.ndarray, lower: np.ndarray, upper: np.ndarray, others: Sequence[np.ndarray] | np.ndarray = ()
 ) -> np.ndarray:
-    """Corners (M, 3) m of what there is of a plane, anticlockwise seen from the bodies.
+    """Corners of what there is of a plane.
 
-    plane (7,): as `Simulation.walls` has it. A disc is a polygon of many corners; an endless plane is cut off by the
-    box from lower to upper (3,) and by the `others`, endless planes too, beyond which no body can be.
+    A disc is a polygon of many corners. An endless plane is cut off by a box, and by the other endless
+    planes, beyond which no body can be.
+
+    Parameters
+    ----------
+    plane : numpy.ndarray, (7,)
+        As `Simulation.walls` has it.
+    lower, upper : numpy.ndarray, (3,)
+        Corners of the box in m.
+    others : sequence of numpy.ndarray, (7,), optional
+        The other endless planes.
+
+    Returns
+    -------
+    numpy.ndarray, (M, 3)
+        In m, anticlockwise seen from the bodies.
     """
     point, inwards, radius = plane[:3], -plane[3:6], plane[6]
     u = np.cross(np.eye(3)[np.argmin(np.abs(inwards))], inwards)
@@ -106,19 +131,53 @@ def _clipped(polygon, normal, offset):
 
 
 def endless(planes: np.ndarray) -> np.ndarray:
-    """Which planes (P, 7) have no edge (P,)."""
+    """Which planes have no edge.
+
+    Parameters
+    ----------
+    planes : numpy.ndarray, (P, 7)
+        As `Simulation.walls` has them.
+
+    Returns
+    -------
+    numpy.ndarray of bool, (P,)
+    """
     return np.isinf(planes[:, 6])
 
 
 def visible_polygon(simulation: Any, k: int) -> np.ndarray:
-    """`plane_polygon` of plane k of a simulation, cut off by its box and its other endless planes."""
+    """`plane_polygon` of one plane of a simulation, cut off by its box and its other endless planes.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        Whose plane it is.
+    k : int
+        Number of the plane.
+
+    Returns
+    -------
+    numpy.ndarray, (M, 3)
+        In m, anticlockwise seen from the bodies.
+    """
     planes = simulation.walls.planes
     others = planes[endless(planes) & (np.arange(len(planes)) != k)]
     return plane_polygon(planes[k], simulation.lower, simulation.upper, others)
 
 
 def cone_circles(line: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Radius and height of the circles at the ends of a `Cone`'s line, in its own frame (2, 2) [m]."""
+    """Circles at the ends of a cone, in its own frame.
+
+    Parameters
+    ----------
+    line : sequence of float, (7,)
+        The line of a `Cone`.
+
+    Returns
+    -------
+    numpy.ndarray, (2, 2)
+        Radius and height of each circle in m.
+    """
     m_r, m_z, offset, first, last, e_r, e_z = line
     return np.array([[m_r * offset + e_r * s, m_z * offset + e_z * s] for s in (first, last)])
 
@@ -147,14 +206,37 @@ def _edge_profile(ring):
 
 
 def in_world(frame: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Points (M, 3) of a frame (12,) in the world."""
+    """Points of a frame in the world.
+
+    Parameters
+    ----------
+    frame : numpy.ndarray, (12,)
+        Origin in m, and the rotation from frame to world by rows.
+    points : numpy.ndarray, (M, 3)
+        In m.
+
+    Returns
+    -------
+    numpy.ndarray, (M, 3)
+        In m.
+    """
     return frame[:3] + points @ frame[3:].reshape(3, 3).T
 
 
 def triangulated_walls(simulation: Any) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """The walls where they are now: names to points (V, 3) m and triangles (T, 3).
+    """The walls where they are now, as triangles.
 
     Endless planes end at the box of the simulation and at each other.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        Whose walls they are.
+
+    Returns
+    -------
+    dict
+        By name: points (V, 3) in m, and triangles (T, 3) of their numbers.
     """
     names, planes = simulation.wall_set.names, simulation.walls.planes
     found = {}
@@ -190,9 +272,25 @@ def _all_spheres(clump, rings, sectors):
 def triangulated_bodies(
     simulation: Any, rings: int = 8, sectors: int = 16
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """All bodies that are there as triangles: points (V, 3) m, triangles (T, 3), the body of each triangle (T,).
+    """All bodies that are there, as triangles.
 
-    Clumps with all their spheres, also where these lie inside each other.
+    Clumps have all their spheres, also where these lie inside each other.
+
+    Parameters
+    ----------
+    simulation : Simulation
+        Whose bodies they are.
+    rings, sectors : int, optional
+        Of the grid on each body or sphere.
+
+    Returns
+    -------
+    points : numpy.ndarray, (V, 3)
+        In m.
+    triangles : numpy.ndarray of int, (T, 3)
+        Numbers of their points.
+    bodies : numpy.ndarray of int, (T,)
+        Number of each triangle's body.
     """
     here = np.flatnonzero(simulation.present)
     turn = rotation_matrices(simulation.quaternions[here])

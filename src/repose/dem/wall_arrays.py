@@ -15,10 +15,25 @@ HOME = np.concatenate([np.zeros(3), np.eye(3).ravel()])  # the frame that is the
 def wall_arrays(
     wall_set: Any, kinds: Mapping[str, int], size_m: float, old: st.Walls | None = None, changed: int = -1
 ) -> st.Walls:
-    """The walls as the kernels take them (`state.Walls`).
+    """The walls as the kernels take them.
 
-    kinds: number of each material's name; size_m: of the box the bodies stay in; old: arrays of the same walls, whose
-    places are taken over; changed: number of the wall that has another motion than there.
+    Parameters
+    ----------
+    wall_set : WallSet
+        The named walls.
+    kinds : mapping of int
+        Number of each material by its name.
+    size_m : float
+        Of the box the bodies stay in.
+    old : state.Walls, optional
+        Arrays of the same walls, whose places are taken over.
+    changed : int, optional
+        Number of the wall that has another motion than there; -1 for none.
+
+    Returns
+    -------
+    state.Walls
+        The arrays.
     """
     planes, cones, rings, meshes = (wall_set.of(kind) for kind in (Plane, Cone, RingEdge, Mesh))
     surfaces = [*planes, *cones, *rings, *meshes]

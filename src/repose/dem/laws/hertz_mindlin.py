@@ -137,7 +137,13 @@ def contact_time(a: Material, b: Material, mass: float, radius: float, speed: fl
 
 @inlined
 def contact_sizes(t: np.ndarray) -> None:
-    """Roots that the forces need, apart from them: a loop of few long chains runs several of them at once."""
+    """Roots that the forces need, apart from them: a loop of few long chains runs several of them at once.
+
+    Parameters
+    ----------
+    t : numpy.ndarray
+        Tile of 32 contacts; its rows `CIRCLE` and `VISCOUS` are written.
+    """
     for k in range(L):
         gap = t[tl.GAP + k]
         overlap = -gap if gap < 0.0 else 0.0
@@ -151,7 +157,19 @@ def contact_sizes(t: np.ndarray) -> None:
 
 @inlined
 def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit: int) -> None:
-    """Normal force, and the tangential force that Coulomb's limit leaves, of each lane."""
+    """Normal force, and the tangential force that Coulomb's limit leaves, of each lane.
+
+    Parameters
+    ----------
+    t : numpy.ndarray
+        Tile of 32 contacts; its rows TO_A and PUSH are written.
+    c : numpy.ndarray
+        Tile of what the contacts keep from step to step.
+    spring : int
+        Place of the spring's first row in `c`.
+    tension, friction_limit : int
+        Numbers of `law.TENSIONS` and `law.FRICTION_LIMITS`.
+    """
     for k in range(L):
         gap = t[tl.GAP + k]
         overlap = -gap if gap < 0.0 else 0.0
@@ -170,9 +188,22 @@ def push(t: np.ndarray, c: np.ndarray, spring: int, tension: int, friction_limit
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """The forces of each lane; arguments of `law.contact_forces`.
+    """The forces of each lane, as `law.contact_forces` asks for them.
 
     Several short loops: a processor runs as many lanes at once as its window holds.
+
+    Parameters
+    ----------
+    law : HertzMindlin
+        The options.
+    t : numpy.ndarray
+        Tile of 32 contacts.
+    c : numpy.ndarray
+        Tile of what the contacts keep from step to step.
+    at : int
+        Place of the law's first row in `c`.
+    dt : float
+        Time step [s].
     """
     contact_sizes(t)
     slip(t, c, at + SPRING, dt)

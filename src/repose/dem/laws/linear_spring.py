@@ -65,7 +65,7 @@ def constants(a: Material, b: Material, contact: Contact, tension: str = "keep")
 
 
 def contact_time(a: Material, b: Material, mass: float, radius: float, _speed: float) -> float:
-    """Duration of an elastic head-on impact.
+    """Duration of an elastic head-on impact; it is the same at any speed.
 
     Parameters
     ----------
@@ -75,8 +75,6 @@ def contact_time(a: Material, b: Material, mass: float, radius: float, _speed: f
         Effective mass m* [kg].
     radius : float
         Effective radius R* [m].
-    _speed : float
-        Relative speed [m/s]; the duration is the same at any.
 
     Returns
     -------
@@ -88,7 +86,21 @@ def contact_time(a: Material, b: Material, mass: float, radius: float, _speed: f
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """The forces of each lane; arguments of `law.contact_forces`."""
+    """The forces of each lane, as `law.contact_forces` asks for them.
+
+    Parameters
+    ----------
+    law : LinearSpring
+        The options.
+    t : numpy.ndarray
+        Tile of 32 contacts.
+    c : numpy.ndarray
+        Tile of what the contacts keep from step to step.
+    at : int
+        Place of the law's first row in `c`.
+    dt : float
+        Time step [s].
+    """
     spring = at + SPRING
     slip(t, c, spring, dt)
     for k in range(L):

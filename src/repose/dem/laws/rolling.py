@@ -31,12 +31,37 @@ ROLLING_FRICTION = _rows.take()
 
 
 def constants(_a: Material, _b: Material, contact: Contact, _tension: str = "keep") -> np.ndarray:
-    """Constants of the law for two materials as the kernel takes them: the rolling friction (1,)."""
+    """Constants of the law for two materials as the kernel takes them.
+
+    Parameters
+    ----------
+    contact : Contact
+        Of the two.
+
+    Returns
+    -------
+    numpy.ndarray, (1,)
+        The rolling friction.
+    """
     return np.array([contact.rolling_friction])
 
 
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
-    """The budgets of each lane's bodies; arguments of `law.rolling_resistance`."""
+    """The budgets of each lane's bodies, as `law.rolling_resistance` asks for them.
+
+    Parameters
+    ----------
+    law : RollingBudget
+        The options; not used.
+    t : numpy.ndarray
+        Tile of 32 contacts.
+    c : numpy.ndarray
+        Tile of what the contacts keep from step to step; not used.
+    at : int
+        Place of the law's first row in `c`; not used.
+    dt : float
+        Time step [s]; not used.
+    """
     for k in range(L):
         rolling = t[ROLLING_FRICTION + k] * t[tl.PUSH + k]
         x, y, z = t[tl.RA + k], t[tl.RA + L + k], t[tl.RA + 2 * L + k]

@@ -28,6 +28,17 @@ def slip(t: np.ndarray, c: np.ndarray, spring: int, dt: float) -> None:
     """Velocity of A against B at each lane's contact, and the tangential spring in the present tangent plane.
 
     Writes rows V (tangential) and VN (normal) of the tile and the three rows from `spring` on.
+
+    Parameters
+    ----------
+    t : numpy.ndarray
+        Tile of 32 contacts; its rows V (tangential) and VN (normal) are written.
+    c : numpy.ndarray
+        Tile of what the contacts keep from step to step.
+    spring : int
+        Place of the spring's first row in `c`; its three rows are written.
+    dt : float
+        Time step [s].
     """
     for k in range(L):
         nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
@@ -64,9 +75,21 @@ def slip(t: np.ndarray, c: np.ndarray, spring: int, dt: float) -> None:
 
 @inlined
 def normal_forces(elastic: float, damped: float, tension: int, friction_limit: int) -> tuple[float, float]:
-    """Normal force, and the one that limits friction and rolling; numbers of `law.TENSIONS`, `law.FRICTION_LIMITS`.
+    """Normal force, and the one that limits friction and rolling.
 
     A contact that has ended because the damped force vanished has neither.
+
+    Parameters
+    ----------
+    elastic, damped : float
+        The elastic part of the normal force, and all of it [N].
+    tension, friction_limit : int
+        Numbers of `law.TENSIONS` and `law.FRICTION_LIMITS`.
+
+    Returns
+    -------
+    force, limit : float
+        In N.
     """
     least = -math.inf if tension == KEEP else 0.0
     force = damped if damped > least else least
@@ -84,10 +107,31 @@ def limited(
     damping: float,
     cap: float,
 ) -> tuple[float, float, float, float]:
-    """Tangential force of lane k that Coulomb's limit `cap` leaves.
+    """Tangential force of one lane that Coulomb's limit leaves.
 
-    It cuts the spring first, then the sum of spring and dashpot (damping times velocity, row V). Returns
-    the share that the second cut leaves, and the sum before it.
+    The limit cuts the spring first, then the sum of spring and dashpot.
+
+    Parameters
+    ----------
+    t : numpy.ndarray
+        Tile of 32 contacts, with the velocity in row V.
+    c : numpy.ndarray
+        Tile of what the contacts keep from step to step; the spring in it is cut.
+    spring : int
+        Place of the spring's first row in `c`.
+    k : int
+        The lane.
+    stiffness, damping : float
+        Of the tangential spring [N/m], and of the dashpot [N s/m].
+    cap : float
+        Coulomb's limit [N].
+
+    Returns
+    -------
+    cut : float
+        Share that the second cut leaves.
+    fx, fy, fz : float
+        Sum of spring and dashpot before that cut [N].
     """
     ex, ey, ez = c[spring + k], c[spring + L + k], c[spring + 2 * L + k]
     gx, gy, gz = stiffness * ex, stiffness * ey, stiffness * ez
