@@ -191,8 +191,9 @@ def test_clumps_pass_a_funnel():
     touched = set()
     for k in range(40):
         s.add("bent", (*rng.uniform(-0.02, 0.02, 2), 0.17 + 0.005 * k), random_quaternion(rng))
-        s.run_steps(300)
-        touched |= set(s.curved_contacts()[1])
+        for _ in range(15):  # a hit on the edge is over in some tens of steps
+            s.run_steps(20)
+            touched |= set(s.curved_contacts()[1])
         assert np.linalg.norm(s.velocities, axis=1).max() < 3.0
     assert touched == {0, 1}
     assert s.positions[:, 2].min() > 0.0

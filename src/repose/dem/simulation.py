@@ -62,7 +62,8 @@ class Simulation(Observables):
         included. A sliding impact gives a tangential impulse of mu (1 + e) m V with "elastic" where the contact may
         pull, and with "total" where it may not.
     contact_law, rolling_law : str
-        Names of force laws, see `repose.dem.laws`.
+        Names of force laws, see `repose.dem.laws`. "budget" resists each body's angular velocity in space by
+        mu_r F_n R, R the distance of the contact from the centre of mass; so angular momentum is not kept.
     largest_scale : float
         The largest scale that `add` will be given.
     threads : int

@@ -7,12 +7,14 @@ the momentum to the bit and the energy to second order.
 import math
 
 from . import state as st
-from .body_tile import INERTIA, INVERSE_INERTIA, LOAD, MOMENTS, OMEGA, PATH, ROWS, L
+from .body_tile import INVERSE_INERTIA, LOAD, OMEGA, PATH, ROWS, L
 from .jit import inlined, kernel
 from .state import ANGULAR_MOMENTUM, INVERSE_MOMENTS, PART, QUATERNION, SHAPE, SQUARES
 
 SURE = 1.0 - 1e-12  # what rounding leaves of a budget
 SLOWEST = 1e-150  # angular speed below which the direction of a rotation means nothing [rad/s]
+# They leave the size of a resistance 4e-8 off where the moments differ sixfold, 4e-4 where they differ thirtyfold.
+NEWTON_STEPS = 3
 
 
 @inlined
@@ -66,53 +68,42 @@ def inverse_inertia_times(m, k, x, y, z):
     return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
 
 
+@inlined
+def into_body(c, k, x, y, z):
+    """A vector of the world in the frame of lane k's body."""
+    qw, qx, qy, qz = (
+        c[QUATERNION + k],
+        c[QUATERNION + L + k],
+        c[QUATERNION + 2 * L + k],
+        c[QUATERNION + 3 * L + k],
+    )
+    # twice the vector product with the quaternion's vector
+    tx, ty, tz = 2.0 * (y * qz - z * qy), 2.0 * (z * qx - x * qz), 2.0 * (x * qy - y * qx)
+    return x + qw * tx + ty * qz - tz * qy, y + qw * ty + tz * qx - tx * qz, z + qw * tz + tx * qy - ty * qx
+
+
+@inlined
+def into_world(c, k, x, y, z):
+    """A vector in the frame of lane k's body in the world."""
+    qw, qx, qy, qz = (
+        c[QUATERNION + k],
+        c[QUATERNION + L + k],
+        c[QUATERNION + 2 * L + k],
+        c[QUATERNION + 3 * L + k],
+    )
+    tx, ty, tz = 2.0 * (qy * z - qz * y), 2.0 * (qz * x - qx * z), 2.0 * (qx * y - qy * x)
+    return x + qw * tx + qy * tz - qz * ty, y + qw * ty + qz * tx - qx * tz, z + qw * tz + qx * ty - qy * tx
+
+
 @kernel
 def might_turn(m, dt):
-    """How many bodies of a tile that rests might begin to turn.
-
-    A body stands still for sure when its rolling budget B outweighs its angular momentum l: it stops where
-    B o'Jo >= |o|^3 with o = J l (see `resist_lanes`), and |o|^3 <= |l| o'Jo by Hoelder's inequality.
-    """
+    """How many bodies of a tile that rests might begin to turn: the rolling budget is less than the torque."""
     n = 0
     for k in range(L):
         lx, ly, lz = dt * m[LOAD + 3 * L + k], dt * m[LOAD + 4 * L + k], dt * m[LOAD + 5 * L + k]
         budget = SURE * dt * m[LOAD + st.ROLL * L + k]
         n += 1 if budget * budget < lx * lx + ly * ly + lz * lz else 0
     return n
-
-
-@kernel
-def all_stay(m, c, dt, undecided, tile):
-    """Whether no body of a tile that rests begins to turn: the condition of `resist_lanes`, in each body's frame.
-
-    The simple condition of `might_turn` leaves some bodies undecided. Their bits are set in `undecided`, for
-    `fetch_next`: the next step will most likely leave the same ones.
-    """
-    asked = 0
-    for k in range(L):
-        lx, ly, lz = dt * m[LOAD + 3 * L + k], dt * m[LOAD + 4 * L + k], dt * m[LOAD + 5 * L + k]
-        budget = SURE * dt * m[LOAD + st.ROLL * L + k]
-        if budget * budget >= lx * lx + ly * ly + lz * lz:
-            continue
-        asked |= 1 << k
-        qw, qx, qy, qz = (
-            c[QUATERNION + k],
-            c[QUATERNION + L + k],
-            c[QUATERNION + 2 * L + k],
-            c[QUATERNION + 3 * L + k],
-        )
-        # twice the vector product with the quaternion's vector
-        tx, ty, tz = 2.0 * (ly * qz - lz * qy), 2.0 * (lz * qx - lx * qz), 2.0 * (lx * qy - ly * qx)
-        i1, i2, i3 = c[INVERSE_MOMENTS + k], c[INVERSE_MOMENTS + L + k], c[INVERSE_MOMENTS + 2 * L + k]
-        ox = i1 * (lx + qw * tx + ty * qz - tz * qy)
-        oy = i2 * (ly + qw * ty + tz * qx - tx * qz)
-        oz = i3 * (lz + qw * tz + tx * qy - ty * qx)
-        square = ox * ox + oy * oy + oz * oz
-        share = budget / max(math.sqrt(square), SLOWEST)
-        if share * (i1 * ox * ox + i2 * oy * oy + i3 * oz * oz) < square:
-            return False
-    undecided[tile] = asked
-    return True
 
 
 @kernel
@@ -139,29 +130,62 @@ def stop_lanes(m, c):
         m[OMEGA + k] = 0.0
 
 
+@inlined
+def resistance(x, y, z, i1, i2, i3, size, budget):
+    """Direction of the rolling resistance of a body that it does not stop, in the body's frame.
+
+    (x, y, z), size: angular momentum, without resistance and relative to the frame, and its size; i1, i2, i3: inverse
+    moments. The rotation that is left has the direction n that is returned: its angular velocity is s n with
+    I s n = l - B n, so (s + B J) n = J l, J the inverse inertia. The speed s is the root of |n(s)| = 1. Newton's
+    method on 1 / |n(s)|, which is concave, comes to it from below; the unit is the speed without resistance.
+    """
+    ox, oy, oz = i1 * x, i2 * y, i3 * z
+    unit = 1.0 / max(math.sqrt(ox * ox + oy * oy + oz * oz), SLOWEST)
+    ox, oy, oz = unit * ox, unit * oy, unit * oz
+    b1, b2, b3 = unit * budget * i1, unit * budget * i2, unit * budget * i3
+    # two bounds of the root from below: by the budget along the rotation and by the largest moment
+    s = max(1.0 - (ox * ox * b1 + oy * oy * b2 + oz * oz * b3), unit * (size - budget) * min(i1, i2, i3))
+    s = max(s, 0.0)
+    for _ in range(NEWTON_STEPS):
+        d1, d2, d3 = s + b1, s + b2, s + b3
+        product = 1.0 / (d1 * d2 * d3)
+        d1, d2, d3 = product * d2 * d3, product * d3 * d1, product * d1 * d2
+        g1, g2, g3 = ox * ox * d1 * d1, oy * oy * d2 * d2, oz * oz * d3 * d3
+        g = g1 + g2 + g3
+        s = max(s + g * (math.sqrt(g) - 1.0) / (g1 * d1 + g2 * d2 + g3 * d3), 0.0)
+    return ox / (s + b1), oy / (s + b2), oz / (s + b3)
+
+
 @kernel
 def resist_lanes(m, c, dt):
     """Rolling resistance; returns how many lanes turn.
 
-    It acts as a budget: the sum of mu_r F_n R over a body's contacts opposes the rotation that all other torques
-    leave; it can stop it but never reverse it, so a settled pile is at rest.
+    It acts as a budget B, the sum of mu_r F_n R over a body's contacts, against the rotation that is left when it has
+    acted: l' = l - B o' / |o'|, o' the angular velocity of l'. That has one solution. The body stands still where
+    |l| <= B, whatever its orientation, and its rotation is never reversed, so a settled pile is at rest.
     """
     n = 0
     for k in range(L):
         lx, ly, lz = c[ANGULAR_MOMENTUM + k], c[ANGULAR_MOMENTUM + L + k], c[ANGULAR_MOMENTUM + 2 * L + k]
-        ox, oy, oz = inverse_inertia_times(m, k, lx, ly, lz)
-        speed = math.sqrt(ox * ox + oy * oy + oz * oz)
-        budget = dt * m[LOAD + st.ROLL * L + k] / max(speed, SLOWEST)
-        bx, by, bz = budget * ox, budget * oy, budget * oz
-        rx, ry, rz = inverse_inertia_times(m, k, bx, by, bz)
-        turns = ox * rx + oy * ry + oz * rz < speed * speed
+        budget = dt * m[LOAD + st.ROLL * L + k]
+        square = lx * lx + ly * ly + lz * lz
+        i1, i2, i3 = c[INVERSE_MOMENTS + k], c[INVERSE_MOMENTS + L + k], c[INVERSE_MOMENTS + 2 * L + k]
+        # the lane of a body that is not there may hold a torque and has no moments
+        turns = (square > budget * budget) & (i1 > 0.0)
         n += 1 if turns else 0
-        c[ANGULAR_MOMENTUM + k] = lx - bx if turns else 0.0
-        c[ANGULAR_MOMENTUM + L + k] = ly - by if turns else 0.0
-        c[ANGULAR_MOMENTUM + 2 * L + k] = lz - bz if turns else 0.0
-        m[OMEGA + k] = ox - rx if turns else 0.0
-        m[OMEGA + L + k] = oy - ry if turns else 0.0
-        m[OMEGA + 2 * L + k] = oz - rz if turns else 0.0
+        x, y, z = into_body(c, k, lx, ly, lz)
+        x, y, z = resistance(x, y, z, i1, i2, i3, math.sqrt(square), budget)
+        x, y, z = into_world(c, k, x, y, z)
+        lx = lx - budget * x if turns else 0.0
+        ly = ly - budget * y if turns else 0.0
+        lz = lz - budget * z if turns else 0.0
+        c[ANGULAR_MOMENTUM + k] = lx
+        c[ANGULAR_MOMENTUM + L + k] = ly
+        c[ANGULAR_MOMENTUM + 2 * L + k] = lz
+        ox, oy, oz = inverse_inertia_times(m, k, lx, ly, lz)
+        m[OMEGA + k] = ox
+        m[OMEGA + L + k] = oy
+        m[OMEGA + 2 * L + k] = oz
     return n
 
 
@@ -173,29 +197,31 @@ def resist_in_frame(m, c, dt, fx, fy, fz):
     """
     for k in range(L):
         lx, ly, lz = c[ANGULAR_MOMENTUM + k], c[ANGULAR_MOMENTUM + L + k], c[ANGULAR_MOMENTUM + 2 * L + k]
+        budget = dt * m[LOAD + st.ROLL * L + k]
+        i1, i2, i3 = c[INVERSE_MOMENTS + k], c[INVERSE_MOMENTS + L + k], c[INVERSE_MOMENTS + 2 * L + k]
+        there = i1 > 0.0
+        # angular momentum of a body that turns with the frame
+        x, y, z = into_body(c, k, fx, fy, fz)
+        x = x / i1 if there else 0.0
+        y = y / i2 if there else 0.0
+        z = z / i3 if there else 0.0
+        wx, wy, wz = into_world(c, k, x, y, z)
+        x, y, z = into_body(c, k, lx - wx, ly - wy, lz - wz)
+        square = x * x + y * y + z * z
+        turns = (square > budget * budget) & there
+        x, y, z = resistance(x, y, z, i1, i2, i3, math.sqrt(square), budget)
+        x, y, z = into_world(c, k, x, y, z)
+        lx = lx - budget * x if turns else wx
+        ly = ly - budget * y if turns else wy
+        lz = lz - budget * z if turns else wz
+        c[ANGULAR_MOMENTUM + k] = lx
+        c[ANGULAR_MOMENTUM + L + k] = ly
+        c[ANGULAR_MOMENTUM + 2 * L + k] = lz
         ox, oy, oz = inverse_inertia_times(m, k, lx, ly, lz)
-        dx, dy, dz = ox - fx, oy - fy, oz - fz
-        speed = math.sqrt(dx * dx + dy * dy + dz * dz)
-        budget = dt * m[LOAD + st.ROLL * L + k] / max(speed, SLOWEST)
-        bx, by, bz = budget * dx, budget * dy, budget * dz
-        rx, ry, rz = inverse_inertia_times(m, k, bx, by, bz)
-        turns = dx * rx + dy * ry + dz * rz < speed * speed
-        xx, xy, xz = m[INERTIA + k], m[INERTIA + L + k], m[INERTIA + 2 * L + k]
-        yy, yz, zz = m[INERTIA + 3 * L + k], m[INERTIA + 4 * L + k], m[INERTIA + 5 * L + k]
-        c[ANGULAR_MOMENTUM + k] = lx - bx if turns else xx * fx + xy * fy + xz * fz
-        c[ANGULAR_MOMENTUM + L + k] = ly - by if turns else xy * fx + yy * fy + yz * fz
-        c[ANGULAR_MOMENTUM + 2 * L + k] = lz - bz if turns else xz * fx + yz * fy + zz * fz
-        m[OMEGA + k] = ox - rx if turns else fx
-        m[OMEGA + L + k] = oy - ry if turns else fy
-        m[OMEGA + 2 * L + k] = oz - rz if turns else fz
-
-
-@kernel
-def moments(m, c):
-    """Inertia (world) of the bodies of a tile as they are turned now."""
-    for k in range(3 * L):
-        m[MOMENTS + k] = 1.0 / max(c[INVERSE_MOMENTS + k], SLOWEST)
-    rotated_diagonal(m, INERTIA, c, m, MOMENTS)
+        stays = there & (not turns)
+        m[OMEGA + k] = fx if stays else ox
+        m[OMEGA + L + k] = fy if stays else oy
+        m[OMEGA + 2 * L + k] = fz if stays else oz
 
 
 @kernel
@@ -256,19 +282,18 @@ def shape_lanes(m, c, parts):
 
 
 @inlined
-def rotate_lanes(m, c, dt, parts, rests, undecided, tile, fx, fy, fz):
+def rotate_lanes(m, c, dt, parts, rests, fx, fy, fz):
     """Turn the bodies of a tile by one time step, what stands still at little cost; returns whether any turns.
 
-    rests: whether none turned in the last step; undecided: see `all_stay`. (fx, fy, fz): angular velocity of the frame
-    against which rolling is resisted.
+    rests: whether none turned in the last step. (fx, fy, fz): angular velocity of the frame against which rolling is
+    resisted.
     """
     framed = fx != 0.0 or fy != 0.0 or fz != 0.0
-    if rests and not framed and (might_turn(m, dt) == 0 or all_stay(m, c, dt, undecided, tile)):
+    if rests and not framed and might_turn(m, dt) == 0:
         return False
     twisted = twist_lanes(m, c, dt)
     if framed:
         inertia_lanes(m, c)
-        moments(m, c)
         resist_in_frame(m, c, dt, fx, fy, fz)
         turn_lanes(m, c, dt)
         shape_lanes(m, c, parts)

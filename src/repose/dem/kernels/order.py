@@ -63,7 +63,6 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
     _permute_lanes(bodies.motion, order)
     bodies.resting[:] = 0
     bodies.wall_margin[:] = 0.0
-    bodies.undecided[:] = 0
     moved = int(counts[st.N_MOVED])
     grid.moved_list[:moved] = place[grid.moved_list[:moved]]
     relink(grid, n)

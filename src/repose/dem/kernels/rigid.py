@@ -2,8 +2,6 @@
 
 import math
 
-import numpy as np
-
 from . import state as st
 from .body_rotation import rotate_lanes, shape_lanes
 from .body_tile import BEFORE, LOAD, MORE, PATH, ROWS, L
@@ -141,16 +139,6 @@ def fetch_next(bodies, tile):
     last = st.RADIUS + L if turning else INVERSE_MOMENTS
     for column in range(first, last, WIDTH):
         prefetch(bodies.motion, following, column)
-    undecided = 0 if turning else np.int64(bodies.undecided[following])
-    lane = 0
-    while undecided > 0:
-        if undecided & 1:
-            for row in range(4):
-                prefetch(bodies.motion, following, QUATERNION + row * L + lane)
-            for row in range(3):
-                prefetch(bodies.motion, following, INVERSE_MOMENTS + row * L + lane)
-        undecided >>= 1
-        lane += 1
 
 
 @kernel
@@ -182,9 +170,7 @@ def integrate(bodies, counts, physics, m, begin, end):
         else:
             take_only_load(bodies, tile, m)
         move_lanes(m, gx, gy, gz, dt)
-        turns = rotate_lanes(
-            m, c, dt, physics.parts, bodies.resting[tile] == 1, bodies.undecided, tile, fx, fy, fz
-        )
+        turns = rotate_lanes(m, c, dt, physics.parts, bodies.resting[tile] == 1, fx, fy, fz)
         write = columns if turns else read
         bodies.resting[tile] = 0 if turns else 1
         for k in range(0, L, WIDTH):

@@ -55,11 +55,10 @@ ABSENT, PRESENT, GONE = 0, 1, 2
 
 # displacement: how far any point of a body may have moved up to now. wall_check: the displacement, with that of the
 # walls, at which the body is checked against walls again; wall_margin: how much of that is left, the least of a tile.
-# undecided: bodies of a resting tile whose rolling resistance had to be compared in full, a bit each.
 Bodies = namedtuple(
     "Bodies",
     "rows load touched motion displacement wall_check presence passed exit_time every resting kind event events "
-    "longest wall_margin undecided",
+    "longest wall_margin",
 )
 Grid = namedtuple(
     "Grid",
@@ -149,7 +148,6 @@ def new_bodies(n, parts, shares=1):
         events=np.zeros(padded, np.int64),
         longest=np.zeros(padded // LANES),
         wall_margin=np.zeros(padded // LANES),
-        undecided=np.zeros(padded // LANES, np.uint32),
     )
 
 

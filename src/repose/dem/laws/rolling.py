@@ -1,13 +1,18 @@
 """Rolling resistance as a budget of torque.
 
-Every contact lends each of its bodies a budget of mu_r |F_n| r, with r the distance of the contact from the body's
-centre. The sum of a body's budgets opposes the rotation that all other torques leave: it can stop the rotation and
-never reverses it (`kernels.body_rotation`), so a pile comes to rest. For one contact this is the directional constant
-torque.
+Every contact lends each of its bodies a budget of mu_r F_c r, with r the distance of the contact from the body's
+centre of mass and F_c the normal force that limits friction (`tangential`). The sum B of a body's budgets opposes its
+rotation: a body at rest begins to turn when the torque on it exceeds B, and the resistance stops a rotation and never
+reverses it (`kernels.body_rotation`), so a pile comes to rest. For one contact this is the directional constant torque,
+the standard rolling friction of EDEM.
+
+The rotation is that of the body in space (or in the rolling frame), not that of two bodies against each other. So the
+resistance takes angular momentum from a pair of bodies that turn in the air; without rolling friction it is kept.
 
 References
 ----------
-Zhou, Wright, Yang, Xu, Yu, Physica A 269 (1999) 536. Ai, Chen, Rotter, Ooi, Powder Technol. 206 (2011) 269, model A.
+Sakaguchi, Ozaki, Igarashi, Int. J. Mod. Phys. B 7 (1993) 1949: the torque of each body. Zhou, Wright, Yang, Xu, Yu,
+Physica A 269 (1999) 536. Ai, Chen, Rotter, Ooi, Powder Technol. 206 (2011) 269, model A.
 """
 
 import math
