@@ -1,12 +1,15 @@
 """The benchmark times what it says; how fast that is, is no test."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+import yaml
 
 from repose.core import published
 from repose.verification import speed
 
-CONFIG = {"funnel": {"berries": 500, "duration_s": 18.0}, "simulation": {"time_step_s": 2e-4}}
+CONFIG = yaml.safe_load((Path(__file__).parents[2] / "config" / "quick.yaml").read_text())
 REPRESENTATIVE = dict(e_gg=0.203, mus_gg=0.642, mur_gg=0.037, e_gp=0.244, mus_gp=0.483, mur_gp=0.185)
 
 
