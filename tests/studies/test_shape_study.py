@@ -226,8 +226,8 @@ def test_finalists_are_the_four_nearest_cells_of_right_particles_and_the_most_ph
     finalists = pd.read_csv(folder / "finalists.csv")
     cells = finalists[shape_rule.CELL].agg("-".join, axis=1).tolist()
     nearest = ["egg-keep-there", "egg-keep-here", "egg-cut-there", "egg-release-here"]
-    assert cells == [*nearest, "fine-release-here"]
-    assert finalists["physical"].tolist() == [False] * 4 + [True]
+    assert cells == [*nearest, "fine-release-here", "hollow-keep-here"]
+    assert finalists["role"].tolist() == ["finalist"] * 4 + ["physical", "effective"]
     piles_of = pd.read_csv(folder / "piles.csv").set_index(shape_rule.CELL)
     egg = piles_of.loc[("egg", "keep", "here")]
     assert egg["packing"] == pytest.approx(511.5 / 840.47, rel=1e-5)
@@ -239,10 +239,12 @@ def verdict(selected, first_off, signal=2.0, angle=32.0):
     """The choice, where the first finalist's fresh piles are off by `first_off`, and all others by far."""
     config, folder, files = selected
     cells = ["egg-keep-there", "egg-keep-here", "egg-cut-there", "egg-release-here", "fine-release-here"]
+    cells.append("hollow-keep-here")
     files = list(files)
     for cell in cells:
         about = {"deviation_rms_mm": 0.05} if cell.startswith("fine") else {}
-        off = first_off if cell == cells[0] else 5.0
+        about |= {"volume_mm3": 1052.0} if cell.startswith("hollow") else {}
+        off = {cells[0]: first_off, cells[-1]: 0.0}.get(cell, 5.0)
         files.append(write_cell(folder, "fresh", cell, piles(config, off, off), **about))
         files.append(write_cell(folder, "design", cell, a_design(signal, 1.0, angle=angle), **about))
     return shape_study.run_verdict(config, files, folder / "finalists.csv", folder)
@@ -252,6 +254,8 @@ def test_the_first_finalist_that_meets_the_published_piles_is_chosen(selected):
     choice = verdict(selected, 2.0)
     assert choice["meets_the_published_piles"]
     assert [choice["chosen"][key] for key in shape_rule.COMBINATION] == ["egg", "keep", "there", "secant"]
+    assert choice["effective"]["particle"] == "hollow"
+    assert choice["effective"]["meets"]
     assert choice["rule_sha256"] == shape_rule.sha256()
     assert json.loads((selected[1] / "choice.json").read_text()) == choice
 

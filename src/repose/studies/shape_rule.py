@@ -25,6 +25,9 @@ This file is the rule. It was committed before the first pour of the study; the 
    Its definition is the nearest by 3 of those that can reach the physical pile: over the design's samples, the
    regression of the angle on the Height gives an angle within one sd of the physical one at the physical Height, which
    lies inside the range of the samples. If no definition can, the Height alone is the target.
+8. Effective model. The nearest combination of all, whatever 1 and 2 say of it, is poured with the fresh seeds, too. If
+   it meets the published piles by 5, it is told as an effective model that reproduces one rig. It is never the choice,
+   unless 4 makes it a finalist as well.
 """
 
 import hashlib
@@ -106,7 +109,7 @@ def packs_like_a_fruit(packing: float, standard_error: float) -> bool:
 
 
 def finalists(combinations: pd.DataFrame, particles: pd.DataFrame) -> pd.DataFrame:
-    """The combinations that are poured again (4), the nearest first and the most physical last.
+    """The combinations that are poured again (4, 7, 8).
 
     Parameters
     ----------
@@ -118,18 +121,19 @@ def finalists(combinations: pd.DataFrame, particles: pd.DataFrame) -> pd.DataFra
     Returns
     -------
     pandas.DataFrame
-        Rows of `combinations`; the column ``physical`` marks the last.
+        Rows of `combinations` with their ``role``: each ``finalist``, the nearest first, then the ``physical`` and the
+        ``effective`` one.
     """
-    eligible = combinations[combinations["eligible"]].sort_values("distance", kind="stable")
-    nearest = eligible.drop_duplicates(CELL).head(FINALISTS)
+    ordered = combinations.sort_values("distance", kind="stable")
+    eligible = ordered[ordered["eligible"]]
+    nearest = eligible.drop_duplicates(CELL).head(FINALISTS).assign(role="finalist")
     release = eligible[eligible["tension"] == PHYSICAL_TENSION]
-    there = particles[particles["particle"].isin(release["particle"])]
-    if there.empty:
-        return nearest.assign(physical=False)
-    # the first of equals: size distributions change no shape
-    truest = there.loc[there["deviation_rms_mm"].idxmin(), "particle"]
-    physical = release[release["particle"] == truest].head(1)
-    return pd.concat([nearest.assign(physical=False), physical.assign(physical=True)], ignore_index=True)
+    # idxmin takes the first of equals: size distributions change no shape
+    there = particles[particles["particle"].isin(release["particle"])].set_index("particle")
+    truest = None if there.empty else there["deviation_rms_mm"].idxmin()
+    physical = release[release["particle"] == truest].head(1).assign(role="physical")
+    effective = ordered[ordered["distance"].notna()].head(1).assign(role="effective")
+    return pd.concat([nearest, physical, effective], ignore_index=True)
 
 
 def has_signal(ratio: float, standard_error: float) -> bool:
@@ -188,26 +192,28 @@ def reached(means: pd.DataFrame, angle: Target, height: Target) -> dict[str, Any
 
 
 def choice(rows: Sequence[Mapping[str, Any]], definitions: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """What the study chooses (6, 7).
+    """What the study chooses (6, 7, 8).
 
     Parameters
     ----------
     rows : sequence of mapping
-        The finalists in their order, with ``meets`` and ``physical``.
+        Of `finalists`, in their order, with ``meets``.
     definitions : sequence of mapping
-        Of the most physical finalist: each definition of the angle, the nearest first, with ``reached``.
+        Of the most physical combination: each definition of the angle, the nearest first, with ``reached``.
 
     Returns
     -------
     dict
         ``chosen``: a row, or None without finalists. ``meets_the_published_piles``. ``angle_is_a_target``: whether the
-        chosen definition can reach the physical pile.
+        chosen definition can reach the physical pile. ``effective``: the row of the effective model, or None.
     """
-    met = [row for row in rows if row["meets"]]
-    if met:
-        return {"chosen": dict(met[0]), "meets_the_published_piles": True, "angle_is_a_target": True}
-    found = {"meets_the_published_piles": False}
+    met = [row for row in rows if row["role"] == "finalist" and row["meets"]]
     within = [row for row in definitions if row["reached"]]
-    if within or definitions:
-        return found | {"chosen": dict((within or definitions)[0]), "angle_is_a_target": bool(within)}
-    return found | {"chosen": None, "angle_is_a_target": False}
+    chosen = next(iter(met or within or definitions), None)
+    effective = next((row for row in rows if row["role"] == "effective"), None)
+    return {
+        "chosen": None if chosen is None else dict(chosen),
+        "meets_the_published_piles": bool(met),
+        "angle_is_a_target": bool(met or within),
+        "effective": None if effective is None else dict(effective),
+    }

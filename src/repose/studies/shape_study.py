@@ -233,7 +233,7 @@ def run_verdict(
     InputError
         If a file is bad.
     """
-    finalists = read_table(finalists_csv, (*COMBINATION, "distance", "physical"))
+    finalists = read_table(finalists_csv, (*COMBINATION, "distance", "role"))
     tables, choice = read_cells(config, cell_csvs).verdict(finalists)
     for name, table in tables.items():
         write_table(Path(out_dir) / f"{name}.csv", table, float_format="%.6g")

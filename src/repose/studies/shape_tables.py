@@ -133,7 +133,7 @@ class Study:
         )
         fresh["meets"] = [shape_rule.meets(row, self.targets) for row in fresh.to_dict("records")]
         fresh = fresh.merge(self._reached(fresh), on=COMBINATION, how="left")
-        selected = finalists[[*COMBINATION, "physical", "distance"]]
+        selected = finalists[[*COMBINATION, "role", "distance"]]
         selected = selected.rename(columns={"distance": "selection_distance"})
         rows = selected.merge(fresh, on=COMBINATION, how="left")
         choice = shape_rule.choice(rows.to_dict("records"), self._definitions(rows, fresh))
@@ -158,7 +158,7 @@ class Study:
 
     def _definitions(self, rows, fresh):
         """All definitions of the most physical finalist, the nearest of the first pours first."""
-        physical = rows[rows["physical"]]
+        physical = rows[rows["role"] == "physical"]
         if physical.empty:
             return []
         first = set_table(self.of("published"), self.published, self.targets)
