@@ -45,10 +45,19 @@ def gap(semi_axes, d, qa, qb, count=4000):
     return f(best), best
 
 
+def mass_at_contact(bodies, n):
+    """Mass of bodies at a contact along n: what resists a unit impulse; bodies: (mass, inertia in the world, arm)."""
+    mobility = 0.0
+    for mass, inertia, arm in bodies:
+        impulse = np.cross(arm, n)
+        mobility += 1.0 / mass + impulse @ np.linalg.solve(inertia, impulse)
+    return 1.0 / mobility
+
+
 def hertz_mindlin(law, overlap, radius, n, v, spring, dt, tension, limit):
     """Force on body A, the new spring, the force that limits friction and rolling: the law as the literature has it.
 
-    law: E*, G*, m*, damping ratio, static friction; v: velocity of A relative to B at the contact; n from A to B;
+    law: E*, G*, m, damping ratio, static friction; v: velocity of A relative to B at the contact; n from A to B;
     tension: whether the damped force may pull; limit: "elastic" or "total".
     """
     young, shear, mass, beta, friction = law

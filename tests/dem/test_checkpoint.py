@@ -60,25 +60,25 @@ def bits(simulation):
 
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory):
-    """A checkpoint half way, and the bits at the end of a run without a stop."""
+    """A checkpoint on the way, and the bits at the end of a run without a stop."""
     path = tmp_path_factory.mktemp("checkpoint") / "half.npz"
     simulation = falling_berries()
-    simulation.run_steps(1000)
+    simulation.run_steps(1200)
     simulation.save(path)
     assert len(simulation.contacts()) > 10
-    simulation.run_steps(1000)
+    simulation.run_steps(800)
     return path, bits(simulation)
 
 
 def test_going_on_from_a_checkpoint_gives_the_same_bits(saved):
     path, expected = saved
     simulation = Simulation.load(path)
-    assert simulation.steps == 1000
+    assert simulation.steps == 1200
     assert all(
         array.ctypes.data % 64 == 0
         for array in (simulation.bodies.rows, simulation.bodies.motion, simulation.pairs.data)
     )
-    simulation.run_steps(1000)
+    simulation.run_steps(800)
     assert bits(simulation) == expected
     # and bodies can still be added, each with its shape
     simulation.add("ball", (0.0, 0.0, 0.4))
@@ -91,7 +91,7 @@ def test_going_on_in_a_fresh_process_gives_the_same_bits(saved):
         "import sys; sys.path[:0] = [sys.argv[2]]\n"
         "from dem.test_checkpoint import bits\n"
         "from repose.dem import Simulation\n"
-        "simulation = Simulation.load(sys.argv[1]); simulation.run_steps(1000)\n"
+        "simulation = Simulation.load(sys.argv[1]); simulation.run_steps(800)\n"
         "sys.stdout.buffer.write(bits(simulation))\n"
     )
     tests = str(Path(__file__).parents[1])

@@ -3,12 +3,13 @@ import pytest
 from dem.common import BARREL, BERRY, GOJI, random_direction
 from oracles import gap as slow_gap
 from oracles import hertz_mindlin as slow_hertz_mindlin
-from oracles import support_point
+from oracles import mass_at_contact, support_point
 
 from repose.dem import Contact, random_quaternion
 from repose.dem.kernels import state as st
 from repose.dem.kernels import tile as tl
 from repose.dem.kernels.contact import solve_gap
+from repose.dem.kernels.damped_mass import mobility
 from repose.dem.kernels.forces import gather, scatter
 from repose.dem.kernels.jit import kernel
 from repose.dem.kernels.simd import rsqrt
@@ -21,6 +22,8 @@ from repose.dem.rotations import rotation_matrix
 LANES = st.LANES
 ROWS = tl.LAW_ROW + hertz_mindlin.LAW.n_rows
 KEPT = st.PAIR_STATE // LANES + hertz_mindlin.LAW.n_state
+MOMENTS = np.array([1.2e-8, 2.9e-8, 3.3e-8])  # kg m2
+UPPER = np.triu_indices(3)
 
 
 @kernel
@@ -32,6 +35,8 @@ def pair_tile(t, contacts, rows, first, second, parts, dt, law, rolling, load):
     tl.body_a(t, contacts, parts)
     tl.body_b(t, contacts, parts)
     tl.pair_geometry(t, contacts)
+    mobility(t, contacts, tl.A, tl.RA, 0.0)
+    mobility(t, contacts, tl.B, tl.RB, 1.0)
     contact_forces(law, t, contacts, st.PAIR_STATE, dt)
     tl.torques(t)
     rolling_resistance(rolling, t, contacts, st.PAIR_STATE, dt)
@@ -49,7 +54,7 @@ def reciprocal_root(x):
     return rsqrt(x)
 
 
-def engine_rows(bodies, axes, mass):
+def engine_rows(bodies, axes, mass, moments=MOMENTS):
     """The engine's rows of bodies given as (position, quaternion, velocity, angular velocity)."""
     rows = st.new_bodies(len(bodies), len(axes)).rows
     for row, (position, quaternion, velocity, turning) in zip(rows, bodies, strict=False):
@@ -58,9 +63,10 @@ def engine_rows(bodies, axes, mass):
         row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3] = turning
         row[st.INVERSE_MASS] = 1.0 / mass
         turn = rotation_matrix(quaternion)
+        row[st.INVERSE_INERTIA : st.INVERSE_INERTIA + 6] = (turn @ np.diag(1.0 / moments) @ turn.T)[UPPER]
         for k, part in enumerate(axes):
             matrix = turn @ np.diag(part**2) @ turn.T
-            row[st.SHAPE + 6 * k : st.SHAPE + 6 * k + 6] = matrix[np.triu_indices(3)]
+            row[st.SHAPE + 6 * k : st.SHAPE + 6 * k + 6] = matrix[UPPER]
     return rows
 
 
@@ -92,7 +98,7 @@ def test_reciprocal_root():
     assert 0.0 * reciprocal_root(0.0) == 0.0
 
 
-@pytest.mark.parametrize("columns", [16, 24, 32])
+@pytest.mark.parametrize("columns", [16, 24, 40])
 def test_gather_and_scatter_are_plain_copies(columns):
     rng = np.random.default_rng(columns)
     rows, load = rng.normal(size=(40, columns)), st.zeros(40, 8)
@@ -150,7 +156,7 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension, limit):
     contact = Contact(0.3, 0.55, 0.04)
     young, shear = effective_moduli(GOJI, GOJI)
     mass = 1.04e-3
-    slow_law = (young, shear, 0.5 * mass, damping_ratio(contact.restitution), contact.static_friction)
+    beta = damping_ratio(contact.restitution)
     give_constants(t, tl.LAW, hertz_mindlin.constants(GOJI, GOJI, contact))
     give_constants(t, tl.ROLLING, rolling_budget.constants(GOJI, GOJI, contact))
     laws = tuple(law.LAW.make_options(tension, limit) for law in (hertz_mindlin, rolling_budget))
@@ -191,6 +197,9 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension, limit):
             assert np.all(kept[3:6, lane] == 0.0)
             continue
         # the slow law on the tile's own geometry: what is tested here is the force
+        inertias = [rotation_matrix(q) @ np.diag(MOMENTS) @ rotation_matrix(q).T for q in (q_a, q_b)]
+        touching = [(mass, inertia, arm) for inertia, arm in zip(inertias, (arm_a, arm_b), strict=True)]
+        slow_law = young, shear, mass_at_contact(touching, kept[0:3, lane]), beta, contact.static_friction
         force, new_spring, push = slow_hertz_mindlin(
             slow_law, -row(tl.GAP, lane, 1)[0], row(tl.RADIUS, lane, 1)[0],
             kept[0:3, lane], velocity, spring, dt, tension == "keep", limit,

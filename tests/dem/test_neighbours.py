@@ -39,7 +39,7 @@ def test_the_contact_list_is_that_of_all_pairs_at_every_moment(seed):
     for place in itertools.islice(places, n):
         s.add(np.array(place) + 5e-4 * rng.random(3), random_quaternion(rng), 0.3 * rng.normal(size=3))
     seen = 0
-    for _ in range(60):
+    for _ in range(75):
         s.run_steps(23)
         slow = {(i, j): g for i, j, g in slow_contacts(s)}
         fast = {tuple(pair) for pair in s.contacts()}

@@ -215,8 +215,9 @@ class Clump:
 
     Notes
     -----
-    Each sphere that touches something has the whole contact force of a sphere of its radius, with the mass of the
-    whole body: a body that lies on k spheres is about k times as stiff as on one, and its restitution differs.
+    Each sphere that touches something has the whole elastic force of a sphere of its radius: a body that lies on k
+    spheres is about k times as stiff as on one. The contacts of two bodies share the damping, so that the restitution
+    of a hit stays about what it is.
     """
 
     spheres_m: np.ndarray

@@ -9,8 +9,8 @@ mesh. "rough_full": the same, grown until the union has the mesh's volume. Nothi
 A number of spheres is a choice, too. "fewest" makes it by a rule: the fewest spheres, from 14 to 60, whose union is
 within 2 % of the mesh's volume and within 3 % of its shortest axis; they grow no further than these 3 % allow.
 
-Spheres that act at the same place add up in stiffness and damping. A clump is refused if this makes
-`longest_time_step` shorter than the time step of the study.
+Spheres that act at the same place add up in stiffness and share the damping of one contact of that stiffness. A clump
+is refused if even the whole damping of each of them, added up, were not stable at the time step of the study.
 """
 
 import math
@@ -338,8 +338,9 @@ def longest_time_step(
 ) -> float:
     """Longest stable time step of a particle pressed between two rigid plates at `TYPICAL_OVERLAP`.
 
-    Dampings c = 2 sqrt(5/6) beta sqrt(S m), S = 2 E* sqrt(R delta), of the spheres that act at one place add
-    up, on both sides of the particle; an explicit step needs 2 c dt / m < 2.
+    It is on the safe side: the whole damping c = 2 sqrt(5/6) beta sqrt(S m), S = 2 E* sqrt(R delta), of each sphere
+    that acts at one place, added up on both sides of the particle, is more than what these spheres share in the
+    simulator; an explicit step needs 2 c dt / m < 2.
 
     Parameters
     ----------
@@ -390,7 +391,7 @@ def check_time_step(
     if time_step_s > limit:
         count = len(particle.spheres_m)
         allowed = (
-            f"fewer: {particle.stacking:.1f} of them act at one place, where their stiffnesses and dampings add up; "
+            f"fewer: {particle.stacking:.1f} of them act at one place, where their stiffnesses add up; "
             f"that is stable up to simulation.time_step_s {limit:.2g}, here {time_step_s:g}"
         )
         raise InputError(source, "berry.spheres", count, allowed)

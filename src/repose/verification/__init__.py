@@ -5,7 +5,18 @@ from typing import Any
 
 from repose.core.errors import InputError
 
-from . import convergence, energy, impacts, oblique, packing, resting, rolling, rotation, spinning
+from . import (
+    convergence,
+    energy,
+    impacts,
+    oblique,
+    packing,
+    resting,
+    restitution,
+    rolling,
+    rotation,
+    spinning,
+)
 from .case import FULL, Effort, Result
 
 # Every case by name: a function of an `Effort` that returns a `case.Result`.
@@ -26,6 +37,7 @@ CASES = {
     "momentum": energy.cloud_momentum,
     "energy": energy.energy_of_hits,
     "elastic": energy.elastic_impacts,
+    "restitution": restitution.restitution_of_hits,
     "hexagonal": packing.hexagonal_packing,
     "packing": packing.poured_packing,
     "convergence": convergence.time_steps,

@@ -269,7 +269,11 @@ def inertia_lanes(m, c):
 
 @kernel
 def shape_lanes(m, c, parts):
-    """The shapes of the bodies of a tile as they are turned now; clumps (no parts) have their quaternions there."""
+    """Inverse inertia and shapes of the bodies of a tile as they are turned now.
+
+    Clumps (no parts) have their quaternions for a shape.
+    """
+    inertia_lanes(m, c)
     if parts == 0:
         for k in range(4 * L):
             m[ROWS + SHAPE * L + k] = c[QUATERNION + k]
@@ -292,8 +296,9 @@ def rotate_lanes(m, c, dt, parts, rests, fx, fy, fz):
     if rests and not framed and might_turn(m, dt) == 0:
         return False
     twisted = twist_lanes(m, c, dt)
-    if framed:
+    if rests:  # the columns of what stands still were not read
         inertia_lanes(m, c)
+    if framed:
         resist_in_frame(m, c, dt, fx, fy, fz)
         turn_lanes(m, c, dt)
         shape_lanes(m, c, parts)
@@ -301,7 +306,6 @@ def rotate_lanes(m, c, dt, parts, rests, fx, fy, fz):
     if twisted == 0:
         stop_lanes(m, c)
         return False
-    inertia_lanes(m, c)
     if resist_lanes(m, c, dt) == 0:
         return False
     turn_lanes(m, c, dt)

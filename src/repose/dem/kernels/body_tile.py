@@ -8,9 +8,9 @@ L = LANES  # short, for the index arithmetic
 # The columns of `rows` and of `load` (see `state`), then what the step finds.
 ROWS = 0
 OMEGA = ROWS + st.ANGULAR_VELOCITY * L
-LOAD = 32 * L
-PATH = 40 * L  # how far the farthest point of the body may have moved
-BEFORE = 41 * L  # height before the step
-INVERSE_INERTIA = 42 * L  # inverse inertia (world) as xx, xy, xz, yy, yz, zz
-MORE = 48 * L  # another share of the loads
-TILE_ROWS = 56
+INVERSE_INERTIA = ROWS + st.INVERSE_INERTIA * L
+LOAD = 40 * L
+PATH = 48 * L  # how far the farthest point of the body may have moved
+BEFORE = 49 * L  # height before the step
+MORE = 50 * L  # another share of the loads
+TILE_ROWS = 58

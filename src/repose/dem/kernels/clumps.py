@@ -26,8 +26,8 @@ PLACES_A, PLACES_B = 0, st.SPHERE_COLUMNS * MOST_SPHERES
 
 # spheres (S, 4, MOST_SPHERES): centres and radii of each shape's spheres; sizes (S,): how many. shape, scale (N,): of
 # each body. flat_known, curved_known (walls, N): which spheres of a body touch a wall, a bit each. mesh_sphere: of each
-# contact with a mesh, body * MOST_SPHERES + sphere.
-Clumps = namedtuple("Clumps", "spheres sizes shape scale flat_known curved_known mesh_sphere")
+# contact with a mesh, body * MOST_SPHERES + sphere. mesh_known (meshes, N): as flat_known, written anew in every step.
+Clumps = namedtuple("Clumps", "spheres sizes shape scale flat_known curved_known mesh_sphere mesh_known")
 # Contacts: bodies first and second, entry; spheres (n, 2). Entries: bodies near_first and near_second (a hole
 # has those of the ghost), near_limit, how many contacts are live, which pairs of spheres those are (known, a bit
 # each), the holes (free).
@@ -40,7 +40,7 @@ SpherePairs = namedtuple(
 def new_clumps(shapes, shape, scale, walls, n_meshed):
     """The spheres of shapes, and which shape and scale each body has.
 
-    walls: how many planes, and how many cones and rings; n_meshed: room for contacts with meshes.
+    walls: how many planes, how many cones and rings, and how many meshes; n_meshed: room for contacts with meshes.
     """
     spheres = np.zeros((len(shapes), 4, MOST_SPHERES))
     for k, clump in enumerate(shapes):
@@ -53,6 +53,7 @@ def new_clumps(shapes, shape, scale, walls, n_meshed):
         flat_known=np.zeros((walls[0], len(shape)), np.uint64),
         curved_known=np.zeros((walls[1], len(shape)), np.uint64),
         mesh_sphere=np.zeros(n_meshed, np.uint32),
+        mesh_known=np.zeros((walls[2], len(shape)), np.uint64),
     )
 
 
@@ -123,6 +124,15 @@ def set_bit(words, bit):
 def clear_bit(words, bit):
     """Clear a bit of a row of words."""
     words[bit // WORD] &= ~(np.uint64(1) << np.uint64(bit % WORD))
+
+
+@inlined
+def bits_set(word):
+    """How many bits of a word are set: pairs of bits are added up, then fours, then bytes."""
+    word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
+    word = (word & np.uint64(0x3333333333333333)) + ((word >> np.uint64(2)) & np.uint64(0x3333333333333333))
+    word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
+    return np.int64((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
 
 
 @inlined

@@ -11,6 +11,7 @@ from . import clump_tile as ct
 from . import state as st
 from . import tile as tl
 from .clump_walls import drop_sphere, follow_sphere, sphere_on_curved, turned_centre
+from .damped_mass import mass_of_pairs, mass_on_curved, mass_on_flat, mass_on_meshed, spheres_on_meshes
 from .frames import surface_velocity
 from .jit import inlined, kernel
 from .meshes import follow_mesh
@@ -148,6 +149,7 @@ def pair_forces(bodies, pairs, clumps, counts, physics, t, share, begin, end):
         gather(bodies.rows, pairs.first, base, t, tl.A)
         gather(bodies.rows, pairs.second, base, t, tl.B)
         pair_geometry(t, contacts, physics.parts, clumps)
+        mass_of_pairs(t, contacts, pairs, clumps, base, min(L, n - base))
         pair_laws(t, contacts, physics, clumps)
         if tl.open_lanes(t) > 0:
             for lane in range(min(L, n - base)):
@@ -255,6 +257,7 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost):
         gather(bodies.rows, flat.body, base, t, tl.A)
         plane_geometry(t, contacts, physics.parts, clumps)
         wall_tile(bodies, flat, walls, physics, 0, base, n, t)
+        mass_on_flat(t, contacts, flat, clumps, base, min(L, n - base))
         wall_laws(t, contacts, physics, clumps)
         if tl.open_lanes(t) > 0:
             for lane in range(min(L, n - base)):
@@ -329,6 +332,7 @@ def curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local,
                 ended += 1
                 t[tl.GAP + lane] = 1.0
         wall_tile(bodies, curved, walls, physics, walls.planes.shape[0], base, n, t)
+        mass_on_curved(t, contacts, curved, clumps, base, lanes)
         wall_laws(t, contacts, physics, clumps)
         for lane in range(lanes):
             if t[tl.GAP + lane] > 0.0:
@@ -356,6 +360,8 @@ def mesh_forces(bodies, meshed, clumps, walls, meshes, counts, physics, t, out, 
     large = bodies.load.shape[0] > 1
     first_wall = walls.planes.shape[0] + walls.cones.shape[0] + walls.rings.shape[0]
     ended = 0
+    if len(clumps) > 0:
+        spheres_on_meshes(meshed, clumps, n)
     for base in range(0, n, L):
         lanes = min(L, n - base)
         contacts = meshed.data[base // L]
@@ -372,6 +378,7 @@ def mesh_forces(bodies, meshed, clumps, walls, meshes, counts, physics, t, out, 
                 ended += 1
                 t[tl.GAP + lane] = 1.0
         wall_tile(bodies, meshed, walls, physics, first_wall, base, n, t)
+        mass_on_meshed(t, contacts, meshed, clumps, base, lanes)
         wall_laws(t, contacts, physics, clumps)
         for lane in range(lanes):
             if t[tl.GAP + lane] > 0.0:

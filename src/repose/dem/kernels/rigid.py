@@ -192,10 +192,10 @@ def integrate(bodies, counts, physics, m, begin, end):
 
 @kernel
 def place_shape(bodies, i, parts, m):
-    """Write the shape of body i as it is turned now, without moving anything."""
+    """Write inverse inertia and shape of body i as it is turned now, without moving anything."""
     base = i // L * L
     shape_lanes(m, bodies.motion[i // L], parts)
-    for c in range(SHAPE, SHAPE + max(PART * parts, 4)):
+    for c in range(st.INVERSE_INERTIA, SHAPE + max(PART * parts, 4)):
         bodies.rows[i, c] = m[ROWS + c * L + i - base]
 
 

@@ -17,7 +17,8 @@ ROUNDING = 1e-12  # sums of path lengths over some thousand steps are exact to t
 CELL, REACH, SKIN = range(3)
 # Columns of `rows` (N, a multiple of 8): what a contact needs of a body, one body after another.
 # The first eight are all that changes of a body that does not turn. Clumps have their quaternion for a shape.
-POSITION, VELOCITY, INVERSE_MASS, ANGULAR_VELOCITY, SHAPE = 0, 3, 6, 7, 10
+# Then the inverse inertia in the world as xx, xy, xz, yy, yz, zz, and the shape.
+POSITION, VELOCITY, INVERSE_MASS, ANGULAR_VELOCITY, INVERSE_INERTIA, SHAPE = 0, 3, 6, 7, 10, 16
 PART = 6  # columns a part of the shape: the symmetric matrix R diag(a2, b2, c2) R' as xx, xy, xz, yy, yz, zz
 MOST_PARTS = 3
 MOST_SPHERES = 64  # of a clump
@@ -105,7 +106,7 @@ def scratch_of(numbers):
         numbers[0:3],
         numbers[8:16],
         numbers[16:24],
-        numbers[24:56],
+        numbers[24:64],
         numbers[64 : 64 + STARTS],
         numbers[96:SCRATCH],
     )
@@ -126,7 +127,7 @@ def new_bodies(n, parts, shares=1):
     tiles. It has no mass, so nothing moves it, and a shape, so its geometry is finite.
     """
     padded = LANES * (n // LANES + 1)
-    rows = zeros(padded, 8 * -(-(SHAPE + PART * parts) // 8))
+    rows = zeros(padded, 8 * -(-(SHAPE + max(PART * parts, 4)) // 8))
     rows[:, [SHAPE, SHAPE + 3, SHAPE + 5]] = 1e-6
     motion = zeros(padded // LANES, MOTION_ROWS * LANES)
     motion[:, :LANES] = 1.0

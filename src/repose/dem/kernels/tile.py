@@ -19,7 +19,7 @@ L = LANES  # short, for the index arithmetic below
 N = NORMAL  # row of what persists (see `state`)
 
 _rows = Rows()
-MOST_COLUMNS = 32
+MOST_COLUMNS = 40
 A, B = (
     _rows.take(MOST_COLUMNS),
     _rows.take(MOST_COLUMNS),
@@ -35,6 +35,9 @@ PUSH = _rows.take()  # normal force that limits friction and rolling
 STEP = _rows.take(2)  # how far the normal turns along each tangent
 V = _rows.take(3)  # tangential velocity of A against B
 VN = _rows.take()  # normal velocity
+# Inverse of the mass that the damping is for: that of both bodies at the contact, along the normal, divided by the
+# number of contacts that share it.
+INVERSE_MASS = _rows.take()
 # Rows of the force laws, each beginning with its constants.
 MOST_ROLLING_ROWS = 16
 ROLLING = _rows.take(MOST_ROLLING_ROWS)

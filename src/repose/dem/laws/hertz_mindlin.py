@@ -1,12 +1,20 @@
 """Hertz-Mindlin contact without slip, with viscous damping and Coulomb's limit.
 
-With overlap delta, effective radius R*, effective moduli E* and G*, effective mass m*, damping ratio beta and relative
-velocities v_n, v_t:
+With overlap delta, effective radius R*, effective moduli E* and G*, mass m, damping ratio beta and relative velocities
+v_n, v_t:
 
-    F_n = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) beta sqrt(S_n m*) v_n,    S_n = 2 E* sqrt(R* delta)
-    F_t = -S_t delta_t - 2 sqrt(5/6) beta sqrt(S_t m*) v_t,  |F_t| <= mu_s F_c,    S_t = 8 G* sqrt(R* delta)
+    F_n = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) beta sqrt(S_n m) v_n,    S_n = 2 E* sqrt(R* delta)
+    F_t = -S_t delta_t - 2 sqrt(5/6) beta sqrt(S_t m) v_t,  |F_t| <= mu_s F_c,    S_t = 8 G* sqrt(R* delta)
 
-delta_t is the tangential spring, F_c the normal force that Coulomb's limit takes (`tangential`).
+delta_t is the tangential spring, F_c the normal force that Coulomb's limit takes (`tangential`). m is the mass that
+both bodies have at the contact along the normal n, over the number N of contacts of these two, which share the damping
+(of clumps several spheres may touch). With it a hit returns its restitution (`damped_mass`). With r from a body's
+centre to the contact and J its inverse inertia:
+
+    1 / m = N (1/m_a + 1/m_b + (r_a x n) . J_a (r_a x n) + (r_b x n) . J_b (r_b x n))
+
+For two spheres that is the usual m* = m_a m_b / (m_a + m_b). A wall has no such terms. No restitution is defined along
+the tangent, and the tangential damping takes the same m.
 
 References
 ----------
@@ -38,7 +46,7 @@ _rows = Rows(tl.LAW)
 # Constants of two materials: 4/3 E*, 8 G*, the dampings 2 sqrt(5/6) beta sqrt(2 E*) and 2 sqrt(5/6) beta sqrt(8 G*).
 NORMAL_STIFFNESS, TANGENTIAL_STIFFNESS, NORMAL_DAMPING, TANGENTIAL_DAMPING, FRICTION = _rows.take_each(5)
 CIRCLE = _rows.take()  # radius of the contact circle, sqrt(R* delta)
-VISCOUS = _rows.take()  # sqrt(that radius times m*)
+VISCOUS = _rows.take()  # sqrt(that radius times m)
 
 _state = Rows()
 SPRING = _state.take(3)
@@ -149,10 +157,7 @@ def contact_sizes(t: np.ndarray) -> None:
         overlap = -gap if gap < 0.0 else 0.0
         circle = math.sqrt(t[tl.RADIUS + k] * overlap)
         t[CIRCLE + k] = circle
-        # sqrt(a m*), m* = 1 / (1 / m_a + 1 / m_b)
-        t[VISCOUS + k] = math.sqrt(circle) * rsqrt(
-            t[tl.A + st.INVERSE_MASS * L + k] + t[tl.B + st.INVERSE_MASS * L + k]
-        )
+        t[VISCOUS + k] = math.sqrt(circle) * rsqrt(t[tl.INVERSE_MASS + k])
 
 
 @inlined

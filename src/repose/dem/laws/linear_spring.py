@@ -1,14 +1,14 @@
 """Linear spring and dashpot with Coulomb's limit.
 
-With overlap delta, effective radius R*, effective moduli E* and G*, effective mass m*, damping ratio beta and relative
-velocities v_n, v_t:
+With overlap delta, effective radius R*, effective moduli E* and G*, mass m, damping ratio beta and relative velocities
+v_n, v_t:
 
-    F_n = k_n delta + 2 beta sqrt(k_n m*) v_n,                              k_n = 4/3 E* sqrt(SECANT) R*
-    F_t = -k_t delta_t - 2 beta sqrt(k_t m*) v_t,  |F_t| <= mu_s F_c,       k_t = 4 G* / E* k_n
+    F_n = k_n delta + 2 beta sqrt(k_n m) v_n,                              k_n = 4/3 E* sqrt(SECANT) R*
+    F_t = -k_t delta_t - 2 beta sqrt(k_t m) v_t,  |F_t| <= mu_s F_c,       k_t = 4 G* / E* k_n
 
-k_n is the stiffness with which a Hertz contact carries an overlap of SECANT R*, k_t / k_n the ratio of Mindlin's
-stiffnesses, F_c the normal force that Coulomb's limit takes (`tangential`). An impact lasts
-pi / sqrt(k_n / m* (1 - beta^2)) and ends with the same restitution at any speed.
+m is the mass at the contact that `hertz_mindlin` has, too. k_n is the stiffness with which a Hertz contact carries an
+overlap of SECANT R*, k_t / k_n the ratio of Mindlin's stiffnesses, F_c the normal force that Coulomb's limit takes
+(`tangential`). An impact lasts pi / sqrt(k_n / m (1 - beta^2)) and ends with the same restitution at any speed.
 
 References
 ----------
@@ -107,10 +107,7 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
         gap = t[tl.GAP + k]
         touching = 1.0 if gap < 0.0 else 0.0
         stiffness = touching * t[STIFFNESS + k] * t[tl.RADIUS + k]
-        # sqrt(k_n m*), m* = 1 / (1 / m_a + 1 / m_b)
-        viscous = math.sqrt(stiffness) * rsqrt(
-            t[tl.A + st.INVERSE_MASS * L + k] + t[tl.B + st.INVERSE_MASS * L + k]
-        )
+        viscous = math.sqrt(stiffness) * rsqrt(t[tl.INVERSE_MASS + k])
         elastic = -stiffness * gap * touching
         damped = elastic + t[DAMPING + k] * viscous * t[tl.VN + k]
         fn, limit = normal_forces(elastic, damped, law.tension, law.friction_limit)

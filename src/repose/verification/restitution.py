@@ -1,0 +1,368 @@
+"""Restitution of a hit: what comes back of the velocity with which two bodies, or a body and a plane, meet.
+
+The bodies meet without friction and without spin, in random orientations, off centre. Restitution is -u' / u: u is the
+velocity of the one body against the other where they first touch, along the normal there; u' is the same where they
+part, at that time. In the stiff limit the bodies have no time to turn while they touch, so both are one place and one
+normal. No other component of the velocity changes there: the share 1 - e^2 of the energy of the normal motion is lost.
+
+At the real softness the bodies turn while they touch: the place of the touch moves, further spheres of a clump come to
+touch, and no law of a single contact returns its e exactly.
+"""
+
+import functools
+import math
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from repose.dem import Clump, Contact, Material, Plane, Shape, Simulation, random_quaternion, time_steps
+from repose.dem.rotations import rotation_matrices, rotation_matrix
+from repose.particle.build import make_particle
+from repose.particle.mesh_from_axes import berry_mesh
+
+from .case import Curve, Effort, Panel, Result, Row, close, reported
+from .machine import BERRY, BERRY_DENSITY, BERRY_M, FLOOR, PVC, UP, random_direction
+
+MASS_G = 1.25
+BARREL_M = ((7.399e-3, 0.94e-3, 0.94e-3), (3.171e-3, 4.745e-3, 4.0e-3))
+CLUMPS = {"smooth clump": (14, "smooth"), "rough clump": (16, "rough")}
+ASKED = (0.1, 0.3, 0.5, 0.7, 0.9)
+SPEEDS_M_S = (0.2, 1.0)
+OFFSET = 0.8  # largest distance of the centres across the approach, over the sum of the smallest half extents
+STEEPEST = 0.3  # a plane is hit with at least this share of the speed
+STIFFER = 1e7  # moduli in the stiff limit over the real ones
+STEPS_PER_CONTACT = 120
+LOOK = 3  # steps between two looks
+LEAD = 2.0  # steps until they touch
+LONGEST = 12  # contact times after which a hit is given up
+SPACING_M, LANE = 0.08, 40
+STIFF_TOLERANCE = 0.02  # of the mean, absolute
+CONTACTS_NOTE = "mean over the hits; where they lie together the pair is as many times as stiff"
+SOFT_NOTE = "the bodies turn while they touch"
+
+
+@functools.cache
+def particles() -> dict[str, Shape | Clump]:
+    """Every kind of particle, as large as a berry.
+
+    Returns
+    -------
+    dict
+        From name to shape, of material "berry".
+    """
+    volume = 4.0 / 3.0 * math.pi * np.prod(BERRY_M)
+    solid = Shape.ellipsoid(np.sum(BARREL_M, axis=0), BERRY_DENSITY, "berry")
+    found: dict[str, Shape | Clump] = {
+        "sphere": Shape.sphere(np.cbrt(3.0 * volume / (4.0 * math.pi)), BERRY_DENSITY, "berry"),
+        "ellipsoid": Shape.ellipsoid(BERRY_M, BERRY_DENSITY, "berry"),
+        "sum of two": Shape(np.array(BARREL_M), MASS_G * 1e-3, solid.inertia_kg_m2, "berry"),
+    }
+    mesh, _shape = berry_mesh(2e3 * np.array(BERRY_M), MASS_G, BERRY_DENSITY)
+    for name, (spheres, surface) in CLUMPS.items():
+        particle = make_particle(mesh, BERRY_DENSITY, "multisphere", spheres, surface)
+        found[name] = particle.dem_shape("berry")
+    return found
+
+
+class Hits(NamedTuple):
+    """What hits returned.
+
+    Attributes
+    ----------
+    restitution : ndarray (count,)
+        NaN where the bodies had not parted after `LONGEST` contact times.
+    contacts : ndarray (count,)
+        Most contacts at any look.
+    """
+
+    restitution: np.ndarray
+    contacts: np.ndarray
+
+
+class Place(NamedTuple):
+    """Where two bodies touch.
+
+    Attributes
+    ----------
+    normal : ndarray (3,)
+        From the first to the second.
+    arm_a, arm_b : ndarray (3,)
+        The place relative to either centre [m].
+    """
+
+    normal: np.ndarray
+    arm_a: np.ndarray
+    arm_b: np.ndarray
+
+
+def _turned_spheres(clump, turn):
+    """Rows of centre and radius of a clump's spheres (M, 4), turned into the world."""
+    return np.column_stack([clump.spheres_m[:, :3] @ turn.T, clump.spheres_m[:, 3]])
+
+
+def _deepest(value, start):
+    """The unit vector (3,) of the least value, found on ever smaller caps of directions; value: of vectors (M, 3)."""
+    rng = np.random.default_rng(1)
+    best, width = start, 1.5
+    for _ in range(40):
+        n = best + width * np.vstack([np.zeros(3), rng.normal(size=(120, 3))])
+        n /= np.linalg.norm(n, axis=1)[:, None]
+        best, width = n[np.argmin(value(n))], 0.7 * width
+    return best
+
+
+def first_touch(
+    shape: Shape | Clump, turn_a: np.ndarray, turn_b: np.ndarray, offset: np.ndarray, direction: np.ndarray
+) -> float:
+    """How far the second of two bodies is when they touch as it comes nearer [m]: at offset + distance * direction.
+
+    Spheres touch in closed form. Convex bodies overlap at a distance s as long as (offset + s d) . n < h(n) for all n,
+    h the sum of their extents, so s is the least (h(n) - offset . n) / (d . n) over n . d > 0.
+
+    Parameters
+    ----------
+    shape : Shape or Clump
+        Of both.
+    turn_a, turn_b : ndarray (3, 3)
+        Rotations, body to world.
+    offset, direction : ndarray (3,)
+        The latter a unit vector.
+
+    Returns
+    -------
+    float
+    """
+    if isinstance(shape, Clump):
+        a, b = _turned_spheres(shape, turn_a), _turned_spheres(shape, turn_b)
+        apart = b[None, :, :3] + offset - a[:, None, :3]
+        along = apart @ direction
+        square = along**2 - np.sum(apart**2, axis=-1) + (a[:, None, 3] + b[None, :, 3]) ** 2
+        return float(
+            np.max(np.sqrt(square, where=square > 0.0, out=np.full(square.shape, -math.inf)) - along)
+        )
+
+    def distance(n):
+        towards = n @ direction
+        reach = shape.support(n @ turn_a) + shape.support(-n @ turn_b) - n @ offset
+        return np.where(towards > 0.05, reach / np.maximum(towards, 0.05), math.inf)
+
+    return float(distance(_deepest(distance, direction)[None])[0])
+
+
+def nearest(shape: Shape | Clump, turn_a: np.ndarray, turn_b: np.ndarray, apart: np.ndarray) -> Place:
+    """Where two bodies that just touch do so.
+
+    Parameters
+    ----------
+    shape : Shape or Clump
+        Of both.
+    turn_a, turn_b : ndarray (3, 3)
+        Rotations, body to world.
+    apart : ndarray (3,)
+        From the centre of the first to that of the second [m].
+
+    Returns
+    -------
+    Place
+    """
+    if isinstance(shape, Clump):
+        a, b = _turned_spheres(shape, turn_a), _turned_spheres(shape, turn_b)
+        between = b[None, :, :3] + apart - a[:, None, :3]
+        lengths = np.linalg.norm(between, axis=-1)
+        i, j = np.unravel_index(np.argmin(lengths - a[:, None, 3] - b[None, :, 3]), lengths.shape)
+        normal = between[i, j] / lengths[i, j]
+        arm = a[i, :3] + a[i, 3] * normal
+    else:
+        normal = _deepest(
+            lambda n: shape.support(n @ turn_a) + shape.support(-n @ turn_b) - n @ apart,
+            apart / np.linalg.norm(apart),
+        )
+        arm = turn_a @ shape.support_point(normal @ turn_a)
+    return Place(normal, arm, arm - apart)
+
+
+def hits(
+    shape: Shape | Clump,
+    restitution: float,
+    stiffer: float,
+    on_plane: bool,
+    count: int,
+    seed: int = 3,
+    **keywords: Any,
+) -> "Hits":
+    """What isolated hits of two bodies, or of a body and a plane, return.
+
+    Parameters
+    ----------
+    shape : Shape or Clump
+        Of material "berry".
+    restitution : float
+        Nominal.
+    stiffer : float
+        The moduli over those of a berry and PVC.
+    on_plane : bool
+    count : int
+        How many hits.
+    seed : int, optional
+    **keywords
+        Of the `Simulation`, such as its laws.
+
+    Returns
+    -------
+    Hits
+    """
+    rng = np.random.default_rng(seed)
+    berry, wall = (Material(stiffer * m.shear_modulus_pa, m.poisson_ratio) for m in (BERRY, PVC))
+    contact = Contact(restitution, 0.0, 0.0)
+    shapes: Any = {"body": shape}
+    edge = SPACING_M * (count // LANE + 1)
+
+    def made(step_s: float) -> Simulation:
+        return Simulation(
+            shapes,
+            {"berry": berry, "wall": wall},
+            {("berry", "berry"): contact, ("berry", "wall"): contact},
+            step_s,
+            capacity=2 * count,
+            lower=(-SPACING_M, -SPACING_M, -SPACING_M),
+            upper=(edge, SPACING_M * LANE, SPACING_M),
+            walls={"floor": Plane(FLOOR, UP, "wall")} if on_plane else {},
+            gravity_m_s2=(0.0, 0.0, 0.0),
+            **keywords,
+        )
+
+    # the limit is a share of the duration of a hit at this speed
+    step = made(1e-12).longest_time_step(max(SPEEDS_M_S)) * time_steps.STEPS_PER_CONTACT / STEPS_PER_CONTACT
+    simulation = made(step)
+    for k in range(count):
+        middle = SPACING_M * np.array([k // LANE, k % LANE, 0.0])
+        (_throw_at_plane if on_plane else _throw_pair)(simulation, rng, shape, middle, step)
+    return _returned(simulation, on_plane)
+
+
+def _throw_pair(simulation, rng, shape, middle, step):
+    """Add two bodies that will touch after two steps, the second in motion."""
+    speed = rng.uniform(*SPEEDS_M_S)
+    turn_a, turn_b, direction = random_quaternion(rng), random_quaternion(rng), random_direction(rng)
+    across = np.cross(direction, random_direction(rng))
+    reach = 2.0 * OFFSET * shape.half_extents_m.min()
+    offset = reach * math.sqrt(rng.uniform()) * across / np.linalg.norm(across)
+    distance = first_touch(shape, rotation_matrix(turn_a), rotation_matrix(turn_b), offset, direction)
+    simulation.add("body", middle, turn_a)
+    place = middle + offset + (distance + LEAD * step * speed) * direction
+    simulation.add("body", place, turn_b, -speed * direction)
+
+
+def _throw_at_plane(simulation, rng, shape, middle, step):
+    """Add a body that will touch the plane after two steps."""
+    speed, turn, direction = rng.uniform(*SPEEDS_M_S), random_quaternion(rng), random_direction(rng)
+    while -direction @ UP < STEEPEST:
+        direction = random_direction(rng)
+    height = shape.support(-rotation_matrix(turn)[2]) + LEAD * step * speed
+    simulation.add("body", middle + height * np.array(UP), turn, speed * direction)
+
+
+def _returned(simulation, on_plane):
+    """`Hits` of the bodies that are about to meet."""
+    count = simulation.n_bodies // (1 if on_plane else 2)
+    before = np.array([_approach(simulation, k, on_plane) for k in range(count)])
+    most, after = np.zeros(count, np.int64), np.full(count, math.nan)
+    for _ in range(LONGEST * STEPS_PER_CONTACT // LOOK):
+        simulation.run_steps(LOOK)
+        contacts = _contacts(simulation, count, on_plane)
+        for k in np.flatnonzero((most > 0) & (contacts == 0) & np.isnan(after)):
+            after[k] = _approach(simulation, k, on_plane)
+        most = np.where(np.isnan(after), np.maximum(most, contacts), most)
+        if not np.isnan(after).any():
+            break
+    return Hits(-after / before, most)
+
+
+def _contacts(simulation, count, on_plane):
+    """How many contacts there are now in each hit (count,)."""
+    shape = simulation.shapes["body"]
+    if not on_plane:
+        bodies = simulation.sphere_contacts()[0] if isinstance(shape, Clump) else simulation.contacts()
+        return np.bincount(bodies[:, 0] // 2, minlength=count)
+    height, up = simulation.positions[:, 2], rotation_matrices(simulation.quaternions)[:, 2]
+    if isinstance(shape, Clump):
+        return np.sum(height[:, None] + up @ shape.spheres_m[:, :3].T < shape.spheres_m[:, 3], axis=1)
+    return (height < shape.support(-up)).astype(np.int64)
+
+
+def _approach(simulation, k, on_plane):
+    """Velocity of the first of two bodies against the second where they are nearest, along the normal there."""
+    shape, velocities, turning = (
+        simulation.shapes["body"],
+        simulation.velocities,
+        simulation.angular_velocities,
+    )
+    if on_plane:
+        down = -np.array(UP)
+        turn = rotation_matrix(simulation.quaternions[k])
+        return (velocities[k] + np.cross(turning[k], turn @ shape.support_point(down @ turn))) @ down
+    a, b = 2 * k, 2 * k + 1
+    turn_a, turn_b = rotation_matrices(simulation.quaternions[[a, b]])
+    place = nearest(shape, turn_a, turn_b, simulation.positions[b] - simulation.positions[a])
+    point_a = velocities[a] + np.cross(turning[a], place.arm_a)
+    return (point_a - velocities[b] - np.cross(turning[b], place.arm_b)) @ place.normal
+
+
+def restitution_of_hits(effort: Effort) -> Result:
+    """Restitution found for restitution asked, of every particle: pairs and planes, stiff and as soft as a berry.
+
+    Parameters
+    ----------
+    effort : Effort
+
+    Returns
+    -------
+    Result
+    """
+    count = max(24, effort.hits // 100)
+    rows: list[Row] = []
+    panels = []
+    for stiffer, limit in ((STIFFER, "stiff limit"), (1.0, "real softness")):
+        for on_plane, partner in ((False, "pairs"), (True, "plane")):
+            curves = [Curve("found = asked", ASKED, ASKED, reference=True)]
+            for name, shape in particles().items():
+                thrown = [hits(shape, e, stiffer, on_plane, count) for e in ASKED]
+                found = [of_one.restitution for of_one in thrown]
+                rows += [
+                    _row(f"{limit}, {partner}, {name}: restitution at {e:.1f}", values, e, stiffer > 1.0)
+                    for e, values in zip(ASKED, found, strict=True)
+                ]
+                if isinstance(shape, Clump):
+                    most = np.mean([of_one.contacts for of_one in thrown])
+                    rows.append(
+                        reported(
+                            f"{limit}, {partner}, {name}: most contacts at a time", "", most, CONTACTS_NOTE
+                        )
+                    )
+                means, spreads = np.nanmean(found, axis=1), np.nanstd(found, axis=1)
+                curves.append(Curve(name, np.array(ASKED), means, error=spreads))
+            panels.append(
+                Panel(f"restitution asked for ({limit}, {partner})", "restitution found", tuple(curves))
+            )
+    return Result(
+        "Restitution of a hit",
+        f"{count} random hits each, without friction and spin, {SPEEDS_M_S[0]:g} to {SPEEDS_M_S[1]:g} m/s; "
+        "mean and standard deviation",
+        rows,
+        panels,
+    )
+
+
+def _row(quantity: str, values: np.ndarray, asked: float, judged: bool) -> Row:
+    """The mean restitution of hits, judged in the stiff limit, with their spread in the note."""
+    low, high = np.nanpercentile(values, (5, 95))
+    lost = int(np.isnan(values).sum())
+    note = f"sd {np.nanstd(values):.3f}, 5-95 % {low:.3f} to {high:.3f}" + (
+        f", {lost} not parted" if lost else ""
+    )
+    mean = float(np.nanmean(values))
+    if not judged:
+        return reported(quantity, "", mean, f"{note}; {SOFT_NOTE}", asked, "asked for")
+    row = close(quantity, "", mean, asked, "asked for", tolerance=STIFF_TOLERANCE, scale=1.0)
+    return replace(row, note=note)
