@@ -18,7 +18,10 @@ def result_of(name):
     return verification.CASES[name](REDUCED)
 
 
-@pytest.mark.parametrize("name", list(verification.CASES))
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name == "restitution")) for name in verification.CASES],
+)
 def test_case_meets_its_references(name):
     result = result_of(name)
     assert result.rows
