@@ -9,7 +9,7 @@ import math
 from . import state as st
 from .body_tile import INVERSE_INERTIA, LOAD, OMEGA, PATH, ROWS, L
 from .jit import inlined, kernel
-from .state import ANGULAR_MOMENTUM, INVERSE_MOMENTS, PART, QUATERNION, SHAPE, SQUARES
+from .state import ANGULAR_MOMENTUM, INVERSE_MOMENTS, PART, QUATERNION, SHAPE, SQUARES, alive
 
 SURE = 1.0 - 1e-12  # what rounding leaves of a budget
 SLOWEST = 1e-150  # angular speed below which the direction of a rotation means nothing [rad/s]
@@ -238,9 +238,12 @@ def turn_lanes(m, c, dt):
             m[OMEGA + 2 * L + k],
         )
         rx, ry, rz = inverse_inertia_times(m, k, oy * lz - oz * ly, oz * lx - ox * lz, ox * ly - oy * lx)
-        ox -= 0.5 * dt * rx
-        oy -= 0.5 * dt * ry
-        oz -= 0.5 * dt * rz
+        ox = alive(ox - 0.5 * dt * rx)
+        oy = alive(oy - 0.5 * dt * ry)
+        oz = alive(oz - 0.5 * dt * rz)
+        c[ANGULAR_MOMENTUM + k] = alive(lx)
+        c[ANGULAR_MOMENTUM + L + k] = alive(ly)
+        c[ANGULAR_MOMENTUM + 2 * L + k] = alive(lz)
         m[OMEGA + k] = ox
         m[OMEGA + L + k] = oy
         m[OMEGA + 2 * L + k] = oz

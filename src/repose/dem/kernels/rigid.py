@@ -8,7 +8,7 @@ from .body_tile import BEFORE, LOAD, MORE, PATH, ROWS, L
 from .jit import inlined, kernel
 from .neighbours import mark_moved
 from .simd import WIDTH, lanes_to_rows, prefetch, rows_to_lanes
-from .state import ANGULAR_MOMENTUM, INVERSE_MOMENTS, PART, QUATERNION, RELIST, SHAPE
+from .state import ANGULAR_MOMENTUM, INVERSE_MOMENTS, PART, QUATERNION, RELIST, SHAPE, alive
 
 FELL, MOVED_ON, LOST = 1, 2, 4  # bits of an event
 
@@ -20,9 +20,9 @@ def move_lanes(m, gx, gy, gz, dt):
         inverse_mass = m[ROWS + st.INVERSE_MASS * L + k]
         there = 1.0 if inverse_mass > 0.0 else 0.0
         kick = dt * inverse_mass
-        vx = m[ROWS + 3 * L + k] + kick * m[LOAD + k] + there * dt * gx
-        vy = m[ROWS + 4 * L + k] + kick * m[LOAD + L + k] + there * dt * gy
-        vz = m[ROWS + 5 * L + k] + kick * m[LOAD + 2 * L + k] + there * dt * gz
+        vx = alive(m[ROWS + 3 * L + k] + kick * m[LOAD + k] + there * dt * gx)
+        vy = alive(m[ROWS + 4 * L + k] + kick * m[LOAD + L + k] + there * dt * gy)
+        vz = alive(m[ROWS + 5 * L + k] + kick * m[LOAD + 2 * L + k] + there * dt * gz)
         m[ROWS + 3 * L + k] = vx
         m[ROWS + 4 * L + k] = vy
         m[ROWS + 5 * L + k] = vz

@@ -12,6 +12,7 @@ from .rows import LANES, Rows
 CACHE_LINE = 8  # numbers
 BLOCK = 256  # near pairs of a large simulation that are looked at together
 MOST_GROUPS = 60  # of bodies that lie together, a bit each of a whole number
+DEAD = 1e-100  # size below which motion and springs have died out [SI units]; its square is no denormal number yet
 ROUNDING = 1e-12  # sums of path lengths over some thousand steps are exact to this [m]
 # Places of `Grid.lengths`.
 CELL, REACH, SKIN = range(3)
@@ -97,6 +98,15 @@ Scratch = namedtuple("Scratch", "normal out other local profile spheres")
 STARTS = 24
 SPHERE_COLUMNS = 5  # x, y, z, radius and number
 SCRATCH = 64 + 32 + 2 * SPHERE_COLUMNS * MOST_SPHERES
+
+
+@inlined
+def alive(x):
+    """A velocity or a path, or 0.0 where it has died out.
+
+    What decays without an end becomes a denormal number, with which processors calculate slowly.
+    """
+    return 0.0 if abs(x) < DEAD else x
 
 
 @inlined

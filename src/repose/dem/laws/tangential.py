@@ -68,9 +68,9 @@ def slip(t: np.ndarray, c: np.ndarray, spring: int, dt: float) -> None:
         ex, ey, ez = c[spring + k], c[spring + L + k], c[spring + 2 * L + k]
         en = ex * nx + ey * ny + ez * nz
         touching = 1.0 if t[tl.GAP + k] < 0.0 else 0.0
-        c[spring + k] = touching * (ex - en * nx + vx * dt)
-        c[spring + L + k] = touching * (ey - en * ny + vy * dt)
-        c[spring + 2 * L + k] = touching * (ez - en * nz + vz * dt)
+        c[spring + k] = st.alive(touching * (ex - en * nx + vx * dt))
+        c[spring + L + k] = st.alive(touching * (ey - en * ny + vy * dt))
+        c[spring + 2 * L + k] = st.alive(touching * (ez - en * nz + vz * dt))
 
 
 @inlined
