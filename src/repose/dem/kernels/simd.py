@@ -1,7 +1,7 @@
 """Eight bodies at a time: what numba's own loops do not turn into vector code.
 
 Bodies lie in rows (one body after another), the hot loops want lanes (one quantity of many bodies after another).
-Going from one to the other is a transposition of 8 x 8 numbers: eight wide loads, 24 shuffles, eight wide stores,
+Going from one to the other is a transposition of 8 x 8 numbers: 16 loads of half a row, 16 shuffles, eight wide stores,
 instead of 64 of each. `rsqrt` replaces pairs of square roots and divisions, which are what a contact costs otherwise.
 Everything here is plain LLVM, so it compiles for any processor.
 """
@@ -16,32 +16,32 @@ from .jit import JIT_OFF, inlined
 WIDTH = 8  # numbers moved at once
 DOUBLE, INT64, INT32, BYTE = ir.DoubleType(), ir.IntType(64), ir.IntType(32), ir.IntType(8)
 FOR_READING, TO_ALL_CACHES, DATA = 0, 3, 1  # arguments of llvm.prefetch
-VECTOR = ir.VectorType(DOUBLE, WIDTH)
+VECTOR, HALF = ir.VectorType(DOUBLE, WIDTH), ir.VectorType(DOUBLE, WIDTH // 2)
 
 
 def _shuffle(builder, a, b, mask):
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), mask))
 
 
-def _transposed(builder, rows):
-    """The 8 x 8 transpose of eight vectors."""
-    pairs = []
-    for k in range(0, 8, 2):
-        pairs.append(_shuffle(builder, rows[k], rows[k + 1], [0, 8, 2, 10, 4, 12, 6, 14]))
-        pairs.append(_shuffle(builder, rows[k], rows[k + 1], [1, 9, 3, 11, 5, 13, 7, 15]))
-    quads = [None] * 8
-    for half in (0, 4):
-        for k in (0, 1):
-            a, b = pairs[half + k], pairs[half + k + 2]
-            quads[half + k] = _shuffle(builder, a, b, [0, 1, 8, 9, 4, 5, 12, 13])
-            quads[half + k + 2] = _shuffle(builder, a, b, [2, 3, 10, 11, 6, 7, 14, 15])
-    low = [_shuffle(builder, quads[k], quads[k + 4], [0, 1, 2, 3, 8, 9, 10, 11]) for k in range(4)]
-    high = [_shuffle(builder, quads[k], quads[k + 4], [4, 5, 6, 7, 12, 13, 14, 15]) for k in range(4)]
-    return low + high
+def _load(builder, pointer, kind=VECTOR):
+    return builder.load(builder.bitcast(pointer, kind.as_pointer()), align=8)
 
 
-def _load(builder, pointer):
-    return builder.load(builder.bitcast(pointer, VECTOR.as_pointer()), align=8)
+def _transposed(builder, pointers):
+    """The 8 x 8 transpose of the eight numbers at each of eight places.
+
+    Halves of two rows make a vector: the second one is loaded and put in by one instruction, which is no shuffle. So
+    16 shuffles are left, where whole rows would need 24.
+    """
+    vectors = []
+    for side in (0, 4):
+        halves = [_load(builder, builder.gep(pointer, [INT64(side)]), HALF) for pointer in pointers]
+        a, b, c, d = (_shuffle(builder, halves[k], halves[k + 2], list(range(8))) for k in (0, 1, 4, 5))
+        even = [_shuffle(builder, *pair, [0, 8, 2, 10, 4, 12, 6, 14]) for pair in ((a, b), (c, d))]
+        odd = [_shuffle(builder, *pair, [1, 9, 3, 11, 5, 13, 7, 15]) for pair in ((a, b), (c, d))]
+        for mask in ([0, 1, 4, 5, 8, 9, 12, 13], [2, 3, 6, 7, 10, 11, 14, 15]):
+            vectors += [_shuffle(builder, *even, mask), _shuffle(builder, *odd, mask)]
+    return vectors
 
 
 def _store(builder, value, pointer):
@@ -102,7 +102,7 @@ def rows_to_lanes(typingctx, table, column, index, k, tile, at, stride):
 
     def generate(context, builder, sig, values):
         call = _Call(context, builder, sig, values)
-        rows = [_load(builder, call.body(lane)) for lane in range(WIDTH)]
+        rows = [call.body(lane) for lane in range(WIDTH)]
         for quantity, lanes in enumerate(_transposed(builder, rows)):
             _store(builder, lanes, call.lanes(quantity))
         return context.get_dummy_value()
@@ -117,7 +117,7 @@ def lanes_to_rows(typingctx, table, column, index, k, tile, at, stride):
 
     def generate(context, builder, sig, values):
         call = _Call(context, builder, sig, values)
-        lanes = [_load(builder, call.lanes(quantity)) for quantity in range(WIDTH)]
+        lanes = [call.lanes(quantity) for quantity in range(WIDTH)]
         for lane, row in enumerate(_transposed(builder, lanes)):
             _store(builder, row, call.body(lane))
         return context.get_dummy_value()
@@ -132,7 +132,7 @@ def add_lanes_to_rows(typingctx, table, column, index, k, tile, at, stride):
 
     def generate(context, builder, sig, values):
         call = _Call(context, builder, sig, values)
-        lanes = [_load(builder, call.lanes(quantity)) for quantity in range(WIDTH)]
+        lanes = [call.lanes(quantity) for quantity in range(WIDTH)]
         for lane, row in enumerate(_transposed(builder, lanes)):
             place = call.body(lane)
             _store(builder, builder.fadd(_load(builder, place), row), place)
