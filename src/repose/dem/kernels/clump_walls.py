@@ -11,11 +11,12 @@ import numpy as np
 
 from . import clump_tile as ct
 from . import state as st
-from .clumps import PLACES_A, is_set, place_spheres, set_bit
+from .clumps import is_set, set_bit
 from .features import FACE
 from .frames import into_frame, turn_place, write_plane
 from .jit import inlined, kernel
 from .meshes import deepest_near, hand_over, search_mesh, track
+from .sphere_search import PLACES_A, place_spheres
 from .state import LANES, MOST_SPHERES, SHAPE
 from .wall_contact import effective_radius
 from .walls import add_wall_contact, drop_wall_contact

@@ -1,10 +1,8 @@
 """Which spheres of which clumps touch.
 
-A pair of clumps has an entry when two of its spheres that do not touch are nearer than the skin. The entry's limit is
-that of `neighbours`: displacements at the last check plus the smallest gap of two spheres that do not touch. The
-displacement of a body bounds the motion of every point of it, so of every sphere. When an entry is due, all its pairs
-of spheres are checked, and those that touch become contacts. A contact that ends lowers the limit of its entry to its
-own gap. Contacts name their entry, so entries stay where they are and leave holes, which are used again.
+A pair of clumps has an entry when two of its spheres that do not touch are nearer than the skin. `sphere_search` says
+when an entry is looked at. Contacts name their entry, so entries stay where they are and leave holes, which are used
+again.
 """
 
 import math
@@ -16,13 +14,12 @@ from . import clump_tile as ct
 from . import state as st
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
-from .neighbours import bounding_radius, listed, next_due
+from .neighbours import listed
 from .state import LANES, MOST_SPHERES
 
 L = LANES
 WORD = 64  # bits of a word of flags
-# Places in `Scratch.spheres` of the spheres of either body: rows of x, y, z, radius and number.
-PLACES_A, PLACES_B = 0, st.SPHERE_COLUMNS * MOST_SPHERES
+SLOTS = 16  # pairs of spheres that an entry watches, at most
 
 # spheres (S, 4, MOST_SPHERES): centres and radii of each shape's spheres; sizes (S,): how many. shape, scale (N,): of
 # each body. flat_known, curved_known (walls, N): which spheres of a body touch a wall, a bit each. mesh_sphere: of each
@@ -30,10 +27,12 @@ PLACES_A, PLACES_B = 0, st.SPHERE_COLUMNS * MOST_SPHERES
 Clumps = namedtuple("Clumps", "spheres sizes shape scale flat_known curved_known mesh_sphere mesh_known")
 # Contacts: bodies first and second, entry; spheres (n, 2). Entries: bodies near_first and near_second (a hole
 # has those of the ghost), near_limit, how many contacts are live, which pairs of spheres those are (known, a bit
-# each), the holes (free).
+# each), the holes (free). Of an entry's pairs of spheres that do not touch: those watched (n, SLOTS, 2), how many that
+# are (n_watched), their limits (watched_limit), and the limit of all others (near_rest).
 SpherePairs = namedtuple(
     "SpherePairs",
-    "first second entry spheres data ended gap near_first near_second near_limit live known free partner link",
+    "first second entry spheres data ended gap near_first near_second near_limit near_rest live known watched "
+    "watched_limit n_watched free partner link",
 )
 
 
@@ -81,8 +80,12 @@ def new_sphere_pairs(n_contacts, n_entries, most, ghost, n_state):
         near_first=np.full(n_entries, ghost, np.uint32),
         near_second=np.full(n_entries, ghost, np.uint32),
         near_limit=np.full(n_entries, np.inf),
+        near_rest=np.full(n_entries, np.inf),
         live=np.zeros(n_entries, np.int64),
         known=np.zeros((n_entries, -(-most * most // WORD)), np.uint64),
+        watched=np.zeros((n_entries, SLOTS, 2), np.uint8),
+        watched_limit=np.zeros((n_entries, SLOTS)),
+        n_watched=np.zeros(n_entries, np.int64),
         free=np.zeros(n_entries, np.int64),
         partner=np.zeros(2 * n_entries, np.int64),
         link=np.zeros(2 * n_entries, np.int64),
@@ -103,7 +106,8 @@ def grown_sphere_pairs(old, counts, most, ghost, n_state):
     for name in ("first", "second", "entry", "spheres"):
         getattr(bigger, name)[:n] = getattr(old, name)[:n]
     bigger.data[: len(old.data)] = old.data
-    for name in ("near_first", "near_second", "near_limit", "live", "known", "free"):
+    limits = ("near_limit", "near_rest", "watched_limit")
+    for name in ("near_first", "near_second", *limits, "live", "known", "watched", "n_watched", "free"):
         getattr(bigger, name)[:m] = getattr(old, name)[:m]
     return bigger
 
@@ -142,37 +146,6 @@ def most_spheres(clumps):
     for size in clumps.sizes:
         most = max(most, size)
     return most
-
-
-@inlined
-def place_spheres(row, spheres, n, scale, x0, y0, z0, s, at):
-    """Write the n spheres of a body, relative to a place in the world, to rows of the scratch; see PLACES_A."""
-    w, x, y, z = row[st.SHAPE], row[st.SHAPE + 1], row[st.SHAPE + 2], row[st.SHAPE + 3]
-    dx, dy, dz = row[0] - x0, row[1] - y0, row[2] - z0
-    for k in range(n):
-        px, py, pz = ct.turned(w, x, y, z, spheres[0, k], spheres[1, k], spheres[2, k])
-        s[at + k] = dx + scale * px
-        s[at + MOST_SPHERES + k] = dy + scale * py
-        s[at + 2 * MOST_SPHERES + k] = dz + scale * pz
-        s[at + 3 * MOST_SPHERES + k] = scale * spheres[3, k]
-
-
-@inlined
-def keep_near(s, at, n, x, y, z, reach):
-    """Keep the placed spheres that come as near as `reach` to a point, with their numbers; returns how many."""
-    kept = 0
-    for k in range(n):
-        dx, dy, dz = s[at + k] - x, s[at + MOST_SPHERES + k] - y, s[at + 2 * MOST_SPHERES + k] - z
-        radius = s[at + 3 * MOST_SPHERES + k]
-        far = reach + radius
-        if dx * dx + dy * dy + dz * dz < far * far:
-            s[at + kept] = s[at + k]
-            s[at + MOST_SPHERES + kept] = s[at + MOST_SPHERES + k]
-            s[at + 2 * MOST_SPHERES + kept] = s[at + 2 * MOST_SPHERES + k]
-            s[at + 3 * MOST_SPHERES + kept] = radius
-            s[at + 4 * MOST_SPHERES + kept] = k
-            kept += 1
-    return kept
 
 
 @inlined
@@ -256,80 +229,6 @@ def drop_entry(pairs, counts, grid, k, ghost):
 
 
 @kernel
-def look_at_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, s):
-    """Add the contacts of two bodies that are new, to an entry, or to one that is made if `entry` is -1.
-
-    Returns the smallest gap of two spheres that do not touch, or the skin where none is smaller, and the entry: still
-    -1 where no contact called for one.
-    """
-    rows = bodies.rows
-    skin = grid.lengths[st.SKIN]
-    shape_a, shape_b = clumps.shape[i], clumps.shape[j]
-    x, y, z = rows[i, 0], rows[i, 1], rows[i, 2]
-    n_a, n_b = clumps.sizes[shape_a], clumps.sizes[shape_b]
-    place_spheres(rows[i], clumps.spheres[shape_a], n_a, clumps.scale[i], x, y, z, s, PLACES_A)
-    place_spheres(rows[j], clumps.spheres[shape_b], n_b, clumps.scale[j], x, y, z, s, PLACES_B)
-    x, y, z = rows[j, 0] - x, rows[j, 1] - y, rows[j, 2] - z
-    n_b = keep_near(s, PLACES_B, n_b, 0.0, 0.0, 0.0, bounding_radius(bodies, i) + skin)
-    n_a = keep_near(s, PLACES_A, n_a, x, y, z, bounding_radius(bodies, j) + skin)
-    most = most_spheres(clumps)
-    nearest = skin
-    for p in range(n_a):
-        x, y, z = s[PLACES_A + p], s[PLACES_A + MOST_SPHERES + p], s[PLACES_A + 2 * MOST_SPHERES + p]
-        radius = s[PLACES_A + 3 * MOST_SPHERES + p]
-        for q in range(n_b):
-            dx = s[PLACES_B + q] - x
-            dy = s[PLACES_B + MOST_SPHERES + q] - y
-            dz = s[PLACES_B + 2 * MOST_SPHERES + q] - z
-            reach = radius + s[PLACES_B + 3 * MOST_SPHERES + q]
-            square = dx * dx + dy * dy + dz * dz
-            if square >= (reach + nearest) * (reach + nearest):
-                continue
-            gap = math.sqrt(square) - reach
-            if gap > 0.0:
-                nearest = min(nearest, gap)
-                continue
-            a = np.int64(s[PLACES_A + 4 * MOST_SPHERES + p])
-            b = np.int64(s[PLACES_B + 4 * MOST_SPHERES + q])
-            if entry < 0:
-                entry = add_entry(pairs, counts, grid, i, j)
-            if entry >= 0 and not is_set(pairs.known[entry], a * most + b):
-                add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b)
-    return nearest, entry
-
-
-@kernel
-def update_near_clumps(bodies, pairs, counts, grid, clumps, s, ghost):
-    """Look at the entries whose displacements have used up their gap; those with a skin or more left are dropped."""
-    first, second, limit = pairs.near_first, pairs.near_second, pairs.near_limit
-    n = counts[st.N_NEAR]
-    k = next_due(bodies.displacement, first, second, limit, 0, n)
-    while k < n:
-        i, j = np.int64(first[k]), np.int64(second[k])
-        gap, _entry = look_at_spheres(bodies, pairs, counts, grid, clumps, k, i, j, s)
-        if gap < grid.lengths[st.SKIN] or pairs.live[k] > 0:
-            limit[k] = bodies.displacement[i] + bodies.displacement[j] + gap
-        else:
-            drop_entry(pairs, counts, grid, k, ghost)
-        k = next_due(bodies.displacement, first, second, limit, k + 1, n)
-
-
-@inlined
-def list_clumps(bodies, pairs, counts, grid, clumps, i, j, s):
-    """Make an entry of two bodies whose surfaces are nearer than the skin."""
-    rows = bodies.rows
-    dx, dy, dz = rows[j, 0] - rows[i, 0], rows[j, 1] - rows[i, 1], rows[j, 2] - rows[i, 2]
-    reach = bounding_radius(bodies, i) + bounding_radius(bodies, j) + grid.lengths[st.SKIN]
-    if dx * dx + dy * dy + dz * dz >= reach * reach:
-        return
-    gap, entry = look_at_spheres(bodies, pairs, counts, grid, clumps, -1, i, j, s)
-    if entry < 0 and gap < grid.lengths[st.SKIN]:
-        entry = add_entry(pairs, counts, grid, i, j)
-    if entry >= 0:
-        pairs.near_limit[entry] = bodies.displacement[i] + bodies.displacement[j] + gap
-
-
-@kernel
 def chain_entries(pairs, counts, grid, ghost):
     """Chain the partners in the entries of each body whose neighbours are found anew."""
     left = listed(grid.near, grid, counts)
@@ -351,17 +250,6 @@ def chain_entries(pairs, counts, grid, ghost):
             pairs.link[used] = grid.chain[j]
             grid.chain[j] = used
             used += 1
-
-
-@kernel
-def retire_spheres(bodies, pairs, counts, clumps, ended, ghost):
-    """Drop the contacts that ended, the last first; their entries are due when they may have closed their gap."""
-    for e in range(ended - 1, -1, -1):
-        k = pairs.ended[e]
-        entry = pairs.entry[k]
-        limit = bodies.displacement[pairs.first[k]] + bodies.displacement[pairs.second[k]] + pairs.gap[k]
-        pairs.near_limit[entry] = min(pairs.near_limit[entry], limit)
-        drop_sphere_contact(pairs, counts, clumps, k, ghost)
 
 
 @kernel

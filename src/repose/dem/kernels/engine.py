@@ -4,13 +4,13 @@
 """
 
 from . import state as st
-from .clumps import retire_spheres, update_near_clumps
 from .forces import curved_forces, fill_laws, mesh_forces, pair_forces, plane_forces, still_wall
 from .frames import move_plane_contacts, move_walls
 from .jit import inlined, kernel
 from .neighbours import retire_pairs, update_near
 from .renewal import drop_gone, renew
 from .rigid import act_on_events, integrate
+from .sphere_search import retire_spheres, update_near_clumps
 from .wall_search import update_meshes, update_walls
 
 

@@ -4,11 +4,12 @@
 """
 
 from . import state as st
-from .clumps import chain_entries, drop_entries_of_gone, list_clumps
+from .clumps import chain_entries, drop_entries_of_gone
 from .forces import drop_curved, drop_flat, drop_meshed
 from .jit import inlined, kernel
 from .neighbours import chain_contacts, drop_contact, drop_near_of_moved, link, list_pair, unlink
 from .rigid import take_away
+from .sphere_search import list_clumps
 
 
 @inlined

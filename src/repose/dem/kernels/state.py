@@ -96,8 +96,8 @@ PLANE_COLUMNS, CONE_COLUMNS, RING_COLUMNS = 7, 8, 7
 # of a wall, overlaps at STARTS places about an axis, the spheres of two bodies.
 Scratch = namedtuple("Scratch", "normal out other local profile spheres")
 STARTS = 24
-SPHERE_COLUMNS = 5  # x, y, z, radius and number
-SCRATCH = 64 + 32 + 2 * SPHERE_COLUMNS * MOST_SPHERES
+SMALLEST_GAPS = 16  # that a look at the spheres of two bodies keeps, at most
+SCRATCH = 64 + 32 + 10 * MOST_SPHERES + 3 * SMALLEST_GAPS
 
 
 @inlined

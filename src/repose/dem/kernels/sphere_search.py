@@ -1,0 +1,241 @@
+"""The search for spheres of two clumps that have come to touch.
+
+An entry of `clumps` is looked at when the displacements of its bodies have reached its limit, as in `neighbours`: the
+displacement of a body bounds the motion of every point of it, so of every sphere. A full look finds the gaps of all
+pairs of spheres. The entry then watches the nearest of those that do not touch, and the others have a limit of their
+own, `near_rest`: displacements at the full look plus the smallest gap of a pair that is not watched. Each watched pair
+has a limit, too. Until `near_rest` is reached a look finds the gaps of those watched pairs alone that have reached
+theirs. A contact that ends is watched; where no slot is left it lowers `near_rest`.
+"""
+
+import math
+
+import numpy as np
+
+from . import clump_tile as ct
+from . import state as st
+from .clumps import (
+    SLOTS,
+    add_entry,
+    add_sphere_contact,
+    drop_entry,
+    drop_sphere_contact,
+    is_set,
+    most_spheres,
+)
+from .jit import inlined, kernel
+from .neighbours import bounding_radius, next_due
+from .state import MOST_SPHERES
+
+WATCHED = SLOTS - 4  # pairs that a full look leaves to be watched; the other slots are for contacts that end
+# Places in `Scratch.spheres`: the spheres of either body as rows of x, y, z and radius. Of one sphere of A and each of
+# B: squared distance, and by how much it exceeds that of a pair worth a closer look.
+PLACES_A, PLACES_B = 0, 4 * MOST_SPHERES
+SQUARES, EXCESS = 8 * MOST_SPHERES, 9 * MOST_SPHERES
+# The smallest gaps found, in order, and the spheres that they are between.
+GAPS = 10 * MOST_SPHERES
+OF_A, OF_B = GAPS + st.SMALLEST_GAPS, GAPS + 2 * st.SMALLEST_GAPS
+
+
+@inlined
+def place_spheres(row, spheres, n, scale, x0, y0, z0, s, at):
+    """Write the n spheres of a body, relative to a place in the world, to rows of the scratch; see PLACES_A."""
+    w, x, y, z = row[st.SHAPE], row[st.SHAPE + 1], row[st.SHAPE + 2], row[st.SHAPE + 3]
+    dx, dy, dz = row[0] - x0, row[1] - y0, row[2] - z0
+    for k in range(n):
+        px, py, pz = ct.turned(w, x, y, z, spheres[0, k], spheres[1, k], spheres[2, k])
+        s[at + k] = dx + scale * px
+        s[at + MOST_SPHERES + k] = dy + scale * py
+        s[at + 2 * MOST_SPHERES + k] = dz + scale * pz
+        s[at + 3 * MOST_SPHERES + k] = scale * spheres[3, k]
+
+
+@inlined
+def measure_sphere(s, p, n, near):
+    """Squared distances of placed sphere p of A to the n spheres of B; returns how many gaps are below `near`."""
+    x, y, z = s[PLACES_A + p], s[PLACES_A + MOST_SPHERES + p], s[PLACES_A + 2 * MOST_SPHERES + p]
+    reach = s[PLACES_A + 3 * MOST_SPHERES + p] + near
+    found = 0
+    for q in range(n):
+        dx = s[PLACES_B + q] - x
+        dy = s[PLACES_B + MOST_SPHERES + q] - y
+        dz = s[PLACES_B + 2 * MOST_SPHERES + q] - z
+        far = reach + s[PLACES_B + 3 * MOST_SPHERES + q]
+        square = dx * dx + dy * dy + dz * dz
+        excess = square - far * far
+        s[SQUARES + q] = square
+        s[EXCESS + q] = excess
+        found += 1 if excess < 0.0 else 0
+    return found
+
+
+@inlined
+def keep_gap(s, gap, a, b):
+    """Sort a gap, smaller than the largest of them, into the smallest gaps."""
+    k = WATCHED
+    while k > 0 and s[GAPS + k - 1] > gap:
+        s[GAPS + k] = s[GAPS + k - 1]
+        s[OF_A + k] = s[OF_A + k - 1]
+        s[OF_B + k] = s[OF_B + k - 1]
+        k -= 1
+    s[GAPS + k] = gap
+    s[OF_A + k] = a
+    s[OF_B + k] = b
+
+
+@inlined
+def watch_nearest(bodies, pairs, entry, i, j, skin, s):
+    """Let an entry watch the pairs with the smallest gaps, and set its limits."""
+    total = bodies.displacement[i] + bodies.displacement[j]
+    n = 0
+    while n < WATCHED and s[GAPS + n] < skin:
+        pairs.watched[entry, n, 0] = np.uint8(s[OF_A + n])
+        pairs.watched[entry, n, 1] = np.uint8(s[OF_B + n])
+        pairs.watched_limit[entry, n] = total + s[GAPS + n]
+        n += 1
+    pairs.n_watched[entry] = n
+    pairs.near_limit[entry] = total + s[GAPS]
+    pairs.near_rest[entry] = total + s[GAPS + WATCHED]
+
+
+@kernel
+def look_at_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, s):
+    """A full look at two bodies: add the contacts that are new, to an entry, or to one that is made if it is -1.
+
+    An entry is made for a contact or for a gap below the skin. Returns the smallest gap of two spheres that do not
+    touch, or the skin where none is smaller.
+    """
+    rows = bodies.rows
+    skin = grid.lengths[st.SKIN]
+    shape_a, shape_b = clumps.shape[i], clumps.shape[j]
+    x, y, z = rows[i, 0], rows[i, 1], rows[i, 2]
+    n_a, n_b = clumps.sizes[shape_a], clumps.sizes[shape_b]
+    place_spheres(rows[i], clumps.spheres[shape_a], n_a, clumps.scale[i], x, y, z, s, PLACES_A)
+    place_spheres(rows[j], clumps.spheres[shape_b], n_b, clumps.scale[j], x, y, z, s, PLACES_B)
+    x, y, z = rows[j, 0] - x, rows[j, 1] - y, rows[j, 2] - z
+    radius_b = bounding_radius(bodies, j)
+    most = most_spheres(clumps)
+    for k in range(WATCHED + 1):
+        s[GAPS + k] = skin
+    for p in range(n_a):
+        rest = s[GAPS + WATCHED]
+        dx, dy, dz = (
+            s[PLACES_A + p] - x,
+            s[PLACES_A + MOST_SPHERES + p] - y,
+            s[PLACES_A + 2 * MOST_SPHERES + p] - z,
+        )
+        radius = s[PLACES_A + 3 * MOST_SPHERES + p]
+        far = radius + radius_b + rest
+        if dx * dx + dy * dy + dz * dz >= far * far or measure_sphere(s, p, n_b, rest) == 0:
+            continue
+        for q in range(n_b):
+            if s[EXCESS + q] >= 0.0 or (entry >= 0 and is_set(pairs.known[entry], p * most + q)):
+                continue
+            gap = math.sqrt(s[SQUARES + q]) - (radius + s[PLACES_B + 3 * MOST_SPHERES + q])
+            if gap > 0.0:
+                if gap < s[GAPS + WATCHED]:
+                    keep_gap(s, gap, p, q)
+                continue
+            if entry < 0:
+                entry = add_entry(pairs, counts, grid, i, j)
+            if entry >= 0:
+                add_sphere_contact(pairs, counts, clumps, entry, i, j, p, q)
+    if entry < 0 and s[GAPS] < skin:
+        entry = add_entry(pairs, counts, grid, i, j)
+    if entry >= 0:
+        watch_nearest(bodies, pairs, entry, i, j, skin, s)
+    return s[GAPS]
+
+
+@inlined
+def sphere_gap(bodies, clumps, i, j, a, b):
+    """Gap between sphere a of body i and sphere b of body j."""
+    row, of = bodies.rows[i], clumps.spheres[clumps.shape[i]]
+    scale = clumps.scale[i]
+    w, x, y, z = row[st.SHAPE], row[st.SHAPE + 1], row[st.SHAPE + 2], row[st.SHAPE + 3]
+    ax, ay, az = ct.turned(w, x, y, z, of[0, a], of[1, a], of[2, a])
+    dx, dy, dz = row[0] + scale * ax, row[1] + scale * ay, row[2] + scale * az
+    reach = scale * of[3, a]
+    row, of = bodies.rows[j], clumps.spheres[clumps.shape[j]]
+    scale = clumps.scale[j]
+    w, x, y, z = row[st.SHAPE], row[st.SHAPE + 1], row[st.SHAPE + 2], row[st.SHAPE + 3]
+    bx, by, bz = ct.turned(w, x, y, z, of[0, b], of[1, b], of[2, b])
+    dx -= row[0] + scale * bx
+    dy -= row[1] + scale * by
+    dz -= row[2] + scale * bz
+    return math.sqrt(dx * dx + dy * dy + dz * dz) - (reach + scale * of[3, b])
+
+
+@inlined
+def look_at_watched(bodies, pairs, counts, clumps, entry, i, j):
+    """Look at the watched pairs of spheres that are due: add their contacts, and set the limits of pairs and entry.
+
+    Inlined: a call would take longer than the look, since the arrays are some 300 arguments.
+    """
+    total = bodies.displacement[i] + bodies.displacement[j]
+    next_look = pairs.near_rest[entry]
+    k = 0
+    while k < pairs.n_watched[entry]:
+        limit = pairs.watched_limit[entry, k]
+        if total >= limit:
+            a, b = np.int64(pairs.watched[entry, k, 0]), np.int64(pairs.watched[entry, k, 1])
+            gap = sphere_gap(bodies, clumps, i, j, a, b)
+            if gap <= 0.0:
+                add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b)
+                last = pairs.n_watched[entry] - 1
+                pairs.n_watched[entry] = last
+                pairs.watched[entry, k, 0] = pairs.watched[entry, last, 0]
+                pairs.watched[entry, k, 1] = pairs.watched[entry, last, 1]
+                pairs.watched_limit[entry, k] = pairs.watched_limit[entry, last]
+                continue
+            limit = total + gap
+            pairs.watched_limit[entry, k] = limit
+        next_look = min(next_look, limit)
+        k += 1
+    pairs.near_limit[entry] = next_look
+
+
+@inlined
+def update_near_clumps(bodies, pairs, counts, grid, clumps, s, ghost):
+    """Look at the entries that are due; those without contacts and with a skin or more left are dropped."""
+    first, second, limit = pairs.near_first, pairs.near_second, pairs.near_limit
+    n = counts[st.N_NEAR]
+    k = next_due(bodies.displacement, first, second, limit, 0, n)
+    while k < n:
+        i, j = np.int64(first[k]), np.int64(second[k])
+        if bodies.displacement[i] + bodies.displacement[j] < pairs.near_rest[k]:
+            look_at_watched(bodies, pairs, counts, clumps, k, i, j)
+        else:
+            gap = look_at_spheres(bodies, pairs, counts, grid, clumps, k, i, j, s)
+            if gap >= grid.lengths[st.SKIN] and pairs.live[k] == 0:
+                drop_entry(pairs, counts, grid, k, ghost)
+        k = next_due(bodies.displacement, first, second, limit, k + 1, n)
+
+
+@inlined
+def list_clumps(bodies, pairs, counts, grid, clumps, i, j, s):
+    """Make an entry of two bodies whose surfaces are nearer than the skin."""
+    rows = bodies.rows
+    dx, dy, dz = rows[j, 0] - rows[i, 0], rows[j, 1] - rows[i, 1], rows[j, 2] - rows[i, 2]
+    reach = bounding_radius(bodies, i) + bounding_radius(bodies, j) + grid.lengths[st.SKIN]
+    if dx * dx + dy * dy + dz * dz < reach * reach:
+        look_at_spheres(bodies, pairs, counts, grid, clumps, -1, i, j, s)
+
+
+@kernel
+def retire_spheres(bodies, pairs, counts, clumps, ended, ghost):
+    """Drop the contacts that ended, the last first; their entries watch them, and look when a gap may be closed."""
+    for e in range(ended - 1, -1, -1):
+        k = pairs.ended[e]
+        entry = pairs.entry[k]
+        limit = bodies.displacement[pairs.first[k]] + bodies.displacement[pairs.second[k]] + pairs.gap[k]
+        pairs.near_limit[entry] = min(pairs.near_limit[entry], limit)
+        n = pairs.n_watched[entry]
+        if n < SLOTS:
+            pairs.watched[entry, n, 0] = pairs.spheres[k, 0]
+            pairs.watched[entry, n, 1] = pairs.spheres[k, 1]
+            pairs.watched_limit[entry, n] = limit
+            pairs.n_watched[entry] = n + 1
+        else:
+            pairs.near_rest[entry] = min(pairs.near_rest[entry], limit)
+        drop_sphere_contact(pairs, counts, clumps, k, ghost)
