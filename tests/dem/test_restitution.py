@@ -108,8 +108,7 @@ def test_contacts_of_one_pair_share_the_damping(on):
 def test_a_stiff_hit_returns_its_restitution_wherever_it_is_hit(name, tension, contact_law):
     for on_plane in (False, True):
         for e in (0.2, 0.7):
-            found = hits(
-                particles()[name], e, STIFFER, on_plane, 12, contact_law=contact_law, tension=tension
-            )
+            laws = {"contact_law": contact_law, "tension": tension}
+            found = hits(particles()[name], e, STIFFER, on_plane, 12, **laws).restitution
             assert np.median(np.abs(found - e)) < 0.01
             assert np.mean(found) == pytest.approx(e, abs=0.02)
