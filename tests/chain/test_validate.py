@@ -78,6 +78,13 @@ def test_solutions_are_samples_with_ours_first_and_the_published_from_101(study)
     assert written.loc[7, "mus_gg"] == 0.642
 
 
+def test_published_solutions_have_the_same_numbers_in_a_table_of_their_own(study, tmp_path):
+    both = select(study).set_index("sample")
+    own = validate.write_published_solutions(study / "published4.csv", tmp_path / "theirs.csv")
+    assert list(own["sample"]) == list(both.index[both["origin"] == "published"])
+    np.testing.assert_array_equal(own[list(PARAMETERS)], both.loc[own["sample"], list(PARAMETERS)])
+
+
 def test_too_few_solutions_are_named(study):
     with pytest.raises(InputError, match=r"feasible.csv: solutions is 12; allowed: at least 21"):
         select(study, count=20)

@@ -46,7 +46,7 @@ def saved(tmp_path):
         arrays |= {f"position_{seed}": centres.astype(np.float32), f"quaternion_{seed}": q.astype(np.float32)}
         arrays[f"in_pile_{seed}"] = np.ones(len(centres), bool)
     np.savez(tmp_path / "007.npz", **arrays)
-    job = {"sample": 7, "config": "small", "parameters": dict.fromkeys(PARAMETERS, 0.2), "time_step_s": 2e-4}
+    job = {"sample": 7, "parameters": dict.fromkeys(PARAMETERS, 0.2), "time_step_s": 2e-4}
     job["pours"] = [one_pour(1), one_pour(2), one_pour(3, "jammed", "9 berries in the funnel")]
     (tmp_path / "007.pours.json").write_text(json.dumps(job))
     return tmp_path / "007.pours.json"

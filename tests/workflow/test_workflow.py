@@ -1,24 +1,14 @@
 """The workflow's graph: what would run, and what a changed or bad key does. Nothing is simulated here."""
 
 import json
-import os
 import re
 import shutil
-import sys
-from pathlib import Path
-from tempfile import TemporaryFile
-from typing import NamedTuple
 
 import pytest
-from snakemake import cli
-
-import repose.studies.refine
-import repose.studies.shape_study  # noqa: F401  loaded here, once, for every fork
+from plans import ROOT, planned, snakemake
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[2]
-PARTS = ("Snakefile", "config", "profiles", "resources", "workflow")
 STAGES = (
     *(
         "berry",
@@ -44,71 +34,6 @@ MIXED = [
     {"response": name, "apparatus": apparatus, "value": 40, "sd": 2, "repetitions": 5, "range": [38, 42]}
     for name, apparatus in (("height_mm", "funnel"), ("drum_slip_deg", "drum"))
 ]
-
-
-@pytest.fixture(scope="module")
-def project(tmp_path_factory):
-    """A copy of the workflow without any results."""
-    folder = tmp_path_factory.mktemp("project")
-    for part in PARTS:
-        source = ROOT / part
-        shutil.copytree(source, folder / part) if source.is_dir() else shutil.copy(source, folder / part)
-    return folder
-
-
-class Done(NamedTuple):
-    """What a call of snakemake ended with."""
-
-    returncode: int
-    stdout: str
-    stderr: str
-
-
-def snakemake(project, *words):
-    """Run snakemake in project, in a fork of this process: what it imports is loaded once for all calls."""
-    with TemporaryFile() as out, TemporaryFile() as err:
-        child = os.fork()
-        if child == 0:
-            status = 1
-            try:
-                status = in_this_process(project, words, out, err)
-            finally:
-                os._exit(status)
-        status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-        texts = []
-        for file in (out, err):
-            file.seek(0)
-            texts.append(file.read().decode())
-        return Done(status, *texts)
-
-
-def in_this_process(project, words, out, err):
-    """The exit status of snakemake in project, its output written to two files."""
-    os.dup2(out.fileno(), 1)
-    os.dup2(err.fileno(), 2)
-    sys.stdout, sys.stderr = open(1, "w", closefd=False), open(2, "w", closefd=False)  # noqa: SIM115
-    paths = [str(ROOT / "src"), os.environ.get("PYTHONPATH", "")]
-    os.environ["PYTHONPATH"] = os.pathsep.join(path for path in paths if path)
-    os.chdir(project)
-    sys.argv = ["snakemake", "--nocolor", *words]
-    try:
-        cli.main(sys.argv[1:])
-    except SystemExit as end:
-        if isinstance(end.code, str):
-            print(end.code, file=sys.stderr)
-        return end.code if isinstance(end.code, int) else int(end.code is not None)
-    finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
-    return 0
-
-
-def planned(project, *words):
-    """Rules of a dry run and how many jobs of each."""
-    done = snakemake(project, "--quiet", "rules", "-n", *words)
-    assert done.returncode == 0, done.stderr
-    counts = re.findall(r"^(\w+)\s+(\d+)$", done.stdout + done.stderr, re.MULTILINE)
-    return {rule: int(count) for rule, count in counts}
 
 
 def test_the_recommended_study_has_every_stage_and_one_job_a_sample(project):
@@ -184,20 +109,6 @@ def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
     assert set(fewer) == {"design", "warm_up", "pour", "measure_runs", "total"}
     heavier = planned(project, *target, "--config", "berry={density_kg_m3: 900}")
     assert set(heavier) == {"berry", "shape", "warm_up", "pour", "measure_runs", "total"}
-
-
-@pytest.fixture(scope="module")
-def finished(project):
-    """The small study with twelve samples as if it were finished: every file is there, empty."""
-    words = ("--configfile", "config/quick.yaml", "--config", "design={samples: 12}")
-    listed = snakemake(project, "-n", "--summary", *words)
-    for line in listed.stdout.splitlines()[1:]:
-        path = project / line.split("\t")[0]
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.touch()
-    done = snakemake(project, "--touch", "--forceall", "--cores", "1", *words, "--", "calibration")
-    assert done.returncode == 0, done.stderr
-    return project, words
 
 
 POURS = ("pour", "validation_pour", "trajectory", "turn")

@@ -11,8 +11,10 @@ from repose.apparatus import bench, names
 from repose.config import loader
 from repose.core import places
 from repose.core.errors import InputError
+from repose.core.lock import take_folder
 from repose.core.published import published_count
 from repose.core.seeds import pour_seeds
+from repose.core.sources import engine_hash
 from repose.core.targets import Targets
 from repose.dem.cache import source_hash
 from repose.studies import rounds, shape_cells
@@ -21,15 +23,19 @@ from repose.studies import rounds, shape_cells
 shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; ")
 
 
+def or_one_message(function, *arguments):
+    """What a function gives, or one message and no work."""
+    try:
+        return function(*arguments)
+    except InputError as error:
+        sys.exit(f"repose: error: {error}")
+
+
 def checked_config(workflow):
     """The configuration after every check, or one message and no work."""
     given = [places.find(as_typed(path)) for path in workflow.overwrite_configfiles]
-    try:
-        return loader.resolve(
-            [*places.configs(), *given], workflow.config_settings.config
-        )
-    except InputError as error:
-        sys.exit(f"repose: error: {error}")
+    files = [*places.configs(), *given]
+    return or_one_message(loader.resolve, files, workflow.config_settings.config)
 
 
 def as_typed(path):
@@ -73,11 +79,15 @@ def apparatus(wildcards):
 
 
 def pouring_settings(name="funnel"):
-    """What a run of a bench test depends on, its measurement left out; the number of seeds is the caller's."""
+    """What a run of a bench test depends on, its measurement left out; the number of seeds is the caller's.
+
+    An edit of the engine's source is a reason to run again.
+    """
     own = {key: value for key, value in config[name].items() if key != "seeds"}
     return sections("wall", "simulation") | {
         name: own,
         "seed": config["design"]["seed"],
+        "engine": engine_hash(),
     }
 
 

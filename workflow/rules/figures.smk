@@ -133,7 +133,8 @@ rule rule_graph:
     message:
         "The workflow's own graph"
     shell:
-        "python -m snakemake calibration --snakefile {params.snakefile:q} --configfile {params.config}"
+        # the order of the rules follows the hashes of their names
+        "PYTHONHASHSEED=0 python -m snakemake calibration --snakefile {params.snakefile:q} --configfile {params.config}"
         " --rulegraph > {output.dot} 2> {log}"
 
 

@@ -74,7 +74,7 @@ def run_job(
         if run.frames is not None:
             write_npz(out / f"turn_{seed}_trajectory.npz", run.frames)
         about = about_job(drum.BENCH, config, seed, parameters)
-        result = {key: about[key] for key in ("config", "parameters", "time_step_s")} | {"run": run.record}
+        result = {key: about[key] for key in ("parameters", "time_step_s")} | {"run": run.record}
         write_json(out / f"turn_{seed}.json", result)
         results.append(result)
     return results

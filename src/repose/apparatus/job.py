@@ -73,7 +73,6 @@ def about_job(
     named = {} if test.name == UNNAMED else {"apparatus": test.name}
     return named | {
         "sample": int(str(name)) if str(name).isdigit() else name,
-        "config": config["label"],
         "parameters": {p: float(parameters[p]) for p in PARAMETERS},
         "time_step_s": SimulationSettings.of(config).time_step_s,
     }

@@ -326,6 +326,32 @@ def run(
     return tables
 
 
+def write_published_solutions(published_csv: str | os.PathLike, out_csv: str | os.PathLike) -> pd.DataFrame:
+    """Write the published parameter sets to simulate, numbered as `solutions_to_simulate` numbers them.
+
+    Parameters
+    ----------
+    published_csv : path
+        Published solutions.
+    out_csv : path
+
+    Returns
+    -------
+    pandas.DataFrame
+        The table that was written: `sample` and the six parameters.
+
+    Raises
+    ------
+    InputError
+        For a bad file.
+    """
+    published = read_table(published_csv, ("solution", *PARAMETERS))
+    numbers = range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(published))
+    table = pd.DataFrame({"sample": numbers, **{name: published[name] for name in PARAMETERS}})
+    write_table(out_csv, table)
+    return table
+
+
 def _published(path):
     """The published solutions, if there are any."""
     return None if path is None else read_table(path, ("solution", *PARAMETERS))

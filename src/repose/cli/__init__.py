@@ -8,6 +8,7 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 from repose.cli import (
     calibration,
@@ -25,6 +26,7 @@ from repose.cli import (
 )
 from repose.cli.registry import PROGRAM
 from repose.core.errors import InputError
+from repose.core.lock import joined_folder
 
 # The whole study first, then its steps in the order in which the data flows; so the help lists them.
 FAMILIES = (
@@ -68,7 +70,8 @@ def main(words: Sequence[str] | None = None) -> int:
     elif rest:
         parser().error(f"unrecognized arguments: {' '.join(rest)}")
     try:
-        status = verb.run(args) or 0
+        with joined_folder(Path(getattr(args, "config", None) or "").parent):
+            status = verb.run(args) or 0
         sys.stdout.flush()
         return status
     except BrokenPipeError:

@@ -6,6 +6,7 @@ from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, SAMPLES, TABLE3
 from repose.cli.registry import Family, Option
 from repose.config import loader
 from repose.config.definitions import definitions_of
+from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
 
@@ -90,6 +91,20 @@ def solutions(args):
         section["solutions"],
         Path(args.out) / "solutions.csv",
     )
+
+
+@family.verb(
+    "list the published solutions to simulate: they stay the same when the search finds others",
+    example="--out results/validation",
+    out="results/validation",
+)
+def published_solutions(args):
+    from repose.chain import validate
+
+    published = loader.load(args.config)["validation"]["published"]
+    if published is None:
+        raise InputError(args.config, "validation.published", None, "a table of published solutions")
+    validate.write_published_solutions(published, Path(args.out) / "published_solutions.csv")
 
 
 @family.verb(

@@ -16,7 +16,7 @@ rule shape:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("berry"),
+        depends=sections("berry", "parameters.e_gp"),
         time_step_s=config["simulation"]["time_step_s"],
     message:
         "Mesh and particle of the berry"

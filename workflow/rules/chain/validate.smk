@@ -34,9 +34,37 @@ rule solutions:
         " > {log} 2>&1"
 
 
+# In a table of their own, so that another answer of the search is no reason to pour the published ones again.
+rule published_solutions:
+    input:
+        published=config["validation"]["published"] or [],
+    output:
+        solutions=f"{RESULTS}/validation/published_solutions.csv",
+    log:
+        f"{RESULTS}/logs/published_solutions.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/published_solutions.tsv"
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+        folder=folder,
+    message:
+        "Listing the published solutions"
+    shell:
+        "python -m repose published_solutions --config {params.config} --out {params.folder} > {log} 2>&1"
+
+
+def solution_to_pour(wildcards):
+    """The table that a solution stands in."""
+    origin = rules.solutions if wildcards.sample in OURS else rules.published_solutions
+    return origin.output.solutions
+
+
 use rule pour as validation_pour with:
     input:
-        samples=rules.solutions.output.solutions,
+        samples=solution_to_pour,
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
         ready=ancient(rules.warm_up.output.ready),

@@ -1,12 +1,13 @@
 # The engine is compiled once, before the first run, and its time is seen in the log and the benchmark. The compiled code
 # lies in numba's cache, not among the results. So runs wait for this rule, and take its being new for no reason to run
-# again.
+# again. The output's name tells the engine: another engine is another file. Were it the same file made anew, snakemake
+# would not look for the reasons that the runs behind it have of their own.
 rule warm_up:
     input:
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
     output:
-        ready=touch(f"{RESULTS}/berry/engine_is_compiled"),
+        ready=touch(f"{RESULTS}/berry/engine_{source_hash()}_is_compiled"),
     log:
         f"{RESULTS}/logs/warm_up.log",
     benchmark:
@@ -16,7 +17,6 @@ rule warm_up:
         mem_mb=900,
     params:
         config=CONFIG,
-        engine=source_hash(),
     message:
         "Compiling the engine"
     shell:

@@ -38,7 +38,7 @@ rule pool_design:
 use rule pour as pool_pour with:
     input:
         samples=lambda wildcards: ancient(
-            rules.pool_design.output[list(POOL_SETS).index(wildcards.points)]
+            str(rules.pool_design.output[list(POOL_SETS).index(wildcards.points)])
         ),
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,

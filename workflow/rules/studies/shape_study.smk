@@ -5,10 +5,7 @@ SHAPE = f"{RESULTS}/shape"
 
 def first_cells(wildcards):
     """Pours of the selection; the study's own keys are checked here, when someone asks for the study."""
-    try:
-        shape_cells.check(config)
-    except InputError as error:
-        sys.exit(f"repose: error: {error}")
+    or_one_message(shape_cells.check, config)
     return expand(rules.shape_cell.output.runs, cell=shape_cells.first_cells(config))
 
 
@@ -44,7 +41,8 @@ rule shape_cell:
     params:
         config=CONFIG,
         folder=folder,
-        depends=lambda wildcards: shape_cells.dependencies(config, wildcards.cell),
+        depends=lambda wildcards: shape_cells.dependencies(config, wildcards.cell)
+        | {"engine": engine_hash()},
     message:
         "Pouring {wildcards.cell}"
     shell:

@@ -154,14 +154,19 @@ for figure, (where, label, shown) in UNCERTAINTY_FIGURES.items():
             " > {log} 2>&1"
 
 
+# The first lines name what the tables are made from, so that a lost file is made again.
 rule noise:
     input:
+        rules.dataset.output,
         rules.noise_tables.output,
         rules.draw_noise.output,
 
 
 rule posterior:
     input:
+        rules.dataset.output,
+        rules.network.output,
+        rules.miga.output,
         rules.posterior_tables.output,
         rules.draw_corner.output,
         rules.draw_intervals.output,
@@ -169,6 +174,8 @@ rule posterior:
 
 rule sensitivity:
     input:
+        rules.dataset.output,
+        rules.network.output,
         rules.sensitivity_tables.output,
         rules.draw_sobol.output,
         rules.draw_main_effects.output,

@@ -1,0 +1,84 @@
+"""One workflow at a time in a folder of results.
+
+The locks are those of the operating system (flock). They end with the process that holds them, however it ends, so a
+kill leaves none behind.
+"""
+
+import fcntl
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+from repose.core.errors import InputError
+
+WORKFLOW, JOBS = ".lock", ".jobs"  # a workflow holds the first; its jobs hold the second, together
+
+
+def take_folder(folder: str | os.PathLike) -> IO[str]:
+    """Take a folder of results for a workflow.
+
+    Parameters
+    ----------
+    folder : path
+        It is made where it is missing.
+
+    Returns
+    -------
+    file
+        Closed, it gives the folder back; so does the end of the process.
+
+    Raises
+    ------
+    InputError
+        If another workflow works on the folder, or jobs of a workflow that was killed still do.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    mine = (folder / WORKFLOW).open("a+", encoding="utf-8")
+    if not _locked(mine, fcntl.LOCK_EX):
+        mine.seek(0)
+        raise InputError(
+            folder, "workflow", mine.read() or "running", "one at a time; wait until it has ended"
+        )
+    with (folder / JOBS).open("a", encoding="utf-8") as jobs:
+        if not _locked(jobs, fcntl.LOCK_EX):
+            allowed = "none; wait until those of a workflow that was killed have ended"
+            raise InputError(folder, "jobs", "running", allowed)
+    mine.truncate(0)
+    mine.write(f"process {os.getpid()} on {socket.gethostname()}")
+    mine.flush()
+    return mine
+
+
+@contextmanager
+def joined_folder(folder: str | os.PathLike) -> Iterator[None]:
+    """Hold a folder of results for a job; a workflow that comes anew does not start before the job has ended.
+
+    Parameters
+    ----------
+    folder : path
+        Left alone where no workflow has worked on it.
+
+    Yields
+    ------
+    None
+    """
+    path = Path(folder) / JOBS
+    if not os.access(path, os.W_OK):
+        yield
+        return
+    with path.open("a", encoding="utf-8") as jobs:
+        _locked(jobs, fcntl.LOCK_SH)
+        yield
+
+
+def _locked(file, kind):
+    """Whether a lock of this kind was free, and is held now."""
+    try:
+        fcntl.flock(file, kind | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True

@@ -1,0 +1,41 @@
+"""Hashes of source code: which engine made a result."""
+
+import hashlib
+from collections.abc import Iterable
+from functools import cache
+
+from repose.core.places import PACKAGE
+
+ENGINE = ("dem", "apparatus")  # what a pour is made by: the simulator and the bench tests
+
+
+@cache
+def engine_hash() -> str:
+    """Hash of the source of the simulator and the bench tests, 16 digits.
+
+    Returns
+    -------
+    str
+    """
+    return source_hash(ENGINE)
+
+
+def source_hash(rooms: Iterable[str]) -> str:
+    """Hash of the source of some rooms of the package, 16 digits.
+
+    Parameters
+    ----------
+    rooms : iterable of str
+        Names of rooms, as in ``dem``.
+
+    Returns
+    -------
+    str
+    """
+    digest = hashlib.sha256()
+    for room in rooms:
+        for path in sorted((PACKAGE / room).rglob("*")):
+            if path.suffix in (".py", ".yaml"):
+                digest.update(path.relative_to(PACKAGE).as_posix().encode())
+                digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]

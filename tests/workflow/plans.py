@@ -1,0 +1,70 @@
+"""Snakemake called by the tests of the workflow: what it would do, and what it did."""
+
+import os
+import re
+import sys
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import NamedTuple
+
+from snakemake import cli
+
+import repose.studies.refine
+import repose.studies.shape_study  # noqa: F401  loaded here, once, for every fork
+
+ROOT = Path(__file__).parents[2]
+
+
+class Done(NamedTuple):
+    """What a call of snakemake ended with."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def snakemake(project, *words):
+    """Run snakemake in project, in a fork of this process: what it imports is loaded once for all calls."""
+    with TemporaryFile() as out, TemporaryFile() as err:
+        child = os.fork()
+        if child == 0:
+            status = 1
+            try:
+                status = in_this_process(project, words, out, err)
+            finally:
+                os._exit(status)
+        status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        texts = []
+        for file in (out, err):
+            file.seek(0)
+            texts.append(file.read().decode())
+        return Done(status, *texts)
+
+
+def in_this_process(project, words, out, err):
+    """The exit status of snakemake in project, its output written to two files."""
+    os.dup2(out.fileno(), 1)
+    os.dup2(err.fileno(), 2)
+    sys.stdout, sys.stderr = open(1, "w", closefd=False), open(2, "w", closefd=False)  # noqa: SIM115
+    paths = [str(ROOT / "src"), os.environ.get("PYTHONPATH", "")]
+    os.environ["PYTHONPATH"] = os.pathsep.join(path for path in paths if path)
+    os.chdir(project)
+    sys.argv = ["snakemake", "--nocolor", *words]
+    try:
+        cli.main(sys.argv[1:])
+    except SystemExit as end:
+        if isinstance(end.code, str):
+            print(end.code, file=sys.stderr)
+        return end.code if isinstance(end.code, int) else int(end.code is not None)
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    return 0
+
+
+def planned(project, *words):
+    """Rules of a dry run and how many jobs of each."""
+    done = snakemake(project, "--quiet", "rules", "-n", *words)
+    assert done.returncode == 0, done.stderr
+    counts = re.findall(r"^(\w+)\s+(\d+)$", done.stdout + done.stderr, re.MULTILINE)
+    return {rule: int(count) for rule, count in counts}
