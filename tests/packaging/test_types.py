@@ -6,7 +6,18 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[2] / "src" / "repose"
-PACKAGES = ("apparatus", "chain", "config", "core", "dem", "measure", "particle", "search", "surrogate")
+PACKAGES = (
+    "apparatus",
+    "chain",
+    "config",
+    "core",
+    "dem",
+    "doe",
+    "measure",
+    "particle",
+    "search",
+    "surrogate",
+)
 # Compiled functions: numba finds their types.
 COMPILED = SOURCE / "dem" / "kernels"
 MODULES = sorted(

@@ -1,0 +1,184 @@
+"""The analysis of variance of a polynomial model, with the columns and statistics of Design-Expert.
+
+The sum of squares of a term is partial: what the residuals would gain if this term alone were left out.
+"""
+
+import math
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from repose.doe.model import Model
+
+COLUMNS = ("source", "sum_of_squares", "df", "mean_square", "f", "p")
+
+
+def pure_error(model: Model) -> tuple[float, int]:
+    """Sum of squares and degrees of freedom of runs that were repeated, within their block.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    sum_of_squares : float
+    df : int
+        0 without a repeated run.
+    """
+    keys = np.round(model.coded, 9)
+    if model.blocks is not None:
+        keys = np.column_stack([keys, model.blocks])
+    _, place, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+    place = place.ravel()
+    means = np.bincount(place, weights=model.response) / counts
+    return float(((model.response - means[place]) ** 2).sum()), int((counts - 1).sum())
+
+
+def anova(model: Model) -> pd.DataFrame:
+    """The ANOVA table.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    pandas.DataFrame
+        `COLUMNS`; rows block (where there are any), model, each term, residual, lack of fit and pure error (where runs
+        were repeated), total. F and p are nan where there is nothing to test by.
+    """
+    ols, first = model.ols, 1 + model.block_columns
+    residual, df_residual = float(ols.ssr), int(ols.df_resid)
+    total = float(ols.centered_tss)
+    error = _mean(residual, df_residual)
+    rows = []
+    block = 0.0
+    if model.block_columns:
+        # Blocks come first: their own sum of squares, before any term.
+        means = pd.Series(model.response).groupby(model.blocks).transform("mean")
+        block = float(((means - model.response.mean()) ** 2).sum())
+        rows.append(_row("block", block, model.block_columns))
+    rows.append(_row("model", total - block - residual, len(model.terms), error, df_residual))
+    # For a single column the partial sum of squares is b^2 / c, with c its element of (X'X)^-1.
+    inverse = np.diag(np.asarray(ols.normalized_cov_params))[first:]
+    partial = model.coefficients**2 / inverse
+    rows += [
+        _row(name, float(one), 1, error, df_residual) for name, one in zip(model.labels, partial, strict=True)
+    ]
+    rows.append(_row("residual", residual, df_residual))
+    pure, df_pure = pure_error(model)
+    if df_pure:
+        lack, df_lack = residual - pure, df_residual - df_pure
+        rows.append(_row("lack of fit", lack, df_lack, _mean(pure, df_pure), df_pure))
+        rows.append(_row("pure error", pure, df_pure))
+    rows.append(_row("total", total, len(model.response) - 1))
+    return pd.DataFrame(rows, columns=list(COLUMNS))
+
+
+def statistics(model: Model) -> dict[str, float]:
+    """Statistics of the fit.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    dict of float
+        ``std_dev``; ``mean`` of the response; ``cv_percent``; ``press``, the sum of the squared errors of predicting
+        each run from all others; ``r2``, ``adjusted_r2``, ``predicted_r2``, in which the blocks' part is left out of
+        the total, as in Design-Expert; ``adequate_precision``, the range of the predictions over their mean standard
+        error. nan where nothing is left to estimate the error by.
+    """
+    ols, n = model.ols, len(model.response)
+    residual, df = float(ols.ssr), int(ols.df_resid)
+    table = anova(model).set_index("source")
+    total = table.loc["model", "sum_of_squares"] + residual
+    df_total = table.loc["model", "df"] + df
+    sigma = math.sqrt(_mean(residual, df))
+    leverage = np.einsum("ij,jk,ik->i", ols.model.exog, ols.normalized_cov_params, ols.model.exog)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        press = float(((np.asarray(ols.resid) / (1 - leverage)) ** 2).sum()) if df else math.nan
+    fitted = np.asarray(ols.fittedvalues)
+    spread = sigma * math.sqrt(len(ols.params) / n)
+    return {
+        "std_dev": sigma,
+        "mean": float(model.response.mean()),
+        "cv_percent": 100 * _ratio(sigma, float(model.response.mean())),
+        "press": press,
+        "r2": 1 - _ratio(residual, total),
+        "adjusted_r2": 1 - _ratio(_mean(residual, df), total / df_total),
+        "predicted_r2": 1 - _ratio(press, total),
+        "adequate_precision": _ratio(float(np.ptp(fitted)), spread),
+    }
+
+
+def effects(model: Model) -> pd.DataFrame:
+    """The terms in the order of their standardised effects, for the Pareto chart.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    pandas.DataFrame
+        term, coefficient in coded units with its standard_error, t (the standardised effect, without sign), p, and
+        contribution_percent: the term's partial sum of squares over the total. Largest first.
+    """
+    first = 1 + model.block_columns
+    table = anova(model).set_index("source")
+    found = pd.DataFrame(
+        {
+            "term": model.labels,
+            "coefficient": model.coefficients,
+            "standard_error": np.asarray(model.ols.bse)[first:] if model.ols.df_resid else math.nan,
+        }
+    )
+    found["t"] = (found["coefficient"] / found["standard_error"]).abs()
+    found["p"] = table.loc[model.labels, "p"].to_numpy()
+    partial = table.loc[model.labels, "sum_of_squares"].to_numpy(float)
+    found["contribution_percent"] = 100 * partial / float(table.loc["total", "sum_of_squares"])
+    return found.sort_values("contribution_percent", ascending=False, ignore_index=True)
+
+
+def limits(model: Model, alpha: float = 0.05) -> dict[str, float]:
+    """The two lines of the Pareto chart.
+
+    Parameters
+    ----------
+    model : Model
+    alpha : float
+        Level of significance.
+
+    Returns
+    -------
+    dict of float
+        ``t``: a single term above it is significant. ``bonferroni``: with so many terms, only one in 1 / alpha studies
+        without any effect has a term above it.
+    """
+    df = int(model.ols.df_resid)
+    if not df:
+        return {"t": math.nan, "bonferroni": math.nan}
+    tests = {"t": 1, "bonferroni": len(model.terms)}
+    return {name: float(stats.t.isf(alpha / 2 / count, df)) for name, count in tests.items()}
+
+
+def _mean(total, df):
+    """Mean square."""
+    return total / df if df else math.nan
+
+
+def _ratio(above, below):
+    """Quotient, or nan."""
+    return above / below if below else math.nan
+
+
+def _row(source, total, df, error=math.nan, df_error=0):
+    """A row of the table, tested against a mean square."""
+    mean = _mean(total, df)
+    f = _ratio(mean, error)
+    p = float(stats.f.sf(f, df, df_error)) if df and df_error and math.isfinite(f) else math.nan
+    return (source, total, df, mean, f, p)

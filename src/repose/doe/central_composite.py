@@ -1,0 +1,56 @@
+"""Central composite designs: a two-level factorial, two axial runs for each factor, and centre runs."""
+
+import numpy as np
+
+from repose.doe.coding import two_level
+
+# Centre runs that give nearly the same precision at the centre as at distance 1 (Box and Hunter 1957). From five
+# factors on the factorial is the half fraction.
+CENTRES = {2: 5, 3: 6, 4: 7, 5: 6, 6: 9, 7: 14}
+HALF_FROM = 5
+
+
+def central_composite(
+    factors: int, axial: str = "rotatable", centres: int | None = None
+) -> tuple[np.ndarray, float]:
+    """A central composite design in coded units, in standard order: factorial, axial, centre.
+
+    Parameters
+    ----------
+    factors : int
+        2 to 7.
+    axial : str
+        ``rotatable``: the axial runs lie at the fourth root of the number of factorial runs, so that the variance of a
+        prediction depends on its distance from the centre alone. ``face_centred``: they lie at 1, and three levels do.
+    centres : int, optional
+        Centre runs; those of Box and Hunter by default.
+
+    Returns
+    -------
+    design : numpy.ndarray, (n, factors)
+    alpha : float
+        Distance of the axial runs from the centre.
+
+    Raises
+    ------
+    ValueError
+        If the number of factors or of centre runs, or `axial`, is not allowed.
+
+    References
+    ----------
+    Box and Hunter, Multi-factor experimental designs for exploring response surfaces, Ann. Math. Statist. 28 (1957)
+    195-241.
+    """
+    if factors not in CENTRES:
+        raise ValueError(f"{factors} factors; allowed: 2 to 7")
+    if axial not in ("rotatable", "face_centred"):
+        raise ValueError(f"axial runs {axial!r}; allowed: rotatable, face_centred")
+    centres = CENTRES[factors] if centres is None else centres
+    if centres < 0:
+        raise ValueError(f"{centres} centre runs; allowed: 0 or more")
+    corners = two_level(factors if factors < HALF_FROM else factors - 1)
+    if factors >= HALF_FROM:
+        corners = np.column_stack([corners, corners.prod(axis=1)])
+    alpha = len(corners) ** 0.25 if axial == "rotatable" else 1.0
+    star = alpha * np.kron(np.eye(factors), np.array([[-1.0], [1.0]]))
+    return np.vstack([corners, star, np.zeros((centres, factors))]), alpha

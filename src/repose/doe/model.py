@@ -1,0 +1,199 @@
+"""Polynomial models of a response in coded factors, fitted by ordinary least squares (statsmodels)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import statsmodels.api as sm
+from numpy.typing import ArrayLike
+
+Term = tuple[int, ...]  # factors that are multiplied: (0,), (0, 1), (0, 0)
+ORDERS = ("linear", "interaction", "quadratic")
+
+
+def terms_of(factors: int, order: str) -> tuple[Term, ...]:
+    """Terms of a model besides its constant: single factors, then products of two, then squares.
+
+    Parameters
+    ----------
+    factors : int
+    order : str
+        One of `ORDERS`; each has the terms of the one before.
+
+    Returns
+    -------
+    tuple of Term
+
+    Raises
+    ------
+    ValueError
+        If there is no such order.
+    """
+    if order not in ORDERS:
+        raise ValueError(f"order {order!r}; allowed: {', '.join(ORDERS)}")
+    groups: list[list[Term]] = [
+        [(k,) for k in range(factors)],
+        list(combinations(range(factors), 2)),
+        [(k, k) for k in range(factors)],
+    ]
+    return tuple(term for group in groups[: ORDERS.index(order) + 1] for term in group)
+
+
+def columns(coded: ArrayLike, terms: Sequence[Term]) -> np.ndarray:
+    """Values of the terms.
+
+    Parameters
+    ----------
+    coded : array, (n, k)
+    terms : sequence of Term
+
+    Returns
+    -------
+    numpy.ndarray, (n, terms)
+    """
+    coded = np.atleast_2d(np.asarray(coded, dtype=float))
+    return np.column_stack([coded[:, list(term)].prod(axis=1) for term in terms])
+
+
+def label(term: Term, factors: Sequence[str]) -> str:
+    """A term in words: ``A``, ``A*B``, ``A^2``.
+
+    Parameters
+    ----------
+    term : Term
+    factors : sequence of str
+        Names.
+
+    Returns
+    -------
+    str
+    """
+    if len(term) == 2 and term[0] == term[1]:
+        return f"{factors[term[0]]}^2"
+    return "*".join(factors[k] for k in term)
+
+
+@dataclass(frozen=True)
+class Model:
+    """A polynomial that was fitted to runs.
+
+    Attributes
+    ----------
+    factors : tuple of str
+        Names.
+    terms : tuple of Term
+    coded : numpy.ndarray, (n, k)
+        The runs.
+    response : numpy.ndarray, (n,)
+    blocks : numpy.ndarray, (n,), or None
+        Number of each run's block.
+    ols : object
+        Results of `statsmodels.api.OLS`; its columns are the constant, the blocks but the first, and the terms.
+    """
+
+    factors: tuple[str, ...]
+    terms: tuple[Term, ...]
+    coded: np.ndarray
+    response: np.ndarray
+    blocks: np.ndarray | None
+    ols: Any
+
+    @property
+    def block_columns(self) -> int:
+        """Degrees of freedom of the blocks."""
+        return 0 if self.blocks is None else len(np.unique(self.blocks)) - 1
+
+    @property
+    def labels(self) -> list[str]:
+        """The terms in words."""
+        return [label(term, self.factors) for term in self.terms]
+
+    @property
+    def coefficients(self) -> np.ndarray:
+        """Of the terms, (terms,)."""
+        return np.asarray(self.ols.params[1 + self.block_columns :])
+
+    @property
+    def constant(self) -> float:
+        """The response at the centre, averaged over the blocks."""
+        blocks = np.asarray(self.ols.params[1 : 1 + self.block_columns])
+        return float(self.ols.params[0] + blocks.sum() / (1 + len(blocks)))
+
+    def predict(self, coded: ArrayLike) -> np.ndarray:
+        """The response at points in coded units, averaged over the blocks.
+
+        Parameters
+        ----------
+        coded : array, (n, k)
+
+        Returns
+        -------
+        numpy.ndarray, (n,)
+        """
+        return self.constant + columns(coded, self.terms) @ self.coefficients
+
+    def standard_error(self, coded: ArrayLike) -> np.ndarray:
+        """Standard error of the predicted mean at points in coded units.
+
+        Parameters
+        ----------
+        coded : array, (n, k)
+
+        Returns
+        -------
+        numpy.ndarray, (n,)
+            nan where no degree of freedom is left for the error.
+        """
+        values = columns(coded, self.terms)
+        share = np.full((len(values), self.block_columns), 1.0 / (1 + self.block_columns))
+        rows = np.hstack([np.ones((len(values), 1)), share, values])
+        return np.sqrt(np.einsum("ni,ij,nj->n", rows, np.asarray(self.ols.cov_params()), rows))
+
+
+def fit(
+    coded: ArrayLike,
+    response: ArrayLike,
+    factors: Sequence[str],
+    order: str | Sequence[Term],
+    blocks: ArrayLike | None = None,
+) -> Model:
+    """Fit a polynomial to runs.
+
+    Parameters
+    ----------
+    coded : array, (n, k)
+        Factors in coded units.
+    response : array, (n,)
+    factors : sequence of str
+        Names of the k factors.
+    order : str or sequence of Term
+        One of `ORDERS`, or the terms themselves.
+    blocks : array, (n,), optional
+        Number of each run's block; each block has a mean of its own.
+
+    Returns
+    -------
+    Model
+
+    Raises
+    ------
+    ValueError
+        If a value is not finite, or the runs do not determine the terms.
+    """
+    coded, response = np.asarray(coded, dtype=float), np.asarray(response, dtype=float)
+    if coded.ndim != 2 or coded.shape != (len(response), len(factors)):
+        raise ValueError(f"runs of shape {coded.shape}; allowed: {(len(response), len(factors))}")
+    if not (np.isfinite(coded).all() and np.isfinite(response).all()):
+        raise ValueError("a run or a response is not finite; allowed: finite numbers")
+    terms = terms_of(len(factors), order) if isinstance(order, str) else tuple(order)
+    parts = [np.ones((len(coded), 1)), columns(coded, terms)]
+    numbers = None if blocks is None else np.asarray(blocks)
+    if numbers is not None:
+        parts.insert(1, (numbers[:, None] == np.unique(numbers)[1:]).astype(float))
+    matrix = np.hstack(parts)
+    rank = int(np.linalg.matrix_rank(matrix))
+    if rank < matrix.shape[1]:
+        raise ValueError(f"{len(coded)} runs determine {rank} coefficients; allowed: all {matrix.shape[1]}")
+    return Model(tuple(factors), terms, coded, response, numbers, sm.OLS(response, matrix).fit())

@@ -1,0 +1,116 @@
+"""Where fitted models meet their targets, inside the region of their design."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import optimize
+
+from repose.doe.coding import two_level
+from repose.doe.model import Model
+
+MET = 1e-6  # a relative miss that small is none
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """A point that models were searched for.
+
+    Attributes
+    ----------
+    coded : numpy.ndarray, (k,)
+    predicted : numpy.ndarray, (responses,)
+    met : bool
+        Whether the predictions are the targets.
+    desirability : float
+        Of `desirability`.
+    """
+
+    coded: np.ndarray
+    predicted: np.ndarray
+    met: bool
+    desirability: float
+
+
+def desirability(predicted: ArrayLike, aims: ArrayLike, low: ArrayLike, high: ArrayLike) -> np.ndarray:
+    """How well predictions hit their targets, from 0 to 1.
+
+    Each response counts 1 at its target and falls linearly to 0 at the ends of its range; the whole is the geometric
+    mean (Derringer and Suich 1980).
+
+    Parameters
+    ----------
+    predicted : array, (n, responses)
+    aims, low, high : array, (responses,)
+
+    Returns
+    -------
+    numpy.ndarray, (n,)
+    """
+    predicted = np.atleast_2d(np.asarray(predicted, dtype=float))
+    aims, low, high = (np.asarray(one, dtype=float) for one in (aims, low, high))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(
+            predicted < aims, (predicted - low) / (aims - low), (high - predicted) / (high - aims)
+        )
+    share = np.where(predicted == aims, 1.0, share)
+    return np.clip(share, 0.0, 1.0).prod(axis=1) ** (1.0 / len(aims))
+
+
+def optimum(
+    models: Sequence[Model], aims: ArrayLike, scale: ArrayLike, low: ArrayLike, high: ArrayLike
+) -> Optimum:
+    """The point of the cube from -1 to 1 at which the models come nearest to their targets.
+
+    Few targets and many factors leave a whole curve or surface of such points. Of these, the one nearest to the centre
+    is taken: there the models are best known.
+
+    Parameters
+    ----------
+    models : sequence of Model
+        One for each response, of the same factors.
+    aims, scale : array, (responses,)
+        Targets, and what a miss is measured by: the target divided by the root of its weight.
+    low, high : array, (responses,)
+        Range of each response, for the desirability.
+
+    Returns
+    -------
+    Optimum
+    """
+    aims, scale = np.asarray(aims, dtype=float), np.asarray(scale, dtype=float)
+    count = len(models[0].factors)
+    bounds = [(-1.0, 1.0)] * count
+
+    def misses(point):
+        return np.array([float(one.predict(point[None])[0]) for one in models]) - aims
+
+    def squared(point):
+        return float(((misses(point) / scale) ** 2).sum())
+
+    starts = np.vstack([np.zeros(count), 0.5 * two_level(count), np.eye(count), -np.eye(count)])
+    found = [
+        optimize.minimize(squared, start, bounds=bounds, method="L-BFGS-B", tol=1e-14).x for start in starts
+    ]
+    best = min(found, key=squared)
+    if np.abs(misses(best) / scale).max() < 1e-3:
+        meeting = [_nearest(point, misses, scale, bounds) for point in found if squared(point) < 1e-6]
+        exact = [point for point in meeting if np.abs(misses(point) / scale).max() < MET]
+        best = min(exact, key=lambda point: float(point @ point)) if exact else best
+    predicted = misses(best) + aims
+    met = bool(np.abs((predicted - aims) / scale).max() < MET)
+    return Optimum(best, predicted, met, float(desirability(predicted, aims, low, high)[0]))
+
+
+def _nearest(start, misses, scale, bounds):
+    """The point nearest to the centre at which nothing is missed, searched from one that nearly does."""
+    return optimize.minimize(
+        lambda point: float(point @ point),
+        start,
+        jac=lambda point: 2 * point,
+        bounds=bounds,
+        method="SLSQP",
+        constraints={"type": "eq", "fun": lambda point: misses(point) / scale},
+        options={"ftol": 1e-12, "maxiter": 200},
+    ).x

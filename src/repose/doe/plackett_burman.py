@@ -1,0 +1,57 @@
+"""Screening designs of Plackett and Burman: the main effects of many factors from few runs.
+
+The designs are computed here from their printed generators, and not taken from a library: the generators are one line
+each, and the tests hold them beside the printed tables.
+"""
+
+import numpy as np
+
+# First row of each design (Plackett and Burman 1946).
+GENERATORS = {
+    8: "+++-+--",
+    12: "++-+++---+-",
+    16: "++++-+-++--+---",
+    20: "++--++++-+-+----++-",
+    24: "+++++-+-++--++--+-+----",
+}
+
+
+def plackett_burman(factors: int, runs: int | None = None) -> np.ndarray:
+    """A Plackett-Burman design in coded units.
+
+    Each row is the one before, moved one place to the right; the last row has all factors low. Columns without a factor
+    are left out: they are the dummy factors from which the analysis estimates the error.
+
+    Parameters
+    ----------
+    factors : int
+        Number k of factors.
+    runs : int, optional
+        A key of `GENERATORS`; the smallest that leaves at least three degrees of freedom for the error by default.
+
+    Returns
+    -------
+    numpy.ndarray, (runs, k)
+        -1 and 1.
+
+    Raises
+    ------
+    ValueError
+        If no design has so many runs or so many columns.
+
+    References
+    ----------
+    Plackett and Burman, The design of optimum multifactorial experiments, Biometrika 33 (1946) 305-325.
+    """
+    if runs is None:
+        large = [number for number in GENERATORS if number >= factors + 4]
+        if not large:
+            raise ValueError(f"{factors} factors; allowed: at most {max(GENERATORS) - 4}")
+        runs = large[0]
+    if runs not in GENERATORS:
+        raise ValueError(f"{runs} runs; allowed: {', '.join(map(str, GENERATORS))}")
+    if not 1 <= factors < runs:
+        raise ValueError(f"{factors} factors in {runs} runs; allowed: 1 to {runs - 1}")
+    first = np.array([1.0 if sign == "+" else -1.0 for sign in GENERATORS[runs]])
+    rows = [np.roll(first, shift) for shift in range(runs - 1)]
+    return np.vstack([*rows, -np.ones(runs - 1)])[:, :factors]

@@ -1,0 +1,191 @@
+"""The analysis of variance, digit by digit beside printed tables (tests/doe/printed/README.md)."""
+
+import csv
+import math
+from decimal import ROUND_HALF_EVEN, ROUND_HALF_UP, Decimal
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from repose.doe.anova import anova, effects, limits, pure_error, statistics
+from repose.doe.model import fit
+
+PRINTED = Path(__file__).parent / "printed"
+# Printed cells that contradict the rest of their row, and what the row gives.
+MISPRINTS = {("viscosity", "B*C", "f"): "1.20"}
+
+
+def model_of(name, order="quadratic"):
+    """The model of a printed example."""
+    first = name.removesuffix("_first_block")
+    runs = pd.read_csv(PRINTED / f"{first}_runs.csv")
+    if first != name:
+        runs = runs[runs["block"] == 1].drop(columns="block")
+    factors = [one for one in runs if one not in ("block", "response")]
+    blocks = runs.get("block")
+    return fit(runs[factors], runs["response"], factors, order, blocks)
+
+
+def agrees(value, printed):
+    """Whether a number, rounded to the printed digits, is what is printed. A half may go up or to the even digit."""
+    if printed.startswith("<"):
+        return value < float(printed[1:])
+    places = Decimal(1).scaleb(-len(printed.partition(".")[2]))
+    # a number that was computed as 45.12499999999999 is 45.125
+    exact = Decimal(repr(float(f"{value:.12g}")))
+    return Decimal(printed) in {exact.quantize(places, how) for how in (ROUND_HALF_UP, ROUND_HALF_EVEN)}
+
+
+@pytest.mark.parametrize(
+    ("name", "order"),
+    [
+        ("chemical_process", "quadratic"),
+        ("viscosity", "quadratic"),
+        ("chemical_reaction", "quadratic"),
+        ("chemical_reaction_first_block", "linear"),
+    ],
+)
+def test_every_printed_digit_of_the_table(name, order):
+    table = anova(model_of(name, order)).set_index("source")
+    off, cells = [], 0
+    with open(PRINTED / f"{name}_anova.csv", newline="") as file:
+        for row in csv.DictReader(file):
+            source = row.pop("source")
+            for column, printed in row.items():
+                cells += bool(printed)
+                if printed and not agrees(table.loc[source, column], printed):
+                    off.append((name, source, column))
+    assert cells > 15
+    assert set(off) == {cell for cell in MISPRINTS if cell[0] == name}
+    for _, source, column in off:
+        assert agrees(table.loc[source, column], MISPRINTS[name, source, column])
+
+
+def test_the_misprint_contradicts_its_own_row():
+    with open(PRINTED / "viscosity_anova.csv", newline="") as file:
+        rows = {row["source"]: row for row in csv.DictReader(file)}
+    f = float(rows["B*C"]["mean_square"]) / float(rows["residual"]["mean_square"])
+    assert agrees(f, "1.20")
+    assert not agrees(f, rows["B*C"]["f"])
+
+
+def test_printed_statistics_of_the_fit():
+    # Montgomery, Table 11-6: the Design-Expert output of Example 11-1
+    printed = {
+        "std_dev": "0.27",
+        "mean": "78.48",
+        "cv_percent": "0.34",
+        "press": "2.35",
+        "r2": "0.9828",
+        "adjusted_r2": "0.9705",
+        "predicted_r2": "0.9184",
+        "adequate_precision": "23.018",
+    }
+    found = statistics(model_of("chemical_process"))
+    assert set(found) == set(printed)
+    assert [name for name, value in printed.items() if not agrees(found[name], value)] == []
+
+
+def test_printed_coefficients_of_the_blocked_design():
+    # the vignette's table: estimate, standard error, t, p; R rounds t to four digits before it prints three of them
+    printed = {
+        "A": ("0.932541", "0.057699", "16.162", "0.0000008444"),
+        "B": ("0.577712", "0.057699", "10.012", "0.00002122"),
+        "A*B": ("0.125000", "0.081592", "1.532", "0.1694"),
+        "A^2": ("-1.308555", "0.060064", "21.786", "0.0000001083"),
+        "B^2": ("-0.933442", "0.060064", "15.541", "0.000001104"),
+    }
+    table = effects(model_of("chemical_reaction")).set_index("term")
+    columns = ["coefficient", "standard_error", "t", "p"]
+    for term, row in printed.items():
+        for column, text in zip(columns, row, strict=True):
+            value = float(table.loc[term, column])
+            assert agrees(round(value, 4) if column == "t" else value, text), (term, column)
+
+
+def test_the_constant_of_a_blocked_design_is_the_mean_of_its_blocks():
+    # the vignette has 84.095427 for the first block and -4.457530 for the second
+    model = model_of("chemical_reaction")
+    assert model.constant == pytest.approx(84.095427 - 4.457530 / 2, abs=1e-6)
+    assert model.predict(np.zeros((1, 2)))[0] == pytest.approx(model.constant)
+
+
+def test_partial_sum_of_squares_is_what_the_residuals_gain():
+    model = model_of("viscosity")
+    table = anova(model).set_index("source")
+    for term, name in zip(model.terms, model.labels, strict=True):
+        fewer = [one for one in model.terms if one != term]
+        without = fit(model.coded, model.response, model.factors, fewer)
+        gain = float(without.ols.ssr - model.ols.ssr)
+        assert table.loc[name, "sum_of_squares"] == pytest.approx(gain, rel=1e-9)
+
+
+def test_press_is_what_leaving_out_one_run_after_the_other_gives():
+    model = model_of("chemical_process")
+    total = 0.0
+    for k in range(len(model.response)):
+        kept = np.arange(len(model.response)) != k
+        without = fit(model.coded[kept], model.response[kept], model.factors, model.terms)
+        total += float((model.response[k] - without.predict(model.coded[k : k + 1])[0]) ** 2)
+    assert statistics(model)["press"] == pytest.approx(total, rel=1e-9)
+
+
+def test_pure_error_is_counted_within_blocks():
+    assert pure_error(model_of("chemical_reaction"))[1] == 4, "two and two centre runs"
+    runs = pd.read_csv(PRINTED / "chemical_reaction_runs.csv")
+    together = fit(runs[["A", "B"]], runs["response"], "AB", "quadratic")
+    assert pure_error(together)[1] == 5
+
+
+def test_a_table_without_repeated_runs_has_no_lack_of_fit():
+    coded = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]])
+    table = anova(fit(coded, [1.0, 2.0, 3.0, 4.5], "AB", "linear"))
+    assert list(table["source"]) == ["model", "A", "B", "residual", "total"]
+
+
+def test_a_saturated_model_tests_nothing():
+    coded = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]])
+    model = fit(coded, [1.0, 2.0, 3.0, 4.5], "AB", "interaction")
+    assert anova(model)["p"].isna().all()
+    assert math.isnan(limits(model)["t"])
+    assert math.isnan(statistics(model)["predicted_r2"])
+
+
+def test_contributions_of_an_orthogonal_design_sum_to_r2():
+    coded = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]])
+    model = fit(coded, [1.0, 2.0, 3.0, 4.5], "AB", "linear")
+    table = effects(model)
+    assert list(table["term"]) == ["B", "A"]
+    assert table["contribution_percent"].sum() == pytest.approx(100 * statistics(model)["r2"])
+
+
+def test_the_limits_of_the_pareto_chart():
+    # t distribution with 7 degrees of freedom: 2.365 at 5 % in any table
+    found = limits(model_of("chemical_process"))
+    assert found["t"] == pytest.approx(2.3646, abs=1e-4)
+    # 5 terms: 1 % for each, 3.499 in any table
+    assert found["bonferroni"] == pytest.approx(3.4995, abs=1e-4)
+
+
+def test_standard_error_of_the_centre_of_a_replicated_mean():
+    # the mean of n runs has the standard error s / sqrt(n)
+    coded = np.array([[-1.0], [1.0], [-1.0], [1.0]])
+    model = fit(coded, [1.0, 2.0, 1.4, 2.2], ["A"], "linear")
+    found = model.standard_error(np.zeros((1, 1)))[0]
+    assert found == pytest.approx(statistics(model)["std_dev"] / 2)
+
+
+@pytest.mark.parametrize(
+    ("coded", "response", "order", "told"),
+    [
+        ([[0.0], [1.0]], [1.0, math.nan], "linear", "not finite"),
+        ([[0.0], [1.0]], [1.0, 2.0], "quadratic", "allowed: all 3"),
+        ([[0.0, 1.0]], [1.0], "linear", "allowed: \\(1, 1\\)"),
+        ([[0.0], [1.0]], [1.0, 2.0], "cubic", "allowed: linear"),
+    ],
+)
+def test_runs_that_determine_no_model(coded, response, order, told):
+    with pytest.raises(ValueError, match=told):
+        fit(coded, response, ["A"], order)

@@ -1,0 +1,188 @@
+"""Designs beside the printed tables, and beside what makes them what they are."""
+
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from repose.doe.ascent import direction, path, towards
+from repose.doe.box_behnken import BLOCKS, box_behnken
+from repose.doe.central_composite import CENTRES, central_composite
+from repose.doe.coding import Coding
+from repose.doe.model import columns, terms_of
+from repose.doe.plackett_burman import GENERATORS, plackett_burman
+
+PRINTED = Path(__file__).parent / "printed"
+
+# Montgomery, Design and Analysis of Experiments: the design for 11 factors in 12 runs. He writes the generator down the
+# first column, so his table is ours mirrored at its diagonal.
+TWELVE_RUNS = """
++-+---+++-+
+++-+---+++-
+-++-+---+++
++-++-+---++
+++-++-+---+
++++-++-+---
+-+++-++-+--
+--+++-++-+-
+---+++-++-+
++---+++-++-
+-+---+++-++
+-----------
+"""
+
+
+def signs(table):
+    """A printed table of signs as numbers."""
+    return np.array([[1.0 if one == "+" else -1.0 for one in row] for row in table.split()])
+
+
+def test_twelve_runs_as_printed():
+    printed = signs(TWELVE_RUNS)
+    design = plackett_burman(11, 12)
+    assert np.array_equal(design[:11], printed[:11].T)
+    assert np.array_equal(design[11], printed[11])
+
+
+@pytest.mark.parametrize("runs", GENERATORS)
+def test_every_plackett_burman_design_is_orthogonal(runs):
+    design = plackett_burman(runs - 1, runs)
+    with_mean = np.column_stack([np.ones(runs), design])
+    assert np.array_equal(with_mean.T @ with_mean, runs * np.eye(runs))
+    assert "".join("+" if one > 0 else "-" for one in design[0]) == GENERATORS[runs]
+
+
+def test_six_factors_take_twelve_runs_and_leave_five_dummies():
+    assert plackett_burman(6).shape == (12, 6)
+    assert plackett_burman(8).shape == (12, 8)
+    assert plackett_burman(9).shape == (16, 9)
+
+
+@pytest.mark.parametrize(("factors", "runs"), [(12, 12), (0, 12), (3, 10), (21, None)])
+def test_plackett_burman_refuses(factors, runs):
+    with pytest.raises(ValueError, match="allowed"):
+        plackett_burman(factors, runs)
+
+
+def test_three_factors_as_printed():
+    # Myers and Montgomery, Example 7.5, in standard order
+    design, blocks = box_behnken(3)
+    printed = np.loadtxt(PRINTED / "viscosity_runs.csv", delimiter=",", skiprows=1)[:, :3]
+    assert np.array_equal(design, printed)
+    assert (blocks == 1).all()
+
+
+@pytest.mark.parametrize(
+    ("factors", "runs", "blocks"), [(3, 15, 1), (4, 27, 3), (5, 46, 2), (6, 54, 1), (7, 62, 1)]
+)
+def test_box_behnken_has_the_printed_number_of_runs(factors, runs, blocks):
+    design, numbers = box_behnken(factors)
+    assert design.shape == (runs, factors)
+    assert np.unique(numbers, return_counts=True)[1].tolist() == [runs // blocks] * blocks
+    assert set(np.unique(design)) == {-1, 0, 1}
+
+
+@pytest.mark.parametrize("factors", BLOCKS)
+def test_box_behnken_is_balanced(factors):
+    design, blocks = box_behnken(factors)
+    sets = [one for part in BLOCKS[factors] for one in part]
+    assert len({sum(k in one for one in sets) for k in range(1, factors + 1)}) == 1, (
+        "each factor equally often"
+    )
+    if factors < 6:
+        pairs = {pair for one in sets for pair in combinations(one, 2)}
+        assert len(pairs) == len(sets) == factors * (factors - 1) // 2, "each pair once"
+    values = columns(design, terms_of(factors, "quadratic"))
+    matrix = np.column_stack([np.ones(len(design)), values])
+    assert np.linalg.matrix_rank(matrix) == matrix.shape[1], "the quadratic model is determined"
+    # orthogonal blocks (Box and Hunter 1957): every term has the same mean in each of them
+    means = np.array([values[blocks == number].mean(axis=0) for number in np.unique(blocks)])
+    assert np.allclose(means, means[0])
+
+
+@pytest.mark.parametrize(("factors", "centres"), [(2, None), (8, None), (4, 4), (4, 0), (3, 0)])
+def test_box_behnken_refuses(factors, centres):
+    with pytest.raises(ValueError, match="allowed"):
+        box_behnken(factors, centres)
+
+
+@pytest.mark.parametrize(
+    ("factors", "alpha", "runs"),
+    [(2, 1.414, 13), (3, 1.682, 20), (4, 2.0, 31), (5, 2.0, 32), (6, 2.378, 53), (7, 2.828, 92)],
+)
+def test_rotatable_designs_as_printed(factors, alpha, runs):
+    # Box and Hunter 1957; Cochran and Cox, Table 8A
+    design, distance = central_composite(factors)
+    assert len(design) == runs
+    assert distance == pytest.approx(alpha, abs=5e-4)
+
+
+@pytest.mark.parametrize("factors", CENTRES)
+def test_a_rotatable_design_predicts_equally_well_at_equal_distance(factors):
+    design, _ = central_composite(factors)
+    terms = terms_of(factors, "quadratic")
+    matrix = np.column_stack([np.ones(len(design)), columns(design, terms)])
+    inverse = np.linalg.inv(matrix.T @ matrix)
+    points = np.random.default_rng(3).normal(size=(20, factors))
+    points *= 1.3 / np.linalg.norm(points, axis=1)[:, None]
+    rows = np.column_stack([np.ones(20), columns(points, terms)])
+    variance = np.einsum("ni,ij,nj->n", rows, inverse, rows)
+    assert np.ptp(variance) < 1e-9 * variance.mean()
+
+
+def test_a_face_centred_design_has_three_levels():
+    design, alpha = central_composite(3, "face_centred", centres=2)
+    assert alpha == 1.0
+    assert design.shape == (16, 3)
+    assert set(np.unique(design)) == {-1, 0, 1}
+    assert design[:3].tolist() == [[-1, -1, -1], [1, -1, -1], [-1, 1, -1]], "standard order"
+
+
+@pytest.mark.parametrize("given", [(1,), (8,), (3, "far"), (3, "rotatable", -1)])
+def test_central_composite_refuses(given):
+    with pytest.raises(ValueError, match="allowed"):
+        central_composite(*given)
+
+
+def test_the_path_of_a_textbook():
+    # Montgomery, Example 11-1: 40.44 + 0.775 x1 + 0.325 x2; 5 minutes a step are 1 in x1 and 0.42 in x2, 2 degrees
+    coding = Coding(("time", "temperature"), np.array([35.0, 155.0]), np.array([5.0, 5.0]))
+    points = path(direction([0.775, 0.325]), 12, largest=12.0)
+    assert points[1] == pytest.approx([1, 0.42], abs=5e-3)
+    natural = coding.natural(points)
+    assert natural[0].tolist() == [35, 155]
+    assert natural[10] == pytest.approx([85, 175], abs=1.0), "his tenth step"
+    assert coding.coded(natural) == pytest.approx(points)
+
+
+def test_direction_as_printed():
+    # the vignette of rsm: coefficients 0.875 and 0.625, and a centre and half ranges of 85, 175 and 5, 5
+    found = direction([0.875, 0.625])
+    assert found == pytest.approx([0.8137335, 0.5812382], abs=5e-8)
+    coding = Coding(("time", "temperature"), np.array([85.0, 175.0]), np.array([5.0, 5.0]))
+    assert coding.natural(found) - coding.centre == pytest.approx([4.068667, 2.906191], abs=5e-7)
+
+
+def test_one_response_is_climbed_or_descended():
+    up = towards([0.775, 0.325], [3.0], [40.0])
+    assert up == pytest.approx(direction([0.775, 0.325]))
+    assert towards([0.775, 0.325], [-3.0], [40.0]) == pytest.approx(-up)
+
+
+def test_several_responses_descend_the_sum_of_their_squared_misses():
+    slopes, missing, scale = np.array([[1.0, 0.5], [-0.2, 0.8]]), np.array([2.0, 1.0]), np.array([30.0, 65.0])
+
+    def misses(x):
+        return (((missing - slopes @ x) / scale) ** 2).sum()
+
+    steps = [np.array([np.cos(a), np.sin(a)]) * 1e-5 for a in np.linspace(0, 2 * np.pi, 3601)]
+    best = min(steps, key=misses) / 1e-5
+    assert towards(slopes, missing, scale) == pytest.approx(best, abs=2e-3)
+
+
+def test_a_flat_model_has_no_path():
+    with pytest.raises(ValueError, match="not 0"):
+        direction([0.0, 0.0])
+    with pytest.raises(ValueError, match="at least 1"):
+        path([1.0], 0)
