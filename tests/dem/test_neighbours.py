@@ -71,3 +71,29 @@ def test_lists_grow_when_they_fill_up():
         assert len(s.pairs.near_limit) > 100
         runs.append(s.positions.copy())
     assert np.array_equal(*runs)
+
+
+def test_small_grains_in_a_large_box_need_memory_for_the_grains_alone():
+    # 10 um grains in a box of 2 m: cells all over the box would take 3 PiB
+    n, radius = 40, 1e-5
+    s = simulation(
+        np.full((1, 3), radius), Contact(0.3, 0.5, 0.0), dt=1e-9, capacity=n,
+        lower=(-1.0, -1.0, -1.0), upper=(1.0, 1.0, 1.0),
+    )  # fmt: skip
+    assert s.grid.head.nbytes < 1e5
+    rng = np.random.default_rng(3)
+    for k in range(n):
+        # in clusters far apart, some of them outside of the box
+        corner = (-0.9, 0.0, 0.9, 3.0)[k % 4]
+        s.add(corner + 1.5 * radius * rng.uniform(-1.0, 1.0, 3), (1, 0, 0, 0))
+    s.run_steps(1)
+    found = {(i, j) for i, j, _gap in slow_contacts(s)}
+    assert len(found) > 40
+    assert {tuple(pair) for pair in s.contacts()} >= {(i, j) for i, j, gap in slow_contacts(s) if gap < -1e-9}
+
+
+@pytest.mark.parametrize("cells", [1, 8, 27, 4096])
+def test_bodies_meet_whatever_the_number_of_cells(cells, monkeypatch):
+    monkeypatch.setattr(st, "CELLS_PER_BODY", 0)
+    monkeypatch.setattr(st, "FEWEST_CELLS", cells)
+    test_the_contact_list_is_that_of_all_pairs_at_every_moment(1)

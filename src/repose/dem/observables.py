@@ -3,10 +3,13 @@
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from .checks import vector
 from .kernels import clump_tile as ct
 from .kernels import state as st
 from .rotations import rotation_matrices
+from .wall_loads import WallLoad, wall_loads
 
 
 class Observables:
@@ -140,6 +143,33 @@ class Observables:
         bodies = np.column_stack([self.pairs.first[:n], self.pairs.second[:n]]).astype(np.int64)
         spheres = self.pairs.spheres[:n].astype(np.int64) if n else np.zeros((0, 2), np.int64)
         return bodies, spheres, st.contact_rows(self.pairs.data, n)[:, :3].copy()
+
+    def wall_loads(self, about_m: ArrayLike = (0.0, 0.0, 0.0)) -> dict[str, WallLoad]:
+        """Force and torque of the bodies on each wall, now.
+
+        They are found when they are asked for, by one more evaluation of all wall contacts; a step does not take
+        longer for it.
+
+        Parameters
+        ----------
+        about_m : array_like (3,)
+            Point about which the torque is taken, such as one on the axis of a drum [m].
+
+        Returns
+        -------
+        dict of str to WallLoad
+            ``force_n`` (3,) [N] and ``torque_n_m`` (3,) [N m] by the name of the wall.
+
+        Raises
+        ------
+        ValueError
+            Where `about_m` is not three finite numbers.
+
+        Notes
+        -----
+        The torque is that of the contact forces. Rolling resistance acts on bodies alone and is no part of it.
+        """
+        return wall_loads(self, vector("about_m", about_m))
 
     def curved_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Contacts with cones, tubes and rings.

@@ -62,6 +62,7 @@ def wall_arrays(
         moves=moves.astype(np.uint8),
         material=np.array([kinds[s.material] for s in surfaces], np.uint8),
         approach=np.array([path, max(speeds, default=0.0), float(moves.any())]),
+        loads=np.zeros((0, 6)),
     )
 
 

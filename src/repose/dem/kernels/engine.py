@@ -87,3 +87,12 @@ def advance(
         n = integrate(bodies, counts, physics, bodies_tile, 0, counts[st.N_BODIES])
         act_on_events(bodies, grid, counts, 0, n, counts[st.STEPS] * physics.dt)
     return steps
+
+
+@kernel
+def add_wall_loads(bodies, flat, curved, meshed, clumps, walls, meshes, counts, physics, t, numbers, ghost):
+    """Fill walls.loads by the forces of the present state; the other arrays are changed as by a step."""
+    scratch = st.scratch_of(numbers)
+    wall_contacts_and_forces(
+        bodies, flat, curved, meshed, clumps, walls, meshes, counts, physics, t, scratch, ghost
+    )

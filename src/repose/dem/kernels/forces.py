@@ -12,7 +12,7 @@ from . import state as st
 from . import tile as tl
 from .clump_walls import drop_sphere, follow_sphere, sphere_on_curved, turned_centre
 from .damped_mass import mass_of_pairs, mass_on_curved, mass_on_flat, mass_on_meshed, spheres_on_meshes
-from .frames import surface_velocity
+from .frames import load_walls, surface_velocity
 from .jit import inlined, kernel
 from .meshes import follow_mesh
 from .simd import WIDTH, add_lanes_to_rows, prefetch, rows_to_lanes
@@ -267,6 +267,7 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost):
                     look_soon(bodies, flat, walls, base + lane, gap if gap < tl.BEYOND else 0.0)
                     flat.ended[ended] = base + lane
                     ended += 1
+        load_walls(walls, 0, flat, base, n, t)
         scatter(bodies.load[0], flat.body, base, t, tl.TO_A)
         if large:
             mark_touched(bodies, 0, flat.body, base)
@@ -338,6 +339,7 @@ def curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local,
             if t[tl.GAP + lane] > 0.0:
                 mute_lane(t, lane)
                 look_soon(bodies, curved, walls, base + lane, 0.0)
+        load_walls(walls, walls.planes.shape[0], curved, base, n, t)
         scatter(bodies.load[0], curved.body, base, t, tl.TO_A)
         if large:
             mark_touched(bodies, 0, curved.body, base)
@@ -384,6 +386,7 @@ def mesh_forces(bodies, meshed, clumps, walls, meshes, counts, physics, t, out, 
             if t[tl.GAP + lane] > 0.0:
                 mute_lane(t, lane)
                 meshed.limit[meshed.wall[base + lane], meshed.body[base + lane]] = -1.0
+        load_walls(walls, first_wall, meshed, base, n, t)
         scatter(bodies.load[0], meshed.body, base, t, tl.TO_A)
         if large:
             mark_touched(bodies, 0, meshed.body, base)

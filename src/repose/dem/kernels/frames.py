@@ -1,10 +1,13 @@
-"""Walls that lie anywhere and move: their frames, and the velocity of their surface."""
+"""Walls that lie anywhere and move: their frames, the velocity of their surface, and the load on them."""
 
 import math
 
 from . import state as st
+from . import tile as tl
 from .jit import inlined, kernel
 from .state import PART, POSITION, SHAPE
+
+L = st.LANES
 
 
 @inlined
@@ -125,3 +128,22 @@ def write_plane(tile, lane, plane):
         offset += plane[3 + c] * plane[c]
     tile[st.OFFSET + lane] = offset
     tile[st.RADIUS2 + lane] = plane[6] * plane[6]
+
+
+@inlined
+def load_walls(walls, first_wall, contacts, base, n, t):
+    """Add the forces of a tile of contacts, and their torques about the origin, to the loads of the walls, if asked."""
+    if walls.loads.shape[0] == 0:
+        return
+    for lane in range(min(L, n - base)):
+        load = walls.loads[first_wall + contacts.wall[base + lane]]
+        fx, fy, fz = -t[tl.TO_A + lane], -t[tl.TO_A + L + lane], -t[tl.TO_A + 2 * L + lane]
+        x = t[tl.A + lane] + t[tl.RA + lane]
+        y = t[tl.A + L + lane] + t[tl.RA + L + lane]
+        z = t[tl.A + 2 * L + lane] + t[tl.RA + 2 * L + lane]
+        load[0] += fx
+        load[1] += fy
+        load[2] += fz
+        load[3] += y * fz - z * fy
+        load[4] += z * fx - x * fz
+        load[5] += x * fy - y * fx

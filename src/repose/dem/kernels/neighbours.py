@@ -25,14 +25,12 @@ L = st.LANES
 
 @inlined
 def cell_of(grid, x, y, z):
-    """Index of the cell of a point; points outside the box belong to its nearest cell."""
+    """Index of the cell of a point; the cells repeat in space (see `state.new_grid`)."""
     edge = grid.lengths[st.CELL]
     i = math.floor((x - grid.origin[0]) / edge)
     j = math.floor((y - grid.origin[1]) / edge)
     k = math.floor((z - grid.origin[2]) / edge)
-    i = min(max(i, 0), grid.shape[0] - 1)
-    j = min(max(j, 0), grid.shape[1] - 1)
-    k = min(max(k, 0), grid.shape[2] - 1)
+    i, j, k = i % grid.shape[0], j % grid.shape[1], k % grid.shape[2]
     return (i * grid.shape[1] + j) * grid.shape[2] + k
 
 

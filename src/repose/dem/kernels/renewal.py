@@ -31,10 +31,15 @@ def find_partners(bodies, pairs, clumps, counts, grid, parts, i, room):
     kz = cell % grid.shape[2]
     ky = (cell // grid.shape[2]) % grid.shape[1]
     kx = cell // (grid.shape[2] * grid.shape[1])
-    for cx in range(max(kx - 1, 0), min(kx + 2, grid.shape[0])):
-        for cy in range(max(ky - 1, 0), min(ky + 2, grid.shape[1])):
-            for cz in range(max(kz - 1, 0), min(kz + 2, grid.shape[2])):
-                j = grid.head[(cx * grid.shape[1] + cy) * grid.shape[2] + cz]
+    nx, ny, nz = grid.shape[0], grid.shape[1], grid.shape[2]
+    # the cell before, its own and the next; of fewer than three cells each once
+    for ax in range(min(nx, 3)):
+        cx = (kx + ax - 1) % nx
+        for ay in range(min(ny, 3)):
+            cy = (ky + ay - 1) % ny
+            for az in range(min(nz, 3)):
+                cz = (kz + az - 1) % nz
+                j = grid.head[(cx * ny + cy) * nz + cz]
                 while j >= 0:
                     # two bodies that both moved find each other once
                     if j != i and grid.mark[j] != i and not (grid.moved[j] == 1 and j < i):

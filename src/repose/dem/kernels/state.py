@@ -55,6 +55,8 @@ COUNTS = 11
 
 ABSENT, PRESENT, GONE = 0, 1, 2
 
+CELLS_PER_BODY, FEWEST_CELLS = 64, 4096  # of the search for neighbours
+
 # displacement: how far any point of a body may have moved up to now. wall_check: the displacement, with that of the
 # walls, at which the body is checked against walls again; wall_margin: how much of that is left, the least of a tile.
 Bodies = namedtuple(
@@ -73,7 +75,8 @@ Pairs = namedtuple(
 )
 WallContacts = namedtuple("WallContacts", "body wall feature data limit ended")
 Shared = namedtuple("Shared", "counters orders begins numbers due")
-Walls = namedtuple("Walls", "planes cones rings frames turned motion moves material approach")
+# loads: force on each wall and torque about the origin, (walls, 6) where someone asks for them, else (0, 6).
+Walls = namedtuple("Walls", "planes cones rings frames turned motion moves material approach loads")
 Physics = namedtuple(
     "Physics",
     "parts gravity law rolling law_constants rolling_constants n_state mixed_pairs mixed_walls dt rolling_frame "
@@ -170,14 +173,20 @@ def lanes_of(motion, row, columns, n):
 
 
 def new_grid(n, lower, upper, cell):
-    """Cells of edge `cell` [m] over a box; what lies outside belongs to the nearest cell of the box.
+    """Cells of edge `cell` [m] over a box, at most CELLS_PER_BODY for each of n bodies (or FEWEST_CELLS).
 
+    The cells repeat in space like the tiles of a floor: what lies outside of the box, or of the part of it that the
+    cells cover, belongs to the cell at the same place of its repetition. So the memory depends on the bodies, not on
+    the box.
     touching, near: how many pairs of either list a body has; lengths: edge of a cell, largest distance of two
     centres that may touch, skin; paths, in simulations that threads may share: how far a body of each group may have
     moved up to now, and in the last step (see `parallel`).
     """
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
-    shape = np.maximum(1, np.ceil((upper - lower) / cell)).astype(np.int64)
+    shape = np.maximum(1.0, np.ceil((upper - lower) / cell))
+    while shape.prod() > max(CELLS_PER_BODY * n, FEWEST_CELLS):
+        shape[shape.argmax()] = np.ceil(0.5 * shape.max())
+    shape = shape.astype(np.int64)
     return Grid(
         cell=np.full(n, -1, np.int64),
         following=np.full(n, -1, np.int64),
