@@ -1,6 +1,7 @@
 import pytest
 
 from repose.core.errors import InputError
+from repose.core.files import write_text
 from repose.studies import snapshot
 
 
@@ -19,15 +20,17 @@ def study(tmp_path):
         "comparison/accuracy.csv",
         "logs/a.log",
     ):
-        path = tmp_path / "results" / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(name)
+        write_text(tmp_path / "results" / name, name)
     return tmp_path / "results"
+
+
+def content(folder):
+    """Every file below a folder, with its bytes."""
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def test_tables_and_figures_are_kept_and_pours_are_not(tmp_path):
     out = tmp_path / "published"
-    (out / "old").mkdir(parents=True)
     copied = snapshot.take(study(tmp_path), out)
     assert sorted(p.relative_to(out).as_posix() for p in copied) == [
         "comparison/accuracy.csv",
@@ -38,8 +41,42 @@ def test_tables_and_figures_are_kept_and_pours_are_not(tmp_path):
         "refined/rounds.csv",
         "validation/table4.csv",
     ]
-    assert not (out / "old").exists()
     assert (out / "dataset.csv").read_text() == "dataset.csv"
+
+
+def test_a_snapshot_replaces_an_earlier_one_whole(tmp_path):
+    results, out = study(tmp_path), tmp_path / "published"
+    snapshot.take(results, out)
+    (results / "pool/fresh_runs.csv").unlink()
+    (results / "dataset.csv").write_text("another study")
+    snapshot.take(results, out)
+    assert not (out / "pool/fresh_runs.csv").exists()
+    assert (out / "dataset.csv").read_text() == "another study"
+
+
+@pytest.mark.parametrize("where", ["results", ".", "thesis", "results/berry", "results/validation", "a_file"])
+def test_a_folder_that_no_snapshot_made_is_left_as_it_is(tmp_path, where):
+    results = study(tmp_path)
+    write_text(results / "berry/berry.json", "{}")
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis/chapter.tex").write_text("years of work")
+    (tmp_path / "a_file").write_text("text")
+    before = content(tmp_path)
+    with pytest.raises(InputError, match=r"allowed: a (new )?folder"):
+        snapshot.take(results, tmp_path / where)
+    assert content(tmp_path) == before
+
+
+def test_a_file_that_somebody_added_or_changed_keeps_an_earlier_snapshot(tmp_path):
+    results, out = study(tmp_path), tmp_path / "published"
+    snapshot.take(results, out)
+    for name in ("notes.txt", "dataset.csv"):
+        (out / name).write_text("mine")
+        before = content(tmp_path)
+        with pytest.raises(InputError, match=f"content is '{name}'; allowed: a new folder"):
+            snapshot.take(results, out)
+        assert content(tmp_path) == before
+        (out / name).unlink()
 
 
 def test_an_unfinished_study_is_refused(tmp_path):

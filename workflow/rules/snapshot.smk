@@ -1,11 +1,12 @@
-# Only on request, `snakemake snapshot --cores 2`: what a repository keeps of a finished study.
+# Only on request, `snakemake snapshot --cores 2`: what a repository keeps of a finished study. The folder itself is no
+# output: snakemake empties the folders that it is to make, whoever filled them.
 rule snapshot:
     input:
         rules.calibration.input,
         rules.figures.input,
         table4=rules.validate.output.table4,
     output:
-        directory(f"results/published/{config['label']}"),
+        files=f"{RESULTS}/snapshot.txt",
     log:
         f"{RESULTS}/logs/snapshot.log",
     benchmark:
@@ -15,7 +16,8 @@ rule snapshot:
         mem_mb=300,
     params:
         results=lambda wildcards, input: os.path.dirname(os.path.dirname(input.table4)),
+        folder=f"results/published/{config['label']}",
     message:
-        "Snapshot of tables and figures: {output}"
+        "Snapshot of tables and figures: {params.folder}"
     shell:
-        "python -m repose snapshot {params.results} --out {output} > {log} 2>&1"
+        "python -m repose snapshot {params.results:q} --out {params.folder:q} > {output.files:q} 2> {log:q}"

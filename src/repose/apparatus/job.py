@@ -16,6 +16,7 @@ from repose.apparatus.bench_test import BenchTest, Run, bench
 from repose.apparatus.settings import SimulationSettings
 from repose.core.errors import InputError
 from repose.core.files import write_json, write_npz
+from repose.core.ledger import check_replaceable
 from repose.core.parameters import PARAMETERS
 from repose.core.runs import summarise_runs
 from repose.core.seeds import UNNAMED
@@ -116,10 +117,19 @@ def pour_job(
     -------
     Path
         NAME.pours.json. It is written last, so a job whose file is there is complete.
+
+    Raises
+    ------
+    InputError
+        If somebody else's file is in the way; then nothing is poured.
     """
     from repose.measure.saved_pours import POURS
 
     out = Path(out_dir)
+    seeds = list(seeds)
+    films = [f"{name}_trajectory_{seed}.npz" for seed in seeds if interval_s is not None]
+    for file in (f"{name}.npz", f"{name}{POURS}", *films):
+        check_replaceable(out / file)  # not after minutes of pouring
     records: list[dict[str, Any]] = []
     saved: dict[str, np.ndarray] = {}
     for seed in seeds:

@@ -43,15 +43,13 @@ FAMILIES = (
     pictures,
     services,
 )
-# Faults of the files that a verb was given; the system's message names file and reason.
-FAULTS = (FileNotFoundError, IsADirectoryError, NotADirectoryError, FileExistsError, PermissionError)
 VERBS = {verb.name: verb for module in FAMILIES for verb in module.family.verbs}
 
 
 def main(words: Sequence[str] | None = None) -> int:
     """Run one verb.
 
-    A fault of the input is told in one line on stderr. It is no fault if the reader of stdout stops, such as `head`.
+    Each fault of the input is told in one line on stderr. It is no fault if the reader of stdout stops, such as `head`.
 
     Parameters
     ----------
@@ -78,8 +76,12 @@ def main(words: Sequence[str] | None = None) -> int:
         # Python flushes stdout once more when it ends; with the null device that cannot fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except (InputError, *FAULTS) as error:
-        print(f"repose: error: {error}", file=sys.stderr)
+    except (
+        InputError,
+        OSError,
+    ) as error:  # the system's message names file and reason: no space, read-only, ...
+        for line in str(error).splitlines():
+            print(f"repose: error: {line}", file=sys.stderr)
         return 2
 
 

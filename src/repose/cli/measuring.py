@@ -27,8 +27,14 @@ family = Family()
 )
 def measure(args):
     from repose.core.files import write_image
+    from repose.core.ledger import check_replaceable
     from repose.measure import drawing, pile
 
+    source = Path(args.picture)
+    overlay = Path(args.overlay or source.with_name(f"{source.stem}_overlay.png"))
+    if overlay.resolve() == source.resolve():
+        raise InputError("command line", "--overlay", args.overlay, "another file than the picture")
+    check_replaceable(overlay)
     config = loader.load_over_defaults(args.config)
     how = pile.MeasureSettings.of(config["measure"], _axes(args.berry, config))
     image = pile.read_image(args.picture)
@@ -37,8 +43,6 @@ def measure(args):
     except pile.NoFlankError as error:
         allowed = "a pile with two flanks, seen from the side"
         raise InputError(args.picture, "pile", str(error), allowed) from None
-    source = Path(args.picture)
-    overlay = Path(args.overlay or source.with_name(f"{source.stem}_overlay.png"))
     write_image(overlay, drawing.overlay(image, measured))
     values = measured.record()
     if args.json:

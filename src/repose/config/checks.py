@@ -6,17 +6,16 @@ from typing import Any
 from repose.apparatus import bench_tests, names
 from repose.apparatus.settings import SimulationSettings
 from repose.apparatus.stability import longest_time_step
+from repose.config import results_folder
 from repose.config.reading import Origin, get, origin_of
-from repose.config.schema import input_error, validator
+from repose.config.schema import input_errors, validator
 from repose.core import places
-from repose.core.errors import InputError
+from repose.core.errors import InputError, raise_together
 from repose.core.parameter_space import ParameterSpace
-from repose.core.published import published_count
+from repose.core.published import check_published
 from repose.core.responses import responses_of
 from repose.core.targets import Targets
 
-# Folders of the project that results must never be written into.
-OUR_OWN_FOLDERS = ("src", "config", "resources", "workflow", "profiles", "tests", "docs", "results/published")
 LARGEST_BLOCKS = 100  # of a refined proposal's pours: jobs of a round have three digits
 
 
@@ -39,17 +38,10 @@ def check(config: dict[str, Any], source: str | Origin = "configuration") -> dic
     Raises
     ------
     InputError
-        For the first fault.
+        For all faults at once; contradictions are looked for where each key alone is right.
     """
-    errors = sorted(
-        validator().iter_errors(config),
-        # A mistyped key is also a missing one; the mistyping is the better news.
-        key=lambda error: (error.validator != "additionalProperties", list(map(str, error.absolute_path))),
-    )
-    if errors:
-        raise input_error(errors[0], config, source)
-    for key, allowed in _contradictions(config):
-        raise InputError(origin_of(source, key), key, get(config, key), allowed)
+    raise_together(input_errors(validator().iter_errors(config), config, source))
+    raise_together(_faults(_contradictions(config), config, source))
     return config
 
 
@@ -65,30 +57,67 @@ def check_inputs(config: dict[str, Any], source: str | Origin = "configuration")
     Raises
     ------
     InputError
-        For the first fault.
+        For all faults at once.
     """
-    from repose.particle import berry, size_distribution
+    raise_together(
+        [
+            *_faults(results_folder.taken(config["results_dir"]), config, source),
+            *_faults(_missing_files(config), config, source),
+        ]
+    )
+    faults: list[InputError] = []
+    mean = _found(faults, _mean_berry, config)
+    responses = Targets.of(config["targets"]).responses
+    _found(faults, check_published, config["validation"]["published"], responses)
+    if mean is not None:
+        faults += _faults(_misfits(config, mean), config, source)
+    raise_together(faults)
 
+
+def _found(faults, function, *arguments):
+    """What a function gives, or None and one fault more."""
+    try:
+        return function(*arguments)
+    except InputError as fault:
+        faults.append(fault)
+        return None
+
+
+def _faults(pairs, config, source):
+    """Pairs (dotted key, what is allowed) as faults."""
+    return [InputError(origin_of(source, key), key, get(config, key), allowed) for key, allowed in pairs]
+
+
+def _missing_files(config):
+    """Files that the configuration names and that are not there."""
     for key in ("berry.sizes", "berry.compression", "berry.stl", "validation.published"):
         path = get(config, key)
         if path is not None and not Path(path).is_file():
-            raise InputError(
-                origin_of(source, key), key, path, "an existing file, seen from the project's folder"
-            )
+            yield key, "an existing file, seen from the project's folder"
+
+
+def _mean_berry(config):
+    """The mean berry of the configuration's files."""
+    from repose.particle import berry
+
     section = config["berry"]
     material = section["density_kg_m3"], section["poisson_ratio"], section["shear_modulus_pa"]
     table1 = places.find("resources/published/table1.csv")
-    _, mean = berry.of_files(section["sizes"], section["compression"], table1, *material)
-    published_count(config["validation"]["published"], Targets.of(config["targets"]).responses)
+    return berry.of_files(section["sizes"], section["compression"], table1, *material)[1]
+
+
+def _misfits(config, mean):
+    """Where the mean berry does not go with a bench test or with the time step."""
+    from repose.particle import berry, size_distribution
+
     for test in _used(config):
-        for key, allowed in test.misfits(config, [mean[column] for column in berry.SIZE_COLUMNS]):
-            raise InputError(origin_of(source, key), key, get(config, key), allowed)
+        yield from test.misfits(config, [mean[column] for column in berry.SIZE_COLUMNS])
+    section = config["berry"]
     smallest = size_distribution.smallest(section["size_distribution"], mean)
     mass_kg = None if section["mass_g"] is None else 1e-3 * section["mass_g"]
-    limit, key = longest_time_step(mean, mass_kg, smallest), "simulation.time_step_s"
+    limit = longest_time_step(mean, mass_kg, smallest)
     if SimulationSettings.of(config).time_step_s > limit.time_step_s:
-        allowed = f"at most {limit.time_step_s:.2g}, {limit.reason}"
-        raise InputError(origin_of(source, key), key, get(config, key), allowed)
+        yield "simulation.time_step_s", f"at most {limit.time_step_s:.2g}, {limit.reason}"
 
 
 def _contradictions(config):
@@ -97,9 +126,7 @@ def _contradictions(config):
     yield from _target_contradictions(config)
     for test in _used(config):
         yield from test.contradictions(config)
-    folder = Path(config["results_dir"])
-    if ".." in folder.parts or folder == Path() or any(folder.is_relative_to(own) for own in OUR_OWN_FOLDERS):
-        yield "results_dir", f"a folder of its own, without .. and outside {', '.join(OUR_OWN_FOLDERS)}"
+    yield from results_folder.contradictions(config["results_dir"])
     berry, network = config["berry"], config["network"]
     if berry["compression"] is None and None in (berry["poisson_ratio"], berry["shear_modulus_pa"]):
         yield (
@@ -135,7 +162,8 @@ def _surrogate_contradictions(config):
 def _seed_contradictions(config):
     """Too few runs of a sample, in a bench test of the targets, for what the training wants to know of them."""
     network = config["network"]
-    for name in dict.fromkeys(target["apparatus"] for target in config["targets"]):
+    targets = {target["apparatus"] for target in config["targets"]}
+    for name in (test.name for test in _used(config) if test.name in targets):
         seeds = config[name]["seeds"]
         if network["weights_from_errors"] and seeds < 4:
             yield (

@@ -34,6 +34,9 @@ class StrictLoader(yaml.SafeLoader):
         seen = set()
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=deep)
+            if not isinstance(key, str | int | float | bool | None):
+                line = f"{self.name}, line {key_node.start_mark.line + 1}"
+                raise InputError(line, "key", "a list or mapping", "text")
             if key in seen:
                 raise InputError(
                     f"{self.name}, line {key_node.start_mark.line + 1}", key, "given again", "each key once"
@@ -65,7 +68,7 @@ def read(path: str | os.PathLike) -> dict[str, Any]:
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(path, "file", error.strerror, "an existing YAML or JSON file") from None
     except UnicodeDecodeError:
@@ -94,19 +97,29 @@ def parse(text: str, name: str) -> Any:
     InputError
         If the syntax is bad, or a key stands twice; it names the line.
     """
-    loader = StrictLoader(text)
-    loader.name = name
+    loader = None
     try:
+        loader = StrictLoader(text)
+        loader.name = name
         return loader.get_single_data()
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else "?"
         raise InputError(
             name, f"line {line}", error.problem, "valid YAML (indent by spaces, no tabs)"
         ) from None
-    except yaml.YAMLError as error:
+    except yaml.YAMLError as error:  # such as a byte that is no character of a text
+        raise InputError(name, "content", " ".join(str(error).split()), "valid YAML") from None
+    except (
+        ValueError,
+        RecursionError,
+        OverflowError,
+    ) as error:  # a date without such a day, too many brackets
+        if isinstance(error, InputError):
+            raise
         raise InputError(name, "content", str(error), "valid YAML") from None
     finally:
-        loader.dispose()
+        if loader is not None:
+            loader.dispose()
 
 
 class Origin:

@@ -5,7 +5,7 @@
 
 import difflib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -58,44 +58,49 @@ def _not_increasing(validator, wanted, given, _):
         yield ValidationError(f"{given!r} does not rise")
 
 
-def input_error(error: Any, config: Any, source: str | Origin) -> InputError:
-    """A fault found by the schema as an InputError; a fault inside a list of plain values names the whole list.
+def input_errors(errors: Iterable[Any], config: Any, source: str | Origin) -> Iterator[InputError]:
+    """Faults found by the schema as InputErrors; one inside a list of plain values names the whole list.
 
     Parameters
     ----------
-    error : jsonschema.ValidationError
+    errors : iterable of jsonschema.ValidationError
     config : mapping
     source : str or Origin
         Name of the file, for the message.
 
-    Returns
-    -------
+    Yields
+    ------
     InputError
+        A mistyped key is also a missing one; the mistyping comes first, and the other is left out.
     """
-    path = []
-    value = config
-    for step in error.absolute_path:
-        value = value[step]
-        if not isinstance(step, int) or isinstance(value, dict):
-            path.append(str(step))
-    section = ".".join(path)
-    if error.validator == "additionalProperties":
-        known = sorted(error.schema["properties"])
-        extra = next(key for key in error.instance if key not in known)
-        key = f"{section}.{extra}" if section else str(extra)
-        if key in MOVED:
-            return InputError(origin_of(source, key), key, error.instance[extra], MOVED[key])
-        near = difflib.get_close_matches(str(extra), known, 1)
-        hint = f"did you mean {near[0]}?" if near else f"keys here: {', '.join(known)}"
-        return InputError(origin_of(source, key), key, error.instance[extra], f"no such key; {hint}")
-    if error.validator == "required":
-        missing = next(key for key in error.validator_value if key not in error.instance)
-        path.append(missing)
-        key = ".".join(path)
-        return InputError(
-            origin_of(source, section), key, None, f"{allowed_by(subschema(path))}; the key is missing"
-        )
-    return InputError(origin_of(source, section), section, get(config, section), allowed_by(subschema(path)))
+    meant = set()
+    for error in sorted(errors, key=lambda one: (one.validator != "additionalProperties", _place(one))):
+        path = []
+        value = config
+        for step in error.absolute_path:
+            value = value[step]
+            if not isinstance(step, int) or isinstance(value, dict):
+                path.append(str(step))
+        section = ".".join(path)
+        if error.validator == "additionalProperties":
+            known = sorted(error.schema["properties"])
+            for extra in (key for key in error.instance if key not in known):
+                key = f"{section}.{extra}" if section else str(extra)
+                near = difflib.get_close_matches(str(extra), known, 1)
+                meant |= {".".join([*path, *near])}
+                hint = f"did you mean {near[0]}?" if near else f"keys here: {', '.join(known)}"
+                allowed = MOVED.get(key, f"no such key; {hint}")
+                yield InputError(origin_of(source, key), key, error.instance[extra], allowed)
+        elif error.validator == "required":
+            # the schema tells each missing key alone, but not which one; `raise_together` tells each of these once
+            for missing in error.validator_value:
+                key = ".".join([*path, missing])
+                if missing not in error.instance and key not in meant:
+                    allowed = f"{allowed_by(subschema([*path, missing]))}; the key is missing"
+                    yield InputError(origin_of(source, section), key, None, allowed)
+        else:
+            allowed = allowed_by(subschema(path)) if path else "keys with values"
+            yield InputError(origin_of(source, section), section, get(config, section), allowed)
 
 
 def subschema(path: Sequence[str]) -> dict[str, Any]:
@@ -148,6 +153,11 @@ def allowed_by(schema: Mapping[str, Any]) -> str:
     elif "maxLength" in schema:
         text += f" of 1 to {schema['maxLength']} characters"
     return " or ".join([text, *(words[kind] for kind in types[1:])])
+
+
+def _place(error):
+    """Where a fault lies, to sort by."""
+    return list(map(str, error.absolute_path))
 
 
 def _plain(number):

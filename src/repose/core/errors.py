@@ -1,8 +1,29 @@
 """The exceptions: what a user's input can cause, and a pile without an angle."""
 
+from collections.abc import Iterable
+
 from repose.dem.errors import InputError
 
-__all__ = ["InputError", "NoFlankError"]
+__all__ = ["InputError", "InputErrors", "NoFlankError", "raise_together"]
+
+MOST_TOLD = 30  # a file of another program would be told key by key
+
+
+class InputErrors(InputError):
+    """Several faults at once, one a line; `source`, `key`, `value` and `allowed` are those of the first.
+
+    Parameters
+    ----------
+    faults : sequence of InputError
+    """
+
+    def __init__(self, faults: list[InputError]) -> None:
+        self.faults, first = faults, faults[0]
+        super().__init__(first.source, first.key, first.value, first.allowed)
+        lines = [str(fault) for fault in faults[:MOST_TOLD]]
+        if len(faults) > MOST_TOLD:
+            lines.append(f"{faults[MOST_TOLD].source}: {len(faults) - MOST_TOLD} more faults")
+        self.args = ("\n".join(lines),)
 
 
 class NoFlankError(ValueError):
@@ -17,3 +38,21 @@ class NoFlankError(ValueError):
     def __init__(self, reason: str) -> None:
         self.reason = reason
         super().__init__(reason)
+
+
+def raise_together(faults: Iterable[InputError]) -> None:
+    """Raise all faults as one, if there are any.
+
+    Parameters
+    ----------
+    faults : iterable of InputError
+        One that is there twice is told once.
+
+    Raises
+    ------
+    InputError
+        The fault itself where there is one; `InputErrors` where there are more.
+    """
+    found = list({str(fault): fault for fault in faults}.values())
+    if found:
+        raise found[0] if len(found) == 1 else InputErrors(found)

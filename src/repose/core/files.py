@@ -1,7 +1,8 @@
 """Files: one writer and one reader for each type.
 
-A writer writes in one move, so a file is whole or not there; folders that are missing are made. A reader turns every
-fault of a file into one `InputError` that names the file, what is wrong in it, what was found and what is allowed.
+A writer writes in one move, so a file is whole or not there; folders that are missing are made. It replaces only what
+this program wrote (`repose.core.ledger`). A reader turns every fault of a file into one `InputError` that names the
+file, what is wrong in it, what was found and what is allowed.
 """
 
 import csv
@@ -14,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from repose.core.errors import InputError
-from repose.dem.io.whole import write_whole
+from repose.core.ledger import write_whole
 
 if TYPE_CHECKING:
     import numpy as np
@@ -114,9 +115,11 @@ def write_image(path: Path_, picture: "np.ndarray") -> None:
 
     suffix = Path(path).suffix
     try:
-        _, content = cv2.imencode(suffix, picture)
+        done, content = cv2.imencode(suffix, picture)
     except cv2.error:
-        raise InputError(path, "suffix", suffix, "that of a picture, as in .png") from None
+        done = False
+    if not done:
+        raise InputError(path, "suffix", suffix, "that of a picture, as in .png")
     write_whole(path, lambda handle: handle.write(content.tobytes()))
 
 

@@ -1,13 +1,16 @@
 """Published tables that results are set beside."""
 
+import math
 import os
 from collections.abc import Iterable
 
 from repose.core import places
 from repose.core.errors import InputError
 from repose.core.files import read_rows
-from repose.core.parameters import PARAMETERS
+from repose.core.parameters import PARAMETERS, check_value
 from repose.core.responses import Response
+
+MOST = 899  # their numbers in a study are 101 to 999
 
 
 def representative() -> dict[str, float]:
@@ -51,6 +54,38 @@ def published_count(path: str | os.PathLike | None, responses: Iterable[Response
     return len(rows) if rows and published_responses(rows[0], responses) else 0
 
 
+def check_published(path: str | os.PathLike | None, responses: Iterable[Response]) -> None:
+    """Refuse a published table of solutions that cannot be simulated, or set beside a study.
+
+    Parameters
+    ----------
+    path : path or None
+        The table, if there is one.
+    responses : iterable of Response
+        Those that the study is calibrated to.
+
+    Raises
+    ------
+    InputError
+        If the table cannot be read, has no rows, a parameter is no number within the contact law's limits, or a
+        response is no number.
+    """
+    if path is None:
+        return
+    rows = read_rows(path, ("solution", *PARAMETERS))
+    if not 1 <= len(rows) <= MOST:
+        raise InputError(path, "rows", len(rows), f"1 to {MOST} solutions")
+    values = [
+        name for one in published_responses(rows[0], responses) for name in (one.predicted, one.simulated)
+    ]
+    for number, row in enumerate(rows, start=1):
+        for name in PARAMETERS:
+            check_value(name, row[name], f"{path}, row {number}")
+        for name in values:
+            if row[name] and not _finite(row[name]):
+                raise InputError(f"{path}, row {number}", name, row[name], "a number, or nothing")
+
+
 def published_responses(columns: Iterable[str], responses: Iterable[Response]) -> tuple[Response, ...]:
     """Responses whose predicted and simulated values are among the columns of a published table.
 
@@ -66,3 +101,11 @@ def published_responses(columns: Iterable[str], responses: Iterable[Response]) -
     """
     columns = set(columns)
     return tuple(one for one in responses if {one.predicted, one.simulated} <= columns)
+
+
+def _finite(text):
+    """Whether a text is a finite number."""
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False

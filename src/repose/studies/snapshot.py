@@ -1,9 +1,11 @@
 """A snapshot of a finished study: its tables and pictures without the pours themselves."""
 
-import shutil
+import os
 from pathlib import Path
 
+from repose.core import ledger
 from repose.core.errors import InputError
+from repose.core.files import write_text, write_whole
 
 # What is kept, by folder of the results; logs, timings and positions of single pours stay behind.
 KEPT = {
@@ -31,15 +33,18 @@ KEPT = {
 LARGEST_FILE = 5_000_000  # bytes
 
 
+MANIFEST = "snapshot.txt"  # in a snapshot: its files, one a line
+
+
 def take(results_dir: str | Path, out: str | Path) -> list[Path]:
-    """Copy tables and pictures of a study to a folder of its own, replacing an earlier snapshot there.
+    """Copy tables and pictures of a study to a folder of its own, where they replace those of an earlier snapshot.
 
     Parameters
     ----------
     results_dir : path
         Folder of a finished study.
     out : path
-        Folder of the snapshot.
+        Folder of the snapshot: new, empty, or an earlier snapshot to which nobody added a file.
 
     Returns
     -------
@@ -49,7 +54,8 @@ def take(results_dir: str | Path, out: str | Path) -> list[Path]:
     Raises
     ------
     InputError
-        If the study is not finished, or a file is too large to be kept in a repository.
+        If the study is not finished, a file is too large to be kept in a repository, or the folder holds anything that
+        no snapshot wrote.
     """
     source, out = Path(results_dir), Path(out)
     files = [
@@ -63,12 +69,34 @@ def take(results_dir: str | Path, out: str | Path) -> list[Path]:
     for path in files:
         if path.stat().st_size > LARGEST_FILE:
             raise InputError(path, "size", path.stat().st_size, f"at most {LARGEST_FILE} bytes")
-    if out.exists():
-        shutil.rmtree(out)
-    copied = []
-    for path in files:
-        target = out / path.relative_to(source)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(path, target)
-        copied.append(target)
-    return copied
+    earlier = _earlier(out)
+    names = [path.relative_to(source).as_posix() for path in files]
+    write_text(out / MANIFEST, _lines({*names, *earlier}))
+    for path, name in zip(files, names, strict=True):
+        write_whole(out / name, lambda handle, path=path: handle.write(path.read_bytes()))
+    for name in earlier - set(names):
+        ledger.remove(out / name)
+    write_text(out / MANIFEST, _lines(names))
+    return [out / name for name in names]
+
+
+def _earlier(out):
+    """Names of the files of an earlier snapshot in a folder; InputError where the folder holds anything else."""
+    if not os.path.lexists(out):
+        return set()
+    if not out.is_dir():
+        raise InputError(out, "folder", "a file", "a folder")
+    manifest = out / MANIFEST
+    names = set(manifest.read_text(encoding="utf-8").splitlines()) if ledger.is_ours(manifest) else set()
+    for path in sorted(out.rglob("*")):
+        name = path.relative_to(out).as_posix()
+        ours = name in {*names, MANIFEST} and ledger.is_ours(path)
+        if not ours and path.name != ledger.LEDGER and (path.is_symlink() or not path.is_dir()):
+            allowed = "a new folder, or an earlier snapshot and no other file"
+            raise InputError(out, "content", name, allowed)
+    return {name for name in names if (out / name).is_file()}
+
+
+def _lines(names):
+    """Sorted names, one a line."""
+    return "".join(f"{name}\n" for name in sorted(names))

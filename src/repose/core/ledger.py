@@ -1,0 +1,135 @@
+"""What this program wrote in a folder: a file is replaced or removed only where it is one of these, unchanged.
+
+Each folder holds its ledger, the file `.repose`: a line for each file written there, with the SHA-256 of its content. A
+file that a user put there, or changed since, is in no line, so it stays.
+"""
+
+import hashlib
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, Any
+
+from repose.core.errors import InputError
+from repose.dem.io.whole import write_whole as write_in_one_move
+
+LEDGER = ".repose"
+LINE = re.compile(r"[0-9a-f]{64}  ")
+ALLOWED = "a new name, or a file that repose wrote and nobody changed since"
+
+
+def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> None:
+    """Write a file in one move, unless that replaces something that this program did not write.
+
+    Parameters
+    ----------
+    path : path
+        The file; folders that are missing are made.
+    write : callable
+        Gets the open file (bytes) and writes the content to it.
+
+    Raises
+    ------
+    InputError
+        If there is something else of this name.
+    OSError
+        If the file cannot be written; the earlier one is still there.
+    """
+    path = Path(path)
+    check_replaceable(path)
+
+    def write_and_note(handle):
+        write(handle)
+        handle.flush()
+        _note(path, _hash(handle.name))
+
+    write_in_one_move(path, write_and_note)
+
+
+def check_replaceable(path: str | os.PathLike) -> None:
+    """Refuse a path that holds something that this program did not write.
+
+    Parameters
+    ----------
+    path : path
+        It may be free.
+
+    Raises
+    ------
+    InputError
+        If it is taken by a folder, a link, a device or somebody else's file.
+    """
+    path = Path(path)
+    if path.name in ("", "..", LEDGER) or not path.name.isprintable():
+        raise InputError(path, "name", path.name, "that of a new file, in characters that can be printed")
+    if os.path.lexists(path) and not is_ours(path):
+        raise InputError(path, "file", "there already", ALLOWED)
+
+
+def is_ours(path: str | os.PathLike) -> bool:
+    """Whether this program wrote a file, and nobody changed it since.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    bool
+        False for what is no plain file.
+    """
+    path = Path(path)
+    if path.is_symlink() or not path.is_file():
+        return False
+    noted = _lines(path.parent)
+    return any(line[66:] == path.name for line in noted) and f"{_hash(path)}  {path.name}" in noted
+
+
+def remove(path: str | os.PathLike) -> None:
+    """Remove a file of ours.
+
+    Parameters
+    ----------
+    path : path
+
+    Raises
+    ------
+    InputError
+        If this program did not write it, or somebody changed it since.
+    """
+    if not is_ours(path):
+        raise InputError(path, "file", "there already", ALLOWED)
+    Path(path).unlink()
+
+
+def _lines(folder):
+    """The ledger's lines; none where there is no ledger."""
+    path = folder / LEDGER
+    if path.is_symlink() or not path.is_file():
+        return frozenset()
+    lines = os.fsdecode(path.read_bytes()).split("\n")[:-1]
+    if not all(map(LINE.match, lines)):
+        raise InputError(
+            path, "content", "something else", "the list of files that repose wrote in this folder"
+        )
+    return frozenset(lines)
+
+
+def _note(path, digest):
+    """Add a file to its folder's ledger; lines of jobs that write at the same time do not mix."""
+    ledger, line = path.parent / LEDGER, f"{digest}  {path.name}"
+    if line in _lines(path.parent):
+        return
+    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW
+    handle = os.open(ledger, flags, 0o666)
+    try:
+        os.write(handle, os.fsencode(f"{line}\n"))
+    finally:
+        os.close(handle)
+
+
+def _hash(path):
+    """SHA-256 of a file's content."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,76 @@
+"""The folder of results: nothing that no study wrote is ever in danger."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from repose.config import checks, loader, results_folder
+from repose.core.errors import InputError
+from repose.core.files import write_json
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def config():
+    return loader.load(ROOT / "config/quick.yaml")
+
+
+@pytest.mark.parametrize(
+    "folder",
+    [
+        *(
+            "/",
+            ".",
+            "..",
+            "./",
+            "~",
+            "results/..",
+            "results/../src",
+            ".git",
+            ".snakemake",
+            "-rf",
+            "results/-rf",
+        ),
+        *("results/.git", "src", "src/repose", "examples", "tests/mine", "results/published", "/etc/../src"),
+        *("a b", "a;b", "a\nb", "results\n", "$HOME", "{a}", "*", "", "a//b", "a'b", str(ROOT / "src")),
+        *(str(ROOT), str(ROOT.parent), str(Path.home()), "a" * 1001),
+    ],
+)
+def test_a_folder_that_is_not_a_studys_own_is_refused(config, folder):
+    config["results_dir"] = folder
+    with pytest.raises(InputError, match=r"results_dir is .*; allowed: a folder"):
+        checks.check(config)
+
+
+def test_the_folder_around_the_working_folder_is_refused(config, tmp_path, monkeypatch):
+    (tmp_path / "work").mkdir()
+    monkeypatch.chdir(tmp_path / "work")
+    for folder in (tmp_path, tmp_path / "work", tmp_path / "work/resources"):
+        config["results_dir"] = str(folder)
+        with pytest.raises(InputError, match="results_dir"):
+            checks.check(config)
+    config["results_dir"] = str(tmp_path / "results")
+    checks.check(config)
+
+
+def test_a_folder_with_somebodys_files_is_refused_and_a_studys_is_taken(config, tmp_path):
+    config["results_dir"] = str(tmp_path / "data")
+    config["berry"] |= {"sizes": str(ROOT / "resources/berries.csv")}
+    (tmp_path / "data/figures").mkdir(parents=True)
+    (tmp_path / "data/figures/figure02.png").write_text("mine")
+    with pytest.raises(InputError, match="there is figures, which no study of repose wrote"):
+        checks.check_inputs(config)
+    write_json(tmp_path / "data/config.json", config)
+    checks.check_inputs(config)
+    config["results_dir"] = str(tmp_path / "data/figures/figure02.png/results")
+    with pytest.raises(InputError, match="a file is in its way"):
+        checks.check_inputs(config)
+
+
+def test_every_name_that_the_rules_write_is_known():
+    rules = "".join(path.read_text() for path in (ROOT / "workflow").rglob("*.smk"))
+    first = {name for name in re.findall(r"\{RESULTS\}/(\w[\w.]*)", rules)}
+    assert len(first) > 20
+    assert first <= set(results_folder.WRITTEN)

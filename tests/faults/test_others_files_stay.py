@@ -1,0 +1,210 @@
+"""No verb removes or overwrites a file that the program did not write, whatever its arguments are."""
+
+import ast
+import json
+import os
+import shutil
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from repose.apparatus import bench, job
+from repose.cli import VERBS, main
+from repose.config import checks, loader
+from repose.core.errors import InputError
+from repose.core.files import write_text
+
+ROOT = Path(__file__).parents[2]
+# These simulate for minutes; what they write they write through `pour_job` and the writers that are tested below.
+SIMULATING = {"bench", "verify", "warm_up", "pour", "heap", "drum", "run", "shape_cell", "film"}
+FOLDERS = ("", "results", "results/berry", "results/design", "results/validation", "results/pool", "thesis")
+NAMES = (
+    *(
+        "berry.json",
+        "berry.stl",
+        "summary.csv",
+        "particle.json",
+        "particles.csv",
+        "samples.csv",
+        "table4.csv",
+    ),
+    *(
+        "comparison.csv",
+        "dataset.csv",
+        "runs.csv",
+        "dataset_summary.json",
+        "fresh_samples.csv",
+        "config.json",
+    ),
+    *(
+        "figure.png",
+        "table.html",
+        "silhouette.png",
+        "pile_overlay.png",
+        "snapshot.txt",
+        "rounds.csv",
+        "o ü.png",
+    ),
+)
+GOOD = {
+    "config": "in/config.json",
+    "picture": "in/pile.png",
+    "csv": "in/berries.csv",
+    "name": "figure02",
+    "input": "sizes=in/berries.csv",
+    "results": "in/study",
+    "mm_per_pixel": "0.3",
+    "title": "Mine",
+    "axes": None,
+}
+OUT = st.one_of(
+    st.sampled_from(
+        [*filter(None, FOLDERS), "..", ".", "new", "new/folder", "new.png", "-rf", "", "a b", "link"]
+    ),
+    st.builds(os.path.join, st.sampled_from(FOLDERS), st.sampled_from(NAMES)),
+    st.text(alphabet="ab.é '\"{};$*\n", min_size=1, max_size=6),
+)
+
+
+def pile_picture():
+    """A triangle on a plain background."""
+    picture = np.full((120, 300), 230, np.uint8)
+    cv2.fillPoly(picture, [np.array([[40, 119], [150, 40], [260, 119]])], 40)
+    return picture
+
+
+@pytest.fixture(scope="module")
+def sandbox(tmp_path_factory):
+    """A folder with inputs, links and somebody's files of every name that the program writes, two levels deep."""
+    top = tmp_path_factory.mktemp("top")
+    work = top / "work"
+    for base in (top, work):
+        for folder in FOLDERS:
+            for name in NAMES:
+                path = base / folder / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_text(f"mine: {folder}/{name}")
+    inputs = work / "in"
+    inputs.mkdir()
+    (inputs / "pile.png").write_bytes(cv2.imencode(".png", pile_picture())[1].tobytes())
+    shutil.copy(ROOT / "resources/berries.csv", inputs)
+    for name in ("validation/table4.csv", "dataset.csv"):
+        (inputs / "study" / name).parent.mkdir(parents=True, exist_ok=True)
+        (inputs / "study" / name).write_text("a\n1\n")
+    config = loader.load(ROOT / "config/quick.yaml")
+    config["design"] |= {"samples": 12, "method": "lhsdesign"}
+    write_text(top / "config.json.whole", json.dumps(config))
+    shutil.copy(top / "config.json.whole", inputs / "config.json")
+    (work / "link").symlink_to("thesis/figure.png")
+    before = Path.cwd()
+    os.chdir(work)
+    yield top
+    os.chdir(before)
+
+
+def tree(top):
+    """Every file and link below a folder."""
+    return {
+        path: os.readlink(path) if path.is_symlink() else path.read_bytes()
+        for path in top.rglob("*")
+        if path.is_symlink() or path.is_file()
+    }
+
+
+@st.composite
+def calls(draw):
+    """A verb with good inputs and any place to write to, or with any paths at all."""
+    verb = VERBS[draw(st.sampled_from(sorted(set(VERBS) - SIMULATING)))]
+    good = draw(st.booleans())
+    words = [verb.name]
+    for option in verb.options:
+        name, keywords = option.names[0], option.keywords
+        key = name.lstrip("-").replace("-", "_")
+        if key in ("out", "overlay", "stl") and not (key == "stl" and not good):
+            words += [f"{name}={draw(OUT)}"] if draw(st.booleans()) else []
+        elif keywords.get("action") == "store_true":
+            words += [name] if draw(st.booleans()) else []
+        elif key == "axes":
+            words += ["--axes", "17", "11", "9", "--mass-g", "1.0"] if draw(st.booleans()) else []
+        elif not name.startswith("-") or keywords.get("required") or key in ("config", "input"):
+            value = GOOD.get(key, "in/berries.csv") if good else draw(OUT)
+            words += [f"{name}={value}"] if name.startswith("-") else [value]
+    return words
+
+
+@settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+@given(words=calls())
+def test_a_verb_leaves_the_files_of_others(sandbox, words):
+    before = tree(sandbox)
+    try:
+        status = main(words)
+    except SystemExit as end:
+        status = end.code
+    assert status in (0, 2), words
+    after = tree(sandbox)
+    assert {path: after.get(path) for path in before} == before, words
+    for path in set(after) - set(before):
+        path.unlink()
+
+
+@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
+@given(label=st.text(max_size=70), folder=st.one_of(OUT, st.text(max_size=30)))
+def test_a_label_and_a_folder_of_results_lead_nowhere_else(sandbox, label, folder):
+    before = tree(sandbox)
+    config = loader.load("in/config.json")
+    config |= {"label": label, "results_dir": folder}
+    config["berry"]["sizes"] = "in/berries.csv"
+    try:
+        checks.check(config)
+        checks.check_inputs(config)
+    except InputError:
+        pass
+    else:
+        snapshot = Path("results/published") / label
+        assert snapshot.parent.resolve() == Path("results/published").resolve() == snapshot.resolve().parent
+        place = Path(folder).resolve()
+        assert not Path.cwd().is_relative_to(place)
+        assert not any(place.is_relative_to(Path(own).resolve()) for own in (".git", ".snakemake", "src"))
+        assert not any((place / name).exists() for name in ("dataset.csv", "berry", "config.json"))
+    assert tree(sandbox) == before
+
+
+def test_a_pour_into_somebodys_file_is_refused_before_it_is_poured(tmp_path):
+    (tmp_path / "heap.npz").write_text("mine")
+    with pytest.raises(InputError, match=r"heap\.npz: file is 'there already'"):
+        job.pour_job(bench("funnel"), {}, "heap", {}, [1], None, {}, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["heap.npz"]
+
+
+# Calls that write, rename or remove; what stands in these two files is tested above and in tests/core.
+WRITERS = {"core/ledger.py", "dem/io/whole.py"}
+BARE = {"rmtree", "unlink", "rmdir", "replace_file", "remove", "removedirs", "rename", "renames", "copyfile"}
+BARE |= {"copy", "copytree", "move", "write_bytes", "truncate", "imwrite", "imsave", "tofile", "savez"}
+
+
+def test_no_other_code_of_the_program_writes_or_removes_a_file():
+    modules = ("os", "shutil", "cv2", "np", "path", "Path")
+    found = []
+    for path in (ROOT / "src/repose").rglob("*.py"):
+        name = path.relative_to(ROOT / "src/repose").as_posix()
+        if name in WRITERS:
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            if not isinstance(node, ast.Call):
+                continue
+            function = node.func
+            called = function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
+            owner = getattr(getattr(function, "value", None), "id", "")
+            texts = [
+                one.value for one in node.args if isinstance(one, ast.Constant) and isinstance(one.value, str)
+            ]
+            opens = called == "open" and any(
+                set(text) <= set("rwabx+t") and set(text) & set("wax+") for text in texts
+            )
+            if opens or (called in BARE and owner in modules):
+                found.append(f"{name}:{node.lineno} {called}")
+    assert not found
