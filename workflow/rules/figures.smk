@@ -134,8 +134,8 @@ rule rule_graph:
         "The workflow's own graph"
     shell:
         # the order of the rules follows the hashes of their names
-        "PYTHONHASHSEED=0 python -m snakemake calibration --snakefile {params.snakefile:q} --configfile {params.config}"
-        " --rulegraph > {output.dot} 2> {log}"
+        "PYTHONHASHSEED=0 python -m snakemake calibration --snakefile {params.snakefile:q} --configfile {params.config:q}"
+        " --rulegraph > {output.dot:q} 2> {log:q}"
 
 
 for figure, (label, shown, depends) in FIGURES.items():
@@ -162,13 +162,13 @@ for figure, (label, shown, depends) in FIGURES.items():
         params:
             config=CONFIG,
             figure=figure,
-            inputs=[f"--input {key}={path}" for key, path in shown.items()],
+            inputs=[f"--input={key}={path}" for key, path in shown.items()],
             depends=sections("small_run", *depends),
         message:
             "Drawing {params.figure}"
         shell:
-            "python -m repose figure {params.figure} --config {params.config} {params.inputs} --out {output}"
-            " > {log} 2>&1"
+            "python -m repose figure {params.figure:q} --config {params.config:q} {params.inputs:q} --out {output:q}"
+            " > {log:q} 2>&1"
 
 
 rule figures:

@@ -54,8 +54,8 @@ for table, (title, source) in TABLES.items():
         message:
             "Page of: {params.title}"
         shell:
-            "python -m repose table {input} --title {params.title:q} --config {params.config} --out {output}"
-            " > {log} 2>&1"
+            "python -m repose table {input:q} --title {params.title:q} --config {params.config:q} --out {output:q}"
+            " > {log:q} 2>&1"
 
 
 rule tables:

@@ -38,9 +38,8 @@ class StrictLoader(yaml.SafeLoader):
                 line = f"{self.name}, line {key_node.start_mark.line + 1}"
                 raise InputError(line, "key", "a list or mapping", "text")
             if key in seen:
-                raise InputError(
-                    f"{self.name}, line {key_node.start_mark.line + 1}", key, "given again", "each key once"
-                )
+                line = f"{self.name}, line {key_node.start_mark.line + 1}"
+                raise InputError(line, str(key), "given again", "each key once")
             seen.add(key)
         return super().construct_mapping(node, deep)
 

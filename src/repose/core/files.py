@@ -27,6 +27,7 @@ __all__ = [
     "read_npz",
     "read_rows",
     "read_table",
+    "write_bytes",
     "write_image",
     "write_json",
     "write_npz",
@@ -48,7 +49,18 @@ def write_text(path: Path_, text: str) -> None:
     path : path
     text : str
     """
-    write_whole(path, lambda handle: handle.write(text.encode()))
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path_, content: bytes) -> None:
+    """Write bytes, in one move.
+
+    Parameters
+    ----------
+    path : path
+    content : bytes
+    """
+    write_whole(path, lambda handle: handle.write(content))
 
 
 def write_json(path: Path_, content: Any, indent: int = 1) -> None:
@@ -120,7 +132,7 @@ def write_image(path: Path_, picture: "np.ndarray") -> None:
         done = False
     if not done:
         raise InputError(path, "suffix", suffix, "that of a picture, as in .png")
-    write_whole(path, lambda handle: handle.write(content.tobytes()))
+    write_bytes(path, content.tobytes())
 
 
 def read_table(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file") -> "pd.DataFrame":

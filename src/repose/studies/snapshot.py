@@ -5,7 +5,7 @@ from pathlib import Path
 
 from repose.core import ledger
 from repose.core.errors import InputError
-from repose.core.files import write_text, write_whole
+from repose.core.files import write_bytes, write_text
 
 # What is kept, by folder of the results; logs, timings and positions of single pours stay behind.
 KEPT = {
@@ -73,7 +73,7 @@ def take(results_dir: str | Path, out: str | Path) -> list[Path]:
     names = [path.relative_to(source).as_posix() for path in files]
     write_text(out / MANIFEST, _lines({*names, *earlier}))
     for path, name in zip(files, names, strict=True):
-        write_whole(out / name, lambda handle, path=path: handle.write(path.read_bytes()))
+        write_bytes(out / name, path.read_bytes())
     for name in earlier - set(names):
         ledger.remove(out / name)
     write_text(out / MANIFEST, _lines(names))

@@ -20,5 +20,5 @@ rule berry:
     message:
         "Sizes and moduli of the measured berries"
     shell:
-        "python -m repose berry --config {params.config} --table1 {input.table1} --out {params.folder}"
-        " > {log} 2>&1"
+        "python -m repose berry --config {params.config:q} --table1 {input.table1:q} --out {params.folder:q}"
+        " > {log:q} 2>&1"

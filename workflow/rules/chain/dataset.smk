@@ -22,5 +22,5 @@ rule dataset:
     message:
         "Table of all samples and their responses"
     shell:
-        "python -m repose dataset {input.jobs} --config {params.config} --samples {input.samples}"
-        " --out {params.folder} > {log} 2>&1"
+        "python -m repose dataset {input.jobs:q} --config {params.config:q} --samples {input.samples:q}"
+        " --out {params.folder:q} > {log:q} 2>&1"

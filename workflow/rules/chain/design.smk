@@ -16,4 +16,4 @@ rule design:
     message:
         "Design of the virtual experiments"
     shell:
-        "python -m repose design --config {params.config} --out {params.folder} > {log} 2>&1"
+        "python -m repose design --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"

@@ -34,9 +34,9 @@ rule turn:
     message:
         "Turning the drum, seed {wildcards.seed}"
     shell:
-        "python -m repose drum --config {params.config} --samples {input.samples} --sample {params.sample}"
-        " --seed {wildcards.seed} --berry {input.berry} --particle {input.particle}"
-        " --trajectory --out {params.folder} > {log} 2>&1"
+        "python -m repose drum --config {params.config:q} --samples {input.samples:q} --sample {params.sample:q}"
+        " --seed {wildcards.seed:q} --berry {input.berry:q} --particle {input.particle:q}"
+        " --trajectory --out {params.folder:q} > {log:q} 2>&1"
 
 
 rule drum:
@@ -60,7 +60,7 @@ rule drum:
     message:
         "Tables of the drum: angles, first slip, slipping layer"
     shell:
-        "python -m repose drum_tables {input.runs} --out {params.folder} > {log} 2>&1"
+        "python -m repose drum_tables {input.runs:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 rule drum_film:
@@ -87,5 +87,5 @@ rule drum_film:
     message:
         "Film of the drum"
     shell:
-        "python -m repose film {input.trajectory} --drum --config {params.config} --particle {input.particle}"
-        " --out {output} > {log} 2>&1"
+        "python -m repose film {input.trajectory:q} --drum --config {params.config:q} --particle {input.particle:q}"
+        " --out {output:q} > {log:q} 2>&1"

@@ -28,10 +28,10 @@ rule measure:
     message:
         "Measuring the pile in one side view"
     shell:
-        "(python -m repose silhouette {input.heap} --config {params.config} --particle {input.particle}"
-        " --out {output.silhouette};"
-        " python -m repose measure {output.silhouette} --config {params.config} --mm-per-pixel {params.scale}"
-        " --berry {input.berry} --overlay {output.overlay} --json > {output.result}) 2> {log}"
+        "(python -m repose silhouette {input.heap:q} --config {params.config:q} --particle {input.particle:q}"
+        " --out {output.silhouette:q};"
+        " python -m repose measure {output.silhouette:q} --config {params.config:q} --mm-per-pixel {params.scale:q}"
+        " --berry {input.berry:q} --overlay {output.overlay:q} --json > {output.result:q}) 2> {log:q}"
 
 
 use rule pour as trajectory with:
@@ -52,7 +52,7 @@ use rule pour as trajectory with:
         purpose="validation",
         sample=int(REPRESENTATIVE),
         seeds=1,
-        more="--trajectory 0.1",
+        more=["--trajectory", "0.1"],
     message:
         "Pouring the representative solution before the camera"
 
@@ -80,5 +80,5 @@ rule film:
     message:
         "Film of the pour"
     shell:
-        "python -m repose film {input.trajectory} --config {params.config} --particle {input.particle}"
-        " --out {output} > {log} 2>&1"
+        "python -m repose film {input.trajectory:q} --config {params.config:q} --particle {input.particle:q}"
+        " --out {output:q} > {log:q} 2>&1"

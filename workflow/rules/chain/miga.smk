@@ -22,5 +22,5 @@ rule miga:
     message:
         "Searching the parameters that give the target pile"
     shell:
-        "python -m repose miga --config {params.config} --network {input.network} --table3 {input.table3}"
-        " --dataset {input.dataset} --out {params.folder} > {log} 2>&1"
+        "python -m repose miga --config {params.config:q} --network {input.network:q} --table3 {input.table3:q}"
+        " --dataset {input.dataset:q} --out {params.folder:q} > {log:q} 2>&1"

@@ -26,5 +26,5 @@ rule network:
     message:
         "Training the surrogate"
     shell:
-        "python -m repose network --config {params.config} --dataset {input.dataset} --runs {input.runs}"
-        " --out {params.folder} > {log} 2>&1"
+        "python -m repose network --config {params.config:q} --dataset {input.dataset:q} --runs {input.runs:q}"
+        " --out {params.folder:q} > {log:q} 2>&1"

@@ -32,14 +32,14 @@ rule pour:
         purpose="design",
         sample=lambda wildcards: wildcards.sample,
         seeds=lambda wildcards: config[apparatus(wildcards)]["seeds"],
-        more="",
+        more=[],
         depends=pouring,
     message:
         "Pouring sample {wildcards.sample}"
     shell:
-        "python -m repose pour --apparatus {params.apparatus} --config {params.config}"
-        " --samples {input.samples} --sample {params.sample} --seeds {params.seeds} --purpose {params.purpose}"
-        " --berry {input.berry} --particle {input.particle} {params.more} --out {params.folder} > {log} 2>&1"
+        "python -m repose pour --apparatus {params.apparatus:q} --config {params.config:q}"
+        " --samples {input.samples:q} --sample {params.sample:q} --seeds {params.seeds:q} --purpose {params.purpose:q}"
+        " --berry {input.berry:q} --particle {input.particle:q} {params.more:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 rule measure_runs:
@@ -64,5 +64,5 @@ rule measure_runs:
     message:
         "Measuring the runs of sample {wildcards.sample}"
     shell:
-        "python -m repose measure_runs {input.pours} --config {params.config} --berry {input.berry}"
-        " --particle {input.particle} --out {params.folder} > {log} 2>&1"
+        "python -m repose measure_runs {input.pours:q} --config {params.config:q} --berry {input.berry:q}"
+        " --particle {input.particle:q} --out {params.folder:q} > {log:q} 2>&1"

@@ -30,8 +30,8 @@ rule solutions:
     message:
         "Choosing the solutions to simulate again"
     shell:
-        "python -m repose solutions --config {params.config} --feasible {input.feasible} --out {params.folder}"
-        " > {log} 2>&1"
+        "python -m repose solutions --config {params.config:q} --feasible {input.feasible:q} --out {params.folder:q}"
+        " > {log:q} 2>&1"
 
 
 # In a table of their own, so that another answer of the search is no reason to pour the published ones again.
@@ -53,7 +53,7 @@ rule published_solutions:
     message:
         "Listing the published solutions"
     shell:
-        "python -m repose published_solutions --config {params.config} --out {params.folder} > {log} 2>&1"
+        "python -m repose published_solutions --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 def solution_to_pour(wildcards):
@@ -125,5 +125,5 @@ rule validate:
     message:
         "Predicted beside simulated and published"
     shell:
-        "python -m repose validate {input.jobs} --config {params.config} --solutions {input.solutions}"
-        " --dataset {input.dataset} --out {params.folder} > {log} 2>&1"
+        "python -m repose validate {input.jobs:q} --config {params.config:q} --solutions {input.solutions:q}"
+        " --dataset {input.dataset:q} --out {params.folder:q} > {log:q} 2>&1"

@@ -20,5 +20,5 @@ rule warm_up:
     message:
         "Compiling the engine"
     shell:
-        "python -m repose warm_up --config {params.config} --berry {input.berry} --particle {input.particle}"
-        " > {log} 2>&1"
+        "python -m repose warm_up --config {params.config:q} --berry {input.berry:q} --particle {input.particle:q}"
+        " > {log:q} 2>&1"

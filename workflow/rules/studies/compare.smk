@@ -41,11 +41,11 @@ for comparison, (depends, more) in COMPARISONS.items():
         message:
             "Comparing {params.comparison}"
         shell:
-            "python -m repose compare_{params.comparison} --config {params.config}"
-            " --main-dataset {input.main_dataset} --main-runs {input.main_runs}"
-            " --pool-dataset {input.pool_dataset} --pool-runs {input.pool_runs}"
-            " --fresh-dataset {input.fresh_dataset} --fresh-runs {input.fresh_runs}"
-            " --out {params.folder} > {log} 2>&1"
+            "python -m repose compare_{params.comparison:q} --config {params.config:q}"
+            " --main-dataset {input.main_dataset:q} --main-runs {input.main_runs:q}"
+            " --pool-dataset {input.pool_dataset:q} --pool-runs {input.pool_runs:q}"
+            " --fresh-dataset {input.fresh_dataset:q} --fresh-runs {input.fresh_runs:q}"
+            " --out {params.folder:q} > {log:q} 2>&1"
 
     rule:
         name:
@@ -73,8 +73,8 @@ for comparison, (depends, more) in COMPARISONS.items():
         message:
             "Drawing {params.figure}"
         shell:
-            "python -m repose figure {params.figure} --config {params.config} --input {params.figure}={input}"
-            " --out {output} > {log} 2>&1"
+            "python -m repose figure {params.figure:q} --config {params.config:q} --input {params.figure:q}={input:q}"
+            " --out {output:q} > {log:q} 2>&1"
 
 
 rule compare:
@@ -106,8 +106,8 @@ rule comparison_table:
     message:
         "All comparisons in one table"
     shell:
-        "python -m repose compare_all --sampling {input.sampling} --surrogates {input.surrogates}"
-        " --search {input.search} --whole {input.whole} --out {params.folder} > {log} 2>&1"
+        "python -m repose compare_all --sampling {input.sampling:q} --surrogates {input.surrogates:q}"
+        " --search {input.search:q} --whole {input.whole:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 rule compare_all:

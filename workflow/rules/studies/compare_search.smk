@@ -23,8 +23,8 @@ rule search_tables:
     message:
         "Searches beside each other on the network"
     shell:
-        "python -m repose compare_search --config {params.config} --network {input.network}"
-        " --out {params.folder} > {log} 2>&1"
+        "python -m repose compare_search --config {params.config:q} --network {input.network:q}"
+        " --out {params.folder:q} > {log:q} 2>&1"
 
 
 rule whole_tables:
@@ -48,8 +48,8 @@ rule whole_tables:
     message:
         "The method beside a response surface, for equal numbers of simulations"
     shell:
-        "python -m repose compare_whole --config {params.config} --dataset {input.datasets} --runs {input.runs}"
-        " --out {params.folder} > {log} 2>&1"
+        "python -m repose compare_whole --config {params.config:q} --dataset {input.datasets:q} --runs {input.runs:q}"
+        " --out {params.folder:q} > {log:q} 2>&1"
 
 
 # Each figure: what it shows.
@@ -86,13 +86,13 @@ for figure, shown in INVERSION_FIGURES.items():
         params:
             config=CONFIG,
             figure=figure,
-            inputs=[f"--input {key}={path}" for key, path in shown.items()],
+            inputs=[f"--input={key}={path}" for key, path in shown.items()],
             depends=sections("small_run", "compare_search"),
         message:
             "Drawing {params.figure}"
         shell:
-            "python -m repose figure {params.figure} --config {params.config} {params.inputs} --out {output}"
-            " > {log} 2>&1"
+            "python -m repose figure {params.figure:q} --config {params.config:q} {params.inputs:q} --out {output:q}"
+            " > {log:q} 2>&1"
 
 
 rule compare_search:

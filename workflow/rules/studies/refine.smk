@@ -28,8 +28,8 @@ rule refine_data:
     message:
         "Adding the samples of {wildcards.round} rounds to the design's"
     shell:
-        "python -m repose refine_data {params.rounds} --dataset {input.dataset} --runs {input.runs}"
-        " --out {params.folder} > {log} 2>&1"
+        "python -m repose refine_data {params.rounds:q} --dataset {input.dataset:q} --runs {input.runs:q}"
+        " --out {params.folder:q} > {log:q} 2>&1"
 
 
 use rule network as refine_network with:
@@ -83,9 +83,9 @@ rule refine_search:
     message:
         "Searching near the last proposal for round {wildcards.round}"
     shell:
-        "python -m repose refine_search --config {params.config} --network {input.network}"
-        " --dataset {input.dataset} --near {input.near} --table3 {input.table3} --out {params.folder}"
-        " > {log} 2>&1"
+        "python -m repose refine_search --config {params.config:q} --network {input.network:q}"
+        " --dataset {input.dataset:q} --near {input.near:q} --table3 {input.table3:q} --out {params.folder:q}"
+        " > {log:q} 2>&1"
 
 
 rule refine_propose:
@@ -117,8 +117,8 @@ rule refine_propose:
     message:
         "Proposal of round {wildcards.round} and its neighbours"
     shell:
-        "python -m repose refine_propose --config {params.config} --feasible {input.feasible}"
-        " --network {input.network} --round {wildcards.round} --out {params.folder} > {log} 2>&1"
+        "python -m repose refine_propose --config {params.config:q} --feasible {input.feasible:q}"
+        " --network {input.network:q} --round {wildcards.round:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 use rule pour as refine_pour with:
@@ -210,8 +210,8 @@ checkpoint refine_round:
     message:
         "Judging round {wildcards.round}"
     shell:
-        "python -m repose refine_judge --config {params.config} --proposal {input.proposal}"
-        " --dataset {input.dataset} --runs {input.runs} --out {params.folder} > {log} 2>&1"
+        "python -m repose refine_judge --config {params.config:q} --proposal {input.proposal:q}"
+        " --dataset {input.dataset:q} --runs {input.runs:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 rule refine_tables:
@@ -234,8 +234,8 @@ rule refine_tables:
     message:
         "All rounds of the refinement"
     shell:
-        "python -m repose refine_tables {input.verdicts} --config {params.config} --out {params.folder}"
-        " > {log} 2>&1"
+        "python -m repose refine_tables {input.verdicts:q} --config {params.config:q} --out {params.folder:q}"
+        " > {log:q} 2>&1"
 
 
 rule draw_approach:
@@ -267,8 +267,8 @@ rule draw_approach:
     message:
         "Drawing the approach to the targets"
     shell:
-        "python -m repose figure approach --config {params.config} --out {output}"
-        " --input rounds={input.rounds} --input summary={input.summary} > {log} 2>&1"
+        "python -m repose figure approach --config {params.config:q} --out {output:q}"
+        " --input rounds={input.rounds:q} --input summary={input.summary:q} > {log:q} 2>&1"
 
 
 rule refined:

@@ -28,8 +28,8 @@ rule measure_responses:
     message:
         "More responses of the piles that are there"
     shell:
-        "python -m repose measure_responses {input.pours} --config {params.config} --runs {input.runs}"
-        " --berry {input.berry} --particle {input.particle} --out {output.runs} > {log} 2>&1"
+        "python -m repose measure_responses {input.pours:q} --config {params.config:q} --runs {input.runs:q}"
+        " --berry {input.berry:q} --particle {input.particle:q} --out {output.runs:q} > {log:q} 2>&1"
 
 
 use rule pour as drum_design_pour with:
@@ -108,9 +108,9 @@ for study, (where, more) in SECOND_RESPONSES.items():
             config=CONFIG,
             folder=folder,
             drum=lambda wildcards, input: (
-                f"--drum {input.drum} --drum-runs {input.drum_runs}"
+                ["--drum", *input.drum, "--drum-runs", input.drum_runs]
                 if hasattr(input, "drum")
-                else ""
+                else []
             ),
             depends=sections(
                 "parameters",
@@ -123,8 +123,8 @@ for study, (where, more) in SECOND_RESPONSES.items():
         message:
             "How far further responses narrow the posterior"
         shell:
-            "python -m repose second_responses --config {params.config} --runs {input.runs}"
-            " --dataset {input.dataset} {params.drum} --out {params.folder} > {log} 2>&1"
+            "python -m repose second_responses --config {params.config:q} --runs {input.runs:q}"
+            " --dataset {input.dataset:q} {params.drum:q} --out {params.folder:q} > {log:q} 2>&1"
 
     rule:
         name:
@@ -147,13 +147,13 @@ for study, (where, more) in SECOND_RESPONSES.items():
             mem_mb=500,
         params:
             config=CONFIG,
-            inputs=[f"--input {name}={where}/{name}.csv" for name in SECOND_TABLES],
+            inputs=[f"--input={name}={where}/{name}.csv" for name in SECOND_TABLES],
             depends=sections("small_run"),
         message:
             "Drawing what to measure next"
         shell:
-            "python -m repose figure second_responses --config {params.config} {params.inputs} --out {output}"
-            " > {log} 2>&1"
+            "python -m repose figure second_responses --config {params.config:q} {params.inputs:q} --out {output:q}"
+            " > {log:q} 2>&1"
 
 
 rule second_responses:

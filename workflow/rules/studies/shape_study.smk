@@ -46,8 +46,8 @@ rule shape_cell:
     message:
         "Pouring {wildcards.cell}"
     shell:
-        "python -m repose shape_cell --config {params.config} --cell {wildcards.cell} --berry {input.berry}"
-        " --samples {input.samples} --out {params.folder} > {log} 2>&1"
+        "python -m repose shape_cell --config {params.config:q} --cell {wildcards.cell:q} --berry {input.berry:q}"
+        " --samples {input.samples:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 checkpoint shape_selection:
@@ -73,7 +73,7 @@ checkpoint shape_selection:
     message:
         "Selecting the finalists of the shape study"
     shell:
-        "python -m repose shape_selection {input.cells} --config {params.config} --out {params.folder} > {log} 2>&1"
+        "python -m repose shape_selection {input.cells:q} --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 rule shape_tables:
@@ -100,8 +100,8 @@ rule shape_tables:
     message:
         "Judging the finalists of the shape study"
     shell:
-        "python -m repose shape_study {input.first} {input.second} --finalists {input.finalists}"
-        " --config {params.config} --out {params.folder} > {log} 2>&1"
+        "python -m repose shape_study {input.first:q} {input.second:q} --finalists {input.finalists:q}"
+        " --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 rule draw_shape_study:
@@ -128,8 +128,8 @@ rule draw_shape_study:
     message:
         "Drawing the shape study"
     shell:
-        "python -m repose figure shape_study --config {params.config} --out {output}"
-        " --input combinations={input.combinations} --input sets={input.sets} > {log} 2>&1"
+        "python -m repose figure shape_study --config {params.config:q} --out {output:q}"
+        " --input combinations={input.combinations:q} --input sets={input.sets:q} > {log:q} 2>&1"
 
 
 rule shape_study:

@@ -20,7 +20,7 @@ rule noise_tables:
     message:
         "Noise of the runs within and between samples"
     shell:
-        "python -m repose noise --config {params.config} --runs {input.runs} --out {params.folder} > {log} 2>&1"
+        "python -m repose noise --config {params.config:q} --runs {input.runs:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 rule posterior_tables:
@@ -49,9 +49,9 @@ rule posterior_tables:
     message:
         "Posterior of the parameters given the physical measurements"
     shell:
-        "python -m repose posterior --config {params.config} --network {input.network}"
-        " --predictions {input.predictions} --dataset {input.dataset} --runs {input.runs}"
-        " --feasible {input.feasible} --table3 {input.table3} --out {params.folder} > {log} 2>&1"
+        "python -m repose posterior --config {params.config:q} --network {input.network:q}"
+        " --predictions {input.predictions:q} --dataset {input.dataset:q} --runs {input.runs:q}"
+        " --feasible {input.feasible:q} --table3 {input.table3:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 rule sensitivity_tables:
@@ -74,8 +74,8 @@ rule sensitivity_tables:
     message:
         "Sobol indices and main effects on the surrogate"
     shell:
-        "python -m repose sensitivity --config {params.config} --network {input.network} --out {params.folder}"
-        " > {log} 2>&1"
+        "python -m repose sensitivity --config {params.config:q} --network {input.network:q} --out {params.folder:q}"
+        " > {log:q} 2>&1"
 
 
 # Each figure: its folder, its name in the report, and what it shows.
@@ -145,13 +145,13 @@ for figure, (where, label, shown) in UNCERTAINTY_FIGURES.items():
         params:
             config=CONFIG,
             figure=figure,
-            inputs=[f"--input {key}={path}" for key, path in shown.items()],
+            inputs=[f"--input={key}={path}" for key, path in shown.items()],
             depends=sections("small_run", "parameters", "targets"),
         message:
             "Drawing {params.figure}"
         shell:
-            "python -m repose figure {params.figure} --config {params.config} {params.inputs} --out {output}"
-            " > {log} 2>&1"
+            "python -m repose figure {params.figure:q} --config {params.config:q} {params.inputs:q} --out {output:q}"
+            " > {log:q} 2>&1"
 
 
 # The first lines name what the tables are made from, so that a lost file is made again.
