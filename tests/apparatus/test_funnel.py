@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -175,6 +176,15 @@ def test_a_pile_without_a_flank_says_so():
     record, _ = run_once(funnel.BENCH, small(berries=4), named(CENTRE), 5, particle(), BERRY)
     assert record["status"] == "no_flank"
     assert record["reason"]
+
+
+@pytest.mark.parametrize(("in_pile", "on_plate"), [(3, 57), (2, 15), (1, 1), (9, 9), (28, 57), (0, 60)])
+def test_berries_that_lie_apart_are_no_pile(in_pile, on_plate):
+    poured = funnel.pour(small(), named(CENTRE), 5, particle(), BERRY)
+    apart = replace(poured, in_pile=np.arange(60) < in_pile, on_plate=np.arange(60) < on_plate)
+    status, reason = funnel.status_of(apart, small())
+    assert status == "no_flank"
+    assert f"{in_pile} of {on_plate} berries touch each other" in reason
 
 
 def test_a_job_writes_what_it_returns(tmp_path):

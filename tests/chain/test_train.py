@@ -60,7 +60,9 @@ def write_tables(folder, samples=40, seeds=4):
         se = y.std(axis=0, ddof=1) / np.sqrt(seeds) if seeds > 1 else (np.nan, np.nan)
         status = "jammed" if i == 3 else "ok"
         mean = y.mean(axis=0) if status == "ok" else (np.nan, np.nan)
-        rows.append((i + 1, *U[i], status, seeds, mean[0], se[0], mean[1], se[1]))
+        rows.append(
+            (i + 1, *(0.5 + 0.4 * U[i]), status, seeds * (status == "ok"), mean[0], se[0], mean[1], se[1])
+        )
         runs.extend((i + 1, k, status, *y[k]) for k in range(seeds))
     columns = [
         "sample",

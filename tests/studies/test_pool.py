@@ -21,7 +21,7 @@ def tables(tmp_path_factory):
 
 def test_both_sets_lie_in_the_ranges_and_are_numbered_from_one(tables):
     folder, sets = tables
-    assert sorted(path.name for path in folder.iterdir()) == ["fresh_samples.csv", "samples.csv"]
+    assert sorted(path.name for path in folder.glob("*.csv")) == ["fresh_samples.csv", "samples.csv"]
     for name, count in (("pool", 40), ("fresh", 8)):
         assert sets[name]["sample"].tolist() == list(range(1, count + 1))
         for parameter, (low, high) in RANGES.items():

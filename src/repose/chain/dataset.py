@@ -193,9 +193,32 @@ def read_definitions(dataset_csv: str | os.PathLike) -> tuple[Definitions, Path]
         Empty where no summary lies beside the dataset, or where the summary has none.
     summary : pathlib.Path
     """
+    summary, path = read_summary(dataset_csv)
+    return summary.get("definitions", {}), path
+
+
+def read_summary(dataset_csv: str | os.PathLike) -> tuple[dict[str, Any], Path]:
+    """The summary beside a dataset.
+
+    Parameters
+    ----------
+    dataset_csv : path
+
+    Returns
+    -------
+    summary : dict
+        Empty where there is none.
+    path : pathlib.Path
+        Its file.
+
+    Raises
+    ------
+    InputError
+        If it is no summary.
+    """
     path = Path(dataset_csv)
     path = path.with_name(f"{path.stem}{SUMMARY}")
-    return (read_json(path).get("definitions", {}) if path.is_file() else {}), path
+    return (read_json(path, what="the summary of a dataset") if path.is_file() else {}), path
 
 
 def read_jobs(

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from repose.chain.dataset import read_definitions
+from repose.chain.tables import read_dataset, read_runs
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
 from repose.core.parameters import PARAMETERS
@@ -151,7 +152,7 @@ def run(
         For a bad file, a dataset with other definitions, or fewer than 12 usable samples.
     """
     dataset = read_dataset(dataset_csv, targets)
-    runs = read_table(runs_csv, ("sample", "status", *targets.names))
+    runs = read_runs(runs_csv, targets, dataset, dataset_csv)
     found, summary_json = read_definitions(dataset_csv)
     require_same_definitions(found, summary_json, definitions or {}, source)
     training = train(dataset, runs, targets, settings, definitions or found, dataset_csv)
@@ -161,26 +162,6 @@ def run(
     write_table(out / "predictions.csv", training.predictions)
     write_table(out / "starts.csv", training.starts)
     return training.metrics
-
-
-def read_dataset(dataset_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
-    """The table of samples with its parameters, status, responses and errors.
-
-    Parameters
-    ----------
-    dataset_csv : path
-    targets : Targets
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or its content is bad.
-    """
-    return read_table(dataset_csv, ("sample", *PARAMETERS, "status", *targets.names, *targets.errors))
 
 
 def restore(

@@ -9,6 +9,9 @@ from repose.cli.registry import Family, Option
 from repose.config import loader
 from repose.core.errors import InputError
 
+# From a microscope's pixel to a heap of a hall [mm].
+SCALES = (1e-3, 100.0)
+
 family = Family()
 
 
@@ -19,6 +22,11 @@ family = Family()
         Option("picture", help="side view of a pile: PNG, JPEG, TIFF or BMP"),
         Option(
             "--mm-per-pixel", type=float, required=True, help="scale of the picture: millimetres per pixel"
+        ),
+        Option(
+            "--base-row",
+            type=float,
+            help="row of the plate in pixels from the top, where a shadow hides the pile's foot (its lowest row)",
         ),
         Option("--overlay", help="picture with the fitted lines (beside the picture, NAME_overlay.png)"),
         Option("--berry", help="berry.json with the mean axes (those of the configuration)"),
@@ -35,13 +43,19 @@ def measure(args):
     if overlay.resolve() == source.resolve():
         raise InputError("command line", "--overlay", args.overlay, "another file than the picture")
     check_replaceable(overlay)
+    low, high = SCALES
+    if not low <= args.mm_per_pixel <= high:
+        raise InputError(
+            "command line", "--mm-per-pixel", args.mm_per_pixel, f"a number from {low:g} to {high:g}"
+        )
     config = loader.load_over_defaults(args.config)
     how = pile.MeasureSettings.of(config["measure"], _axes(args.berry, config))
     image = pile.read_image(args.picture)
     try:
-        measured = pile.measure_image(image, args.mm_per_pixel, how)
+        measured = pile.measure_image(image, args.mm_per_pixel, how, base_row=args.base_row)
     except pile.NoFlankError as error:
-        allowed = "a pile with two flanks, seen from the side"
+        write_image(overlay, drawing.overlay_of_failure(image, how, args.base_row))
+        allowed = f"a pile with two flanks, seen from the side; {overlay} shows what was taken for the pile"
         raise InputError(args.picture, "pile", str(error), allowed) from None
     write_image(overlay, drawing.overlay(image, measured))
     values = measured.record()
@@ -53,6 +67,8 @@ def measure(args):
     for name in pile.DEFINITIONS:
         angle, mark = measured.angles.get(name), "  <- response" if name == how.response else ""
         print(f"{name:>10}: {f'{angle.aor_deg:.2f} deg{mark}' if angle else measured.reasons[name]}")
+    if how.berry_height_mm is not None:
+        print(f"height of a berry: {how.berry_height_mm:.2f} mm, of {args.berry or args.config}")
     print(f"fitted lines: {overlay}")
 
 

@@ -6,6 +6,7 @@ file, what is wrong in it, what was found and what is allowed.
 """
 
 import csv
+import io
 import json
 import os
 import zipfile
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from repose.core.errors import InputError
 from repose.core.ledger import write_whole
+from repose.core.parameters import PARAMETERS
 
 if TYPE_CHECKING:
     import numpy as np
@@ -38,6 +40,8 @@ __all__ = [
 
 Path_ = str | os.PathLike
 UNREADABLE = (OSError, EOFError, ValueError, zipfile.BadZipFile, zlib.error)
+COUNTS = ("sample", "seed", "n_seeds", "round", "low", "high")
+UNITS = ("deg", "mm", "m", "s", "g", "kg", "n", "j", "pa", "percent")
 KINDS = {int: "an integer", float: "a number", str: "a text", list: "a list", dict: "a mapping"}
 
 
@@ -136,14 +140,14 @@ def write_image(path: Path_, picture: "np.ndarray") -> None:
 
 
 def read_table(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file") -> "pd.DataFrame":
-    """Read a CSV file.
+    """Read a CSV file in UTF-8, with or without a mark of its byte order.
 
     Parameters
     ----------
     path : path
         The file.
     columns : iterable of str
-        Columns that it must have; it may have more.
+        Columns that it must have; it may have more. Where `is_number`, each cell is a finite number or empty.
     what : str
         What the file should be, for the error.
 
@@ -154,17 +158,62 @@ def read_table(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file
     Raises
     ------
     InputError
-        If the file cannot be read, or a column is missing.
+        If the file cannot be read, a column is missing or stands there twice, a row is shorter or longer than the
+        header, or a cell that must be a number is none.
     """
     # pandas costs time at start-up that a pour should not pay
+    import numpy as np
     import pandas as pd
 
+    text, _ = _rows(path, columns, what)
     try:
-        table = pd.read_csv(path)
+        table = pd.read_csv(io.StringIO(text))
     except UNREADABLE as error:
         raise InputError(path, "table", str(error), what) from error
-    check_columns(path, table, columns)
+    for column in filter(is_number, columns):
+        numbers = pd.to_numeric(table[column], errors="coerce")
+        bad = ~np.isfinite(numbers.to_numpy(float)) & table[column].notna().to_numpy()
+        if bad.any():
+            row = int(bad.argmax())
+            value = table[column].tolist()[row]
+            raise InputError(f"{path}, row {row + 1}", column, value, "a finite number, or nothing")
+        table[column] = numbers
     return table
+
+
+def is_number(column: str) -> bool:
+    """Whether the cells of a column are numbers: a contact parameter, a quantity with its unit, a count or a number.
+
+    Parameters
+    ----------
+    column : str
+        Its name.
+
+    Returns
+    -------
+    bool
+    """
+    return column in COUNTS or column in PARAMETERS or (column.rpartition("_")[2] in UNITS and "_" in column)
+
+
+def _rows(path, columns, what):
+    """The text of a CSV file, and its rows as lists of text: a header with names that differ, then rows as long."""
+    try:
+        text = Path(path).read_bytes().decode("utf-8-sig")
+        rows = [row for row in csv.reader(io.StringIO(text, newline=""), strict=True) if row]
+    except (*UNREADABLE, csv.Error) as error:
+        raise InputError(path, "table", str(error), what) from error
+    if "\0" in text:
+        raise InputError(path, "table", "a byte of zero", what)
+    header = rows[0] if rows else []
+    for column in header:
+        if header.count(column) > 1:
+            raise InputError(path, "header", column, "each column once")
+    check_columns(path, header, columns)
+    for number, row in enumerate(rows[1:], start=1):
+        if len(row) != len(header):
+            raise InputError(f"{path}, row {number}", "cells", len(row), f"{len(header)}, as in the header")
+    return text, rows
 
 
 def read_rows(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file") -> list[dict[str, str]]:
@@ -188,15 +237,8 @@ def read_rows(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file"
     InputError
         As in `read_table`.
     """
-    try:
-        with Path(path).open(encoding="utf-8", newline="") as lines:
-            rows = csv.DictReader(lines)
-            header = rows.fieldnames or []
-            content = list(rows)
-    except (*UNREADABLE, csv.Error) as error:
-        raise InputError(path, "table", str(error), what) from error
-    check_columns(path, header, columns)
-    return content
+    _, rows = _rows(path, columns, what)
+    return [dict(zip(rows[0], row, strict=True)) for row in rows[1:]]
 
 
 def read_json(
@@ -225,8 +267,8 @@ def read_json(
         If the file cannot be read, holds no mapping, or a key is missing or of another type.
     """
     try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-    except UNREADABLE as error:
+        content = json.loads(Path(path).read_bytes().decode("utf-8-sig"))
+    except (*UNREADABLE, RecursionError) as error:
         raise InputError(path, "content", str(error), what) from error
     if not isinstance(content, dict):
         raise InputError(path, "content", content, what)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from repose.core.errors import NoFlankError
 from repose.measure.pile import Measurement, MeasureSettings, measure_segmented, with_response
 from repose.measure.segmentation import segment
 
@@ -25,11 +26,7 @@ def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
     numpy.ndarray of uint8, (H, W, 3)
         Blue first.
     """
-    picture = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image.copy()
-    thick = max(1, round(max(picture.shape) / 500))
-    outline = np.zeros(picture.shape[:2], np.uint8)
-    outline[measurement.contour[:, 1], measurement.contour[:, 0]] = 1
-    picture[cv2.dilate(outline, np.ones((thick, thick), np.uint8)) > 0] = YELLOW
+    picture, thick = _outlined(image, measurement.contour)
     right_end, base = picture.shape[1] - 1, measurement.base_row
     column, top = measurement.top
     draw_line(picture, (0, base - thick / 2), (right_end, base - thick / 2), BLUE, thick)
@@ -38,6 +35,40 @@ def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
     for (below, above), colour in zip(measurement.lines, (RED, GREEN), strict=True):
         draw_line(picture, below, above, colour, 2 * thick)
     return picture
+
+
+def overlay_of_failure(image: np.ndarray, settings: MeasureSettings, base_row: float | None) -> np.ndarray:
+    """The picture with the boundary of what was taken for the pile, where no angle could be measured.
+
+    Parameters
+    ----------
+    image : numpy.ndarray of uint8, (H, W) or (H, W, 3)
+        Blue first.
+    settings : MeasureSettings
+    base_row : float or None
+        As in `repose.measure.pile.measure_image`.
+
+    Returns
+    -------
+    numpy.ndarray of uint8, (H, W, 3)
+        Blue first; without a boundary where nothing was found.
+    """
+    try:
+        mask = segment(image, settings.largest_pile_only, base_row).mask
+    except NoFlankError:
+        return _outlined(image, np.empty((0, 2), int))[0]
+    contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
+    return _outlined(image, np.concatenate(contours)[:, 0, :])[0]
+
+
+def _outlined(image, contour):
+    """A copy of the picture in colours with a boundary drawn into it, and the thickness of its lines."""
+    picture = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR) if image.ndim == 2 else image.copy()
+    thick = max(1, round(max(picture.shape) / 500))
+    outline = np.zeros(picture.shape[:2], np.uint8)
+    outline[contour[:, 1], contour[:, 0]] = 1
+    picture[cv2.dilate(outline, np.ones((thick, thick), np.uint8)) > 0] = YELLOW
+    return picture, thick
 
 
 def draw_line(picture: np.ndarray, start: tuple, end: tuple, colour: tuple, thickness: int) -> None:

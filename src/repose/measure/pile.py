@@ -22,7 +22,7 @@ from repose.core.errors import InputError, NoFlankError
 from repose.measure.angles import DEFINITIONS, measure_sides
 from repose.measure.profile_points import FLANK_RULES
 from repose.measure.results import Angle, Measurement, PileResult
-from repose.measure.segmentation import Segmentation, segment, upper_edge
+from repose.measure.segmentation import Segmentation, require_upright, segment, upper_edge
 from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import (
     ConvexBody,
@@ -82,10 +82,12 @@ def measure_image(
     InputError
         If an argument cannot be used.
     NoFlankError
-        If the response cannot be measured.
+        If the picture shows the pile cut off at its top or upside down, or the response cannot be measured.
     """
     settings = replace(settings or MeasureSettings(), mm_per_pixel=mm_per_pixel)
-    return with_response(measure_segmented(segment(image, settings.largest_pile_only, base_row), settings))
+    pile = segment(image, settings.largest_pile_only, base_row)
+    require_upright(pile.mask)
+    return with_response(measure_segmented(pile, settings))
 
 
 def with_response(measurement: Measurement) -> Measurement:
@@ -190,7 +192,10 @@ def read_image(path: str | PathLike) -> np.ndarray:
     content = np.frombuffer(path.read_bytes(), dtype=np.uint8)
     if content.size == 0:
         raise InputError(path, "picture", "an empty file", "a picture file (PNG, JPEG, TIFF, BMP)")
-    image = cv2.imdecode(content, cv2.IMREAD_COLOR)
+    try:
+        image = cv2.imdecode(content, cv2.IMREAD_COLOR)
+    except cv2.error:  # a header that promises more pixels than OpenCV takes
+        image = None
     if image is None:
         raise InputError(path, "picture", "not a picture", "a picture file (PNG, JPEG, TIFF, BMP)")
     return image

@@ -14,6 +14,8 @@ from repose.core.errors import InputError, NoFlankError
 # Simulations run side by side, one a core: OpenCV's own threads would only fight over them.
 cv2.setNumThreads(1)
 
+HIGHEST_CENTROID = 0.55  # over the base, relative to the height of the pile; a rectangle has 0.5
+
 
 @dataclass(frozen=True)
 class Segmentation:
@@ -299,6 +301,30 @@ def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
     filled = np.zeros_like(mask)
     cv2.drawContours(filled, [contours[i] for i in kept], -1, 1, cv2.FILLED)
     return filled
+
+
+def require_upright(mask: np.ndarray) -> None:
+    """Refuse a pile whose top is not seen, or that stands on its top.
+
+    Parameters
+    ----------
+    mask : numpy.ndarray of uint8, (H, W)
+        1 where the pile is.
+
+    Raises
+    ------
+    NoFlankError
+        If the pile touches the picture's upper border, or if most of it lies high: the centroid of a triangle, and of
+        any pile that widens downward, is below the middle of its height.
+    """
+    if mask[0].any():
+        raise NoFlankError("the pile runs out of the picture at the top: its crest is not seen")
+    rows = np.flatnonzero(mask.any(axis=1))
+    centroid = np.average(np.arange(len(mask)), weights=mask.sum(axis=1, dtype=float))
+    if (rows[-1] - centroid) > HIGHEST_CENTROID * (rows[-1] - rows[0]):
+        raise NoFlankError(
+            "most of the pile lies in its upper half: the picture is upside down, or shows no pile"
+        )
 
 
 def upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.ndarray:

@@ -1,0 +1,135 @@
+"""The tables of a study, read again: whole, of one study, and in themselves consistent.
+
+A table that was cut, or that stands beside the runs of another study, has all its columns; only its rows tell.
+"""
+
+import os
+
+import numpy as np
+import pandas as pd
+
+from repose.chain.dataset import read_summary
+from repose.core.errors import InputError
+from repose.core.files import read_table
+from repose.core.parameters import PARAMETERS, check_value
+from repose.core.targets import Targets
+
+AGREEMENT = 1e-6  # of a mean with the mean of its runs, relative to the mean
+
+
+def read_dataset(dataset_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
+    """The table of samples with its parameters, status, responses and errors.
+
+    Parameters
+    ----------
+    dataset_csv : path
+        What the verb dataset wrote. Where its summary lies beside it, that tells how many rows there are.
+    targets : Targets
+
+    Returns
+    -------
+    pandas.DataFrame
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, rows are missing, a sample stands there twice, a parameter is beyond what the
+        contact law can take, or an ok sample has no response or one beyond the response's limits.
+    """
+    dataset = read_table(
+        dataset_csv, ("sample", *PARAMETERS, "status", "n_seeds", *targets.names, *targets.errors)
+    )
+    _check_count(dataset, dataset_csv, dataset_csv, "samples")
+    _refuse_twice(dataset, ["sample"], dataset_csv)
+    for row, values in enumerate(dataset[list(PARAMETERS)].itertuples(index=False), start=1):
+        for name, value in zip(PARAMETERS, values, strict=True):
+            check_value(name, value, f"{dataset_csv}, row {row}")
+    _check_responses(dataset, targets, dataset_csv)
+    return dataset
+
+
+def read_runs(
+    runs_csv: str | os.PathLike, targets: Targets, dataset: pd.DataFrame, dataset_csv: str | os.PathLike
+) -> pd.DataFrame:
+    """The table of single runs that a table of samples was made from.
+
+    Parameters
+    ----------
+    runs_csv : path
+        What the verb dataset wrote.
+    targets : Targets
+    dataset : pandas.DataFrame
+        Of `read_dataset`.
+    dataset_csv : path
+        Its file.
+
+    Returns
+    -------
+    pandas.DataFrame
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, a run stands there twice, an ok run has no response or one beyond the response's
+        limits, or the runs are not those of the samples: other samples, other numbers of ok runs, or other means.
+    """
+    runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
+    several = "apparatus" in runs
+    _refuse_twice(runs, ["sample", "seed", *(["apparatus"] if several else [])], runs_csv)
+    if not several:
+        _check_responses(runs, targets, runs_csv)
+    _check_count(runs, runs_csv, dataset_csv, "runs")
+    strange = sorted(set(runs["sample"]) ^ set(dataset["sample"]))
+    if strange:
+        raise InputError(runs_csv, "sample", strange[0], f"the samples of {dataset_csv}, all of them")
+    if not several:
+        _check_means(runs, dataset, targets, runs_csv, dataset_csv)
+    return runs
+
+
+def _check_means(runs, dataset, targets, runs_csv, dataset_csv):
+    """Refuse runs whose numbers or means are not those of the samples."""
+    ok = runs[runs["status"] == "ok"].groupby("sample")
+    of_runs = ok[list(targets.names)].mean().reindex(dataset["sample"])
+    count = ok.size().reindex(dataset["sample"], fill_value=0)
+    for sample, n, n_seeds in zip(dataset["sample"], count, dataset["n_seeds"], strict=True):
+        if n != n_seeds:
+            allowed = f"{n_seeds:g}, the n_seeds of this sample in {dataset_csv}"
+            raise InputError(f"{runs_csv}, sample {sample}", "ok runs", int(n), allowed)
+    usable = (dataset["status"] == "ok").to_numpy()
+    for name in targets.names:
+        told, found = dataset[name].to_numpy(float)[usable], of_runs[name].to_numpy(float)[usable]
+        wrong = ~(np.abs(found - told) <= AGREEMENT * np.maximum(1.0, np.abs(told)))
+        if wrong.any():
+            k = int(wrong.argmax())
+            sample = dataset["sample"][usable].iloc[k]
+            allowed = f"{told[k]:.6g}, its mean in {dataset_csv}"
+            raise InputError(f"{runs_csv}, sample {sample}", f"mean of {name}", float(found[k]), allowed)
+
+
+def _check_responses(table, targets, path):
+    """Refuse an ok row without a response, or with one beyond the response's limits."""
+    ok = table["status"] == "ok"
+    for target in targets:
+        name, low, high = target.name, target.response.low, target.response.high
+        wrong = ok & ~table[name].between(low, high)
+        if wrong.any():
+            row = int(wrong.to_numpy().argmax())
+            allowed = f"a number from {low:g} to {high:g}, as the status is ok"
+            raise InputError(f"{path}, row {row + 1}", name, float(table[name].iloc[row]), allowed)
+
+
+def _refuse_twice(table, columns, path):
+    """Refuse rows that are there twice, by these columns."""
+    twice = table[columns].duplicated()
+    if twice.any():
+        row = int(twice.to_numpy().argmax())
+        value = table[columns].iloc[row].tolist()
+        raise InputError(f"{path}, row {row + 1}", " and ".join(columns), value, "each once")
+
+
+def _check_count(table, path, dataset_csv, key):
+    """Refuse a table with another number of rows than the dataset's summary tells."""
+    summary, summary_json = read_summary(dataset_csv)
+    if key in summary and len(table) != summary[key]:
+        raise InputError(path, "rows", len(table), f"{summary[key]}, the {key} of {summary_json}")
