@@ -134,8 +134,8 @@ rule rule_graph:
         "The workflow's own graph"
     shell:
         # the order of the rules follows the hashes of their names
-        "PYTHONHASHSEED=0 python -m snakemake calibration --snakefile {params.snakefile:q} --configfile {params.config:q}"
-        " --rulegraph > {output.dot:q} 2> {log:q}"
+        "PYTHONHASHSEED=0 python -m snakemake calibration --snakefile {params.snakefile:q}"
+        " --configfile {params.config:q} --rulegraph > {output.dot:q} 2> {log:q}"
 
 
 for figure, (label, shown, depends) in FIGURES.items():

@@ -73,7 +73,8 @@ checkpoint shape_selection:
     message:
         "Selecting the finalists of the shape study"
     shell:
-        "python -m repose shape_selection {input.cells:q} --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"
+        "python -m repose shape_selection {input.cells:q} --config {params.config:q} --out {params.folder:q}"
+        " > {log:q} 2>&1"
 
 
 rule shape_tables:
