@@ -21,6 +21,8 @@ CREATED = 1e-5  # the free rotation between two hits keeps its energy to some 1e
 HIT = 0.999  # an impact is one that has taken this share of the energy
 SPHERE_M = (0.007, 0.007, 0.007)
 ELASTIC_NOTE = "R* turns with the ellipsoids: the potential is not exactly conservative"
+WALL_NOTE = "R* jumps where the cone passes into its edge and follows the body on the cone; also of spheres"
+MUCH = 1.05  # a throw that gains more than this ratio is counted
 SPACING, LANE = 0.2, 12  # distance of isolated impacts [m] and how many of them lie in a row
 
 
@@ -278,7 +280,7 @@ def energy_of_hits(effort: Effort) -> Result:
 
 
 def elastic_impacts(effort: Effort) -> Result:
-    """How far the force is from conservative: pairs with e = 1 and without friction; spheres as a control.
+    """How far the force is from conservative: e = 1 and no friction; pairs, spheres as a control, and a funnel.
 
     Parameters
     ----------
@@ -313,6 +315,12 @@ def elastic_impacts(effort: Effort) -> Result:
                 rows.append(reported(f"{name}: {what} of energy", "%", value, ELASTIC_NOTE))
         ordered = np.sort(change)
         curves.append(Curve(name, ordered, np.linspace(0.0, 1.0, len(ordered)), line=True))
+    for kind in ("cone", "rim"):
+        rng = np.random.default_rng([17, len(kind)])
+        ends = np.concatenate([funnel_hits(rng, frictionless(), kind)[1] for _ in range(effort.hits)])
+        gain, share = 100.0 * (ends.max() - 1.0), 100.0 * np.mean(ends > MUCH)
+        rows.append(reported(f"berries at the {kind}: largest gain of energy", "%", gain, WALL_NOTE))
+        rows.append(reported(f"berries at the {kind}: throws that gain more than 5 %", "%", share, WALL_NOTE))
     panel = Panel("change of kinetic energy (%)", "share of the impacts below", tuple(curves))
     return Result(
         "Elastic impacts of berries: the known exception",
