@@ -318,7 +318,7 @@ def elastic_impacts(effort: Effort) -> Result:
     for kind in ("cone", "rim"):
         rng = np.random.default_rng([17, len(kind)])
         ends = np.concatenate([funnel_hits(rng, frictionless(), kind)[1] for _ in range(effort.hits)])
-        gain, share = 100.0 * (ends.max() - 1.0), 100.0 * np.mean(ends > MUCH)
+        gain, share = 100.0 * (ends.max() - 1.0), 100.0 * float(np.mean(ends > MUCH))
         rows.append(reported(f"berries at the {kind}: largest gain of energy", "%", gain, WALL_NOTE))
         rows.append(reported(f"berries at the {kind}: throws that gain more than 5 %", "%", share, WALL_NOTE))
     panel = Panel("change of kinetic energy (%)", "share of the impacts below", tuple(curves))
