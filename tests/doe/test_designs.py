@@ -101,7 +101,13 @@ def test_box_behnken_is_balanced(factors):
     assert np.allclose(means, means[0])
 
 
-@pytest.mark.parametrize(("factors", "centres"), [(2, None), (8, None), (4, 4), (4, 0), (3, 0)])
+def test_centre_runs_are_spread_over_the_blocks():
+    design, blocks = box_behnken(4, centres=5)
+    assert len(design) == 29
+    assert [(design[blocks == number] == 0).all(axis=1).sum() for number in (1, 2, 3)] == [2, 2, 1]
+
+
+@pytest.mark.parametrize(("factors", "centres"), [(2, None), (8, None), (4, 2), (3, 0)])
 def test_box_behnken_refuses(factors, centres):
     with pytest.raises(ValueError, match="allowed"):
         box_behnken(factors, centres)

@@ -22,6 +22,7 @@ from repose.cli import (
     run,
     services,
     shapes,
+    strategies,
     uncertainty,
 )
 from repose.cli.registry import PROGRAM
@@ -39,6 +40,7 @@ FAMILIES = (
     uncertainty,
     responses,
     refinement,
+    strategies,
     comparison,
     pictures,
     services,

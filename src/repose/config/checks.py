@@ -137,6 +137,7 @@ def _contradictions(config):
         yield "network.split", "three shares that sum to 1, those of training and test above 0"
     yield from _surrogate_contradictions(config)
     yield from _seed_contradictions(config)
+    yield from _strategy_contradictions(config)
     design, further = config["design"]["samples"], config["second_responses"]
     if further["drum_samples"] > design:
         yield "second_responses.drum_samples", f"at most design.samples, {design}"
@@ -157,6 +158,23 @@ def _surrogate_contradictions(config):
     if config["surrogate"] == "quadratic" and training < needed:
         allowed = "network or gaussian_process where design.samples times the first of network.split is below"
         yield "surrogate", f"{allowed} {needed}"
+
+
+def _strategy_contradictions(config):
+    """A response surface of too few factors, or a screening of too few runs."""
+    if config["strategy"] != "response_surface":
+        return
+    section, free = config["response_surface"], ParameterSpace.of(config["parameters"]).dimensions
+    name = section["surface"]
+    fewest, centres = (3, 3) if name == "box_behnken" else (2, 1)
+    if free < fewest:
+        yield "response_surface.surface", f"a design for {free} free parameters; {name} needs {fewest}"
+    if section["most_factors"] < fewest:
+        yield "response_surface.most_factors", f"at least {fewest} where surface is {name}"
+    if section["screening_runs"] < free + 2:
+        yield "response_surface.screening_runs", f"at least {free + 2} for {free} free parameters"
+    if section["centres"] < centres:
+        yield "response_surface.centres", f"at least {centres} where surface is {name}"
 
 
 def _seed_contradictions(config):

@@ -21,7 +21,7 @@ WRITTEN = (
     *("config.json", "dataset.csv", "dataset_summary.json", "runs.csv", "snapshot.txt"),
     *("benchmarks", "berry", "comparison", "cylinder_runs", "design", "drum", "drum_runs", "figures", "film"),
     *("heaps", "logs", "measure", "measurement_study", "miga", "network", "noise", "pool", "posterior"),
-    *("refined", "responses", "sensitivity", "shape", "tables", "validation", "warm_up"),
+    *("refined", "response_surface", "responses", "sensitivity", "shape", "tables", "validation", "warm_up"),
 )
 Faults = Iterator[tuple[str, str]]
 

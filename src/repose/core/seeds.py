@@ -16,6 +16,7 @@ PURPOSES = {
     "fresh": 7,
     "shape_fresh": 10,
     "shape_bulk": 11,
+    "response_surface": 12,
 }
 
 

@@ -33,7 +33,8 @@ def box_behnken(factors: int, centres: int | None = None) -> tuple[np.ndarray, n
     factors : int
         3 to 7.
     centres : int, optional
-        Centre runs of the whole design, at least one for each block; as printed by default.
+        Centre runs of the whole design, at least one for each block; as printed by default. They are spread over the
+        blocks, which are orthogonal where each gets equally many.
 
     Returns
     -------
@@ -56,8 +57,8 @@ def box_behnken(factors: int, centres: int | None = None) -> tuple[np.ndarray, n
         raise ValueError(f"{factors} factors; allowed: 3 to 7")
     parts = BLOCKS[factors]
     centres = CENTRES[factors] if centres is None else centres
-    if centres < len(parts) or centres % len(parts):
-        raise ValueError(f"{centres} centre runs; allowed: a multiple of the {len(parts)} blocks")
+    if centres < len(parts):
+        raise ValueError(f"{centres} centre runs; allowed: at least {len(parts)}, one for each block")
     rows, blocks = [], []
     for number, part in enumerate(parts, start=1):
         for together in part:
@@ -65,6 +66,7 @@ def box_behnken(factors: int, centres: int | None = None) -> tuple[np.ndarray, n
             run = np.zeros((len(signs), factors))
             run[:, np.array(together) - 1] = signs
             rows.append(run)
-        rows.append(np.zeros((centres // len(parts), factors)))
-        blocks += [number] * (sum(2 ** len(one) for one in part) + centres // len(parts))
+        middle = centres // len(parts) + (number <= centres % len(parts))
+        rows.append(np.zeros((middle, factors)))
+        blocks += [number] * (sum(2 ** len(one) for one in part) + middle)
     return np.vstack(rows), np.array(blocks)

@@ -1,0 +1,109 @@
+"""Verbs of the response surface strategy: each step's analysis writes what the next one pours."""
+
+from pathlib import Path
+
+from repose.cli.registry import Family, Option
+from repose.config import loader
+from repose.core.parameter_space import ParameterSpace
+from repose.core.targets import Targets
+
+FOLDER = "results/response_surface"
+
+family = Family()
+
+
+def _options(step):
+    """Files of a step."""
+    return [
+        Option("--samples", default=f"{FOLDER}/{step}/samples.csv", help="what the step poured"),
+        Option("--dataset", default=f"{FOLDER}/{step}/dataset.csv", help="what the verb dataset wrote of it"),
+    ]
+
+
+def _read(args):
+    """Space, targets and section of a configuration."""
+    config = loader.load(args.config)
+    space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
+    return space, targets, config["response_surface"]
+
+
+@family.verb(
+    "response surface: list the parameter sets of the Plackett-Burman screening",
+    example="--config config/quick.yaml",
+    out=f"{FOLDER}/screening",
+)
+def response_design(args):
+    from repose.strategies.response_surface import files
+
+    space, _, section = _read(args)
+    files.run_design(space, section, Path(args.out) / "samples.csv")
+
+
+@family.verb(
+    "response surface: analyse the screening, choose the parameters that matter, list the steepest ascent",
+    example=f"--out {FOLDER}/screening",
+    out=f"{FOLDER}/screening",
+    options=[
+        *_options("screening"),
+        Option("--next", default=f"{FOLDER}/ascent/samples.csv", help="samples of the ascent, to write"),
+    ],
+)
+def response_screening(args):
+    from repose.strategies.response_surface import files
+
+    found = files.run_screening(args.samples, args.dataset, *_read(args), args.out, args.next)
+    print(f"kept {', '.join(found['kept'])}; dropped {', '.join(found['dropped']) or 'none'}")
+
+
+@family.verb(
+    "response surface: find the best point of the ascent, list the design around it",
+    example=f"--out {FOLDER}/ascent",
+    out=f"{FOLDER}/ascent",
+    options=[
+        *_options("ascent"),
+        Option("--next", default=f"{FOLDER}/surface/samples.csv", help="samples of the surface, to write"),
+    ],
+)
+def response_ascent(args):
+    from repose.strategies.response_surface import files
+
+    points = files.run_ascent(args.samples, args.dataset, *_read(args), args.out, args.next)
+    best = points[points["best"]].iloc[0]
+    print(f"sample {best['sample']:g} is nearest to the targets, {best['error_percent']:.2f} % off")
+
+
+@family.verb(
+    "response surface: fit the surfaces, analyse their variance, find their optimum",
+    example=f"--out {FOLDER}/surface",
+    out=f"{FOLDER}/surface",
+    options=[
+        *_options("surface"),
+        Option("--next", default=f"{FOLDER}/check/samples.csv", help="samples of the check, to write"),
+    ],
+)
+def response_surface(args):
+    from repose.strategies.response_surface import files
+
+    found = files.run_surface(args.samples, args.dataset, *_read(args), args.out, args.next)
+    print(f"the surfaces {'meet' if found['met'] else 'do not meet'} the targets: {found['parameters']}")
+
+
+@family.verb(
+    "response surface: compare the simulated optimum with its prediction and the targets",
+    example=f"{FOLDER}/check/runs.csv",
+    out=f"{FOLDER}/check",
+    options=[
+        Option("runs", nargs="+", help="runs.csv of all steps, to count the pours"),
+        Option("--predictions", default=f"{FOLDER}/surface/predictions.csv", help="of the optimum"),
+        Option("--optimum", default=f"{FOLDER}/surface/optimum.json", help="of the surface"),
+        Option("--dataset", default=f"{FOLDER}/check/dataset.csv", help="of the check"),
+    ],
+)
+def response_check(args):
+    from repose.strategies.response_surface import files
+
+    _, targets, _ = _read(args)
+    given = (args.predictions, args.optimum, args.dataset, args.runs)
+    table = files.run_check(*given, targets, args.out)
+    for row in table.to_dict("records"):
+        print(f"{row['response']}: {row['simulated']:.2f}, {row['deviation_percent']:+.2f} % off the target")

@@ -1,0 +1,158 @@
+"""Figures of the response surface strategy: Pareto charts, perturbation plots, contours."""
+
+from collections.abc import Mapping
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from repose.core.files import read_json, read_table
+from repose.core.parameters import SYMBOLS
+from repose.core.targets import Target
+from repose.doe.model import Model
+from repose.strategies.response_surface.screening import models_of
+
+from . import style
+
+GRID = 60
+
+
+def pareto(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
+    """Standardised effects of a step, the largest first, with the limits of significance.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Path of ``effects``, of the verbs response_screening and response_surface.
+    config : mapping
+        The whole configuration.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A panel for each response.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    columns = ("response", "term", "coefficient", "t", "limit_t", "limit_bonferroni")
+    effects, targets = read_table(inputs["effects"], columns), style.targets_of(config)
+    terms = len(effects) // len(targets)
+    figure = style.new_figure(style.PAGE, 1.0 + 0.19 * terms)
+    panels = figure.subplots(1, len(targets), squeeze=False)[0]
+    for panel, target in zip(panels, targets, strict=True):
+        own = effects[effects["response"] == target.name].sort_values("t")
+        rising = own["coefficient"] > 0
+        colours = np.where(rising, style.ORANGE, style.BLUE)
+        panel.barh([_words(term) for term in own["term"]], own["t"], color=colours, height=0.7)
+        for name, line, words in (("t", "--", "5 % for one term"), ("bonferroni", "-", "5 % for all terms")):
+            panel.axvline(own[f"limit_{name}"].iloc[0], color=style.BLACK, ls=line, lw=0.8, label=words)
+        panel.set_title(f"{target.response.symbol}: orange raises it, blue lowers it")
+        panel.set_xlabel("|t| of the effect")
+    panels[-1].legend(loc="lower right")
+    return figure
+
+
+def perturbation(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
+    """Each response over one factor after the other, the others at the centre of the surface's design.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of ``samples`` and ``dataset`` of the surface.
+    config : mapping
+        The whole configuration.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A panel for each response.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read.
+    """
+    targets, models = _models(inputs, config)
+    figure = style.new_figure(style.PAGE, 2.9)
+    panels = figure.subplots(1, len(models), squeeze=False)[0]
+    coded = np.linspace(-1, 1, GRID)
+    for panel, target, model in zip(panels, targets, models, strict=True):
+        for k, name in enumerate(model.factors):
+            points = np.zeros((GRID, len(model.factors)))
+            points[:, k] = coded
+            panel.plot(coded, model.predict(points), label=SYMBOLS[name], **style.series(k))
+        panel.axhline(target.aim, color=style.GREY, lw=0.8)
+        panel.set(xlabel="factor (coded)", ylabel=f"{target.response.symbol} ({target.response.unit})")
+    panels[-1].legend(loc="best")
+    return figure
+
+
+def contours(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
+    """Contours of each response over every pair of factors, the others at the optimum.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of ``samples``, ``dataset`` and ``optimum`` of the surface.
+    config : mapping
+        The whole configuration.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A row for each response, a column for each pair.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read.
+    """
+    targets, models = _models(inputs, config)
+    best = read_json(inputs["optimum"], ("coded",), "what the verb response_surface wrote")["coded"]
+    pairs = list(combinations(range(len(models[0].factors)), 2))
+    width = style.PAGE * max(1.0, len(pairs) / 3)
+    figure = style.new_figure(width, 2.3 * len(models))
+    panels = figure.subplots(len(models), len(pairs), squeeze=False)
+    for row, target, model in zip(panels, targets, models, strict=True):
+        point = np.array([best[name] for name in model.factors])
+        for panel, pair in zip(row, pairs, strict=True):
+            _contour(panel, model, target, pair, point)
+    return figure
+
+
+def _contour(panel: Axes, model: Model, target: Target, pair: tuple[int, int], point: np.ndarray) -> None:
+    """One response over two factors; the thick line is its target, the star the optimum."""
+    axis = np.linspace(-1, 1, GRID)
+    across, up = np.meshgrid(axis, axis)
+    points = np.repeat(point[None], GRID * GRID, axis=0)
+    points[:, pair[0]], points[:, pair[1]] = across.ravel(), up.ravel()
+    values = model.predict(points).reshape(GRID, GRID)
+    panel.contourf(across, up, values, levels=12, cmap="viridis", alpha=0.85)
+    lines = panel.contour(across, up, values, levels=6, colors="white", linewidths=0.5)
+    panel.clabel(lines, fontsize=5.5)
+    if values.min() < target.aim < values.max():
+        panel.contour(across, up, values, levels=[target.aim], colors=style.BLACK, linewidths=1.4)
+    panel.plot(point[pair[0]], point[pair[1]], "*", ms=8, mfc=style.ORANGE, mec=style.BLACK, mew=0.5)
+    names = [SYMBOLS[model.factors[k]] for k in pair]
+    panel.set(xlabel=f"{names[0]} (coded)", ylabel=f"{names[1]} (coded)")
+    panel.set_title(f"{target.response.symbol} ({target.response.unit})")
+
+
+def _models(inputs, config):
+    """Targets, and the surfaces that were fitted."""
+    table, dataset = (pd.DataFrame(read_table(inputs[name], ("sample",))) for name in ("samples", "dataset"))
+    targets = style.targets_of(config)
+    return targets, models_of(table, dataset, targets, "quadratic")
+
+
+def _words(term):
+    """A term with the parameters' symbols."""
+    if term.endswith("^2"):
+        return f"{SYMBOLS[term[:-2]]}²"
+    return " × ".join(SYMBOLS[name] for name in term.split("*"))

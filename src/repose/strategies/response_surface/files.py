@@ -1,0 +1,231 @@
+"""The response surface strategy on files: each step reads what the one before wrote."""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from repose.core.errors import InputError
+from repose.core.files import read_json, read_table, write_json, write_table
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
+from repose.core.targets import Targets
+from repose.strategies.response_surface import screening, surface
+from repose.strategies.response_surface.steps import CODED
+
+Path_ = str | os.PathLike
+
+
+def run_design(space: ParameterSpace, section: Mapping[str, Any], out_csv: Path_) -> pd.DataFrame:
+    """Write the samples of the screening; return them.
+
+    Parameters
+    ----------
+    space : ParameterSpace
+    section : mapping
+        `response_surface` of the configuration.
+    out_csv : path
+
+    Returns
+    -------
+    pandas.DataFrame
+    """
+    table = screening.design(space, section)
+    write_table(out_csv, table)
+    return table
+
+
+def run_screening(
+    samples_csv: Path_,
+    dataset_csv: Path_,
+    space: ParameterSpace,
+    targets: Targets,
+    section: Mapping[str, Any],
+    out_dir: Path_,
+    ascent_csv: Path_,
+) -> dict[str, Any]:
+    """Write the screening's tables and the samples of the ascent; return which parameters go on.
+
+    Parameters
+    ----------
+    samples_csv, dataset_csv : path
+        Of the screening.
+    space, targets, section
+        Of the configuration.
+    out_dir : path
+        For anova.csv, effects.csv, statistics.csv and screening.json.
+    ascent_csv : path
+
+    Returns
+    -------
+    dict
+        ``kept`` and ``dropped``.
+
+    Raises
+    ------
+    InputError
+        For a bad file, or too few usable samples.
+    """
+    table, dataset = _step(samples_csv, dataset_csv, targets)
+    models = _models(table, dataset, targets, "linear", dataset_csv)
+    kept = screening.kept_factors(models, section)
+    try:
+        path = screening.path(models, kept, space, targets, section)
+    except ValueError as error:
+        raise InputError(dataset_csv, "targets", str(error), "a way towards the targets") from None
+    _write(screening.analysis(models, targets), out_dir)
+    found = {"kept": kept, "dropped": [name for name in space.free if name not in kept]}
+    write_json(Path(out_dir) / "screening.json", found)
+    write_table(ascent_csv, path)
+    return found
+
+
+def run_ascent(
+    samples_csv: Path_,
+    dataset_csv: Path_,
+    space: ParameterSpace,
+    targets: Targets,
+    section: Mapping[str, Any],
+    out_dir: Path_,
+    surface_csv: Path_,
+) -> pd.DataFrame:
+    """Write the walked path, path.csv, and the samples of the surface; return the path.
+
+    Parameters
+    ----------
+    samples_csv, dataset_csv : path
+        Of the ascent.
+    space, targets, section
+        Of the configuration.
+    out_dir, surface_csv : path
+
+    Returns
+    -------
+    pandas.DataFrame
+
+    Raises
+    ------
+    InputError
+        For a bad file, or no usable sample.
+    """
+    table, dataset = _step(samples_csv, dataset_csv, targets)
+    points = surface.walked(table, dataset, targets)
+    write_table(Path(out_dir) / "path.csv", points)
+    write_table(surface_csv, surface.design(points, space, section))
+    return points
+
+
+def run_surface(
+    samples_csv: Path_,
+    dataset_csv: Path_,
+    space: ParameterSpace,
+    targets: Targets,
+    section: Mapping[str, Any],
+    out_dir: Path_,
+    check_csv: Path_,
+) -> dict[str, Any]:
+    """Write the surface's tables, its optimum and the samples of the check; return the optimum.
+
+    Parameters
+    ----------
+    samples_csv, dataset_csv : path
+        Of the surface.
+    space, targets, section
+        Of the configuration.
+    out_dir : path
+        For anova.csv, effects.csv, statistics.csv, predictions.csv and optimum.json.
+    check_csv : path
+
+    Returns
+    -------
+    dict
+        ``parameters``, ``coded``, ``met``, whether the surfaces meet the targets, and ``desirability``.
+
+    Raises
+    ------
+    InputError
+        For a bad file, or too few usable samples.
+    """
+    table, dataset = _step(samples_csv, dataset_csv, targets)
+    models = _models(table, dataset, targets, "quadratic", dataset_csv)
+    best = surface.best_point(models, targets)
+    check = surface.check_samples(table, best, space, section)
+    out = Path(out_dir)
+    _write(screening.analysis(models, targets), out)
+    write_table(out / "predictions.csv", surface.predictions(models, best, targets, section["checks"]))
+    found = {
+        "parameters": check.loc[0, list(PARAMETERS)].astype(float).to_dict(),
+        "coded": dict(zip(models[0].factors, best.coded.tolist(), strict=True)),
+        "met": best.met,
+        "desirability": best.desirability,
+    }
+    write_json(out / "optimum.json", found)
+    write_table(check_csv, check)
+    return found
+
+
+def run_check(
+    predictions_csv: Path_,
+    optimum_json: Path_,
+    dataset_csv: Path_,
+    runs_csvs: Sequence[Path_],
+    targets: Targets,
+    out_dir: Path_,
+) -> pd.DataFrame:
+    """Write check.csv and summary.json; return the former.
+
+    Parameters
+    ----------
+    predictions_csv, optimum_json : path
+        Of `run_surface`.
+    dataset_csv : path
+        Of the check.
+    runs_csvs : sequence of path
+        Single runs of all steps, which are counted.
+    targets : Targets
+    out_dir : path
+
+    Returns
+    -------
+    pandas.DataFrame
+        Of `repose.strategies.response_surface.surface.checked`.
+
+    Raises
+    ------
+    InputError
+        For a bad file.
+    """
+    columns = ("response", "target", "predicted", "low", "high")
+    predicted = read_table(predictions_csv, columns)
+    best = read_json(optimum_json, ("parameters", "met"), "what the verb response_surface wrote")
+    dataset = read_table(dataset_csv, ("sample", "status", *targets.names))
+    table = surface.checked(predicted, dataset)
+    write_table(Path(out_dir) / "check.csv", table)
+    pours = sum(len(read_table(path, ("sample", "status"))) for path in runs_csvs)
+    summary = {"solution": best["parameters"], "surfaces_meet_targets": best["met"], "pours": pours}
+    write_json(Path(out_dir) / "summary.json", summary)
+    return table
+
+
+def _step(samples_csv, dataset_csv, targets):
+    """Samples and dataset of a step."""
+    table = read_table(samples_csv, ("sample", *PARAMETERS))
+    if not any(name.startswith(CODED) for name in table):
+        raise InputError(samples_csv, "columns", list(table), f"at least one that begins with {CODED}")
+    return table, read_table(dataset_csv, ("sample", "status", *PARAMETERS, *targets.names))
+
+
+def _models(table, dataset, targets, order, source):
+    """Models of a step, or InputError where its samples do not determine them."""
+    try:
+        return screening.models_of(table, dataset, targets, order)
+    except ValueError as error:
+        raise InputError(source, "samples that are ok", str(error), "enough for the model") from None
+
+
+def _write(tables, out_dir):
+    """The tables of an analysis."""
+    for name, one in tables._asdict().items():
+        write_table(Path(out_dir) / f"{name}.csv", one)

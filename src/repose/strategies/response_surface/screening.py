@@ -1,0 +1,167 @@
+"""First step: which parameters matter, by a Plackett-Burman design over the whole ranges; then the path of ascent."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from repose.core.parameter_space import ParameterSpace
+from repose.core.targets import Targets
+from repose.doe import ascent
+from repose.doe.anova import anova, effects, limits, statistics
+from repose.doe.model import Model, fit
+from repose.doe.plackett_burman import plackett_burman
+from repose.strategies.response_surface.steps import (
+    CODED,
+    aims_of,
+    factors_of,
+    fewest_factors,
+    samples,
+    scale_of,
+    usable,
+)
+
+
+class Analysis(NamedTuple):
+    """Tables of the models of one step, a block of rows for each response.
+
+    Attributes
+    ----------
+    anova, effects, statistics : pandas.DataFrame
+        As `repose.doe.anova` gives them, with the column response first; the effects also have the chart's two limits.
+    """
+
+    anova: pd.DataFrame
+    effects: pd.DataFrame
+    statistics: pd.DataFrame
+
+
+def design(space: ParameterSpace, section: Mapping[str, Any]) -> pd.DataFrame:
+    """The screening's samples: every free parameter at one end of its range.
+
+    Parameters
+    ----------
+    space : ParameterSpace
+    section : mapping
+        `response_surface` of the configuration.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Of `repose.strategies.response_surface.steps.samples`.
+    """
+    coded = plackett_burman(space.dimensions, section["screening_runs"])
+    return samples("screening", space, (1 + coded) / 2, space.free, coded)
+
+
+def models_of(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, order: str) -> list[Model]:
+    """A polynomial for each response of a step.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Samples of the step, with coded columns.
+    dataset : pandas.DataFrame
+        Their means over the pours; only samples that are ok count.
+    targets : Targets
+    order : str
+        As for `repose.doe.model.fit`.
+
+    Returns
+    -------
+    list of Model
+
+    Raises
+    ------
+    ValueError
+        If too few samples are usable.
+    """
+    runs, factors = usable(table, dataset), factors_of(table)
+    coded = runs[[CODED + name for name in factors]].to_numpy(float)
+    return [fit(coded, runs[one.name].to_numpy(float), factors, order) for one in targets]
+
+
+def analysis(models: list[Model], targets: Targets) -> Analysis:
+    """The tables of a step's models.
+
+    Parameters
+    ----------
+    models : list of Model
+        One for each target.
+    targets : Targets
+
+    Returns
+    -------
+    Analysis
+    """
+    tables: dict[str, list[pd.DataFrame]] = {"anova": [], "effects": [], "statistics": []}
+    for target, model in zip(targets, models, strict=True):
+        found = {
+            "anova": anova(model),
+            "effects": effects(model).assign(**{f"limit_{k}": v for k, v in limits(model).items()}),
+            "statistics": pd.DataFrame([statistics(model)]),
+        }
+        for name, one in found.items():
+            one.insert(0, "response", target.name)
+            tables[name].append(one)
+    return Analysis(*(pd.concat(tables[name], ignore_index=True) for name in Analysis._fields))
+
+
+def kept_factors(models: list[Model], section: Mapping[str, Any]) -> list[str]:
+    """The parameters that go on: significant for at least one response, the most significant first.
+
+    Where fewer are significant than the surface needs, the next ones are taken; where more are than
+    `most_factors`, the last ones are dropped.
+
+    Parameters
+    ----------
+    models : list of Model
+        Linear, one for each response.
+    section : mapping
+        `response_surface` of the configuration.
+
+    Returns
+    -------
+    list of str
+    """
+    tables = [effects(one).set_index("term")["p"] for one in models]
+    best = pd.concat(tables, axis=1).min(axis=1).reindex(models[0].factors).sort_values(kind="stable")
+    count = int((best < section["significance"]).sum())
+    count = min(max(count, fewest_factors(section)), section["most_factors"])
+    return list(best.index[:count])
+
+
+def path(
+    models: list[Model], kept: list[str], space: ParameterSpace, targets: Targets, section: Mapping[str, Any]
+) -> pd.DataFrame:
+    """Samples of the steepest ascent: from the centre of the ranges towards the targets, to the edge of the ranges.
+
+    Parameters
+    ----------
+    models : list of Model
+        Linear, one for each response.
+    kept : list of str
+        Of `kept_factors`; the others stay at the centre of their ranges.
+    space : ParameterSpace
+    targets : Targets
+    section : mapping
+        `response_surface` of the configuration.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Of `repose.strategies.response_surface.steps.samples`.
+
+    Raises
+    ------
+    ValueError
+        If the models know no way towards the targets.
+    """
+    order = [models[0].factors.index(name) for name in kept]
+    slopes = np.array([one.coefficients[order] for one in models])
+    missing = aims_of(targets) - np.array([one.constant for one in models])
+    coded = ascent.path(ascent.towards(slopes, missing, scale_of(targets)), section["steps"])
+    unit = np.full((len(coded), space.dimensions), 0.5)
+    unit[:, [space.free.index(name) for name in kept]] += coded / 2
+    return samples("ascent", space, unit, kept, coded)

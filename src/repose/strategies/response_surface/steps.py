@@ -1,0 +1,152 @@
+"""Steps of the response surface strategy, and how their samples are numbered: 1001 and on, 2001 and on, ..."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
+from repose.core.targets import Targets
+
+STEPS = ("screening", "ascent", "surface", "check")
+OF_A_STEP = 1000
+CODED = "coded_"  # before a parameter's name: its column in coded units
+
+
+def numbers(step: str, count: int) -> list[int]:
+    """Numbers of a step's samples.
+
+    Parameters
+    ----------
+    step : str
+        One of `STEPS`.
+    count : int
+
+    Returns
+    -------
+    list of int
+    """
+    first = OF_A_STEP * (STEPS.index(step) + 1) + 1
+    return list(range(first, first + count))
+
+
+def samples(
+    step: str, space: ParameterSpace, unit: np.ndarray, factors: Sequence[str], coded: np.ndarray
+) -> pd.DataFrame:
+    """What a step pours.
+
+    Parameters
+    ----------
+    step : str
+        One of `STEPS`.
+    space : ParameterSpace
+    unit : numpy.ndarray, (n, d)
+        Free parameters in the unit cube.
+    factors : sequence of str
+        Parameters that the step varies.
+    coded : numpy.ndarray, (n, factors)
+        The same runs in coded units.
+
+    Returns
+    -------
+    pandas.DataFrame
+        sample, the six parameters, and the factors in coded units.
+    """
+    table = pd.DataFrame(space.values(unit), columns=list(PARAMETERS))
+    table.insert(0, "sample", numbers(step, len(unit)))
+    for name, column in zip(factors, np.asarray(coded).T, strict=True):
+        table[CODED + name] = column
+    return table
+
+
+def factors_of(table: pd.DataFrame) -> tuple[str, ...]:
+    """Parameters that a step varied.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Of `samples`.
+
+    Returns
+    -------
+    tuple of str
+    """
+    return tuple(name.removeprefix(CODED) for name in table if name.startswith(CODED))
+
+
+def usable(table: pd.DataFrame, dataset: pd.DataFrame, source: object = "dataset") -> pd.DataFrame:
+    """The samples of a step whose pours gave a pile, with their responses.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Of `samples`.
+    dataset : pandas.DataFrame
+        Of their pours.
+    source : object
+        Where the dataset stands, for the error.
+
+    Returns
+    -------
+    pandas.DataFrame
+
+    Raises
+    ------
+    InputError
+        If a sample is not in the dataset, or none is usable.
+    """
+    missing = sorted(set(table["sample"]) - set(dataset["sample"]))
+    if missing:
+        raise InputError(source, "sample", missing, "all samples of the step")
+    coded = [name for name in table if name.startswith(CODED)]
+    joined = table[["sample", *coded]].merge(dataset, on="sample")
+    found = joined[joined["status"] == "ok"].reset_index(drop=True)
+    if found.empty:
+        raise InputError(source, "status", sorted(set(dataset["status"])), "at least one sample that is ok")
+    return found
+
+
+def scale_of(targets: Targets) -> np.ndarray:
+    """What a miss of each target is measured by: the aim divided by the root of its weight.
+
+    Parameters
+    ----------
+    targets : Targets
+
+    Returns
+    -------
+    numpy.ndarray, (responses,)
+    """
+    return np.array([one.aim / np.sqrt(one.weight) for one in targets])
+
+
+def aims_of(targets: Targets) -> np.ndarray:
+    """What each response shall be.
+
+    Parameters
+    ----------
+    targets : Targets
+
+    Returns
+    -------
+    numpy.ndarray, (responses,)
+    """
+    return np.array([one.aim for one in targets])
+
+
+def fewest_factors(section: Mapping[str, Any]) -> int:
+    """Fewest factors that a surface can have.
+
+    Parameters
+    ----------
+    section : mapping
+        `response_surface` of the configuration.
+
+    Returns
+    -------
+    int
+    """
+    return 3 if section["surface"] == "box_behnken" else 2

@@ -1,0 +1,209 @@
+"""Second and third step: a second-order design about the best point of the path, its models and their optimum."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
+from repose.core.targets import Targets
+from repose.doe.box_behnken import box_behnken
+from repose.doe.central_composite import central_composite
+from repose.doe.model import Model
+from repose.doe.optimum import Optimum, optimum
+from repose.strategies.response_surface.steps import aims_of, factors_of, samples, scale_of, usable
+
+LEVEL = 0.95  # of the intervals
+
+
+def walked(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets) -> pd.DataFrame:
+    """The path of ascent with its relative errors.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Samples of the path.
+    dataset : pandas.DataFrame
+        Of their pours.
+    targets : Targets
+
+    Returns
+    -------
+    pandas.DataFrame
+        The usable points, with ``error_percent``, the weighted root mean square of the relative misses, and ``best``.
+    """
+    points = usable(table, dataset)
+    weights = np.array([one.weight for one in targets])
+    off = points[list(targets.names)].to_numpy(float) / aims_of(targets) - 1
+    points["error_percent"] = 100 * np.sqrt((weights * off**2).sum(axis=1) / weights.sum())
+    points["best"] = points.index == points["error_percent"].idxmin()
+    return points
+
+
+def design(points: pd.DataFrame, space: ParameterSpace, section: Mapping[str, Any]) -> pd.DataFrame:
+    """Samples of the surface, about the best point of the path.
+
+    The outermost level of a factor lies `reach` of its range from the centre. Where that would leave the range, the
+    centre is moved.
+
+    Parameters
+    ----------
+    points : pandas.DataFrame
+        Of `walked`.
+    space : ParameterSpace
+    section : mapping
+        `response_surface` of the configuration.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Of `repose.strategies.response_surface.steps.samples`.
+    """
+    factors, reach = factors_of(points), section["reach"]
+    if section["surface"] == "box_behnken":
+        coded, outermost = box_behnken(len(factors), section["centres"])[0], 1.0
+    else:
+        coded, outermost = central_composite(len(factors), section["surface"], section["centres"])
+    middle = space.unit(points.loc[points["best"], list(PARAMETERS)].to_numpy(float))
+    places = [space.free.index(name) for name in factors]
+    unit = np.repeat(middle, len(coded), axis=0)
+    unit[:, places] = np.clip(middle[:, places], reach, 1 - reach) + reach / outermost * coded
+    return samples("surface", space, unit, factors, coded)
+
+
+def best_point(models: list[Model], targets: Targets) -> Optimum:
+    """Where the surfaces meet the targets, inside the cube of the design.
+
+    Parameters
+    ----------
+    models : list of Model
+        Quadratic, one for each target.
+    targets : Targets
+
+    Returns
+    -------
+    Optimum
+    """
+    low, high = (np.array([getattr(one, end) for one in targets]) for end in ("low", "high"))
+    return optimum(models, aims_of(targets), scale_of(targets), low, high)
+
+
+def natural_unit(table: pd.DataFrame, point: np.ndarray, space: ParameterSpace) -> np.ndarray:
+    """A point of the surface in the unit cube of the ranges.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Samples of the surface.
+    point : numpy.ndarray, (factors,)
+        In coded units.
+    space : ParameterSpace
+
+    Returns
+    -------
+    numpy.ndarray, (1, d)
+    """
+    factors = factors_of(table)
+    unit = space.unit(table[list(PARAMETERS)].to_numpy(float))
+    found = unit[:1].copy()
+    for name, value in zip(factors, point, strict=True):
+        # every factor has a low and a high level, and levels are a straight line of the coded ones
+        place, coded = space.free.index(name), table[f"coded_{name}"].to_numpy(float)
+        low, high = coded.argmin(), coded.argmax()
+        slope = (unit[high, place] - unit[low, place]) / (coded[high] - coded[low])
+        found[0, place] = unit[low, place] + slope * (value - coded[low])
+    return found
+
+
+def check_samples(
+    table: pd.DataFrame, best: Optimum, space: ParameterSpace, section: Mapping[str, Any]
+) -> pd.DataFrame:
+    """Samples of the check: the optimum, several times.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Samples of the surface.
+    best : Optimum
+    space : ParameterSpace
+    section : mapping
+        `response_surface` of the configuration.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Of `repose.strategies.response_surface.steps.samples`.
+    """
+    count = section["checks"]
+    unit = np.repeat(natural_unit(table, best.coded, space), count, axis=0)
+    return samples("check", space, unit, factors_of(table), np.repeat(best.coded[None], count, axis=0))
+
+
+def predictions(models: list[Model], best: Optimum, targets: Targets, runs: int) -> pd.DataFrame:
+    """What the surfaces say of their optimum.
+
+    Parameters
+    ----------
+    models : list of Model
+        One for each target.
+    best : Optimum
+    targets : Targets
+    runs : int
+        Of how many runs the check takes the mean.
+
+    Returns
+    -------
+    pandas.DataFrame
+        response, target, predicted, standard_error of the predicted mean, its 95 % interval mean_low to mean_high, and
+        the interval low to high in which the mean of the check lies with 95 % probability if the model is right.
+    """
+    rows = []
+    for target, model in zip(targets, models, strict=True):
+        df = int(model.ols.df_resid)
+        mean, error = (
+            float(model.predict(best.coded[None])[0]),
+            float(model.standard_error(best.coded[None])[0]),
+        )
+        t = float(stats.t.ppf((1 + LEVEL) / 2, df)) if df else np.nan
+        whole = np.sqrt(error**2 + (model.ols.mse_resid if df else np.nan) / runs)
+        rows.append(
+            {
+                "response": target.name,
+                "target": target.aim,
+                "predicted": mean,
+                "standard_error": error,
+                "mean_low": mean - t * error,
+                "mean_high": mean + t * error,
+                "low": mean - t * whole,
+                "high": mean + t * whole,
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def checked(predicted: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
+    """The optimum as it was simulated again.
+
+    Parameters
+    ----------
+    predicted : pandas.DataFrame
+        Of `predictions`.
+    dataset : pandas.DataFrame
+        Of the check's pours.
+
+    Returns
+    -------
+    pandas.DataFrame
+        `predicted` with simulated and simulated_error, its standard error over the check's runs; deviation_percent
+        from the target; and as_predicted, whether the mean lies from low to high.
+    """
+    found, ok = predicted.copy(), dataset[dataset["status"] == "ok"]
+    values = ok[list(found["response"])].to_numpy(float)
+    found["simulated"] = values.mean(axis=0) if len(ok) else np.nan
+    found["simulated_error"] = values.std(axis=0, ddof=1) / np.sqrt(len(ok)) if len(ok) > 1 else np.nan
+    found["deviation_percent"] = 100 * (found["simulated"] / found["target"] - 1)
+    found["as_predicted"] = found["simulated"].between(found["low"], found["high"])
+    return found

@@ -1,0 +1,53 @@
+"""A simulator in one line for the response surface strategy: two responses that three parameters set."""
+
+import numpy as np
+
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
+from repose.core.targets import Targets
+
+RANGES = {
+    "e_gg": [0.1, 0.4],
+    "mus_gg": [0.35, 0.75],
+    "mur_gg": [0.02, 0.07],
+    "e_gp": [0.2, 0.5],
+    "mus_gp": [0.4, 0.8],
+    "mur_gp": [0.1, 0.3],
+}
+SPACE = ParameterSpace.of(RANGES)
+# What `responses` gives at mus_gg 0.61, mur_gg 0.05, mus_gp 0.68.
+TARGETS = Targets.of(
+    [
+        {"response": "aor_deg", "value": 33.89, "sd": 2.0, "repetitions": 10, "range": [32, 36]},
+        {"response": "height_mm", "value": 65.28, "sd": 4.0, "repetitions": 10, "range": [62, 68]},
+    ]
+)
+SECTION = {
+    "seeds": 3,
+    "screening_runs": 12,
+    "significance": 0.05,
+    "most_factors": 4,
+    "steps": 5,
+    "surface": "box_behnken",
+    "centres": 5,
+    "reach": 0.25,
+    "checks": 8,
+}
+MATTER = {"mus_gg", "mur_gg", "mus_gp"}
+
+
+def responses(table, noise=0.0, seed=1):
+    """Angle and Height of parameter sets, with noise in percent: friction and rolling friction set both."""
+    unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
+    friction, rolling, plate = unit[:, 1], unit[:, 2], unit[:, 4]
+    angle = 24 + 7 * friction + 8 * rolling - 2.5 * rolling**2 + 1.5 * plate + friction * rolling
+    height = 50 + 11 * friction + 9 * rolling + 6 * plate - 3 * plate**2
+    values = np.column_stack([angle, height])
+    return values * (1 + noise / 100 * np.random.default_rng(seed).normal(size=values.shape))
+
+
+def dataset(table, noise=0.0, seed=1):
+    """The dataset of a step's samples, as the verb dataset writes it."""
+    found = table[["sample", *PARAMETERS]].assign(status="ok", reason="", n_seeds=3)
+    found[list(TARGETS.names)] = responses(table, noise, seed)
+    return found.assign(**{name: 0.1 for name in TARGETS.errors})

@@ -1,0 +1,233 @@
+"""The response surface strategy with a simulator of one line: every step is told what the one before found."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.text import Text
+from synthetic import MATTER, RANGES, SECTION, SPACE, TARGETS, dataset, responses
+
+from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
+from repose.doe.optimum import Optimum
+from repose.pictures.figures import response_surface as figures
+from repose.pictures.figures import style
+from repose.strategies.response_surface import files, screening, surface
+from repose.strategies.response_surface.steps import factors_of, numbers
+
+CONFIG = {
+    "targets": [
+        {
+            "response": one.name,
+            "value": one.value,
+            "sd": one.sd,
+            "repetitions": 10,
+            "range": [one.low, one.high],
+        }
+        for one in TARGETS
+    ],
+    "parameters": RANGES,
+}
+
+
+def campaign(folder, noise, section=SECTION, space=SPACE, seed=1):
+    """All steps on files; the summary of the check."""
+    step = {name: folder / name for name in ("screening", "ascent", "surface", "check")}
+    given = (space, TARGETS, section)
+
+    def poured(name):
+        number = list(step).index(name)
+        table = pd.read_csv(step[name] / "samples.csv")
+        dataset(table, noise, [seed, number]).to_csv(step[name] / "dataset.csv", index=False)
+        runs = table.loc[table.index.repeat(section["seeds"]), ["sample"]].assign(status="ok")
+        runs.to_csv(step[name] / "runs.csv", index=False)
+        return step[name] / "samples.csv", step[name] / "dataset.csv"
+
+    files.run_design(space, section, step["screening"] / "samples.csv")
+    files.run_screening(*poured("screening"), *given, step["screening"], step["ascent"] / "samples.csv")
+    files.run_ascent(*poured("ascent"), *given, step["ascent"], step["surface"] / "samples.csv")
+    files.run_surface(*poured("surface"), *given, step["surface"], step["check"] / "samples.csv")
+    poured("check")
+    found = (
+        step["surface"] / "predictions.csv",
+        step["surface"] / "optimum.json",
+        step["check"] / "dataset.csv",
+    )
+    return files.run_check(*found, [one / "runs.csv" for one in step.values()], TARGETS, step["check"])
+
+
+@pytest.fixture(scope="module")
+def noisy(tmp_path_factory):
+    """A campaign with 0.5 % of noise, and its check."""
+    folder = tmp_path_factory.mktemp("noisy")
+    return folder, campaign(folder, 0.5)
+
+
+def test_without_noise_the_optimum_is_the_target(tmp_path):
+    # a surface of second order is the simulator itself inside its design
+    check = campaign(tmp_path, 0.0)
+    assert check["deviation_percent"].abs().max() < 1e-3
+    assert json.loads((tmp_path / "surface/optimum.json").read_text())["met"]
+
+
+def test_the_screening_finds_the_parameters_that_matter(noisy):
+    found = json.loads((noisy[0] / "screening/screening.json").read_text())
+    assert set(found["kept"]) >= MATTER
+    assert found["kept"][0] in {"mus_gg", "mur_gg"}
+    assert set(found["kept"]) | set(found["dropped"]) == set(PARAMETERS)
+
+
+def test_the_ascent_begins_at_the_centre_and_moves_what_was_kept(noisy):
+    path = pd.read_csv(noisy[0] / "ascent/path.csv")
+    kept = factors_of(path)
+    assert path.loc[0, list(PARAMETERS)].to_numpy(float) == pytest.approx(list(SPACE.centre.values()))
+    still = [name for name in PARAMETERS if name not in kept]
+    assert (path[still] == path.loc[0, still]).all(axis=None)
+    coded = path[[f"coded_{name}" for name in kept]]
+    assert np.abs(coded.to_numpy()).max() == pytest.approx(1), "the last step is at the edge of a range"
+    assert path["best"].sum() == 1
+    assert path.loc[path["best"], "error_percent"].iloc[0] == path["error_percent"].min()
+
+
+def test_the_surface_lies_about_the_best_point_inside_the_ranges(noisy):
+    path, table = (pd.read_csv(noisy[0] / name) for name in ("ascent/path.csv", "surface/samples.csv"))
+    unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
+    assert unit.min() > -1e-12
+    assert unit.max() < 1 + 1e-12
+    best = SPACE.unit(path.loc[path["best"], list(PARAMETERS)].to_numpy(float))[0]
+    for name in factors_of(table):
+        k = SPACE.free.index(name)
+        assert np.ptp(unit[:, k]) == pytest.approx(2 * SECTION["reach"])
+        assert unit[:, k].mean() == pytest.approx(np.clip(best[k], 0.25, 0.75))
+
+
+def test_the_check_is_the_optimum_again(noisy):
+    folder, check = noisy
+    table = pd.read_csv(folder / "check/samples.csv")
+    optimum = json.loads((folder / "surface/optimum.json").read_text())
+    assert len(table) == SECTION["checks"]
+    assert (table[list(PARAMETERS)].to_numpy() == np.array(list(optimum["parameters"].values()))).all()
+    assert check["simulated"].to_numpy() == pytest.approx(responses(table)[0], rel=0.01)
+    summary = json.loads((folder / "check/summary.json").read_text())
+    samples = [
+        len(pd.read_csv(folder / name / "samples.csv"))
+        for name in ("screening", "ascent", "surface", "check")
+    ]
+    assert summary["pours"] == 3 * sum(samples)
+
+
+def test_coded_and_natural_optimum_are_the_same_point(noisy):
+    table = pd.read_csv(noisy[0] / "surface/samples.csv")
+    for k in (0, 7, len(table) - 1):
+        coded = table.loc[k, [f"coded_{name}" for name in factors_of(table)]].to_numpy(float)
+        unit = surface.natural_unit(table, coded, SPACE)
+        assert SPACE.values(unit)[0] == pytest.approx(table.loc[k, list(PARAMETERS)].to_numpy(float))
+
+
+def test_the_interval_of_the_check_holds_what_it_says():
+    # a surface of second order is right here, so 95 % of the checks lie inside: 1000 of them, standard error 0.7 %
+    points = pd.DataFrame({"error_percent": [1.0], "best": [True]})
+    points = points.assign(**SPACE.centre, **{f"coded_{name}": 0.0 for name in sorted(MATTER)})
+    table = surface.design(points, SPACE, SECTION)
+    place = np.array([0.3, -0.2, 0.5])
+    best = Optimum(place, np.zeros(2), True, 1.0)
+    check = surface.check_samples(table, best, SPACE, SECTION)
+    inside = []
+    for k in range(500):
+        models = screening.models_of(table, dataset(table, 0.5, [k, 0]), TARGETS, "quadratic")
+        predicted = surface.predictions(models, best, TARGETS, SECTION["checks"])
+        inside.append(surface.checked(predicted, dataset(check, 0.5, [k, 1]))["as_predicted"])
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.021)
+
+
+@pytest.mark.parametrize(("name", "runs"), [("rotatable", 14), ("face_centred", 14)])
+def test_central_composite_surfaces(name, runs, tmp_path):
+    check = campaign(tmp_path, 0.0, SECTION | {"surface": name, "most_factors": 3})
+    table = pd.read_csv(tmp_path / "surface/samples.csv")
+    assert len(table) == runs + SECTION["centres"]
+    unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
+    k = SPACE.free.index(factors_of(table)[0])
+    assert np.ptp(unit[:, k]) == pytest.approx(2 * SECTION["reach"]), "the axial runs lie at the reach"
+    assert check["deviation_percent"].abs().max() < 1e-3
+
+
+def test_a_fixed_parameter_is_no_factor(tmp_path):
+    space = ParameterSpace.of(RANGES | {"e_gg": {"fixed": 0.25}})
+    campaign(tmp_path, 0.2, space=space)
+    for name in ("screening", "ascent", "surface", "check"):
+        table = pd.read_csv(tmp_path / name / "samples.csv")
+        assert (table["e_gg"] == 0.25).all()
+        assert "coded_e_gg" not in table
+
+
+def test_at_least_as_many_factors_as_the_surface_needs_and_no_more_than_allowed():
+    table = screening.design(SPACE, SECTION)
+    models = screening.models_of(table, dataset(table, 0.1), TARGETS, "linear")
+    none = SECTION | {"significance": 1e-30}
+    assert len(screening.kept_factors(models, none)) == 3
+    assert len(screening.kept_factors(models, none | {"surface": "rotatable"})) == 2
+    assert len(screening.kept_factors(models, SECTION | {"significance": 0.999999})) == 4
+
+
+def test_samples_that_gave_no_pile_are_left_out():
+    table = screening.design(SPACE, SECTION)
+    data = dataset(table)
+    data.loc[[0, 5], "status"] = "failed"
+    data.loc[[0, 5], list(TARGETS.names)] = np.nan
+    whole = screening.models_of(table, dataset(table), TARGETS, "linear")
+    fewer = screening.models_of(table, data, TARGETS, "linear")
+    assert len(fewer[0].response) == len(whole[0].response) - 2
+
+
+def test_too_few_piles_are_told_with_their_file(tmp_path):
+    table = screening.design(SPACE, SECTION)
+    data = dataset(table).assign(status=["ok"] * 3 + ["failed"] * 9)
+    table.to_csv(tmp_path / "samples.csv", index=False)
+    data.to_csv(tmp_path / "dataset.csv", index=False)
+    with pytest.raises(InputError, match=r"dataset\.csv.*enough for the model"):
+        files.run_screening(
+            tmp_path / "samples.csv",
+            tmp_path / "dataset.csv",
+            SPACE,
+            TARGETS,
+            SECTION,
+            tmp_path,
+            tmp_path / "next.csv",
+        )
+    data.iloc[:5].to_csv(tmp_path / "dataset.csv", index=False)
+    with pytest.raises(InputError, match="all samples of the step"):
+        files.run_ascent(
+            tmp_path / "samples.csv",
+            tmp_path / "dataset.csv",
+            SPACE,
+            TARGETS,
+            SECTION,
+            tmp_path,
+            tmp_path / "next.csv",
+        )
+
+
+def test_no_two_steps_share_a_sample():
+    steps = [set(numbers(step, 500)) for step in ("screening", "ascent", "surface", "check")]
+    assert len(set().union(*steps)) == 2000
+
+
+def test_figures(noisy):
+    folder = noisy[0]
+    surface_files = {name: str(folder / f"surface/{name}.csv") for name in ("samples", "dataset")}
+    drawings = [
+        (figures.pareto, {"effects": str(folder / "screening/effects.csv")}, 2),
+        (figures.pareto, {"effects": str(folder / "surface/effects.csv")}, 2),
+        (figures.perturbation, surface_files, 2),
+        (figures.contours, surface_files | {"optimum": str(folder / "surface/optimum.json")}, None),
+    ]
+    for function, inputs, panels in drawings:
+        with style.applied():
+            figure = function(inputs, CONFIG)
+            figure.canvas.draw()
+        count = len(factors_of(pd.read_csv(folder / "surface/samples.csv")))
+        assert len(figure.axes) == (panels or count * (count - 1))
+        texts = " ".join(text.get_text() for text in figure.findobj(Text))
+        assert "angle" in texts.lower() or "θ" in texts or "Height" in texts

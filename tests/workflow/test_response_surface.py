@@ -1,0 +1,110 @@
+"""The workflow of `strategy: response_surface`: the points of a step are known when the step before is analysed."""
+
+import json
+import shutil
+
+import pandas as pd
+import pytest
+from plans import planned, snakemake
+from synthetic import SPACE, dataset
+
+from repose.config import loader
+from repose.core.targets import Targets
+from repose.strategies.response_surface import files
+
+pytestmark = pytest.mark.slow
+
+TARGET = ("--", "response_surface")
+
+
+def poured(folder, step, folders=("heaps",)):
+    """Files of a step's pours as if it had run, with responses of a simulator of one line; samples and dataset."""
+    table = pd.read_csv(folder / step / "samples.csv")
+    for name in folders:
+        (folder / step / name).mkdir()
+        for sample in table["sample"]:
+            for kind in ("pours.json", "npz", "json"):
+                (folder / step / name / f"{sample}.{kind}").touch()
+    dataset(table, 0.5).to_csv(folder / step / "dataset.csv", index=False)
+    table.loc[:, ["sample"]].assign(status="ok").to_csv(folder / step / "runs.csv", index=False)
+    (folder / step / "dataset_summary.json").touch()
+    return folder / step / "samples.csv", folder / step / "dataset.csv"
+
+
+def test_each_step_pours_what_the_one_before_found(finished):
+    project, words = finished
+    folder = project / "results/quick/response_surface"
+    config = loader.load(project / "config/quick.yaml")
+    section = config["response_surface"]
+    given = (SPACE, Targets.of(config["targets"]), section)
+
+    jobs = planned(project, *words, *TARGET)
+    assert "pour" not in jobs, "no pour of the published method"
+    assert jobs["response_design"] == 1
+    assert jobs["response_pour"] == jobs["measure_response_runs"] == section["screening_runs"]
+
+    files.run_design(SPACE, section, folder / "screening/samples.csv")
+    step = poured(folder, "screening")
+    files.run_screening(*step, *given, folder / "screening", folder / "ascent/samples.csv")
+    jobs = planned(project, *words, *TARGET)
+    assert "response_screening" not in jobs
+    assert jobs["response_pour"] == section["steps"] + 1
+
+    step = poured(folder, "ascent")
+    files.run_ascent(*step, *given, folder / "ascent", folder / "surface/samples.csv")
+    jobs = planned(project, *words, *TARGET)
+    assert jobs["response_pour"] == 12 + section["centres"], "Box-Behnken in three factors"
+
+    step = poured(folder, "surface")
+    files.run_surface(*step, *given, folder / "surface", folder / "check/samples.csv")
+    jobs = planned(project, *words, *TARGET)
+    assert jobs["response_pour"] == section["checks"]
+
+    poured(folder, "check")
+    jobs = planned(project, *words, *TARGET)
+    assert "response_pour" not in jobs
+    assert {"response_check", "draw_contours"} <= set(jobs)
+    shutil.rmtree(folder)
+
+
+def test_the_strategy_chooses_what_a_study_makes(project):
+    words = ("--configfile", "config/quick.yaml", "--config", "strategy=response_surface")
+    jobs = planned(project, *words)
+    assert jobs["response_pour"] == 8
+    assert not {"pour", "network", "miga", "turn"} & set(jobs)
+    assert "response_pour" not in planned(project, "--configfile", "config/quick.yaml")
+
+
+def test_every_bench_test_of_the_targets_is_run(project):
+    targets = [
+        {"response": name, "apparatus": apparatus, "value": 40, "sd": 2, "repetitions": 5, "range": [38, 42]}
+        for name, apparatus in (("height_mm", "funnel"), ("drum_slip_deg", "drum"))
+    ]
+    (project / "mine.yaml").write_text(json.dumps({"targets": targets}))
+    words = ("--configfile", "config/quick.yaml", "mine.yaml", *TARGET)
+    assert planned(project, *words)["response_pour"] == 16
+    shown = snakemake(project, "-n", "-p", *words).stdout
+    assert "--apparatus drum " in shown
+    assert "--purpose response_surface " in shown
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ("response_surface={screening_runs: 8}", None),
+        ("response_surface={screening_runs: 10}", "screening_runs is 10; allowed: 8 or 12 or 16 or 20 or 24"),
+        (
+            "response_surface={most_factors: 2}",
+            "most_factors is 2; allowed: at least 3 where surface is box_behnken",
+        ),
+        ("response_surface={centres: 2}", "centres is 2; allowed: at least 3 where surface is box_behnken"),
+        ("strategy=guess", "strategy is 'guess'; allowed: published or response_surface"),
+    ],
+)
+def test_what_does_not_fit_is_told_before_any_work(project, changed, told):
+    strategy = () if changed.startswith("strategy") else ("strategy=response_surface",)
+    words = ("--configfile", "config/quick.yaml", "--config", *strategy, changed)
+    done = snakemake(project, "-n", "--quiet", "all", *words)
+    assert (done.returncode == 0) == (told is None), done.stderr
+    if told:
+        assert told in done.stderr

@@ -1,0 +1,302 @@
+# The field's habit: `strategy: response_surface`, or `snakemake --cores 2 response_surface`. Each step pours what the
+# analysis of the one before has written, so these analyses are checkpoints.
+from repose.strategies.response_surface.steps import numbers
+
+HABIT = f"{RESULTS}/response_surface"
+# Analyses that write the samples of a step.
+MAKERS = {
+    "ascent": "response_screening",
+    "surface": "response_ascent",
+    "check": "response_surface_fit",
+}
+
+
+def habit_numbers(step):
+    """Samples of a step: the screening's at once, the others' when the step before is analysed."""
+    if step == "screening":
+        return numbers(step, config["response_surface"]["screening_runs"])
+    return pandas.read_csv(getattr(checkpoints, MAKERS[step]).get().output.samples)[
+        "sample"
+    ]
+
+
+def habit_jobs(wildcards):
+    """Measured jobs of a step."""
+    return [
+        f"{HABIT}/{wildcards.step}/{runs}/{sample}.json"
+        for runs in folders_of_targets()
+        for sample in habit_numbers(wildcards.step)
+    ]
+
+
+def habit_sections(*keys):
+    """What an analysis depends on."""
+    return sections(
+        "targets", "parameters", *(f"response_surface.{key}" for key in keys)
+    )
+
+
+wildcard_constraints:
+    step="screening|ascent|surface|check",
+
+
+rule response_design:
+    output:
+        samples=f"{HABIT}/screening/samples.csv",
+    log:
+        f"{RESULTS}/logs/response_surface/design.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/response_surface/design.tsv"
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("parameters", "response_surface.screening_runs"),
+    message:
+        "Plackett-Burman design of the screening"
+    shell:
+        "python -m repose response_design --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"
+
+
+use rule pour as response_pour with:
+    input:
+        samples=f"{HABIT}/{{step}}/samples.csv",
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+        ready=ancient(rules.warm_up.output.ready),
+    output:
+        pours=f"{HABIT}/{{step}}/{{runs}}/{{job}}.pours.json",
+        berries=f"{HABIT}/{{step}}/{{runs}}/{{job}}.npz",
+    log:
+        f"{RESULTS}/logs/response_surface/{{step}}_{{runs}}_{{job}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/response_surface/{{step}}_{{runs}}_{{job}}.tsv"
+    wildcard_constraints:
+        job=r"\d{4}",
+    params:
+        purpose="response_surface",
+        sample=lambda wildcards: wildcards.job,
+        seeds=config["response_surface"]["seeds"],
+    message:
+        "Pouring sample {wildcards.job} of the {wildcards.step}"
+
+
+use rule measure_runs as measure_response_runs with:
+    input:
+        pours=rules.response_pour.output.pours,
+        berries=rules.response_pour.output.berries,
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+    output:
+        result=f"{HABIT}/{{step}}/{{runs}}/{{job}}.json",
+    log:
+        f"{RESULTS}/logs/response_surface/{{step}}_{{runs}}_{{job}}_measured.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/response_surface/{{step}}_{{runs}}_{{job}}_measured.tsv"
+    wildcard_constraints:
+        job=r"\d{4}",
+    message:
+        "Measuring the runs of sample {wildcards.job} of the {wildcards.step}"
+
+
+use rule dataset as response_dataset with:
+    input:
+        samples=f"{HABIT}/{{step}}/samples.csv",
+        jobs=habit_jobs,
+    output:
+        dataset=f"{HABIT}/{{step}}/dataset.csv",
+        runs=f"{HABIT}/{{step}}/runs.csv",
+        summary=f"{HABIT}/{{step}}/dataset_summary.json",
+    log:
+        f"{RESULTS}/logs/response_surface/{{step}}_dataset.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/response_surface/{{step}}_dataset.tsv"
+    message:
+        "Table of the {wildcards.step}"
+
+
+checkpoint response_screening:
+    input:
+        samples=f"{HABIT}/screening/samples.csv",
+        dataset=f"{HABIT}/screening/dataset.csv",
+    output:
+        samples=f"{HABIT}/ascent/samples.csv",
+        anova=f"{HABIT}/screening/anova.csv",
+        effects=f"{HABIT}/screening/effects.csv",
+        statistics=f"{HABIT}/screening/statistics.csv",
+        kept=f"{HABIT}/screening/screening.json",
+    log:
+        f"{RESULTS}/logs/response_surface/screening.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/response_surface/screening.tsv"
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+        folder=f"{HABIT}/screening",
+        depends=habit_sections("significance", "most_factors", "surface", "steps"),
+    message:
+        "Which parameters matter, and the path of steepest ascent"
+    shell:
+        "python -m repose response_screening --config {params.config:q} --samples {input.samples:q}"
+        " --dataset {input.dataset:q} --next {output.samples:q} --out {params.folder:q} > {log:q} 2>&1"
+
+
+checkpoint response_ascent:
+    input:
+        samples=f"{HABIT}/ascent/samples.csv",
+        dataset=f"{HABIT}/ascent/dataset.csv",
+    output:
+        samples=f"{HABIT}/surface/samples.csv",
+        path=f"{HABIT}/ascent/path.csv",
+    log:
+        f"{RESULTS}/logs/response_surface/ascent.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/response_surface/ascent.tsv"
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+        folder=f"{HABIT}/ascent",
+        depends=habit_sections("surface", "centres", "reach"),
+    message:
+        "The best point of the path, and the design around it"
+    shell:
+        "python -m repose response_ascent --config {params.config:q} --samples {input.samples:q}"
+        " --dataset {input.dataset:q} --next {output.samples:q} --out {params.folder:q} > {log:q} 2>&1"
+
+
+checkpoint response_surface_fit:
+    input:
+        samples=f"{HABIT}/surface/samples.csv",
+        dataset=f"{HABIT}/surface/dataset.csv",
+    output:
+        samples=f"{HABIT}/check/samples.csv",
+        anova=f"{HABIT}/surface/anova.csv",
+        effects=f"{HABIT}/surface/effects.csv",
+        statistics=f"{HABIT}/surface/statistics.csv",
+        predictions=f"{HABIT}/surface/predictions.csv",
+        optimum=f"{HABIT}/surface/optimum.json",
+    log:
+        f"{RESULTS}/logs/response_surface/surface.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/response_surface/surface.tsv"
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+        folder=f"{HABIT}/surface",
+        depends=habit_sections("checks"),
+    message:
+        "The surfaces, their analysis of variance and their optimum"
+    shell:
+        "python -m repose response_surface --config {params.config:q} --samples {input.samples:q}"
+        " --dataset {input.dataset:q} --next {output.samples:q} --out {params.folder:q} > {log:q} 2>&1"
+
+
+rule response_check:
+    input:
+        runs=expand(
+            f"{HABIT}/{{step}}/runs.csv",
+            step=("screening", "ascent", "surface", "check"),
+        ),
+        dataset=f"{HABIT}/check/dataset.csv",
+        predictions=f"{HABIT}/surface/predictions.csv",
+        optimum=f"{HABIT}/surface/optimum.json",
+    output:
+        check=f"{HABIT}/check/check.csv",
+        summary=f"{HABIT}/check/summary.json",
+    log:
+        f"{RESULTS}/logs/response_surface/check.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/response_surface/check.tsv"
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("targets"),
+    message:
+        "The optimum, simulated again, beside its prediction and the targets"
+    shell:
+        "python -m repose response_check {input.runs:q} --config {params.config:q} --dataset {input.dataset:q}"
+        " --predictions {input.predictions:q} --optimum {input.optimum:q} --out {params.folder:q} > {log:q} 2>&1"
+
+
+# Each figure: what it shows, and its inputs.
+HABIT_FIGURES = {
+    "pareto_screening": (
+        "Pareto chart of the screening",
+        {"effects": f"{HABIT}/screening/effects.csv"},
+    ),
+    "pareto_surface": (
+        "Pareto chart of the surface",
+        {"effects": f"{HABIT}/surface/effects.csv"},
+    ),
+    "perturbation": (
+        "Perturbation plot",
+        {
+            "samples": f"{HABIT}/surface/samples.csv",
+            "dataset": f"{HABIT}/surface/dataset.csv",
+        },
+    ),
+    "contours": (
+        "Contours of the surface",
+        {
+            "samples": f"{HABIT}/surface/samples.csv",
+            "dataset": f"{HABIT}/surface/dataset.csv",
+            "optimum": f"{HABIT}/surface/optimum.json",
+        },
+    ),
+}
+
+
+for figure, (shown, inputs) in HABIT_FIGURES.items():
+
+    rule:
+        name:
+            f"draw_{figure}"
+        input:
+            **inputs,
+        output:
+            report(
+                f"{HABIT}/{figure}.png",
+                caption=f"../../report/{figure}.rst",
+                category="Response surface",
+                labels={"figure": shown},
+            ),
+        log:
+            f"{RESULTS}/logs/figures/{figure}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/figures/{figure}.tsv"
+        threads: 1
+        resources:
+            mem_mb=500,
+        params:
+            config=CONFIG,
+            name=figure,
+            inputs=[f"--input={key}={path}" for key, path in inputs.items()],
+            depends=sections("small_run", "targets"),
+        message:
+            f"Drawing {figure}"
+        shell:
+            "python -m repose figure {params.name:q} --config {params.config:q} --out {output:q} {params.inputs:q}"
+            " > {log:q} 2>&1"
+
+
+rule response_surface:
+    input:
+        rules.response_check.output,
+        expand(
+            f"{HABIT}/{{step}}/{{table}}.csv",
+            step=("screening", "surface"),
+            table=("anova", "effects", "statistics"),
+        ),
+        f"{HABIT}/ascent/path.csv",
+        expand(f"{HABIT}/{{figure}}.png", figure=HABIT_FIGURES),
