@@ -47,7 +47,8 @@ def _build(args):
 
     if not (args.axes and args.stl and args.mass_g):
         raise InputError("command line", "berry --axes", args.axes, "together with --mass-g and --stl")
-    density = args.density or loader.load(args.config)["berry"]["density_kg_m3"]
+    given = args.density
+    density = loader.load(args.config)["berry"]["density_kg_m3"] if given is None else given
     details = (args.taper, args.wrinkles, args.wrinkle_depth_mm)
     mesh, number = mesh_from_axes.berry_mesh(args.axes, args.mass_g, density, *details, source="command line")
     write_whole(args.stl, lambda handle: handle.write(mesh.export(file_type="stl")))

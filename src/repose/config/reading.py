@@ -108,13 +108,10 @@ def parse(text: str, name: str) -> Any:
         ) from None
     except yaml.YAMLError as error:  # such as a byte that is no character of a text
         raise InputError(name, "content", " ".join(str(error).split()), "valid YAML") from None
-    except (
-        ValueError,
-        RecursionError,
-        OverflowError,
-    ) as error:  # a date without such a day, too many brackets
-        if isinstance(error, InputError):
-            raise
+    except InputError:
+        raise
+    # what PyYAML lets through: a date without such a day, a tag without its value, too many brackets
+    except (ValueError, LookupError, AttributeError, TypeError, ArithmeticError, RecursionError) as error:
         raise InputError(name, "content", str(error), "valid YAML") from None
     finally:
         if loader is not None:

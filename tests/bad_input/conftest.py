@@ -1,0 +1,41 @@
+"""How a case of bad input is run, and what every answer to one has in common."""
+
+import re
+
+import pytest
+
+from repose.cli import main
+
+
+def content(folder):
+    """Every path below a folder, with the bytes of the files."""
+    return {path: path.read_bytes() if path.is_file() else None for path in sorted(folder.rglob("*"))}
+
+
+@pytest.fixture
+def refused(tmp_path, monkeypatch, capsys):
+    """Runs a verb that must end with status 2, a sentence for each fault, and nothing written; gives the sentences."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words):
+        before = content(tmp_path)
+        try:
+            status = main([str(word) for word in words])
+        except SystemExit as end:
+            status = end.code
+        captured = capsys.readouterr()
+        told = captured.err
+        assert status == 2, f"status {status}: {captured.out}{told}"
+        assert "Traceback" not in told
+        lines = [line for line in told.splitlines() if "error: " in line]
+        assert lines, told
+        if not told.startswith("usage: "):  # argparse shows the usage before its sentence
+            assert len(lines) == len(told.splitlines()), told
+            for line in lines:
+                assert re.match(
+                    r"repose: error: .+(: .+ is .+; allowed: .+|\[Errno \d+\] .+)", line, re.DOTALL
+                ), line
+        assert content(tmp_path) == before, "something was written"
+        return told
+
+    return run

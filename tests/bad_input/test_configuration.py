@@ -1,0 +1,245 @@
+"""Every key of the configuration with values that it cannot take, made from the schema by rule; and bad YAML."""
+
+import copy
+import math
+from pathlib import Path
+
+import pytest
+
+from repose.config import checks, loader
+from repose.config.schema import validator
+from repose.core.errors import InputError
+
+ROOT = Path(__file__).parents[2]
+GOOD = loader.load(ROOT / "config/config.yaml")
+NAMED = ("shape_study.particles", "shape_study.fillings", "shape_study.sensitivities")
+
+
+def resolved(schema):
+    """A schema with its references followed."""
+    while "$ref" in schema:
+        schema = validator().schema["$defs"][schema["$ref"].rsplit("/", 1)[1]]
+    return schema
+
+
+def leaves(schema, prefix=""):
+    """Pairs (dotted key, schema) of everything that is no section."""
+    for key, child in schema["properties"].items():
+        child, name = resolved(child), f"{prefix}{key}"
+        if name not in NAMED and child.get("type") == "object":
+            yield from leaves(child, f"{name}.")
+        elif name == "targets":
+            yield name, child
+            for key_of_target, one in resolved(child["items"])["properties"].items():
+                yield f"targets.0.{key_of_target}", resolved(one)
+        else:
+            yield name, child
+
+
+def sections(schema, prefix=""):
+    """Dotted names of all sections."""
+    for key, child in schema["properties"].items():
+        if resolved(child).get("type") == "object" and f"{prefix}{key}" not in NAMED:
+            yield f"{prefix}{key}"
+            yield from sections(resolved(child), f"{prefix}{key}.")
+
+
+def bad_values(schema):
+    """Pairs (what is wrong, value) that no key of this schema takes."""
+    kinds = schema.get("type", [])
+    kinds = [kinds] if isinstance(kinds, str) else kinds
+    yield "a mapping", {"no_such_key": 1}
+    yield "nested lists", [[1]]
+    if "null" not in kinds:
+        yield "nothing", None
+    if {"number", "integer"} & set(kinds):
+        yield from (("text", "many"), ("not a number", math.nan), ("infinite", math.inf), ("true", True))
+        low = schema.get("minimum", schema.get("exclusiveMinimum"))
+        yield "too small", low - 1
+        yield "too large", schema["maximum"] + 1
+        if "integer" in kinds:
+            yield "a fraction", schema["maximum"] - 0.5
+        if "exclusiveMinimum" in schema:
+            yield "its bound", low
+    elif "boolean" in kinds:
+        yield from (("text", "yes"), ("a number", 1))
+    elif "string" in kinds or "enum" in schema:
+        yield from (("a number", 3.5), ("empty", ""), ("true", True), ("a line", "a\nb"))
+        if "enum" in schema:
+            yield from (
+                ("no choice of it", "something else"),
+                ("capitals", str(schema["enum"][0]).upper() + "X"),
+            )
+    else:
+        yield from (("text", "something else"), ("empty", []), ("not a number", math.nan), ("negative", -1))
+        if "anyOf" in schema or "array" in kinds:
+            yield from (("infinite", math.inf), ("texts", ["a", "b"]), ("pairs of nothing", [None, None]))
+
+
+CASES = [
+    pytest.param(key, value, id=f"{key} {wrong}")
+    for key, schema in leaves(validator().schema)
+    if key not in NAMED
+    for wrong, value in bad_values(schema)
+    if not (key.endswith("more_data") and wrong in ("empty", "texts"))
+    and not (key.endswith("all_fillings_of") and wrong == "empty")
+    and not (key.startswith("shape_study") and wrong == "texts")
+    and not (key == "shape_study.reference" and wrong in ("empty", "a line"))
+    and not (key.startswith("targets.0.") and wrong in ("empty", "a line"))
+]
+
+
+def holder(config, key):
+    """The section of a key, and its last part."""
+    *path, last = key.split(".")
+    for step in path:
+        config = config[int(step) if isinstance(config, list) else step]
+    return config, last
+
+
+def faults_of(config):
+    """Faults that a check tells, by key."""
+    with pytest.raises(InputError) as caught:
+        checks.check(config, "mine.yaml")
+    faults = getattr(caught.value, "faults", [caught.value])
+    assert all(fault.source == "mine.yaml" and fault.allowed for fault in faults)
+    return {fault.key: fault for fault in faults}
+
+
+@pytest.mark.parametrize(("key", "value"), CASES)
+def test_a_value_that_the_key_cannot_take(key, value):
+    config = copy.deepcopy(GOOD)
+    section, last = holder(config, key)
+    section[last] = value
+    faults = faults_of(config)
+    assert any(told == key or told.startswith((f"{key}.", key.rpartition(".")[0])) for told in faults), list(
+        faults
+    )
+
+
+REQUIRED = [
+    *(key for key, _ in leaves(validator().schema) if not key.startswith("targets.")),
+    *sections(validator().schema),
+]
+
+
+@pytest.mark.parametrize("key", REQUIRED)
+def test_a_key_that_is_missing(key):
+    config = copy.deepcopy(GOOD)
+    section, last = holder(config, key)
+    del section[last]
+    assert "the key is missing" in faults_of(config)[key].allowed
+
+
+@pytest.mark.parametrize("section", ["", *sections(validator().schema), "targets.0"])
+@pytest.mark.parametrize("extra", ["no_such_key", "", "seeds ", 3])
+def test_a_key_that_is_unknown(section, extra):
+    config = copy.deepcopy(GOOD)
+    place, _ = holder(config, f"{section}.x" if section else "x")
+    place[extra] = 1
+    told = faults_of(config)
+    key = f"{section}.{extra}" if section else str(extra)
+    assert "no such key" in told[key].allowed
+
+
+@pytest.mark.parametrize("section", [*sections(validator().schema)])
+@pytest.mark.parametrize("value", [None, [], "text", 3])
+def test_a_section_that_is_none(section, value):
+    config = copy.deepcopy(GOOD)
+    place, last = holder(config, section)
+    place[last] = value
+    assert section in faults_of(config)
+
+
+def test_all_faults_are_told_at_once():
+    config = copy.deepcopy(GOOD)
+    keys = (
+        "funnel.seeds",
+        "simulation.gravity_m_s2",
+        "label",
+        "miga.islands",
+        "targets.1.sd",
+        "drum.no_such_key",
+    )
+    for key in keys:
+        section, last = holder(config, key)
+        section[last] = -1
+    del config["pool"]["seed"]
+    assert {*keys, "pool.seed"} == set(faults_of(config))
+
+
+def test_all_contradictions_are_told_at_once():
+    config = copy.deepcopy(GOOD)
+    config["funnel"] |= {"outlet_diameter_mm": 150.0, "rest_window_s": 18.0}
+    config["miga"]["tournament"] = 900
+    config["network"]["split"] = [0.5, 0.1, 0.1]
+    told = faults_of(config)
+    assert {"funnel.outlet_diameter_mm", "funnel.rest_window_s", "miga.tournament", "network.split"} <= set(
+        told
+    )
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *(
+            b"",
+            b"\n",
+            b"# only a comment\n",
+            b"null\n",
+            b"3\n",
+            b"- 1\n",
+            b"text\n",
+            b"[1, 2]\n",
+            b"'a': 'b': 'c'\n",
+        ),
+        *(
+            b"label: mine\0\n",
+            b"label: \x01\n",
+            b"\xff\xfe",
+            "label: mine\n".encode("utf-16"),
+            b"label: \xe9\n",
+        ),
+        *(b"? [a, b]\n: 1\n", b"? {a: 1}\n: 1\n", b"{a, b}: 1\n", b"label: mine\nlabel: yours\n"),
+        *(
+            b"funnel: {seeds: 2, seeds: 3}\n",
+            b"funnel:\n\tseeds: 2\n",
+            b"funnel: [\n",
+            b"funnel: {\n",
+            b"label: 'a\n",
+        ),
+        *(
+            b"label: &a [*a]\n",
+            b"label: *nothing\n",
+            b"!!python/object:os.system x\n",
+            b"a: !!python/name:os.system\n",
+        ),
+        *(
+            b"label: 2026-13-45\n",
+            b"--- a: 1\n--- b: 2\n",
+            b"---\na: 1\n---\nb: 2\n",
+            b"%YAML 9\n---\na: 1\n",
+        ),
+        *(
+            b"[" * 3000,
+            b"{a: " * 3000,
+            b"a: " * 100,
+            b"funnel: seeds\n",
+            b"funnel: {seeds}\n",
+            b"label: ! \n",
+        ),
+        *(b"funnel: {seeds: 0x}\n", b"label: 1:30\n", b"a: !!binary x\n", b"<<: 3\n"),
+        *(b'{"label": "mine"', b'{"label" "mine"}', b"<<: {a: 1}\n", b"a: !!int x\n", b"a: !!timestamp x\n"),
+        *(
+            b"a: !!bool x\n",
+            b"a: !!int ''\n",
+            b"a: !!float ''\n",
+            b"a: !!set [1]\n",
+            b"a: !!omap x\n",
+            b"a: !!null x\n",
+        ),
+    ],
+)
+def test_text_that_is_no_configuration(text, refused, tmp_path):
+    (tmp_path / "mine.yaml").write_bytes(text)
+    assert "mine.yaml" in refused("check", "--config", "mine.yaml")

@@ -1,0 +1,186 @@
+"""Every verb, with each of its files replaced by something that is none, and with options that it cannot take."""
+
+import json
+
+import numpy as np
+import pytest
+
+from repose.cli import VERBS
+
+WRITES = ("out", "overlay", "stl")
+# The words besides files that a verb needs before it reads any.
+NEEDED = {
+    "figure": ["figure13"],
+    "table": ["--title", "T"],
+    "measure": ["--mm-per-pixel", "0.1"],
+    "shape_cell": ["--cell", "published-smooth-keep-open_cone"],
+    "refine_propose": ["--round", "0"],
+    "pour": ["--sample", "1"],
+    "heap": ["--sample", "1"],
+    "drum": ["--sample", "1"],
+    "verify": ["--case", "convergence"],  # the only case that reads a configuration
+}
+INPUTS_OF_A_FIGURE = ("predictions", "dataset")
+
+
+def garbage(kind, folder):
+    """A file that no verb can read, or no file."""
+    path = folder / f"{kind}.json"
+    if kind == "missing":
+        return path
+    if kind == "folder":
+        path.mkdir()
+        return path
+    content = {
+        "empty": b"",
+        "binary": bytes(range(256)) * 4,
+        "utf16": '{"label": "x"}'.encode("utf-16"),
+        "null": b"null",
+        "list": b"[1, 2]",
+        "number": b"3.5",
+        "cut": b'{"label": "mine", "runs": [{"seed": 1, "sta',
+        "header": b"sample,e_gg\n",
+        "zeros": b"\0" * 100,
+        "deep": b"[" * 20000,
+        "words": b"these are only some words\nand more of them, with a comma\n",
+    }[kind]
+    path.write_bytes(content)
+    return path
+
+
+KINDS = (
+    *(
+        "missing",
+        "folder",
+        "empty",
+        "binary",
+        "utf16",
+        "null",
+        "list",
+        "number",
+        "cut",
+        "header",
+        "zeros",
+        "deep",
+    ),
+    "words",
+)
+
+
+def files_of(verb):
+    """Options and positional arguments of a verb that name files to read."""
+    for option in verb.options:
+        name, keywords = option.names[0], option.keywords
+        key = name.lstrip("-").replace("-", "_")
+        plain = keywords.get("type") is None and "action" not in keywords and "choices" not in keywords
+        if plain and key not in (*WRITES, "name", "title", "cell", "prefix", "config", "apparatus"):
+            yield name, keywords
+
+
+READING = sorted(name for name, verb in VERBS.items() if name != "run" and any(files_of(verb)))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", READING)
+def test_a_file_that_is_none(name, kind, refused, tmp_path):
+    path = garbage(kind, tmp_path)
+    words = [name, *NEEDED.get(name, [])]
+    for option, _ in files_of(VERBS[name]):
+        words += [f"{option}={path}"] if option.startswith("-") else [str(path)]
+    if name == "figure":
+        words += [f"--input={one}={path}" for one in INPUTS_OF_A_FIGURE]
+    assert path.stem in refused(*words)
+
+
+WITH_CONFIG = sorted(
+    name for name, verb in VERBS.items() if any("--config" in one.names for one in verb.options)
+)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "header"])
+@pytest.mark.parametrize("name", WITH_CONFIG)
+def test_a_configuration_that_is_none(name, kind, refused, tmp_path):
+    config = garbage(kind, tmp_path)
+    words = [name, *NEEDED.get(name, []), f"--config={config}"]
+    for option, keywords in files_of(VERBS[name]):
+        if not option.startswith("-"):
+            words.append("some_file")
+        elif keywords.get("required"):
+            words.append(f"{option}=some_file")
+    if name == "figure":
+        words += [f"--input={one}=some_file" for one in INPUTS_OF_A_FIGURE]
+    told = refused(*words)
+    assert config.stem in told or "some_file" in told
+
+
+@pytest.mark.parametrize("name", sorted(set(VERBS) - {"run"}))
+def test_an_option_that_no_verb_has(name, refused):
+    needed = ["some_file" for option in VERBS[name].options if not option.names[0].startswith("-")]
+    needed += [
+        f"{option}=some_file" for option, keywords in files_of(VERBS[name]) if keywords.get("required")
+    ]
+    assert "--no-such-option" in refused(name, *needed, *NEEDED.get(name, []), "--no-such-option")
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *(["check", f"--cores={value}"] for value in ("0", "-1", "many", "1.5")),
+        *(["heap", f"--seed={value}"] for value in ("-1", "one", "1.5", "nan")),
+        *(["heap", "--seed=1", "--seed=1"], ["heap", "--seeds=0"], ["heap", "--seeds=2", "--seed=1"]),
+        *(["heap", f"--set={value}"] for value in ("", "e_gg", "e_gg=", "=1", "e_gg=x", "e_gg=2", "mus=0.5")),
+        *(["heap", f"--set={value}"] for value in ("e_gg=nan", "mus_gg=inf", "mur_gg=-1", "e_gg=0")),
+        ["heap", "--set=e_gg=0.2", "--set=e_gg=0.3"],
+        *(["heap", f"--trajectory={value}"] for value in ("0", "-1", "nan", "1e9", "often")),
+        *(["pour", f"--apparatus={value}"] for value in ("", "shaker", "Funnel", "../funnel")),
+        *(["pour", "--sample=1"], ["pour", "--samples=x.csv"], ["pour", "--purpose=fun"]),
+        *(["berry", "--axes", *axes] for axes in (["1", "2"], ["17", "11", "9"], ["x", "y", "z"])),
+        *(
+            ["berry", "--axes", *axes, "--mass-g=1", "--stl=a.stl"]
+            for axes in (
+                ["0", "1", "1"],
+                ["-1", "1", "1"],
+                ["nan", "1", "1"],
+                ["inf", "1", "1"],
+                ["9", "11", "17"],
+            )
+        ),
+        *(
+            ["berry", "--axes", "17", "11", "9", "--stl=a.stl", f"--mass-g={value}"]
+            for value in ("0", "-1", "nan", "inf", "1e9", "x", "1e-9")
+        ),
+        *(
+            ["berry", "--axes", "17", "11", "9", "--stl=a.stl", "--mass-g=1", f"--density={value}"]
+            for value in ("0", "-840", "nan", "inf")
+        ),
+        *(
+            ["berry", "--axes", "17", "11", "9", "--stl=a.stl", "--mass-g=1", f"--{name}={value}"]
+            for name in ("taper", "wrinkles", "wrinkle-depth-mm")
+            for value in ("-1", "nan", "1e6", "x")
+        ),
+        *(["verify", f"--hits={value}"] for value in ("0", "-5", "x")),
+        *(["verify", f"--seeds={value}"] for value in ("0", "-5", "x")),
+        *(["verify", "--case=no_such_case"], ["verify", "--case="]),
+        *(["figure", name] for name in ("", "figure99", "../figure02", "figure02 ")),
+        *(["figure", "figure02", f"--input={value}"] for value in ("sizes", "=a", "sizes=", "other=a", "")),
+        ["figure", "figure02", "--input=sizes=a", "--input=sizes=b"],
+        *(
+            ["shape_cell", f"--cell={value}"]
+            for value in ("", "a", "a-b-c-d", "published-smooth-keep", "../x")
+        ),
+        *(["refine_propose", f"--round={value}"] for value in ("-1", "x", "100")),
+        *(["second_responses", f"--discrepancy={value}"] for value in ("", "aor_deg", "aor_deg=x", "=3")),
+        *(["snapshot", value] for value in ("", "nowhere", ".", "..")),
+        *([], ["no_such_verb"], ["--no-such-option"], ["Heap"], [""]),
+    ],
+    ids=" ".join,
+)
+def test_values_of_options(words, refused):
+    refused(*words)
+
+
+def test_arrays_of_another_kind(refused, tmp_path):
+    """A .npz file with arrays, but none of a pour."""
+    np.savez(tmp_path / "a.npz", x=np.ones(3))
+    (tmp_path / "a.pours.json").write_text(json.dumps({"pours": [{"seed": 1, "status": "ok"}], "sample": 1}))
+    assert "position_1" in refused("measure_runs", "a.pours.json")
