@@ -7,7 +7,6 @@ BERRY_AND_PARTICLE = (
     Option("--berry", help="berry.json; made from the configuration if not given"),
     Option("--particle", help="particle.json; made from the configuration if not given"),
 )
-WRITTEN = "what the verb berry wrote"
 
 
 def berry_and_particle(config, source, berry_json=None, particle_json=None):
@@ -34,8 +33,7 @@ def berry_and_particle(config, source, berry_json=None, particle_json=None):
         If a file is bad, or the configuration names one that is.
     """
     from repose.config import checks
-    from repose.core.files import read_json
-    from repose.particle import berry, build
+    from repose.particle import berry, berry_files, build
     from repose.particle.particle import Particle
 
     if berry_json is None:
@@ -45,7 +43,7 @@ def berry_and_particle(config, source, berry_json=None, particle_json=None):
             section["sizes"], section["compression"], PUBLISHED / "table1.csv", *_material(section)
         )[1]
     else:
-        of_berry = read_json(berry_json, berry.SIZE_COLUMNS, WRITTEN)
+        of_berry = berry_files.read_berry(berry_json)
     if particle_json is not None:
         return of_berry, Particle.load(particle_json)
     stl = config["berry"]["stl"]

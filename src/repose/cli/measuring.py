@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from repose.cli.berries import BERRY_AND_PARTICLE, WRITTEN, berry_and_particle
+from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import JSON
 from repose.cli.registry import Family, Option
 from repose.config import loader
@@ -75,9 +75,9 @@ def measure(args):
 def _axes(berry_json, config):
     """Mean axes of the berry, from the file given or from the sizes of the configuration."""
     if berry_json is not None:
-        from repose.core.files import read_json
+        from repose.particle.berry_files import read_berry
 
-        return read_json(berry_json, what=WRITTEN)
+        return read_berry(berry_json)
     if config["measure"]["berry_height_mm"] is not None:
         return {}
     from repose.particle import berry

@@ -1,12 +1,15 @@
 """Files of measured berries: sizes and compression tests, checked value by value."""
 
 import math
+from collections.abc import Iterable
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from repose.core.errors import InputError
+from repose.core.files import read_json
 
 SIZE_COLUMNS = ("long_mm", "major_mm", "minor_mm")
 COMPRESSION_COLUMNS = (
@@ -18,6 +21,9 @@ COMPRESSION_COLUMNS = (
     "width_2_mm",
     "breadth_mm",
 )
+WRITTEN = "what the verb berry wrote"
+# Quantities in it besides the axes.
+POSITIVE = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "scale_low", "scale_high")
 # A comment line with this word marks a file whose rows were not measured but made to match a published table.
 RECONSTRUCTION_MARK = "reconstruction"
 
@@ -92,6 +98,33 @@ def read_compression(path: str | PathLike) -> pd.DataFrame:
             f"less than width_1_mm of the same test, {tests.at[row, 'width_1_mm']:g}",
         )
     return tests
+
+
+def read_berry(path: str | PathLike, needed: Iterable[str] = SIZE_COLUMNS) -> dict[str, Any]:
+    """What the verb berry wrote.
+
+    Parameters
+    ----------
+    path : path
+        JSON file.
+    needed : iterable of str, optional
+        Keys that it must have.
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, lacks a key, or a quantity of the berry is no positive number.
+    """
+    berry = read_json(path, needed, WRITTEN)
+    for key in (*needed, *(one for one in POSITIVE if one in berry)):
+        value = berry[key]
+        if type(value) not in (int, float) or not (math.isfinite(value) and value > 0):
+            raise InputError(path, key, value, f"a positive number in {WRITTEN}")
+    return berry
 
 
 def _read_numbers(path, columns):

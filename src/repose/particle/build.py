@@ -14,8 +14,9 @@ import numpy as np
 import trimesh
 
 from repose.core.errors import InputError
-from repose.core.files import read_json, write_table, write_whole
+from repose.core.files import write_table, write_whole
 from repose.particle import mesh_from_axes, sphere_packing, support_fit
+from repose.particle.berry_files import read_berry
 from repose.particle.mesh import (
     MM,
     body_of,
@@ -333,7 +334,7 @@ def run(
     """
     import pandas as pd
 
-    berry = read_json(berry_json, (*AXES, "density_kg_m3"), "what the verb berry wrote")
+    berry = read_berry(berry_json, (*AXES, "density_kg_m3"))
     out = Path(out_dir)
     source = out / MESH_FILE if stl is None else stl
     made = make(berry, None if stl is None else load_mesh(stl), source=source, **how)

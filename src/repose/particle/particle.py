@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from repose.core.errors import InputError
 from repose.core.files import read_json, write_json
 from repose.dem import Clump, Shape
 from repose.particle import support_fit
@@ -199,8 +200,40 @@ class Particle:
         InputError
             If the file is missing, or holds something else.
         """
+        what = "a file of `repose shape`"
         keys = ("kind", "density_kg_m3", "stl", "stacking", *(key for key, _ in FIELDS.values()))
-        return cls.of_record(read_json(path, keys, "a file of `repose shape`"))
+        record = read_json(path, keys, what)
+        if record["kind"] not in KINDS:
+            raise InputError(path, "kind", record["kind"], " or ".join(KINDS))
+        shapes: dict[str, tuple[int, ...]] = {"semi_axes_mm": (-1, 3), "spheres_mm": (-1, 4)}
+        shapes |= dict.fromkeys(("inertia_g_mm2", "mesh_inertia_g_mm2", "mesh_axes_mm"), (3,))
+        for key in keys:
+            if key not in ("kind", "stl") and not (key.startswith("mesh_") and record[key] is None):
+                _check_numbers(path, key, record[key], shapes.get(key, ()))
+        if not record["spheres_mm"] and not record["semi_axes_mm"]:
+            raise InputError(path, "spheres_mm", [], "spheres, or semi-axes beside it")
+        return cls.of_record(record)
+
+
+KINDS = ("ellipsoid", "smooth", "multisphere")
+
+
+def _check_numbers(path, key, value, shape):
+    """Refuse what are no finite numbers of this shape, above zero where only such make sense."""
+    try:
+        numbers = np.array(value, dtype=float)
+        numbers = numbers.reshape(shape) if numbers.size == 0 and shape else numbers
+    except (TypeError, ValueError):
+        numbers = np.array(np.nan)
+    may_be_zero = key == "semi_axes_mm" or key.startswith("deviation")
+    fits = len(numbers.shape) == len(shape) and all(
+        wanted in (there, -1) for there, wanted in zip(numbers.shape, shape, strict=False)
+    )
+    if isinstance(value, bool | str) or not fits or not np.all(np.isfinite(numbers)):
+        raise InputError(path, key, value, "finite numbers in a file of `repose shape`")
+    sizes = numbers[:, 3] if key == "spheres_mm" else numbers
+    if np.any(sizes < 0 if may_be_zero else sizes <= 0):
+        raise InputError(path, key, value, "sizes above 0")
 
 
 # Names of the numbers in the file, and their units there.

@@ -20,6 +20,7 @@ from repose.core.files import read_json, read_table, write_json, write_table
 from repose.core.seeds import pour_seeds
 from repose.measure.further_responses import BENCH, CALIBRATED_ANGLE
 from repose.measure.settings import MeasureSettings
+from repose.particle.berry_files import read_berry
 from repose.particle.particle import Particle
 from repose.studies import shape_piles, shape_tables
 from repose.studies.shape_cells import (
@@ -138,7 +139,7 @@ def run_cell(
         surface=section["surface"],
         time_step_s=SimulationSettings.of(own).time_step_s,
     )
-    berry = read_json(berry_json, ("long_mm", "major_mm", "minor_mm"), "what the verb berry wrote")
+    berry = read_berry(berry_json)
     about = {
         "particle": names["particle"],
         "spheres": len(particle.spheres_m),

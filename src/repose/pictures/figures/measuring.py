@@ -7,12 +7,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from repose.core.files import read_json
 from repose.measure import pile
 from repose.measure.angles import DEFINITIONS
 from repose.measure.saved_piles import side_view
 from repose.measure.saved_pours import first_pour
 from repose.particle import build
+from repose.particle.berry_files import read_berry
 
 from . import style
 
@@ -40,7 +40,7 @@ def definitions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     InputError
         If a file cannot be read.
     """
-    berry = read_json(inputs["berry"], what="what the verb berry wrote")
+    berry = read_berry(inputs["berry"])
     settings = pile.MeasureSettings.of(config["measure"], berry)
     poured, particle = first_pour(inputs["heap"]), build.Particle.load(inputs["particle"])
     figure = style.new_figure(style.PAGE, 3.9)

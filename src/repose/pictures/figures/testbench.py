@@ -9,12 +9,13 @@ from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from repose.core.files import read_json, read_npz
+from repose.core.files import read_npz
 from repose.measure import drawing, pile
 from repose.measure.saved_piles import side_view
 from repose.measure.saved_pours import first_pour
 from repose.measure.silhouette import outlines
 from repose.particle import build
+from repose.particle.berry_files import read_berry
 from repose.pictures.render import render_pile
 from repose.pictures.scenery import funnel_walls
 
@@ -100,7 +101,7 @@ def measurement(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     ----------
     Figure 6 and section 2.3 of the paper.
     """
-    settings = pile.MeasureSettings.of(config["measure"], read_json(inputs["berry"], what="berry.json"))
+    settings = pile.MeasureSettings.of(config["measure"], read_berry(inputs["berry"]))
     image = side_view(first_pour(inputs["heap"]), build.Particle.load(inputs["particle"]), settings)
     steps = drawing.process_panels(
         image,
