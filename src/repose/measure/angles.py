@@ -234,7 +234,7 @@ def secant(profile: np.ndarray, berry: float) -> Line:
         raise NoFlankError("the pile is not higher than one berry")
     if profile[0] >= berry:
         raise NoFlankError(
-            "the pile runs out of the picture sideways, or the background is not plain: no foot is seen"
+            "the pile runs out of the picture sideways, or the background is not plain: its foot is not seen"
         )
     place = float(outermost_crossing(profile, np.array([berry]))[0])
     return Line(math.degrees(math.atan2(height, crest - place)), ((place, 0.0), (float(crest), height)))
