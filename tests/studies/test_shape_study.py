@@ -274,6 +274,24 @@ def test_without_a_near_finalist_the_most_physical_one_is_chosen(selected, first
         assert choice["chosen"]["angle_at_height"] == pytest.approx(32.57, abs=0.6)
 
 
+def test_a_failed_pour_leaves_the_others_of_its_set(config, tmp_path):
+    rows = [
+        (*row[:2], None, None) if row[:2] == ("22", 0) else row for row in piles(config, 1.0, 0.0, seeds=2)
+    ]
+    files = [
+        write_cell(tmp_path, "published", "egg-keep-here", rows),
+        write_cell(tmp_path, "bulk", "egg-keep-cylinder", rows[2:3]),
+    ]
+    shape_study.run_selection(config, files, tmp_path)
+    secant = pd.read_csv(tmp_path / "combinations.csv").query("definition == 'secant'").iloc[0]
+    # the other pour of the set is half a degree and half a millimetre beside the mean
+    assert secant["aor_difference_deg"] == pytest.approx(1.0 + 0.5 / 6, rel=1e-5)
+    assert secant["height_difference_mm"] == pytest.approx(-0.5 / 6, rel=1e-4)
+    assert secant["aor_se_deg"] == pytest.approx(0.5 / math.sqrt(6), rel=1e-5)
+    assert secant["share_of_piles"] == pytest.approx(11 / 12, rel=1e-5)
+    assert secant["eligible"]
+
+
 def test_packings_at_the_bounds():
     assert shape_rule.packs_like_a_fruit(0.55, 0.0)
     assert shape_rule.packs_like_a_fruit(0.71, 0.006)

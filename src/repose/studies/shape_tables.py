@@ -246,7 +246,8 @@ def combination_table(sets: pd.DataFrame, targets: Sequence[Target]) -> pd.DataF
 
     Notes
     -----
-    Mean differences with standard errors; the number of sets within the physical pile's standard deviations
+    Mean differences with standard errors, to which a set with a single pile adds as much as the others do on average;
+    the number of sets within the physical pile's standard deviations
     sd_i; and the distance, the root of the mean over the sets of the sum of (difference_i / sd_i)^2.
     """
     rows = []
@@ -257,7 +258,8 @@ def combination_table(sets: pd.DataFrame, targets: Sequence[Target]) -> pd.DataF
         for one in targets:
             difference = group[_off(one)]
             row[difference.name] = difference.mean()
-            row[one.response.error] = math.sqrt((group[one.response.error] ** 2).sum()) / count
+            squares = group[one.response.error] ** 2
+            row[one.response.error] = math.sqrt(squares.fillna(squares.mean()).sum()) / count
             off = off + (difference / one.sd) ** 2
             within = within & (difference.abs() <= one.sd)
         row |= {
@@ -366,8 +368,7 @@ def _ratio(sets):
 
 
 def _mean(values):
-    """Mean and standard error of what is there."""
+    """Mean and standard error of what is there; no error of a single value."""
     values = values.dropna().astype(float)
-    if len(values) < 2:
-        return math.nan, math.nan
-    return float(values.mean()), float(values.std(ddof=1) / math.sqrt(len(values)))
+    mean = float(values.mean()) if len(values) else math.nan
+    return mean, float(values.std(ddof=1) / math.sqrt(len(values))) if len(values) > 1 else math.nan
