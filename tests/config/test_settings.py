@@ -328,6 +328,17 @@ def test_work_counts_every_pour(config):
     assert cost.work(config)["total_s"] > work["total_s"] + runs * cost.run_s(config, "drum")
 
 
+def test_the_effective_model_is_the_reference_of_no_berry():
+    """What matched.yaml changes is a cell of the shape study."""
+    config = loader.resolve(["config/config.yaml", "config/matched.yaml"])
+    checks.check_inputs(config)
+    study = config["shape_study"]
+    assert config["berry"] == config["berry"] | study["particles"]["rough_spheres"]
+    assert config["funnel"] == config["funnel"] | study["fillings"]["open_cone"]
+    assert config["simulation"]["tension"] == "keep"
+    assert [one["response"] for one in config["targets"]] == ["aor_deg", "height_mm"]
+
+
 def test_named_parts_of_the_shape_study_replace_those_of_the_default(tmp_path):
     mine = tmp_path / "mine.yaml"
     mine.write_text("shape_study: {sensitivities: {rate_20_per_s: {rate_per_s: 20.0}}}")
