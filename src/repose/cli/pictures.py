@@ -1,4 +1,4 @@
-"""Verbs that draw: figures, films, tables as pages."""
+"""Verbs that draw: figures, films, the report."""
 
 import argparse
 
@@ -52,15 +52,15 @@ def film(args: argparse.Namespace) -> None:
 
 
 @family.verb(
-    "turn a CSV table into a page to read",
-    example="results/validation/table4.csv --title 'Table 4' --out table4.html",
-    out="table.html",
+    "write the report of a study, one page for a browser",
+    example="results/validation/heaps/001.json --input network=results/network/network.json --out report.html",
+    out="report.html",
     options=[
-        Option("csv", help="the table"),
-        Option("--title", required=True, help="headline of the page"),
+        Option("jobs", nargs="*", help="measured runs of the answer, one .json file for each bench test"),
+        Option("--input", action="append", default=[], metavar="NAME=PATH", help="a file of the study"),
     ],
 )
-def table(args: argparse.Namespace) -> None:
-    from repose.pictures import pages
+def report(args: argparse.Namespace) -> None:
+    from repose.pictures.report import page
 
-    pages.write_page(args.csv, args.title, args.out, loader.load(args.config)["small_run"])
+    page.write(loader.load(args.config), args.jobs, pairs(args.input, "--input"), args.out)

@@ -1,0 +1,1 @@
+"""The report of a study: one page for a browser that needs no network; `page.write` makes it."""

@@ -1,0 +1,65 @@
+"""How probable it is that the pile of a parameter set lies inside the ranges of all targets."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from repose.core.targets import Targets
+
+DRAWS = 200_000
+SEED = 2026
+
+
+def chance_of_meeting(jobs: Sequence[Mapping[str, Any]], targets: Targets) -> dict[str, float | None]:
+    """Probability that the simulator's own mean lies inside the range, for each target and for all together.
+
+    A few runs tell the mean with an error. Without prior knowledge the mean, given the runs, has a multivariate t
+    distribution about the runs' mean, with n - 1 degrees of freedom. Bench tests are independent of each other.
+
+    Parameters
+    ----------
+    jobs : sequence of mapping
+        Measured runs of the parameter set, a mapping with `runs` for each bench test; a run belongs to the bench test
+        whose responses it has.
+    targets : Targets
+
+    Returns
+    -------
+    dict
+        By name of the response, and ``all``. None where fewer than two runs gave the response.
+    """
+    random = np.random.default_rng(SEED)
+    found: dict[str, float | None] = dict.fromkeys((*targets.names, "all"))
+    together = np.ones(DRAWS, dtype=bool)
+    for bench in targets.apparatus:
+        own = [one for one in targets if one.response.apparatus == bench]
+        values = _values(jobs, own)
+        if len(values) < 2:
+            return found
+        drawn = _means(values, random)
+        for k, one in enumerate(own):
+            inside = (drawn[:, k] >= one.low) & (drawn[:, k] <= one.high)
+            found[one.name] = float(inside.mean())
+            together &= inside
+    found["all"] = float(together.mean())
+    return found
+
+
+def _values(jobs, own):
+    """Responses (n, k) of the good runs of one bench test."""
+    for job in jobs:
+        rows = [[one.response.of(run) for one in own] for run in job["runs"] if run["status"] == "ok"]
+        rows = [row for row in rows if all(value is not None for value in row)]
+        if rows:
+            return np.array(rows, dtype=float)
+    return np.zeros((0, len(own)))
+
+
+def _means(values, random):
+    """Draws of the true mean given runs (n, k)."""
+    n, k = values.shape
+    covariance = np.cov(values, rowvar=False).reshape(k, k) / n
+    sizes, axes = np.linalg.eigh(covariance)  # also where it is singular
+    normal = random.normal(size=(DRAWS, k)) @ (axes * np.sqrt(np.maximum(sizes, 0.0))).T
+    return values.mean(axis=0) + normal / np.sqrt(random.chisquare(n - 1, size=(DRAWS, 1)) / (n - 1))

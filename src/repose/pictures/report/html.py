@@ -1,0 +1,120 @@
+"""Pieces of HTML: tables that sort, pictures inside the page."""
+
+import base64
+import html
+import io
+import math
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import pandas as pd
+from PIL import Image, UnidentifiedImageError
+
+from repose.core.errors import InputError
+
+LONGEST_SIDE_PX = 1600
+WORDS = ("reason", "warning", "status", "role")
+
+
+def text(value: Any) -> str:
+    """Anything as text that HTML shows as it is; a number with four digits, empty for none.
+
+    Parameters
+    ----------
+    value : object
+
+    Returns
+    -------
+    str
+    """
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return ""
+    return f"{value:.4g}" if isinstance(value, float) else html.escape(str(value))
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[Any]], kind: str = "sorts") -> str:
+    """A table that scrolls sideways where the screen is narrow.
+
+    Parameters
+    ----------
+    head : sequence of str
+    rows : sequence of sequences
+    kind : str, optional
+        Class of the table; ``sorts`` for one that sorts.
+
+    Returns
+    -------
+    str
+    """
+    cells = "".join(f"<th>{html.escape(one)}</th>" for one in head)
+    body = "".join(
+        "<tr>" + "".join(_cell(name, value) for name, value in zip(head, row, strict=True)) + "</tr>"
+        for row in rows
+    )
+    return (
+        f'<div class="wide"><table class="{kind}"><thead><tr>{cells}</tr></thead>'
+        f"<tbody>{body}</tbody></table></div>"
+    )
+
+
+def _cell(name, value):
+    """A cell; words stand left. On a phone the style shows the head's name beside each value."""
+    kind = ' class="words"' if name in WORDS else ""
+    return f'<td{kind} data-head="{html.escape(name)}">{text(value)}</td>'
+
+
+def folded(title: str, frame: pd.DataFrame) -> str:
+    """A table of a study behind its title.
+
+    Parameters
+    ----------
+    title : str
+    frame : pandas.DataFrame
+
+    Returns
+    -------
+    str
+    """
+    rows = frame.astype(object).where(frame.notna(), None).values.tolist()
+    shown = table([str(column) for column in frame.columns], rows)
+    shown = shown.replace('class="wide"', 'class="wide tall"', 1)
+    return f"<details><summary>{html.escape(title)} ({len(frame)} rows)</summary>{shown}</details>"
+
+
+def picture(path: str | os.PathLike, caption: str) -> str:
+    """A picture inside the page; a photograph is made smaller.
+
+    Parameters
+    ----------
+    path : path
+    caption : str
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    InputError
+        If the file is no picture.
+    """
+    try:
+        with Image.open(path) as opened:
+            image = opened.convert("RGB")
+            is_drawing = opened.format == "PNG"
+    except (UnidentifiedImageError, FileNotFoundError, IsADirectoryError) as error:
+        raise InputError(path, "picture", str(error), "a PNG or JPEG file") from error
+    image.thumbnail((LONGEST_SIDE_PX, LONGEST_SIDE_PX))
+    content = io.BytesIO()
+    if is_drawing:
+        image.quantize(128).save(content, "PNG", optimize=True)
+    else:
+        image.save(content, "JPEG", quality=85)
+    kind = "png" if is_drawing else "jpeg"
+    coded = base64.b64encode(content.getvalue()).decode()
+    words = html.escape(caption)
+    return (
+        f'<figure><img alt="{words}" src="data:image/{kind};base64,{coded}">'
+        f"<figcaption>{words}</figcaption></figure>"
+    )

@@ -1,0 +1,168 @@
+"""Puts the report together: HTML of the sections, numbers as JSON, style and scripts of this folder."""
+
+import html
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from repose.core.files import write_text
+from repose.core.parameters import LABELS, PARAMETERS
+from repose.particle.particle import Particle
+from repose.pictures.report import prediction, scene, sections
+from repose.pictures.report.study import Study, read
+
+HERE = Path(__file__).parent
+SCRIPTS = ("network.js", "report.js")
+
+
+def write(
+    config: Mapping[str, Any],
+    jobs: Sequence[str],
+    files: Mapping[str, str],
+    out_path: str | os.PathLike,
+) -> None:
+    """Write the report of a study.
+
+    Parameters
+    ----------
+    config : mapping
+        Checked.
+    jobs : sequence of path
+        Measured runs of the representative parameter set, one file for each bench test.
+    files : mapping
+        Paths by name, see `repose.pictures.report.study`.
+    out_path : path
+
+    Raises
+    ------
+    InputError
+        As `repose.pictures.report.study.read`, and for a trajectory or a picture that cannot be read.
+    """
+    study = read(config, jobs, files)
+    body = "\n".join(
+        one(study) for one in (sections.answer, sections.check, sections.other_parameters, sections.how_found)
+    )
+    write_text(out_path, assembled(f"Contact parameters: {config['label']}", body, content(study)))
+
+
+def content(study: Study) -> dict[str, Any]:
+    """All that the scripts need.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    dict
+        Plain values; no NaN.
+    """
+    found: dict[str, Any] = {
+        "parameters": [_parameter(study, k) for k in range(len(PARAMETERS))],
+        "targets": [_target(study, one) for one in study.targets],
+        "copy": for_copy(study),
+        "model": prediction.for_page(study.surrogate, study.space, study.answer),
+        "pour": None,
+    }
+    if "trajectory" in study.files:
+        particle = Particle.load(study.files["particle"])
+        found["pour"] = scene.for_page(study.files["trajectory"], particle, study.config["funnel"])
+    return found
+
+
+def for_copy(study: Study) -> str:
+    """The parameters as lines of YAML.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    str
+    """
+    lines = [f"# {study.config['label']}: {sections.verdict(study)[1]}"]
+    if study.config["small_run"]:
+        lines.append("# small run: no calibration")
+    lines += [
+        f"{name}: {value:.6g}  # {LABELS[name]}"
+        for name, value in zip(PARAMETERS, study.answer.tolist(), strict=True)
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def assembled(title: str, body: str, values: Mapping[str, Any]) -> str:
+    """The page as one text.
+
+    Parameters
+    ----------
+    title : str
+    body : str
+        HTML.
+    values : mapping
+        What the scripts read.
+
+    Returns
+    -------
+    str
+    """
+    # "<" in a string of JSON may be written so; a script cannot end early
+    coded = json.dumps(values, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    view = ("three.min.js", "view.js") if values["pour"] else ()
+    scripts = "\n".join(f"<script>{_own(name)}</script>" for name in (SCRIPTS[0], *view, SCRIPTS[1]))
+    licence = f"<!--\n{_own('three.license.txt')}-->" if values["pour"] else ""
+    return f"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{html.escape(title)}</title><link rel="icon" href="data:,">
+<style>{_own("report.css")}</style></head>
+<body><main>
+{body}
+</main>
+<script type="application/json" id="content">{coded}</script>
+{licence}
+{scripts}
+</body></html>
+"""
+
+
+def _own(name):
+    """Text of a file of this folder."""
+    return (HERE / name).read_text(encoding="utf-8")
+
+
+def _parameter(study, k):
+    """One parameter as plain values."""
+    name, space = PARAMETERS[k], study.space
+    fixed = name in space.fixed
+    i = None if fixed else space.free.index(name)
+    return {
+        "name": name,
+        "label": LABELS[name],
+        "value": float(study.answer[k]),
+        "fixed": fixed,
+        "low": None if fixed else float(space.low[i]),
+        "high": None if fixed else float(space.high[i]),
+    }
+
+
+def _target(study, one):
+    """One target as plain values, with the ends of its gauge."""
+    seen = study.dataset[one.name].dropna()
+    simulated = study.number(one.response.simulated)
+    shown = [*seen, one.low, one.high, one.value - one.sd, one.value + one.sd]
+    shown += [] if simulated is None else [simulated]
+    margin = 0.04 * (max(shown) - min(shown))
+    return {
+        "name": one.name,
+        "label": one.response.label,
+        "unit": one.response.unit,
+        "value": one.value,
+        "sd": one.sd,
+        "low": one.low,
+        "high": one.high,
+        "simulated": simulated,
+        "error": study.number(one.response.error),
+        "axis": [float(min(shown) - margin), float(max(shown) + margin)],
+    }

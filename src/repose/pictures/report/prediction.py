@@ -1,0 +1,81 @@
+"""The surrogate for a page that holds no Python: what the page's sliders need to predict.
+
+A network is given whole, with the root of its weights' covariance; `network.js` computes with it what
+`repose.surrogate.bayesian_bp` does. Of another surrogate the page gets curves: one parameter moves through its range,
+the others stay at the answer.
+"""
+
+import base64
+from typing import Any
+
+import numpy as np
+
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
+from repose.surrogate.base import Surrogate
+from repose.surrogate.bayesian_bp import BayesianBP
+from repose.surrogate.two_layer import ARRAYS
+
+CURVE_POINTS = 41
+
+
+def packed(array: np.ndarray, kind: str) -> str:
+    """An array as text that JavaScript can read into a typed array.
+
+    Parameters
+    ----------
+    array : array
+    kind : str
+        Of numpy, little-endian, as in ``<f4``.
+
+    Returns
+    -------
+    str
+        Base64.
+    """
+    return base64.b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode()
+
+
+def is_whole(surrogate: Surrogate) -> bool:
+    """Whether the page gets the surrogate itself, not curves.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+
+    Returns
+    -------
+    bool
+    """
+    return isinstance(surrogate, BayesianBP)
+
+
+def for_page(surrogate: Surrogate, space: ParameterSpace, answer: np.ndarray) -> dict[str, Any]:
+    """A surrogate as plain values.
+
+    Parameters
+    ----------
+    surrogate : Surrogate
+        Trained.
+    space : ParameterSpace
+    answer : array (6,)
+        The parameter set that the page tells.
+
+    Returns
+    -------
+    dict
+        With `kind`, ``network`` or ``curves``.
+    """
+    if is_whole(surrogate):
+        content = surrogate.to_dict()
+        return {key: content[key] for key in (*ARRAYS, "scaled_range")} | {
+            "kind": "network",
+            "root": packed(surrogate.posterior_root_, "<f8"),
+        }
+    curves = {}
+    for name, low, high in zip(space.free, space.low, space.high, strict=True):
+        points = np.tile(np.asarray(answer, dtype=float), (CURVE_POINTS, 1))
+        points[:, PARAMETERS.index(name)] = np.linspace(low, high, CURVE_POINTS)
+        mean, std = surrogate.predict(points, return_std=True, noise=False)
+        curves[name] = {"mean": np.asarray(mean).tolist(), "std": np.asarray(std).tolist()}
+    return {"kind": "curves", "curves": curves}

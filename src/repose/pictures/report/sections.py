@@ -1,0 +1,286 @@
+"""The report in HTML: the answer, its check against the pile, a place to try other parameters, how it was found."""
+
+import html
+from typing import Any
+
+import numpy as np
+
+from repose.core.parameters import LABELS, PARAMETERS
+from repose.core.targets import Target
+from repose.pictures.report.html import folded, picture, table, text
+from repose.pictures.report.prediction import is_whole
+from repose.pictures.report.study import PICTURES, Study
+
+SURE, LIKELY = 0.95, 0.5
+KEYS = """<p class="note">Green band: the range that was asked for. Grey diamond and line: the measured mean and its
+standard deviation. Blue: {blue}, the line holds the true mean with 95 % probability.</p>"""
+
+
+def share(value: float | None) -> str:
+    """A probability in words that promise no more than the runs can tell.
+
+    Parameters
+    ----------
+    value : float or None
+
+    Returns
+    -------
+    str
+    """
+    if value is None:
+        return "unknown"
+    if value > 0.995:
+        return "more than 99 %"
+    return "less than 1 %" if value < 0.005 else f"{100 * value:.0f} %"
+
+
+def answer(study: Study) -> str:
+    """The parameters, their intervals, and how probable it is that they meet the targets.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    str
+    """
+    kind, words = verdict(study)
+    small = '<p class="small-run">Small run: these numbers show that the chain works and are no calibration.</p>'
+    rows = [_parameter_row(study, k) for k in range(len(PARAMETERS))]
+    head = ["parameter", "meaning", "value", *_interval_head(study), "searched", "sets found"]
+    return "\n".join(
+        [
+            f"<h1>Contact parameters: {html.escape(study.config['label'])}</h1>",
+            small if study.config["small_run"] else "",
+            f'<p class="verdict {kind}">{html.escape(words)}</p>',
+            table(head, rows, "answer"),
+            '<p class="buttons screen"><button id="copy" class="act" type="button">Copy the parameters</button></p>',
+            _how_well_known(study),
+        ]
+    )
+
+
+def verdict(study: Study) -> tuple[str, str]:
+    """Whether the targets are met: a class of the style, and a sentence.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    kind, words : str
+    """
+    if not study.summary["feasible"]:
+        return "bad", f"The targets are not met. {study.summary['message']}"
+    chance = study.chance["all"]
+    if chance is None:
+        return "fair", "Whether the targets are met is unknown: fewer than two runs of these parameters could be measured."
+    kind = "good" if chance >= SURE else "fair" if chance >= LIKELY else "bad"
+    start = {
+        "good": "The targets are met",
+        "fair": "The targets are probably met",
+        "bad": "The targets are probably not met",
+    }[kind]
+    k = len(study.targets)
+    which = ("the response lies", "both responses lie", f"all {k} responses lie")[min(k, 3) - 1]
+    runs = study.number("n_seeds")
+    return kind, (
+        f"{start}: with a probability of {share(chance)} {which} inside the range that was asked for, "
+        f"judged by {runs or 0:.0f} new simulations with these parameters."
+    )
+
+
+def _interval_head(study):
+    """Head of the column of intervals, where there is one."""
+    return [] if study.posterior is None else ["95 % interval", "left open"]
+
+
+def _parameter_row(study, k):
+    """Row of one parameter in the answer."""
+    name, space = PARAMETERS[k], study.space
+    if name in space.fixed:
+        unknown = [] if study.posterior is None else ["", ""]
+        return [name, LABELS[name], f"{study.answer[k]:.4g}", *unknown, "fixed", ""]
+    i = space.free.index(name)
+    found = study.feasible[name]
+    if study.posterior is None:
+        interval = []
+    else:
+        row = study.posterior.loc[name]
+        width = f"{100 * row['width_ratio']:.0f} %"
+        interval = [f"{row['credible_low']:.3g} to {row['credible_high']:.3g}", width]
+    searched = f"{space.low[i]:.3g} to {space.high[i]:.3g}"
+    return [name, LABELS[name], f"{study.answer[k]:.4g}", *interval, searched, f"{found.min():.3g} to {found.max():.3g}"]
+
+
+def _how_well_known(study):
+    """What the intervals mean."""
+    parts = [
+        "<p class='note'>The value is one parameter set whose pile agrees with the measured one. Use the set as a whole: "
+        "other sets agree as well, and values of different sets must not be mixed."
+    ]
+    if study.posterior is not None:
+        parts.append(
+            " The 95 % interval is what the measurements say of each parameter by itself. Left open: how wide it is, beside "
+            "the interval before any measurement. Near 100 % the measurements do not determine this parameter."
+        )
+    parts.append(" Sets found: the span of those that the search kept.</p>")
+    return "".join(parts)
+
+
+def check(study: Study) -> str:
+    """Measured, predicted and simulated responses, and the pile.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    str
+    """
+    head = ["response", "measured", "asked for", "predicted", "simulated", "difference", "inside"]
+    rows = [_response_row(study, one) for one in study.targets]
+    trouble = text(study.row.get("reason"))
+    return "\n".join(
+        [
+            "<h2>The check against the pile</h2>",
+            table(head, rows, "check"),
+            '<p class="note">Measured: mean ± standard deviation of the repetitions. Simulated: mean ± standard error of '
+            "new simulations that neither the surrogate nor the search had seen. Inside: how probable it is that the simulated "
+            "mean lies in what was asked for.</p>",
+            f'<p class="note">Of these simulations: {trouble}.</p>' if trouble else "",
+            '<div id="checks"></div>',
+            KEYS.format(blue="the new simulations"),
+            _pile(study),
+        ]
+    )
+
+
+def _response_row(study, one: Target):
+    """Row of one target."""
+    response, unit = one.response, one.response.unit
+    predicted, simulated, error = (
+        study.number(column) for column in (response.predicted, response.simulated, response.error)
+    )
+    shown = "no result" if simulated is None else f"{simulated:.4g} ± {error or 0:.2g} {unit}"
+    away = "" if simulated is None else f"{100 * (simulated - one.value) / abs(one.value):+.1f} %"
+    return [
+        response.label,
+        f"{one.value:.4g} ± {one.sd:.2g} {unit} (n = {one.repetitions})",
+        f"{one.low:g} to {one.high:g} {unit}",
+        f"{predicted:.4g} {unit}" if predicted is not None else "",
+        shown,
+        away,
+        share(study.chance[one.name]),
+    ]
+
+
+def _pile(study):
+    """The 3-D view beside the photograph, or beside the measured silhouette."""
+    files = study.files
+    beside = ""
+    if "photograph" in files:
+        beside = picture(files["photograph"], "The physical pile")
+    elif "overlay" in files:
+        beside = picture(files["overlay"], "How the simulated pile was measured: its outline, height and angle")
+    if "trajectory" not in files:
+        return f'<div class="pair alone">{beside}</div>' if beside else ""
+    buttons = "".join(
+        f'<button class="act quiet" type="button" id="look-{name}">{words}</button>'
+        for name, words in (("side", "From the side"), ("above", "From above"), ("pour", "With the funnel"))
+    )
+    view = f"""<div><div id="view"><canvas id="pile" aria-label="The simulated pile in 3-D"></canvas></div>
+<p class="buttons screen">{buttons}</p>
+<p class="buttons screen"><button class="act" type="button" id="play">Play the pour</button>
+<input type="range" id="time" min="0" max="1" step="1" aria-label="Time of the pour"><output id="clock"></output></p>
+<p class="note">The simulated pile of these parameters. Drag to turn it, move the slider to go through the pouring.</p></div>"""
+    return f'<div class="pair{"" if beside else " alone"}">{view}{beside}</div>'
+
+
+def other_parameters(study: Study) -> str:
+    """Sliders, and what the surrogate predicts.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    str
+    """
+    if is_whole(study.surrogate):
+        how = "The network predicts the simulated means; its error is that of its Bayesian training."
+    else:
+        how = (
+            f"The surrogate ({study.surrogate.name}) was evaluated beforehand along each parameter through the answer: "
+            "moving one slider puts the others back."
+        )
+    return f"""<div class="screen"><h2>Other parameters</h2>
+<p>Move a parameter and see what the surrogate predicts, without a simulation. {html.escape(how)}</p>
+<div class="try"><div><div id="sliders"></div>
+<p class="buttons"><button id="home" class="act quiet" type="button">Back to the answer</button></p></div>
+<div id="predictions" aria-live="polite"></div></div>
+{KEYS.format(blue="the prediction")}</div>"""
+
+
+def how_found(study: Study) -> str:
+    """The steps with their numbers, figures and tables.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    str
+    """
+    steps = "".join(f"<li>{html.escape(one)}</li>" for one in _steps(study))
+    pictures = "".join(
+        picture(study.files[name], caption) for name, caption in PICTURES.items() if name in study.files
+    )
+    columns = ["sample", *PARAMETERS, *(c for one in study.targets for c in (one.name, one.response.error)), "status"]
+    samples = study.dataset[[column for column in columns if column in study.dataset]]
+    return "\n".join(
+        [
+            "<h2>How it was found</h2>",
+            f'<ol class="steps">{steps}</ol>',
+            f'<div class="pictures">{pictures}</div>' if pictures else "",
+            '<div class="screen"><h3>Tables</h3>',
+            folded("Solutions simulated again", study.table4),
+            folded("Parameter sets that the search kept", study.feasible),
+            folded("Simulated samples", samples),
+            "</div>",
+        ]
+    )
+
+
+def _steps(study):
+    """The method in sentences."""
+    config, row = study.config, study.row
+    open_ = study.space.dimensions
+    free = f"{open_} parameters" if open_ == len(PARAMETERS) else f"{open_} of {len(PARAMETERS)} parameters, the others fixed"
+    benches = " and ".join(study.targets.apparatus)
+    yield f"Design: {config['design']['samples']} parameter sets over {free} ({config['design']['method']})."
+    yield f"Simulation of the bench test ({benches}): {study.dataset_summary['text']}"
+    yield f"Surrogate ({study.surrogate.name}): {_accuracy(study)}"
+    yield f"Search: {study.summary['message']}"
+    again = study.table4
+    yield (
+        f"Check: {len(again)} of the sets found were simulated again with new seeds; the answer {row.get('n_seeds', 0):.0f} times."
+    )
+
+
+def _accuracy(study):
+    """How well the surrogate predicts samples that it had not seen."""
+    test: dict[str, Any] = study.metrics.get("test") or {}
+    parts = [
+        f"{one.response.label} to {test[one.name]['rmse']:.2g} {one.response.unit} (R² {test[one.name]['r2']:.2f})"
+        for one in study.targets
+        if one.name in test and np.isfinite(test[one.name].get("rmse") or np.nan)
+    ]
+    if not parts:
+        return "its accuracy was not tested."
+    return f"on samples that it had not learned from, it predicts the {' and the '.join(parts)}."

@@ -1,0 +1,137 @@
+"""What a finished study has written, read for its report."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from repose.core.errors import InputError
+from repose.core.files import read_json, read_table
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
+from repose.core.targets import Targets
+from repose.pictures.report.chance import chance_of_meeting
+from repose.surrogate import Surrogate, load
+
+# Names of the inputs: files that a report needs, and those that it shows where there are some.
+NEEDED = ("network", "metrics", "dataset", "dataset_summary", "feasible", "summary", "table4")
+OPTIONAL = ("posterior", "particle", "trajectory", "photograph", "overlay")
+PICTURES = {
+    "figure13": "What the surrogate predicts and what the simulator gives, for samples it learned from and others",
+    "figure14": "The parameter sets that the search found",
+    "validation": "Predicted, simulated and measured responses",
+    "definitions": "What each definition of the angle sees in the same pile",
+}
+
+
+@dataclass
+class Study:
+    """The results of a study.
+
+    Attributes
+    ----------
+    config : mapping
+    targets : Targets
+    space : ParameterSpace
+    files : mapping
+        Paths by the names in `NEEDED`, `OPTIONAL` and `PICTURES`.
+    answer : numpy.ndarray, (6,)
+        The representative parameter set.
+    row : pandas.Series
+        Its row in table4.csv.
+    chance : dict
+        Of `chance_of_meeting`.
+    posterior : pandas.DataFrame or None
+        posterior.csv by parameter.
+    surrogate : Surrogate
+    feasible, table4, dataset : pandas.DataFrame
+    summary, metrics, dataset_summary : mapping
+    """
+
+    config: Mapping[str, Any]
+    targets: Targets
+    space: ParameterSpace
+    files: Mapping[str, str]
+    answer: np.ndarray
+    row: pd.Series
+    chance: dict[str, float | None]
+    posterior: pd.DataFrame | None
+    surrogate: Surrogate
+    feasible: pd.DataFrame
+    table4: pd.DataFrame
+    dataset: pd.DataFrame
+    summary: Mapping[str, Any]
+    metrics: Mapping[str, Any]
+    dataset_summary: Mapping[str, Any]
+
+    def number(self, column: str) -> float | None:
+        """A number of the answer's row, None where there is none.
+
+        Parameters
+        ----------
+        column : str
+
+        Returns
+        -------
+        float or None
+        """
+        value = self.row.get(column)
+        return None if value is None or pd.isna(value) else float(value)
+
+
+def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str]) -> Study:
+    """Read the results of a study.
+
+    Parameters
+    ----------
+    config : mapping
+        Checked.
+    jobs : sequence of path
+        Measured runs of the representative parameter set, one file for each bench test.
+    files : mapping
+        Paths by name; those in `NEEDED` are needed.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    InputError
+        For a name that is missing or unknown, or a file that cannot be read.
+    """
+    known = (*NEEDED, *OPTIONAL, *PICTURES)
+    for name in files:
+        if name not in known:
+            raise InputError("report", "--input", name, f"one of {', '.join(known)}")
+    for name in NEEDED:
+        if name not in files:
+            raise InputError("report", "--input", None, f"{name}=PATH; a report needs {', '.join(NEEDED)}")
+    targets = Targets.of(config["targets"])
+    table4 = read_table(files["table4"], ("role", *PARAMETERS, *targets.predicted))
+    rows = table4[table4["role"] == "representative"]
+    if rows.empty:
+        raise InputError(files["table4"], "role", None, "a row with the role representative")
+    posterior = None
+    if "posterior" in files:
+        columns = ("parameter", "credible_low", "credible_high", "width_ratio")
+        posterior = read_table(files["posterior"], columns).set_index("parameter")
+    return Study(
+        config=config,
+        targets=targets,
+        space=ParameterSpace.of(config["parameters"]),
+        files=files,
+        answer=rows.iloc[0][list(PARAMETERS)].to_numpy(float),
+        row=rows.iloc[0],
+        chance=chance_of_meeting([read_json(job, {"runs": list}) for job in jobs], targets),
+        posterior=posterior,
+        surrogate=load(files["network"], targets.names),
+        feasible=read_table(files["feasible"], ("solution", *PARAMETERS)),
+        table4=table4,
+        dataset=read_table(files["dataset"], ("sample", *PARAMETERS, *targets.names)),
+        summary=read_json(files["summary"], {"feasible": bool, "message": str}),
+        metrics=read_json(files["metrics"]),
+        dataset_summary=read_json(files["dataset_summary"], {"text": str}),
+    )

@@ -1,0 +1,111 @@
+// The 3-D view of a pour: the bodies as instances of one mesh, the plate, the funnel.
+"use strict";
+
+function pourView(canvas, pour) {
+  const renderer = new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
+  renderer.setClearColor(0xf4f5f7);
+  const scene = new THREE.Scene();
+  scene.add(new THREE.HemisphereLight(0xffffff, 0x8a8078, 1.9));
+  const sun = new THREE.DirectionalLight(0xffffff, 1.9);
+  const camera = new THREE.PerspectiveCamera(24, 1, 1, 20000);
+  camera.up.set(0, 0, 1);
+  camera.add(sun);
+  sun.position.set(-0.6, 1, 0.4);
+  scene.add(camera);
+
+  const positions = unpacked(pour.positions, Uint16Array), turns = unpacked(pour.turns, Int8Array);
+  const scales = pour.scales ? unpacked(pour.scales, Float32Array) : null;
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.BufferAttribute(unpacked(pour.body.points, Float32Array), 3));
+  geometry.setAttribute("normal", new THREE.BufferAttribute(unpacked(pour.body.normals, Float32Array), 3));
+  geometry.setIndex(new THREE.BufferAttribute(unpacked(pour.body.triangles, Uint32Array), 1));
+  const bodies = new THREE.InstancedMesh(geometry, new THREE.MeshLambertMaterial(), pour.count);
+  bodies.frustumCulled = false;
+  for (let n = 0; n < pour.count; n++) {
+    const shade = ((n * 37) % 100) / 100; // neighbours differ, so that single bodies are seen
+    bodies.setColorAt(n, new THREE.Color().setHSL(0.03 + 0.04 * shade, 0.62, 0.38 + 0.16 * shade));
+  }
+  scene.add(bodies);
+  const plate = new THREE.Mesh(
+    new THREE.CircleGeometry(pour.plate_mm, 96), new THREE.MeshLambertMaterial({ color: 0xe6e9ee }));
+  plate.position.z = -0.2;
+  scene.add(plate);
+  const glass = new THREE.MeshLambertMaterial(
+    { color: 0x6f93bd, transparent: true, opacity: 0.22, side: THREE.DoubleSide, depthWrite: false });
+  const funnel = pour.walls.map(([lowZ, lowR, highZ, highR]) => {
+    const wall = new THREE.Mesh(
+      new THREE.LatheGeometry([new THREE.Vector2(lowR, lowZ), new THREE.Vector2(highR, highZ)], 64), glass);
+    wall.rotation.x = Math.PI / 2; // a lathe turns about y
+    scene.add(wall);
+    return wall;
+  });
+
+  const controls = new THREE.OrbitControls(camera, canvas);
+  controls.maxPolarAngle = Math.PI / 2 - 0.005; // not from below the plate
+  controls.enableZoom = false; // the wheel scrolls the page until the picture is touched
+  canvas.addEventListener("pointerdown", () => { controls.enableZoom = true; });
+  const draw = () => renderer.render(scene, camera);
+  controls.addEventListener("change", draw);
+
+  const place = new THREE.Vector3(), turn = new THREE.Quaternion(), size = new THREE.Vector3(), matrix = new THREE.Matrix4();
+  function show(frame) {
+    for (let n = 0; n < pour.count; n++) {
+      const at = (frame * pour.count + n) * 3, q = (frame * pour.count + n) * 4;
+      const there = positions[at] !== 65535;
+      place.set(...[0, 1, 2].map((i) => pour.low[i] + pour.step[i] * positions[at + i]));
+      turn.set(turns[q], turns[q + 1], turns[q + 2], turns[q + 3]).normalize();
+      size.setScalar(there ? (scales ? scales[n] : 1) : 0);
+      bodies.setMatrixAt(n, matrix.compose(place, turn, size));
+    }
+    bodies.instanceMatrix.needsUpdate = true;
+    draw();
+  }
+
+  // Radius and height of the resting pile; the few bodies that rolled away may leave the picture.
+  const last = (pour.times_s.length - 1) * pour.count * 3, radii = [], heights = [];
+  for (let n = 0; n < pour.count; n++) {
+    const at = last + 3 * n;
+    if (positions[at] === 65535) continue;
+    const [x, y, z] = [0, 1, 2].map((i) => pour.low[i] + pour.step[i] * positions[at + i]);
+    radii.push(Math.hypot(x, y));
+    heights.push(z);
+  }
+  radii.sort((a, b) => a - b);
+  const radius = 1.15 * (radii[Math.floor(0.95 * radii.length)] || 100), height = Math.max(10, ...heights);
+  const top = Math.max(height, ...pour.walls.map((wall) => wall[2])), mouth = Math.max(radius, ...pour.walls.map((wall) => wall[3]));
+  const views = {
+    side: { elevation: 3, half: [radius, height / 2], middle: height / 2, funnel: false },
+    above: { elevation: 89, half: [radius, radius], middle: 0, funnel: false },
+    pour: { elevation: 9, half: [mouth, top / 2], middle: top / 2, funnel: true },
+  };
+  let current = "side";
+  function look(name) {
+    current = name;
+    const { elevation, half, middle, funnel: seen } = views[name];
+    const angle = Math.tan((camera.fov / 2) * (Math.PI / 180));
+    const distance = 1.12 * Math.max(half[0] / (angle * camera.aspect), half[1] / angle) + half[0];
+    const up = elevation * (Math.PI / 180);
+    controls.target.set(0, 0, middle);
+    camera.position.set(0, -distance * Math.cos(up), middle + distance * Math.sin(up));
+    funnel.forEach((wall) => { wall.visible = seen; });
+    controls.update();
+    draw();
+  }
+  let drawnWidth = 0;
+  function resize() {
+    const box = canvas.parentElement.getBoundingClientRect();
+    if (!box.width || box.width === drawnWidth) return; // a phone's bars come and go while it scrolls
+    drawnWidth = box.width;
+    const high = Math.max(240, Math.min(0.7 * box.width, 440));
+    renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
+    renderer.setSize(box.width, high, false);
+    canvas.style.height = `${high}px`;
+    camera.aspect = box.width / high;
+    camera.updateProjectionMatrix();
+    look(current);
+  }
+  window.addEventListener("resize", resize);
+  resize();
+  show(pour.times_s.length - 1);
+  return { show, look, looksAt: () => current };
+}
