@@ -1,66 +1,84 @@
-# Tables as pages, for `snakemake --report`; the figures are marked where they are drawn.
-TABLES = {
-    "table1": ("Table 1: sizes of the berries", rules.berry.output.summary),
-    "designs": ("Designs compared", rules.design.output.comparison),
-    "dataset": ("Samples and responses", rules.dataset.output.dataset),
-    "starts": ("Starts of the network", rules.network.output.starts),
-    "table3": ("Table 3: intervals of the solutions", rules.miga.output.intervals),
-    "solutions": ("Solutions found", rules.miga.output.feasible),
-    "table4": ("Table 4: predicted and simulated", rules.validate.output.table4),
-    "representative": (
-        "Representative solution and the physical pile",
-        rules.validate.output.representative,
-    ),
-    "published": (
-        "Published solutions in this simulator",
-        rules.validate.output.published,
-    ),
-    "drum": ("The drum: angles and first slip", rules.drum.output.summary),
+# The report of a study, one page for a browser; it is also part of `snakemake --report`, as figures are.
+PAGE = {
+    "network": rules.network.output.network,
+    "metrics": rules.network.output.metrics,
+    "dataset": rules.dataset.output.dataset,
+    "dataset_summary": rules.dataset.output.summary,
+    "feasible": rules.miga.output.feasible,
+    "summary": rules.miga.output.summary,
+    "table4": rules.validate.output.table4,
+    "figure13": f"{RESULTS}/figures/figure13.png",
+    "figure14": f"{RESULTS}/figures/figure14.png",
+    "validation": f"{RESULTS}/figures/validation.png",
 }
-if config["surrogate"] != "network":
-    del TABLES["starts"]
-if not THEIRS:
-    del TABLES["published"]
+if "funnel" in BENCH_TESTS:
+    PAGE |= {
+        "particle": rules.shape.output.particle,
+        "trajectory": rules.trajectory.output.trajectory,
+        "overlay": rules.measure.output.overlay,
+        "definitions": f"{RESULTS}/figures/definitions.png",
+    }
+# The posterior takes the scatter of the targets from runs of one sample.
+if all(config[name]["seeds"] > 1 for name in BENCH_TESTS):
+    PAGE["posterior"] = rules.posterior_tables.output.posterior
+if config.get("photograph"):
+    PAGE["photograph"] = config["photograph"]
+
+# Tables that the page holds, by their titles.
+TABLES = [
+    ("Measured sizes", rules.berry.output.summary),
+    ("Designs compared", rules.design.output.comparison),
+    ("Simulated samples", rules.dataset.output.dataset),
+    ("Parameter sets found", rules.miga.output.feasible),
+    ("Intervals of the sets found", rules.miga.output.intervals),
+    ("Sets simulated again", rules.validate.output.table4),
+    ("The drum: angles and first slip", rules.drum.output.summary),
+]
+if config["surrogate"] == "network":
+    TABLES.append(("Starts of the network", rules.network.output.starts))
+if THEIRS:
+    TABLES.append(
+        ("Published sets in this simulator", rules.validate.output.published)
+    )
 
 
 report: "../report/workflow.rst"
 
 
-for table, (title, source) in TABLES.items():
-
-    rule:
-        name:
-            f"page_{table}"
-        input:
-            source,
-        output:
-            report(
-                f"{RESULTS}/tables/{table}.html",
-                caption=f"../report/table_{table}.rst",
-                category="Tables",
-                labels={"table": title},
-            ),
-        log:
-            f"{RESULTS}/logs/tables/{table}.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/tables/{table}.tsv"
-        threads: 1
-        resources:
-            mem_mb=300,
-        params:
-            config=CONFIG,
-            title=title,
-            depends=sections("small_run"),
-        message:
-            "Page of: {params.title}"
-        shell:
-            "python -m repose table {input:q} --title {params.title:q} --config {params.config:q} --out {output:q}"
-            " > {log:q} 2>&1"
-
-
-rule tables:
+rule page:
     input:
-        expand(f"{RESULTS}/tables/{{table}}.html", table=TABLES),
+        **PAGE,
+        jobs=expand(
+            rules.measure_validation_runs.output.result,
+            runs=folders_of_targets(),
+            sample=OURS[0],
+        ),
+        tables=[path for _, path in TABLES],
+    output:
+        report(
+            f"{RESULTS}/report.html",
+            caption="../report/page.rst",
+            category="Answer",
+            labels={"page": "The report"},
+        ),
+    log:
+        f"{RESULTS}/logs/page.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/page.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        config=CONFIG,
+        inputs=[f"--input={name}={path}" for name, path in PAGE.items()],
+        tables=[f"--table={title}={path}" for title, path in TABLES],
+        depends=sections("label", "small_run", "parameters", "targets", "design")
+        | {"funnel": config["funnel"] if "funnel" in BENCH_TESTS else None},
+    message:
+        "The report: {output}"
+    shell:
+        "python -m repose report {input.jobs:q} --config {params.config:q} {params.inputs:q} {params.tables:q}"
+        " --out {output:q} > {log:q} 2>&1"
 
 
 rule calibration:

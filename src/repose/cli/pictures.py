@@ -58,9 +58,11 @@ def film(args: argparse.Namespace) -> None:
     options=[
         Option("jobs", nargs="*", help="measured runs of the answer, one .json file for each bench test"),
         Option("--input", action="append", default=[], metavar="NAME=PATH", help="a file of the study"),
+        Option("--table", action="append", default=[], metavar="TITLE=PATH", help="a table that the page shows"),
     ],
 )
 def report(args: argparse.Namespace) -> None:
     from repose.pictures.report import page
 
-    page.write(loader.load(args.config), args.jobs, pairs(args.input, "--input"), args.out)
+    files, tables = pairs(args.input, "--input"), pairs(args.table, "--table")
+    page.write(loader.load(args.config), args.jobs, files, tables, args.out)

@@ -21,6 +21,7 @@ def write(
     config: Mapping[str, Any],
     jobs: Sequence[str],
     files: Mapping[str, str],
+    tables: Mapping[str, str],
     out_path: str | os.PathLike,
 ) -> None:
     """Write the report of a study.
@@ -33,17 +34,18 @@ def write(
         Measured runs of the representative parameter set, one file for each bench test.
     files : mapping
         Paths by name, see `repose.pictures.report.study`.
+    tables : mapping
+        Paths of further tables that the page shows, by their titles.
     out_path : path
 
     Raises
     ------
     InputError
-        As `repose.pictures.report.study.read`, and for a trajectory or a picture that cannot be read.
+        As `repose.pictures.report.study.read`, and for a trajectory, a picture or a table that cannot be read.
     """
     study = read(config, jobs, files)
-    body = "\n".join(
-        one(study) for one in (sections.answer, sections.check, sections.other_parameters, sections.how_found)
-    )
+    parts = (sections.answer, sections.check, sections.other_parameters, sections.how_found)
+    body = "\n".join([*(part(study) for part in parts), sections.all_tables(tables)])
     write_text(out_path, assembled(f"Contact parameters: {config['label']}", body, content(study)))
 
 

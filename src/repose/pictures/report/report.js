@@ -186,6 +186,7 @@ function setUpView() {
     }, 90);
   });
   for (const name of ["side", "above", "pour"]) byId(`look-${name}`).addEventListener("click", () => view.look(name));
+  window.addEventListener("beforeprint", () => { stop(); view.look("side"); show(times.length - 1); });
   show(times.length - 1);
 }
 

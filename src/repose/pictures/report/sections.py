@@ -1,10 +1,12 @@
 """The report in HTML: the answer, its check against the pile, a place to try other parameters, how it was found."""
 
 import html
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from repose.core.files import read_table
 from repose.core.parameters import LABELS, PARAMETERS
 from repose.core.targets import Target
 from repose.pictures.report.html import folded, picture, table, text
@@ -227,7 +229,7 @@ def other_parameters(study: Study) -> str:
 
 
 def how_found(study: Study) -> str:
-    """The steps with their numbers, figures and tables.
+    """The steps with their numbers and figures.
 
     Parameters
     ----------
@@ -241,20 +243,34 @@ def how_found(study: Study) -> str:
     pictures = "".join(
         picture(study.files[name], caption) for name, caption in PICTURES.items() if name in study.files
     )
-    columns = ["sample", *PARAMETERS, *(c for one in study.targets for c in (one.name, one.response.error)), "status"]
-    samples = study.dataset[[column for column in columns if column in study.dataset]]
     return "\n".join(
         [
             "<h2>How it was found</h2>",
             f'<ol class="steps">{steps}</ol>',
             f'<div class="pictures">{pictures}</div>' if pictures else "",
-            '<div class="screen"><h3>Tables</h3>',
-            folded("Solutions simulated again", study.table4),
-            folded("Parameter sets that the search kept", study.feasible),
-            folded("Simulated samples", samples),
-            "</div>",
         ]
     )
+
+
+def all_tables(tables: Mapping[str, str]) -> str:
+    """The study's tables, each behind its title.
+
+    Parameters
+    ----------
+    tables : mapping
+        Paths by title.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    InputError
+        If a table cannot be read.
+    """
+    shown = "".join(folded(title, read_table(path)) for title, path in tables.items())
+    return f'<div class="screen"><h3>Tables</h3>{shown}</div>' if shown else ""
 
 
 def _steps(study):

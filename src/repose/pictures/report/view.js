@@ -27,7 +27,7 @@ function pourView(canvas, pour) {
   }
   scene.add(bodies);
   const plate = new THREE.Mesh(
-    new THREE.CircleGeometry(pour.plate_mm, 96), new THREE.MeshLambertMaterial({ color: 0xe6e9ee }));
+    new THREE.CircleGeometry(pour.plate_mm, 96), new THREE.MeshLambertMaterial({ color: 0xd9dde3, emissive: 0x6a6d72 }));
   plate.position.z = -0.2;
   scene.add(plate);
   const glass = new THREE.MeshLambertMaterial(
