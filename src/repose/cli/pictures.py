@@ -58,7 +58,9 @@ def film(args: argparse.Namespace) -> None:
     options=[
         Option("jobs", nargs="*", help="measured runs of the answer, one .json file for each bench test"),
         Option("--input", action="append", default=[], metavar="NAME=PATH", help="a file of the study"),
-        Option("--table", action="append", default=[], metavar="TITLE=PATH", help="a table that the page shows"),
+        Option(
+            "--table", action="append", default=[], metavar="TITLE=PATH", help="a table that the page shows"
+        ),
     ],
 )
 def report(args: argparse.Namespace) -> None:

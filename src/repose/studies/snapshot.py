@@ -9,7 +9,7 @@ from repose.core.files import write_bytes, write_text
 
 # What is kept, by folder of the results; logs, timings and positions of single pours stay behind.
 KEPT = {
-    ".": ("*.csv", "dataset_summary.json", "config.json"),
+    ".": ("*.csv", "dataset_summary.json", "config.json", "report.html"),
     "berry": ("*.csv", "*.json"),
     "design": ("*.csv",),
     "network": ("*.csv", "*.json"),

@@ -11,7 +11,9 @@ DRAWS = 200_000
 SEED = 2026
 
 
-def chance_of_meeting(jobs: Sequence[Mapping[str, Any]], targets: Targets) -> dict[str, float | None]:
+def chance_of_meeting(
+    runs: Mapping[str, Sequence[Mapping[str, Any]]], targets: Targets
+) -> dict[str, float | None]:
     """Probability that the simulator's own mean lies inside the range, for each target and for all together.
 
     A few runs tell the mean with an error. Without prior knowledge the mean, given the runs, has a multivariate t
@@ -19,9 +21,8 @@ def chance_of_meeting(jobs: Sequence[Mapping[str, Any]], targets: Targets) -> di
 
     Parameters
     ----------
-    jobs : sequence of mapping
-        Measured runs of the parameter set, a mapping with `runs` for each bench test; a run belongs to the bench test
-        whose responses it has.
+    runs : mapping
+        For each bench test the measured runs of the parameter set, with their status and responses.
     targets : Targets
 
     Returns
@@ -34,7 +35,7 @@ def chance_of_meeting(jobs: Sequence[Mapping[str, Any]], targets: Targets) -> di
     together = np.ones(DRAWS, dtype=bool)
     for bench in targets.apparatus:
         own = [one for one in targets if one.response.apparatus == bench]
-        values = _values(jobs, own)
+        values = _values(runs.get(bench, ()), own)
         if len(values) < 2:
             return found
         drawn = _means(values, random)
@@ -46,14 +47,10 @@ def chance_of_meeting(jobs: Sequence[Mapping[str, Any]], targets: Targets) -> di
     return found
 
 
-def _values(jobs, own):
+def _values(runs, own):
     """Responses (n, k) of the good runs of one bench test."""
-    for job in jobs:
-        rows = [[one.response.of(run) for one in own] for run in job["runs"] if run["status"] == "ok"]
-        rows = [row for row in rows if all(value is not None for value in row)]
-        if rows:
-            return np.array(rows, dtype=float)
-    return np.zeros((0, len(own)))
+    rows = [[run[one.name] for one in own] for run in runs if run["status"] == "ok"]
+    return np.array(rows, dtype=float).reshape(-1, len(own))
 
 
 def _means(values, random):

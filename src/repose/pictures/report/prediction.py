@@ -6,7 +6,7 @@ the others stay at the answer.
 """
 
 import base64
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 
@@ -36,7 +36,7 @@ def packed(array: np.ndarray, kind: str) -> str:
     return base64.b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode()
 
 
-def is_whole(surrogate: Surrogate) -> bool:
+def is_whole(surrogate: Surrogate) -> TypeGuard[BayesianBP]:
     """Whether the page gets the surrogate itself, not curves.
 
     Parameters

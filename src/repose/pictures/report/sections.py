@@ -12,6 +12,7 @@ from repose.core.targets import Target
 from repose.pictures.report.html import folded, picture, table, text
 from repose.pictures.report.prediction import is_whole
 from repose.pictures.report.study import PICTURES, Study
+from repose.studies.posterior import LARGEST_R_HAT
 
 SURE, LIKELY = 0.95, 0.5
 KEYS = """<p class="note">Green band: the range that was asked for. Grey diamond and line: the measured mean and its
@@ -48,7 +49,9 @@ def answer(study: Study) -> str:
     str
     """
     kind, words = verdict(study)
-    small = '<p class="small-run">Small run: these numbers show that the chain works and are no calibration.</p>'
+    small = (
+        '<p class="small-run">Small run: these numbers show that the chain works and are no calibration.</p>'
+    )
     rows = [_parameter_row(study, k) for k in range(len(PARAMETERS))]
     head = ["parameter", "meaning", "value", *_interval_head(study), "searched", "sets found"]
     return "\n".join(
@@ -78,7 +81,10 @@ def verdict(study: Study) -> tuple[str, str]:
         return "bad", f"The targets are not met. {study.summary['message']}"
     chance = study.chance["all"]
     if chance is None:
-        return "fair", "Whether the targets are met is unknown: fewer than two runs of these parameters could be measured."
+        return (
+            "fair",
+            "Whether the targets are met is unknown: fewer than two runs of these parameters could be measured.",
+        )
     kind = "good" if chance >= SURE else "fair" if chance >= LIKELY else "bad"
     start = {
         "good": "The targets are met",
@@ -114,21 +120,30 @@ def _parameter_row(study, k):
         width = f"{100 * row['width_ratio']:.0f} %"
         interval = [f"{row['credible_low']:.3g} to {row['credible_high']:.3g}", width]
     searched = f"{space.low[i]:.3g} to {space.high[i]:.3g}"
-    return [name, LABELS[name], f"{study.answer[k]:.4g}", *interval, searched, f"{found.min():.3g} to {found.max():.3g}"]
+    return [
+        name,
+        LABELS[name],
+        f"{study.answer[k]:.4g}",
+        *interval,
+        searched,
+        f"{found.min():.3g} to {found.max():.3g}",
+    ]
 
 
 def _how_well_known(study):
     """What the intervals mean."""
     parts = [
-        "<p class='note'>The value is one parameter set whose pile agrees with the measured one. Use the set as a whole: "
-        "other sets agree as well, and values of different sets must not be mixed."
+        "<p class='note'>The value is one parameter set whose pile agrees with the measured one. Use the set as a "
+        "whole: other sets agree as well, and values of different sets must not be mixed."
     ]
     if study.posterior is not None:
         parts.append(
-            " The 95 % interval is what the measurements say of each parameter by itself. Left open: how wide it is, beside "
-            "the interval before any measurement. Near 100 % the measurements do not determine this parameter."
+            " The 95 % interval is what the measurements say of each parameter by itself. Left open: how wide it is, "
+            "beside the interval before any measurement. Near 100 % the measurements do not determine this parameter."
         )
     parts.append(" Sets found: the span of those that the search kept.</p>")
+    if study.posterior is not None and study.posterior["r_hat"].max() > LARGEST_R_HAT:
+        parts.append('<p class="bad">The intervals are not settled: raise <code>posterior.steps</code>.</p>')
     return "".join(parts)
 
 
@@ -150,9 +165,9 @@ def check(study: Study) -> str:
         [
             "<h2>The check against the pile</h2>",
             table(head, rows, "check"),
-            '<p class="note">Measured: mean ± standard deviation of the repetitions. Simulated: mean ± standard error of '
-            "new simulations that neither the surrogate nor the search had seen. Inside: how probable it is that the simulated "
-            "mean lies in what was asked for.</p>",
+            '<p class="note">Measured: mean ± standard deviation of the repetitions. Simulated: mean ± standard error '
+            "of new simulations that neither the surrogate nor the search had seen. Inside: how probable it is that "
+            "the simulated mean lies in what was asked for.</p>",
             f'<p class="note">Of these simulations: {trouble}.</p>' if trouble else "",
             '<div id="checks"></div>',
             KEYS.format(blue="the new simulations"),
@@ -187,7 +202,9 @@ def _pile(study):
     if "photograph" in files:
         beside = picture(files["photograph"], "The physical pile")
     elif "overlay" in files:
-        beside = picture(files["overlay"], "How the simulated pile was measured: its outline, height and angle")
+        beside = picture(
+            files["overlay"], "How the simulated pile was measured: its outline, height and angle"
+        )
     if "trajectory" not in files:
         return f'<div class="pair alone">{beside}</div>' if beside else ""
     buttons = "".join(
@@ -198,7 +215,8 @@ def _pile(study):
 <p class="buttons screen">{buttons}</p>
 <p class="buttons screen"><button class="act" type="button" id="play">Play the pour</button>
 <input type="range" id="time" min="0" max="1" step="1" aria-label="Time of the pour"><output id="clock"></output></p>
-<p class="note">The simulated pile of these parameters. Drag to turn it, move the slider to go through the pouring.</p></div>"""
+<p class="note">The simulated pile of these parameters. Drag to turn it, move the slider to go through the
+pouring.</p></div>"""
     return f'<div class="pair{"" if beside else " alone"}">{view}{beside}</div>'
 
 
@@ -277,16 +295,18 @@ def _steps(study):
     """The method in sentences."""
     config, row = study.config, study.row
     open_ = study.space.dimensions
-    free = f"{open_} parameters" if open_ == len(PARAMETERS) else f"{open_} of {len(PARAMETERS)} parameters, the others fixed"
+    free = (
+        f"{open_} parameters"
+        if open_ == len(PARAMETERS)
+        else f"{open_} of {len(PARAMETERS)} parameters, the others fixed"
+    )
     benches = " and ".join(study.targets.apparatus)
     yield f"Design: {config['design']['samples']} parameter sets over {free} ({config['design']['method']})."
     yield f"Simulation of the bench test ({benches}): {study.dataset_summary['text']}"
     yield f"Surrogate ({study.surrogate.name}): {_accuracy(study)}"
     yield f"Search: {study.summary['message']}"
-    again = study.table4
-    yield (
-        f"Check: {len(again)} of the sets found were simulated again with new seeds; the answer {row.get('n_seeds', 0):.0f} times."
-    )
+    again = f"{len(study.table4)} of the sets found were simulated again with new seeds"
+    yield f"Check: {again}; the answer {row.get('n_seeds', 0):.0f} times."
 
 
 def _accuracy(study):

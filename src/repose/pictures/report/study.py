@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from repose.chain.dataset import read_job
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_table
 from repose.core.parameter_space import ParameterSpace
@@ -116,7 +117,7 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
         raise InputError(files["table4"], "role", None, "a row with the role representative")
     posterior = None
     if "posterior" in files:
-        columns = ("parameter", "credible_low", "credible_high", "width_ratio")
+        columns = ("parameter", "credible_low", "credible_high", "width_ratio", "r_hat")
         posterior = read_table(files["posterior"], columns).set_index("parameter")
     return Study(
         config=config,
@@ -125,7 +126,7 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
         files=files,
         answer=rows.iloc[0][list(PARAMETERS)].to_numpy(float),
         row=rows.iloc[0],
-        chance=chance_of_meeting([read_json(job, {"runs": list}) for job in jobs], targets),
+        chance=chance_of_meeting(_runs(jobs, targets), targets),
         posterior=posterior,
         surrogate=load(files["network"], targets.names),
         feasible=read_table(files["feasible"], ("solution", *PARAMETERS)),
@@ -135,3 +136,9 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
         metrics=read_json(files["metrics"]),
         dataset_summary=read_json(files["dataset_summary"], {"text": str}),
     )
+
+
+def _runs(jobs, targets):
+    """Runs of each bench test."""
+    found = [read_job(path, targets) for path in jobs]
+    return {apparatus: job["runs"] for job, apparatus in found}

@@ -1,0 +1,185 @@
+"""The report: its numbers, its 3-D scene, and what it says; the page itself is tested in a browser."""
+
+import json
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import scipy.stats
+from made_up_report import made_up_study
+from shared import TARGETS, targets_of
+
+from repose.core.errors import InputError
+from repose.core.targets import Targets
+from repose.pictures.report import page, prediction, scene
+from repose.pictures.report.chance import chance_of_meeting
+from repose.surrogate import load
+
+BOTH = Targets.of(TARGETS)
+MORE = [
+    *TARGETS,
+    {
+        "response": "drum_slip_deg",
+        "apparatus": "drum",
+        "value": 44,
+        "sd": 2,
+        "repetitions": 5,
+        "range": [40, 48],
+    },
+]
+
+
+def runs_of(values, names):
+    """Good runs with these responses, of the names' bench test."""
+    return [
+        dict(zip(names, row, strict=True)) | {"status": "ok"} for row in np.asarray(values, float).tolist()
+    ]
+
+
+def test_chance_of_one_response_is_that_of_students_t():
+    targets = targets_of(aor_deg=33.0)
+    values = np.array([32.0, 34.5, 31.0, 36.0, 35.5])
+    chance = chance_of_meeting({"funnel": runs_of(values[:, None], ["aor_deg"])}, targets)
+    t = scipy.stats.t(4, values.mean(), values.std(ddof=1) / 5**0.5)
+    expected = t.cdf(targets[0].high) - t.cdf(targets[0].low)
+    assert 0.1 < expected < 0.9
+    assert chance["all"] == chance["aor_deg"] == pytest.approx(expected, abs=0.005)
+
+
+def test_chance_of_two_responses_that_move_as_one_is_that_of_the_worse():
+    a = np.array([31.2, 33.0, 32.1, 34.3])
+    chance = chance_of_meeting({"funnel": runs_of(np.column_stack([a, 2 * a]), BOTH.names)}, BOTH)
+    assert chance["all"] == pytest.approx(min(chance["aor_deg"], chance["height_mm"]), abs=0.06)
+    assert chance["all"] <= min(chance["aor_deg"], chance["height_mm"])
+
+
+def test_chances_of_two_bench_tests_multiply():
+    targets = Targets.of([MORE[0], MORE[2]])
+    rng = np.random.default_rng(0)
+    runs = {"funnel": runs_of(33.5 + 2 * rng.normal(size=(8, 1)), ["aor_deg"])}
+    runs |= {"drum": runs_of(47 + 3 * rng.normal(size=(8, 1)), ["drum_slip_deg"])}
+    chance = chance_of_meeting(runs, targets)
+    product = chance["aor_deg"] * chance["drum_slip_deg"]
+    assert 0.2 < product < 0.9
+    assert chance["all"] == pytest.approx(product, abs=0.005)
+
+
+def test_chance_is_unknown_of_one_run_and_failed_runs_do_not_count():
+    runs = runs_of([[33.0, 66.0], [33.0, 66.0]], BOTH.names)
+    runs[1] = {"status": "jammed", "aor_deg": None, "height_mm": None}
+    assert set(chance_of_meeting({"funnel": runs}, BOTH).values()) == {None}
+
+
+def test_positions_are_kept_within_half_a_step_and_the_absent_stay_absent():
+    rng = np.random.default_rng(1)
+    positions = rng.uniform(-300, 300, (4, 50, 3))
+    positions[0, :20] = np.nan
+    whole, low, step = scene.quantised(positions)
+    assert (whole[0, :20] == scene.ABSENT).all()
+    there = np.isfinite(positions).all(axis=2)
+    assert (whole[there] <= scene.STEPS).all()
+    assert np.abs(low + step * whole[there] - positions[there]).max() <= 0.5001 * step.max()
+    assert step.max() < 0.01
+
+
+@pytest.mark.parametrize(("frames", "count"), [(181, 500), (181, 20_000), (3, 10)])
+def test_frames_hold_both_ends_and_keep_to_the_size(frames, count):
+    shown = scene.frames_shown(np.linspace(0, 18, frames), count)
+    assert (shown[0], shown[-1]) == (0, frames - 1)
+    assert len(shown) * count * scene.BYTES <= scene.MAX_BYTES
+    assert len(shown) == min(frames, scene.FRAMES) or count == 20_000
+
+
+def test_a_body_of_spheres_lacks_only_what_other_spheres_hide():
+    spheres = np.array([[-3e-3, 0, 0, 5e-3], [3e-3, 0, 0, 5e-3], [0, 0, 0, 1e-3]])
+    points, normals, triangles = scene.body(SimpleNamespace(is_clump=True, spheres_m=spheres), 10_000)
+    distance = np.linalg.norm(points[:, None] - 1e3 * spheres[:, :3], axis=2) - 1e3 * spheres[:, 3]
+    np.testing.assert_allclose(np.abs(distance).min(axis=1), 0, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1)
+    # Each triangle has a corner that no sphere holds: the small sphere is gone, the others are cut.
+    outside = (distance > -1e-9).all(axis=1)
+    assert outside[triangles].any(axis=1).all()
+    assert np.abs(points[outside, 0]).max() == pytest.approx(8.0, abs=0.1)
+    corner = points[triangles]
+    facing = np.einsum(
+        "ij,ij->i",
+        np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]),
+        normals[triangles[:, 0]],
+    )
+    assert (facing > 0).all()
+
+
+def values_of(path):
+    """What the scripts of a page read."""
+    text = path.read_text()
+    return json.loads(re.search(r'id="content">(.*?)</script>', text, re.DOTALL).group(1)), text
+
+
+@pytest.mark.parametrize(
+    ("targets", "fixed"), [(TARGETS[:1], ()), (TARGETS, ("e_gg", "e_gp")), (MORE, ())], ids=["1", "2", "3"]
+)
+def test_any_number_of_targets_and_fixed_parameters(targets, fixed, tmp_path):
+    study = made_up_study(tmp_path, targets, fixed=fixed)
+    page.write(*study, {"All samples": tmp_path / "dataset.csv"}, tmp_path / "report.html")
+    values, text = values_of(tmp_path / "report.html")
+    assert [one["name"] for one in values["targets"]] == [one["response"] for one in targets]
+    assert [one["name"] for one in values["parameters"] if one["fixed"]] == list(fixed)
+    assert text.count("<td") > 60 * 8
+    assert "Small run" in text
+    assert "The intervals are not settled" in text
+    assert "made &lt;up&gt; &amp; small" in text
+    assert "e_gg: 0.2  #" in values["copy"]
+    assert not re.search(r'(src|href)="(?!data:)', text), "no network"
+
+
+def test_a_surrogate_that_is_no_network_is_shown_along_each_parameter(tmp_path):
+    study = made_up_study(tmp_path, TARGETS, "quadratic", fixed=("mur_gp",))
+    page.write(*study, {}, tmp_path / "report.html")
+    model = values_of(tmp_path / "report.html")[0]["model"]
+    assert model["kind"] == "curves"
+    assert "mur_gp" not in model["curves"]
+    point = np.array([[0.4, 0.5, 0.04, 0.3, 0.6, 0.2]])  # the answer with e_gg at its upper end
+    mean, std = load(tmp_path / "network.json").predict(point, return_std=True, noise=False)
+    np.testing.assert_allclose(model["curves"]["e_gg"]["mean"][-1], mean[0])
+    np.testing.assert_allclose(model["curves"]["e_gg"]["std"][-1], std[0])
+    assert len(model["curves"]["e_gg"]["mean"]) == prediction.CURVE_POINTS
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "words"),
+    [
+        (
+            {"summary": {"feasible": False, "message": "Nothing met."}},
+            "bad",
+            "The targets are not met. Nothing met.",
+        ),
+        (
+            {"job_funnel": {"sample": 1, "parameters": {}, "runs": [{"status": "jammed"}]}},
+            "fair",
+            "unknown",
+        ),
+        ({}, "good", "The targets are met: with a probability of more than 99 % both responses"),
+    ],
+)
+def test_the_page_begins_with_whether_the_targets_are_met(change, kind, words, tmp_path):
+    study = made_up_study(tmp_path, TARGETS)
+    for name, content in change.items():
+        (tmp_path / f"{name}.json").write_text(json.dumps(content))
+    page.write(*study, {}, tmp_path / "report.html")
+    found = re.search(r'class="verdict (\w+)">(.*?)</p>', (tmp_path / "report.html").read_text())
+    assert found.group(1) == kind
+    assert words in found.group(2)
+
+
+def test_faults_name_the_input(tmp_path):
+    config, jobs, files = made_up_study(tmp_path, TARGETS)
+    with pytest.raises(InputError, match=r"photo.*one of network"):
+        page.write(config, jobs, files | {"photo": "x"}, {}, tmp_path / "report.html")
+    del files["table4"]
+    with pytest.raises(InputError, match="a report needs"):
+        page.write(config, jobs, files, {}, tmp_path / "report.html")
+    (tmp_path / "photo.jpg").write_text("no picture")
+    files["table4"], files["photograph"] = tmp_path / "table4.csv", tmp_path / "photo.jpg"
+    with pytest.raises(InputError, match=r"photo.jpg.*a PNG or JPEG"):
+        page.write(config, jobs, files, {}, tmp_path / "report.html")

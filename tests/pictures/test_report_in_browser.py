@@ -1,0 +1,183 @@
+"""The report in headless Chromium: it loads, draws in 3-D, and what can be moved moves."""
+
+import re
+import shutil
+
+import numpy as np
+import pytest
+from made_up_report import ANSWER, made_up_study
+from shared import TARGETS
+
+from repose.core.parameters import PARAMETERS
+from repose.pictures.report import page
+from repose.surrogate import load
+
+pytestmark = pytest.mark.slow
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+if CHROMIUM is None:
+    pytest.skip("no Chromium on this machine (Debian: apt-get install chromium)", allow_module_level=True)
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+# 3-D without a graphics card; root has no sandbox.
+OPTIONS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A made-up study and its report."""
+    folder = tmp_path_factory.mktemp("report")
+    study = made_up_study(folder, TARGETS, fixed=("e_gp",))
+    page.write(*study, {"All samples": folder / "dataset.csv"}, folder / "report.html")
+    return folder
+
+
+@pytest.fixture
+def opened(browser, folder):
+    """The report as opened by a double click, without a network; its complaints are in `complaints`."""
+    with browser.new_context(viewport={"width": 800, "height": 600}, offline=True) as context:
+        opened = open_page(context, folder)
+        yield opened
+        assert opened.complaints == []
+
+
+def open_page(context, folder):
+    """A tab with the report."""
+    tab = context.new_page()
+    tab.complaints = []
+    tab.on(
+        "console", lambda message: tab.complaints.append(message.text) if message.type == "error" else None
+    )
+    tab.on("pageerror", lambda error: tab.complaints.append(str(error)))
+    tab.on("request", lambda sent: tab.complaints.append(sent.url) if sent.url.startswith("http") else None)
+    tab.goto((folder / "report.html").as_uri())
+    return tab
+
+
+def pixels(tab):
+    """Colours of every seventh pixel of the 3-D view, (pixels, 4)."""
+    coded = tab.evaluate(
+        """() => { const gl = document.getElementById("pile").getContext("webgl2");
+        const all = new Uint8Array(4 * gl.drawingBufferWidth * gl.drawingBufferHeight);
+        gl.readPixels(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight, gl.RGBA, gl.UNSIGNED_BYTE, all);
+        const few = []; for (let k = 0; k < all.length; k += 28) few.push(...all.subarray(k, k + 4));
+        return few; }"""
+    )
+    return np.array(coded, dtype=int).reshape(-1, 4)
+
+
+def reddish(colours):
+    """Number of pixels that show a body."""
+    return int(((colours[:, 0] - colours[:, 2]) > 40).sum())
+
+
+def move(tab, slider, value):
+    """Move a slider as a reader does."""
+    tab.evaluate(
+        """([id, value]) => { const slider = document.getElementById(id); slider.value = value;
+        slider.dispatchEvent(new Event("input")); }""",
+        [slider, value],
+    )
+
+
+def test_javascript_predicts_what_python_predicts(opened, folder):
+    model = load(folder / "network.json")
+    rng = np.random.default_rng(2)
+    X = rng.uniform(0.02, 0.8, (40, len(PARAMETERS)))  # within and beyond the samples
+    found = opened.evaluate("X => X.map(networkPredictor(content.model))", X.tolist())
+    mean, std = model.predict(X, return_std=True, noise=False)
+    np.testing.assert_allclose([one["mean"] for one in found], mean, rtol=1e-6)
+    np.testing.assert_allclose([one["std"] for one in found], std, rtol=1e-6)
+
+
+def test_the_pile_is_drawn_turns_and_falls(opened):
+    resting = pixels(opened)
+    assert reddish(resting) > 150
+    opened.locator("#pile").scroll_into_view_if_needed()
+    box = opened.locator("#pile").bounding_box()
+    opened.mouse.move(box["x"] + 200, box["y"] + 150)
+    opened.mouse.down()
+    opened.mouse.move(box["x"] + 320, box["y"] + 200, steps=4)
+    opened.mouse.up()
+    turned = pixels(opened)
+    assert (turned != resting).any(axis=1).mean() > 0.02
+    assert opened.text_content("#clock") == "4.0 s"
+    move(opened, "time", 2)
+    falling = pixels(opened)
+    assert opened.text_content("#clock") == "1.0 s"
+    assert (falling != turned).any(axis=1).mean() > 0.02
+    move(opened, "time", 8)
+    assert reddish(pixels(opened)) > reddish(falling), "half of the bodies were not there yet"
+
+
+def test_a_slider_moves_the_prediction_and_back(opened, folder):
+    at_answer = opened.text_content("#predicted-aor_deg")
+    assert opened.locator("#slide-e_gp").count() == 0, "it is fixed"
+    move(opened, "slide-mus_gg", 0.75)
+    moved = opened.text_content("#predicted-aor_deg")
+    point = np.array([[(ANSWER | {"mus_gg": 0.75})[name] for name in PARAMETERS]])
+    mean, std = load(folder / "network.json").predict(point, return_std=True, noise=False)
+    numbers = [float(number) for number in re.findall(r"\d+\.?\d*", moved)]
+    assert numbers == pytest.approx([mean[0, 0], 1.96 * std[0, 0]], rel=0.05)
+    assert numbers[0] == pytest.approx(mean[0, 0], rel=1e-3)
+    assert moved != at_answer
+    opened.click("#home")
+    assert opened.text_content("#predicted-aor_deg") == at_answer
+
+
+def test_the_button_copies_the_parameters(opened):
+    opened.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    opened.click("#copy")
+    opened.wait_for_function("document.getElementById('copy').textContent === 'Copied'")
+    copied = opened.evaluate("navigator.clipboard.readText()")
+    for name, value in ANSWER.items():
+        assert f"{name}: {value:g}  #" in copied
+
+
+def test_a_table_sorts_both_ways(opened):
+    opened.click("summary")
+    cells = "[...document.querySelectorAll('table.sorts tbody tr')].map((row) => Number(row.cells[0].textContent))"
+    column = f"() => {cells}"
+    before = opened.evaluate(column)
+    opened.click("table.sorts th:first-child button")
+    assert opened.evaluate(column) == sorted(before)
+    opened.click("table.sorts th:first-child button")
+    assert opened.evaluate(column) == sorted(before, reverse=True)
+
+
+def test_a_phone_shows_all_without_scrolling_sideways(browser, folder):
+    with browser.new_context(viewport={"width": 360, "height": 740}, is_mobile=True) as context:
+        tab = open_page(context, folder)
+        assert tab.evaluate("document.documentElement.scrollWidth") == 360
+        assert reddish(pixels(tab)) > 50
+        values = tab.locator("table.answer td:nth-child(3)")
+        assert all(values.nth(k).bounding_box()["x"] < 360 for k in range(len(PARAMETERS)))
+        assert tab.complaints == []
+
+
+def test_print_has_the_answer_and_the_pile_and_no_buttons(opened):
+    opened.emulate_media(media="print")
+    assert opened.locator(".verdict").is_visible()
+    assert opened.locator("#pile").is_visible()
+    for hidden in ("#copy", "#play", "#sliders", "details"):
+        assert not opened.locator(hidden).first.is_visible()
+
+
+def test_a_surrogate_of_curves_moves_one_parameter_at_a_time(browser, tmp_path):
+    page.write(*made_up_study(tmp_path, TARGETS[:1], "quadratic"), {}, tmp_path / "report.html")
+    with browser.new_context() as context:
+        tab = open_page(context, tmp_path)
+        move(tab, "slide-mus_gg", 0.75)
+        move(tab, "slide-e_gg", 0.4)
+        assert float(tab.input_value("#slide-mus_gg")) == pytest.approx(ANSWER["mus_gg"])
+        point = np.array([[(ANSWER | {"e_gg": 0.4})[name] for name in PARAMETERS]])
+        mean = load(tmp_path / "network.json").predict(point)
+        assert float(tab.text_content("#predicted-aor_deg").split()[0]) == pytest.approx(mean[0, 0], rel=1e-3)
+        assert tab.complaints == []
