@@ -37,9 +37,7 @@ TABLES = [
 if config["surrogate"] == "network":
     TABLES.append(("Starts of the network", rules.network.output.starts))
 if THEIRS:
-    TABLES.append(
-        ("Published sets in this simulator", rules.validate.output.published)
-    )
+    TABLES.append(("Published sets in this simulator", rules.validate.output.published))
 
 
 report: "../report/workflow.rst"
