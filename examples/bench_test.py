@@ -4,8 +4,6 @@ Stands this module in `repose/apparatus/` and is imported there, `targets:` may 
 and measure_runs, the dataset and the workflow know the bench test. Here it is registered by running it.
 """
 
-import time
-
 import numpy as np
 
 from repose import dem
@@ -65,7 +63,6 @@ def build(config, parameters, particle, berry, largest_scale=1.0):
 def run(config, parameters, seed, particle, berry, interval_s=None, progress=None):
     """Drop the berries within half of the time, and let them roll."""
     section, settings = config[NAME], SimulationSettings.of(config)
-    began = time.perf_counter()
     simulation = build(config, parameters, particle, berry)
     filmed = Filmed(simulation, interval_s, progress)
     end = settings.steps(section["duration_s"])
@@ -78,7 +75,6 @@ def run(config, parameters, seed, particle, berry, interval_s=None, progress=Non
         "seed": int(seed),
         "status": "ok" if finite else "unstable",
         "reason": "" if finite else "a position is not finite",
-        "wall_s": round(time.perf_counter() - began, 3),
     }
     return Run(record, {"position": simulation.positions.astype(np.float32)}, filmed.frames())
 
@@ -107,7 +103,7 @@ DROP = register(
         duration_s=lambda config: config[NAME]["duration_s"],
         contradictions=contradictions,
         kept=("position",),
-        in_words="spread {spread_mm:.1f} mm, {wall_s:.1f} s",
+        in_words="spread {spread_mm:.1f} mm",
     )
 )
 

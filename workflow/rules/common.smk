@@ -1,5 +1,4 @@
 # What the rules share: the checked configuration, and the Python that runs the verbs.
-import functools
 import json
 import os
 import shlex
@@ -7,8 +6,8 @@ import sys
 
 import pandas
 
-from repose.apparatus import bench, names
-from repose.config import loader
+from repose.apparatus import names
+from repose.config import loader, stands_on
 from repose.core import places
 from repose.core.errors import InputError
 from repose.core.lock import take_folder
@@ -55,10 +54,7 @@ def published(table):
 
 def sections(*names):
     """Sections of the configuration, or single keys with a dot, whose change reruns a rule; as params."""
-    return {
-        name: functools.reduce(dict.__getitem__, name.split("."), config)
-        for name in names
-    }
+    return stands_on.sections(config, *names)
 
 
 # Folder of each bench test's runs. Wildcard `runs`: one of these.
@@ -83,12 +79,7 @@ def pouring_settings(name="funnel"):
 
     An edit of the engine's source is a reason to run again.
     """
-    own = {key: value for key, value in config[name].items() if key != "seeds"}
-    return sections("wall", "simulation") | {
-        name: own,
-        "seed": config["design"]["seed"],
-        "engine": engine_hash(),
-    }
+    return stands_on.pouring(config, name) | {"engine": engine_hash()}
 
 
 def pouring(wildcards):
@@ -98,8 +89,7 @@ def pouring(wildcards):
 
 def measuring(wildcards):
     """What the measurement of a run depends on."""
-    wanted = bench(apparatus(wildcards)).wanted(config)
-    return sections("measure") | {"responses": [one.name for one in wanted]}
+    return stands_on.measuring(config, apparatus(wildcards))
 
 
 def folder(wildcards, output):

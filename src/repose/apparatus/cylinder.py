@@ -11,7 +11,6 @@ average, for what is missing below it, and the density depends on no shape. So d
 """
 
 import math
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -280,7 +279,6 @@ def run(
     from repose.particle.size_distribution import of_pour
 
     section, settings, vessel = config[NAME], SimulationSettings.of(config), Vessel.of(config[NAME])
-    began = time.perf_counter()
     scales, largest = of_pour(config["berry"]["size_distribution"], berry, seed, section["berries"])
     simulation = build(config, parameters, particle, berry, largest)
     filmed, last_step = Filmed(simulation, interval_s, progress), settings.steps(section["duration_s"])
@@ -296,7 +294,6 @@ def run(
         "reason": reason,
         "berries_poured": len(centres),
         "kinetic_energy_J": energy if math.isfinite(energy) else None,
-        "wall_s": round(time.perf_counter() - began, 3),
     }
     arrays = {
         "position": centres.astype(np.float32),
@@ -356,6 +353,6 @@ BENCH = register(
         misfits=misfits,
         kept=("position", "quaternion", "scale"),
         in_words="bulk density {bulk_density_kg_m3:.0f} kg/m3, in the core {core_density_kg_m3:.0f}, "
-        "{berries_in_cylinder} berries in the cylinder, {wall_s:.1f} s",
+        "{berries_in_cylinder} berries in the cylinder",
     )
 )

@@ -208,7 +208,6 @@ def run(
         scale = config["measure"]["mm_per_pixel"]
         numbers, profile = slip_numbers(rotation, rotation.slip, config[NAME], particle, scale)
         record |= numbers
-    record["wall_s"] = round(rotation.wall_s, 2)
     position, quaternion = rotation.centres_m.astype(np.float32), rotation.quaternions.astype(np.float32)
     arrays = {"profile": profile, "scale": rotation.scales, **rotation.record}
     for state, row in rotation.rows().items() if len(position) else ():
@@ -277,6 +276,6 @@ BENCH = register(
         contradictions=contradictions,
         misfits=misfits,
         in_words="first slip after {before_time_s:.1f} s, {before_turned_deg:.1f} deg; "
-        "surface {before_surface_deg:.1f} deg before, {after_surface_deg:.1f} deg after it, {wall_s:.0f} s",
+        "surface {before_surface_deg:.1f} deg before, {after_surface_deg:.1f} deg after it",
     )
 )

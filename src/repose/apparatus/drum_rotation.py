@@ -1,7 +1,6 @@
 """The drum, simulated: filled, turned until its bed slips, and the slip measured."""
 
 import math
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -42,8 +41,6 @@ class Rotation:
         When the rotation began [s], and the mean energy of a berry then [J].
     held : bool
         Whether all berries are inside the drum.
-    wall_s : float
-        Wall time of the run [s].
     """
 
     record: dict
@@ -55,7 +52,6 @@ class Rotation:
     rotation_from_s: float
     rest_energy_j: float
     held: bool
-    wall_s: float
 
     def rows(self) -> dict[str, int]:
         """Rows of the record of each state: start, report, and before and after the slip where there is one."""
@@ -195,7 +191,6 @@ def rotate(
     The run ends when the bed rests, at most `drum.settle_s` after the drum, and not before `drum.report_s`.
     """
     section, settings = config["drum"], SimulationSettings.of(config)
-    began = time.perf_counter()
     drum = Drum.of(section)
     scales, largest = of_pour(config["berry"]["size_distribution"], berry, seed, section["berries"])
     simulation = build(config, parameters, particle, berry, largest)
@@ -226,7 +221,6 @@ def rotate(
         rotation_from_s=watch.began_s,
         rest_energy_j=rest_energy,
         held=bool(simulation.n_bodies == section["berries"] and drum.holds(simulation.positions).all()),
-        wall_s=time.perf_counter() - began,
     )
 
 

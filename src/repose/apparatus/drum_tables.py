@@ -1,5 +1,6 @@
 """The drum's validation: a file of each run, and the tables of all runs."""
 
+import time
 from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
@@ -8,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from repose.apparatus import drum
-from repose.apparatus.job import about_job
+from repose.apparatus.job import about_job, write_timings
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_npz, write_json, write_npz, write_table
 
@@ -69,7 +70,9 @@ def run_job(
     """
     out, results = Path(out_dir), []
     for seed in seeds:
+        began = time.perf_counter()
         run = drum.run(config, parameters, seed, particle, berry, 0.0 if trajectory else None)
+        write_timings(out, f"turn_{seed}", {str(seed): round(time.perf_counter() - began, 3)})
         write_npz(out / f"turn_{seed}.npz", run.arrays)
         if run.frames is not None:
             write_npz(out / f"turn_{seed}_trajectory.npz", run.frames)

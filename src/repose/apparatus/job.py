@@ -1,9 +1,11 @@
 """Jobs: one parameter set in any bench test with all its seeds, poured, saved, and measured.
 
 A job's files are NAME.pours.json (how each run ended), NAME.npz (arrays of each run, ARRAY_SEED),
-NAME_trajectory_SEED.npz (frames, where they are asked for) and, measured, NAME.json.
+NAME_trajectory_SEED.npz (frames, where they are asked for) and, measured, NAME.json. How long each run took stands
+apart, in timings/NAME.json: all other files of equal runs are equal.
 """
 
+import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from os import PathLike
@@ -132,17 +134,36 @@ def pour_job(
         check_replaceable(out / file)  # not after minutes of pouring
     records: list[dict[str, Any]] = []
     saved: dict[str, np.ndarray] = {}
+    took_s: dict[str, float] = {}
     for seed in seeds:
+        began = time.perf_counter()
         with progress(seed) if progress else nullcontext() as report:
             run = test.run(config, parameters, seed, particle, berry, interval_s, report)
+        took_s[str(seed)] = round(time.perf_counter() - began, 3)
         records.append(run.record)
         saved |= {f"{key}_{seed}": values for key, values in run.arrays.items()}
         if run.frames is not None:
             write_npz(out / f"{name}_trajectory_{seed}.npz", run.frames)
+    write_timings(out, name, took_s)
     write_npz(out / f"{name}.npz", saved)
     path = out / f"{name}{POURS}"
     write_json(path, about_job(test, config, name, parameters) | {"pours": records})
     return path
+
+
+def write_timings(folder: Path, name: str, took_s: Mapping[str, float]) -> None:
+    """Write how long the runs of a job took.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the job's files.
+    name : str
+        Stem of the job's files.
+    took_s : mapping of float
+        Wall time of each run [s], by its seed.
+    """
+    write_json(folder / "timings" / f"{name}.json", {"wall_s": dict(took_s)})
 
 
 def measure_job(

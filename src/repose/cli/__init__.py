@@ -8,7 +8,7 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
-from pathlib import Path
+from contextlib import nullcontext
 
 from repose.cli import (
     calibration,
@@ -26,8 +26,8 @@ from repose.cli import (
     uncertainty,
 )
 from repose.cli.registry import PROGRAM
+from repose.cli.stages import stage
 from repose.core.errors import InputError
-from repose.core.lock import joined_folder
 
 # The whole study first, then its steps in the order in which the data flows; so the help lists them.
 FAMILIES = (
@@ -70,7 +70,7 @@ def main(words: Sequence[str] | None = None) -> int:
     elif rest:
         parser().error(f"unrecognized arguments: {' '.join(rest)}")
     try:
-        with joined_folder(Path(getattr(args, "config", None) or "").parent):
+        with nullcontext() if verb.passes_on else stage(args):
             status = verb.run(args) or 0
         sys.stdout.flush()
         return status

@@ -5,7 +5,7 @@ from repose.cli.options import BERRY, PUBLISHED
 from repose.cli.registry import Family, Option
 from repose.config import loader
 from repose.core.errors import InputError
-from repose.core.files import write_whole
+from repose.core.files import write_bytes
 from repose.core.parameter_space import ParameterSpace
 
 family = Family()
@@ -51,7 +51,7 @@ def _build(args):
     density = loader.load(args.config)["berry"]["density_kg_m3"] if given is None else given
     details = (args.taper, args.wrinkles, args.wrinkle_depth_mm)
     mesh, number = mesh_from_axes.berry_mesh(args.axes, args.mass_g, density, *details, source="command line")
-    write_whole(args.stl, lambda handle: handle.write(mesh.export(file_type="stl")))
+    write_bytes(args.stl, mesh.export(file_type="stl"))
     share = mesh.volume / (args.axes[0] * args.axes[1] * args.axes[2])
     m, k = mesh_from_axes.profile_exponents(number)
     print(

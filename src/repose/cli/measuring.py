@@ -1,6 +1,5 @@
 """Verbs that measure: a picture of a pile, the side view of a simulated one, the definitions of the angle."""
 
-import json
 from pathlib import Path
 
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
@@ -8,6 +7,7 @@ from repose.cli.options import JSON
 from repose.cli.registry import Family, Option
 from repose.config import loader
 from repose.core.errors import InputError
+from repose.core.files import json_text
 
 # From a microscope's pixel to a heap of a hall [mm].
 SCALES = (1e-3, 100.0)
@@ -60,7 +60,7 @@ def measure(args):
     write_image(overlay, drawing.overlay(image, measured))
     values = measured.record()
     if args.json:
-        print(json.dumps(values, indent=1))
+        print(json_text(values))
         return
     print("left {left_deg:.2f} deg, right {right_deg:.2f} deg".format(**values))
     print("angle of repose {aor_deg:.2f} deg, Height {height_mm:.2f} mm".format(**values))

@@ -1,6 +1,5 @@
 """Verbs that simulate: berries in any bench test, and the tables of the drum."""
 
-import json
 from typing import NamedTuple
 
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
@@ -9,6 +8,7 @@ from repose.cli.parameter_sets import PARAMETER_SET, SEED, STUDY_SEEDS, paramete
 from repose.cli.registry import Family, Option
 from repose.config import loader
 from repose.core.errors import InputError
+from repose.core.files import json_text
 
 SIMULATION = (*PARAMETER_SET, SEED, *BERRY_AND_PARTICLE)
 APPARATUS = Option("--apparatus", default="funnel", metavar="NAME", help="bench test (funnel)")
@@ -76,7 +76,7 @@ def heap(args):
     job = _job(args, "funnel")
     result = measure_job(job.config, pour_job(*job), job.particle, job.berry)
     if args.json:
-        print(json.dumps(_flat(result) if len(result["runs"]) == 1 else result, indent=1))
+        print(json_text(_flat(result) if len(result["runs"]) == 1 else result))
     else:
         for run in result["runs"]:
             print(told(run, job.test.in_words))
@@ -154,7 +154,7 @@ def drum(args):
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
     results = drum_tables.run_job(config, values, seeds, particle, berry_of, args.out, args.trajectory)
     if args.json:
-        print(json.dumps(results, indent=1))
+        print(json_text(results))
     else:
         for result in results:
             print(told(result["run"], bench("drum").in_words))

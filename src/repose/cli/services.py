@@ -2,6 +2,7 @@
 
 import argparse
 import json
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from repose.cli.berries import berry_and_particle
@@ -96,6 +97,25 @@ def _case_line(name: str, result: "Result") -> str:
         f"{len(missed)} of {len(result.rows)} numbers miss" if missed else f"{len(result.rows)} numbers, good"
     )
     return f"{name:>12}: {words}" + "".join(f"; {row.quantity} is {row.result:.6g}" for row in missed[:3])
+
+
+@family.verb(
+    "print what a result stands on: its stage, settings, engine, origin, seed, versions and processor",
+    example="results/dataset.csv",
+    config=False,
+    options=[Option("result", help="a file that a verb wrote"), JSON],
+)
+def provenance(args: argparse.Namespace) -> None:
+    from repose.core import attached
+
+    if not Path(args.result).is_file():
+        raise FileNotFoundError(f"{args.result}: no such file")
+    record = attached.read(args.result)
+    if record is None:
+        raise InputError(args.result, "provenance", None, "a result that a verb of repose wrote")
+    width = max(map(len, record))
+    lines = (f"{key:<{width}}  {value}" for key, value in record.items())
+    print(json.dumps(record, indent=1) if args.json else "\n".join(lines))
 
 
 @family.verb(

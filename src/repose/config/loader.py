@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from repose.config.reading import Origin, parse, read
-from repose.core import places
+from repose.core import places, provenance
 from repose.core.files import write_text
 
 FILES = {"berry": ("sizes", "compression", "stl"), "validation": ("published",)}
@@ -39,7 +39,9 @@ def load(path: str | os.PathLike) -> dict[str, Any]:
     """
     from repose.config.checks import check  # here and below: the help of a verb loads none of it
 
-    return check(_with_files_found(read(places.find(path))), str(path))
+    config = check(_with_files_found(read(places.find(path))), str(path))
+    provenance.note_config(config)
+    return config
 
 
 def load_over_defaults(path: str | os.PathLike) -> dict[str, Any]:
@@ -63,6 +65,7 @@ def load_over_defaults(path: str | os.PathLike) -> dict[str, Any]:
     from repose.config.checks import check
 
     config, source = _over_each_other([*places.configs(), places.find(path)])
+    provenance.note_config(config)
     return check(config, source)
 
 

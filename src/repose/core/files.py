@@ -1,8 +1,9 @@
 """Files: one writer and one reader for each type.
 
 A writer writes in one move, so a file is whole or not there; folders that are missing are made. It replaces only what
-this program wrote (`repose.core.ledger`). A reader turns every fault of a file into one `InputError` that names the
-file, what is wrong in it, what was found and what is allowed.
+this program wrote (`repose.core.ledger`). With the file it writes the record of provenance of the stage that runs, if one
+does. A reader turns every fault of a file into one `InputError` that names the file, what is wrong in it, what was found
+and what is allowed; it leaves the record out.
 """
 
 import csv
@@ -15,6 +16,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from repose.core import attached, provenance
 from repose.core.errors import InputError
 from repose.core.ledger import write_whole
 from repose.core.parameters import PARAMETERS
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "check_columns",
+    "json_text",
     "read_json",
     "read_npz",
     "read_rows",
@@ -57,14 +60,20 @@ def write_text(path: Path_, text: str) -> None:
 
 
 def write_bytes(path: Path_, content: bytes) -> None:
-    """Write bytes, in one move.
+    """Write a file of any type, in one move.
 
     Parameters
     ----------
     path : path
     content : bytes
     """
+    record = provenance.current()
+    inside = content.startswith(attached.PNG)
+    if record and inside:
+        content = attached.in_png(content, record)
     write_whole(path, lambda handle: handle.write(content))
+    if record and not inside:
+        attached.write_beside(path, record)
 
 
 def write_json(path: Path_, content: Any, indent: int = 1) -> None:
@@ -77,7 +86,27 @@ def write_json(path: Path_, content: Any, indent: int = 1) -> None:
     indent : int, optional
         Spaces of a level.
     """
-    write_text(path, json.dumps(content, indent=indent, default=_plain) + "\n")
+    text = json_text(content, indent) + "\n"
+    write_whole(path, lambda handle: handle.write(text.encode()))
+
+
+def json_text(content: Any, indent: int = 1) -> str:
+    """Content as JSON; numbers of numpy as plain numbers.
+
+    Parameters
+    ----------
+    content : mapping or list
+    indent : int, optional
+        Spaces of a level.
+
+    Returns
+    -------
+    str
+    """
+    record = provenance.current()
+    if record and isinstance(content, Mapping):
+        content = {**content, attached.KEY: record}
+    return json.dumps(content, indent=indent, default=_plain)
 
 
 def write_table(
@@ -109,7 +138,11 @@ def write_npz(path: Path_, arrays: Mapping[str, Any]) -> None:
     """
     import numpy as np
 
-    write_whole(path, lambda handle: np.savez_compressed(handle, **arrays))
+    record = provenance.current()
+    content: dict[str, Any] = dict(arrays)
+    if record:
+        content[attached.KEY] = np.array(json.dumps(record))
+    write_whole(path, lambda handle: np.savez_compressed(handle, **content))
 
 
 def write_image(path: Path_, picture: "np.ndarray") -> None:
@@ -272,6 +305,7 @@ def read_json(
         raise InputError(path, "content", str(error), what) from error
     if not isinstance(content, dict):
         raise InputError(path, "content", content, what)
+    content.pop(attached.KEY, None)
     for key in keys:
         kinds = keys[key] if isinstance(keys, Mapping) else object
         if key not in content or not isinstance(content[key], kinds):
@@ -307,7 +341,7 @@ def read_npz(path: Path_, keys: Iterable[str] = (), what: str = "an .npz file") 
 
     try:
         with np.load(path, allow_pickle=False) as store:
-            arrays = {name: store[name] for name in store.files}
+            arrays = {name: store[name] for name in store.files if name != attached.KEY}
     except (*UNREADABLE, TypeError) as error:  # TypeError: a plain .npy array, which cannot be closed
         raise InputError(path, "arrays", str(error), what) from error
     for key in keys:

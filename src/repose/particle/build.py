@@ -14,7 +14,7 @@ import numpy as np
 import trimesh
 
 from repose.core.errors import InputError
-from repose.core.files import write_table, write_whole
+from repose.core.files import write_bytes, write_table
 from repose.particle import mesh_from_axes, sphere_packing, support_fit
 from repose.particle.berry_files import read_berry
 from repose.particle.mesh import (
@@ -338,7 +338,7 @@ def run(
     out = Path(out_dir)
     source = out / MESH_FILE if stl is None else stl
     made = make(berry, None if stl is None else load_mesh(stl), source=source, **how)
-    write_whole(out / MESH_FILE, lambda handle: handle.write(made.stl))
+    write_bytes(out / MESH_FILE, made.stl)
     write_table(out / "particles.csv", pd.DataFrame(made.comparison), float_format="%.6g")
     made.particle.save(out / "particle.json")
     return made.particle

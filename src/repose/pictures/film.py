@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from repose.core.errors import InputError
-from repose.core.files import read_npz, write_whole
+from repose.core.files import read_npz, write_bytes
 from repose.dem import Simulation
 from repose.pictures.backdrop import DrumInside
 from repose.pictures.bodies import Drawable
@@ -219,7 +219,7 @@ def _write_within(pictures: Sequence[np.ndarray], frame_s: float, out_path: Path
             break
     else:
         raise InputError(out_path, "max_bytes", max_bytes, f"at least {len(content)} at this size and length")
-    write_whole(out_path, lambda handle: handle.write(content))
+    write_bytes(out_path, content)
 
 
 def _encoded(pictures: Sequence[Image.Image], shown_ms: list[int], kind: str, effort: int) -> bytes:

@@ -4,8 +4,9 @@ import os
 from pathlib import Path
 
 from repose.core import ledger
+from repose.core.attached import BESIDE
 from repose.core.errors import InputError
-from repose.core.files import write_bytes, write_text
+from repose.core.ledger import write_whole
 
 # What is kept, by folder of the results; logs, timings and positions of single pours stay behind.
 KEPT = {
@@ -65,6 +66,8 @@ def take(results_dir: str | Path, out: str | Path) -> list[Path]:
         for p in patterns
         for path in sorted((source / folder).glob(p))
     ]
+    beside = (path.with_name(f"{path.name}{BESIDE}") for path in files)
+    files = list(dict.fromkeys([*files, *(path for path in beside if path.is_file())]))
     if not (source / "validation" / "table4.csv").is_file():
         raise InputError(source, "validation/table4.csv", "missing", "a finished study")
     for path in files:
@@ -72,12 +75,12 @@ def take(results_dir: str | Path, out: str | Path) -> list[Path]:
             raise InputError(path, "size", path.stat().st_size, f"at most {LARGEST_FILE} bytes")
     earlier = _earlier(out)
     names = [path.relative_to(source).as_posix() for path in files]
-    write_text(out / MANIFEST, _lines({*names, *earlier}))
+    _write(out / MANIFEST, _lines({*names, *earlier}))
     for path, name in zip(files, names, strict=True):
-        write_bytes(out / name, path.read_bytes())
+        _write(out / name, path.read_bytes())
     for name in earlier - set(names):
         ledger.remove(out / name)
-    write_text(out / MANIFEST, _lines(names))
+    _write(out / MANIFEST, _lines(names))
     return [out / name for name in names]
 
 
@@ -99,5 +102,10 @@ def _earlier(out):
 
 
 def _lines(names):
-    """Sorted names, one a line."""
-    return "".join(f"{name}\n" for name in sorted(names))
+    """Sorted names, one a line, as bytes."""
+    return "".join(f"{name}\n" for name in sorted(names)).encode()
+
+
+def _write(path, content):
+    """Write bytes as they are: a copy keeps the record of its original, and gets none of its own."""
+    write_whole(path, lambda handle: handle.write(content))

@@ -16,7 +16,7 @@ rule berry:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("berry"),
+        depends=stands_on.settings_of(config, "berry"),
     message:
         "Sizes and moduli of the measured berries"
     shell:

@@ -12,7 +12,7 @@ rule design:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("parameters", "design"),
+        depends=stands_on.settings_of(config, "design"),
     message:
         "Design of the virtual experiments"
     shell:

@@ -18,7 +18,7 @@ rule miga:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("parameters", "targets", "miga"),
+        depends=stands_on.settings_of(config, "miga"),
     message:
         "Searching the parameters that give the target pile"
     shell:

@@ -22,7 +22,7 @@ rule network:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("surrogate", "network"),
+        depends=stands_on.settings_of(config, "network"),
     message:
         "Training the surrogate"
     shell:

@@ -16,8 +16,7 @@ rule shape:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("berry", "parameters.e_gp"),
-        time_step_s=config["simulation"]["time_step_s"],
+        depends=stands_on.settings_of(config, "shape"),
     message:
         "Mesh and particle of the berry"
     shell:

@@ -121,7 +121,7 @@ rule validate:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("targets", "parameters"),
+        depends=stands_on.settings_of(config, "validate"),
     message:
         "Predicted beside simulated and published"
     shell:

@@ -1,5 +1,6 @@
 """One look for all figures: sizes, fonts, colours for colour-blind readers, labels of responses, saving."""
 
+import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
@@ -15,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 import repose.apparatus  # noqa: F401  (makes the responses of all bench tests known)
-from repose.core.files import write_whole
+from repose.core.files import write_bytes
 from repose.core.parameter_space import range_of
 from repose.core.parameters import PARAMETERS, SYMBOLS
 from repose.core.responses import Response
@@ -310,8 +311,9 @@ def save(figure: Figure, out_path: str | Path, small_run: bool) -> None:
             fontsize=8,
             bbox={"facecolor": RED, "edgecolor": "none", "boxstyle": "square,pad=0.3"},
         )
-    options = {"format": "png", "dpi": DPI, "metadata": {"Software": None}}
-    write_whole(out_path, lambda handle: figure.savefig(handle, **options))
+    content = io.BytesIO()
+    figure.savefig(content, format="png", dpi=DPI, metadata={"Software": None})
+    write_bytes(out_path, content.getvalue())
 
 
 def note(axes: Axes, text: str, x: float = 0.03, y: float = 0.97, **options: Any) -> Text:

@@ -1,0 +1,67 @@
+"""A verb as a stage: the files that its options name, and what it reads of the configuration."""
+
+import argparse
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from repose.core import provenance
+from repose.core.lock import joined_folder
+
+# Options that name no input. A parameter set of a table of samples is written into the results themselves.
+NOT_READ = ("config", "out", "overlay", "stl", "verb", "sample", "samples", "rest")
+
+
+@contextmanager
+def stage(args: argparse.Namespace) -> Iterator[None]:
+    """Run a verb as a stage; where its configuration is that of a folder of results, hold the folder meanwhile.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The verb's parsed options.
+
+    Yields
+    ------
+    None
+
+    Raises
+    ------
+    InputError
+        If its files are of different origin.
+    """
+
+    def settings_of(config: Mapping[str, Any], apparatus: str | None) -> Any:
+        from repose.config import stands_on
+
+        berry_is_made = hasattr(args, "particle") and args.particle is None
+        return stands_on.settings_of(config, args.verb, apparatus, berry_is_made)
+
+    folder = Path(getattr(args, "config", None) or "").parent
+    apparatus = getattr(args, "apparatus", None)
+    with joined_folder(folder), provenance.stage(args.verb, files_of(args), settings_of, apparatus):
+        yield
+
+
+def files_of(args: argparse.Namespace) -> Iterator[Path]:
+    """Files that the options of a verb name.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+
+    Yields
+    ------
+    Path
+        Of a folder its dataset, if it has one.
+    """
+    for option, value in vars(args).items():
+        if option in NOT_READ:
+            continue
+        for one in value if isinstance(value, list) else [value]:
+            if isinstance(one, str):
+                path = Path(one.partition("=")[2] if option == "input" else one)
+                path = path / "dataset.csv" if path.is_dir() else path
+                if path.is_file():
+                    yield path

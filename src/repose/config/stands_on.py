@@ -1,0 +1,137 @@
+"""What each stage reads of the configuration: what its results stand on.
+
+The workflow and the record of provenance take it from here.
+"""
+
+import functools
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from repose.apparatus import bench
+from repose.config.loader import FILES
+from repose.core.provenance import hash_of_file
+from repose.core.seeds import UNNAMED
+
+Config = Mapping[str, Any]
+
+KEYS = {
+    "berry": ("berry",),
+    "shape": ("berry", "parameters.e_gp", "simulation.time_step_s"),
+    "design": ("parameters", "design"),
+    "network": ("surrogate", "network"),
+    "miga": ("parameters", "targets", "miga"),
+    "solutions": ("parameters", "targets", "validation.solutions"),
+    "published_solutions": ("validation.published",),
+    "validate": ("parameters", "targets", "validation.published"),
+}
+# Names of the study and its folder are in no result.
+NAMES = ("label", "results_dir")
+
+
+def sections(config: Config, *names: str) -> dict[str, Any]:
+    """Sections of a configuration, or single keys with dots.
+
+    Parameters
+    ----------
+    config : mapping
+    *names : str
+        As in ``berry`` or ``design.seed``.
+
+    Returns
+    -------
+    dict
+        By name.
+    """
+    return {name: functools.reduce(lambda part, key: part[key], name.split("."), config) for name in names}
+
+
+def pouring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
+    """What a run of a bench test reads, its measurement and the number of its seeds left out.
+
+    Parameters
+    ----------
+    config : mapping
+    apparatus : str
+        Name of the bench test.
+
+    Returns
+    -------
+    dict
+    """
+    own = {key: value for key, value in config[apparatus].items() if key != "seeds"}
+    return sections(config, "wall", "simulation", "design.seed") | {apparatus: own}
+
+
+def measuring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
+    """What the measurement of a run reads.
+
+    Parameters
+    ----------
+    config : mapping
+    apparatus : str
+        Name of the bench test.
+
+    Returns
+    -------
+    dict
+    """
+    return sections(config, "measure") | {"responses": [one.name for one in bench(apparatus).wanted(config)]}
+
+
+def settings_of(
+    config: Config, verb: str, apparatus: str | None = None, berry_is_made: bool = False
+) -> dict[str, Any]:
+    """What a stage reads of a configuration, files by their content.
+
+    Parameters
+    ----------
+    config : mapping
+    verb : str
+        Name of the stage.
+    apparatus : str, optional
+        Name of the bench test that it runs or measures, by default the funnel.
+    berry_is_made : bool, optional
+        Whether it makes berry and particle itself.
+
+    Returns
+    -------
+    dict
+        For a stage that is not listed here the whole configuration but the names in it.
+    """
+    apparatus = apparatus or UNNAMED
+    if verb == "pour":
+        chosen = pouring(config, apparatus)
+    elif verb == "heap":
+        chosen = pouring(config) | measuring(config)
+    elif verb == "drum":
+        chosen = pouring(config, "drum") | sections(config, "measure.mm_per_pixel")
+    elif verb == "measure_runs":
+        chosen = measuring(config, apparatus)
+    elif verb == "dataset":
+        chosen = {"responses": [one["response"] for one in config["targets"]]}
+    elif verb in KEYS:
+        chosen = sections(config, *KEYS[verb])
+    else:
+        chosen = {name: value for name, value in config.items() if name not in NAMES}
+    if berry_is_made:
+        chosen |= sections(config, *KEYS["shape"])
+    return _with_contents(chosen)
+
+
+def _with_contents(chosen):
+    """The settings with a hash of their content instead of the paths of files."""
+    chosen = dict(chosen)
+    for section, keys in FILES.items():
+        for key in keys:
+            name = f"{section}.{key}"
+            if chosen.get(name) is not None:
+                chosen[name] = _content(chosen[name])
+            if section in chosen and chosen[section].get(key) is not None:
+                chosen[section] = chosen[section] | {key: _content(chosen[section][key])}
+    return chosen
+
+
+def _content(path):
+    """Hash of a file; None where it is missing, which is told by whoever reads it."""
+    return hash_of_file(path) if Path(path).is_file() else None

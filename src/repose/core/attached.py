@@ -1,0 +1,99 @@
+"""Where a result carries its record of provenance.
+
+A JSON file under the key ``provenance``, an .npz file as an array of this name, a PNG as a text of this name in its
+header. Every other file has it beside itself, in FILE.provenance.json.
+"""
+
+import json
+import struct
+import zipfile
+import zlib
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from repose.core.ledger import write_whole
+
+KEY = "provenance"
+BESIDE = ".provenance.json"
+PNG = b"\x89PNG\r\n\x1a\n"
+HEADER = 33  # bytes of a PNG's signature and first chunk
+UNREADABLE = (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile, zlib.error)
+
+
+def write_beside(path: str | PathLike, record: Mapping[str, Any]) -> None:
+    """Write a record beside a file.
+
+    Parameters
+    ----------
+    path : path
+        Of the file.
+    record : mapping
+    """
+    text = json.dumps(record, indent=1) + "\n"
+    write_whole(f"{path}{BESIDE}", lambda handle: handle.write(text.encode()))
+
+
+def in_png(content: bytes, record: Mapping[str, Any]) -> bytes:
+    """A PNG with a record in its header.
+
+    Parameters
+    ----------
+    content : bytes
+        Of a PNG.
+    record : mapping
+
+    Returns
+    -------
+    bytes
+    """
+    chunk = b"tEXt" + KEY.encode() + b"\0" + json.dumps(record).encode("ascii")
+    framed = struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk))
+    return content[:HEADER] + framed + content[HEADER:]
+
+
+def read(path: str | PathLike) -> dict[str, Any] | None:
+    """The record of a file.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    dict or None
+        None where it has none, or cannot be read.
+    """
+    path = Path(path)
+    of_type = {".json": _from_json, ".npz": _from_npz, ".png": _from_png}.get(path.suffix, _from_beside)
+    try:
+        record = of_type(path)
+    except UNREADABLE:
+        return None
+    return record if isinstance(record, dict) and {"verb", "origin", "settings"} <= set(record) else None
+
+
+def _from_beside(path):
+    return json.loads(Path(f"{path}{BESIDE}").read_text(encoding="utf-8"))
+
+
+def _from_json(path):
+    content = json.loads(path.read_text(encoding="utf-8"))
+    return content.get(KEY) if isinstance(content, dict) else None
+
+
+def _from_npz(path):
+    import numpy as np
+
+    with np.load(path, allow_pickle=False) as store:
+        return json.loads(str(store[KEY]))
+
+
+def _from_png(path):
+    content = path.read_bytes()
+    at = content.find(b"tEXt" + KEY.encode() + b"\0", HEADER, HEADER + 100)
+    if not content.startswith(PNG) or at < 0:
+        return None
+    length = struct.unpack(">I", content[at - 4 : at])[0]
+    return json.loads(content[at + 4 + len(KEY) + 1 : at + 4 + length])

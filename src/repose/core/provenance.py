@@ -1,0 +1,247 @@
+"""Provenance: what a result stands on, written with it.
+
+A stage is one verb with its settings and the files that it reads. While it runs, the writers of `repose.core.files`
+put its record into every file (`repose.core.attached` tells where). Without a stage, as in a user's own program, a
+file carries no record.
+
+========== =====================================================================================
+verb       which stage wrote the file, and in which bench test
+settings   hash of the keys of the configuration that the stage reads
+engine     hash of the source of the simulator and the bench tests that poured what it stands on
+origin     hash of settings, engine and the origins of all files that it was made from
+seed       of the study
+========== =====================================================================================
+
+and version, commit and processor type. These last ones tell apart, but are no reason to refuse a file.
+"""
+
+import hashlib
+import json
+import platform
+import subprocess
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+from functools import cache
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from repose.core import attached
+from repose.core.errors import InputError
+from repose.core.places import PACKAGE
+from repose.core.sources import engine_hash
+
+SIMULATING = ("pour", "heap", "drum", "shape_cell")
+# Files of these stages are rows of one table: they must have the same origin.
+RUNS = ("pour", "heap", "drum", "measure_runs")
+
+
+@dataclass
+class _Stage:
+    """A verb that runs, the records of its files, and how its settings are chosen from the configuration."""
+
+    about: dict[str, Any]
+    inputs: list[tuple[Path, dict[str, Any] | None]]
+    settings_of: Callable[[Mapping[str, Any], str | None], Any]
+    config: Mapping[str, Any] | None = None
+    record: dict[str, Any] | None = None
+
+
+_stage: ContextVar[_Stage | None] = ContextVar("stage", default=None)
+
+
+@contextmanager
+def stage(
+    verb: str,
+    paths: Iterable[Path],
+    settings_of: Callable[[Mapping[str, Any], str | None], Any],
+    apparatus: str | None = None,
+) -> Iterator[None]:
+    """Let every file that is written meanwhile carry the record of a stage.
+
+    Parameters
+    ----------
+    verb : str
+        Name of the stage.
+    paths : iterable of Path
+        Files that it reads.
+    settings_of : function
+        Chooses from a configuration what the stage depends on; it also gets the name of the bench test.
+    apparatus : str, optional
+        Name of the bench test that it runs; that of its files where they are runs.
+
+    Yields
+    ------
+    None
+
+    Raises
+    ------
+    InputError
+        If the files are of different origin.
+    """
+    inputs = [(path, attached.read(path)) for path in paths]
+    refuse_mixture(inputs)
+    if verb in RUNS and apparatus is None:
+        named = (record.get("apparatus") for _, record in inputs if record)
+        apparatus = next(filter(None, named), None)
+    about = {"verb": verb} | ({"apparatus": apparatus} if apparatus else {})
+    token = _stage.set(_Stage(about, inputs, settings_of))
+    try:
+        yield
+    finally:
+        _stage.reset(token)
+
+
+def note_config(config: Mapping[str, Any]) -> None:
+    """Tell the stage that runs, if one does, its configuration.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    """
+    running = _stage.get()
+    if running is not None:
+        running.config, running.record = config, None
+
+
+def current() -> dict[str, Any] | None:
+    """The record of the stage that runs.
+
+    Returns
+    -------
+    dict or None
+        None where no stage runs.
+    """
+    running = _stage.get()
+    if running is not None and running.record is None:
+        running.record = _record(running)
+    return running.record if running else None
+
+
+def _record(running):
+    """The record of a stage."""
+    engines = [record["engine"] for _, record in running.inputs if record and record.get("engine")]
+    simulates = running.about["verb"] in SIMULATING
+    engine = engine_hash() if simulates else next(iter(engines), None)
+    config, seed = running.config, None
+    if config is not None:
+        config, seed = running.settings_of(config, running.about.get("apparatus")), config["design"]["seed"]
+    settings = hash_of(config)
+    origins = sorted({record["origin"] if record else _content(path) for path, record in running.inputs})
+    origin = hash_of([running.about, settings, engine, origins])
+    own = {"settings": settings, "engine": engine, "origin": origin, "seed": seed}
+    return running.about | own | machine()
+
+
+def refuse_mixture(inputs: Iterable[tuple[Path, Mapping[str, Any] | None]]) -> None:
+    """Refuse files that do not belong together.
+
+    Parameters
+    ----------
+    inputs : iterable of (path, record)
+        Files without a record, such as a user's own, belong to any others.
+
+    Raises
+    ------
+    InputError
+        For results of two engines, or runs of two origins. It names both files.
+    """
+    engines: dict[str, Path] = {}
+    origins: dict[tuple, tuple[str, Path]] = {}
+    for path, record in inputs:
+        if record is None:
+            continue
+        engine = record.get("engine")
+        if engine and engines.setdefault(engine, path) == path and len(engines) > 1:
+            other, where = next(iter(engines.items()))
+            raise InputError(
+                path, "provenance.engine", engine, f"{other}, as in {where}: results of one engine"
+            )
+        if record["verb"] in RUNS:
+            kind = (record["verb"], record.get("apparatus"))
+            origin, where = origins.setdefault(kind, (record["origin"], path))
+            if origin != record["origin"]:
+                allowed = f"{origin}, as in {where}: runs of the same settings, berry and particle"
+                raise InputError(path, "provenance.origin", record["origin"], allowed)
+
+
+def hash_of(content: Any) -> str:
+    """Hash of numbers, texts, lists and mappings.
+
+    Parameters
+    ----------
+    content : object
+        What JSON can hold.
+
+    Returns
+    -------
+    str
+        16 hexadecimal digits.
+    """
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def hash_of_file(path: str | PathLike) -> str:
+    """Hash of a file's content.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    str
+        16 hexadecimal digits.
+    """
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
+
+
+@cache
+def machine() -> dict[str, str | None]:
+    """Versions, commit and processor type.
+
+    Returns
+    -------
+    dict of str
+        The commit is None outside a checkout.
+    """
+    from importlib import metadata  # costs time at start-up that the help of a verb should not pay
+
+    return {
+        "repose": metadata.version("repose-dem"),
+        "commit": _commit(),
+        "processor": _processor(),
+        "python": platform.python_version(),
+        **{name: metadata.version(name) for name in ("numpy", "numba")},
+    }
+
+
+@cache
+def _content(path):
+    """Hash of a file without a record."""
+    return hash_of_file(path)
+
+
+def _commit():
+    """Commit of the checkout that the package lies in, if it lies in one."""
+    root = PACKAGE.parents[1]
+    if not (root / ".git").exists():
+        return None
+    words = ["git", "-C", str(root), "rev-parse", "--short=12", "HEAD"]
+    try:
+        return subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        return None
+
+
+def _processor():
+    """Name of the processor type."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()

@@ -1,0 +1,163 @@
+"""What results stand on: written with them, read again, and compared before they are put together."""
+
+import json
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+
+from repose.cli import main
+from repose.config import loader, stands_on
+from repose.core import attached, files, places, provenance
+from repose.core.errors import InputError
+
+CONFIG = loader.load(places.root() / "config/quick.yaml")
+KEYS = {
+    "verb",
+    "settings",
+    "engine",
+    "origin",
+    "seed",
+    "repose",
+    "commit",
+    "processor",
+    "python",
+    "numpy",
+    "numba",
+}
+
+
+def changed(**sections):
+    return CONFIG | {name: CONFIG[name] | keys for name, keys in sections.items()}
+
+
+def run(verb, paths, write, config=CONFIG, apparatus=None):
+    """A stage that reads some files and writes others."""
+
+    def settings_of(one, bench_test):
+        return stands_on.settings_of(one, verb, bench_test)
+
+    with provenance.stage(verb, paths, settings_of, apparatus):
+        provenance.note_config(config)
+        write()
+
+
+def pour(path, config=CONFIG, apparatus="funnel"):
+    run("pour", (), lambda: files.write_json(path, {"pours": []}), config, apparatus)
+    return path
+
+
+WRITERS = {
+    "a.json": lambda path: files.write_json(path, {"x": 1}),
+    "a.npz": lambda path: files.write_npz(path, {"x": np.arange(3)}),
+    "a.png": lambda path: files.write_image(path, np.full((4, 5, 3), 7, np.uint8)),
+    "a.csv": lambda path: files.write_table(path, pd.DataFrame({"x": [1, 2]})),
+    "a.html": lambda path: files.write_text(path, "<p>"),
+}
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_every_type_of_file_carries_the_record_and_equal_runs_are_equal_bytes(tmp_path, name):
+    paths = [tmp_path / folder / name for folder in ("one", "two")]
+    for path in paths:
+        run("design", (), lambda path=path: WRITERS[name](path))
+    record = attached.read(paths[0])
+    assert set(record) == KEYS
+    assert (record["verb"], record["seed"], record["engine"]) == ("design", CONFIG["design"]["seed"], None)
+    for file in (tmp_path / "one").iterdir():
+        assert file.read_bytes() == (tmp_path / "two" / file.name).read_bytes()
+
+
+def test_readers_leave_the_record_out(tmp_path):
+    for name, write in WRITERS.items():
+        run("design", (), lambda name=name, write=write: write(tmp_path / name))
+    assert files.read_json(tmp_path / "a.json") == {"x": 1}
+    assert list(files.read_npz(tmp_path / "a.npz")) == ["x"]
+    assert list(files.read_table(tmp_path / "a.csv")) == ["x"]
+    np.testing.assert_array_equal(cv2.imread(str(tmp_path / "a.png")), np.full((4, 5, 3), 7))
+
+
+def test_without_a_stage_a_file_is_plain(tmp_path):
+    for name, write in WRITERS.items():
+        write(tmp_path / name)
+        assert attached.read(tmp_path / name) is None
+    assert {path.name for path in tmp_path.iterdir()} == set(WRITERS)
+
+
+@pytest.mark.parametrize(
+    ("verb", "same", "other"),
+    [
+        ("pour", {"network": {"hidden": 3}}, {"simulation": {"gravity_m_s2": 1.62}}),
+        ("pour", {"funnel": {"seeds": 9}}, {"funnel": {"berries": 9}}),
+        ("measure_runs", {"miga": {"islands": 9}}, {"measure": {"mm_per_pixel": 9.0}}),
+        ("network", {"funnel": {"berries": 9}}, {"network": {"hidden": 3}}),
+    ],
+)
+def test_settings_are_those_that_the_stage_reads(tmp_path, verb, same, other):
+    hashes = []
+    for k, changes in enumerate(({}, {"design": {}}, same, other)):
+        path = tmp_path / f"{k}.json"
+        config = changed(**changes) | {"label": f"study {k}", "results_dir": str(k)}
+        run(verb, (), lambda path=path: files.write_json(path, {}), config)
+        hashes.append(attached.read(path)["settings"])
+    assert hashes[0] == hashes[1] == hashes[2] != hashes[3]
+
+
+def test_a_berrys_sizes_count_by_their_content(tmp_path):
+    sizes, hashes = tmp_path / "sizes.csv", []
+    for folder, text in (("a", "1"), ("b", "1"), ("b", "2")):
+        sizes = tmp_path / f"{folder}.csv"
+        sizes.write_text(text)
+        config = changed(berry={"sizes": str(sizes)})
+        hashes.append(provenance.hash_of(stands_on.settings_of(config, "berry")))
+    assert hashes[0] == hashes[1] != hashes[2]
+
+
+def test_the_origin_follows_the_files_and_names_the_engine(tmp_path):
+    pours = [pour(tmp_path / "a.json"), pour(tmp_path / "b.json", changed(wall={"poisson_ratio": 0.2}))]
+    origins = []
+    for path in pours:
+        out = path.with_suffix(".measured.json")
+        run("measure_runs", [path], lambda out=out: files.write_json(out, {}))
+        record = attached.read(out)
+        assert (record["apparatus"], record["engine"]) == ("funnel", provenance.engine_hash())
+        origins.append(record["origin"])
+    assert origins[0] != origins[1]
+
+
+def test_runs_of_two_settings_are_refused_and_both_are_named(tmp_path):
+    paths = [pour(tmp_path / "a.json"), pour(tmp_path / "b.json", changed(simulation={"gravity_m_s2": 1.62}))]
+    with pytest.raises(
+        InputError, match=r"b\.json: provenance\.origin is '\w{16}'; allowed: .* as in .*a\.json"
+    ):
+        run("measure_runs", paths, lambda: None)
+    run("measure_runs", [paths[0], pour(tmp_path / "c.json", apparatus="drum")], lambda: None)
+
+
+def test_results_of_two_engines_are_refused_and_both_are_named(tmp_path, monkeypatch):
+    first = pour(tmp_path / "a.json")
+    run("dataset", [first], lambda: files.write_table(tmp_path / "dataset.csv", pd.DataFrame({"x": [1]})))
+    monkeypatch.setattr(provenance, "engine_hash", lambda: "edited")
+    second = pour(tmp_path / "b.json")
+    with pytest.raises(InputError, match=r"b\.json: provenance\.engine is 'edited'; .* as in .*dataset\.csv"):
+        run("validate", [tmp_path / "dataset.csv", second], lambda: None)
+
+
+def test_another_processor_is_no_reason_to_refuse(tmp_path, monkeypatch):
+    first = pour(tmp_path / "a.json")
+    monkeypatch.setattr(provenance, "machine", lambda: {"processor": "another"})
+    run("measure_runs", [first, pour(tmp_path / "b.json")], lambda: None)
+
+
+def test_the_verbs_write_it_and_a_verb_prints_it(tmp_path, capsys):
+    config = str(places.root() / "config/quick.yaml")
+    assert main(["design", "--config", config, "--out", str(tmp_path)]) == 0
+    capsys.readouterr()
+    assert main(["provenance", str(tmp_path / "samples.csv")]) == 0
+    told = dict(line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines())
+    assert (told["verb"], told["seed"]) == ("design", str(CONFIG["design"]["seed"]))
+    assert main(["provenance", str(tmp_path / "samples.csv"), "--json"]) == 0
+    assert set(json.loads(capsys.readouterr().out)) == KEYS
+    assert main(["provenance", config]) == 2
+    assert "provenance is None; allowed: a result" in capsys.readouterr().err
