@@ -144,6 +144,17 @@ def test_results_of_two_engines_are_refused_and_both_are_named(tmp_path, monkeyp
         run("validate", [tmp_path / "dataset.csv", second], lambda: None)
 
 
+def test_results_of_other_settings_or_another_engine_are_found(tmp_path, monkeypatch):
+    path, own = pour(tmp_path / "a.json"), tmp_path / "own.json"
+    own.write_text("{}")
+    paths = [path, own, tmp_path / "missing.json"]
+    assert stands_on.outdated(CONFIG, paths) == []
+    assert stands_on.outdated(changed(network={"hidden": 3}), paths) == []
+    assert stands_on.outdated(changed(simulation={"gravity_m_s2": 1.62}), paths) == [str(path)]
+    monkeypatch.setattr(stands_on, "engine_hash", lambda: "edited")
+    assert stands_on.outdated(CONFIG, paths) == [str(path)]
+
+
 def test_another_processor_is_no_reason_to_refuse(tmp_path, monkeypatch):
     first = pour(tmp_path / "a.json")
     monkeypatch.setattr(provenance, "machine", lambda: {"processor": "another"})

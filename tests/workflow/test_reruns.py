@@ -1,6 +1,7 @@
 """What runs again, and what does not: two workflows in one folder, an edited engine, lost files, changed targets."""
 
 import json
+import shutil
 
 import pytest
 from plans import planned, snakemake
@@ -36,6 +37,15 @@ def test_a_second_workflow_stops_with_one_message_before_it_writes(project):
     done = snakemake(project, TARGET, *QUICK)
     assert done.returncode == 0, done.stderr
     assert (folder / "config.json").exists()
+
+
+def test_where_snakemakes_records_are_lost_those_of_the_results_tell_what_to_make_again(project):
+    words = (TARGET, *QUICK[2:])
+    assert snakemake(project, *words, "--cores", "1").returncode == 0
+    shutil.rmtree(project / ".snakemake")
+    assert planned(project, *words) == {}
+    assert planned(project, *words, "--config", "funnel={seeds: 3}") == {}
+    assert planned(project, *words, "--config", "design={samples: 25}") == {"design": 1, "total": 1}
 
 
 POURS = {"pour": 12, "validation_pour": 9, "trajectory": 1, "turn": 2}

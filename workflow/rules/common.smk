@@ -1,4 +1,5 @@
 # What the rules share: the checked configuration, and the Python that runs the verbs.
+import base64
 import json
 import os
 import shlex
@@ -55,6 +56,20 @@ def published(table):
 def sections(*names):
     """Sections of the configuration, or single keys with a dot, whose change reruns a rule; as params."""
     return stands_on.sections(config, *names)
+
+
+def outdated_results(paths):
+    """Results whose own records tell other settings, where the records of snakemake are lost, which tell it otherwise."""
+    metadata = os.path.join(".snakemake", "metadata")
+    unknown = [
+        path
+        for path in map(str, paths)
+        if os.path.exists(path)
+        and not os.path.exists(
+            os.path.join(metadata, base64.urlsafe_b64encode(path.encode()).decode())
+        )
+    ]
+    return stands_on.outdated(config, unknown)
 
 
 # Folder of each bench test's runs. Wildcard `runs`: one of these.

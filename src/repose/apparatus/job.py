@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from repose.apparatus import kept_runs
 from repose.apparatus.bench_test import BenchTest, Run, bench
 from repose.apparatus.settings import SimulationSettings
 from repose.core.errors import InputError
@@ -92,6 +93,7 @@ def pour_job(
     out_dir: str | PathLike,
     interval_s: float | None = None,
     progress: Progress | None = None,
+    keeps_runs: bool = False,
 ) -> Path:
     """Run one parameter set with all its seeds and write the files of the job.
 
@@ -114,6 +116,9 @@ def pour_job(
         Also write frames at this interval [s].
     progress : function, optional
         Called with each seed; gives a context manager that is called with the simulated time.
+    keeps_runs : bool, optional
+        Whether each run is also kept in a file of its own, runs/NAME_SEED.npz, and taken from there where it is the
+        same. So a further seed runs that seed only, and a job that was killed goes on.
 
     Returns
     -------
@@ -135,19 +140,26 @@ def pour_job(
     records: list[dict[str, Any]] = []
     saved: dict[str, np.ndarray] = {}
     took_s: dict[str, float] = {}
+    about = about_job(test, config, name, parameters)
     for seed in seeds:
-        began = time.perf_counter()
-        with progress(seed) if progress else nullcontext() as report:
-            run = test.run(config, parameters, seed, particle, berry, interval_s, report)
-        took_s[str(seed)] = round(time.perf_counter() - began, 3)
+        own = out / "runs" / f"{name}_{seed}.npz"
+        run = kept_runs.read(own, about) if keeps_runs and interval_s is None else None
+        if run is None:
+            began = time.perf_counter()
+            with progress(seed) if progress else nullcontext() as report:
+                run = test.run(config, parameters, seed, particle, berry, interval_s, report)
+            took_s[str(seed)] = round(time.perf_counter() - began, 3)
+            if keeps_runs:
+                kept_runs.write(own, about, run)
         records.append(run.record)
         saved |= {f"{key}_{seed}": values for key, values in run.arrays.items()}
         if run.frames is not None:
             write_npz(out / f"{name}_trajectory_{seed}.npz", run.frames)
-    write_timings(out, name, took_s)
+    if took_s:
+        write_timings(out, name, took_s)
     write_npz(out / f"{name}.npz", saved)
     path = out / f"{name}{POURS}"
-    write_json(path, about_job(test, config, name, parameters) | {"pours": records})
+    write_json(path, about | {"pours": records})
     return path
 
 

@@ -17,6 +17,11 @@ POUR = (
     *STUDY_SEEDS,
     Option("--trajectory", type=float, metavar="S", help="also write positions every S seconds"),
 )
+KEEP = Option(
+    "--keep-runs",
+    action="store_true",
+    help="keep each run in OUT/runs, and take those that are there and the same instead of running them again",
+)
 
 family = Family()
 
@@ -56,12 +61,12 @@ def warm_up(args):
     "run a bench test with one parameter set and one or more seeds; save the runs for measure_runs",
     example="--apparatus funnel --set mus_gg=0.642 --seed 1 --out results/try",
     out="results/try",
-    options=[APPARATUS, *POUR],
+    options=[APPARATUS, *POUR, KEEP],
 )
 def pour(args):
     from repose.apparatus.job import pour_job
 
-    print(pour_job(*_job(args, args.apparatus)))
+    print(pour_job(*_job(args, args.apparatus), keeps_runs=args.keep_runs))
 
 
 @family.verb(

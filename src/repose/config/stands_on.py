@@ -4,14 +4,17 @@ The workflow and the record of provenance take it from here.
 """
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from repose.apparatus import bench
 from repose.config.loader import FILES
-from repose.core.provenance import hash_of_file
+from repose.core import attached
+from repose.core.provenance import SIMULATING, hash_of, hash_of_file
 from repose.core.seeds import UNNAMED
+from repose.core.sources import engine_hash
 
 Config = Mapping[str, Any]
 
@@ -117,6 +120,31 @@ def settings_of(
     if berry_is_made:
         chosen |= sections(config, *KEYS["shape"])
     return _with_contents(chosen)
+
+
+def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
+    """Results that were made with other settings, or by another engine.
+
+    Parameters
+    ----------
+    config : mapping
+    paths : iterable of path
+        Of results; those that are missing or carry no record are left out.
+
+    Returns
+    -------
+    list of str
+    """
+    found = []
+    for path in paths:
+        record = attached.read(path)
+        if record is None or record.get("seed") is None:  # of a stage that reads no configuration
+            continue
+        now = hash_of(settings_of(config, record["verb"], record.get("apparatus")))
+        simulated = record["verb"] in SIMULATING
+        if record["settings"] != now or (simulated and record["engine"] != engine_hash()):
+            found.append(str(path))
+    return found
 
 
 def _with_contents(chosen):

@@ -19,7 +19,11 @@ KEY = "provenance"
 BESIDE = ".provenance.json"
 PNG = b"\x89PNG\r\n\x1a\n"
 HEADER = 33  # bytes of a PNG's signature and first chunk
-UNREADABLE = (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile, zlib.error)
+# A flipped bit may make an archive one with a password or with a method that is not there, a RuntimeError.
+UNREADABLE = (
+    *(OSError, EOFError, ValueError, KeyError, RuntimeError),
+    *(zipfile.BadZipFile, zlib.error, struct.error),
+)
 
 
 def write_beside(path: str | PathLike, record: Mapping[str, Any]) -> None:

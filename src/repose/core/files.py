@@ -10,8 +10,6 @@ import csv
 import io
 import json
 import os
-import zipfile
-import zlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -42,7 +40,7 @@ __all__ = [
 ]
 
 Path_ = str | os.PathLike
-UNREADABLE = (OSError, EOFError, ValueError, zipfile.BadZipFile, zlib.error)
+UNREADABLE = attached.UNREADABLE
 COUNTS = ("sample", "seed", "n_seeds", "round", "low", "high")
 UNITS = ("deg", "mm", "m", "s", "g", "kg", "n", "j", "pa", "percent")
 KINDS = {int: "an integer", float: "a number", str: "a text", list: "a list", dict: "a mapping"}

@@ -32,7 +32,7 @@ rule pour:
         purpose="design",
         sample=lambda wildcards: wildcards.sample,
         seeds=lambda wildcards: config[apparatus(wildcards)]["seeds"],
-        more=[],
+        more=["--keep-runs"],
         depends=pouring,
     message:
         "Pouring sample {wildcards.sample}"

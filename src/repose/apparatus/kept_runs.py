@@ -1,0 +1,58 @@
+"""Runs kept one by one, so that none is made twice.
+
+A kept run is taken again only if it is the same: of the same parameters, settings, berry, particle and engine. Its
+record of provenance tells.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from repose.apparatus.bench_test import Run
+from repose.core import attached, provenance
+from repose.core.errors import InputError
+from repose.core.files import json_text, read_npz, write_npz
+
+ABOUT = "about"  # name of the array that holds job and record as JSON
+
+
+def write(path: Path, about: Mapping[str, Any], run: Run) -> None:
+    """Keep a run.
+
+    Parameters
+    ----------
+    path : Path
+    about : mapping
+        What every file of its job says of it.
+    run : Run
+        Its frames are left out.
+    """
+    write_npz(path, {**run.arrays, ABOUT: np.array(json_text([about, run.record]))})
+
+
+def read(path: Path, about: Mapping[str, Any]) -> Run | None:
+    """A kept run, if it is the one that the stage would make.
+
+    Parameters
+    ----------
+    path : Path
+    about : mapping
+        What every file of its job says of it.
+
+    Returns
+    -------
+    Run or None
+        None where there is none, it cannot be read, or it is another one.
+    """
+    now, then = provenance.current(), attached.read(path)
+    if now is None or then is None or then["origin"] != now["origin"]:
+        return None
+    try:
+        arrays = read_npz(path, (ABOUT,))
+    except InputError:
+        return None
+    its_job, record = json.loads(str(arrays.pop(ABOUT)))
+    return Run(record, arrays) if its_job == about else None
