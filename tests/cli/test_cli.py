@@ -206,7 +206,7 @@ def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(tmp_pa
     cv2.imwrite(str(path), picture)
     assert main(["measure", str(path), "--mm-per-pixel", "0.1", "--json"]) == 0
     values = json.loads(capsys.readouterr().out)
-    assert {"left_deg", "right_deg", "aor_deg", "height_mm", *MEAN_KEYS.values()} == set(values)
+    assert {"left_deg", "right_deg", "aor_deg", "height_mm", "provenance", *MEAN_KEYS.values()} == set(values)
     assert values["aor_flank_deg"] == pytest.approx(30, abs=0.5)
     # one berry is 13.34 mm here: tan(secant) = tan(30 deg) 20 / (20 - 13.34)
     assert values["aor_deg"] == values["aor_secant_deg"] == pytest.approx(60.0, abs=0.6)

@@ -58,8 +58,8 @@ def sections(*names):
     return stands_on.sections(config, *names)
 
 
-def outdated_results(paths):
-    """Results whose own records tell other settings, where the records of snakemake are lost, which tell it otherwise."""
+def warn_of_outdated(paths):
+    """Tell of results whose own records name other settings, where snakemake's records, which tell it, are lost."""
     metadata = os.path.join(".snakemake", "metadata")
     unknown = [
         path
@@ -69,7 +69,13 @@ def outdated_results(paths):
             os.path.join(metadata, base64.urlsafe_b64encode(path.encode()).decode())
         )
     ]
-    return stands_on.outdated(config, unknown)
+    found = stands_on.outdated(config, unknown)
+    if found:
+        print(
+            f"repose: warning: {found[0]} and {len(found) - 1} more results were made with other settings or by another"
+            " engine, and the records of snakemake that would make them again are lost: add --forceall",
+            file=sys.stderr,
+        )
 
 
 # Folder of each bench test's runs. Wildcard `runs`: one of these.
