@@ -72,7 +72,7 @@ def test_a_damaged_run_never_reaches_a_result(pours, tmp_path):
     for damaged in (whole[: len(whole) // 2], b""):
         path.write_bytes(damaged)
         assert pours(tmp_path, [1]) == [1]
-        assert path.read_bytes() == whole
+        assert result.read_bytes() == right
     for at in range(0, len(whole), 7):
         path.write_bytes(whole[:at] + bytes([whole[at] ^ 0x55]) + whole[at + 1 :])
         pours(tmp_path, [1])

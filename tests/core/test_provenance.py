@@ -82,7 +82,7 @@ def test_without_a_stage_a_file_is_plain(tmp_path):
     for name, write in WRITERS.items():
         write(tmp_path / name)
         assert attached.read(tmp_path / name) is None
-    assert {path.name for path in tmp_path.iterdir()} == set(WRITERS)
+    assert {path.name for path in tmp_path.iterdir()} == {*WRITERS, ".repose"}
 
 
 @pytest.mark.parametrize(

@@ -15,12 +15,13 @@ from repose.apparatus.bench_test import Run
 from repose.core import attached, provenance
 from repose.core.errors import InputError
 from repose.core.files import json_text, read_npz, write_npz
+from repose.core.ledger import is_ours
 
 ABOUT = "about"  # name of the array that holds job and record as JSON
 
 
 def write(path: Path, about: Mapping[str, Any], run: Run) -> None:
-    """Keep a run.
+    """Keep a run, unless a file that was damaged or is somebody else's is in its place.
 
     Parameters
     ----------
@@ -30,6 +31,8 @@ def write(path: Path, about: Mapping[str, Any], run: Run) -> None:
     run : Run
         Its frames are left out.
     """
+    if path.exists() and not is_ours(path):
+        return
     write_npz(path, {**run.arrays, ABOUT: np.array(json_text([about, run.record]))})
 
 

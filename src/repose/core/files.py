@@ -1,9 +1,9 @@
 """Files: one writer and one reader for each type.
 
 A writer writes in one move, so a file is whole or not there; folders that are missing are made. It replaces only what
-this program wrote (`repose.core.ledger`). With the file it writes the record of provenance of the stage that runs, if one
-does. A reader turns every fault of a file into one `InputError` that names the file, what is wrong in it, what was found
-and what is allowed; it leaves the record out.
+this program wrote (`repose.core.ledger`). With the file it writes the record of provenance of the stage that runs, if
+one does. A reader turns every fault of a file into one `InputError` that names the file, what is wrong in it, what was
+found and what is allowed; it leaves the record out.
 """
 
 import csv
