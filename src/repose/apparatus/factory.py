@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from repose.dem.rotations import random_quaternion
 
@@ -132,7 +131,8 @@ def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Fact
         return place
     before = rng.bit_generator.state
     places = factory.draw(rng, PLACES_TRIED - 1)
-    free = np.flatnonzero(cdist(places, others, "sqeuclidean").min(axis=1) > reach * reach)
+    away = np.sum((places[:, None] - others[None]) ** 2, axis=2)
+    free = np.flatnonzero(away.min(axis=1) > reach * reach)
     if not len(free):
         return None
     # as if the places behind the free one had never been drawn
