@@ -1,4 +1,4 @@
-"""Every case of the verification suite; the statistical ones with 200 hits and 100 berries instead of all."""
+"""Every case of the verification suite; the statistical ones with 200 hits and 200 berries instead of all."""
 
 import functools
 import math
@@ -10,7 +10,7 @@ from repose import verification
 from repose.verification import convergence
 from repose.verification.case import KNOWN, Effort
 
-REDUCED = Effort(hits=200, berries=100, seeds=1)
+REDUCED = Effort(hits=200, berries=200, seeds=1)
 
 
 @functools.cache
