@@ -61,7 +61,7 @@ def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
         for j, tension in enumerate(tensions)
         for k, filling in enumerate(fillings)
     }
-    figure = style.new_figure(style.PAGE, style.PAGE * 1.3)
+    figure = style.new_figure(style.PAGE, style.PAGE * 1.09)
     panels = figure.subplots(3, 2, sharex=True, sharey=True)
     for panel, definition in zip(panels.flat, COLUMNS, strict=True):
         rows = combinations[combinations["definition"] == definition]
