@@ -229,16 +229,5 @@ def test_a_missing_file_is_named(tmp_path, capsys):
     assert "nowhere.npz" in error_of(capsys, "figure", "figure15", *words, "--out", out)
 
 
-def test_table_marks_a_small_run(tmp_path):
-    for name, marked in (("quick", True), ("config", False)):
-        page = tmp_path / f"{name}.html"
-        words = ["table", "resources/published/table4.csv", "--title", "A < B", "--out", str(page)]
-        assert main([*words, "--config", f"config/{name}.yaml"]) == 0
-        text = page.read_text()
-        assert ("Small run" in text) is marked
-        assert "A &lt; B" in text
-        assert "representative" in text
-
-
 def test_figure_refuses_an_unknown_name(tmp_path, capsys):
     assert "figure99" in error_of(capsys, "figure", "figure99", "--out", str(tmp_path / "x.png"))

@@ -81,7 +81,7 @@ def test_keys_of_earlier_configurations_are_told_where_they_went(given, told):
 def test_no_section_of_the_schema_allows_an_unknown_key_or_forgets_one():
     schema = validator().schema
     for section in [schema, *schema["properties"].values()]:
-        if section["type"] == "object":
+        if section.get("type") == "object":
             assert section["additionalProperties"] is False
             assert set(section["required"]) == set(section["properties"])
 

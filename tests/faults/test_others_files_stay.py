@@ -181,13 +181,13 @@ def test_a_pour_into_somebodys_file_is_refused_before_it_is_poured(tmp_path):
 
 
 # Calls that write, rename or remove; what stands in these two files is tested above and in tests/core.
-WRITERS = {"core/ledger.py", "dem/io/whole.py"}
+WRITERS = {"core/ledger.py", "core/lock.py", "dem/io/whole.py"}
 BARE = {"rmtree", "unlink", "rmdir", "replace_file", "remove", "removedirs", "rename", "renames", "copyfile"}
 BARE |= {"copy", "copytree", "move", "write_bytes", "truncate", "imwrite", "imsave", "tofile", "savez"}
 
 
 def test_no_other_code_of_the_program_writes_or_removes_a_file():
-    modules = ("os", "shutil", "cv2", "np", "path", "Path")
+    modules = ("os", "shutil", "cv2", "np", "path", "Path")  # np.copy copies an array, not a file
     found = []
     for path in (ROOT / "src/repose").rglob("*.py"):
         name = path.relative_to(ROOT / "src/repose").as_posix()
@@ -205,6 +205,6 @@ def test_no_other_code_of_the_program_writes_or_removes_a_file():
             opens = called == "open" and any(
                 set(text) <= set("rwabx+t") and set(text) & set("wax+") for text in texts
             )
-            if opens or (called in BARE and owner in modules):
+            if opens or (called in BARE and owner in modules and (owner, called) != ("np", "copy")):
                 found.append(f"{name}:{node.lineno} {called}")
     assert not found

@@ -127,7 +127,7 @@ def study(tmp_path_factory):
     """A study in which AoR follows mus_gp alone and Height mur_gg alone, with its trained network."""
     folder = tmp_path_factory.mktemp("study")
     random = np.random.default_rng(1)
-    table = pd.DataFrame(random.uniform(size=(60, 6)), columns=list(PARAMETERS))
+    table = pd.DataFrame(random.uniform(size=(60, 6)), columns=list(PARAMETERS)).clip(lower=0.01)
     table.insert(0, "sample", np.arange(1, 61))
     runs = table.loc[table.index.repeat(4), ["sample"]].reset_index(drop=True)
     runs["seed"], runs["status"] = np.arange(len(runs)), "ok"
@@ -137,7 +137,7 @@ def study(tmp_path_factory):
     for column, error in (("aor_deg", "aor_se_deg"), ("height_mm", "height_se_mm")):
         table[column] = groups[column].mean().to_numpy()
         table[error] = groups[column].std().to_numpy() / 2
-    table["status"] = "ok"
+    table["status"], table["n_seeds"] = "ok", 4
     table.to_csv(folder / "dataset.csv", index=False)
     runs.to_csv(folder / "runs.csv", index=False)
     train.run(folder / "dataset.csv", folder / "runs.csv", TARGETS, TRAINING, folder)

@@ -16,7 +16,8 @@ from repose.core.seeds import pour_seeds
 from repose.studies import refine, refine_files, rounds, verdict
 from repose.surrogate import load, make, names
 
-RANGES = {name: [0.0, 1.0] for name in PARAMETERS} | {"mus_gg": [2.0, 6.0]}
+RANGES = {name: [0.0, 1.0] for name in PARAMETERS}
+RANGES |= {"e_gg": [0.01, 0.99], "mus_gg": [2.0, 6.0], "e_gp": [0.01, 0.99]}
 SPACE = ParameterSpace.of(RANGES)
 LOW, HIGH = SPACE.low, SPACE.high
 SECTION = {
@@ -49,11 +50,11 @@ def proposed(round_=0, space=SPACE, targets=TARGETS, table=None, **changes):
 
 
 def test_the_box_is_cut_to_the_ranges():
-    box = refine.search_box(SPACE, MIDDLE | {"e_gg": 0.05, "mus_gg": 4.0, "e_gp": 1.0}, 0.1)
+    box = refine.search_box(SPACE, MIDDLE | {"e_gg": 0.05, "mus_gg": 4.0, "e_gp": 0.99}, 0.1)
     ends = dict(zip(box.free, zip(box.low, box.high, strict=True), strict=True))
-    np.testing.assert_allclose(ends["e_gg"], [0.0, 0.15])
+    np.testing.assert_allclose(ends["e_gg"], [0.01, 0.148])
     np.testing.assert_allclose(ends["mus_gg"], [3.6, 4.4])
-    np.testing.assert_allclose(ends["e_gp"], [0.9, 1.0])
+    np.testing.assert_allclose(ends["e_gp"], [0.892, 0.99])
 
 
 def test_the_proposal_is_the_representative_and_its_neighbours_fill_the_next_box():
