@@ -122,7 +122,9 @@ def test_validation_has_predicted_and_simulated_side_by_side(config):
 
 def test_picture_of_the_pile_was_measured():
     measured = json.loads((RESULTS / "measure" / "measured.json").read_text())
-    assert measured["aor_deg"] == pytest.approx((measured["left_deg"] + measured["right_deg"]) / 2, abs=0.01)
+    # the secant of a lopsided pile is no mean of its sides, yet lies between them
+    low, high = sorted((measured["left_deg"], measured["right_deg"]))
+    assert low - 0.01 <= measured["aor_deg"] <= high + 0.01
     assert 10 < measured["aor_deg"] < 45
     assert 25 < measured["height_mm"] < 110
 

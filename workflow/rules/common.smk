@@ -122,3 +122,26 @@ def validation_seeds(wildcards):
     """Pours of a solution; our representative one gets more."""
     ours = wildcards.sample == OURS[0]
     return config["validation"]["representative_seeds" if ours else "seeds"]
+
+
+def solution_to_pour(wildcards):
+    """The table that a solution stands in."""
+    origin = rules.solutions if wildcards.sample in OURS else rules.published_solutions
+    return origin.output.solutions
+
+
+def first_cells(wildcards):
+    """Pours of the selection; the study's own keys are checked here, when someone asks for the study."""
+    or_one_message(shape_cells.check, config)
+    return expand(rules.shape_cell.output.runs, cell=shape_cells.first_cells(config))
+
+
+def second_cells(wildcards):
+    """Pours with fresh seeds, known when the finalists are."""
+    finalists = pandas.read_csv(
+        checkpoints.shape_selection.get().output.finalists, dtype=str
+    )
+    return expand(
+        rules.shape_cell.output.runs,
+        cell=shape_cells.second_cells(config, finalists),
+    )

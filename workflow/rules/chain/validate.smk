@@ -56,12 +56,6 @@ rule published_solutions:
         "python -m repose published_solutions --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
-def solution_to_pour(wildcards):
-    """The table that a solution stands in."""
-    origin = rules.solutions if wildcards.sample in OURS else rules.published_solutions
-    return origin.output.solutions
-
-
 use rule pour as validation_pour with:
     input:
         samples=solution_to_pour,

@@ -1,41 +1,5 @@
-# The field's habit: `strategy: response_surface`, or `snakemake --cores 2 response_surface`. Each step pours what the
+# The habit of the field: `strategy: response_surface`, or `snakemake --cores 2 response_surface`. Each step pours what the
 # analysis of the one before has written, so these analyses are checkpoints.
-from repose.strategies.response_surface.steps import numbers
-
-HABIT = f"{RESULTS}/response_surface"
-# Analyses that write the samples of a step.
-MAKERS = {
-    "ascent": "response_screening",
-    "surface": "response_ascent",
-    "check": "response_surface_fit",
-}
-
-
-def habit_numbers(step):
-    """Samples of a step: the screening's at once, the others' when the step before is analysed."""
-    if step == "screening":
-        return numbers(step, config["response_surface"]["screening_runs"])
-    return pandas.read_csv(getattr(checkpoints, MAKERS[step]).get().output.samples)[
-        "sample"
-    ]
-
-
-def habit_jobs(wildcards):
-    """Measured jobs of a step."""
-    return [
-        f"{HABIT}/{wildcards.step}/{runs}/{sample}.json"
-        for runs in folders_of_targets()
-        for sample in habit_numbers(wildcards.step)
-    ]
-
-
-def habit_sections(*keys):
-    """What an analysis depends on."""
-    return sections(
-        "targets", "parameters", *(f"response_surface.{key}" for key in keys)
-    )
-
-
 wildcard_constraints:
     step="screening|ascent|surface|check",
 
@@ -136,7 +100,7 @@ checkpoint response_screening:
         mem_mb=300,
     params:
         config=CONFIG,
-        folder=f"{HABIT}/screening",
+        folder=subpath(output.anova, parent=True),
         depends=habit_sections("significance", "most_factors", "surface", "steps"),
     message:
         "Which parameters matter, and the path of steepest ascent"
@@ -161,7 +125,7 @@ checkpoint response_ascent:
         mem_mb=300,
     params:
         config=CONFIG,
-        folder=f"{HABIT}/ascent",
+        folder=subpath(output.path, parent=True),
         depends=habit_sections("surface", "centres", "reach"),
     message:
         "The best point of the path, and the design around it"
@@ -190,7 +154,7 @@ checkpoint response_surface_fit:
         mem_mb=300,
     params:
         config=CONFIG,
-        folder=f"{HABIT}/surface",
+        folder=subpath(output.anova, parent=True),
         depends=habit_sections("checks"),
     message:
         "The surfaces, their analysis of variance and their optimum"

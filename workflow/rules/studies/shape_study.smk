@@ -3,23 +3,6 @@
 SHAPE = f"{RESULTS}/shape"
 
 
-def first_cells(wildcards):
-    """Pours of the selection; the study's own keys are checked here, when someone asks for the study."""
-    or_one_message(shape_cells.check, config)
-    return expand(rules.shape_cell.output.runs, cell=shape_cells.first_cells(config))
-
-
-def second_cells(wildcards):
-    """Pours with fresh seeds, known when the finalists are."""
-    finalists = pandas.read_csv(
-        checkpoints.shape_selection.get().output.finalists, dtype=str
-    )
-    return expand(
-        rules.shape_cell.output.runs,
-        cell=shape_cells.second_cells(config, finalists),
-    )
-
-
 rule shape_cell:
     input:
         samples=rules.design.output.samples,

@@ -1,0 +1,35 @@
+# Steps of the strategy response_surface: what each of its rules takes.
+from repose.strategies.response_surface.steps import numbers
+
+HABIT = f"{RESULTS}/response_surface"
+# Analyses that write the samples of a step.
+MAKERS = {
+    "ascent": "response_screening",
+    "surface": "response_ascent",
+    "check": "response_surface_fit",
+}
+
+
+def habit_numbers(step):
+    """Samples of a step: the screening's at once, the others' when the step before is analysed."""
+    if step == "screening":
+        return numbers(step, config["response_surface"]["screening_runs"])
+    return pandas.read_csv(getattr(checkpoints, MAKERS[step]).get().output.samples)[
+        "sample"
+    ]
+
+
+def habit_jobs(wildcards):
+    """Measured jobs of a step."""
+    return [
+        f"{HABIT}/{wildcards.step}/{runs}/{sample}.json"
+        for runs in folders_of_targets()
+        for sample in habit_numbers(wildcards.step)
+    ]
+
+
+def habit_sections(*keys):
+    """What an analysis depends on."""
+    return sections(
+        "targets", "parameters", *(f"response_surface.{key}" for key in keys)
+    )
