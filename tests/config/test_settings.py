@@ -23,7 +23,7 @@ def _in_the_project(monkeypatch):
 
 @pytest.fixture
 def config():
-    return copy.deepcopy(loader.load("config/config.yaml"))
+    return copy.deepcopy(loader.resolve(["config/config.yaml", "config/matched.yaml"]))
 
 
 def put(config, key, value):
