@@ -16,8 +16,8 @@ from repose.dem import Contact
 from .case import Curve, Effort, Panel, Result, Row, close, reported
 from .machine import berry_simulation
 
-TIME_STEPS_S = (2.9e-5, 5e-5, 1e-4, 2e-4, 3e-4, 4e-4, 1e-3)
-RECOMMENDED_S = 2e-4
+TIME_STEPS_S = (2.9e-5, 5e-5, 1e-4, 2e-4, 2.5e-4, 3e-4, 4e-4, 1e-3)
+RECOMMENDED_S = 2.5e-4
 PHASES = 12  # number of places within a step at which the impact begins
 ASKED = 0.2
 SPHERE_M = 0.00667  # radius of a sphere of the berry's volume
