@@ -112,7 +112,7 @@ def test_check_tells_the_number_of_pours(capsys):
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        (["--set", "mus=0.5"], ["--set mus", "e_gg (restitution, goji-goji)"]),
+        (["--set", "mus=0.5"], ["--set mus", "e_gg (restitution, grain-grain)"]),
         (["--set", "e_gg=2"], ["e_gg is 2.0", "0.01 to 1"]),
         (["--set", "e_gg=nan"], ["e_gg is nan"]),
         (["--set", "mus_gg=-0.1"], ["mus_gg is -0.1", "at least 0"]),

@@ -1,5 +1,6 @@
 """`repose run`: what snakemake is given."""
 
+import signal
 import sys
 
 import pytest
@@ -57,3 +58,40 @@ def test_other_verbs_refuse_words_that_they_do_not_know(capsys):
         main(["check", "--speed", "3"])
     assert end.value.code == 2
     assert "unrecognized arguments: --speed 3" in capsys.readouterr().err
+
+
+def test_ctrl_c_ends_with_the_sentence_that_says_how_to_go_on(monkeypatch, capsys):
+    def interrupted(_words):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise SystemExit(1) from None  # as snakemake ends
+
+    monkeypatch.setattr("snakemake.cli.main", interrupted)
+    before = signal.getsignal(signal.SIGINT)
+    with pytest.raises(SystemExit) as end:
+        main(["run", "uncertainty", "--cores", "2"])
+    assert end.value.code == 130
+    assert "the same command goes on: repose run uncertainty --cores 2" in capsys.readouterr().err
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_run_that_ends_by_itself_keeps_its_status(monkeypatch, capsys):
+    def ended(_words):
+        raise SystemExit(3)
+
+    monkeypatch.setattr("snakemake.cli.main", ended)
+    with pytest.raises(SystemExit) as end:
+        main(["run"])
+    assert end.value.code == 3
+    assert "Stopped" not in capsys.readouterr().err
+
+
+def test_the_list_names_targets_of_the_workflow_with_their_cost(capsys):
+    assert main(["run", "--list", "--configfile", "config/quick.yaml"]) == 0
+    out = capsys.readouterr().out
+    rules = "".join(path.read_text() for path in (places.root() / "workflow").rglob("*.smk"))
+    named = [line.split()[0] for line in out.splitlines() if line.startswith("  ") and line[2] != " "]
+    assert "calibration" in named
+    assert all(f"rule {name}:" in rules for name in named)
+    assert "Studies of quick" in out

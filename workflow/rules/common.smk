@@ -8,6 +8,7 @@ import sys
 import pandas
 
 from repose.apparatus import names
+from repose.chain import answer as answers
 from repose.config import loader, stands_on
 from repose.core import places
 from repose.core.errors import InputError

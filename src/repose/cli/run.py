@@ -1,5 +1,8 @@
 """The verb that runs the whole study: snakemake with the program's own workflow, in any folder."""
 
+import shlex
+import signal
+import sys
 from pathlib import Path
 
 from repose.cli.registry import Family
@@ -9,13 +12,15 @@ from repose.core.errors import InputError
 CONFIG_OPTIONS = ("--configfile", "--configfiles")
 CORES_OPTIONS = ("-c", "--cores", "-j", "--jobs", "--profile", "--workflow-profile")
 SNAKEFILE_OPTIONS = ("-s", "--snakefile")
+LIST = "--list"
 CONFIG_SUFFIXES = (".yaml", ".yml", ".json")
 
 family = Family()
 
 
 @family.verb(
-    "run the whole study here, or the named targets; every further option goes to snakemake (snakemake --help)",
+    "run the whole study here, or the named targets; --list names them with their cost; every further option goes to "
+    "snakemake (snakemake --help)",
     example="uncertainty --cores 2 --configfile mine.yaml",
     config=False,
     passes_on=True,
@@ -26,7 +31,71 @@ def run(args):
     except ImportError:
         needed = "snakemake, which comes with: pip install 'repose-dem[workflow]'"
         raise InputError("installation", "snakemake", None, needed) from None
-    main(snakemake_words(args.rest))
+    if LIST in args.rest:
+        print(catalogue(args.rest))
+        return 0
+    return uninterrupted(main, args.rest)
+
+
+def uninterrupted(main, words: list[str]) -> int:
+    """Run snakemake; where Ctrl-C or a signal ends it, say in one sentence how to go on.
+
+    Parameters
+    ----------
+    main : callable
+        Of snakemake; it gets its command line.
+    words : list of str
+        What `repose run` was given.
+
+    Returns
+    -------
+    int
+        The exit status: 128 and the signal's number where one ended it, as a shell has it.
+    """
+    ended_by: list[int] = []
+
+    def stop(number, _frame):
+        # once: the next Ctrl-C kills at once, and those who wait for jobs are not interrupted in their tidying
+        signal.signal(number, signal.SIG_DFL)
+        ended_by.append(number)
+        raise KeyboardInterrupt
+
+    earlier = signal.signal(signal.SIGINT, stop)
+    try:
+        main(snakemake_words(words))
+    except (KeyboardInterrupt, SystemExit) as end:
+        if not ended_by:
+            raise
+        again = shlex.join(["repose", "run", *words])
+        print(f"\nStopped. What is finished stays; the same command goes on: {again}", file=sys.stderr)
+        raise SystemExit(128 + ended_by[0]) from end
+    finally:
+        signal.signal(signal.SIGINT, earlier)
+    return 0
+
+
+def catalogue(words: list[str]) -> str:
+    """The studies, each with a sentence and its cost in the configuration that the words name.
+
+    Parameters
+    ----------
+    words : list of str
+        What `repose run` was given; of its configurations the last counts, over the default.
+
+    Returns
+    -------
+    str
+    """
+    from repose.config import cost, loader
+
+    given = [word.partition("=")[2] or word for word in words]
+    files = [word for word in given if Path(word).suffix in CONFIG_SUFFIXES]
+    config = loader.load_over_defaults(files[-1] if files else places.configs()[-1])
+    rows = cost.studies(config)
+    lines = [f"  {study.target:18} {study.sentence}\n{'':21}{study.cost}" for study in rows]
+    return "\n".join(
+        [f"repose run TARGET; without one, all of calibration. Studies of {config['label']}:", *lines]
+    )
 
 
 def snakemake_words(words: list[str]) -> list[str]:

@@ -1,7 +1,7 @@
 """The cost of a run of a configuration: numbers of pours and their time."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from repose.apparatus import bench
 from repose.apparatus.settings import SimulationSettings
@@ -62,3 +62,74 @@ def work(config: Mapping[str, Any]) -> dict[str, Any]:
         if name != "funnel":
             total_s += sets * (JOB_START_S + config[name]["seeds"] * run_s(config, name))
     return {"pours": pours, "pour_s": pour_s, "total_s": total_s}
+
+
+class Study(NamedTuple):
+    """What can be asked of `repose run`.
+
+    Attributes
+    ----------
+    target : str
+    sentence : str
+        What it finds.
+    cost : str
+        In words: pours, and their time on one core.
+    """
+
+    target: str
+    sentence: str
+    cost: str
+
+
+def studies(config: Mapping[str, Any]) -> list[Study]:
+    """The studies of a workflow.
+
+    Parameters
+    ----------
+    config : mapping
+
+    Returns
+    -------
+    list of Study
+        The calibration first. Times are of pours; they leave out what uses the surrogate alone, seconds to minutes.
+    """
+    pour_s = work(config)["pour_s"]
+
+    def pours(number: int, besides: str = "the calibration") -> str:
+        return f"{number} pours, about {number * pour_s / 60:.0f} min on one core, besides {besides}"
+
+    refine, pool, shape = config["refine"], config["pool"], config["shape_study"]
+    a_round = refine["seeds"] + refine["neighbours"] * refine["neighbour_seeds"]
+    cells = len(shape["particles"]) * len(shape["main_fillings"]) * len(shape["tensions"])
+    of_pool = pool["samples"] * pool["seeds"] + pool["fresh_samples"] * pool["fresh_seeds"]
+    further = config["second_responses"]["drum_samples"] * config["second_responses"]["drum_seeds"]
+    of_calibration = sum(sets * seeds for _, sets, seeds in work(config)["pours"])
+    no_pours = "no pours besides the calibration"
+    drums = f"{further} runs of the drum besides the calibration, about {further * run_s(config, 'drum') / 60:.0f} min"
+    all_min = work(config)["total_s"] / 60
+    return [
+        Study(
+            "calibration",
+            "The method from the sizes to the check: which contact parameters give the measured pile.",
+            f"{of_calibration} pours and the other bench tests, about {all_min:.0f} min on one core",
+        ),
+        Study("uncertainty", "How sure the answer is: noise, posterior and sensitivity.", no_pours),
+        Study(
+            "refined",
+            "More pours near the answer, until it meets the targets.",
+            f"at most {pours(refine['rounds'] * a_round)}",
+        ),
+        Study(
+            "second_responses",
+            "Which further response of the pile tells most about the parameters.",
+            no_pours,
+        ),
+        Study("second_responses_drum", "The same with the responses of the drum.", drums),
+        Study(
+            "shape_study",
+            "Which particle, tension and filling come nearest to the measured pile.",
+            f"at least {pours(cells * shape['seeds'])}",
+        ),
+        Study("pool", "More samples, for the comparisons.", pours(of_pool)),
+        Study("compare_all", "Which part of the method pays: designs, surrogates, searches.", pours(of_pool)),
+    ]

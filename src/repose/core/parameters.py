@@ -7,12 +7,12 @@ from repose.core.errors import InputError
 PARAMETERS = ("e_gg", "mus_gg", "mur_gg", "e_gp", "mus_gp", "mur_gp")
 
 LABELS = {
-    "e_gg": "restitution, goji-goji",
-    "mus_gg": "static friction, goji-goji",
-    "mur_gg": "rolling friction, goji-goji",
-    "e_gp": "restitution, goji-PVC",
-    "mus_gp": "static friction, goji-PVC",
-    "mur_gp": "rolling friction, goji-PVC",
+    "e_gg": "restitution, grain-grain",
+    "mus_gg": "static friction, grain-grain",
+    "mur_gg": "rolling friction, grain-grain",
+    "e_gp": "restitution, grain-wall",
+    "mus_gp": "static friction, grain-wall",
+    "mur_gp": "rolling friction, grain-wall",
 }
 
 SYMBOLS = {

@@ -1,0 +1,160 @@
+"""What a calibration came to: the parameters, and whether their simulated responses meet the targets."""
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from repose.core.files import read_json, read_rows
+from repose.core.parameters import LABELS, PARAMETERS
+from repose.core.targets import Targets
+
+SUMMARY, CHECK = "miga/summary.json", "validation/representative.csv"
+COLUMNS = ("response", "simulated", "simulated_se", "n_seeds", "status")
+REPORT = "report.html"
+# Exit status of a run that ended without a feasible solution.
+NOT_FEASIBLE = 3
+
+
+@dataclass(frozen=True)
+class Check:
+    """One response of the representative solution, simulated with fresh seeds.
+
+    Attributes
+    ----------
+    response, unit : str
+        Its column, and the unit.
+    simulated, standard_error : float or None
+        Mean of the runs; None where they failed or one run has no error.
+    runs : int
+    status : str
+        How the runs ended; ``ok`` where they can be measured.
+    measured, sd : float
+        Mean and standard deviation of the physical repetitions.
+    low, high : float
+        The target range.
+    """
+
+    response: str
+    unit: str
+    simulated: float | None
+    standard_error: float | None
+    runs: int
+    status: str
+    measured: float
+    sd: float
+    low: float
+    high: float
+
+    @property
+    def met(self) -> bool:
+        """Whether the simulated mean lies in the target range."""
+        return self.simulated is not None and self.low <= self.simulated <= self.high
+
+    @property
+    def margin(self) -> float | None:
+        """Distance to the nearer end of the range: positive inside, negative outside."""
+        if self.simulated is None:
+            return None
+        return min(self.simulated - self.low, self.high - self.simulated)
+
+    def __str__(self) -> str:
+        wanted = f"target {self.low:g} to {self.high:g} {self.unit}"
+        if self.simulated is None or self.margin is None:
+            return f"{self.response}: no number, the runs ended {self.status}; {wanted}: NOT met"
+        error = "" if self.standard_error is None else f" +- {self.standard_error:.2g}"
+        verdict = "met" if self.met else "NOT met"
+        side = "inside" if self.met else "outside"
+        return (
+            f"{self.response}: simulated {self.simulated:.4g}{error} {self.unit} (runs: {self.runs}), measured "
+            f"{self.measured:.4g}; {wanted}: {verdict}, {abs(self.margin):.2g} {self.unit} {side}"
+        )
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a calibration came to.
+
+    Attributes
+    ----------
+    label : str
+        Of the study.
+    parameters : mapping of str to float
+        The representative solution.
+    feasible : bool
+        Whether the search found a set whose prediction meets the targets.
+    message : str
+        What the search says.
+    checks : tuple of Check
+        A check for each target.
+    folder : Path
+        Of the results.
+    """
+
+    label: str
+    parameters: Mapping[str, float]
+    feasible: bool
+    message: str
+    checks: tuple[Check, ...]
+    folder: Path
+
+    @property
+    def met(self) -> bool:
+        """Whether the search found a feasible solution and its simulation meets every target."""
+        return self.feasible and all(check.met for check in self.checks)
+
+    def __str__(self) -> str:
+        head = f"{self.label}: the calibrated parameters"
+        if not self.feasible:
+            head = f"{self.label}: {self.message}\nThe nearest parameters"
+        rows = [f"  {name:7} {value:.4g}  {LABELS[name]}" for name, value in self.parameters.items()]
+        checks = [f"  {check}" for check in self.checks]
+        advice = (
+            ""
+            if self.met
+            else "\nWiden parameters or targets, or pour nearer to the answer: target `refined`."
+        )
+        return (
+            "\n".join([f"{head}:", *rows, "Simulated again with fresh seeds:", *checks])
+            + advice
+            + f"\nTables: {self.folder / 'validation'}; all solutions: {self.folder / 'miga/feasible.csv'}; "
+            f"report, after the whole study: {self.folder / REPORT}"
+        )
+
+
+def read(config: Mapping[str, Any], folder: str | os.PathLike | None = None) -> Answer:
+    """The answer of a finished study.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    folder : path, optional
+        Of the results; by default the configuration's.
+
+    Returns
+    -------
+    Answer
+
+    Raises
+    ------
+    InputError
+        If the calibration has not been run, or a file of it is bad.
+    """
+    folder = Path(config["results_dir"] if folder is None else folder)
+    keys = {"representative": dict, "feasible": bool, "message": str}
+    summary = read_json(folder / SUMMARY, keys, "what the verb miga wrote; run the calibration first")
+    rows = {row["response"]: row for row in read_rows(folder / CHECK, COLUMNS, "what validate wrote")}
+    checks = [_check(one, rows[one.name]) for one in Targets.of(config["targets"]) if one.name in rows]
+    parameters = {name: float(summary["representative"][name]) for name in PARAMETERS}
+    return Answer(config["label"], parameters, summary["feasible"], summary["message"], tuple(checks), folder)
+
+
+def _check(target, row):
+    """A row of representative.csv beside its target."""
+    simulated, error = (float(row[key]) if row[key] else None for key in ("simulated", "simulated_se"))
+    return Check(
+        *(target.name, target.response.unit, simulated, error, int(float(row["n_seeds"])), row["status"]),
+        *(target.value, target.sd, target.low, target.high),
+    )

@@ -1,0 +1,65 @@
+"""The end of a calibration in words."""
+
+import json
+
+import pytest
+
+from repose.chain import answer
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
+
+TARGET = {
+    "response": "aor_deg",
+    "apparatus": "funnel",
+    "value": 32.0,
+    "sd": 2.0,
+    "repetitions": 10,
+    "range": [31.0, 34.0],
+}
+
+
+def study(folder, simulated, feasible=True):
+    """Configuration of a study whose search and check are written to folder."""
+    summary = {
+        "feasible": feasible,
+        "message": "No feasible solution: nothing met.",
+        "representative": dict.fromkeys(PARAMETERS, 0.25),
+    }
+    (folder / "miga").mkdir()
+    (folder / "miga" / "summary.json").write_text(json.dumps(summary))
+    (folder / "validation").mkdir()
+    (folder / "validation" / "representative.csv").write_text(
+        f"response,simulated,simulated_se,n_seeds,status\naor_deg,{simulated},0.25,16,ok\n"
+    )
+    return {"label": "wheat", "results_dir": str(folder), "targets": [TARGET]}
+
+
+@pytest.mark.parametrize(
+    ("simulated", "met", "margin"),
+    [(33.5, True, 0.5), (31.25, True, 0.25), (30.0, False, -1.0), (36.0, False, -2.0)],
+)
+def test_the_margin_is_the_way_to_the_nearer_end_of_the_range(simulated, met, margin, tmp_path):
+    found = answer.read(study(tmp_path, simulated))
+    assert found.met is met
+    assert found.checks[0].margin == margin
+    assert ("NOT met" in str(found)) is not met
+    assert all(name in str(found) for name in PARAMETERS)
+
+
+def test_a_prediction_outside_the_targets_is_no_answer_even_where_the_simulation_is_inside(tmp_path):
+    found = answer.read(study(tmp_path, 32.5, feasible=False))
+    assert not found.met
+    assert "No feasible solution" in str(found)
+    assert "nearest parameters" in str(found)
+
+
+def test_failed_runs_have_no_number(tmp_path):
+    found = answer.read(study(tmp_path, ""))
+    assert not found.met
+    assert found.checks[0].margin is None
+    assert "no number" in str(found)
+
+
+def test_a_study_that_has_not_run_is_told(tmp_path):
+    with pytest.raises(InputError, match=r"summary\.json"):
+        answer.read({"label": "wheat", "results_dir": str(tmp_path), "targets": [TARGET]})
