@@ -292,6 +292,31 @@ def test_files_and_command_line_lie_over_each_other(tmp_path):
     assert config["funnel"]["berries"] == 500
 
 
+def test_a_verb_reads_a_partial_file_as_the_workflow_does(tmp_path):
+    mine = tmp_path / "mine.yaml"
+    mine.write_text("funnel: {seeds: 5}\nparameters: {e_gg: {fixed: 0.3}}\n")
+    assert loader.load(mine) == loader.resolve(["config/config.yaml", mine])
+    with pytest.raises(InputError) as caught:
+        loader.load(mine, tmp_path / "nowhere.yaml")
+    assert "nowhere.yaml" in str(caught.value)
+
+
+def test_a_parameter_of_a_later_file_replaces_that_of_an_earlier_one_as_a_whole(tmp_path):
+    first, second = tmp_path / "first.yaml", tmp_path / "second.yaml"
+    first.write_text("parameters: {e_gg: {fixed: 0.3}}\n")
+    second.write_text("parameters: {e_gg: {prior: {mean: 0.3, sd: 0.01}}}\n")
+    assert loader.load(first, second)["parameters"]["e_gg"] == {"prior": {"mean": 0.3, "sd": 0.01}}
+
+
+def test_a_complete_file_does_not_read_the_folders_own(config, tmp_path, monkeypatch):
+    """An edit of config.yaml during a run does not reach the run's jobs."""
+    path = tmp_path / "results" / "config.json"
+    loader.write_resolved(config, path)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "config.yaml").write_text("in the middle of an ed: [")
+    assert loader.load(path)["funnel"] == config["funnel"]
+
+
 def test_a_fault_names_the_file_it_came_from(tmp_path):
     mine = tmp_path / "mine.yaml"
     mine.write_text("funnel: {seeds: 0}\n")

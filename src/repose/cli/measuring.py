@@ -48,7 +48,7 @@ def measure(args):
         raise InputError(
             "command line", "--mm-per-pixel", args.mm_per_pixel, f"a number from {low:g} to {high:g}"
         )
-    config = loader.load_over_defaults(args.config)
+    config = loader.load(args.config)
     how = pile.MeasureSettings.of(config["measure"], _axes(args.berry, config))
     image = pile.read_image(args.picture)
     try:

@@ -50,7 +50,12 @@ def uninterrupted(main, words: list[str]) -> int:
     Returns
     -------
     int
-        The exit status: 128 and the signal's number where one ended it, as a shell has it.
+        0, where snakemake returns without a status of its own.
+
+    Raises
+    ------
+    SystemExit
+        With snakemake's status; with 128 and the signal's number where one ended it, as a shell has it.
     """
     ended_by: list[int] = []
 
@@ -80,7 +85,7 @@ def catalogue(words: list[str]) -> str:
     Parameters
     ----------
     words : list of str
-        What `repose run` was given; of its configurations the last counts, over the default.
+        What `repose run` was given; its configurations lie over the default, in their order.
 
     Returns
     -------
@@ -90,7 +95,7 @@ def catalogue(words: list[str]) -> str:
 
     given = [word.partition("=")[2] or word for word in words]
     files = [word for word in given if Path(word).suffix in CONFIG_SUFFIXES]
-    config = loader.load_over_defaults(files[-1] if files else places.configs()[-1])
+    config = loader.load(*files)
     rows = cost.studies(config)
     lines = [f"  {study.target:18} {study.sentence}\n{'':21}{study.cost}" for study in rows]
     return "\n".join(

@@ -9,7 +9,7 @@ from repose.cli.berries import berry_and_particle
 from repose.cli.options import JSON
 from repose.cli.registry import Family, Option
 from repose.config import loader
-from repose.core import published
+from repose.core import places, published
 from repose.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -44,10 +44,9 @@ def bench(args: argparse.Namespace) -> None:
 def check(args: argparse.Namespace) -> None:
     if args.cores < 1:
         raise InputError("command line", "--cores", args.cores, "at least 1")
-    from repose.config import checks, cost
+    from repose.config import cost
 
-    config = loader.load_over_defaults(args.config)
-    checks.check_inputs(config, args.config)
+    config = loader.resolve([*places.configs(), places.find(args.config)])
     work = cost.work(config)
     print(f"{args.config}: {config['label']}, good; results go to {config['results_dir']}")
     for purpose, sets, seeds in work["pours"]:

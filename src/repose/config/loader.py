@@ -13,20 +13,24 @@ from typing import Any
 from repose.config.reading import Origin, parse, read
 from repose.core import places, provenance
 from repose.core.files import write_text
+from repose.core.parameters import PARAMETERS
 
 FILES = {"berry": ("sizes", "compression", "stl"), "validation": ("published",)}
 COMMAND_LINE = "command line (--config)"
-# Sections whose keys are names: who lists two fillings wants two.
+# Replaced, not merged: who lists two fillings wants two, and a parameter that is fixed has no prior of another file.
 WHOLE = {f"shape_study.{key}" for key in ("particles", "fillings", "sensitivities")}
+WHOLE |= {f"parameters.{name}" for name in PARAMETERS}
 
 
-def load(path: str | os.PathLike) -> dict[str, Any]:
-    """A complete configuration, checked by `check`.
+def load(*files: str | os.PathLike) -> dict[str, Any]:
+    """A study's configuration as the workflow reads it, checked by `check`.
 
     Parameters
     ----------
-    path : path
-        Looked for as `places.find` does.
+    *files : path
+        Each may hold only the keys that differ. They lie, one over the other, over the program's default and that of
+        the working folder. Looked for as `places.find` does. A complete one needs no default: the folder's own may be
+        edited while a workflow's jobs read `RESULTS/config.json`.
 
     Returns
     -------
@@ -35,36 +39,15 @@ def load(path: str | os.PathLike) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If the file cannot be read, or a value is not allowed.
+        If a file cannot be read, or a value is not allowed. It names the file that the bad value came from.
     """
     from repose.config.checks import check  # here and below: the help of a verb loads none of it
+    from repose.config.schema import lacks_keys
 
-    config = check(_with_files_found(read(places.find(path))), str(path))
-    provenance.note_config(config)
-    return config
-
-
-def load_over_defaults(path: str | os.PathLike) -> dict[str, Any]:
-    """A study's configuration, checked, as the workflow reads it.
-
-    Parameters
-    ----------
-    path : path
-        A file that may hold only the keys that differ. It lies over the program's default and that of the
-        working folder.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read, or a value is not allowed.
-    """
-    from repose.config.checks import check
-
-    config, source = _over_each_other([*places.configs(), places.find(path)])
+    given = [places.find(path) for path in files]
+    config, source = _over_each_other(given)
+    if lacks_keys(config):
+        config, source = _over_each_other([*places.configs(), *given])
     provenance.note_config(config)
     return check(config, source)
 
@@ -105,14 +88,15 @@ def _over_each_other(
     for path in files:
         _merge(config, read(path), origin, str(path))
     _merge(config, _values(overrides or {}), origin, COMMAND_LINE)
-    return _with_files_found(config), Origin(origin, str(files[0]))
+    return _with_files_found(config), Origin(origin, str(files[0]) if files else "")
 
 
 def _with_files_found(config):
     """The configuration with the files it names replaced by the program's own where the working folder lacks them."""
     for section, keys in FILES.items():
         for key in keys:
-            path = config.get(section, {}).get(key)
+            found = config.get(section)
+            path = found.get(key) if isinstance(found, dict) else None
             if isinstance(path, str):
                 config[section][key] = str(places.find(path))
     return config
@@ -144,7 +128,7 @@ def _values(value):
 def _merge(config, more, origin, source, prefix=""):
     """Put `more` over config, section by section, and note in origin where each key came from.
 
-    Sections whose keys are names (WHOLE) are replaced: who lists two fillings wants two.
+    Sections in WHOLE are replaced.
     """
     for key, value in more.items():
         name = f"{prefix}{key}"

@@ -49,6 +49,21 @@ def _validator(apparatus):
     return jsonschema.validators.extend(base, {"increasing": _not_increasing}, type_checker=types)(schema)
 
 
+def lacks_keys(config: Mapping[str, Any]) -> bool:
+    """Whether a configuration lacks any key.
+
+    Parameters
+    ----------
+    config : mapping
+        May hold values that are not allowed.
+
+    Returns
+    -------
+    bool
+    """
+    return any(error.validator == "required" for error in validator().iter_errors(config))
+
+
 def _not_increasing(validator, wanted, given, _):
     """Faults of a list of numbers that do not rise, for the schema's keyword `increasing`."""
     from jsonschema import ValidationError
