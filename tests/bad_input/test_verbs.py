@@ -16,6 +16,7 @@ NEEDED = {
     "measure": ["--mm-per-pixel", "0.1"],
     "shape_cell": ["--cell", "published-smooth-keep-open_cone"],
     "refine_propose": ["--round", "0"],
+    "card": ["show"],
     "pour": ["--sample", "1"],
     "heap": ["--sample", "1"],
     "drum": ["--sample", "1"],
@@ -118,11 +119,11 @@ def test_a_configuration_that_is_none(name, kind, refused, tmp_path):
 
 @pytest.mark.parametrize("name", sorted(set(VERBS) - {"run"}))
 def test_an_option_that_no_verb_has(name, refused):
-    needed = ["some_file" for option in VERBS[name].options if not option.names[0].startswith("-")]
+    needed = ["some_file" for option, _ in files_of(VERBS[name]) if not option.startswith("-")]
     needed += [
         f"{option}=some_file" for option, keywords in files_of(VERBS[name]) if keywords.get("required")
     ]
-    assert "--no-such-option" in refused(name, *needed, *NEEDED.get(name, []), "--no-such-option")
+    assert "--no-such-option" in refused(name, *NEEDED.get(name, []), *needed, "--no-such-option")
 
 
 @pytest.mark.parametrize(
@@ -173,6 +174,11 @@ def test_an_option_that_no_verb_has(name, refused):
         ),
         *(["refine_propose", f"--round={value}"] for value in ("-1", "x", "100")),
         *(["second_responses", f"--discrepancy={value}"] for value in ("", "aor_deg", "aor_deg=x", "=3")),
+        *(
+            ["card", *words]
+            for words in ([], ["show"], ["draw", "a.json"], ["show", "a", "b"], ["compare", "a"])
+        ),
+        *(["material_card", f"--{name}=a.csv"] for name in ("posterior", "draws")),
         *(["snapshot", value] for value in ("", "nowhere", ".", "..")),
         *([], ["no_such_verb"], ["--no-such-option"], ["Heap"], [""]),
     ],

@@ -19,7 +19,8 @@ if "funnel" in BENCH_TESTS:
         "definitions": f"{RESULTS}/figures/definitions.png",
     }
 # The posterior takes the scatter of the targets from runs of one sample.
-if all(config[name]["seeds"] > 1 for name in BENCH_TESTS):
+SCATTER_IS_KNOWN = all(config[name]["seeds"] > 1 for name in BENCH_TESTS)
+if SCATTER_IS_KNOWN:
     PAGE["posterior"] = rules.posterior_tables.output.posterior
 if config.get("photograph"):
     PAGE["photograph"] = config["photograph"]

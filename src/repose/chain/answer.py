@@ -6,11 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from repose.core.errors import InputError
 from repose.core.files import read_json, read_rows
-from repose.core.parameters import LABELS, PARAMETERS
+from repose.core.parameters import LABELS, PARAMETERS, check_value
 from repose.core.targets import Targets
 
-SUMMARY, CHECK = "miga/summary.json", "validation/representative.csv"
+SUMMARY, CHECK, CARD = "miga/summary.json", "validation/representative.csv", "card.json"
 COLUMNS = ("response", "simulated", "simulated_se", "n_seeds", "status")
 REPORT = "report.html"
 # Exit status of a run that ended without a feasible solution.
@@ -119,19 +120,17 @@ class Answer:
             "\n".join([f"{head}:", *rows, "Simulated again with fresh seeds:", *checks])
             + advice
             + f"\nTables: {self.folder / 'validation'}; all solutions: {self.folder / 'miga/feasible.csv'}; "
-            f"report, after the whole study: {self.folder / REPORT}"
+            f"after the whole study the report: {self.folder / REPORT}, and the material card: {self.folder / CARD}"
         )
 
 
-def read(config: Mapping[str, Any], folder: str | os.PathLike | None = None) -> Answer:
+def read(config: Mapping[str, Any]) -> Answer:
     """The answer of a finished study.
 
     Parameters
     ----------
     config : mapping
         The whole configuration.
-    folder : path, optional
-        Of the results; by default the configuration's.
 
     Returns
     -------
@@ -142,19 +141,65 @@ def read(config: Mapping[str, Any], folder: str | os.PathLike | None = None) -> 
     InputError
         If the calibration has not been run, or a file of it is bad.
     """
-    folder = Path(config["results_dir"] if folder is None else folder)
+    folder = Path(config["results_dir"])
+    return read_files(config, folder / SUMMARY, folder / CHECK)
+
+
+def read_files(
+    config: Mapping[str, Any], summary_json: str | os.PathLike, check_csv: str | os.PathLike
+) -> Answer:
+    """The answer in the files that search and check wrote.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    summary_json, check_csv : path
+        What the verbs miga and validate wrote.
+
+    Returns
+    -------
+    Answer
+
+    Raises
+    ------
+    InputError
+        If a file is missing or bad.
+    """
     keys = {"representative": dict, "feasible": bool, "message": str}
-    summary = read_json(folder / SUMMARY, keys, "what the verb miga wrote; run the calibration first")
-    rows = {row["response"]: row for row in read_rows(folder / CHECK, COLUMNS, "what validate wrote")}
-    checks = [_check(one, rows[one.name]) for one in Targets.of(config["targets"]) if one.name in rows]
-    parameters = {name: float(summary["representative"][name]) for name in PARAMETERS}
-    return Answer(config["label"], parameters, summary["feasible"], summary["message"], tuple(checks), folder)
+    summary = read_json(summary_json, keys, "what the verb miga wrote; run the calibration first")
+    rows = {row["response"]: row for row in read_rows(check_csv, COLUMNS, "what validate wrote")}
+    targets = Targets.of(config["targets"])
+    for name in targets.names:
+        if name not in rows:
+            raise InputError(
+                check_csv, "response", sorted(rows), f"a row {name}, a target of the configuration"
+            )
+    found = summary["representative"]
+    for name in PARAMETERS:
+        check_value(name, found.get(name), summary_json)
+    return Answer(
+        label=config["label"],
+        parameters={name: float(found[name]) for name in PARAMETERS},
+        feasible=summary["feasible"],
+        message=summary["message"],
+        checks=tuple(_check(one, rows[one.name], check_csv) for one in targets),
+        folder=Path(config["results_dir"]),
+    )
 
 
-def _check(target, row):
+def _check(target, row, source):
     """A row of representative.csv beside its target."""
-    simulated, error = (float(row[key]) if row[key] else None for key in ("simulated", "simulated_se"))
+    simulated, error, runs = (_number(row, key, source) for key in ("simulated", "simulated_se", "n_seeds"))
     return Check(
-        *(target.name, target.response.unit, simulated, error, int(float(row["n_seeds"])), row["status"]),
+        *(target.name, target.response.unit, simulated, error, int(runs or 0), row["status"]),
         *(target.value, target.sd, target.low, target.high),
     )
+
+
+def _number(row, key, source):
+    """A number of a table; None where there is none."""
+    try:
+        return float(row[key]) if row[key] else None
+    except ValueError:
+        raise InputError(source, key, row[key], "a number, or nothing") from None

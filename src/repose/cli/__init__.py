@@ -12,6 +12,7 @@ from contextlib import nullcontext
 
 from repose.cli import (
     calibration,
+    cards,
     comparison,
     inputs,
     measuring,
@@ -37,6 +38,7 @@ FAMILIES = (
     shapes,
     measuring,
     calibration,
+    cards,
     uncertainty,
     responses,
     refinement,

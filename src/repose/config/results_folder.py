@@ -18,7 +18,15 @@ OUR_OWN = (
 )
 # What the rules write there, first part of the path.
 WRITTEN = (
-    *("config.json", "dataset.csv", "dataset_summary.json", "report.html", "runs.csv", "snapshot.txt"),
+    *(
+        "card.json",
+        "config.json",
+        "dataset.csv",
+        "dataset_summary.json",
+        "report.html",
+        "runs.csv",
+        "snapshot.txt",
+    ),
     *("benchmarks", "berry", "comparison", "cylinder_runs", "design", "drum", "drum_runs", "figures", "film"),
     *("heaps", "logs", "measure", "measurement_study", "miga", "network", "noise", "pool", "posterior"),
     *("refined", "response_surface", "responses", "sensitivity", "shape", "validation", "warm_up"),

@@ -10,7 +10,7 @@ from repose.core.ledger import write_whole
 
 # What is kept, by folder of the results; logs, timings and positions of single pours stay behind.
 KEPT = {
-    ".": ("*.csv", "dataset_summary.json", "config.json", "report.html"),
+    ".": ("*.csv", "dataset_summary.json", "config.json", "report.html", "card.json"),
     "berry": ("*.csv", "*.json"),
     "design": ("*.csv",),
     "network": ("*.csv", "*.json"),

@@ -1,0 +1,427 @@
+"""The material card: the answer of a calibration as one file, for people and for other programs.
+
+`card.schema.json` beside this file says what a card holds.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from functools import cache
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from repose.chain.answer import Answer, Check
+from repose.core import provenance
+from repose.core.errors import InputError, raise_together
+from repose.core.files import read_json, read_table, write_json
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import LABELS, PARAMETERS
+from repose.core.targets import Targets
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from repose.particle.particle import Particle
+
+SCHEMA_PATH = Path(__file__).with_name("card.schema.json")
+POSTERIOR, RANGE = "central 95 % of the posterior", "range of the parameter sets found"
+WHAT = "a material card"
+TENSION = {
+    "keep": "the damped force may pull at the end of an impact",
+    "release": "the force never pulls, damped so that the restitution is as set",
+    "cut": "the force never pulls, damped as if it could",
+}
+LIMIT = {"elastic": "the elastic part of the normal force", "total": "the size of the damped normal force"}
+
+
+def make(
+    config: Mapping[str, Any],
+    answer: Answer,
+    berry: Mapping[str, Any],
+    particle: "Particle",
+    feasible: "pd.DataFrame",
+    posterior: "tuple[pd.DataFrame, pd.DataFrame] | None" = None,
+) -> dict[str, Any]:
+    """The card of a finished calibration.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    answer : Answer
+    berry : mapping
+        What the verb ``berry`` writes.
+    particle : Particle
+    feasible : pandas.DataFrame
+        Parameter sets that the search found.
+    posterior : tuple of pandas.DataFrame, optional
+        Intervals (``parameter``, ``credible_low``, ``credible_high``) and draws. Without it the intervals are the
+        ranges of the sets found, and the correlations are theirs.
+
+    Returns
+    -------
+    dict
+    """
+    space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
+    draws = feasible if posterior is None else posterior[1]
+    ends = _ends(space, feasible, posterior)
+    correlations = draws[list(space.free)].corr().fillna(0.0)
+    return {
+        "card": 1,
+        "material": answer.label,
+        "grain": _grain(config, berry, particle),
+        "wall": {key: config["wall"][key] for key in ("shear_modulus_pa", "poisson_ratio")},
+        "laws": laws(config["simulation"]),
+        "parameters": {
+            name: {
+                "meaning": LABELS[name],
+                "value": answer.parameters[name],
+                "low": ends[name][0],
+                "high": ends[name][1],
+                "given": _given(name, space),
+            }
+            for name in PARAMETERS
+        },
+        "interval": RANGE if posterior is None else POSTERIOR,
+        "correlations": {
+            one: {other: round(float(correlations.loc[one, other]), 4) for other in space.free}
+            for one in space.free
+        },
+        "tests": [_test(check, target) for check, target in _paired(answer.checks, targets)],
+        "met": answer.met,
+        "made_by": _made_by(),
+    }
+
+
+def laws(simulation: Mapping[str, Any]) -> dict[str, str]:
+    """The contact laws by name.
+
+    Parameters
+    ----------
+    simulation : mapping
+        The section of the configuration.
+
+    Returns
+    -------
+    dict of str
+    """
+    limit = LIMIT[simulation["friction_limit"]]
+    return {
+        "normal": "Hertz with viscous damping (Tsuji, Tanaka and Ishida 1992)",
+        "end of an impact": TENSION[simulation["tension"]],
+        "tangential": f"Mindlin without slip, damped; Coulomb's limit mu_s times {limit}",
+        "rolling": "directional constant torque (model A of Ai et al. 2011), a budget for each body: mu_r times "
+        f"{limit} times the distance of the contact from the body's centre",
+    }
+
+
+def _ends(space, feasible, posterior):
+    """Interval of each parameter; of a fixed one none."""
+    ends: dict[str, tuple[float | None, float | None]] = dict.fromkeys(PARAMETERS, (None, None))
+    table = None if posterior is None else posterior[0].set_index("parameter")
+    for name in space.free:
+        if table is None:
+            ends[name] = float(feasible[name].min()), float(feasible[name].max())
+        else:
+            ends[name] = float(table.loc[name, "credible_low"]), float(table.loc[name, "credible_high"])
+    return ends
+
+
+def _given(name, space):
+    """How a parameter came to its value."""
+    if name not in space.free:
+        return "fixed"
+    return "calibrated from a prior" if name in space.prior else "calibrated"
+
+
+def _grain(config, berry, particle):
+    """The grain as it is simulated."""
+    alike = config["berry"]["size_distribution"] == "none"
+    return {
+        "mean_axes_mm": [berry[key] for key in ("long_mm", "major_mm", "minor_mm")],
+        "measured": int(berry["n"]),
+        "relative_spread": 0.0 if alike else float(berry["scale_sd"]),
+        **{key: berry[key] for key in ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa")},
+        "poisson_ratio": berry["poisson_ratio"],
+        "shape": particle.kind,
+        "volume_mm3": _rounded(1e9 * particle.volume_m3),
+        "mass_g": _rounded(1e3 * particle.mass_kg),
+        "ellipsoids_mm": [[_rounded(1e3 * x) for x in row] for row in particle.semi_axes_m],
+        "spheres_mm": [[_rounded(1e3 * x) for x in row] for row in particle.spheres_m],
+    }
+
+
+def _rounded(value):
+    """Six digits: more are not measured."""
+    return float(f"{value:.6g}")
+
+
+def _paired(checks, targets):
+    """Each check with its target."""
+    by_name = {target.name: target for target in targets}
+    return [(check, by_name[check.response]) for check in checks]
+
+
+def _test(check: Check, target):
+    """One test that the parameters stand on."""
+    return {
+        "response": check.response,
+        "apparatus": target.response.apparatus,
+        "unit": check.unit,
+        "measured": check.measured,
+        "sd": check.sd,
+        "repetitions": target.repetitions,
+        "low": check.low,
+        "high": check.high,
+        "simulated": check.simulated,
+        "standard_error": check.standard_error,
+        "runs": check.runs,
+        "status": check.status,
+        "met": check.met,
+    }
+
+
+def _made_by():
+    """What made the card."""
+    record = provenance.current() or provenance.machine()
+    return {
+        "version": record["repose"],
+        "commit": record["commit"],
+        "configuration": record.get("settings"),
+        "engine": record.get("engine"),
+        "seed": record.get("seed"),
+    }
+
+
+def run(
+    config: Mapping[str, Any],
+    answer: Answer,
+    files: Mapping[str, str | PathLike | None],
+    out: str | PathLike,
+) -> dict[str, Any]:
+    """Write the card of a finished calibration (`make`).
+
+    Parameters
+    ----------
+    config : mapping
+    answer : Answer
+    files : mapping
+        Paths ``berry``, ``particle``, ``feasible``; ``posterior`` and ``draws`` or None for both.
+    out : path
+
+    Returns
+    -------
+    dict
+        The card.
+
+    Raises
+    ------
+    InputError
+        For a file that is missing or bad.
+    """
+    from repose.particle.berry_files import SIZE_COLUMNS, read_berry
+    from repose.particle.particle import Particle
+
+    needed = (*SIZE_COLUMNS, "density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa")
+    berry = read_berry(_path(files, "berry"), (*needed, "n"))
+    particle = Particle.load(_path(files, "particle"))
+    feasible = read_table(_path(files, "feasible"), PARAMETERS)
+    posterior = None
+    if files.get("posterior") is not None:
+        columns = ("parameter", "credible_low", "credible_high")
+        free = ParameterSpace.of(config["parameters"]).free
+        posterior = (
+            read_table(_path(files, "posterior"), columns),
+            read_table(_path(files, "draws"), free),
+        )
+    card = make(config, answer, berry, particle, feasible, posterior)
+    check(card, out)
+    write_json(out, card, indent=1)
+    return card
+
+
+def _path(files, name):
+    """A file that is needed."""
+    path = files.get(name)
+    if path is None:
+        raise InputError("command line", f"--{name}", None, "the path of a file")
+    return path
+
+
+@cache
+def _validator():
+    """The schema's validator."""
+    import jsonschema
+
+    return jsonschema.Draft202012Validator(json.loads(SCHEMA_PATH.read_text(encoding="utf-8")))
+
+
+def check(card: Mapping[str, Any], source: object) -> None:
+    """Refuse what is no card.
+
+    Parameters
+    ----------
+    card : mapping
+    source : object
+        Name of the file, for the message.
+
+    Raises
+    ------
+    InputError
+        For all faults at once.
+    """
+    faults = sorted(_validator().iter_errors(card), key=lambda error: list(map(str, error.absolute_path)))
+    raise_together(
+        InputError(
+            source,
+            ".".join(map(str, error.absolute_path)) or "content",
+            error.instance if error.absolute_path else sorted(card),
+            f"{WHAT}: {error.message}",
+        )
+        for error in faults
+    )
+
+
+def read(path: str | PathLike) -> dict[str, Any]:
+    """A card.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is no card.
+    """
+    card = read_json(path, (), WHAT)
+    check(card, path)
+    return card
+
+
+def in_words(card: Mapping[str, Any]) -> str:
+    """A card for people.
+
+    Parameters
+    ----------
+    card : mapping
+
+    Returns
+    -------
+    str
+    """
+    grain, made = card["grain"], card["made_by"]
+    axes = " x ".join(f"{axis:.4g}" for axis in grain["mean_axes_mm"])
+    spread = f", spread {100 * grain['relative_spread']:.2g} %" if grain["relative_spread"] else ""
+    free = list(card["correlations"])
+    pairs = [(card["correlations"][a][b], a, b) for k, a in enumerate(free) for b in free[k + 1 :]]
+    strong = sorted((pair for pair in pairs if abs(pair[0]) >= 0.5), key=lambda pair: -abs(pair[0]))
+    return "\n".join(
+        [
+            f"Material card: {card['material']}; targets {'met' if card['met'] else 'NOT met'}",
+            f"grain: {axes} mm (mean of {grain['measured']}{spread}), {grain['shape']}, {grain['volume_mm3']:.4g} mm3, "
+            f"{grain['mass_g']:.4g} g",
+            f"  density {grain['density_kg_m3']:.4g} kg/m3, {_moduli(grain)}",
+            f"wall: {_moduli(card['wall'])}",
+            "contact laws:",
+            *(f"  {name}: {law}" for name, law in card["laws"].items()),
+            f"parameters [{card['interval']}]:",
+            *(f"  {name:7} {_value(one):32} {one['meaning']}" for name, one in card["parameters"].items()),
+            "correlations of 0.5 and more: "
+            + ("; ".join(f"{a}, {b} {value:+.2f}" for value, a, b in strong) or "none"),
+            "tests:",
+            *(f"  {_test_in_words(test)}" for test in card["tests"]),
+            f"made by repose {made['version']}, commit {made['commit']}, configuration {made['configuration']}, "
+            f"engine {made['engine']}, seed {made['seed']}",
+        ]
+    )
+
+
+def compared(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
+    """Two cards side by side, and what makes their parameters hard to compare.
+
+    Parameters
+    ----------
+    one, other : mapping
+
+    Returns
+    -------
+    str
+    """
+    names = [card["material"] for card in (one, other)]
+    rows = [["", *names]]
+    for name in PARAMETERS:
+        pair = [card["parameters"][name] for card in (one, other)]
+        rows.append([name, *map(_value, pair), _apart(*pair)])
+    tests = [{test["response"]: test for test in card["tests"]} for card in (one, other)]
+    for name in dict.fromkeys([*tests[0], *tests[1]]):
+        rows.append([name, *(_simulated(own.get(name)) for own in tests)])
+    for key in ("mean_axes_mm", "density_kg_m3", "shear_modulus_pa", "shape"):
+        rows.append([key, *(_plain(card["grain"][key]) for card in (one, other))])
+    widths = [max(len(row[k]) for row in rows if k < len(row)) for k in range(3)]
+    lines = [
+        "  ".join(f"{cell:{width}}" for cell, width in zip(row, [*widths, 0], strict=False)) for row in rows
+    ]
+    return "\n".join([*(line.rstrip() for line in lines), *_differences(one, other)])
+
+
+def _differences(one, other):
+    """Sentences on what is not the same in two cards besides the grain."""
+    for name in dict.fromkeys([*one["laws"], *other["laws"]]):
+        pair = [card["laws"].get(name, "none") for card in (one, other)]
+        if pair[0] != pair[1]:
+            yield f"Another law, {name}: {pair[0]} | {pair[1]}. The same parameters would give other piles."
+    if one["interval"] != other["interval"]:
+        yield f"The intervals differ in kind: {one['interval']} | {other['interval']}."
+    if one["made_by"]["engine"] != other["made_by"]["engine"]:
+        yield "Another version of the simulator made each of them."
+
+
+def _apart(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
+    """Whether two intervals overlap."""
+    ends = [value for part in (one, other) for value in (part["low"], part["high"])]
+    if None in ends:
+        return ""
+    return "" if ends[0] <= ends[3] and ends[2] <= ends[1] else "intervals apart"
+
+
+def _value(one):
+    """A parameter with its interval."""
+    if one["low"] is None:
+        return f"{one['value']:.4g} fixed"
+    return f"{one['value']:.4g} [{one['low']:.4g}, {one['high']:.4g}]"
+
+
+def _simulated(test):
+    """Simulated and measured response."""
+    if test is None:
+        return "-"
+    simulated = "no number" if test["simulated"] is None else f"{test['simulated']:.4g}"
+    return f"{simulated} {test['unit']}, measured {test['measured']:.4g}"
+
+
+def _test_in_words(test):
+    """One test."""
+    error = "" if test["standard_error"] is None else f" +- {test['standard_error']:.2g}"
+    simulated = "no number" if test["simulated"] is None else f"{test['simulated']:.4g}{error} {test['unit']}"
+    return (
+        f"{test['response']} ({test['apparatus']}): measured {test['measured']:.4g} (sd {test['sd']:.2g}, "
+        f"{test['repetitions']} repetitions), target {test['low']:g} to {test['high']:g}, simulated {simulated} "
+        f"(runs: {test['runs']}): {'met' if test['met'] else 'NOT met'}"
+    )
+
+
+def _moduli(part):
+    """Moduli of a material."""
+    return f"shear modulus {part['shear_modulus_pa']:.4g} Pa, Poisson's ratio {part['poisson_ratio']:.3g}"
+
+
+def _plain(value: Any) -> str:
+    """A value of a table."""
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return " x ".join(f"{one:.4g}" for one in value)
+    return value if isinstance(value, str) else f"{value:.4g}"

@@ -1,0 +1,58 @@
+"""Verbs of the material card: the answer of a calibration as one file."""
+
+from repose.cli.options import BERRY, FEASIBLE
+from repose.cli.registry import Family, Option
+from repose.config import loader
+from repose.core.errors import InputError
+
+MIGA, VALIDATION = "results/miga/summary.json", "results/validation/representative.csv"
+
+family = Family()
+
+
+@family.verb(
+    "show a material card, the answer of a study as one file, or compare two",
+    example="show results/card.json",
+    config=False,
+    options=[
+        Option("action", choices=("show", "compare"), help="show FILE, or compare FILE OTHER"),
+        Option("cards", nargs="+", help="card.json of a finished study"),
+    ],
+)
+def card(args):
+    from repose.chain import card
+
+    wanted = {"show": 1, "compare": 2}[args.action]
+    if len(args.cards) != wanted:
+        raise InputError("command line", f"card {args.action}", args.cards, f"files: {wanted}")
+    cards = [card.read(path) for path in args.cards]
+    print(card.in_words(cards[0]) if args.action == "show" else card.compared(*cards))
+
+
+@family.verb(
+    "write the material card of a finished calibration",
+    example="--out results/card.json",
+    out="results/card.json",
+    options=[
+        BERRY,
+        Option("--particle", default="results/berry/particle.json", help="what the verb shape wrote"),
+        FEASIBLE,
+        Option("--summary", default=MIGA, help="what the verb miga wrote: its answer"),
+        Option(
+            "--representative", default=VALIDATION, help="what the verb validate wrote: the answer's check"
+        ),
+        Option(
+            "--posterior", help="posterior.csv; with --draws its intervals and correlations stand in the card"
+        ),
+        Option("--draws", help="draws.csv of the same posterior"),
+    ],
+)
+def material_card(args):
+    from repose.chain import answer, card
+
+    if (args.posterior is None) != (args.draws is None):
+        raise InputError("command line", "--posterior", args.posterior, "together with --draws")
+    config = loader.load(args.config)
+    found = answer.read_files(config, args.summary, args.representative)
+    files = {name: getattr(args, name) for name in ("berry", "particle", "feasible", "posterior", "draws")}
+    card.run(config, found, files, args.out)

@@ -1,0 +1,156 @@
+"""The material card: what it says, its schema, and two of them side by side."""
+
+import copy
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from repose.chain import answer, card
+from repose.cli import main
+from repose.config import loader
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
+from repose.particle.berry_files import read_berry
+from repose.particle.particle import Particle
+
+ROOT = Path(__file__).parents[2]
+STUDY = ROOT / "results/published/recommended"
+FIXED = {"e_gp": {"fixed": 0.3}}
+
+
+@pytest.fixture
+def config(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    found = copy.deepcopy(loader.load("config/config.yaml"))
+    found["parameters"] |= FIXED
+    found["targets"] = [one for one in found["targets"] if one["response"] == "height_mm"]
+    return found
+
+
+@pytest.fixture
+def solutions():
+    """Sets in which mus_gg falls as mur_gg rises, and nothing else goes together."""
+    rng = np.random.default_rng(1)
+    table = pd.DataFrame({name: rng.uniform(0.2, 0.4, 4000) for name in PARAMETERS})
+    table["mus_gg"] = 0.8 - table["mur_gg"]
+    return table
+
+
+def made(config, solutions, posterior=None, simulated=66.0):
+    """The card of a study with an answer of its own."""
+    target = config["targets"][0]
+    check = answer.Check(
+        *("height_mm", "mm", simulated, 0.4, 32, "ok"),
+        *(target["value"], target["sd"], *target["range"]),
+    )
+    values = dict.fromkeys(PARAMETERS, 0.3)
+    found = answer.Answer("wheat", values, True, "", (check,), Path("results"))
+    berry = read_berry(STUDY / "berry/berry.json")
+    particle = Particle.of_record(record_of_an_ellipsoid())
+    return card.make(config, found, berry, particle, solutions, posterior)
+
+
+def record_of_an_ellipsoid():
+    """A body of 4 x 2 x 1 mm half axes."""
+    half = np.array([4.0, 2.0, 1.0]) * 1e-3
+    volume = 4 / 3 * np.pi * half.prod()
+    mass = 1000.0 * volume
+    inertia = (
+        mass
+        / 5
+        * np.array([half[1] ** 2 + half[2] ** 2, half[0] ** 2 + half[2] ** 2, half[0] ** 2 + half[1] ** 2])
+    )
+    return Particle("ellipsoid", half[None], 1000.0, volume, mass, inertia, half.max(), 0.0, 0.0).record()
+
+
+def test_intervals_and_correlations_are_those_of_the_sets(config, solutions):
+    made_card = made(config, solutions)
+    card.check(made_card, "card")
+    parameters = made_card["parameters"]
+    assert parameters["mus_gg"]["low"] == solutions["mus_gg"].min()
+    assert parameters["mus_gg"]["high"] == solutions["mus_gg"].max()
+    assert made_card["correlations"]["mus_gg"]["mur_gg"] == -1.0
+    assert abs(made_card["correlations"]["e_gg"]["mus_gp"]) < 0.1
+    assert made_card["interval"] == card.RANGE
+
+
+def test_a_fixed_parameter_has_no_interval_and_no_correlation(config, solutions):
+    made_card = made(config, solutions)
+    assert made_card["parameters"]["e_gp"] | {"meaning": ""} == {
+        "meaning": "",
+        "value": 0.3,
+        "low": None,
+        "high": None,
+        "given": "fixed",
+    }
+    assert "e_gp" not in made_card["correlations"]
+
+
+def test_the_posterior_replaces_the_range_of_the_sets(config, solutions):
+    free = [name for name in PARAMETERS if name not in FIXED]
+    intervals = pd.DataFrame({"parameter": free, "credible_low": 0.21, "credible_high": 0.39})
+    draws = solutions.assign(mus_gg=solutions["mur_gg"])
+    made_card = made(config, solutions, (intervals, draws))
+    assert made_card["interval"] == card.POSTERIOR
+    assert (made_card["parameters"]["e_gg"]["low"], made_card["parameters"]["e_gg"]["high"]) == (0.21, 0.39)
+    assert made_card["correlations"]["mus_gg"]["mur_gg"] == 1.0
+
+
+def test_the_grain_is_the_simulated_body(config, solutions):
+    grain = made(config, solutions)["grain"]
+    assert grain["ellipsoids_mm"] == [[4.0, 2.0, 1.0]]
+    assert grain["volume_mm3"] == pytest.approx(4 / 3 * np.pi * 8, rel=1e-5)
+    assert grain["spheres_mm"] == []
+
+
+def test_a_card_that_is_none_is_refused_with_every_fault(config, solutions):
+    bad = made(config, solutions)
+    bad["grain"]["density_kg_m3"] = -1
+    del bad["laws"]
+    with pytest.raises(InputError) as caught:
+        card.check(bad, "mine.json")
+    assert "grain.density_kg_m3 is -1" in str(caught.value)
+    assert "'laws' is a required property" in str(caught.value)
+
+
+def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, capsys):
+    one = made(config, solutions)
+    config["simulation"]["tension"] = "keep"
+    other = made(config, solutions.assign(e_gg=solutions["e_gg"] + 0.5), simulated=None)
+    for name, content in (("one", one), ("other", other)):
+        (tmp_path / f"{name}.json").write_text(json.dumps(content))
+    assert main(["card", "compare", str(tmp_path / "one.json"), str(tmp_path / "other.json")]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines if line.endswith("intervals apart")] == ["e_gg"]
+    assert any("Another law, end of an impact" in line for line in lines)
+    assert any("no number" in line for line in lines)
+
+
+def test_a_card_in_words_tells_answer_and_tests(config, solutions, tmp_path, capsys):
+    (tmp_path / "card.json").write_text(json.dumps(made(config, solutions, simulated=80.0)))
+    assert main(["card", "show", str(tmp_path / "card.json")]) == 0
+    text = capsys.readouterr().out
+    assert "wheat; targets NOT met" in text
+    assert "mus_gg, mur_gg -1.00" in text
+    assert "fixed" in text
+
+
+def test_the_verb_writes_a_card_that_can_be_read(monkeypatch, tmp_path):
+    """From the tables of a study that is kept in the repository."""
+    monkeypatch.chdir(ROOT)
+    study, out = STUDY, tmp_path / "card.json"
+    particle = tmp_path / "particle.json"
+    particle.write_text(json.dumps(record_of_an_ellipsoid()))
+    words = ["material_card", "--config", "config/matched.yaml", "--berry", study / "berry/berry.json"]
+    words += ["--particle", particle, "--feasible", study / "miga/feasible.csv"]
+    words += ["--summary", study / "miga/summary.json"]
+    words += ["--representative", study / "validation/representative.csv", "--out", out]
+    assert main([str(word) for word in words]) == 0
+    found = card.read(out)
+    summary = json.loads((study / "miga/summary.json").read_text())
+    assert all(found["parameters"][name]["value"] == summary["representative"][name] for name in PARAMETERS)
+    assert found["made_by"]["configuration"] is not None
+    assert found["tests"]
