@@ -17,6 +17,7 @@ NEEDED = {
     "shape_cell": ["--cell", "published-smooth-keep-open_cone"],
     "refine_propose": ["--round", "0"],
     "card": ["show"],
+    "new": ["wheat"],
     "pour": ["--sample", "1"],
     "heap": ["--sample", "1"],
     "drum": ["--sample", "1"],

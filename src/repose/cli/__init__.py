@@ -16,6 +16,7 @@ from repose.cli import (
     comparison,
     inputs,
     measuring,
+    new,
     pictures,
     pouring,
     refinement,
@@ -32,6 +33,7 @@ from repose.core.errors import InputError
 
 # The whole study first, then its steps in the order in which the data flows; so the help lists them.
 FAMILIES = (
+    new,
     run,
     inputs,
     pouring,

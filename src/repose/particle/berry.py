@@ -230,7 +230,9 @@ def measured_berry(
     berry |= {"n": len(sizes), "reconstruction": bool(reconstruction)}
     spread = _spread(sizes, published)
     berry |= {key: float(f"{value:.10g}") for key, value in zip(size_distribution.KEYS, spread, strict=True)}
-    return summarise(sizes, published), berry
+    # the published statistics are those of the crop that the reconstruction stands for
+    beside = published if sizes.attrs["reconstruction"] else published.iloc[:0]
+    return summarise(sizes, beside), berry
 
 
 def of_files(

@@ -177,7 +177,7 @@ def _levels(panel: Axes, funnel: Mapping[str, Any], factory: float, half_view: f
     levels = (
         (factory, "particle factory"),
         (funnel["outlet_height_mm"], "funnel outlet"),
-        (0.0, "PVC plate"),
+        (0.0, "plate"),
     )
     for z, name in levels:
         panel.plot([-half_view, half_view], [z, z], color=LINE, lw=0.9, zorder=4)

@@ -1,0 +1,130 @@
+"""Material cards for people: one of them, or two side by side."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from repose.core.parameters import PARAMETERS
+
+
+def in_words(card: Mapping[str, Any]) -> str:
+    """A card for people.
+
+    Parameters
+    ----------
+    card : mapping
+
+    Returns
+    -------
+    str
+    """
+    grain, made = card["grain"], card["made_by"]
+    axes = " x ".join(f"{axis:.4g}" for axis in grain["mean_axes_mm"])
+    spread = f", spread {100 * grain['relative_spread']:.2g} %" if grain["relative_spread"] else ""
+    free = list(card["correlations"])
+    pairs = [(card["correlations"][a][b], a, b) for k, a in enumerate(free) for b in free[k + 1 :]]
+    strong = sorted((pair for pair in pairs if abs(pair[0]) >= 0.5), key=lambda pair: -abs(pair[0]))
+    return "\n".join(
+        [
+            f"Material card: {card['material']}; targets {'met' if card['met'] else 'NOT met'}",
+            f"grain: {axes} mm (mean of {grain['measured']}{spread}), {grain['shape']}, {grain['volume_mm3']:.4g} mm3, "
+            f"{grain['mass_g']:.4g} g",
+            f"  density {grain['density_kg_m3']:.4g} kg/m3, {_moduli(grain)}",
+            f"wall: {_moduli(card['wall'])}",
+            "contact laws:",
+            *(f"  {name}: {law}" for name, law in card["laws"].items()),
+            f"parameters [{card['interval']}]:",
+            *(f"  {name:7} {_value(one):32} {one['meaning']}" for name, one in card["parameters"].items()),
+            "correlations of 0.5 and more: "
+            + ("; ".join(f"{a}, {b} {value:+.2f}" for value, a, b in strong) or "none"),
+            "tests:",
+            *(f"  {_test_in_words(test)}" for test in card["tests"]),
+            f"made by repose {made['version']}, commit {made['commit']}, configuration {made['configuration']}, "
+            f"engine {made['engine']}, seed {made['seed']}",
+        ]
+    )
+
+
+def compared(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
+    """Two cards side by side, and what makes their parameters hard to compare.
+
+    Parameters
+    ----------
+    one, other : mapping
+
+    Returns
+    -------
+    str
+    """
+    names = [card["material"] for card in (one, other)]
+    rows = [["", *names]]
+    for name in PARAMETERS:
+        pair = [card["parameters"][name] for card in (one, other)]
+        rows.append([name, *map(_value, pair), _apart(*pair)])
+    tests = [{test["response"]: test for test in card["tests"]} for card in (one, other)]
+    for name in dict.fromkeys([*tests[0], *tests[1]]):
+        rows.append([name, *(_simulated(own.get(name)) for own in tests)])
+    for key in ("mean_axes_mm", "density_kg_m3", "shear_modulus_pa", "shape"):
+        rows.append([key, *(_plain(card["grain"][key]) for card in (one, other))])
+    widths = [max(len(row[k]) for row in rows if k < len(row)) for k in range(3)]
+    lines = [
+        "  ".join(f"{cell:{width}}" for cell, width in zip(row, [*widths, 0], strict=False)) for row in rows
+    ]
+    return "\n".join([*(line.rstrip() for line in lines), *_differences(one, other)])
+
+
+def _differences(one, other):
+    """Sentences on what is not the same in two cards besides the grain."""
+    for name in dict.fromkeys([*one["laws"], *other["laws"]]):
+        pair = [card["laws"].get(name, "none") for card in (one, other)]
+        if pair[0] != pair[1]:
+            yield f"Another law, {name}: {pair[0]} | {pair[1]}. The same parameters would give other piles."
+    if one["interval"] != other["interval"]:
+        yield f"The intervals differ in kind: {one['interval']} | {other['interval']}."
+    if one["made_by"]["engine"] != other["made_by"]["engine"]:
+        yield "Another version of the simulator made each of them."
+
+
+def _apart(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
+    """Whether two intervals overlap."""
+    ends = [value for part in (one, other) for value in (part["low"], part["high"])]
+    if None in ends:
+        return ""
+    return "" if ends[0] <= ends[3] and ends[2] <= ends[1] else "intervals apart"
+
+
+def _value(one):
+    """A parameter with its interval."""
+    if one["low"] is None:
+        return f"{one['value']:.4g} fixed"
+    return f"{one['value']:.4g} [{one['low']:.4g}, {one['high']:.4g}]"
+
+
+def _simulated(test):
+    """Simulated and measured response."""
+    if test is None:
+        return "-"
+    simulated = "no number" if test["simulated"] is None else f"{test['simulated']:.4g}"
+    return f"{simulated} {test['unit']}, measured {test['measured']:.4g}"
+
+
+def _test_in_words(test):
+    """One test."""
+    error = "" if test["standard_error"] is None else f" +- {test['standard_error']:.2g}"
+    simulated = "no number" if test["simulated"] is None else f"{test['simulated']:.4g}{error} {test['unit']}"
+    return (
+        f"{test['response']} ({test['apparatus']}): measured {test['measured']:.4g} (sd {test['sd']:.2g}, "
+        f"{test['repetitions']} repetitions), target {test['low']:g} to {test['high']:g}, simulated {simulated} "
+        f"(runs: {test['runs']}): {'met' if test['met'] else 'NOT met'}"
+    )
+
+
+def _moduli(part):
+    """Moduli of a material."""
+    return f"shear modulus {part['shear_modulus_pa']:.4g} Pa, Poisson's ratio {part['poisson_ratio']:.3g}"
+
+
+def _plain(value: Any) -> str:
+    """A value of a table."""
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return " x ".join(f"{one:.4g}" for one in value)
+    return value if isinstance(value, str) else f"{value:.4g}"

@@ -1,0 +1,36 @@
+"""The verb that makes the folder of a new crop."""
+
+from pathlib import Path
+
+from repose.cli.registry import Family, Option
+from repose.core.errors import InputError
+
+# Written into every file of the template in place of the crop's name.
+NAME = "NAME"
+
+family = Family()
+
+
+@family.verb(
+    "make a folder for a crop of your own: a short configuration, a table of sizes, and what to do next",
+    example="wheat",
+    config=False,
+    options=[Option("name", help="of the crop, and of the folder that is made here")],
+)
+def new(args):
+    from repose.config.schema import subschema, validator
+    from repose.core.ledger import write_in_one_move
+
+    label = validator().evolve(schema=subschema(["label"]))
+    if not label.is_valid(args.name):
+        raise InputError("command line", "new", args.name, subschema(["label"])["description"])
+    folder = Path(args.name)
+    if folder.exists() or folder.is_symlink():
+        raise InputError("command line", "new", args.name, "a folder that is not there yet")
+    template = Path(__file__).parents[1] / "config" / "new_crop"
+    for path in sorted(template.rglob("*.*")):
+        content = path.read_text(encoding="utf-8").replace(NAME, args.name).encode()
+        out = folder / path.relative_to(template)
+        out.parent.mkdir(parents=True, exist_ok=True)
+        write_in_one_move(out, lambda handle, content=content: handle.write(content))
+    print(f"{folder}: made. What to do next is in {folder / 'README.md'}; begin with {folder / 'sizes.csv'}.")

@@ -1,0 +1,100 @@
+"""`repose new`: the folder of a crop, and what is left to do in it."""
+
+import re
+import subprocess
+import sys
+
+import pytest
+import yaml
+
+from repose.cli import main
+from repose.config import loader
+from repose.core import places
+from repose.core.errors import InputError
+
+SIZES = "6.4,3.1,2.8\n6.0,3.0,2.7\n6.8,3.3,2.9\n"
+# A null of the template and what a user with wheat would write.
+FILLED = {
+    "density_kg_m3: null": "density_kg_m3: 1350",
+    "poisson_ratio: null": "poisson_ratio: 0.3",
+    "shear_modulus_pa: null": "shear_modulus_pa: 1.0e+7",
+    "value: null": "value: 30.0",
+    "sd: null": "sd: 1.0",
+    "repetitions: null": "repetitions: 10",
+    "range: [null, null]": "range: [29.5, 30.5]",
+}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch, capsys):
+    """A new folder, and inside it."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", "wheat"]) == 0
+    assert "README.md" in capsys.readouterr().out
+    monkeypatch.chdir(tmp_path / "wheat")
+    return tmp_path / "wheat"
+
+
+def filled(folder):
+    """The folder with everything that a user measures."""
+    text = (folder / "config.yaml").read_text()
+    for old, new in FILLED.items():
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    (folder / "config.yaml").write_text(text)
+    (folder / "sizes.csv").write_text((folder / "sizes.csv").read_text() + SIZES)
+
+
+def test_it_holds_what_a_user_needs(folder):
+    found = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
+    assert found == {"README.md", "config.yaml", "sizes.csv", "photographs/README.md"}
+    assert not any("NAME" in path.read_text() for path in folder.rglob("*.*") if path.is_file())
+
+
+def test_an_empty_folder_names_every_number_that_is_missing(folder, capsys):
+    """Nothing is made up: the template holds no measurement."""
+    assert main(["check", "--config", "config.yaml"]) == 2
+    told = capsys.readouterr().err
+    for key in ("berry.density_kg_m3", "targets.0.value", "targets.0.sd", "targets.0.range"):
+        assert f"config.yaml: {key} is" in told
+
+
+def test_a_folder_that_exists_is_left_alone(folder, monkeypatch, capsys):
+    (folder / "config.yaml").write_text("mine")
+    monkeypatch.chdir(folder.parent)
+    assert main(["new", "wheat"]) == 2
+    assert "not there yet" in capsys.readouterr().err
+    assert (folder / "config.yaml").read_text() == "mine"
+
+
+def test_its_configuration_is_one_of_wheat_alone(folder):
+    filled(folder)
+    config = loader.load("config.yaml")
+    assert (config["label"], config["berry"]["sizes"]) == ("wheat", "sizes.csv")
+    assert config["validation"]["published"] is None
+    assert config["berry"]["compression"] is None
+    assert [target["response"] for target in config["targets"]] == ["height_mm"]
+
+
+def test_its_keys_are_keys_of_the_schema_and_each_is_explained(folder):
+    filled(folder)
+    text = (folder / "config.yaml").read_text()
+    assert len([line for line in text.splitlines() if re.match(r"\s+\w+:", line)]) < 40
+    default = yaml.safe_load((places.root() / places.DEFAULT_CONFIG).read_text())
+    assert set(yaml.safe_load(text)) <= set(default)
+    (folder / "more.yaml").write_text("funnel: {speed: 1}")
+    with pytest.raises(InputError, match="no such key"):
+        loader.load("config.yaml", "more.yaml")
+
+
+@pytest.mark.slow
+def test_a_dry_run_in_it_plans_the_whole_study_and_no_published_set(folder):
+    filled(folder)
+    words = [sys.executable, "-m", "repose", "run", "-n", "--quiet", "rules"]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    plan = done.stdout + done.stderr
+    assert re.search(r"^pour +150$", plan, re.MULTILINE)
+    assert re.search(r"^card +1$", plan, re.MULTILINE)
+    assert "published_solutions" not in plan
+    assert not (folder / "results").exists()
