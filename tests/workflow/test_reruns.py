@@ -7,7 +7,7 @@ import pytest
 from plans import planned, snakemake
 
 from repose.core import sources
-from repose.core.lock import joined_folder, take_folder
+from repose.core.lock import take_folder
 from repose.dem import cache
 
 pytestmark = pytest.mark.slow
@@ -29,11 +29,6 @@ def test_a_second_workflow_stops_with_one_message_before_it_writes(project):
     assert done.stderr.splitlines()[-1].endswith("; allowed: one at a time; wait until it has ended")
     assert {path.name for path in folder.iterdir()} == {".lock", ".jobs"}
 
-    with joined_folder(folder):
-        done = snakemake(project, TARGET, *QUICK)
-    assert "repose: error: results/quick: jobs is 'running'; allowed: none" in done.stderr
-    assert not (folder / "config.json").exists()
-
     done = snakemake(project, TARGET, *QUICK)
     assert done.returncode == 0, done.stderr
     assert (folder / "config.json").exists()
@@ -43,13 +38,31 @@ def test_where_snakemakes_records_are_lost_those_of_the_results_tell_what_to_mak
     words = (TARGET, *QUICK)
     assert snakemake(project, *words).returncode == 0
     shutil.rmtree(project / ".snakemake")
-    told = "warning: results/quick/design/samples.csv and 1 more results were made with other settings"
+    before = (project / TARGET).read_text()
+    told = "repose: error: results/quick/design/samples.csv and 1 more results were made with other settings"
     assert told not in snakemake(project, "-n", *words).stderr
     assert told not in snakemake(project, "-n", *words, "--config", "funnel={seeds: 3}").stderr
     changed = (*words, "--config", "design={seed: 5}")
     assert told in snakemake(project, "-n", *changed).stderr
+    assert snakemake(project, *changed).returncode == 1
     assert snakemake(project, *changed, "--forceall").returncode == 0
     assert told not in snakemake(project, "-n", *changed).stderr
+    assert (project / TARGET).read_text() != before
+
+
+def test_a_result_that_was_damaged_or_edited_stops_the_workflow_and_is_named(project):
+    words = (TARGET, *QUICK)
+    assert snakemake(project, *words).returncode == 0
+    path = project / TARGET
+    good = path.read_text()
+    path.write_text(good.replace("1", "2", 1))
+    for more in ((), ("-n",)):
+        done = snakemake(project, *words, *more)
+        assert done.returncode == 1
+        assert f"repose: error: {TARGET}: content is 'something else'; allowed: " in done.stderr
+    path.unlink()
+    assert snakemake(project, *words).returncode == 0
+    assert path.read_text() == good
 
 
 POURS = {"pour": 12, "validation_pour": 9, "trajectory": 1, "turn": 2}

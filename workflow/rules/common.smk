@@ -9,7 +9,7 @@ import pandas
 
 from repose.apparatus import names
 from repose.chain import answer as answers
-from repose.config import loader, stands_on
+from repose.config import loader, results_folder, stands_on
 from repose.core import places
 from repose.core.errors import InputError
 from repose.core.lock import take_folder
@@ -59,8 +59,11 @@ def sections(*names):
     return stands_on.sections(config, *names)
 
 
-def warn_of_outdated(paths):
-    """Tell of results whose own records name other settings, where snakemake's records, which tell it, are lost."""
+def refuse_outdated(paths):
+    """Refuse results whose own records name other settings, where snakemake's records, which tell it, are lost.
+
+    With --forceall all is made again; runs that are kept and still the same are taken as they are.
+    """
     metadata = os.path.join(".snakemake", "metadata")
     unknown = [
         path
@@ -71,11 +74,10 @@ def warn_of_outdated(paths):
         )
     ]
     found = stands_on.outdated(config, unknown)
-    if found:
-        print(
-            f"repose: warning: {found[0]} and {len(found) - 1} more results were made with other settings or by another"
-            " engine, and the records of snakemake that would make them again are lost: add --forceall",
-            file=sys.stderr,
+    if found and not {"--forceall", "-F"} & set(sys.argv):
+        sys.exit(
+            f"repose: error: {found[0]} and {len(found) - 1} more results were made with other settings or by another"
+            " engine, and the records of snakemake, which tell what to make again, are lost: add --forceall"
         )
 
 
@@ -119,6 +121,11 @@ def folder(wildcards, output):
     return os.path.dirname(output[0])
 
 
+def folders_of_jobs(wildcards, input):
+    """Where a table's jobs lie: thousands of files would be more than a command line takes."""
+    return list(dict.fromkeys(map(os.path.dirname, input.jobs)))
+
+
 def validation_seeds(wildcards):
     """Pours of a solution; our representative one gets more."""
     ours = wildcards.sample == OURS[0]
@@ -146,3 +153,9 @@ def second_cells(wildcards):
         rules.shape_cell.output.runs,
         cell=shape_cells.second_cells(config, finalists),
     )
+
+
+def particles_of_cells(wildcards):
+    """What is kept of the particle of each cell, beside its pours."""
+    runs = [*first_cells(wildcards), *second_cells(wildcards)]
+    return [f"{os.path.splitext(path)[0]}.json" for path in runs]

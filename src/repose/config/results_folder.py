@@ -5,10 +5,12 @@ new, holds nothing of these names, or is a study's already.
 """
 
 import json
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from repose.core import places
+from repose.core import ledger, places
+from repose.core.errors import InputError, raise_together
 from repose.core.ledger import LEDGER
 
 # Folders of the project that results must never be written into.
@@ -78,6 +80,29 @@ def taken(results_dir: str) -> Faults:
                 "results_dir",
                 f"a new folder, or one that a study wrote; there is {there[0]}, which no study of repose wrote",
             )
+
+
+def refuse_changed(results_dir: str) -> None:
+    """Refuse results that hold something else than what was written: nothing that stands on them would be right.
+
+    Parameters
+    ----------
+    results_dir : str
+
+    Raises
+    ------
+    InputError
+        For all of them at once.
+    """
+    top = Path(results_dir)
+    found = [path for path in ledger.changed(top) if path.name in WRITTEN]
+    for part in WRITTEN:
+        for folder, _, files in os.walk(top / part):
+            found += ledger.changed(folder) if LEDGER in files else []
+    allowed = (
+        "what repose wrote; remove this file, which is damaged or edited, and give the same command again"
+    )
+    raise_together([InputError(path, "content", "something else", allowed) for path in sorted(found)])
 
 
 def _is_a_study(folder):

@@ -1,12 +1,14 @@
 """What this program wrote in a folder: a file is replaced or removed only where it is one of these, unchanged.
 
 Each folder holds its ledger, the file `.repose`: a line for each file written there, with the SHA-256 of its content. A
-file that a user put there, or changed since, is in no line, so it stays.
+file that a user put there, or changed since, is in no line, so it stays. A line that a full disk cut off counts for
+nothing.
 """
 
 import hashlib
 import os
 import re
+from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
@@ -16,6 +18,7 @@ from repose.dem.io.whole import write_whole as write_in_one_move
 
 LEDGER = ".repose"
 LINE = re.compile(r"[0-9a-f]{64}  ")
+CUT_OFF = re.compile(r"[0-9a-f]{0,64}|[0-9a-f]{64} .*")
 ALLOWED = "a new name, or a file that repose wrote and nobody changed since"
 
 
@@ -103,17 +106,43 @@ def remove(path: str | os.PathLike) -> None:
     Path(path).unlink()
 
 
+def changed(folder: str | os.PathLike) -> list[Path]:
+    """Files that this program wrote in a folder, and that hold something else since: edited, or damaged.
+
+    Parameters
+    ----------
+    folder : path
+        Those in it that hold others are not looked into.
+
+    Returns
+    -------
+    list of Path
+        By name; files that are lost are not among them.
+
+    Raises
+    ------
+    InputError
+        If the folder's ledger is no ledger.
+    """
+    digests = defaultdict(set)
+    for line in _lines(Path(folder)):
+        digests[line[66:]].add(line[:64])
+    paths = ((Path(folder) / name, known) for name, known in sorted(digests.items()))
+    return [path for path, known in paths if path.is_file() and _hash(path) not in known]
+
+
 def _lines(folder):
     """The ledger's lines; none where there is no ledger."""
     path = folder / LEDGER
     if path.is_symlink() or not path.is_file():
         return frozenset()
-    lines = os.fsdecode(path.read_bytes()).split("\n")[:-1]
-    if not all(map(LINE.match, lines)):
+    lines = os.fsdecode(path.read_bytes()).split("\n")
+    whole = frozenset(line for line in lines[:-1] if LINE.match(line))
+    if not whole and not all(map(CUT_OFF.fullmatch, lines)):
         raise InputError(
             path, "content", "something else", "the list of files that repose wrote in this folder"
         )
-    return frozenset(lines)
+    return whole
 
 
 def _note(path, digest):
@@ -124,7 +153,8 @@ def _note(path, digest):
     flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW
     handle = os.open(ledger, flags, 0o666)
     try:
-        os.write(handle, os.fsencode(f"{line}\n"))
+        # It begins with a new line, so that it is whole where a full disk cut off the one before.
+        os.write(handle, os.fsencode(f"\n{line}\n"))
     finally:
         os.close(handle)
 

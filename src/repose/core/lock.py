@@ -7,6 +7,7 @@ kill leaves none behind.
 import fcntl
 import os
 import socket
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,7 +19,7 @@ WORKFLOW, JOBS = ".lock", ".jobs"  # a workflow holds the first; its jobs hold t
 
 
 def take_folder(folder: str | os.PathLike) -> IO[str]:
-    """Take a folder of results for a workflow.
+    """Take a folder of results for a workflow; wait for jobs that one that was killed left behind.
 
     Parameters
     ----------
@@ -33,7 +34,7 @@ def take_folder(folder: str | os.PathLike) -> IO[str]:
     Raises
     ------
     InputError
-        If another workflow works on the folder, or jobs of a workflow that was killed still do.
+        If another workflow works on the folder.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -45,8 +46,9 @@ def take_folder(folder: str | os.PathLike) -> IO[str]:
         )
     with (folder / JOBS).open("a", encoding="utf-8") as jobs:
         if not _locked(jobs, fcntl.LOCK_EX):
-            allowed = "none; wait until those of a workflow that was killed have ended"
-            raise InputError(folder, "jobs", "running", allowed)
+            told = f"repose: {folder}: waiting until the jobs of a workflow that was killed have ended"
+            print(told, file=sys.stderr, flush=True)
+            fcntl.flock(jobs, fcntl.LOCK_EX)
     mine.truncate(0)
     mine.write(f"process {os.getpid()} on {socket.gethostname()}")
     mine.flush()

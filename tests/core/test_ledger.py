@@ -1,0 +1,43 @@
+"""What the program remembers of the files that it wrote."""
+
+import pytest
+
+from repose.core import files, ledger
+from repose.core.errors import InputError
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Two files of ours."""
+    for name in ("a.json", "b.json"):
+        files.write_json(tmp_path / name, {"name": name})
+    return tmp_path
+
+
+def test_files_that_hold_something_else_are_found_and_lost_ones_are_not(folder):
+    assert ledger.changed(folder) == []
+    content = bytearray((folder / "a.json").read_bytes())
+    content[5] ^= 1
+    (folder / "a.json").write_bytes(bytes(content))
+    (folder / "b.json").unlink()
+    (folder / "somebodys.json").write_text("{}")
+    assert ledger.changed(folder) == [folder / "a.json"]
+
+
+@pytest.mark.parametrize("kept", [0, 20, 65, 72, 80, 140])
+def test_a_ledger_that_a_full_disk_cut_off_is_written_on(folder, kept):
+    """One write call may write less than it was given."""
+    path = folder / ledger.LEDGER
+    path.write_bytes(path.read_bytes()[:kept])
+    files.write_json(folder / "c.json", {})
+    files.write_json(folder / "c.json", {"again": True})
+    assert ledger.is_ours(folder / "c.json")
+    assert ledger.changed(folder) == []
+
+
+@pytest.mark.parametrize("content", ["mine\n", "mine", "0123456789  a.json\n"])
+def test_somebodys_file_of_the_ledgers_name_is_left_alone(tmp_path, content):
+    (tmp_path / ledger.LEDGER).write_text(content)
+    with pytest.raises(InputError, match="content is 'something else'"):
+        files.write_json(tmp_path / "a.json", {})
+    assert (tmp_path / ledger.LEDGER).read_text() == content
