@@ -2,6 +2,7 @@ import copy
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -9,7 +10,9 @@ import pytest
 import shared
 
 from repose.apparatus import factory
-from repose.config import loader
+from repose.apparatus.bench_test import Run
+from repose.config import loader, stands_on
+from repose.core import provenance
 from repose.core.errors import InputError
 from repose.core.seeds import pour_seeds
 from repose.core.targets import Targets
@@ -142,6 +145,38 @@ def test_published_sets_end_with_the_representative_that_stands_for_the_physical
     assert table["set"].tolist() == ["22", "15", "56", "84", "2", "representative"]
     assert table.iloc[-1][PUBLISHED_PAIR].tolist() == [32.87, 65.57]
     assert table.iloc[0][PUBLISHED_PAIR].tolist() == [32.00, 65.63]
+
+
+def test_a_cell_that_was_killed_goes_on_and_pours_nothing_twice(config, tmp_path, monkeypatch):
+    ran = []
+
+    def run(config, parameters, seed, *_):
+        ran.append(seed)
+        arrays = {"position": np.random.default_rng(seed).normal(size=(4, 3))}
+        return Run({"seed": seed, "status": "ok", "reason": ""}, arrays)
+
+    def measure(record, arrays, *_):
+        return record | {"height_mm": float(arrays["position"].max())}
+
+    test = SimpleNamespace(name="cylinder", run=run, measure=measure)
+    monkeypatch.setattr("repose.apparatus.bench", lambda name: test)
+    sets = shape_cells.published_sets(config).head(2)
+
+    def cell(**changes):
+        ran.clear()
+        settings = config | {name: config[name] | keys for name, keys in changes.items()}
+        name = "bulk-egg-keep-cylinder"
+        with provenance.stage("shape_cell", (), lambda one, _: stands_on.settings_of(one, "shape_cell")):
+            provenance.note_config(shape_cells.cell_settings(settings, name)[2])
+            shape_study.poured(settings, name, sets, None, {}, tmp_path)
+        return len(ran)
+
+    seeds = config["shape_study"]["bulk_seeds"]
+    assert cell() == 2 * seeds
+    assert cell() == 0
+    assert cell(shape_study={"bulk_seeds": seeds + 1, "fresh_seeds": 9}) == 2, "a further seed of each set"
+    assert cell(network={"hidden": 3}) == 0
+    assert cell(simulation={"gravity_m_s2": 1.62}) == 2 * seeds
 
 
 # --- a whole study on made-up pours ----------------------------------------------------------------

@@ -15,6 +15,7 @@ from typing import Any
 import pandas as pd
 
 from repose.apparatus.settings import SimulationSettings
+from repose.core import provenance
 from repose.core.errors import NoFlankError
 from repose.core.files import read_json, read_table, write_json, write_table
 from repose.core.seeds import pour_seeds
@@ -49,7 +50,12 @@ ABOUT = (
 
 
 def poured(
-    config: Config, cell: str, sets: pd.DataFrame, particle: Particle, berry: Mapping[str, Any]
+    config: Config,
+    cell: str,
+    sets: pd.DataFrame,
+    particle: Particle,
+    berry: Mapping[str, Any],
+    kept: Path | None = None,
 ) -> pd.DataFrame:
     """Pour and measure all sets of a cell with all their seeds.
 
@@ -65,6 +71,8 @@ def poured(
         The cell's.
     berry : mapping
         What the verb berry wrote.
+    kept : Path, optional
+        Folder of runs that are kept (`repose.apparatus.kept_runs`), so that none is made twice.
 
     Returns
     -------
@@ -77,30 +85,45 @@ def poured(
     rows = []
     for number, one in enumerate(sets.to_dict("records")):
         for seed in pour_seeds(own["design"]["seed"], purpose, number, own["shape_study"][key]):
-            record = _one_pour(own, kind, one, seed, particle, berry)
+            path = kept / f"{cell}_{number}_{seed}.npz" if kept else None
+            record = _one_pour(own, kind, one, seed, particle, berry, path)
             about = {"kind": kind, **names, "set": one["set"]}
             rows.append(about | {key: record[key] for key in columns if key in record})
     return pd.DataFrame(rows, columns=list(columns))
 
 
-def _one_pour(config, kind, parameters, seed, particle, berry):
+def _one_pour(config, kind, parameters, seed, particle, berry, path):
     """The record of one pour with what is measured on it."""
     from repose.apparatus import bench
-    from repose.apparatus.job import run_once
 
+    test = bench(CYLINDER if kind == "bulk" else BENCH)
+    run = _kept_run(test, config, parameters, seed, particle, berry, path)
     if kind == "bulk":
-        return run_once(bench(CYLINDER), config, parameters, seed, particle, berry)[0]
-    run = bench(BENCH).run(config, parameters, seed, particle, berry)
+        return test.measure(run.record, run.arrays, config, particle, berry)
     if run.record["status"] != "ok":
         return run.record
     measured = {}
     if {one.name for one in compared_targets(config)} - {CALIBRATED_ANGLE, "height_mm"}:
-        measured = bench(BENCH).measure(run.record, run.arrays, config, particle, berry)
+        measured = test.measure(run.record, run.arrays, config, particle, berry)
     try:
         settings = MeasureSettings.of(config["measure"], berry)
         return run.record | measured | shape_piles.measured(run.arrays, particle, settings)
     except NoFlankError as error:
         return run.record | {"status": "no_flank", "reason": error.reason}
+
+
+def _kept_run(test, config, parameters, seed, particle, berry, path):
+    """One run: the kept one if it is the same, else a new one, which is kept where there is a path."""
+    from repose.apparatus import kept_runs
+    from repose.apparatus.job import about_job
+
+    about = about_job(test, config, path.stem if path else "", parameters)
+    run = kept_runs.read(path, about) if path else None
+    if run is None:
+        run = test.run(config, parameters, seed, particle, berry)
+        if path:
+            kept_runs.write(path, about, run)
+    return run
 
 
 def run_cell(
@@ -128,6 +151,7 @@ def run_cell(
     from repose.particle import build
 
     kind, names, own = cell_settings(config, cell)
+    provenance.note_config(own)  # other cells' settings are none of this one's
     section, out = own["berry"], Path(out_dir)
     particle = build.run(
         berry_json,
@@ -151,7 +175,7 @@ def run_cell(
         "measured_axes_mm": [berry[key] for key in ("long_mm", "major_mm", "minor_mm")],
     }
     write_json(out / f"{cell}.json", about)
-    table = poured(config, cell, parameter_sets(own, samples_csv, kind), particle, berry)
+    table = poured(config, cell, parameter_sets(own, samples_csv, kind), particle, berry, out / "runs")
     write_table(out / f"{cell}.csv", table)
 
 
