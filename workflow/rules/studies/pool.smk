@@ -102,16 +102,28 @@ for points, (prefix, count, _) in POOL_SETS.items():
         params:
             config=CONFIG,
             folder=folder,
+            jobs=folders_of_jobs,
             prefix=prefix,
             depends=Targets.of(config["targets"]).names,
         message:
             "Table of the set {rule}"
         shell:
-            "python -m repose dataset {input.jobs:q} --config {params.config:q} --samples {input.samples:q}"
+            "python -m repose dataset {params.jobs:q} --config {params.config:q} --samples {input.samples:q}"
             " --prefix={params.prefix:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
+# Every file by name, as in the method's chain: one that is lost is made again.
 rule pool:
     input:
+        rules.pool_design.output,
+        [
+            expand(
+                [*rules.pool_pour.output, *rules.measure_pool_runs.output],
+                runs=folders_of_targets(),
+                points=points,
+                sample=[f"{k:03d}" for k in range(1, config["pool"][count] + 1)],
+            )
+            for points, (_, count, _) in POOL_SETS.items()
+        ],
         rules.pool_dataset.output,
         rules.fresh_dataset.output,

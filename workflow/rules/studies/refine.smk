@@ -271,7 +271,9 @@ rule draw_approach:
         " --input rounds={input.rounds:q} --input summary={input.summary:q} > {log:q} 2>&1"
 
 
+# Every file by name, as in the method's chain: one that is lost is made again.
 rule refined:
     input:
+        files_of_rounds,
         rules.refine_tables.output,
         rules.draw_approach.output,

@@ -40,6 +40,20 @@ def round_jobs(wildcards):
     ]
 
 
+def files_of_rounds(wildcards):
+    """Every file of the rounds that the loop takes, as far as they are known."""
+    found = []
+    for k in range(len(verdicts(wildcards))):
+        made = [*rules.refine_pour.output, *rules.measure_refine_runs.output]
+        numbers = [sample for sample, _, _ in rounds.jobs(config["refine"], k)]
+        found += expand(made, round=k, runs=folders_of_targets(), job=numbers)
+        steps = [rules.refine_propose, rules.refine_dataset, rules.refine_round]
+        if k:
+            steps += [rules.refine_data, rules.refine_network, rules.refine_search]
+        found += expand([path for step in steps for path in step.output], round=k)
+    return found
+
+
 def verdicts(wildcards):
     """Verdicts of all rounds that the loop takes, as far as they are known: each tells whether another follows."""
     found = []

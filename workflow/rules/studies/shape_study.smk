@@ -116,7 +116,12 @@ rule draw_shape_study:
         " --input combinations={input.combinations:q} --input sets={input.sets:q} > {log:q} 2>&1"
 
 
+# Every file by name, as in the method's chain: one that is lost is made again.
 rule shape_study:
     input:
+        first_cells,
+        second_cells,
+        particles_of_cells,
+        rules.shape_selection.output,
         rules.shape_tables.output,
         rules.draw_shape_study.output,
