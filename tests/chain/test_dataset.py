@@ -181,3 +181,12 @@ def test_a_job_that_is_missing_twice_or_of_another_bench_test_is_named(study):
         InputError, match=r"apparatus is 'drum'; allowed: a bench test of the targets, funnel"
     ):
         dataset.run(folder / "samples.csv", paths, TARGETS, *arguments[1:])
+
+
+def test_a_folder_stands_for_the_file_of_every_sample_in_it(tmp_path):
+    (tmp_path / "heaps").mkdir()
+    (tmp_path / "samples.csv").write_text("sample,e_gg\n1,0.3\n10000,0.3\n")
+    words = [str(tmp_path / "heaps"), "other/001.json"]
+    names = [str(path) for path in dataset.job_files(words, tmp_path / "samples.csv")]
+    assert names == [f"{tmp_path}/heaps/001.json", f"{tmp_path}/heaps/10000.json", "other/001.json"]
+    assert [str(path) for path in dataset.job_files(["a.json"], "no/table.csv")] == ["a.json"]

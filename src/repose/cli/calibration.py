@@ -17,10 +17,12 @@ family = Family()
 
 @family.verb(
     "collect all jobs in one table: responses with standard errors, failures with their reasons",
-    example="results/heaps/???.json --out results",
+    example="results/heaps --samples results/design/samples.csv --out results",
     out="results",
     options=[
-        Option("jobs", nargs="+", help="JSON files that the verb measure_runs or heap wrote"),
+        Option(
+            "jobs", nargs="+", help="JSON files that the verb measure_runs or heap wrote, or their folder"
+        ),
         SAMPLES.but(help="the design"),
         Option("--prefix", default="", help="put before the names of the tables"),
     ],
@@ -30,7 +32,8 @@ def dataset(args):
 
     config = loader.load(args.config)
     targets, definitions = Targets.of(config["targets"]), definitions_of(config)
-    dataset.run(args.samples, args.jobs, targets, definitions, args.out, args.prefix)
+    jobs = dataset.job_files(args.jobs, args.samples)
+    dataset.run(args.samples, jobs, targets, definitions, args.out, args.prefix)
 
 
 @family.verb(

@@ -60,6 +60,10 @@ def files_of(args: argparse.Namespace) -> Iterator[Path]:
     for option, value in vars(args).items():
         if option in NOT_READ:
             continue
+        if (args.verb, option) == ("dataset", "jobs"):  # a folder of them may be given
+            from repose.chain.dataset import job_files
+
+            value = list(map(str, job_files(value, args.samples)))
         for one in value if isinstance(value, list) else [value]:
             if isinstance(one, str):
                 path = Path(one.partition("=")[2] if option == "input" else one)

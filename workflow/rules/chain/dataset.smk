@@ -18,9 +18,10 @@ rule dataset:
     params:
         config=CONFIG,
         folder=folder,
+        jobs=folders_of_jobs,
         depends=Targets.of(config["targets"]).names,
     message:
         "Table of all samples and their responses"
     shell:
-        "python -m repose dataset {input.jobs:q} --config {params.config:q} --samples {input.samples:q}"
+        "python -m repose dataset {params.jobs:q} --config {params.config:q} --samples {input.samples:q}"
         " --out {params.folder:q} > {log:q} 2>&1"

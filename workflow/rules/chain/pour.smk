@@ -4,7 +4,7 @@ SAMPLES = [f"{number:03d}" for number in range(1, config["design"]["samples"] + 
 
 
 wildcard_constraints:
-    sample=r"\d{3}",
+    sample=r"\d{3,5}",
     runs="|".join(APPARATUS_OF),
 
 
