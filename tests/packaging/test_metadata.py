@@ -34,6 +34,16 @@ def test_every_dependency_has_a_range_and_is_pinned_for_the_project():
     assert names(wanted) - {"repose-dem"} == names(pins)
 
 
+def test_the_lock_file_holds_every_pin_with_hashes_and_no_address():
+    text = (ROOT / "environment.lock").read_text()
+    entries = re.split(r"\n(?=[\w.-]+==)", re.sub(r"^#.*\n", "", text, flags=re.MULTILINE))
+    locked = {entry.split()[0].lower() for entry in entries}
+    lines = (ROOT / "environment.txt").read_text().splitlines()
+    assert {line.lower() for line in lines if not line.startswith(("#", "-e"))} <= locked
+    assert all(re.search(r"--hash=sha256:[0-9a-f]{64}\b", entry) for entry in entries)
+    assert "://" not in text
+
+
 def test_the_wheel_holds_what_a_study_reads():
     included = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
     assert set(included) == {"Snakefile", "config", "profiles", "resources", "workflow"}
