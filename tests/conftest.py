@@ -11,19 +11,20 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parent))
 importlib.import_module("repose.apparatus")  # makes the responses known by name
 
-# Tests that run the engine stay on one worker, so that its kernels are compiled once.
-ENGINE = tuple(f"tests/{room}/" for room in ("apparatus", "cli", "dem", "verification"))
-# Clumps have kernels of their own, which the other worker compiles in the meantime.
-CLUMPS = "tests/dem/test_clumps"
+# Tests that run the engine stay on one worker, so that its kernels are compiled once. Those of `repose.verification`
+# come late, as their files are small: then either worker finds the kernels in numba's cache.
+ENGINE = tuple(f"tests/{room}/" for room in ("apparatus", "cli", "dem"))
+# Clumps and the linear spring have kernels of their own, which the other worker compiles in the meantime.
+OTHER_KERNELS = tuple(f"tests/dem/test_{name}" for name in ("clumps", "laws", "rest"))
 
 
 class ByKernels(LoadScopeScheduling):
-    """Workers take whole groups: the tests of the engine, those of clumps, or those of one file."""
+    """Workers take whole groups: the tests of the engine, those of other kernels, or those of one file."""
 
     def _split_scope(self, nodeid):
         path = nodeid.split("::")[0]
-        if path.startswith(CLUMPS):
-            return "clumps"
+        if path.startswith(OTHER_KERNELS):
+            return "other kernels"
         return "engine" if path.startswith(ENGINE) else path
 
 

@@ -11,7 +11,7 @@ FILES = (
     "apparatus/test_a",
     "dem/test_b",
     "dem/test_clumps_c",
-    "dem/test_clumps_d",
+    "dem/test_restitution",
     "core/test_e",
     "core/test_f",
 )
@@ -43,4 +43,4 @@ def test_tests_of_the_same_kernels_run_on_one_worker(tmp_path):
     assert set(workers) == set(FILES)
     assert all(len(found) == 1 for found in workers.values())
     assert workers["apparatus/test_a"] == workers["dem/test_b"]
-    assert workers["dem/test_clumps_c"] == workers["dem/test_clumps_d"] != workers["dem/test_b"]
+    assert workers["dem/test_clumps_c"] == workers["dem/test_restitution"] != workers["dem/test_b"]
