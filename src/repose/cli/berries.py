@@ -1,7 +1,15 @@
 """The berry and its particle: from files that the options name, or made from the configuration."""
 
+from collections.abc import Mapping
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
 from repose.cli.options import PUBLISHED
 from repose.cli.registry import Option
+
+if TYPE_CHECKING:
+    from repose.config.reading import Origin
+    from repose.particle.particle import Particle
 
 BERRY_AND_PARTICLE = (
     Option("--berry", help="berry.json; made from the configuration if not given"),
@@ -9,14 +17,19 @@ BERRY_AND_PARTICLE = (
 )
 
 
-def berry_and_particle(config, source, berry_json=None, particle_json=None):
+def berry_and_particle(
+    config: dict[str, Any],
+    source: "str | Origin",
+    berry_json: str | PathLike | None = None,
+    particle_json: str | PathLike | None = None,
+) -> "tuple[dict[str, Any], Particle]":
     """The berry and its particle.
 
     Parameters
     ----------
-    config : mapping
+    config : dict
         The checked configuration.
-    source : object
+    source : str or Origin
         The configuration's file, named in the error.
     berry_json, particle_json : path, optional
         Files to read; without them both are made from the configuration.
@@ -51,7 +64,7 @@ def berry_and_particle(config, source, berry_json=None, particle_json=None):
     return of_berry, build.make(of_berry, **scan, **_how(config)).particle
 
 
-def write_berry(config, table1, out_dir):
+def write_berry(config: Mapping[str, Any], table1: str | PathLike, out_dir: str | PathLike) -> None:
     """Write sizes and moduli of the configuration's berry, beside the published ones.
 
     Parameters
@@ -73,7 +86,9 @@ def write_berry(config, table1, out_dir):
     berry.run(section["sizes"], section["compression"], table1, out_dir, *_material(section))
 
 
-def write_particle(config, berry_json, out_dir):
+def write_particle(
+    config: Mapping[str, Any], berry_json: str | PathLike, out_dir: str | PathLike
+) -> "Particle":
     """Write the configuration's particle.
 
     Parameters

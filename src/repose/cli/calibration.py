@@ -1,5 +1,6 @@
 """Verbs of the calibration: jobs to a dataset, a network, its inversion, and the answer simulated again."""
 
+import argparse
 from pathlib import Path
 
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, SAMPLES, TABLE3
@@ -27,7 +28,7 @@ family = Family()
         Option("--prefix", default="", help="put before the names of the tables"),
     ],
 )
-def dataset(args):
+def dataset(args: argparse.Namespace) -> None:
     from repose.chain import dataset
 
     config = loader.load(args.config)
@@ -42,7 +43,7 @@ def dataset(args):
     out="results/network",
     options=[DATASET, RUNS],
 )
-def network(args):
+def network(args: argparse.Namespace) -> None:
     from repose.chain import train
 
     config = loader.load(args.config)
@@ -57,7 +58,7 @@ def network(args):
     out="results/miga",
     options=[NETWORK, TABLE3, SUPPORT],
 )
-def miga(args):
+def miga(args: argparse.Namespace) -> None:
     from repose.chain import invert
 
     config = loader.load(args.config)
@@ -81,7 +82,7 @@ def miga(args):
     out="results/validation",
     options=[FEASIBLE],
 )
-def solutions(args):
+def solutions(args: argparse.Namespace) -> None:
     from repose.chain import validate
 
     config = loader.load(args.config)
@@ -101,7 +102,7 @@ def solutions(args):
     example="--out results/validation",
     out="results/validation",
 )
-def published_solutions(args):
+def published_solutions(args: argparse.Namespace) -> None:
     from repose.chain import validate
 
     published = loader.load(args.config)["validation"]["published"]
@@ -120,7 +121,7 @@ def published_solutions(args):
         SUPPORT,
     ],
 )
-def validate(args):
+def validate(args: argparse.Namespace) -> None:
     from repose.chain import validate
 
     config = loader.load(args.config)

@@ -1,5 +1,7 @@
 """Verbs of the material card: the answer of a calibration as one file."""
 
+import argparse
+
 from repose.cli.options import BERRY, FEASIBLE
 from repose.cli.registry import Family, Option
 from repose.config import loader
@@ -19,7 +21,7 @@ family = Family()
         Option("cards", nargs="+", help="card.json of a finished study"),
     ],
 )
-def card(args):
+def card(args: argparse.Namespace) -> None:
     from repose.chain import card, card_words
 
     wanted = {"show": 1, "compare": 2}[args.action]
@@ -47,7 +49,7 @@ def card(args):
         Option("--draws", help="draws.csv of the same posterior"),
     ],
 )
-def material_card(args):
+def material_card(args: argparse.Namespace) -> None:
     from repose.chain import answer, card
 
     if (args.posterior is None) != (args.draws is None):

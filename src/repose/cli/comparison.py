@@ -1,5 +1,7 @@
 """Verbs that compare parts of the method, and the whole method, with alternatives."""
 
+import argparse
+
 from repose.cli.options import DATASET, NETWORK, RUNS, chosen_files, file_options
 from repose.cli.registry import Family
 from repose.config import loader
@@ -27,7 +29,7 @@ family = Family()
     out="results/comparison",
     options=[NETWORK],
 )
-def compare_search(args):
+def compare_search(args: argparse.Namespace) -> None:
     from repose.studies.comparison import search
 
     config = loader.load(args.config)
@@ -46,7 +48,7 @@ def compare_search(args):
         RUNS.but(nargs="+", default=["results/runs.csv"], help="runs.csv of each dataset, in the same order"),
     ],
 )
-def compare_whole(args):
+def compare_whole(args: argparse.Namespace) -> None:
     from repose.studies.comparison import whole
 
     config = loader.load(args.config)
@@ -64,7 +66,7 @@ def compare_whole(args):
     out="results/comparison",
     options=file_options(POOL_FILES),
 )
-def compare_accuracy(args):
+def compare_accuracy(args: argparse.Namespace) -> None:
     from repose.studies.comparison import accuracy, points
 
     config = loader.load(args.config)
@@ -78,7 +80,7 @@ def compare_accuracy(args):
     out="results/comparison",
     options=file_options(POOL_FILES),
 )
-def compare_surrogates(args):
+def compare_surrogates(args: argparse.Namespace) -> None:
     from repose.studies.comparison import points, surrogates
 
     config = loader.load(args.config)
@@ -92,7 +94,7 @@ def compare_surrogates(args):
     out="results/comparison",
     options=file_options(POOL_FILES),
 )
-def compare_sampling(args):
+def compare_sampling(args: argparse.Namespace) -> None:
     from repose.studies.comparison import points, sampling
 
     config = loader.load(args.config)
@@ -108,7 +110,7 @@ def compare_sampling(args):
     config=False,
     options=file_options(COMPARED),
 )
-def compare_all(args):
+def compare_all(args: argparse.Namespace) -> None:
     from repose.studies.comparison import summary
 
     print(f"{len(summary.run(chosen_files(args, COMPARED), args.out))} rows")

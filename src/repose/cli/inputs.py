@@ -1,5 +1,7 @@
 """Verbs for the inputs of a study: the berry, its particle, the points to simulate."""
 
+import argparse
+
 from repose.cli.berries import write_berry, write_particle
 from repose.cli.options import BERRY, PUBLISHED
 from repose.cli.registry import Family, Option
@@ -34,14 +36,14 @@ family = Family()
         Option("--wrinkle-depth-mm", type=float, default=0.0, help="depth of the grooves in mm (0)"),
     ],
 )
-def berry(args):
+def berry(args: argparse.Namespace) -> None:
     if args.axes or args.stl:
         _build(args)
     else:
         write_berry(loader.load(args.config), args.table1, args.out)
 
 
-def _build(args):
+def _build(args: argparse.Namespace) -> None:
     """Mesh of a berry from a few numbers."""
     from repose.particle import mesh_from_axes
 
@@ -51,7 +53,9 @@ def _build(args):
     density = loader.load(args.config)["berry"]["density_kg_m3"] if given is None else given
     details = (args.taper, args.wrinkles, args.wrinkle_depth_mm)
     mesh, number = mesh_from_axes.berry_mesh(args.axes, args.mass_g, density, *details, source="command line")
-    write_bytes(args.stl, mesh.export(file_type="stl"))
+    stl = mesh.export(file_type="stl")
+    assert isinstance(stl, bytes)
+    write_bytes(args.stl, stl)
     share = mesh.volume / (args.axes[0] * args.axes[1] * args.axes[2])
     m, k = mesh_from_axes.profile_exponents(number)
     print(
@@ -65,7 +69,7 @@ def _build(args):
     out="results/berry",
     options=[BERRY],
 )
-def shape(args):
+def shape(args: argparse.Namespace) -> None:
     write_particle(loader.load(args.config), args.berry, args.out)
 
 
@@ -74,7 +78,7 @@ def shape(args):
     example="--out results/design",
     out="results/design",
 )
-def design(args):
+def design(args: argparse.Namespace) -> None:
     from repose.chain import design
 
     config = loader.load(args.config)
@@ -88,7 +92,7 @@ def design(args):
     example="--out results/pool",
     out="results/pool",
 )
-def pool_design(args):
+def pool_design(args: argparse.Namespace) -> None:
     from repose.studies import pool
 
     config = loader.load(args.config)

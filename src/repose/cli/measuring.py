@@ -1,6 +1,8 @@
 """Verbs that measure: a picture of a pile, the side view of a simulated one, the definitions of the angle."""
 
+import argparse
 from pathlib import Path
+from typing import Any
 
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import JSON
@@ -33,7 +35,7 @@ family = Family()
         JSON.but(help="print left_deg, right_deg, aor_deg, height_mm and more as JSON"),
     ],
 )
-def measure(args):
+def measure(args: argparse.Namespace) -> None:
     from repose.core.files import write_image
     from repose.core.ledger import check_replaceable
     from repose.measure import drawing, pile
@@ -58,7 +60,7 @@ def measure(args):
         allowed = f"a pile with two flanks, seen from the side; {overlay} shows what was taken for the pile"
         raise InputError(args.picture, "pile", str(error), allowed) from None
     write_image(overlay, drawing.overlay(image, measured))
-    values = measured.record()
+    values: dict[str, Any] = measured.record()
     if args.json:
         print(json_text(values))
         return
@@ -96,7 +98,7 @@ def _axes(berry_json, config):
         Option("--azimuth", type=float, default=0.0, help="direction of view in degrees (0)"),
     ],
 )
-def silhouette(args):
+def silhouette(args: argparse.Namespace) -> None:
     from repose.core.files import write_image
     from repose.measure.pile import MeasureSettings
     from repose.measure.saved_piles import side_view
@@ -119,7 +121,7 @@ def silhouette(args):
         *BERRY_AND_PARTICLE,
     ],
 )
-def measurement_study(args):
+def measurement_study(args: argparse.Namespace) -> None:
     if args.shapes < 1:
         raise InputError("command line", "--shapes", args.shapes, "at least 1")
     config = loader.load(args.config)

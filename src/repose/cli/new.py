@@ -1,5 +1,7 @@
 """The verb that makes the folder of a new crop."""
 
+import argparse
+from operator import methodcaller
 from pathlib import Path
 
 from repose.cli.registry import Family, Option
@@ -17,7 +19,7 @@ family = Family()
     config=False,
     options=[Option("name", help="of the crop, and of the folder that is made here")],
 )
-def new(args):
+def new(args: argparse.Namespace) -> None:
     from repose.config.schema import subschema, validator
     from repose.core.ledger import write_in_one_move
 
@@ -32,5 +34,5 @@ def new(args):
         content = path.read_text(encoding="utf-8").replace(NAME, args.name).encode()
         out = folder / path.relative_to(template)
         out.parent.mkdir(parents=True, exist_ok=True)
-        write_in_one_move(out, lambda handle, content=content: handle.write(content))
+        write_in_one_move(out, methodcaller("write", content))
     print(f"{folder}: made. What to do next is in {folder / 'README.md'}; begin with {folder / 'sizes.csv'}.")

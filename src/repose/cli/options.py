@@ -1,5 +1,8 @@
 """Options that several verbs take, and files that a verb reads by name."""
 
+import argparse
+from collections.abc import Iterable, Mapping
+
 from repose.cli.registry import Option
 from repose.core import places
 from repose.core.errors import InputError
@@ -16,7 +19,7 @@ TABLE3 = Option("--table3", default=str(PUBLISHED / "table3.csv"), help="publish
 JSON = Option("--json", action="store_true", help="print as JSON")
 
 
-def file_options(files, what=""):
+def file_options(files: Mapping[str, str], what: str = "") -> list[Option]:
     """An option for each of several files.
 
     Parameters
@@ -36,14 +39,14 @@ def file_options(files, what=""):
     ]
 
 
-def chosen_files(args, files):
+def chosen_files(args: argparse.Namespace, files: Iterable[str]) -> dict[str, str]:
     """The paths that the options of `file_options` were given.
 
     Parameters
     ----------
     args : argparse.Namespace
-    files : mapping
-        As for `file_options`.
+    files : iterable of str
+        Names of the options, as for `file_options`.
 
     Returns
     -------
@@ -53,7 +56,7 @@ def chosen_files(args, files):
     return {name: getattr(args, name) for name in files}
 
 
-def pairs(entries, option):
+def pairs(entries: Iterable[str], option: str) -> dict[str, str]:
     """NAME=VALUE entries of an option.
 
     Parameters
@@ -72,7 +75,7 @@ def pairs(entries, option):
     InputError
         For an entry without name or value, or a name given twice.
     """
-    found = {}
+    found: dict[str, str] = {}
     for entry in entries:
         name, equals, value = entry.partition("=")
         if not equals or not name or not value or name in found:

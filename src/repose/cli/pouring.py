@@ -1,6 +1,8 @@
 """Verbs that simulate: berries in any bench test, and the tables of the drum."""
 
-from typing import NamedTuple
+import argparse
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import JSON
@@ -9,6 +11,11 @@ from repose.cli.registry import Family, Option
 from repose.config import loader
 from repose.core.errors import InputError
 from repose.core.files import json_text
+
+if TYPE_CHECKING:
+    from repose.apparatus.bench_test import BenchTest
+    from repose.apparatus.job import Progress
+    from repose.particle.particle import Particle
 
 SIMULATION = (*PARAMETER_SET, SEED, *BERRY_AND_PARTICLE)
 APPARATUS = Option("--apparatus", default="funnel", metavar="NAME", help="bench test (funnel)")
@@ -29,16 +36,16 @@ family = Family()
 class _Job(NamedTuple):
     """A job as the command line asks for it: the arguments of `repose.apparatus.job.pour_job`."""
 
-    test: object
+    test: "BenchTest"
     config: dict
     name: str
     parameters: dict
     seeds: list
-    particle: object
+    particle: "Particle"
     berry: dict
     out_dir: str
     interval_s: float | None
-    progress: object
+    progress: "Progress | None"
 
 
 @family.verb(
@@ -46,7 +53,7 @@ class _Job(NamedTuple):
     example="--config config/quick.yaml",
     options=[*BERRY_AND_PARTICLE],
 )
-def warm_up(args):
+def warm_up(args: argparse.Namespace) -> None:
     from repose.apparatus import warm_up
     from repose.dem.cache import folder
 
@@ -63,7 +70,7 @@ def warm_up(args):
     out="results/try",
     options=[APPARATUS, *POUR, KEEP],
 )
-def pour(args):
+def pour(args: argparse.Namespace) -> None:
     from repose.apparatus.job import pour_job
 
     print(pour_job(*_job(args, args.apparatus), keeps_runs=args.keep_runs))
@@ -75,7 +82,7 @@ def pour(args):
     out="results/try",
     options=[*POUR, JSON.but(help="print the result as JSON")],
 )
-def heap(args):
+def heap(args: argparse.Namespace) -> None:
     from repose.apparatus.job import measure_job, pour_job
 
     job = _job(args, "funnel")
@@ -87,7 +94,7 @@ def heap(args):
             print(told(run, job.test.in_words))
 
 
-def _job(args, apparatus):
+def _job(args: argparse.Namespace, apparatus: str) -> _Job:
     """The job that the options ask for."""
     from repose.apparatus import bench
     from repose.apparatus.settings import SimulationSettings
@@ -126,7 +133,7 @@ def _flat(result):
         *BERRY_AND_PARTICLE,
     ],
 )
-def measure_runs(args):
+def measure_runs(args: argparse.Namespace) -> None:
     from repose.apparatus import bench
     from repose.apparatus.job import measure_job
     from repose.core.seeds import UNNAMED
@@ -150,7 +157,7 @@ def measure_runs(args):
         JSON.but(help="print the results as JSON"),
     ],
 )
-def drum(args):
+def drum(args: argparse.Namespace) -> None:
     from repose.apparatus import bench, drum_tables
 
     config = loader.load(args.config)
@@ -172,13 +179,13 @@ def drum(args):
     config=False,
     options=[Option("runs", nargs="+", help="JSON files that the verb drum wrote")],
 )
-def drum_tables(args):
+def drum_tables(args: argparse.Namespace) -> None:
     from repose.apparatus import drum_tables
 
     drum_tables.run(args.runs, args.out)
 
 
-def told(run, words):
+def told(run: Mapping[str, Any], words: str) -> str:
     """One run in words, or why there are none.
 
     Parameters

@@ -1,5 +1,6 @@
 """Verbs of the loop that simulates the answer, adds it to the data and searches again."""
 
+import argparse
 from pathlib import Path
 
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, TABLE3, file_options
@@ -27,7 +28,7 @@ family = Family()
         RUNS.but(help="runs.csv of the design: single runs"),
     ],
 )
-def refine_data(args):
+def refine_data(args: argparse.Namespace) -> None:
     from repose.studies import refine_files
 
     refine_files.run_extended(args.dataset, args.runs, args.rounds, args.out)
@@ -44,7 +45,7 @@ def refine_data(args):
         TABLE3,
     ],
 )
-def refine_search(args):
+def refine_search(args: argparse.Namespace) -> None:
     from repose.studies import refine_files
 
     config = loader.load(args.config)
@@ -65,7 +66,7 @@ def refine_search(args):
         NETWORK.but(help="the surrogate that it searched"),
     ],
 )
-def refine_propose(args):
+def refine_propose(args: argparse.Namespace) -> None:
     from repose.studies import refine_files
 
     config = loader.load(args.config)
@@ -81,7 +82,7 @@ def refine_propose(args):
     out=ROUND,
     options=file_options(ROUND_FILES, "of the round "),
 )
-def refine_judge(args):
+def refine_judge(args: argparse.Namespace) -> None:
     from repose.studies import verdict
 
     config = loader.load(args.config)
@@ -96,7 +97,7 @@ def refine_judge(args):
     out="results/refined",
     options=[Option("verdicts", nargs="+", help="JSON files that refine_judge wrote")],
 )
-def refine_tables(args):
+def refine_tables(args: argparse.Namespace) -> None:
     from repose.studies import verdict
 
     config = loader.load(args.config)

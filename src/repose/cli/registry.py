@@ -1,8 +1,8 @@
 """What a verb of the command line is: a function with a summary, an example and options."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from repose.core import places
 
@@ -18,10 +18,10 @@ class Option:
     **keywords
     """
 
-    def __init__(self, *names, **keywords):
+    def __init__(self, *names: str, **keywords: Any) -> None:
         self.names, self.keywords = names, keywords
 
-    def but(self, **changes):
+    def but(self, **changes: Any) -> "Option":
         """The same option with some keywords changed.
 
         Parameters
@@ -61,10 +61,10 @@ class Verb(NamedTuple):
     passes_on: bool = False
 
     @property
-    def name(self):
+    def name(self) -> str:
         return self.run.__name__
 
-    def add_to(self, subparsers):
+    def add_to(self, subparsers: Any) -> None:
         """Add the verb's own parser to those of the program; what it parses has the verb's name as `verb`.
 
         Parameters
@@ -86,10 +86,19 @@ class Verb(NamedTuple):
 class Family:
     """The verbs of one module, in the order in which they stand there."""
 
-    def __init__(self):
-        self.verbs = []
+    def __init__(self) -> None:
+        self.verbs: list[Verb] = []
 
-    def verb(self, summary, *, example="", out=None, config=True, options=(), passes_on=False):
+    def verb(
+        self,
+        summary: str,
+        *,
+        example: str = "",
+        out: str | None = None,
+        config: bool = True,
+        options: Sequence[Option] = (),
+        passes_on: bool = False,
+    ) -> Callable[[Callable], Callable]:
         """Decorator that makes a function the verb of the same name.
 
         Parameters

@@ -1,5 +1,6 @@
 """Verbs of further responses: measure them on a pile, and tell how much information they add."""
 
+import argparse
 import math
 
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
@@ -23,7 +24,7 @@ family = Family()
         *BERRY_AND_PARTICLE,
     ],
 )
-def measure_responses(args):
+def measure_responses(args: argparse.Namespace) -> None:
     from repose.measure import further_responses
 
     config = loader.load(args.config)
@@ -50,7 +51,7 @@ def measure_responses(args):
         ),
     ],
 )
-def second_responses(args):
+def second_responses(args: argparse.Namespace) -> None:
     from repose.studies import responses_over_design, second_responses
 
     config = loader.load(args.config)

@@ -1,8 +1,10 @@
 """The verb that runs the whole study: snakemake with the program's own workflow, in any folder."""
 
+import argparse
 import shlex
 import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 from repose.cli.registry import Family
@@ -25,7 +27,7 @@ family = Family()
     config=False,
     passes_on=True,
 )
-def run(args):
+def run(args: argparse.Namespace) -> int:
     try:
         from snakemake.cli import main
     except ImportError:
@@ -37,7 +39,7 @@ def run(args):
     return uninterrupted(main, args.rest)
 
 
-def uninterrupted(main, words: list[str]) -> int:
+def uninterrupted(main: Callable[[list[str]], object], words: list[str]) -> int:
     """Run snakemake; where Ctrl-C or a signal ends it, say in one sentence how to go on.
 
     Parameters

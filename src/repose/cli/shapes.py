@@ -1,5 +1,7 @@
 """Verbs of the shape study: particles, tensions, fillings and definitions of the angle."""
 
+import argparse
+
 from repose.cli.options import BERRY, SAMPLES
 from repose.cli.registry import Family, Option
 from repose.config import loader
@@ -17,7 +19,7 @@ family = Family()
         SAMPLES,
     ],
 )
-def shape_cell(args):
+def shape_cell(args: argparse.Namespace) -> None:
     from repose.studies import shape_cells, shape_study
 
     config = loader.load(args.config)
@@ -31,7 +33,7 @@ def shape_cell(args):
     out="results/shape",
     options=[Option("cells", nargs="+", help="CSV files of shape_cell")],
 )
-def shape_selection(args):
+def shape_selection(args: argparse.Namespace) -> None:
     from repose.studies import shape_study
 
     shape_study.run_selection(loader.load(args.config), args.cells, args.out)
@@ -46,7 +48,7 @@ def shape_selection(args):
         Option("--finalists", required=True, help="what shape_selection wrote"),
     ],
 )
-def shape_study(args):
+def shape_study(args: argparse.Namespace) -> None:
     from repose.studies import shape_study
 
     shape_study.run_verdict(loader.load(args.config), args.cells, args.finalists, args.out)

@@ -1,6 +1,8 @@
 """Verbs of the response surface strategy: each step's analysis writes what the next one pours."""
 
+import argparse
 from pathlib import Path
+from typing import Any
 
 from repose.cli.registry import Family, Option
 from repose.config import loader
@@ -20,7 +22,7 @@ def _options(step):
     ]
 
 
-def _read(args):
+def _read(args: argparse.Namespace) -> tuple[ParameterSpace, Targets, dict[str, Any]]:
     """Space, targets and section of a configuration."""
     config = loader.load(args.config)
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
@@ -32,7 +34,7 @@ def _read(args):
     example="--config config/quick.yaml",
     out=f"{FOLDER}/screening",
 )
-def response_design(args):
+def response_design(args: argparse.Namespace) -> None:
     from repose.strategies.response_surface import files
 
     space, _, section = _read(args)
@@ -48,7 +50,7 @@ def response_design(args):
         Option("--next", default=f"{FOLDER}/ascent/samples.csv", help="samples of the ascent, to write"),
     ],
 )
-def response_screening(args):
+def response_screening(args: argparse.Namespace) -> None:
     from repose.strategies.response_surface import files
 
     found = files.run_screening(args.samples, args.dataset, *_read(args), args.out, args.next)
@@ -64,7 +66,7 @@ def response_screening(args):
         Option("--next", default=f"{FOLDER}/surface/samples.csv", help="samples of the surface, to write"),
     ],
 )
-def response_ascent(args):
+def response_ascent(args: argparse.Namespace) -> None:
     from repose.strategies.response_surface import files
 
     points = files.run_ascent(args.samples, args.dataset, *_read(args), args.out, args.next)
@@ -81,7 +83,7 @@ def response_ascent(args):
         Option("--next", default=f"{FOLDER}/check/samples.csv", help="samples of the check, to write"),
     ],
 )
-def response_surface(args):
+def response_surface(args: argparse.Namespace) -> None:
     from repose.strategies.response_surface import files
 
     found = files.run_surface(args.samples, args.dataset, *_read(args), args.out, args.next)
@@ -99,7 +101,7 @@ def response_surface(args):
         Option("--dataset", default=f"{FOLDER}/check/dataset.csv", help="of the check"),
     ],
 )
-def response_check(args):
+def response_check(args: argparse.Namespace) -> None:
     from repose.strategies.response_surface import files
 
     _, targets, _ = _read(args)

@@ -1,5 +1,7 @@
 """Verbs for the uncertainty of the answer: noise, posterior, sensitivity."""
 
+import argparse
+
 from repose.cli.options import NETWORK, PUBLISHED, RUNS, chosen_files, file_options
 from repose.cli.registry import Family
 from repose.config import loader
@@ -25,7 +27,7 @@ family = Family()
     out="results/noise",
     options=[RUNS],
 )
-def noise(args):
+def noise(args: argparse.Namespace) -> None:
     from repose.studies import noise
 
     targets = Targets.of(loader.load(args.config)["targets"])
@@ -38,7 +40,7 @@ def noise(args):
     out="results/posterior",
     options=file_options(POSTERIOR_FILES),
 )
-def posterior(args):
+def posterior(args: argparse.Namespace) -> None:
     from repose.studies import posterior
 
     config = loader.load(args.config)
@@ -55,7 +57,7 @@ def posterior(args):
     out="results/sensitivity",
     options=[NETWORK],
 )
-def sensitivity(args):
+def sensitivity(args: argparse.Namespace) -> None:
     from repose.studies import sensitivity
 
     config = loader.load(args.config)

@@ -4,13 +4,16 @@ The physical means of the k targets, y (k,), are taken as normal about the surro
 
     y ~ N(f(theta), S_y + S_d + S_w(theta))
 
-    S_y  of the physical means: sd / sqrt(repetitions) of each response. Responses of one bench test have the
-         correlation of simulated runs of one sample; responses of different bench tests are independent. S_y holds
-         the scatter from run to run, so the surrogate's noise term is left out.
-    S_d  discrepancy, what the model cannot do with any parameters: a share of each target, with one correlation
-         between responses of the same bench test (Kennedy & O'Hagan 2001, J. R. Stat. Soc. B 63, 425, with a
-         constant in place of a process).
-    S_w  of the surrogate's prediction of the mean.
+    S_y
+        Of the physical means: sd / sqrt(repetitions) of each response. Responses of one bench test have the
+        correlation of simulated runs of one sample; responses of different bench tests are independent. S_y holds
+        the scatter from run to run, so the surrogate's noise term is left out.
+    S_d
+        Discrepancy, what the model cannot do with any parameters: a share of each target, with one correlation
+        between responses of the same bench test (Kennedy & O'Hagan 2001, J. R. Stat. Soc. B 63, 425, with a
+        constant in place of a process).
+    S_w
+        Of the surrogate's prediction of the mean.
 
 S_w varies over the parameters, so the density keeps its determinant.
 """

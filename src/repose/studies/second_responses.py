@@ -3,22 +3,28 @@
 A few numbers do not determine six parameters. For the targets and for each further response r
 (`further_responses.offered`, and the drum's where it was turned):
 
-  signal to noise   sd between samples over the sd of a run about its sample's mean (`repose.core.variance`)
-  surrogate         a network of its own, trained on the means of all samples; its R2 by cross-validation, on the means
-                    and with their noise taken off
-  information       of a set of responses, over the prior: KL of the posterior from the prior, in bits; and for each
-                    parameter the bits and the width of its 95 % interval over the prior's
+signal to noise
+    sd between samples over the sd of a run about its sample's mean (`repose.core.variance`)
+surrogate
+    a network of its own, trained on the means of all samples; its R2 by cross-validation, on the means and with their
+    noise taken off
+information
+    of a set of responses, over the prior: KL of the posterior from the prior, in bits; and for each parameter the bits
+    and the width of its 95 % interval over the prior's
 
 Nobody has measured these responses, so observations are made up: a plausible truth theta* is a point whose predicted
 targets lie in their ranges, and
 
     y = f(theta*) + e,  e ~ N(0, S_y + S_s + S_d)
 
-    S_y  mean of as many repetitions as the targets have, each scattering as runs of one sample do, with their
-         correlations
-    S_s  the surrogates' own error: covariance of the cross-validated residuals, less what the noise of the means adds
-    S_d  what the model cannot do with any parameters: a share of each response's mean, independent; once none, once
-         `discrepancy_percent`, or the response's own in `discrepancies`
+    S_y
+        Mean of as many repetitions as the targets have, each scattering as runs of one sample do, with their
+        correlations.
+    S_s
+        The surrogates' own error: covariance of the cross-validated residuals, less what the noise of the means adds.
+    S_d
+        What the model cannot do with any parameters: a share of each response's mean, independent; once none, once
+        `discrepancy_percent`, or the response's own in `discrepancies`.
 
 The posterior is that of importance sampling (`repose.studies.information`).
 """

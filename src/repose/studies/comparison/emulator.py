@@ -3,9 +3,11 @@
 Ten repetitions of every design cannot be poured. The emulator's mean is the truth by definition, and its noise is the
 measured one. Mean and noise are chosen by the user of the emulator:
 
-  mean    the better surrogate of two by cross-validation (`chosen_by_cross_validation`); or a Gaussian
-          process with a kernel of one's own, on means with known errors (`with_process`)
-  noise   of one covariance everywhere (`EvenNoise`), or of another size at other parameters (`ScalingNoise`)
+mean
+    the better surrogate of two by cross-validation (`chosen_by_cross_validation`); or a Gaussian process with a kernel
+    of one's own, on means with known errors (`with_process`)
+noise
+    of one covariance everywhere (`EvenNoise`), or of another size at other parameters (`ScalingNoise`)
 """
 
 import math

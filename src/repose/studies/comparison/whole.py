@@ -5,9 +5,11 @@ For equal numbers of samples, each method of `proposals` proposes one set of par
 The truth is an emulator: a Gaussian process (Matern 5/2, a length for each parameter) fitted to all samples that are
 given. The error of a proposal is that of the truth's responses there, free of noise. Data come in two kinds:
 
-  real      random subsets of the samples themselves; the truth has seen them too, so errors come out too small where
-            the subset is most of them
-  emulated  new Latin hypercubes with the truth's responses and the scatter of real runs
+real
+    random subsets of the samples themselves; the truth has seen them too, so errors come out too small where the subset
+    is most of them
+emulated
+    new Latin hypercubes with the truth's responses and the scatter of real runs
 """
 
 from collections.abc import Mapping, Sequence
