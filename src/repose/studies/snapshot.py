@@ -65,6 +65,7 @@ def take(results_dir: str | Path, out: str | Path) -> list[Path]:
         for folder, patterns in KEPT.items()
         for p in patterns
         for path in sorted((source / folder).glob(p))
+        if not path.name.endswith(BESIDE)  # they follow their files
     ]
     beside = (path.with_name(f"{path.name}{BESIDE}") for path in files)
     files = list(dict.fromkeys([*files, *(path for path in beside if path.is_file())]))
