@@ -1,11 +1,13 @@
-"""Where a new berry appears: the first free one of the random places, found for all of them at once."""
+"""Where a new berry appears: the first free one of the random places, found for all of them at once; how it lies."""
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from repose.apparatus.factory import PLACES_TRIED, Disc, Strip, free_place
+from repose.apparatus.factory import PLACES_TRIED, Disc, Strip, free_place, random_orientation
+from repose.dem.rotations import random_quaternion, rotation_matrices
 
 FACTORIES = [Disc(0.03, 0.2), Strip(0.04, 0.02, 0.2)]
 RADIUS = 0.01
@@ -58,3 +60,22 @@ def test_a_blocked_factory_draws_twice_and_not_for_every_place():
     simulation = crowd(np.random.default_rng(1), 300)
     assert free_place(np.random.default_rng(2), simulation, Counting(0.03, 0.2)) is None
     assert Counting.draws == 2
+
+
+@pytest.mark.parametrize(("orientation", "level"), [("lying", 0.0), ("upright", 1.0)])
+def test_new_berries_lie_or_stand_as_told(orientation, level):
+    rng = np.random.default_rng(6)
+    quaternions = np.array([random_orientation(orientation, rng) for _ in range(300)])
+    assert np.allclose(np.linalg.norm(quaternions, axis=1), 1.0)
+    rotations = rotation_matrices(quaternions)
+    assert np.allclose(np.abs(rotations[:, 2, 0]), level, atol=1e-12)
+    # what is left free is uniform: no direction is preferred
+    other = rotations[:, :2, 0] if orientation == "lying" else rotations[:, :2, 1]
+    assert np.all(np.abs(other.mean(axis=0)) < 4 * math.sqrt(0.5 / 300))
+    about = rotations[:, 2, 1]
+    assert np.var(about) == pytest.approx(0.5 * (1 - level), abs=0.1)
+
+
+def test_random_berries_draw_as_they_always_did():
+    one, two = np.random.default_rng(7), np.random.default_rng(7)
+    assert np.array_equal(random_orientation("random", one), random_quaternion(two))

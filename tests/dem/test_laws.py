@@ -20,6 +20,7 @@ def head_on(e, speed=0.5, dt=4e-6, **keywords):
     return s
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tension", ["keep", "release"])
 def test_a_linear_spring_gives_the_restitution_asked_for_at_any_speed(tension):
     for e in (0.2, 0.6, 0.95):
@@ -30,6 +31,7 @@ def test_a_linear_spring_gives_the_restitution_asked_for_at_any_speed(tension):
             assert left == pytest.approx(2.0 * e * speed, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_a_linear_spring_touches_for_half_a_period_and_overlaps_by_its_amplitude():
     e, speed, dt = 0.6, 0.3, 2e-6
     s = head_on(e, speed, dt)

@@ -9,14 +9,12 @@ import pandas as pd
 import pytest
 import shared
 
-from repose.apparatus import factory
 from repose.apparatus.bench_test import Run
 from repose.config import loader, stands_on
 from repose.core import provenance
 from repose.core.errors import InputError
 from repose.core.seeds import pour_seeds
 from repose.core.targets import Targets
-from repose.dem.rotations import random_quaternion, rotation_matrices
 from repose.studies import shape_cells, shape_piles, shape_rule, shape_study, shape_tables
 
 ROOT = Path(__file__).parents[2]
@@ -382,22 +380,3 @@ def test_a_study_without_published_solutions_is_refused(config):
     config["validation"]["published"] = None
     with pytest.raises(InputError, match=r"validation\.published"):
         shape_cells.published_sets(config)
-
-
-@pytest.mark.parametrize(("orientation", "level"), [("lying", 0.0), ("upright", 1.0)])
-def test_new_berries_lie_or_stand_as_told(orientation, level):
-    rng = np.random.default_rng(6)
-    quaternions = np.array([factory.random_orientation(orientation, rng) for _ in range(300)])
-    assert np.allclose(np.linalg.norm(quaternions, axis=1), 1.0)
-    turned = rotation_matrices(quaternions)
-    assert np.allclose(np.abs(turned[:, 2, 0]), level, atol=1e-12)
-    # what is left free is uniform: no direction is preferred
-    other = turned[:, :2, 0] if orientation == "lying" else turned[:, :2, 1]
-    assert np.all(np.abs(other.mean(axis=0)) < 4 * math.sqrt(0.5 / 300))
-    about = turned[:, 2, 1]
-    assert np.var(about) == pytest.approx(0.5 * (1 - level), abs=0.1)
-
-
-def test_random_berries_draw_as_they_always_did():
-    one, two = np.random.default_rng(7), np.random.default_rng(7)
-    assert np.array_equal(factory.random_orientation("random", one), random_quaternion(two))
