@@ -1,4 +1,4 @@
-"""Verbs of the response surface strategy: each step's analysis writes what the next one pours."""
+"""Verbs of the strategies: each analysis writes what the next step pours."""
 
 import argparse
 from pathlib import Path
@@ -10,6 +10,7 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
 
 FOLDER = "results/response_surface"
+SEQUENTIAL = "results/sequential"
 
 family = Family()
 
@@ -107,5 +108,57 @@ def response_check(args: argparse.Namespace) -> None:
     _, targets, _ = _read(args)
     given = (args.predictions, args.optimum, args.dataset, args.runs)
     table = files.run_check(*given, targets, args.out)
+    for row in table.to_dict("records"):
+        print(f"{row['response']}: {row['simulated']:.2f}, {row['deviation_percent']:+.2f} % off the target")
+
+
+@family.verb(
+    "sequential: list the parameter sets of the space-filling start",
+    example="--config config/quick.yaml",
+    out=f"{SEQUENTIAL}/batch_0",
+)
+def sequential_start(args):
+    from repose.strategies.sequential import files
+
+    config = loader.load(args.config)
+    space = ParameterSpace.of(config["parameters"])
+    files.run_start(space, config["sequential"], config["design"]["seed"], Path(args.out) / "samples.csv")
+
+
+@family.verb(
+    "sequential: list the next batch of parameter sets, or the answer with the probability that it meets the targets",
+    example=f"{SEQUENTIAL}/batch_0",
+    out=f"{SEQUENTIAL}/batch_0",
+    options=[Option("batches", nargs="+", help="folders of all batches so far: dataset.csv and runs.csv")],
+)
+def sequential_batch(args):
+    from repose.strategies.sequential import files
+
+    config = loader.load(args.config)
+    space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
+    given = (space, targets, config["sequential"], config["design"]["seed"])
+    found = files.run_batch(args.batches, *given, args.out)
+    print(
+        f"{found['pours']} pours; the best point meets the targets with probability {found['probability']:.2f}"
+    )
+    print(found["why"])
+
+
+@family.verb(
+    "sequential: compare the simulated answer with its prediction and the targets, collect all batches",
+    example=f"{SEQUENTIAL}/batch_0/advice.json",
+    out=SEQUENTIAL,
+    options=[
+        Option("advices", nargs="+", help="JSON files that sequential_batch wrote, the start's first"),
+        Option("--dataset", default=f"{SEQUENTIAL}/check/dataset.csv", help="of the answer's pours"),
+        Option("--runs", default=f"{SEQUENTIAL}/check/runs.csv", help="of the answer: single runs"),
+    ],
+)
+def sequential_check(args):
+    from repose.strategies.sequential import files
+
+    config = loader.load(args.config)
+    targets, section = Targets.of(config["targets"]), config["sequential"]
+    table = files.run_check(args.advices, args.dataset, args.runs, targets, section, args.out)
     for row in table.to_dict("records"):
         print(f"{row['response']}: {row['simulated']:.2f}, {row['deviation_percent']:+.2f} % off the target")

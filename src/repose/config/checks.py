@@ -161,7 +161,14 @@ def _surrogate_contradictions(config):
 
 
 def _strategy_contradictions(config):
-    """A response surface of too few factors, or a screening of too few runs."""
+    """A sequential start beyond its budget or without repeats; a response surface of too few factors or runs."""
+    if config["strategy"] == "sequential":
+        section, responses = config["sequential"], len(config["targets"])
+        repeats = section["start_samples"] * (section["seeds"] - 1)
+        if repeats <= responses:
+            yield "sequential.seeds", "at least 2: pours of one sample tell the noise"
+        if section["start_samples"] * section["seeds"] > section["most_pours"]:
+            yield "sequential.most_pours", "at least sequential.start_samples times sequential.seeds"
     if config["strategy"] != "response_surface":
         return
     section, free = config["response_surface"], ParameterSpace.of(config["parameters"]).dimensions

@@ -31,7 +31,8 @@ WRITTEN = (
     ),
     *("benchmarks", "berry", "comparison", "cylinder_runs", "design", "drum", "drum_runs", "figures", "film"),
     *("heaps", "logs", "measure", "measurement_study", "miga", "network", "noise", "pool", "posterior"),
-    *("refined", "response_surface", "responses", "sensitivity", "shape", "validation", "warm_up"),
+    *("refined", "response_surface", "responses", "sensitivity", "sequential", "shape"),
+    *("validation", "warm_up"),
 )
 Faults = Iterator[tuple[str, str]]
 

@@ -17,6 +17,7 @@ PURPOSES = {
     "shape_fresh": 10,
     "shape_bulk": 11,
     "response_surface": 12,
+    "sequential": 13,
 }
 
 

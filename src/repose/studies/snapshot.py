@@ -25,6 +25,7 @@ KEPT = {
     "responses/with_drum": ("*.csv", "*.json", "*.png"),
     "refined": ("*.csv", "*.json", "*.png", "round_*/round.csv", "round_*/network/metrics.json"),
     "response_surface": ("*.png", "*/*.csv", "*/*.json"),
+    "sequential": ("*.csv", "*.json", "*.png", "*/*.csv", "*/*.json"),
     "noise": ("*.csv", "*.json", "*.png"),
     "posterior": ("posterior.csv", "*.json", "*.png"),
     "sensitivity": ("*.csv", "*.png"),

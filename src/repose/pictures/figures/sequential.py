@@ -1,0 +1,96 @@
+"""How the answer of the sequential strategy became certain: its probability, and its responses, by pours."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from repose.core.files import read_table
+
+from . import style
+
+
+def sequential(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
+    """Probability of the best point after each batch, and its predicted responses; the check at the end.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of ``batches`` and ``check``, of the verb sequential_check.
+    config : mapping
+        The whole configuration.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A panel for the probability and one for each response.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read.
+    """
+    targets, section = style.targets_of(config), config["sequential"]
+    columns = [f"{name}_{what}" for name in targets.names for what in ("mean", "error")]
+    batches = read_table(inputs["batches"], ("pours", "probability", "reachable", *columns))
+    check = read_table(inputs["check"], ("response", "simulated", "simulated_error")).set_index("response")
+    rows = style.grid_rows(1 + len(targets))
+    figure = style.new_figure(style.PAGE, 2.6 * rows)
+    panels = figure.subplots(rows, 2, squeeze=False).ravel()
+    _probability(panels[0], batches, section)
+    after = float(batches["pours"].iloc[-1]) * 1.06
+    for k, (panel, target) in enumerate(zip(panels[1:], targets, strict=False)):
+        one, colour = target.response, style.series(k)["color"]
+        off, error = (
+            100 / target.aim * (batches[f"{one.name}_{what}"] - shift)
+            for what, shift in (("mean", target.aim), ("error", 0))
+        )
+        panel.axhspan(
+            *(sign * section["tolerance_percent"] for sign in (-1, 1)), color=style.GREEN, alpha=0.15, lw=0
+        )
+        panel.axhline(0, color=style.GREY, lw=0.7)
+        panel.errorbar(
+            batches["pours"],
+            off,
+            yerr=error,
+            fmt="D",
+            ms=4,
+            mfc="white",
+            color=style.BLACK,
+            label="predicted",
+        )
+        simulated, spread = (float(check.loc[one.name, name]) for name in ("simulated", "simulated_error"))
+        panel.errorbar(
+            [after],
+            [100 * (simulated / target.aim - 1)],
+            yerr=[100 * spread / target.aim],
+            fmt="o",
+            ms=5,
+            color=colour,
+            label="the answer, simulated again",
+        )
+        panel.set(xlabel="pours", ylabel="off the target (% of it)")
+        panel.set_title(f"{one.symbol}, target {target.aim:g} {one.unit}")
+        panel.legend(loc="best")
+    for panel in panels[1 + len(targets) :]:
+        panel.axis("off")
+    return figure
+
+
+def _probability(panel: Axes, batches: Any, section: Mapping[str, Any]) -> None:
+    """Probability after each batch, what the pours that are left can make of it, and what is asked for."""
+    panel.plot(
+        batches["pours"], batches["probability"], "o-", ms=4, color=style.BLUE, label="of the best point"
+    )
+    panel.plot(
+        batches["pours"],
+        batches["reachable"],
+        ls=":",
+        color=style.GREY,
+        label="the most that the pours left can reach",
+    )
+    panel.axhline(section["probability"], color=style.RED, ls="--", lw=0.9, label="asked for")
+    panel.set(xlabel="pours", ylabel="probability", ylim=(0, 1.02))
+    panel.set_title(f"All targets within {section['tolerance_percent']:g} %")
+    panel.legend(loc="best")

@@ -1,0 +1,172 @@
+"""The next batch of pours, or the answer with its probability: a function of the data alone, without any file."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.spatial.distance import cdist
+from scipy.stats import qmc
+
+from repose.chain.design import optimal_lhs
+from repose.core.parameter_space import ParameterSpace
+from repose.strategies.sequential.goal import Goal
+from repose.strategies.sequential.kriging import Kriging, Observed
+
+CANDIDATES = 2048  # all over the ranges
+KEPT, AROUND = 8, 64  # the best of them, and points around each
+STEPS = (0.1, 0.03, 0.01)  # standard deviations of those, in ranges
+SPREAD = 0.15  # of a batch about the answer, standard deviation in ranges
+LEAST_GAIN = 0.01  # a probability that cannot rise by more has reached the noise bound
+
+
+class Advice(NamedTuple):
+    """What to do after the pours so far.
+
+    Attributes
+    ----------
+    stop : str or None
+        Why no further pour is made: ``probability``, ``budget`` or ``noise``; None where the batch goes on.
+    batch : numpy.ndarray, (b, d)
+        Points to pour next, in the unit cube.
+    answer : numpy.ndarray, (d,)
+        Point that meets the targets most probably.
+    probability : float
+        That it does.
+    mean, error : numpy.ndarray, (k,)
+        Predicted mean responses of the answer and their standard errors.
+    reachable : float
+        The most that the probability can become by the pours that are left.
+    needed : int
+        Pours at one point that the noise alone asks for.
+    """
+
+    stop: str | None
+    batch: np.ndarray
+    answer: np.ndarray
+    probability: float
+    mean: np.ndarray
+    error: np.ndarray
+    reachable: float
+    needed: int
+
+
+def start(space: ParameterSpace, section: Mapping[str, Any], seed: int) -> np.ndarray:
+    """Points of the start: a Latin hypercube, spread as the prior is.
+
+    Parameters
+    ----------
+    space : ParameterSpace
+    section : mapping
+        `sequential` of the configuration.
+    seed : int
+
+    Returns
+    -------
+    numpy.ndarray, (n, d)
+        In the unit cube.
+    """
+    return space.from_prior(optimal_lhs(section["start_samples"], space.dimensions, seed))
+
+
+def advise(
+    observed: Observed,
+    failed: np.ndarray,
+    goal: Goal,
+    section: Mapping[str, Any],
+    poured: int,
+    random: np.random.Generator,
+) -> Advice:
+    """The next batch, or the answer.
+
+    Parameters
+    ----------
+    observed : Observed
+        Samples with at least one good pour.
+    failed : numpy.ndarray, (f, d)
+        Samples without one, in the unit cube: no point is proposed that lies nearer to one of them than to a good one.
+    goal : Goal
+    section : mapping
+        ``seeds``, ``batch``, ``probability`` and ``most_pours``, as in `sequential` of the configuration.
+    poured : int
+        Pours so far, failed ones included.
+    random : numpy.random.Generator
+
+    Returns
+    -------
+    Advice
+
+    Raises
+    ------
+    ValueError
+        If the pours do not tell the noise, or there are fewer than two samples.
+    """
+    model = Kriging(observed)
+    points, scores = ranked(model, goal, observed.unit, failed, random)
+    answer = points[scores.argmax()]
+    mean, covariance = model.predict(answer[None])
+    probability = float(goal.probability(mean, covariance)[0])
+    left = max(section["most_pours"] - poured, 0)
+    samples = min(section["batch"], left // section["seeds"])
+    reachable = max(goal.reachable(model, points, left), probability)
+    stop = None
+    if probability >= section["probability"]:
+        stop = "probability"
+    elif samples == 0:
+        stop = "budget"
+    elif reachable < probability + LEAST_GAIN:
+        stop = "noise"
+    batch = np.empty((0, len(answer)))
+    if stop is None:
+        batch = _around(answer, samples, goal, observed.unit, failed, random)
+    error = np.sqrt(np.diagonal(covariance[0]))
+    needed = goal.needed(model.noise, section["probability"])
+    return Advice(stop, batch, answer, probability, mean[0], error, reachable, needed)
+
+
+def ranked(
+    model: Kriging, goal: Goal, good: np.ndarray, failed: np.ndarray, random: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points with their scores: all over the ranges, and ever nearer around the best of them.
+
+    Parameters
+    ----------
+    model : Kriging
+    goal : Goal
+    good, failed : numpy.ndarray, (n, d) and (f, d)
+        Samples with and without a good pour, in the unit cube.
+    random : numpy.random.Generator
+
+    Returns
+    -------
+    points : numpy.ndarray, (m, d)
+    scores : numpy.ndarray, (m,)
+        As `Goal.score`; minus infinity beside a failed sample.
+    """
+
+    def score(unit):
+        return np.where(_is_sound(unit, good, failed), goal.score(model, unit), -np.inf)
+
+    points = goal.space.from_prior(qmc.Sobol(good.shape[1], rng=random).random(CANDIDATES))
+    scores = score(points)
+    for step in STEPS:
+        best = points[np.argsort(-scores)[:KEPT]]
+        near = np.repeat(best, AROUND, axis=0)
+        near = np.clip(near + step * random.standard_normal(near.shape), 0, 1)
+        points, scores = np.vstack([points, near]), np.concatenate([scores, score(near)])
+    return points, scores
+
+
+def _around(answer, samples, goal, good, failed, random):
+    """Points about the answer, normal in shares of the prior: there slopes are learned with the mean."""
+    share = goal.space.prior_cdf(answer[None])
+    share = np.clip(share + SPREAD * random.standard_normal((AROUND * samples, len(answer))), 0, 1)
+    points = goal.space.from_prior(share)
+    sound = _is_sound(points, good, failed)
+    return points[np.argsort(~sound, kind="stable")[:samples]]
+
+
+def _is_sound(unit, good, failed):
+    """Whether points lie no nearer to a failed sample than to a good one."""
+    if not len(failed):
+        return np.full(len(unit), True)
+    return cdist(unit, failed).min(axis=1) >= cdist(unit, good).min(axis=1)

@@ -1,0 +1,244 @@
+"""The sequential strategy on files: each batch reads what all batches before it gave."""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from repose.chain.tables import read_dataset, read_runs
+from repose.core.errors import InputError
+from repose.core.files import read_json, read_table, write_json, write_table
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
+from repose.core.targets import Targets
+from repose.strategies.sequential.advise import Advice, advise, start
+from repose.strategies.sequential.goal import Goal
+from repose.strategies.sequential.kriging import Observed
+
+Path_ = str | os.PathLike
+WHY = {
+    "probability": "the answer meets the targets with the probability that was asked for",
+    "budget": "the budget of pours is used up",
+    "noise": "the pours that are left cannot make the answer more probable: the noise is too large, or the targets are"
+    " out of reach",
+}
+
+
+def run_start(space: ParameterSpace, section: Mapping[str, Any], seed: int, out_csv: Path_) -> pd.DataFrame:
+    """Write the samples of the start; return them.
+
+    Parameters
+    ----------
+    space : ParameterSpace
+    section : mapping
+        `sequential` of the configuration.
+    seed : int
+        `design.seed` of the configuration.
+    out_csv : path
+
+    Returns
+    -------
+    pandas.DataFrame
+        sample, from 1, and the six parameters.
+    """
+    table = _samples(space, start(space, section, seed), 1)
+    write_table(out_csv, table)
+    return table
+
+
+def run_batch(
+    folders: Sequence[Path_],
+    space: ParameterSpace,
+    targets: Targets,
+    section: Mapping[str, Any],
+    seed: int,
+    out_dir: Path_,
+) -> dict[str, Any]:
+    """Write what to do after the batches so far, advice.json and next.csv; return the former.
+
+    Parameters
+    ----------
+    folders : sequence of path
+        Of all batches so far, the start first, each with dataset.csv and runs.csv.
+    space, targets, section
+        Of the configuration.
+    seed : int
+        `design.seed` of the configuration.
+    out_dir : path
+
+    Returns
+    -------
+    dict
+        ``batch``, the number of the last one; ``pours`` so far; ``stop`` and ``why``; the ``answer``, its
+        ``probability``, and the ``responses`` that are predicted there; ``reachable`` and ``needed`` of
+        `repose.strategies.sequential.advise.Advice`.
+
+    Raises
+    ------
+    InputError
+        For a bad file, or pours that do not tell the noise.
+
+    Notes
+    -----
+    next.csv holds the samples of the next batch, or, where the pours stop, the answer as a sample of its own.
+    """
+    found = [_batch(folder, targets) for folder in folders]
+    dataset = pd.concat([one[0] for one in found], ignore_index=True)
+    runs = pd.concat([one[1] for one in found], ignore_index=True)
+    observed, failed = observed_of(dataset, runs, space, targets)
+    goal = Goal.of(targets, section["tolerance_percent"], space)
+    last, pours = len(folders) - 1, _pours(runs, targets)
+    try:
+        advice = advise(observed, failed, goal, section, pours, np.random.default_rng([seed, last]))
+    except ValueError as error:
+        raise InputError(folders[-1], "pours", str(error), "enough to tell the noise") from None
+    content = {"batch": last, "pours": pours, **_in_words(advice, space, targets)}
+    following = advice.answer[None] if advice.stop else advice.batch
+    write_table(Path(out_dir) / "next.csv", _samples(space, following, int(dataset["sample"].max()) + 1))
+    write_json(Path(out_dir) / "advice.json", content)
+    return content
+
+
+def run_check(
+    advice_jsons: Sequence[Path_],
+    dataset_csv: Path_,
+    runs_csv: Path_,
+    targets: Targets,
+    section: Mapping[str, Any],
+    out_dir: Path_,
+) -> pd.DataFrame:
+    """Write how the batches went, batches.csv, the answer poured again, check.csv, and summary.json; return check.csv.
+
+    Parameters
+    ----------
+    advice_jsons : sequence of path
+        Of all batches, the start first.
+    dataset_csv, runs_csv : path
+        Of the answer's pours.
+    targets, section
+        Of the configuration.
+    out_dir : path
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each response: target, predicted, predicted_error, simulated, simulated_error, deviation_percent from
+        the target.
+
+    Raises
+    ------
+    InputError
+        For a bad file.
+    """
+    keys = ("batch", "pours", "stop", "why", "answer", "probability", "responses", "reachable", "needed")
+    advices = [read_json(path, keys, "what the verb sequential_batch wrote") for path in advice_jsons]
+    batches = pd.DataFrame([_row(one, targets) for one in advices])
+    last = advices[-1]
+    dataset = read_dataset(dataset_csv, targets)
+    runs = read_table(runs_csv, ("sample", "status"))
+    rows = []
+    for target in targets:
+        predicted = last["responses"][target.name]
+        mean, error = (float(dataset[name].iloc[0]) for name in (target.name, target.response.error))
+        rows.append(
+            {
+                "response": target.name,
+                "target": target.aim,
+                "predicted": predicted["mean"],
+                "predicted_error": predicted["error"],
+                "simulated": mean,
+                "simulated_error": error,
+                "deviation_percent": 100 * (mean / target.aim - 1),
+            }
+        )
+    check = pd.DataFrame(rows)
+    write_table(Path(out_dir) / "batches.csv", batches)
+    write_table(Path(out_dir) / "check.csv", check)
+    told = {key: last[key] for key in ("answer", "probability", "stop", "why", "pours", "needed")}
+    told |= {"tolerance_percent": section["tolerance_percent"], "check_pours": _pours(runs, targets)}
+    write_json(Path(out_dir) / "summary.json", told)
+    return check
+
+
+def observed_of(
+    dataset: pd.DataFrame, runs: pd.DataFrame, space: ParameterSpace, targets: Targets
+) -> tuple[Observed, np.ndarray]:
+    """The tables of samples and of single runs as arrays.
+
+    Parameters
+    ----------
+    dataset, runs : pandas.DataFrame
+        As the verb dataset writes them.
+    space : ParameterSpace
+    targets : Targets
+
+    Returns
+    -------
+    observed : Observed
+        Samples with a good run.
+    failed : numpy.ndarray, (f, d)
+        The others, in the unit cube.
+
+    Notes
+    -----
+    Responses of several bench tests come from runs of their own. The first run of each bench test makes the first pour
+    of the sample, and so on; these runs are independent, so any pairing will do.
+    """
+    unit = space.unit(dataset[list(PARAMETERS)].to_numpy(float))
+    ok = runs[runs["status"] == "ok"]
+    several = "apparatus" in ok
+    groups = ["sample", "apparatus"] if several else ["sample"]
+    row = pd.Index(dataset["sample"]).get_indexer(ok["sample"])
+    place = ok.groupby(groups).cumcount().to_numpy()
+    values = np.full((len(dataset), int(place.max(initial=0)) + 1, len(targets)), np.nan)
+    for k, target in enumerate(targets):
+        own = (ok["apparatus"] == target.response.apparatus).to_numpy() if several else np.full(len(ok), True)
+        values[row[own], place[own], k] = ok[target.name].to_numpy(float)[own]
+    good = np.isfinite(values).all(axis=2).any(axis=1) & (dataset["status"] == "ok").to_numpy()
+    return Observed(unit[good], values[good]), unit[~good]
+
+
+def _batch(folder, targets):
+    """Samples and single runs of a batch."""
+    dataset_csv, runs_csv = Path(folder) / "dataset.csv", Path(folder) / "runs.csv"
+    dataset = read_dataset(dataset_csv, targets)
+    return dataset, read_runs(runs_csv, targets, dataset, dataset_csv)
+
+
+def _pours(runs, targets):
+    """Pours of one bench test, failed ones included; the bench tests of the targets have as many each."""
+    return len(runs) // len(targets.apparatus)
+
+
+def _samples(space, unit, first):
+    """Table of samples, numbered from `first`."""
+    table = pd.DataFrame(space.values(unit), columns=list(PARAMETERS))
+    table.insert(0, "sample", np.arange(first, first + len(table)))
+    return table
+
+
+def _in_words(advice: Advice, space, targets):
+    """The advice as the JSON file has it."""
+    return {
+        "stop": advice.stop,
+        "why": WHY[advice.stop] if advice.stop else f"{len(advice.batch)} more samples are poured",
+        "answer": dict(zip(PARAMETERS, space.values(advice.answer[None])[0].tolist(), strict=True)),
+        "probability": advice.probability,
+        "responses": {
+            target.name: {"target": target.aim, "mean": float(mean), "error": float(error)}
+            for target, mean, error in zip(targets, advice.mean, advice.error, strict=True)
+        },
+        "reachable": advice.reachable,
+        "needed": advice.needed,
+    }
+
+
+def _row(advice, targets):
+    """A batch as a row of batches.csv."""
+    row = {key: advice[key] for key in ("batch", "pours", "probability", "reachable", "needed", "stop")}
+    for name in targets.names:
+        row |= {f"{name}_{key}": advice["responses"][name][key] for key in ("mean", "error")}
+    return row | advice["answer"]

@@ -1,0 +1,132 @@
+"""What is asked for: the targets within a tolerance; how probable that is, and what pours can make of it."""
+
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from repose.core.parameter_space import ParameterSpace
+from repose.core.targets import Targets
+from repose.strategies.sequential.kriging import Kriging
+from repose.strategies.sequential.probability import LEAST, within
+
+LUCK = 3.0  # standard deviations by which further pours may move a predicted mean towards the target
+MOST_NEEDED = 10**6  # pours; more are not counted
+
+
+class Goal(NamedTuple):
+    """The targets, and how near to them is near enough.
+
+    Attributes
+    ----------
+    aim, half : numpy.ndarray, (k,)
+        A response is met where its mean lies within `half` of its `aim`.
+    space : ParameterSpace
+        Ranges and prior of the parameters.
+    """
+
+    aim: np.ndarray
+    half: np.ndarray
+    space: ParameterSpace
+
+    @classmethod
+    def of(cls, targets: Targets, tolerance_percent: float, space: ParameterSpace) -> Self:
+        """The goal of a study.
+
+        Parameters
+        ----------
+        targets : Targets
+        tolerance_percent : float
+            Of each target's aim.
+        space : ParameterSpace
+
+        Returns
+        -------
+        Goal
+        """
+        return cls(targets.aim, tolerance_percent / 100 * np.abs(targets.aim), space)
+
+    def probability(self, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+        """Probability that all responses are met.
+
+        Parameters
+        ----------
+        mean, covariance : numpy.ndarray
+            Of the mean responses, (m, k) and (m, k, k).
+
+        Returns
+        -------
+        numpy.ndarray, (m,)
+        """
+        return within(mean, covariance, self.aim - self.half, self.aim + self.half)
+
+    def score(self, model: Kriging, unit: np.ndarray) -> np.ndarray:
+        """Log of the probability that a point meets the targets, and of its prior density.
+
+        Parameters
+        ----------
+        model : Kriging
+        unit : numpy.ndarray, (m, d)
+
+        Returns
+        -------
+        numpy.ndarray, (m,)
+        """
+        mean, covariance = model.predict(unit)
+        off = mean - self.aim
+        miss = np.einsum("mi,mi->m", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0])
+        # where the probability is too small for a number, the nearer point is the better one
+        probability = np.maximum(self.probability(mean, covariance), LEAST)
+        return np.log(probability) - 1e-6 * miss + self.space.log_prior(unit)
+
+    def reachable(self, model: Kriging, unit: np.ndarray, pours: int) -> float:
+        """The most that the probability can become by further pours, wherever they are made and however they fall.
+
+        Parameters
+        ----------
+        model : Kriging
+        unit : numpy.ndarray, (m, d)
+            Points to think of.
+        pours : int
+
+        Returns
+        -------
+        float
+
+        Notes
+        -----
+        All pours are made at one point. They shrink the covariance C of its mean to (C^-1 + pours N^-1)^-1 with the
+        noise N of a pour, and may move the mean towards the target by `LUCK` standard deviations of what they tell.
+        """
+        mean, covariance = model.predict(unit)
+        rest = np.linalg.inv(np.linalg.inv(covariance) + pours * np.linalg.inv(model.noise))
+        told = np.maximum(np.diagonal(covariance - rest, axis1=1, axis2=2), 0.0)
+        off = mean - self.aim
+        off = np.sign(off) * np.maximum(np.abs(off) - LUCK * np.sqrt(told), 0.0)
+        return float(self.probability(self.aim + off, rest).max())
+
+    def needed(self, noise: np.ndarray, probability: float) -> int:
+        """Pours at one point after which its mean is known within the tolerance, by the noise alone.
+
+        Parameters
+        ----------
+        noise : numpy.ndarray, (k, k)
+            Covariance of a single pour.
+        probability : float
+            That all responses are known so well.
+
+        Returns
+        -------
+        int
+            At most `MOST_NEEDED`.
+        """
+        few, many = 0, 1
+
+        def enough(pours):
+            return self.probability(self.aim[None], noise[None] / pours)[0] >= probability
+
+        while many < MOST_NEEDED and not enough(many):
+            few, many = many, 2 * many
+        while many - few > 1:
+            middle = (few + many) // 2
+            few, many = (few, middle) if enough(middle) else (middle, many)
+        return min(many, MOST_NEEDED)

@@ -1,0 +1,216 @@
+"""Stochastic kriging: Gaussian processes on the means of samples whose errors are known from their replicates.
+
+The processes are scikit-learn's. The responses are turned into combinations that are independent, both in the noise of
+a pour and over the samples; each combination has a process of its own.
+
+Sources of the lines, named where they are used
+  (ANS10) Ankenman, Nelson & Staum 2010, Stochastic kriging for simulation metamodeling, Oper. Res. 58, 371
+  (S04)   Smyth 2004, Stat. Appl. Genet. Mol. Biol. 3, 3: a sample's own variance moderated by that of all samples
+  (H24)   Hvarfner, Hellsten & Nardi 2024, Vanilla Bayesian optimization performs great in high dimensions: a prior of
+          the lengths that grows with the number of inputs
+"""
+
+import math
+import warnings
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import linalg, optimize
+
+PRIOR_FREEDOM = 20.0  # degrees of freedom that the common variance counts for, beside those of a sample's own
+LENGTH_LOG_MEAN = math.sqrt(2)  # and half the logarithm of the number of inputs (H24)
+LENGTH_LOG_SD = math.sqrt(3)  # (H24)
+VARIANCE_LOG_SD = 1.0  # of the process's variance about that of the means
+DRAWS = 8  # of variance and lengths
+STEP = 1e-3  # of the logarithms, for the curvature
+BOUNDS = (1e-3, 1e3)  # of variance and lengths, in variances of the means and ranges of a parameter
+
+
+class Observed(NamedTuple):
+    """Samples and what their pours gave.
+
+    Attributes
+    ----------
+    unit : numpy.ndarray, (n, d)
+        Free parameters in the unit cube.
+    values : numpy.ndarray, (n, pours, k)
+        Responses of every pour; NaN where there is none. Every sample has one at least.
+    """
+
+    unit: np.ndarray
+    values: np.ndarray
+
+    @property
+    def good(self) -> np.ndarray:
+        """Which pours have all responses, (n, pours)."""
+        return np.isfinite(self.values).all(axis=2)
+
+    @property
+    def counts(self) -> np.ndarray:
+        """Good pours of each sample, (n,)."""
+        return self.good.sum(axis=1)
+
+    @property
+    def means(self) -> np.ndarray:
+        """Mean of each sample, (n, k)."""
+        kept = np.where(self.good[:, :, None], self.values, 0.0)
+        return kept.sum(axis=1) / self.counts[:, None]
+
+    @property
+    def residuals(self) -> np.ndarray:
+        """Deviations of pours from their sample's mean, (n, pours, k); 0 where there is no pour."""
+        return np.where(self.good[:, :, None], self.values - self.means[:, None], 0.0)
+
+    @property
+    def freedom(self) -> int:
+        """Degrees of freedom of the noise: good pours less samples."""
+        return int(self.counts.sum() - len(self.unit))
+
+    def noise(self) -> np.ndarray:
+        """Covariance of a single pour about its sample's mean, (k, k), from all samples.
+
+        Raises
+        ------
+        ValueError
+            If too few samples have two pours.
+        """
+        residuals = self.residuals.reshape(-1, self.values.shape[2])
+        k = residuals.shape[1]
+        if self.freedom <= k:
+            raise ValueError(f"{self.freedom} pours beyond the first of a sample; allowed: at least {k + 1}")
+        covariance = residuals.T @ residuals / self.freedom
+        sd = np.sqrt(np.diagonal(covariance))
+        alike = sd <= 1e-9 * np.abs(self.means).max(axis=0)
+        if alike.any() or np.linalg.eigvalsh(covariance / np.outer(sd, sd))[0] < 1e-9:
+            raise ValueError("pours of a sample are all alike; allowed: seeds that differ")
+        return covariance
+
+
+class Kriging:
+    """What the pours say of the mean responses everywhere.
+
+    Parameters
+    ----------
+    observed : Observed
+
+    Raises
+    ------
+    ValueError
+        If the pours do not tell the noise, or there are fewer than two samples.
+
+    Notes
+    -----
+    The error of a sample's mean is known, not fitted (ANS10). A variance out of few pours is a poor estimate, so it is
+    moderated by that of all samples (S04); where a sample has one pour, the common variance is all there is.
+
+    Variance and lengths of a process are uncertain where samples are few. They are drawn `DRAWS` times from the normal
+    approximation of their posterior, whose prior is that of (H24); predictions are those of the mixture.
+    """
+
+    def __init__(self, observed: Observed):
+        if len(observed.unit) < 2:
+            raise ValueError(f"{len(observed.unit)} samples; allowed: at least 2")
+        self.noise = observed.noise()
+        self._mixing = _independent(observed, self.noise)
+        self._unmixing = np.linalg.inv(self._mixing)
+        self._unit = observed.unit
+        mixed = observed.means @ self._mixing
+        self._middle, self._scale = mixed.mean(axis=0), np.maximum(mixed.std(axis=0), 1e-12)
+        self._values = (mixed - self._middle) / self._scale
+        self._errors = _moderated(observed, self._mixing) / self._scale**2  # variances (n, k)
+        columns = list(zip(self._values.T, self._errors.T, strict=True))
+        kernels = [_drawn(self._unit, *column) for column in columns]
+        # one set of processes for each draw, (draws, k)
+        self._sets = [
+            [_conditioned(kernel, self._unit, *column) for kernel, column in zip(one, columns, strict=True)]
+            for one in zip(*kernels, strict=True)
+        ]
+
+    def predict(self, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean responses and their error.
+
+        Parameters
+        ----------
+        unit : numpy.ndarray, (m, d)
+
+        Returns
+        -------
+        mean : numpy.ndarray, (m, k)
+        covariance : numpy.ndarray, (m, k, k)
+            Of the mean responses, the noise of a pour left out.
+        """
+        moments = np.array([self._moments(one, unit) for one in self._sets])
+        means, variances = moments[:, 0], moments[:, 1]
+        off = (means - means.mean(axis=0)) * self._scale @ self._unmixing
+        roots = np.sqrt(variances.mean(axis=0)) * self._scale
+        roots = roots[:, :, None] * self._unmixing
+        covariance = roots.transpose(0, 2, 1) @ roots + np.einsum("smi,smj->mij", off, off) / len(off)
+        return (means.mean(axis=0) * self._scale + self._middle) @ self._unmixing, covariance
+
+    def _moments(self, processes, unit):
+        """Means and variances (m, k) of the scaled combinations, by one set of processes."""
+        means, variances = [], []
+        for kernel, root, weights in processes:
+            between = kernel(unit, self._unit)
+            means.append(between @ weights)
+            solved = linalg.solve_triangular(root, between.T, lower=True, check_finite=False)
+            variances.append(np.maximum(kernel.diag(unit) - (solved**2).sum(axis=0), 1e-12))
+        return np.column_stack(means), np.column_stack(variances)
+
+
+def _independent(observed, noise):
+    """Combinations of the responses whose noise is 1 and independent, and that do not go together over the samples."""
+    whitening = np.linalg.inv(np.linalg.cholesky(noise)).T
+    spread = np.atleast_2d(np.cov((observed.means @ whitening).T, aweights=observed.counts))
+    return whitening @ np.linalg.eigh(spread)[1]
+
+
+def _moderated(observed, mixing):
+    """Variances (n, k) of the samples' means in each combination, whose common variance is 1 (S04)."""
+    own = ((observed.residuals @ mixing) ** 2).sum(axis=1)
+    counts = observed.counts[:, None]
+    return (PRIOR_FREEDOM + own) / (PRIOR_FREEDOM + counts - 1) / counts
+
+
+def _drawn(unit, value, error) -> list[Any]:
+    """Kernels of one combination, drawn from their posterior; a constant stands for the unknown mean."""
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import RBF, ConstantKernel
+
+    d = unit.shape[1]
+    middle = LENGTH_LOG_MEAN + 0.5 * math.log(d)
+    mean, sd = np.array([0.0] + [middle] * d), np.array([VARIANCE_LOG_SD] + [LENGTH_LOG_SD] * d)
+    curvature = np.empty((1 + d, 1 + d))
+
+    def most_probable(objective, start, bounds):
+        def loss(theta):
+            value, slope = objective(theta)
+            off = (theta - mean) / sd
+            return value + 0.5 * off @ off, slope + off / sd
+
+        found = optimize.minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds)
+        for k, step in enumerate(STEP * np.eye(1 + d)):
+            curvature[k] = (loss(found.x + step)[1] - loss(found.x - step)[1]) / (2 * STEP)
+        return found.x, found.fun
+
+    kernel = ConstantKernel(1.0, "fixed") + ConstantKernel(1.0, BOUNDS) * RBF(
+        np.full(d, math.exp(middle)), BOUNDS
+    )
+    model = GaussianProcessRegressor(kernel, alpha=error, optimizer=most_probable)
+    with warnings.catch_warnings():  # a length at its bound is a parameter without effect
+        warnings.simplefilter("ignore")
+        best = model.fit(unit, value).kernel_
+    # nothing is less certain than the prior says
+    size, axes = np.linalg.eigh((curvature + curvature.T) / 2)
+    root = axes / np.sqrt(np.maximum(size, LENGTH_LOG_SD**-2))
+    normal = np.random.default_rng(1).standard_normal((DRAWS // 2, 1 + d))
+    low, high = np.log(BOUNDS)
+    return [
+        best.clone_with_theta(np.clip(best.theta + root @ z, low, high)) for z in np.vstack([normal, -normal])
+    ]
+
+
+def _conditioned(kernel, unit, value, error):
+    """A kernel, the root of its covariance matrix and its weights of the samples (Rasmussen & Williams, Alg. 2.1)."""
+    root = linalg.cholesky(kernel(unit) + np.diag(error), lower=True)
+    return kernel, root, linalg.cho_solve((root, True), value)

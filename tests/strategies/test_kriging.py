@@ -1,0 +1,114 @@
+"""Stochastic kriging and the probability of a box, beside slow and obvious versions of them."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal, norm
+
+from repose.strategies.sequential.kriging import DRAWS, PRIOR_FREEDOM, Kriging, Observed
+from repose.strategies.sequential.probability import within
+
+NOISE = np.array([[2.0, 1.6], [1.6, 4.0]])
+
+
+def poured(n=30, seeds=3, seed=1, noise=NOISE, d=2):
+    """Samples of a plane and a bent surface with correlated noise."""
+    random = np.random.default_rng(seed)
+    unit = random.random((n, d))
+    mean = np.column_stack([30 + 8 * unit[:, 0], 60 + 12 * unit[:, 0] - 9 * unit[:, 1] ** 2])
+    deviation = random.multivariate_normal(np.zeros(2), noise, size=(n, seeds))
+    return Observed(unit, mean[:, None] + deviation)
+
+
+@pytest.mark.parametrize("k", [1, 2, 3])
+def test_probability_of_a_box(k):
+    random = np.random.default_rng(k)
+    root = random.normal(size=(6, k, k))
+    covariance = root @ root.transpose(0, 2, 1) + 0.3 * np.eye(k)
+    mean, low, high = random.normal(size=(6, k)), np.full(k, -1.0), np.linspace(0.8, 1.4, k)
+    slow = [
+        multivariate_normal.cdf(high, one, c, abseps=1e-6, lower_limit=low, rng=random)
+        for one, c in zip(mean, covariance, strict=True)
+    ]
+    assert within(mean, covariance, low, high) == pytest.approx(slow, abs=1e-12 if k == 1 else 2e-3)
+
+
+def test_prediction_is_that_of_processes_of_all_responses_at_once():
+    # with the same numbers a process of samples times responses in one matrix says the same; the draws make a mixture
+    observed = poured(n=12)
+    model = Kriging(observed)
+    points = np.random.default_rng(2).random((5, 2))
+    slow = [one_process(model, observed, points, [kernel for kernel, *_ in one]) for one in model._sets]
+    means, covariances = (np.array(one) for one in zip(*slow, strict=True))
+    found = model.predict(points)
+    assert len(slow) == DRAWS
+    assert found[0] == pytest.approx(means.mean(axis=0), rel=1e-8)
+    for i in range(len(points)):
+        mixture = covariances[:, i].mean(axis=0) + np.cov(means[:, i].T, bias=True)
+        assert found[1][i] == pytest.approx(mixture, rel=1e-6)
+
+
+def one_process(model, observed, points, kernels):
+    """Means (m, 2) and covariances (m, 2, 2) by one matrix of all samples and responses."""
+    mixing, scale = model._mixing, model._scale
+    n, m = len(observed.unit), len(points)
+    everywhere = np.vstack([observed.unit, points])
+    # covariance of the combinations, turned into that of the responses
+    back = np.kron(np.eye(n + m), np.linalg.inv(mixing).T @ np.diag(scale))
+    prior = np.zeros((2 * (n + m), 2 * (n + m)))
+    for j, kernel in enumerate(kernels):
+        prior[j::2, j::2] = kernel(everywhere)
+    prior = back @ prior @ back.T
+    errors = back[: 2 * n, : 2 * n] @ np.diag(model._errors.ravel()) @ back[: 2 * n, : 2 * n].T
+    middle = model._middle @ np.linalg.inv(mixing)
+    gain = prior[2 * n :, : 2 * n] @ np.linalg.inv(prior[: 2 * n, : 2 * n] + errors)
+    mean = middle + (gain @ (observed.means - middle).ravel()).reshape(m, 2)
+    covariance = prior[2 * n :, 2 * n :] - gain @ prior[: 2 * n, 2 * n :]
+    return mean, [covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] for i in range(m)]
+
+
+def test_the_noise_is_the_covariance_within_samples():
+    observed = poured(n=3000, seeds=2)
+    assert observed.noise() == pytest.approx(NOISE, rel=0.08)
+    assert observed.freedom == 3000
+
+
+def test_errors_of_means_lie_between_a_samples_own_and_the_common_one():
+    observed = poured(n=40, seeds=4)
+    mixed = observed.residuals @ Kriging(observed)._mixing
+    own = (mixed**2).sum(axis=1) / 3
+    told = Kriging(observed)._errors * Kriging(observed)._scale ** 2 * 4
+    assert told == pytest.approx((PRIOR_FREEDOM + 3 * own) / (PRIOR_FREEDOM + 3))
+    assert (np.minimum(own, 1) <= told + 1e-9).all()
+    assert (told <= np.maximum(own, 1) + 1e-9).all()
+
+
+def test_a_sample_of_one_pour_has_the_common_noise():
+    observed = poured(n=40, seeds=3)
+    observed.values[7, 1:] = np.nan
+    model = Kriging(observed)
+    assert observed.counts[7] == 1
+    assert model._errors[7] * model._scale**2 == pytest.approx(1.0)
+
+
+def test_predictions_keep_their_word():
+    # 95 % intervals of the mean at 20 places, over 40 data sets: within three standard errors of a share of 0.95,
+    # were the places independent; they are not, so twice that
+    places = np.random.default_rng(5).random((20, 2))
+    truth = np.column_stack([30 + 8 * places[:, 0], 60 + 12 * places[:, 0] - 9 * places[:, 1] ** 2])
+    inside = []
+    for seed in range(40):
+        mean, covariance = Kriging(poured(seed=seed)).predict(places)
+        error = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        inside.append(np.abs(mean - truth) < norm.ppf(0.975) * error)
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.033)
+
+
+def test_too_few_pours_are_told():
+    with pytest.raises(ValueError, match="at least 3"):
+        Kriging(poured(seeds=1))
+    with pytest.raises(ValueError, match="at least 2"):
+        Kriging(poured(n=1, seeds=9))
+    observed = poured()
+    observed.values[:] = observed.values[:, :1]
+    with pytest.raises(ValueError, match="all alike"):
+        Kriging(observed)

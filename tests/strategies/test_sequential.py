@@ -1,0 +1,284 @@
+"""The sequential strategy with a simulator of one line."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.text import Text
+from scipy.spatial.distance import cdist
+from scipy.stats import norm
+from synthetic import RANGES, SPACE, TARGETS, responses
+
+from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
+from repose.core.targets import Targets
+from repose.pictures.figures import style
+from repose.pictures.figures.sequential import sequential
+from repose.strategies.sequential import files
+from repose.strategies.sequential.advise import LEAST_GAIN, advise, start
+from repose.strategies.sequential.goal import Goal
+from repose.strategies.sequential.kriging import Kriging, Observed
+
+SECTION = {
+    "start_samples": 12,
+    "seeds": 2,
+    "batch": 4,
+    "tolerance_percent": 1.0,
+    "probability": 0.8,
+    "most_pours": 64,
+    "checks": 4,
+}
+BOTH = [
+    {
+        "response": one.name,
+        "apparatus": "funnel",
+        "value": one.value,
+        "sd": one.sd,
+        "repetitions": 10,
+        "range": [one.low, one.high],
+    }
+    for one in TARGETS
+]
+HEIGHT = Targets.of(BOTH[1:])
+
+
+def runs_of(table, pours, noise, seed, names):
+    """Single runs of samples with noise in percent, as the verb dataset writes them."""
+    every = table.loc[table.index.repeat(pours)].reset_index(drop=True)
+    values = pd.DataFrame(responses(every, noise, seed), columns=list(TARGETS.names))[list(names)]
+    runs = every[["sample"]].assign(seed=np.arange(len(every)), status="ok", reason="")
+    return pd.concat([runs, values], axis=1)
+
+
+def write_poured(folder, table, runs, targets):
+    """Tables of a batch as the verb dataset writes them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    grouped = runs[runs["status"] == "ok"].groupby("sample")
+    data = table[["sample", *PARAMETERS]].assign(reason="")
+    data["n_seeds"] = grouped.size().reindex(table["sample"], fill_value=0).to_numpy()
+    data["status"] = np.where(data["n_seeds"] > 0, "ok", "jammed")
+    for one in targets:
+        data[one.name] = grouped[one.name].mean().reindex(table["sample"]).to_numpy()
+        data[one.response.error] = grouped[one.name].sem().reindex(table["sample"]).to_numpy()
+    data.to_csv(folder / "dataset.csv", index=False)
+    runs.to_csv(folder / "runs.csv", index=False)
+
+
+def campaign(folder, targets=TARGETS, space=SPACE, section=SECTION, noise=1.0, seed=1):
+    """All batches and the check on files; the summary."""
+    files.run_start(space, section, seed, folder / "batch_0/samples.csv")
+    table, k = pd.read_csv(folder / "batch_0/samples.csv"), 0
+    while True:
+        runs = runs_of(table, section["seeds"], noise, [seed, k], targets.names)
+        write_poured(folder / f"batch_{k}", table, runs, targets)
+        folders = [folder / f"batch_{j}" for j in range(k + 1)]
+        found = files.run_batch(folders, space, targets, section, seed, folders[-1])
+        table = pd.read_csv(folders[-1] / "next.csv")
+        if found["stop"]:
+            break
+        k += 1
+    runs = runs_of(table, section["checks"], noise, [seed, 999], targets.names)
+    write_poured(folder / "check", table, runs, targets)
+    advices = [one / "advice.json" for one in folders]
+    check = folder / "check/dataset.csv", folder / "check/runs.csv"
+    files.run_check(advices, *check, targets, section, folder)
+    return json.loads((folder / "summary.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """A campaign for two targets, and its summary."""
+    folder = tmp_path_factory.mktemp("sequential")
+    return folder, campaign(folder)
+
+
+def observed(n=40, noise=0.5, targets=TARGETS, seed=1, space=SPACE):
+    """Samples all over the ranges."""
+    unit = np.random.default_rng(seed).random((n, space.dimensions))
+    table = pd.DataFrame(space.values(unit), columns=list(PARAMETERS)).assign(sample=range(n))
+    values = runs_of(table, 3, noise, seed, targets.names)[list(targets.names)].to_numpy(float)
+    return Observed(unit, values.reshape(n, 3, -1))
+
+
+def advised(data, targets=TARGETS, failed=None, **changes):
+    """Advice after some pours."""
+    section = SECTION | changes
+    goal = Goal.of(targets, section["tolerance_percent"], SPACE)
+    nowhere = np.empty((0, 6)) if failed is None else failed
+    return advise(data, nowhere, goal, section, 3 * len(data.unit), np.random.default_rng(1))
+
+
+def test_the_answer_of_a_campaign_meets_the_targets(done):
+    folder, summary = done
+    answer = pd.DataFrame([summary["answer"]])
+    off = 100 * np.abs(responses(answer)[0] / TARGETS.aim - 1)
+    batches = pd.read_csv(folder / "batches.csv")
+    # within four of the errors that the last batch tells
+    errors = [100 * batches[f"{one.name}_error"].iloc[-1] / one.aim for one in TARGETS]
+    assert (off < 4 * np.array(errors)).all()
+    assert summary["stop"] == "probability"
+    assert summary["probability"] >= 0.8
+    assert summary["pours"] < SECTION["most_pours"]
+
+
+def test_batches_are_poured_one_after_the_other(done):
+    folder, summary = done
+    batches = pd.read_csv(folder / "batches.csv")
+    assert batches["pours"].tolist() == [24 + 8 * k for k in range(len(batches))]
+    assert batches["stop"].notna().tolist() == [False] * (len(batches) - 1) + [True]
+    numbers = pd.concat([pd.read_csv(path)["sample"] for path in folder.glob("batch_*/dataset.csv")])
+    assert sorted(numbers) == list(range(1, len(numbers) + 1))
+    following = pd.read_csv(folder / f"batch_{len(batches) - 1}/next.csv")
+    assert following[list(PARAMETERS)].iloc[0].to_dict() == pytest.approx(summary["answer"])
+    assert following["sample"].tolist() == [len(numbers) + 1], "seeds of its own"
+
+
+def test_the_same_pours_give_the_same_bits(done, tmp_path):
+    folder, summary = done
+    assert campaign(tmp_path) == summary
+    for path in tmp_path.glob("*/next.csv"):
+        assert path.read_bytes() == (folder / path.relative_to(tmp_path)).read_bytes()
+
+
+def test_one_target_a_fixed_parameter_and_a_prior(tmp_path):
+    space = ParameterSpace.of(
+        RANGES
+        | {"e_gg": {"fixed": 0.25}, "mus_gp": {"prior": {"mean": 0.6, "sd": 0.02}, "range": [0.4, 0.8]}}
+    )
+    summary = campaign(tmp_path, HEIGHT, space)
+    assert summary["answer"]["e_gg"] == 0.25
+    # far from the prior's mean the density is small; five of its standard deviations are never worth it here
+    assert abs(summary["answer"]["mus_gp"] - 0.6) < 0.1
+    poured = pd.concat([pd.read_csv(path) for path in tmp_path.glob("batch_*/dataset.csv")])
+    assert (poured["e_gg"] == 0.25).all()
+
+
+def test_the_start_is_spread_as_the_prior():
+    space = ParameterSpace.of(RANGES | {"mus_gp": {"prior": {"mean": 0.6, "sd": 0.02}, "range": [0.4, 0.8]}})
+    unit = start(space, SECTION, 1)
+    strata = np.sort(np.floor(12 * space.prior_cdf(unit)), axis=0)
+    assert (strata == np.arange(12)[:, None]).all()
+    values = space.values(unit)[:, PARAMETERS.index("mus_gp")]
+    assert values.std() == pytest.approx(0.02, rel=0.3)
+
+
+def test_it_stops_where_the_answer_is_probable_enough():
+    found = advised(observed(), probability=0.7, most_pours=999)
+    assert found.stop == "probability"
+    assert len(found.batch) == 0
+
+
+def test_it_stops_where_the_budget_is_used_up():
+    data = observed(noise=6.0)
+    found = advised(data, probability=0.99, most_pours=121)
+    assert found.stop == "budget", "one pour is left, and a sample takes two"
+    more = advised(data, probability=0.99, most_pours=127)
+    assert more.stop is None
+    assert len(more.batch) == 3, "the pours that are left, though a batch has four samples"
+
+
+def test_it_stops_where_no_pour_can_help():
+    far = Targets.of([BOTH[0], BOTH[1] | {"value": 140.0, "range": [130, 150]}])
+    found = advised(observed(noise=0.2), far, most_pours=999)
+    assert found.stop == "noise"
+    assert found.reachable < LEAST_GAIN
+
+
+def test_pours_that_are_left_cannot_do_more_than_reachable():
+    # the simulator's own answers after all pours of the budget at one point: the bound holds in each of 30 cases
+    data = observed(n=20, noise=4.0)
+    goal = Goal.of(TARGETS, 1.0, SPACE)
+    found = advised(data, most_pours=100, probability=0.99)
+    model = Kriging(data)
+    point = found.answer
+    bound = goal.reachable(model, point[None], 40)
+    mean, covariance = model.predict(point[None])
+    random = np.random.default_rng(3)
+    for _ in range(30):
+        truth = random.multivariate_normal(mean[0], covariance[0])
+        told = random.multivariate_normal(truth, model.noise / 40)
+        rest = np.linalg.inv(np.linalg.inv(covariance[0]) + 40 * np.linalg.inv(model.noise))
+        new = rest @ (np.linalg.solve(covariance[0], mean[0]) + 40 * np.linalg.solve(model.noise, told))
+        assert goal.probability(new[None], rest[None])[0] <= bound + 1e-9
+
+
+def test_pours_that_the_noise_alone_asks_for():
+    goal = Goal.of(HEIGHT, 1.0, SPACE)
+    sd = 0.045 * 65.28
+    exact = (norm.ppf(0.95) * sd / goal.half[0]) ** 2
+    assert goal.needed(np.array([[sd**2]]), 0.9) == int(np.ceil(exact)) == 55
+
+
+def test_a_batch_lies_about_the_answer():
+    data = observed(n=20, noise=4.0)
+    found = advised(data, most_pours=999, probability=0.99, batch=100)
+    inside = (found.answer > 0.4) & (found.answer < 0.6)
+    assert inside.any()
+    assert found.batch.shape == (100, 6)
+    # 100 draws: the mean within three standard errors, the spread within three of its own
+    assert found.batch[:, inside].mean(axis=0) == pytest.approx(found.answer[inside], abs=0.045)
+    assert found.batch[:, inside].std(axis=0) == pytest.approx(0.15, rel=0.22)
+
+
+def test_no_point_beside_a_failed_one():
+    data = observed(n=30, noise=4.0)
+    first = advised(data, most_pours=999, probability=0.99)
+    failed = first.batch[:1]
+    second = advised(data, failed=failed, most_pours=999, probability=0.99)
+    for points in (second.batch, second.answer[None]):
+        assert (cdist(points, failed)[:, 0] >= cdist(points, data.unit).min(axis=1)).all()
+
+
+def test_failed_runs_count_for_the_budget_and_failed_samples_are_known(tmp_path):
+    table = files.run_start(SPACE, SECTION, 1, tmp_path / "samples.csv")
+    runs = runs_of(table, 2, 0.5, 1, TARGETS.names)
+    runs.loc[[0, 4, 5], "status"] = "jammed"
+    runs.loc[[0, 4, 5], list(TARGETS.names)] = np.nan
+    write_poured(tmp_path, table, runs, TARGETS)
+    found = files.run_batch([tmp_path], SPACE, TARGETS, SECTION, 1, tmp_path)
+    assert found["pours"] == 24
+    data = pd.read_csv(tmp_path / "dataset.csv")
+    seen, failed = files.observed_of(data, runs, SPACE, TARGETS)
+    assert seen.counts.tolist() == [1] + [2] * 10
+    assert SPACE.values(failed)[0] == pytest.approx(table.loc[2, list(PARAMETERS)].to_numpy(float))
+
+
+def test_runs_of_several_bench_tests_are_independent():
+    other = BOTH[1] | {"response": "drum_slip_deg", "apparatus": "drum", "value": 40, "range": [30, 50]}
+    targets = Targets.of([BOTH[1], other])
+    table = pd.DataFrame(SPACE.values(np.full((2, 6), 0.5)), columns=list(PARAMETERS))
+    data = table.assign(sample=[1, 2], status="ok")
+    runs = pd.DataFrame(
+        {
+            "sample": [1, 1, 2, 2, 1, 1, 2],
+            "apparatus": ["funnel"] * 4 + ["drum"] * 3,
+            "status": "ok",
+            "height_mm": [60, 61, 62, 63, np.nan, np.nan, np.nan],
+            "drum_slip_deg": [np.nan] * 4 + [40, 41, 42],
+        }
+    )
+    seen, _ = files.observed_of(data, runs, SPACE, targets)
+    assert seen.values[0].tolist() == [[60, 40], [61, 41]]
+    assert seen.counts.tolist() == [2, 1]
+
+
+def test_pours_that_do_not_tell_the_noise_are_refused(tmp_path):
+    table = files.run_start(SPACE, SECTION, 1, tmp_path / "samples.csv")
+    runs = runs_of(table, 1, 0.5, 1, TARGETS.names)
+    write_poured(tmp_path, table, runs, TARGETS)
+    with pytest.raises(InputError, match="enough to tell the noise"):
+        files.run_batch([tmp_path], SPACE, TARGETS, SECTION, 1, tmp_path)
+
+
+@pytest.mark.parametrize("targets", [TARGETS, HEIGHT])
+def test_figure(done, targets):
+    inputs = {name: str(done[0] / f"{name}.csv") for name in ("batches", "check")}
+    config = {"targets": BOTH[2 - len(targets) :], "parameters": RANGES, "sequential": SECTION}
+    with style.applied():
+        figure = sequential(inputs, config)
+        figure.canvas.draw()
+    texts = " ".join(text.get_text() for text in figure.findobj(Text))
+    assert "All targets within 1 %" in texts
+    assert "asked for" in texts

@@ -1,0 +1,111 @@
+"""The workflow of `strategy: sequential`: a batch is known when the one before is poured."""
+
+import json
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+from plans import planned, snakemake
+from synthetic import SPACE, responses
+
+from repose.config import loader
+from repose.core.targets import Targets
+from repose.strategies.sequential import files
+
+pytestmark = pytest.mark.slow
+
+TARGET = ("--", "sequential")
+
+
+def poured(folder, table, section, targets, seed):
+    """Files of a batch's pours as if it had run, with responses of a simulator of one line."""
+    (folder / "heaps").mkdir(parents=True)
+    for sample in table["sample"]:
+        for kind in ("pours.json", "npz", "json"):
+            (folder / "heaps" / f"{sample:04d}.{kind}").touch()
+    every = table.loc[table.index.repeat(section["seeds"])].reset_index(drop=True)
+    runs = every[["sample"]].assign(seed=np.arange(len(every)), status="ok")
+    runs[list(targets.names)] = responses(every, 4.0, seed)
+    means = runs.groupby("sample")[list(targets.names)].mean().to_numpy()
+    data = table.assign(status="ok", reason="", n_seeds=section["seeds"])
+    data[list(targets.names)] = means
+    data[list(targets.errors)] = 0.1
+    data.to_csv(folder / "dataset.csv", index=False)
+    runs.to_csv(folder / "runs.csv", index=False)
+    (folder / "dataset_summary.json").write_text("{}")
+
+
+def test_batches_follow_until_they_suffice_and_a_kill_between_them_loses_nothing(finished):
+    project, words = finished
+    folder = project / "results/quick/sequential"
+    config = loader.load(project / "config/quick.yaml")
+    section, targets = config["sequential"] | {"probability": 0.99}, Targets.of(config["targets"])
+    words = (*words, "sequential={probability: 0.99}", *TARGET)
+
+    jobs = planned(project, *words)
+    assert "pour" not in jobs, "no pour of the published method"
+    assert jobs["sequential_pour"] == jobs["measure_sequential_runs"] == section["start_samples"]
+    table = files.run_start(SPACE, section, config["design"]["seed"], folder / "batch_0/samples.csv")
+
+    folders, budget = [], section["start_samples"]
+    while True:
+        folders.append(folder / f"batch_{len(folders)}")
+        poured(folders[-1], table, section, targets, [1, len(folders)])
+        # everything before is kept: all that is planned is to read what was poured
+        jobs = planned(project, *words)
+        assert "sequential_pour" not in jobs
+        assert jobs["sequential_batch"] == 1
+        found = files.run_batch(folders, SPACE, targets, section, config["design"]["seed"], folders[-1])
+        table = pd.read_csv(folders[-1] / "next.csv")
+        jobs = planned(project, *words)
+        assert jobs["sequential_pour"] == jobs["measure_sequential_runs"] == len(table)
+        if found["stop"]:
+            break
+        budget += len(table)
+        assert "sequential_check" not in jobs or jobs["sequential_check"] == 1
+    assert found["stop"] == "budget"
+    assert len(folders) == 3
+    assert 2 * budget == section["most_pours"]
+    assert table["sample"].tolist() == [budget + 1], "the answer is poured again"
+    shutil.rmtree(folder)
+
+
+def test_the_strategy_chooses_what_a_study_makes(project):
+    words = ("--configfile", "config/quick.yaml", "--config", "strategy=sequential")
+    jobs = planned(project, *words)
+    assert jobs["sequential_pour"] == 8
+    assert not {"pour", "network", "miga", "turn", "response_pour"} & set(jobs)
+    assert "sequential_pour" not in planned(project, "--configfile", "config/quick.yaml")
+
+
+def test_every_bench_test_of_the_targets_is_run(project):
+    targets = [
+        {"response": name, "apparatus": apparatus, "value": 40, "sd": 2, "repetitions": 5, "range": [38, 42]}
+        for name, apparatus in (("height_mm", "funnel"), ("drum_slip_deg", "drum"))
+    ]
+    (project / "mine.yaml").write_text(json.dumps({"targets": targets}))
+    words = ("--configfile", "config/quick.yaml", "mine.yaml", *TARGET)
+    assert planned(project, *words)["sequential_pour"] == 16
+    assert "--purpose sequential " in snakemake(project, "-n", "-p", *words).stdout
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ("seeds: 1", "sequential.seeds is 1; allowed: at least 2: pours of one sample tell the noise"),
+        ("most_pours: 15", "sequential.most_pours is 15; allowed: at least sequential.start_samples times"),
+        ("probability: 1", "sequential.probability is 1; allowed: a number from 0.05 to 0.99"),
+    ],
+)
+def test_what_does_not_fit_is_told_before_any_work(project, changed, told):
+    words = (
+        "--configfile",
+        "config/quick.yaml",
+        "--config",
+        "strategy=sequential",
+        f"sequential={{{changed}}}",
+    )
+    done = snakemake(project, "-n", "--quiet", "all", *words)
+    assert done.returncode != 0
+    assert told in done.stderr

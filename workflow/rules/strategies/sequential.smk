@@ -1,0 +1,241 @@
+# Few pours, each where it says most: `strategy: sequential`, or `snakemake --cores 2 sequential`. The pours of a batch run
+# in parallel. What they say is a checkpoint: it knows whether another batch follows, and where.
+SEQUENTIAL = f"{RESULTS}/sequential"
+
+
+wildcard_constraints:
+    batch=r"\d{1,4}",
+    poured=r"batch_\d{1,4}|check",
+
+
+def last_advice():
+    """What the pours so far say, where they tell that they suffice; batches on the way there are asked for."""
+    batch = 0
+    while True:
+        advice = checkpoints.sequential_batch.get(batch=batch).output.advice
+        with open(advice) as file:
+            if json.load(file)["stop"]:
+                return batch
+        batch += 1
+
+
+def sequential_samples(wildcards):
+    """Table of what is poured: the start, or what the batch before has asked for."""
+    if wildcards.poured == "batch_0":
+        return rules.sequential_start.output.samples
+    if wildcards.poured == "check":
+        batch = last_advice()
+    else:
+        batch = int(wildcards.poured.removeprefix("batch_")) - 1
+    return checkpoints.sequential_batch.get(batch=batch).output.following
+
+
+def sequential_jobs(wildcards):
+    """Measured jobs of a batch or of the check."""
+    if wildcards.poured == "batch_0":
+        samples = range(1, config["sequential"]["start_samples"] + 1)
+    else:
+        samples = pandas.read_csv(sequential_samples(wildcards))["sample"]
+    return [
+        f"{SEQUENTIAL}/{wildcards.poured}/{runs}/{sample:04d}.json"
+        for runs in folders_of_targets()
+        for sample in samples
+    ]
+
+
+def batches_until(wildcards):
+    """Folders of the batches up to one."""
+    return [f"{SEQUENTIAL}/batch_{k}" for k in range(int(wildcards.batch) + 1)]
+
+
+def sequential_advices(wildcards):
+    """What each batch said."""
+    return [f"{SEQUENTIAL}/batch_{k}/advice.json" for k in range(last_advice() + 1)]
+
+
+rule sequential_start:
+    output:
+        samples=f"{SEQUENTIAL}/batch_0/samples.csv",
+    log:
+        f"{RESULTS}/logs/sequential/start.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/sequential/start.tsv"
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("parameters", "design.seed", "sequential.start_samples"),
+    message:
+        "Parameter sets of the start"
+    shell:
+        "python -m repose sequential_start --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"
+
+
+use rule pour as sequential_pour with:
+    input:
+        samples=sequential_samples,
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+        ready=ancient(rules.warm_up.output.ready),
+    output:
+        pours=f"{SEQUENTIAL}/{{poured}}/{{runs}}/{{job}}.pours.json",
+        berries=f"{SEQUENTIAL}/{{poured}}/{{runs}}/{{job}}.npz",
+    log:
+        f"{RESULTS}/logs/sequential/{{poured}}_{{runs}}_{{job}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/sequential/{{poured}}_{{runs}}_{{job}}.tsv"
+    wildcard_constraints:
+        job=r"\d{4}",
+    params:
+        purpose="sequential",
+        sample=lambda wildcards: int(wildcards.job),
+        seeds=lambda wildcards: config["sequential"][
+            "checks" if wildcards.poured == "check" else "seeds"
+        ],
+    message:
+        "Pouring sample {wildcards.job}, {wildcards.poured}"
+
+
+use rule measure_runs as measure_sequential_runs with:
+    input:
+        pours=rules.sequential_pour.output.pours,
+        berries=rules.sequential_pour.output.berries,
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+    output:
+        result=f"{SEQUENTIAL}/{{poured}}/{{runs}}/{{job}}.json",
+    log:
+        f"{RESULTS}/logs/sequential/{{poured}}_{{runs}}_{{job}}_measured.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/sequential/{{poured}}_{{runs}}_{{job}}_measured.tsv"
+    wildcard_constraints:
+        job=r"\d{4}",
+    message:
+        "Measuring the runs of sample {wildcards.job}, {wildcards.poured}"
+
+
+use rule dataset as sequential_dataset with:
+    input:
+        samples=sequential_samples,
+        jobs=sequential_jobs,
+    output:
+        dataset=f"{SEQUENTIAL}/{{poured}}/dataset.csv",
+        runs=f"{SEQUENTIAL}/{{poured}}/runs.csv",
+        summary=f"{SEQUENTIAL}/{{poured}}/dataset_summary.json",
+    log:
+        f"{RESULTS}/logs/sequential/{{poured}}_dataset.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/sequential/{{poured}}_dataset.tsv"
+    message:
+        "Table of {wildcards.poured}"
+
+
+checkpoint sequential_batch:
+    input:
+        lambda wildcards: expand(
+            "{folder}/{table}.csv",
+            folder=batches_until(wildcards),
+            table=("dataset", "runs"),
+        ),
+    output:
+        advice=f"{SEQUENTIAL}/batch_{{batch}}/advice.json",
+        following=f"{SEQUENTIAL}/batch_{{batch}}/next.csv",
+    log:
+        f"{RESULTS}/logs/sequential/{{batch}}_advice.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/sequential/{{batch}}_advice.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        config=CONFIG,
+        folder=folder,
+        batches=batches_until,
+        depends=sections(
+            "targets",
+            "parameters",
+            "design.seed",
+            *(
+                f"sequential.{key}"
+                for key in (
+                    "seeds",
+                    "batch",
+                    "tolerance_percent",
+                    "probability",
+                    "most_pours",
+                )
+            ),
+        ),
+    message:
+        "What the pours up to batch {wildcards.batch} say, and where to pour next"
+    shell:
+        "python -m repose sequential_batch {params.batches:q} --config {params.config:q} --out {params.folder:q}"
+        " > {log:q} 2>&1"
+
+
+rule sequential_check:
+    input:
+        advices=sequential_advices,
+        dataset=f"{SEQUENTIAL}/check/dataset.csv",
+        runs=f"{SEQUENTIAL}/check/runs.csv",
+    output:
+        check=f"{SEQUENTIAL}/check.csv",
+        batches=f"{SEQUENTIAL}/batches.csv",
+        summary=f"{SEQUENTIAL}/summary.json",
+    log:
+        f"{RESULTS}/logs/sequential/check.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/sequential/check.tsv"
+    threads: 1
+    resources:
+        mem_mb=300,
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=sections("targets", "sequential.tolerance_percent"),
+    message:
+        "The answer, simulated again, beside its prediction and the targets"
+    shell:
+        "python -m repose sequential_check {input.advices:q} --config {params.config:q} --dataset {input.dataset:q}"
+        " --runs {input.runs:q} --out {params.folder:q} > {log:q} 2>&1"
+
+
+rule draw_sequential:
+    input:
+        batches=rules.sequential_check.output.batches,
+        check=rules.sequential_check.output.check,
+    output:
+        report(
+            f"{SEQUENTIAL}/sequential.png",
+            caption="../../report/sequential.rst",
+            category="Sequential",
+            labels={"figure": "Probability and prediction by pours"},
+        ),
+    log:
+        f"{RESULTS}/logs/figures/sequential.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/figures/sequential.tsv"
+    threads: 1
+    resources:
+        mem_mb=500,
+    params:
+        config=CONFIG,
+        depends=sections(
+            "small_run",
+            "targets",
+            "sequential.tolerance_percent",
+            "sequential.probability",
+        ),
+    message:
+        "Drawing how the answer became certain"
+    shell:
+        "python -m repose figure sequential --config {params.config:q} --out {output:q}"
+        " --input batches={input.batches:q} --input check={input.check:q} > {log:q} 2>&1"
+
+
+rule sequential:
+    input:
+        rules.sequential_check.output,
+        rules.draw_sequential.output,
