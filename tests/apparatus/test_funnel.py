@@ -42,10 +42,10 @@ SEEDS = 8
 
 
 def config(**keys):
-    """The published experiment as the reference values were made, friction limited by the total force."""
+    """The published experiment as the reference values were made, with some keys of its funnel changed."""
     whole = yaml.safe_load((ROOT / "config" / "paper.yaml").read_text())
     whole["funnel"].update(keys)
-    whole["simulation"].update(time_step_s=2e-4, friction_limit="total")
+    whole["simulation"]["time_step_s"] = 2e-4
     whole["measure"]["views"] = 18
     return whole
 
@@ -64,7 +64,9 @@ def one_run(task):
     """One pour of a reference row (a top-level function, so that processes can take it)."""
     name, seed = task
     axes = np.full(3, np.prod(AXES_MM) ** (1.0 / 3.0)) if name == "spheres" else AXES_MM
-    record, _ = run_once(funnel.BENCH, config(), named(REFERENCES[name][0]), seed, particle(axes), BERRY)
+    whole = config()
+    whole["simulation"]["friction_limit"] = "total"  # as the other implementation limits it
+    record, _ = run_once(funnel.BENCH, whole, named(REFERENCES[name][0]), seed, particle(axes), BERRY)
     return name, record
 
 

@@ -158,7 +158,7 @@ def test_all_faults_are_told_at_once():
         "simulation.gravity_m_s2",
         "label",
         "miga.islands",
-        "targets.1.sd",
+        "targets.0.sd",
         "drum.no_such_key",
     )
     for key in keys:

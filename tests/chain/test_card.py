@@ -144,7 +144,7 @@ def test_the_verb_writes_a_card_that_can_be_read(monkeypatch, tmp_path):
     study, out = STUDY, tmp_path / "card.json"
     particle = tmp_path / "particle.json"
     particle.write_text(json.dumps(record_of_an_ellipsoid()))
-    words = ["material_card", "--config", "config/matched.yaml", "--berry", study / "berry/berry.json"]
+    words = ["material_card", "--config", "config/config.yaml", "--berry", study / "berry/berry.json"]
     words += ["--particle", particle, "--feasible", study / "miga/feasible.csv"]
     words += ["--summary", study / "miga/summary.json"]
     words += ["--representative", study / "validation/representative.csv", "--out", out]
