@@ -8,6 +8,7 @@ import numpy as np
 
 from repose import dem
 from repose.apparatus import BenchTest, Run, register
+from repose.apparatus.bounds import Bounded, Unstable
 from repose.apparatus.factory import Disc, fill
 from repose.apparatus.scene import Filmed, berry_simulation
 from repose.apparatus.settings import SimulationSettings
@@ -64,18 +65,19 @@ def run(config, parameters, seed, particle, berry, interval_s=None, progress=Non
     """Drop the berries within half of the time, and let them roll."""
     section, settings = config[NAME], SimulationSettings.of(config)
     simulation = build(config, parameters, particle, berry)
-    filmed = Filmed(simulation, interval_s, progress)
+    height_m = 1e-3 * section["height_mm"]
+    bounded = Bounded(simulation, height_m)
+    filmed = Filmed(bounded, interval_s, progress)
     end = settings.steps(section["duration_s"])
     source = {"berries": section["berries"], "rate_per_s": 2.0 * section["berries"] / section["duration_s"]}
-    factory = Disc(2.0 * particle.bounding_radius_m, 1e-3 * section["height_mm"])
-    fill(simulation, factory, source, seed, end, filmed.run_to)
-    filmed.run_to(end)
-    finite = bool(np.all(np.isfinite(simulation.positions)))
-    record = {
-        "seed": int(seed),
-        "status": "ok" if finite else "unstable",
-        "reason": "" if finite else "a position is not finite",
-    }
+    factory = Disc(2.0 * particle.bounding_radius_m, height_m)
+    record = {"seed": int(seed), "status": "ok", "reason": ""}
+    try:
+        fill(simulation, factory, source, seed, end, filmed.run_to)
+        filmed.run_to(end)
+        bounded.look()
+    except Unstable as broken:
+        record |= {"status": "unstable", "reason": str(broken)}
     return Run(record, {"position": simulation.positions.astype(np.float32)}, filmed.frames())
 
 

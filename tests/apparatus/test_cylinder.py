@@ -74,7 +74,7 @@ def test_a_filling_is_judged():
     assert "above it" in reason
     assert cylinder.status_of(full, 1e-6, config(), 0.021)[0] == "not_at_rest"
     assert cylinder.status_of(full + np.array([0.02, 0, 0]), 1e-12, config(), 0.021)[0] == "lost"
-    assert cylinder.status_of(full * np.nan, 1e-12, config(), 0.021)[0] == "unstable"
+    assert cylinder.status_of(full, 1e-12, config(), 0.021, "why") == ("unstable", "why")
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ import pytest
 import trimesh
 
 from repose.core.errors import InputError
+from repose.dem.rotations import sphere_directions
 from repose.particle import build, support_fit
-from repose.particle.mesh import sphere_directions
 
 BARREL_M = np.array([[7.399, 0.940, 0.940], [3.171, 4.745, 4.000]]) * 1e-3
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from repose import dem
 from repose.apparatus.bench_test import BenchTest, Run, register
+from repose.apparatus.bounds import Bounded, Unstable
 from repose.apparatus.factory import Disc, fill
 from repose.apparatus.scene import Filmed, berry_simulation
 from repose.apparatus.settings import SimulationSettings
@@ -211,7 +212,7 @@ def build(
 
 
 def status_of(
-    centres_m: np.ndarray, energy_j: float, config: Mapping[str, Any], length_m: float
+    centres_m: np.ndarray, energy_j: float, config: Mapping[str, Any], length_m: float, unstable: str = ""
 ) -> tuple[str, str]:
     """Status and reason of a filling.
 
@@ -225,6 +226,8 @@ def status_of(
         The whole configuration.
     length_m : float
         Of a berry.
+    unstable : str, optional
+        Which bound the filling broke, see `repose.apparatus.bounds`; empty where it broke none.
 
     Returns
     -------
@@ -238,8 +241,8 @@ def status_of(
     collar is nearly level, so the rim is covered everywhere.
     """
     section, vessel = config[NAME], Vessel.of(config[NAME])
-    if not (np.all(np.isfinite(centres_m)) and math.isfinite(energy_j)):
-        return "unstable", "a position is not finite; the time step is too long for these contacts"
+    if unstable:
+        return "unstable", unstable
     if np.any(np.hypot(*centres_m.T[:2]) >= vessel.radius_m) or np.any(centres_m[:, 2] <= 0.0):
         return "lost", "a berry lies outside the cylinder"
     rest = SimulationSettings.of(config).rest_energy_j
@@ -281,13 +284,19 @@ def run(
     section, settings, vessel = config[NAME], SimulationSettings.of(config), Vessel.of(config[NAME])
     scales, largest = of_pour(config["berry"]["size_distribution"], berry, seed, section["berries"])
     simulation = build(config, parameters, particle, berry, largest)
-    filmed, last_step = Filmed(simulation, interval_s, progress), settings.steps(section["duration_s"])
+    bounded = Bounded(simulation, vessel.top_m, section["speed_m_s"])
+    filmed, last_step = Filmed(bounded, interval_s, progress), settings.steps(section["duration_s"])
     factory = Disc(vessel.radius_m - largest * particle.bounding_radius_m, vessel.top_m)
-    fill(simulation, factory, section, seed, last_step, filmed.run_to, scales)
-    filmed.run_to(last_step)
+    unstable = ""
+    try:
+        fill(simulation, factory, section, seed, last_step, filmed.run_to, scales)
+        filmed.run_to(last_step)
+        bounded.look()
+    except Unstable as broken:
+        unstable = str(broken)
     centres = simulation.positions.copy()
     energy = float(simulation.kinetic_energies().mean())
-    status, reason = status_of(centres, energy, config, float(particle.axes_m.max()))
+    status, reason = status_of(centres, energy, config, float(particle.axes_m.max()), unstable)
     record = {
         "seed": int(seed),
         "status": status,

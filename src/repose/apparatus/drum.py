@@ -151,8 +151,8 @@ def status_of(rotation: "Rotation", config: Mapping[str, Any]) -> tuple[str, str
         One of `STATUSES`.
     reason : str
     """
-    if not (np.isfinite(rotation.rest_energy_j) and np.all(np.isfinite(rotation.record["energy_j"]))):
-        return "unstable", "a position is not finite; the time step is too long for these contacts"
+    if rotation.unstable:
+        return "unstable", rotation.unstable
     if not rotation.held:
         return "lost", "a berry is missing, or outside the drum"
     if rotation.rest_energy_j > SimulationSettings.of(config).rest_energy_j:

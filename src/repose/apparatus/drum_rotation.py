@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from repose import dem
+from repose.apparatus.bounds import Bounded, Unstable
 from repose.apparatus.drum_geometry import WALLS, Drum
 from repose.apparatus.factory import fill
 from repose.apparatus.scene import berry_simulation
@@ -41,6 +42,8 @@ class Rotation:
         When the rotation began [s], and the mean energy of a berry then [J].
     held : bool
         Whether all berries are inside the drum.
+    unstable : str
+        Which bound the run broke, see `repose.apparatus.bounds`; empty where it broke none.
     """
 
     record: dict
@@ -52,6 +55,7 @@ class Rotation:
     rotation_from_s: float
     rest_energy_j: float
     held: bool
+    unstable: str = ""
 
     def rows(self) -> dict[str, int]:
         """Rows of the record of each state: start, report, and before and after the slip where there is one."""
@@ -78,11 +82,12 @@ def set_rotation(simulation: "dem.Simulation", angular_velocity_rad_s: float) ->
 class _Watch:
     """Keeps the record of a drum that turns."""
 
-    def __init__(self, simulation, drum, particle, config):
-        self.simulation, self.drum, self.particle = simulation, drum, particle
+    def __init__(self, bounded, drum, particle, config):
+        self.bounded, self.drum, self.particle = bounded, drum, particle
+        self.simulation = bounded.simulation
         self.fit_share = config["drum"]["fit_share"]
         self.mm_per_pixel = config["measure"]["mm_per_pixel"]
-        self.began_s, self.turned_rad = simulation.time_s, 0.0
+        self.began_s = self.turned_rad = 0.0
         self.rows, self.centres, self.quaternions = [], [], []
 
     def surface(self, row):
@@ -122,7 +127,7 @@ class _Watch:
 
     def advance(self, steps):
         """Run, turn and keep."""
-        self.simulation.run_steps(steps)
+        self.bounded.run_to(self.simulation.steps + steps)
         self.turned_rad -= steps * self.simulation.time_step_s * self.simulation.rolling_frame_rad_s[1]
         self.keep()
 
@@ -197,18 +202,21 @@ def rotate(
     latest = settings.steps(2.0 * section["rotate_from_s"])
     every = max(1, settings.steps(section["record_s"]))
     factory = drum.factory(1e-3 * section["factory_height_mm"], largest * particle.bounding_radius_m)
-
-    def run_to(step):
-        simulation.run_steps(max(0, step - simulation.steps))
-
-    fill(simulation, factory, section, seed, latest, run_to, scales)
-    run_to(max(simulation.steps, settings.steps(section["rotate_from_s"])))
-    calm = settings.rest_energy_j
-    while simulation.kinetic_energies().mean() > calm and simulation.steps < latest:
-        run_to(min(latest, simulation.steps + every))
-    rest_energy = float(simulation.kinetic_energies().mean())
-    watch = _Watch(simulation, drum, particle, config)
-    slip = _until_slip(watch, section, calm, every, progress) if np.isfinite(rest_energy) else None
+    speed = section["angular_velocity_rad_s"]
+    bounded = Bounded(simulation, drum.radius_m, speed * drum.radius_m)
+    calm, unstable, rest_energy, slip = settings.rest_energy_j, "", math.nan, None
+    watch = _Watch(bounded, drum, particle, config)
+    try:
+        fill(simulation, factory, section, seed, latest, bounded.run_to, scales)
+        bounded.run_to(settings.steps(section["rotate_from_s"]))
+        while simulation.kinetic_energies().mean() > calm and simulation.steps < latest:
+            bounded.run_to(min(latest, simulation.steps + every))
+        bounded.look()
+        rest_energy = float(simulation.kinetic_energies().mean())
+        slip = _until_slip(watch, section, calm, every, progress)
+        bounded.look()
+    except Unstable as broken:
+        unstable = str(broken)
     record = watch.record() if watch.rows else {name: np.zeros(0) for name in RECORD}
     late = np.abs(watch.began_s + record["time_s"] - section["report_s"])
     return Rotation(
@@ -221,12 +229,14 @@ def rotate(
         rotation_from_s=watch.began_s,
         rest_energy_j=rest_energy,
         held=bool(simulation.n_bodies == section["berries"] and drum.holds(simulation.positions).all()),
+        unstable=unstable,
     )
 
 
 def _until_slip(watch, section, calm, every, progress):
     """Turn until the first slip and let the bed rest; returns the `bed.Slip` or None."""
     simulation = watch.simulation
+    watch.began_s = simulation.time_s
     step_s = every * simulation.time_step_s
     report_s = section["report_s"] - watch.began_s
     set_rotation(simulation, section["angular_velocity_rad_s"])

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from repose import dem
+from repose.apparatus.bounds import Bounded, Unstable
 from repose.apparatus.factory import Disc, fill
 from repose.apparatus.funnel_geometry import Funnel
 from repose.apparatus.scene import Filmed, berry_simulation, largest_cluster
@@ -42,6 +43,8 @@ class Pour:
         Which of them lie on the plate, and in its largest cluster.
     in_funnel, off_plate : int
         How many are still in the funnel, and have left the plate.
+    unstable : str
+        Which bound the pour broke, see `repose.apparatus.bounds`; empty where it broke none.
     kinetic_energy_j, largest_motion_m : float
         Energy of the pile [J]; farthest way of a berry on the plate in the last `rest_window_s` [m].
     discharge_s : float
@@ -59,6 +62,7 @@ class Pour:
     in_pile: np.ndarray
     in_funnel: int
     off_plate: int
+    unstable: str
     kinetic_energy_j: float
     largest_motion_m: float
     discharge_s: float
@@ -179,19 +183,26 @@ def pour(
     last_step = settings.steps(section["duration_s"])
     rest_step = last_step - settings.steps(section["rest_window_s"])
     timed_step = max(0, min(rest_step, last_step - settings.steps(1.0)))
-    filmed = Filmed(simulation, interval_s, progress)
-    fill(simulation, factory, section, seed, rest_step, filmed.run_to, scales)
-    timed_step = max(timed_step, simulation.steps)
-    filmed.run_to(timed_step)
-    clock = time.perf_counter()
-    filmed.run_to(rest_step)
-    before = simulation.positions.copy()
-    filmed.run_to(last_step)
+    bounded = Bounded(simulation, height)
+    filmed = Filmed(bounded, interval_s, progress)
+    before, clock, unstable = None, began, ""
+    try:
+        fill(simulation, factory, section, seed, rest_step, filmed.run_to, scales)
+        timed_step = max(timed_step, simulation.steps)
+        filmed.run_to(timed_step)
+        clock = time.perf_counter()
+        filmed.run_to(rest_step)
+        before = simulation.positions.copy()
+        filmed.run_to(last_step)
+        bounded.look()
+    except Unstable as broken:
+        unstable = str(broken)
     us_per_step = 1e6 * (time.perf_counter() - clock) / max(1, last_step - timed_step)
-    return _judge(simulation, funnel, before, filmed.frames(), time.perf_counter() - began, us_per_step)
+    took_s = time.perf_counter() - began
+    return _judge(simulation, funnel, before, unstable, filmed.frames(), took_s, us_per_step)
 
 
-def _judge(simulation, funnel, before, frames, wall_s, us_per_step) -> Pour:
+def _judge(simulation, funnel, before, unstable, frames, wall_s, us_per_step) -> Pour:
     """Sort the berries into pile, plate, funnel and lost, and measure their motion."""
     centres = simulation.positions.copy()
     present = simulation.present
@@ -202,7 +213,7 @@ def _judge(simulation, funnel, before, frames, wall_s, us_per_step) -> Pour:
     exits = simulation.exit_times_s
     exits = exits[np.isfinite(exits)]
     pile_energy = simulation.kinetic_energies()[in_pile]
-    motion = np.linalg.norm(centres - before, axis=1)[on_plate]
+    motion = np.linalg.norm(centres - (centres if before is None else before), axis=1)[on_plate]
     return Pour(
         centres_m=centres,
         quaternions=simulation.quaternions.copy(),
@@ -211,6 +222,7 @@ def _judge(simulation, funnel, before, frames, wall_s, us_per_step) -> Pour:
         in_pile=in_pile,
         in_funnel=int(in_funnel.sum()),
         off_plate=int(len(centres) - in_funnel.sum() - on_plate.sum()),
+        unstable=unstable,
         kinetic_energy_j=float(pile_energy.sum()),
         largest_motion_m=float(motion.max(initial=0.0)),
         discharge_s=float(exits.max() - exits.min()) if len(exits) else math.nan,
@@ -238,8 +250,8 @@ def status_of(poured: Pour, config: Mapping[str, Any]) -> tuple[str, str]:
         In words; empty for ``ok``.
     """
     section, n = config[NAME], config[NAME]["berries"]
-    if not np.all(np.isfinite(poured.centres_m)) or not np.isfinite(poured.kinetic_energy_j):
-        return "unstable", "a position is not finite; the time step is too long for these contacts"
+    if poured.unstable:
+        return "unstable", poured.unstable
     if poured.in_funnel or len(poured.centres_m) < n:
         waiting = n - len(poured.centres_m)
         return "jammed", f"{poured.in_funnel} berries in the funnel and {waiting} not yet poured at the end"

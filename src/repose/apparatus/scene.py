@@ -6,11 +6,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from repose import dem
+from repose.apparatus.bounds import Bounded
 from repose.apparatus.settings import SimulationSettings
 from repose.core.errors import InputError
+from repose.dem import time_steps
+from repose.dem.contact_table import pairs_of
+from repose.dem.laws import CONTACT_LAWS
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
+
+LAW = "hertz_mindlin"
 
 
 def berry_simulation(
@@ -50,44 +56,88 @@ def berry_simulation(
     ValueError
         If the engine refuses another value.
     """
-    try:
-        return _simulation(config, parameters, particle, berry, capacity, scene)
-    except ValueError as error:
-        refused = f"{error}".partition("; allowed: ")
-        if not refused[0].startswith("time_step_s is"):
-            raise
-        step_s = SimulationSettings.of(config).time_step_s
-        raise InputError("configuration", "simulation.time_step_s", step_s, refused[2]) from None
-
-
-def _simulation(config, parameters, particle, berry, capacity, scene) -> "dem.Simulation":
-    """`berry_simulation`, with the engine's own error where the time step is too long."""
-    wall, settings = config["wall"], SimulationSettings.of(config)
+    settings = SimulationSettings.of(config)
+    limit = longest_time_step(config, parameters, particle, berry)
+    if settings.time_step_s > limit.time_step_s:
+        raise InputError("configuration", "simulation.time_step_s", settings.time_step_s, limit.allowed)
+    shapes: Any = {"berry": particle.dem_shape("berry")}
     return dem.Simulation(
-        {"berry": particle.dem_shape("berry")},
-        {
-            "berry": dem.Material(berry["shear_modulus_pa"], berry["poisson_ratio"]),
-            "wall": dem.Material(wall["shear_modulus_pa"], wall["poisson_ratio"]),
-        },
-        {
-            ("berry", "berry"): dem.Contact(parameters["e_gg"], parameters["mus_gg"], parameters["mur_gg"]),
-            ("berry", "wall"): dem.Contact(parameters["e_gp"], parameters["mus_gp"], parameters["mur_gp"]),
-        },
+        shapes,
+        _materials(config, berry),
+        _contacts(parameters),
         settings.time_step_s,
         capacity=capacity,
         gravity_m_s2=(0.0, 0.0, -settings.gravity_m_s2),
         tension=settings.tension,
         friction_limit=settings.friction_limit,
+        contact_law=LAW,
         **scene,
     )
 
 
-class Filmed:
-    """Advances a simulation to given time steps and records frames on the way.
+def longest_time_step(
+    config: Mapping[str, Any],
+    parameters: Mapping[str, float],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+) -> "time_steps.Limit":
+    """The longest time step for the berries of every bench test, the smallest ones included.
 
     Parameters
     ----------
-    simulation : Simulation
+    config : mapping
+        The whole configuration.
+    parameters : mapping
+        The six contact parameters by name; the lower a restitution, the shorter the step.
+    particle : Particle
+        The berry's body.
+    berry : mapping
+        With ``shear_modulus_pa`` and ``poisson_ratio``, and the spread of sizes where the berries have one.
+
+    Returns
+    -------
+    repose.dem.time_steps.Limit
+        What the engine allows, for berries of the smallest scale.
+    """
+    from repose.particle import size_distribution
+
+    materials = _materials(config, berry)
+    scene = time_steps.Scene(
+        CONTACT_LAWS[LAW],
+        SimulationSettings.of(config).tension,
+        materials,
+        pairs_of(_contacts(parameters), materials),
+        {"berry": particle.dem_shape("berry")},
+        frozenset({"wall"}),
+    )
+    smallest = size_distribution.smallest(config["berry"]["size_distribution"], berry)
+    return time_steps.longest(scene, smallest_scale=smallest)
+
+
+def _materials(config, berry):
+    """The two materials by name."""
+    wall = config["wall"]
+    return {
+        "berry": dem.Material(berry["shear_modulus_pa"], berry["poisson_ratio"]),
+        "wall": dem.Material(wall["shear_modulus_pa"], wall["poisson_ratio"]),
+    }
+
+
+def _contacts(parameters):
+    """Their contacts by pairs of names."""
+    return {
+        ("berry", "berry"): dem.Contact(parameters["e_gg"], parameters["mus_gg"], parameters["mur_gg"]),
+        ("berry", "wall"): dem.Contact(parameters["e_gp"], parameters["mus_gp"], parameters["mur_gp"]),
+    }
+
+
+class Filmed:
+    """Advances a simulation to given time steps, within bounds, and records frames on the way.
+
+    Parameters
+    ----------
+    bounded : Bounded
+        The simulation.
     interval_s : float or None
         Simulated time between two frames [s]; None records none.
     progress : callable, optional
@@ -96,11 +146,12 @@ class Filmed:
 
     def __init__(
         self,
-        simulation: "dem.Simulation",
+        bounded: Bounded,
         interval_s: float | None = None,
         progress: Callable[[float], object] | None = None,
     ):
-        self.simulation, self.progress = simulation, progress
+        simulation = bounded.simulation
+        self.bounded, self.simulation, self.progress = bounded, simulation, progress
         self.every = None if interval_s is None else max(1, round(interval_s / simulation.time_step_s))
         self.recorder = None if interval_s is None else dem.Recorder()
 
@@ -111,11 +162,16 @@ class Filmed:
         ----------
         step : int
             Nothing happens where it has passed.
+
+        Raises
+        ------
+        Unstable
+            If a bound is broken.
         """
         now = self.simulation.steps
         while now < step:
             stop = step if self.every is None else min(step, (now // self.every + 1) * self.every)
-            self.simulation.run_steps(stop - now)
+            self.bounded.run_to(stop)
             now = stop
             if self.recorder is not None and self.every is not None and now % self.every == 0:
                 self.recorder(self.simulation)

@@ -59,9 +59,7 @@ def berry_and_particle(
         of_berry = berry_files.read_berry(berry_json)
     if particle_json is not None:
         return of_berry, Particle.load(particle_json)
-    stl = config["berry"]["stl"]
-    scan = {} if stl is None else {"scan": build.load_mesh(stl), "source": stl}
-    return of_berry, build.make(of_berry, **scan, **_how(config)).particle
+    return of_berry, build.of_settings(of_berry, config["berry"])
 
 
 def write_berry(config: Mapping[str, Any], table1: str | PathLike, out_dir: str | PathLike) -> None:
@@ -120,15 +118,10 @@ def _material(section):
 
 def _how(config):
     """Options of `build.make`."""
-    from repose.apparatus.settings import SimulationSettings
-    from repose.core.parameter_space import range_of
-
     section = config["berry"]
     return {
         "kind": section["particle"],
         "mass_g": section["mass_g"],
         "spheres": section["spheres"],
         "surface": section["surface"],
-        "time_step_s": SimulationSettings.of(config).time_step_s,
-        "restitution": range_of("e_gp", config["parameters"]["e_gp"])[0],
     }

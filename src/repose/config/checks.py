@@ -5,14 +5,14 @@ from typing import Any
 
 from repose.apparatus import bench_tests, names
 from repose.apparatus.settings import SimulationSettings
-from repose.apparatus.stability import longest_time_step
 from repose.config import results_folder
 from repose.config.reading import Origin, get, origin_of
 from repose.config.schema import input_errors, validator
 from repose.core import places
 from repose.core.errors import InputError, raise_together
-from repose.core.parameter_space import ParameterSpace
-from repose.core.published import check_published
+from repose.core.parameter_space import ParameterSpace, range_of
+from repose.core.parameters import PARAMETERS
+from repose.core.published import check_published, published_sets
 from repose.core.responses import responses_of
 from repose.core.targets import Targets
 
@@ -48,6 +48,8 @@ def check(config: dict[str, Any], source: str | Origin = "configuration") -> dic
 def check_inputs(config: dict[str, Any], source: str | Origin = "configuration") -> None:
     """Check the files that a checked configuration names, and that berry, bench test and time step fit together.
 
+    The berry's particle is made for it, and the engine is asked how long a time step may be.
+
     Parameters
     ----------
     config : dict
@@ -65,12 +67,17 @@ def check_inputs(config: dict[str, Any], source: str | Origin = "configuration")
             *_faults(_missing_files(config), config, source),
         ]
     )
+    from repose.particle import build
+
     faults: list[InputError] = []
     mean = _found(faults, _mean_berry, config)
     responses = Targets.of(config["targets"]).responses
     _found(faults, check_published, config["validation"]["published"], responses)
     if mean is not None:
         faults += _faults(_misfits(config, mean), config, source)
+        particle = _found(faults, build.of_settings, mean, config["berry"])
+        if particle is not None and not faults:
+            faults += _faults(_unstable(config, particle, mean), config, source)
     raise_together(faults)
 
 
@@ -107,17 +114,23 @@ def _mean_berry(config):
 
 
 def _misfits(config, mean):
-    """Where the mean berry does not go with a bench test or with the time step."""
-    from repose.particle import berry, size_distribution
+    """Where the mean berry does not go with a bench test."""
+    from repose.particle import berry
 
     for test in _used(config):
         yield from test.misfits(config, [mean[column] for column in berry.SIZE_COLUMNS])
-    section = config["berry"]
-    smallest = size_distribution.smallest(section["size_distribution"], mean)
-    mass_kg = None if section["mass_g"] is None else 1e-3 * section["mass_g"]
-    limit = longest_time_step(mean, mass_kg, smallest)
+
+
+def _unstable(config, particle, mean):
+    """A time step that the engine would refuse for some set of parameters of the study, or of the published table."""
+    from repose.apparatus.scene import longest_time_step
+
+    sets = [{name: range_of(name, config["parameters"][name])[0] for name in PARAMETERS}]
+    sets += published_sets(config["validation"]["published"])
+    lowest = {name: min(one[name] for one in sets) for name in PARAMETERS}
+    limit = longest_time_step(config, lowest, particle, mean)
     if SimulationSettings.of(config).time_step_s > limit.time_step_s:
-        yield "simulation.time_step_s", f"at most {limit.time_step_s:.2g}, {limit.reason}"
+        yield "simulation.time_step_s", limit.allowed
 
 
 def _contradictions(config):

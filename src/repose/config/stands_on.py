@@ -20,7 +20,7 @@ Config = Mapping[str, Any]
 
 KEYS = {
     "berry": ("berry",),
-    "shape": ("berry", "parameters.e_gp", "simulation.time_step_s"),
+    "shape": ("berry",),
     "design": ("parameters", "design"),
     "network": ("surrogate", "network"),
     "miga": ("parameters", "targets", "miga"),

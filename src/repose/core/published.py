@@ -86,6 +86,23 @@ def check_published(path: str | os.PathLike | None, responses: Iterable[Response
                 raise InputError(f"{path}, row {number}", name, row[name], "a number, or nothing")
 
 
+def published_sets(path: str | os.PathLike | None) -> list[dict[str, float]]:
+    """Parameter sets of a published table of solutions that `check_published` has accepted.
+
+    Parameters
+    ----------
+    path : path or None
+        The table, if there is one.
+
+    Returns
+    -------
+    list of dict
+        The six contact parameters of each solution.
+    """
+    rows = [] if path is None else read_rows(path, ("solution", *PARAMETERS))
+    return [{name: float(row[name]) for name in PARAMETERS} for row in rows]
+
+
 def published_responses(columns: Iterable[str], responses: Iterable[Response]) -> tuple[Response, ...]:
     """Responses whose predicted and simulated values are among the columns of a published table.
 

@@ -15,6 +15,7 @@ from .wall_loads import WallLoad, wall_loads
 class Observables:
     """The readings of a `Simulation`, which holds the arrays."""
 
+    shapes: dict[str, Any]
     bodies: Any
     pairs: Any
     curved: Any
@@ -98,6 +99,12 @@ class Observables:
         """Values of the bodies added so far, by the numbers that users know: a view where they are the engine's own."""
         return values[self._inner[: self.n_bodies]] if self._shared else values[: self.n_bodies]
 
+    @property
+    def masses_kg(self) -> np.ndarray:
+        """Mass of each body, a copy (N,) [kg]; 0 where it is gone."""
+        inverse = self._seen(self.bodies.rows)[:, st.INVERSE_MASS]
+        return np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0.0)
+
     def kinetic_energies(self) -> np.ndarray:
         """Kinetic energy of each body, of translation and rotation.
 
@@ -106,9 +113,7 @@ class Observables:
         ndarray (N,)
             The energies [J].
         """
-        inverse = self._seen(self.bodies.rows)[:, st.INVERSE_MASS]
-        masses = np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0.0)
-        translation = 0.5 * masses * np.sum(self.velocities**2, axis=1)
+        translation = 0.5 * self.masses_kg * np.sum(self.velocities**2, axis=1)
         rotation = 0.5 * np.sum(self.angular_momenta * self.angular_velocities, axis=1)
         return translation + rotation
 
@@ -143,6 +148,40 @@ class Observables:
         bodies = np.column_stack([self.pairs.first[:n], self.pairs.second[:n]]).astype(np.int64)
         spheres = self.pairs.spheres[:n].astype(np.int64) if n else np.zeros((0, 2), np.int64)
         return bodies, spheres, st.contact_rows(self.pairs.data, n)[:, :3].copy()
+
+    def overlaps(self) -> tuple[np.ndarray, np.ndarray]:
+        """How deep bodies that touch overlap, along the normals of the last step.
+
+        Returns
+        -------
+        bodies : ndarray (M, 2)
+            Indices of the two bodies, for each contact of two clumps once.
+        overlaps : ndarray (M,)
+            The overlaps [m].
+        """
+        n = int(self.counts[st.N_PAIRS])
+        first, second = self._outer[self.pairs.first[:n]], self._outer[self.pairs.second[:n]]
+        normals = st.contact_rows(self.pairs.data, n)[:, :3]
+        spheres = self.pairs.spheres[:n].T if self._of_clumps else (None, None)
+        turn = rotation_matrices(self.quaternions)
+        reach = self._reach(turn, first, normals, spheres[0]) + self._reach(
+            turn, second, -normals, spheres[1]
+        )
+        apart = np.sum((self.positions[second] - self.positions[first]) * normals, axis=1)
+        return np.column_stack([first, second]), reach - apart
+
+    def _reach(self, turn, body, direction, sphere):
+        """Extents (M,) of bodies, or of one sphere of each, along directions (M, 3) in space."""
+        local = np.einsum("nji,nj->ni", turn[body], direction)
+        reach = np.zeros(len(body))
+        for number, shape in enumerate(self.shapes.values()):
+            these = self.shape_ids[body] == number
+            if sphere is None:
+                reach[these] = shape.support(local[these])
+            else:
+                rows = shape.spheres_m[sphere[these]]
+                reach[these] = np.sum(rows[:, :3] * local[these], axis=1) + rows[:, 3]
+        return reach * self.scales[body]
 
     def wall_loads(self, about_m: ArrayLike = (0.0, 0.0, 0.0)) -> dict[str, WallLoad]:
         """Force and torque of the bodies on each wall, now.

@@ -1,4 +1,6 @@
-"""Rotation matrices of quaternions (w, x, y, z)."""
+"""Rotation matrices of quaternions (w, x, y, z), and directions in space."""
+
+import math
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -58,3 +60,22 @@ def random_quaternion(rng: np.random.Generator) -> np.ndarray:
     """
     q = rng.normal(size=4)
     return q / np.linalg.norm(q)
+
+
+def sphere_directions(count: int) -> np.ndarray:
+    """Evenly spread unit vectors: a Fibonacci lattice.
+
+    Parameters
+    ----------
+    count : int
+        Number of vectors.
+
+    Returns
+    -------
+    numpy.ndarray, (count, 3)
+    """
+    index = np.arange(count)
+    z = 1 - (2 * index + 1) / count
+    azimuth = index * math.pi * (3 - math.sqrt(5))
+    ring = np.sqrt(1 - z**2)
+    return np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z], axis=1)

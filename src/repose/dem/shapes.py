@@ -9,6 +9,9 @@ from numpy.typing import ArrayLike
 
 from .checks import name_of, positive, vector
 from .kernels.state import MOST_PARTS, MOST_SPHERES
+from .rotations import sphere_directions
+
+DIRECTIONS = 2000  # from which a clump is looked at
 
 
 def _semi_axes(value):
@@ -167,9 +170,25 @@ class Shape:
         return float(self.semi_axes_m.sum(axis=0).min())
 
     @property
+    def flattest_radius_m(self) -> float:
+        """Radius of a sphere as flat as the ends of the shortest axis: there a plate meets the stiffest contact [m]."""
+        shortest = int(np.argmin(self.half_extents_m))
+        curvatures = np.square(self.semi_axes_m) / self.semi_axes_m[:, shortest, None]
+        return float(np.sqrt(np.prod(np.delete(curvatures.sum(axis=0), shortest))))
+
+    @property
     def half_extents_m(self) -> np.ndarray:
         """Largest extents along the body's axes (3,) [m]."""
         return self.semi_axes_m.sum(axis=0)
+
+    def acting_together(self, _overlap_m: float) -> float:
+        """Number of contacts with a plate: a convex body has one.
+
+        Returns
+        -------
+        float
+        """
+        return 1.0
 
     @property
     def slide(self) -> float:
@@ -273,6 +292,32 @@ class Clump:
     def smallest_radius_m(self) -> float:
         """Radius of the smallest sphere [m]: what the time step has to resolve."""
         return float(self.spheres_m[:, 3].min())
+
+    @property
+    def flattest_radius_m(self) -> float:
+        """Radius of the largest sphere: with it a plate has the stiffest contact [m]."""
+        return float(self.spheres_m[:, 3].max())
+
+    def acting_together(self, overlap_m: float) -> float:
+        """Number of spheres that act at one place: the stiffnesses with a plate, over that of the largest sphere.
+
+        The plate is pressed against the clump from every side until the foremost sphere overlaps by `overlap_m`. A
+        Hertz contact's stiffness goes with (R delta)^(1/2).
+
+        Parameters
+        ----------
+        overlap_m : float
+            Above 0 [m].
+
+        Returns
+        -------
+        float
+            The largest over all sides.
+        """
+        extents = sphere_directions(DIRECTIONS) @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]
+        deep = np.clip(extents - extents.max(axis=1, keepdims=True) + overlap_m, 0.0, None)
+        shares = np.sqrt(deep / overlap_m * self.spheres_m[:, 3] / self.flattest_radius_m)
+        return float(shares.sum(axis=1).max())
 
     @property
     def half_extents_m(self) -> np.ndarray:

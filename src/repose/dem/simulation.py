@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from . import contact_lists, running, time_steps
 from .body_rows import checked_body, write_body
-from .checks import box, chosen, height, is_number, mapping, number, positive, vector, whole_number
+from .checks import box, chosen, height, mapping, number, positive, vector, whole_number
 from .contact_table import fields_of_laws, number_materials, pairs_of
 from .io import checkpoint as checkpoints
 from .kernels import clumps as cl
@@ -116,8 +116,13 @@ class Simulation(Observables):
         self.contact_pairs = pairs_of(contacts, self.materials)
         of_walls = [surface.material for surface in self.wall_set.surfaces.values()]
         self._numbers = number_materials(self.shapes, of_walls, self.materials, self.contact_pairs)
-        limit = self.longest_time_step()
-        dt = number("time_step_s", time_step_s, f"above 0, at most {limit:.3g}", lambda dt: 0.0 < dt <= limit)
+        self.scene = time_steps.Scene(
+            self.contact_law, tension, self.materials, self.contact_pairs, self.shapes, frozenset(of_walls)
+        )
+        limit = time_steps.longest(self.scene)
+        steps = f"above 0, {limit.allowed}"
+        dt = number("time_step_s", time_step_s, steps, lambda dt: 0.0 < dt <= limit.time_step_s)
+        self._smallest_scales = time_steps.smallest_scales(self.scene, dt)
         parts = 0 if self._of_clumps else max(len(shape.semi_axes_m) for shape in self.shapes.values())
         self._make_arrays(parts)
         several = len(self._numbers.of_bodies) > 1
@@ -224,24 +229,25 @@ class Simulation(Observables):
         return self.physics.rolling_frame
 
     def longest_time_step(self, speed_m_s: float = time_steps.FASTEST_IMPACT_M_S) -> float:
-        """A fifteenth of the shortest duration of an impact of two bodies that meet head-on.
+        """The longest time step for bodies of scale 1, to which it is proportional; see `repose.dem.time_steps`.
+
+        A fifteenth of the shortest head-on impact of two bodies, or less where one pressed from both sides is unstable.
 
         Parameters
         ----------
         speed_m_s : float
-            Their relative speed [m/s].
+            Relative speed of the fastest impact [m/s].
 
         Returns
         -------
         float
-            The longest time step [s], over all pairs of shapes.
+            The longest time step [s], over all shapes and walls.
 
         Notes
         -----
         The contact law has the duration; Hertz's is 2.868 (m*^2 / (R* E*^2 v))^0.2 (Johnson 1985, Eq. 11.24).
         """
-        positive("speed_m_s", speed_m_s)
-        return time_steps.longest(self.contact_law, self.materials, self.shapes.values(), speed_m_s)
+        return time_steps.longest(self.scene, positive("speed_m_s", speed_m_s)).time_step_s
 
     def add(
         self,
@@ -265,7 +271,7 @@ class Simulation(Observables):
         velocity_m_s, angular_velocity_rad_s : array_like (3,)
             In the world frame [m/s, rad/s].
         scale : float
-            Of its lengths, at most `largest_scale`. Small bodies need short time steps, so there is a lower limit, too.
+            Of its lengths, at most `largest_scale`; the time step sets a lower limit.
 
         Returns
         -------
@@ -283,12 +289,9 @@ class Simulation(Observables):
         if shape not in self.shapes:
             raise ValueError(f"shape is {shape!r}; allowed: {', '.join(self.shapes)}")
         kind = self.shapes[shape]
-        smallest = time_steps.smallest_scale(self.contact_law, self.materials, kind, self.time_step_s)
-        if not (is_number(scale) and smallest <= scale <= self.largest_scale):
-            raise ValueError(
-                f"scale is {scale!r}; allowed: at least {smallest:.3g}, or time_step_s is too long for the body, "
-                f"at most largest_scale, {self.largest_scale:g}"
-            )
+        least, most = self._smallest_scales[shape], self.largest_scale
+        allowed = f"at least {least:.3g}, or time_step_s is too long, at most largest_scale, {most:g}"
+        number("scale", scale, allowed, lambda scale: least <= scale <= most)
         body = checked_body(kind, position_m, quaternion, velocity_m_s, angular_velocity_rad_s, scale)
         write_body(self.bodies, i, body, self.physics.parts, self._body_tiles[0])
         self._shape_ids[i] = list(self.shapes).index(shape)

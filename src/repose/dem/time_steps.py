@@ -1,66 +1,198 @@
-"""How long a time step may be, from the duration of an impact."""
+"""How long a time step may be: an impact has to be resolved, and a body between two others has to be stable."""
 
-from collections.abc import Collection, Mapping
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
 
 from .laws import Law
-from .materials import Material
+from .materials import Contact, Material
 from .shapes import Clump, Shape
 
 STEPS_PER_CONTACT = 15  # the longest time step is this share of a head-on impact's contact time
 FASTEST_IMPACT_M_S = 2.0
+# Overlap of a body between two plates, over half its smallest extent: that of a soft body under a pile.
+PRESSED = 0.1
+# Speed times duration of an impact over its overlap: 2.94 by Hertz's law, pi by a linear spring.
+DURATION_OVER_OVERLAP = 3.0
 
 
-def longest(
-    law: Law, materials: Mapping[str, Material], shapes: Collection[Shape | Clump], speed_m_s: float
-) -> float:
-    """Longest time step for impacts of any two of some shapes.
+class Limit(NamedTuple):
+    """The longest time step, and what sets it.
+
+    Attributes
+    ----------
+    time_step_s : float
+        In seconds.
+    reason : str
+        In words.
+    """
+
+    time_step_s: float
+    reason: str
+
+    @property
+    def allowed(self) -> str:
+        """What is allowed, in words; the number is rounded down, so that it is allowed itself."""
+        unit = 10.0 ** (math.floor(math.log10(self.time_step_s)) - 2)
+        return f"at most {math.floor(self.time_step_s / unit) * unit:.3g}, {self.reason}"
+
+
+class Scene(NamedTuple):
+    """What the longest time step depends on.
+
+    Attributes
+    ----------
+    law : Law
+        The contact law.
+    tension : str
+        How a contact ends, see `Simulation`.
+    materials : mapping
+        From name to Material.
+    contacts : mapping
+        From (material, material) to Contact, in both orders.
+    shapes : mapping
+        From name to Shape or Clump, at least one.
+    walls : collection of str
+        Materials of the walls.
+    """
+
+    law: Law
+    tension: str
+    materials: Mapping[str, Material]
+    contacts: Mapping[tuple[str, str], Contact]
+    shapes: Mapping[str, Shape | Clump]
+    walls: frozenset[str]
+
+
+def longest(scene: Scene, speed_m_s: float = FASTEST_IMPACT_M_S, smallest_scale: float = 1.0) -> Limit:
+    """Longest time step for bodies of some shapes among walls.
 
     Parameters
     ----------
-    law : Law
-        The contact law; it tells the duration of an impact.
-    materials : mapping
-        From name to Material.
-    shapes : collection of Shape or Clump
-        At least one.
-    speed_m_s : float
-        Of approach.
+    scene : Scene
+        All that counts.
+    speed_m_s : float, optional
+        Of the fastest impact.
+    smallest_scale : float, optional
+        Of a body; both limits go with the scale.
 
     Returns
     -------
-    float
-        In seconds, `STEPS_PER_CONTACT` of them in the shortest impact.
+    Limit
+        The smaller one of `impact` and `pressed`, over all shapes.
     """
-    return min(_duration(law, materials, a, b, speed_m_s) for a in shapes for b in shapes) / STEPS_PER_CONTACT
+    kinds = list(scene.shapes.values())
+    impacts = [impact(scene, a, b, speed_m_s) for a in kinds for b in kinds]
+    limit = min(impacts + [limit for kind in kinds for limit in _pressed_by_all(scene, kind)])
+    if smallest_scale == 1.0:
+        return limit
+    reason = f"{limit.reason}, at the smallest scale, {smallest_scale:.3g}"
+    return Limit(smallest_scale * limit.time_step_s, reason)
 
 
-def smallest_scale(
-    law: Law, materials: Mapping[str, Material], shape: Shape | Clump, time_step_s: float
-) -> float:
-    """Smallest scale of a body for a time step: the duration of an impact grows with the scale.
+def smallest_scales(scene: Scene, time_step_s: float) -> dict[str, float]:
+    """Smallest scales of bodies for a time step.
 
     Parameters
     ----------
-    law : Law
-        The contact law; it tells the duration of an impact.
-    materials : mapping
-        From name to Material.
-    shape : Shape or Clump
-        The body at scale 1.
+    scene : Scene
+        All that counts.
     time_step_s : float
         Of the simulation.
 
     Returns
     -------
-    float
-        Just below the exact one, so that rounding refuses no body.
+    dict of float
+        By the names of the shapes; just below the exact ones, so that rounding refuses no body.
     """
-    limit = _duration(law, materials, shape, shape, FASTEST_IMPACT_M_S) / STEPS_PER_CONTACT
-    return (1.0 - 1e-12) * (time_step_s / limit)
+    limits = {name: longest(scene._replace(shapes={name: shape})) for name, shape in scene.shapes.items()}
+    return {name: (1.0 - 1e-12) * (time_step_s / limit.time_step_s) for name, limit in limits.items()}
 
 
-def _duration(law, materials, a, b, speed_m_s):
+def impact(scene: Scene, a: Shape | Clump, b: Shape | Clump, speed_m_s: float) -> Limit:
+    """A share of the duration of an impact of two bodies that meet head-on.
+
+    Parameters
+    ----------
+    scene : Scene
+        Law and materials count.
+    a, b : Shape or Clump
+        The bodies.
+    speed_m_s : float
+        Of approach.
+
+    Returns
+    -------
+    Limit
+        `STEPS_PER_CONTACT` of them in the impact.
+    """
+    duration = _duration(scene, a, b, speed_m_s)
+    reason = f"1/{STEPS_PER_CONTACT} of the contact time of two bodies that meet at {speed_m_s:g} m/s"
+    return Limit(duration / STEPS_PER_CONTACT, reason)
+
+
+def pressed(
+    scene: Scene, shape: Shape | Clump, other: str, of_body: bool = False, overlap_m: float | None = None
+) -> Limit:
+    """Longest time step with which a body rests between two plates that press it from both sides.
+
+    Parameters
+    ----------
+    scene : Scene
+        All that counts.
+    shape : Shape or Clump
+        The body.
+    other : str
+        Material of the plates.
+    of_body : bool, optional
+        Whether the plates are equal bodies, which move against it: a row in which neighbours do so is the stiffest.
+    overlap_m : float, optional
+        Of the body with each plate; by default that of a soft body under a pile, or of the fastest impact, whichever is
+        smaller.
+
+    Returns
+    -------
+    Limit
+        Below it every motion between the plates dies out.
+
+    Notes
+    -----
+    The stiffness S of one contact, the number N of them that act at one place, and the mass m of the body give the
+    oscillator w^2 = 2 N S / m. Its damping ratio z is sqrt(2) times that of one contact, for all N, which share the
+    damping. With a force of the velocity before the step, the semi-implicit Euler method is stable for
+    dt < 2 / w (sqrt(1 + z^2) - z). In a row of equal bodies m is the m* of two of them.
+    """
+    shared = 2.0 if of_body else 1.0
+    radius, mass = shape.flattest_radius_m / shared, shape.mass_kg / shared
+    thickness = float(shape.half_extents_m.min())
+    if overlap_m is None:
+        meeting = _duration(scene, shape, shape, FASTEST_IMPACT_M_S) * FASTEST_IMPACT_M_S
+        overlap_m = min(PRESSED * thickness, meeting / DURATION_OVER_OVERLAP)
+    a, b = scene.materials[shape.material], scene.materials[other]
+    contact = scene.contacts[shape.material, other]
+    assert scene.law.oscillator is not None
+    stiffness, ratio = scene.law.oscillator(a, b, contact, scene.tension, radius, overlap_m)
+    number = shape.acting_together(overlap_m)
+    frequency = math.sqrt(2.0 * number * stiffness / mass)
+    z = math.sqrt(2.0) * ratio
+    spheres = f", {number:.1f} spheres at one place" if number > 1.0 else ""
+    reason = (
+        f"the stable step of a body between two of {other} (restitution {contact.restitution:g}{spheres})"
+    )
+    return Limit(2.0 / frequency / (math.sqrt(1.0 + z * z) + z), reason)
+
+
+def _pressed_by_all(scene, shape):
+    """`pressed` by each wall and by bodies of each shape's material."""
+    yield from (pressed(scene, shape, wall) for wall in sorted(scene.walls))
+    for material in sorted({kind.material for kind in scene.shapes.values()}):
+        yield pressed(scene, shape, material, of_body=True)
+
+
+def _duration(scene, a, b, speed_m_s):
     """Duration of an impact of two shapes that meet head-on [s]."""
     mass = 1.0 / (1.0 / a.mass_kg + 1.0 / b.mass_kg)
     radius = 1.0 / (1.0 / a.smallest_radius_m + 1.0 / b.smallest_radius_m)
-    return law.contact_time(materials[a.material], materials[b.material], mass, radius, speed_m_s)
+    return scene.law.contact_time(
+        scene.materials[a.material], scene.materials[b.material], mass, radius, speed_m_s
+    )

@@ -15,6 +15,7 @@ import trimesh
 
 from repose.core.errors import InputError
 from repose.core.files import write_bytes, write_table
+from repose.dem.rotations import sphere_directions
 from repose.particle import mesh_from_axes, sphere_packing, support_fit
 from repose.particle.berry_files import read_berry
 from repose.particle.mesh import (
@@ -25,7 +26,6 @@ from repose.particle.mesh import (
     mesh_of,
     mesh_support,
     principal_pose,
-    sphere_directions,
     stl_of,
 )
 from repose.particle.particle import KINDS, Particle
@@ -178,7 +178,6 @@ def make_particle(
         spheres_m=packing.spheres_m,
         mesh_inertia_kg_m2=body.inertia_kg_m2,
         mesh_axes_m=body.axes_m,
-        stacking=packing.stacking,
     )
 
 
@@ -240,8 +239,6 @@ def make(
     mass_g: float | None = None,
     spheres: int = 14,
     surface: str = "smooth",
-    time_step_s: float | None = None,
-    restitution: float = 0.1,
     source: object = MESH_FILE,
 ) -> Made:
     """The particle of a berry, with its mesh.
@@ -261,10 +258,6 @@ def make(
         Of the mean berry.
     spheres, surface : int, str, optional
         Of a multisphere, see `sphere_packing.pack`.
-    time_step_s : float, optional
-        Of the study; a multisphere must be stable with it.
-    restitution : float, optional
-        The lowest between berry and wall in the study.
     source : object, optional
         Named in errors of the mesh.
 
@@ -276,17 +269,10 @@ def make(
     Raises
     ------
     InputError
-        If the mesh is bad, or spheres would not be stable.
+        If the mesh is bad, or cannot be represented so.
     """
-    axes_mm = [berry[name] for name in AXES]
     density = berry["density_kg_m3"]
-    if scan is not None:
-        mesh = scan
-    elif mass_g is None:
-        mesh = ellipsoid_mesh(axes_mm)
-    else:
-        mesh = mesh_from_axes.berry_mesh(axes_mm, mass_g, density)[0]
-    stl = stl_of(mesh)
+    stl = _stl(berry, scan, mass_g)
     mesh = mesh_of(stl, source)
     particles: dict[str, Particle | InputError] = {}
     for name in (kind, *(other for other in KINDS if other != kind)):
@@ -298,9 +284,43 @@ def make(
             particles[name] = error
     particle = particles[kind]
     assert isinstance(particle, Particle)
-    if time_step_s is not None and particle.is_clump and "shear_modulus_pa" in berry:
-        sphere_packing.check_time_step(particle, berry, restitution, time_step_s)
     return Made(stl, particle, compare({name: particles[name] for name in KINDS}))
+
+
+def of_settings(berry: Mapping[str, Any], section: Mapping[str, Any]) -> Particle:
+    """The particle of a configuration, the same as `make` gives, without the others beside it.
+
+    Parameters
+    ----------
+    berry : mapping
+        As for `make`.
+    section : mapping
+        The section ``berry`` of the configuration.
+
+    Returns
+    -------
+    Particle
+
+    Raises
+    ------
+    InputError
+        If the mesh is bad, or cannot be represented so.
+    """
+    scan = None if section["stl"] is None else load_mesh(section["stl"])
+    source = section["stl"] or MESH_FILE
+    mesh = mesh_of(_stl(berry, scan, section["mass_g"]), source)
+    how = section["particle"], section["spheres"], section["surface"]
+    return make_particle(mesh, berry["density_kg_m3"], *how, MESH_FILE, source)
+
+
+def _stl(berry, scan, mass_g):
+    """Content of the mesh file: the user's scan, or a mesh of the mean axes."""
+    if scan is not None:
+        return stl_of(scan)
+    axes_mm = [berry[name] for name in AXES]
+    if mass_g is None:
+        return stl_of(ellipsoid_mesh(axes_mm))
+    return stl_of(mesh_from_axes.berry_mesh(axes_mm, mass_g, berry["density_kg_m3"])[0])
 
 
 def run(
@@ -330,7 +350,7 @@ def run(
     Raises
     ------
     InputError
-        If a file or mesh is bad, or spheres would not be stable.
+        If a file or mesh is bad, or cannot be represented so.
     """
     import pandas as pd
 

@@ -3,7 +3,6 @@
 A mesh is in millimetres, all else in metres.
 """
 
-import math
 from dataclasses import dataclass
 from io import BytesIO
 from os import PathLike
@@ -212,25 +211,6 @@ def body_of(mesh: trimesh.Trimesh, density_kg_m3: float) -> Body:
     inertia = np.diag(mesh.moment_inertia) / mesh.density * density_kg_m3 * MM**5
     volume = float(mesh.volume) * MM**3
     return Body(volume, density_kg_m3 * volume, inertia, np.ptp(mesh.vertices, axis=0) * MM)
-
-
-def sphere_directions(count: int) -> np.ndarray:
-    """Evenly spread unit vectors: a Fibonacci lattice.
-
-    Parameters
-    ----------
-    count : int
-        Number of vectors.
-
-    Returns
-    -------
-    numpy.ndarray, (count, 3)
-    """
-    index = np.arange(count)
-    z = 1 - (2 * index + 1) / count
-    azimuth = index * math.pi * (3 - math.sqrt(5))
-    ring = np.sqrt(1 - z**2)
-    return np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z], axis=1)
 
 
 def mesh_support(mesh: trimesh.Trimesh, n: np.ndarray) -> np.ndarray:

@@ -52,8 +52,6 @@ class Particle:
         Principal moments of the mesh at the same density.
     mesh_axes_m : numpy.ndarray, (3,), or None
         Full extents of the mesh.
-    stacking : float
-        Number of spheres that act at one place, see `sphere_packing.stacking`.
     """
 
     kind: str
@@ -70,7 +68,6 @@ class Particle:
     spheres_m: np.ndarray = field(default_factory=_no_spheres)
     mesh_inertia_kg_m2: np.ndarray | None = None
     mesh_axes_m: np.ndarray | None = None
-    stacking: float = 1.0
 
     @property
     def is_clump(self) -> bool:
@@ -145,7 +142,7 @@ class Particle:
 
     def record(self) -> dict[str, Any]:
         """The particle as plain values for a file: lengths in mm, mass in g."""
-        record = {name: getattr(self, name) for name in ("kind", "density_kg_m3", "stl", "stacking")}
+        record = {name: getattr(self, name) for name in ("kind", "density_kg_m3", "stl")}
         for name, (key, unit) in FIELDS.items():
             value = getattr(self, name)
             record[key] = None if value is None else _rounded(np.asarray(value) / unit)
@@ -164,7 +161,7 @@ class Particle:
         -------
         Particle
         """
-        values = {name: record[name] for name in ("kind", "density_kg_m3", "stl", "stacking")}
+        values = {name: record[name] for name in ("kind", "density_kg_m3", "stl")}
         for name, (key, unit) in FIELDS.items():
             value = record[key]
             if isinstance(value, list):
@@ -201,7 +198,7 @@ class Particle:
             If the file is missing, or holds something else.
         """
         what = "a file of `repose shape`"
-        keys = ("kind", "density_kg_m3", "stl", "stacking", *(key for key, _ in FIELDS.values()))
+        keys = ("kind", "density_kg_m3", "stl", *(key for key, _ in FIELDS.values()))
         record = read_json(path, keys, what)
         if record["kind"] not in KINDS:
             raise InputError(path, "kind", record["kind"], " or ".join(KINDS))

@@ -84,9 +84,16 @@ def smallest(distribution: str, berry: Mapping[str, float]) -> float:
     Returns
     -------
     float
+
+    Raises
+    ------
+    InputError
+        If the spread is missing in `berry`.
     """
-    sd, low, high = (berry[key] for key in KEYS)
-    return 1.0 if distribution == "none" or sd == 0 else low / normalisation(sd, low, high)
+    if distribution == "none":
+        return 1.0
+    sd, low, high = _spread(berry)
+    return 1.0 if sd == 0 else low / normalisation(sd, low, high)
 
 
 def draw(rng: np.random.Generator, count: int, sd: float, low: float, high: float) -> np.ndarray:
@@ -111,6 +118,14 @@ def draw(rng: np.random.Generator, count: int, sd: float, low: float, high: floa
     bottom, top = ndtr((low - 1) / sd), ndtr((high - 1) / sd)
     x = 1 + sd * ndtri(bottom + (top - bottom) * rng.random(count))
     return np.clip(x, low, high) / normalisation(sd, low, high)
+
+
+def _spread(berry):
+    """The three numbers of the spread, or InputError."""
+    for key in KEYS:
+        if key not in berry or not (math.isfinite(berry[key]) and berry[key] >= 0):
+            raise InputError("berry.json", key, berry.get(key), "a number, as the verb berry writes it")
+    return [berry[key] for key in KEYS]
 
 
 def of_pour(distribution: str, berry: Mapping[str, Any], seed: int, count: int) -> tuple[np.ndarray, float]:
@@ -139,9 +154,6 @@ def of_pour(distribution: str, berry: Mapping[str, Any], seed: int, count: int) 
     """
     if distribution == "none":
         return np.ones(count), 1.0
-    for key in KEYS:
-        if key not in berry or not (math.isfinite(berry[key]) and berry[key] >= 0):
-            raise InputError("berry.json", key, berry.get(key), "a number, as the verb berry writes it")
-    sd, low, high = (berry[key] for key in KEYS)
+    sd, low, high = _spread(berry)
     scales = draw(np.random.default_rng([STREAM, seed]), count, sd, low, high)
     return scales, high / normalisation(sd, low, high) if sd else 1.0

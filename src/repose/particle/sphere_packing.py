@@ -9,14 +9,12 @@ mesh. "rough_full": the same, grown until the union has the mesh's volume. Nothi
 A number of spheres is a choice, too. "fewest" makes it by a rule: the fewest spheres, from 14 to 60, whose union is
 within 2 % of the mesh's volume and within 3 % of its shortest axis; they grow no further than these 3 % allow.
 
-Spheres that act at the same place add up in stiffness and share the damping of one contact of that stiffness. A clump
-is refused if even the whole damping of each of them, added up, were not stable at the time step of the study.
+Spheres that act at the same place add up in stiffness: a clump of many needs a shorter time step, and
+`repose.dem.time_steps` tells which.
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import trimesh
@@ -24,16 +22,13 @@ from scipy.spatial import cKDTree
 from scipy.stats import qmc
 
 from repose.core.errors import InputError
-from repose.particle.mesh import MM, sphere_directions
-
-if TYPE_CHECKING:
-    from repose.particle.particle import Particle
+from repose.dem.kernels.state import MOST_SPHERES
+from repose.particle.mesh import MM
 
 SURFACES = ("smooth", "rough", "rough_full")
 FEWEST = "fewest"
 FEWEST_FROM, FEWEST_TO = 14, 60
 NEAR_VOLUME, NEAR_SHORTEST_AXIS = 0.02, 0.03
-MOST_SPHERES = 100
 # A further sphere has to lower the rms distance of the surface by this share of the mean radius.
 SMALLEST_GAIN = 1e-4
 ROUGH_SHARE = 0.62  # radius of a rough clump's spheres over that of the largest inscribed ball
@@ -43,8 +38,6 @@ SCREENED = 0.03
 # Centres of a smooth packing keep this distance, over the radius of the largest inscribed ball: spheres side by side
 # would act as one stiffer sphere.
 SPACING = 0.35
-# Overlap at which spheres count as acting together, over the largest radius: that of a soft berry under a pile.
-TYPICAL_OVERLAP = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,15 +52,12 @@ class Packing:
         Of the union of the spheres.
     deviation_max_m, deviation_rms_m : float
         Distances of the mesh's surface from the union.
-    stacking : float
-        See the function `stacking`.
     """
 
     spheres_m: np.ndarray
     volume_m3: float
     deviation_max_m: float
     deviation_rms_m: float
-    stacking: float
 
 
 def pack(
@@ -80,7 +70,7 @@ def pack(
     mesh : trimesh.Trimesh
         In mm, nearly convex, centred.
     count : int or str, optional
-        The most spheres, from 1 to 100; fewer are taken where more add nothing. Or "fewest", see above.
+        The most spheres, from 1 to 64; fewer are taken where more add nothing. Or "fewest", see above.
     surface : str, optional
         "smooth", "rough" or "rough_full".
     source : object, optional
@@ -108,7 +98,6 @@ def pack(
         volume_m3=union_volume(spheres, filling.box) * MM**3,
         deviation_max_m=float(np.abs(gaps).max()) * MM,
         deviation_rms_m=float(np.sqrt(np.mean(gaps**2))) * MM,
-        stacking=stacking(spheres),
     )
 
 
@@ -306,92 +295,3 @@ def _bumps(points, normals, radius, count):
         chosen.append(int(away.argmax()))
         away = np.minimum(away, np.linalg.norm(below - below[chosen[-1]], axis=1))
     return np.column_stack([below[chosen], np.full(count, radius)])
-
-
-def stacking(spheres: np.ndarray, overlap: float = TYPICAL_OVERLAP) -> float:
-    """Number of spheres that act at one place: the largest sum of dampings over that of one sphere, over all
-    directions.
-
-    A plate is pressed against the clump from every side until the foremost sphere overlaps by `overlap` of
-    the largest radius. A contact's damping goes with the root of its Hertz stiffness, (R delta)^(1/4).
-
-    Parameters
-    ----------
-    spheres : numpy.ndarray, (M, 4)
-        Centres and radii, in any unit.
-    overlap : float, optional
-
-    Returns
-    -------
-    float
-    """
-    n = sphere_directions(2000)
-    extent = n @ spheres[:, :3].T + spheres[:, 3]
-    largest = spheres[:, 3].max()
-    deep = np.clip(extent - extent.max(axis=1, keepdims=True) + overlap * largest, 0, None)
-    share = (spheres[:, 3] / largest * deep / (overlap * largest)) ** 0.25
-    return float(share.sum(axis=1).max())
-
-
-def longest_time_step(
-    particle: "Particle", shear_modulus_pa: float, poisson_ratio: float, restitution: float
-) -> float:
-    """Longest stable time step of a particle pressed between two rigid plates at `TYPICAL_OVERLAP`.
-
-    It is on the safe side: the whole damping c = 2 sqrt(5/6) beta sqrt(S m), S = 2 E* sqrt(R delta), of each sphere
-    that acts at one place, added up on both sides of the particle, is more than what these spheres share in the
-    simulator; an explicit step needs 2 c dt / m < 2.
-
-    Parameters
-    ----------
-    particle : Particle
-        A multisphere.
-    shear_modulus_pa, poisson_ratio, restitution : float
-        Of the berry's material, and of its contact with the wall.
-
-    Returns
-    -------
-    float
-        Seconds.
-    """
-    largest = particle.spheres_m[:, 3].max()
-    young = 2 * shear_modulus_pa * (1 + poisson_ratio) / (1 - poisson_ratio**2)
-    stiffness = 2 * young * largest * math.sqrt(TYPICAL_OVERLAP)
-    beta = -math.log(restitution) / math.hypot(math.log(restitution), math.pi)
-    damping = 2 * math.sqrt(5 / 6) * beta * math.sqrt(stiffness * particle.mass_kg)
-    return particle.mass_kg / (particle.stacking * damping)
-
-
-def check_time_step(
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    restitution: float,
-    time_step_s: float,
-    source: object = "configuration",
-) -> None:
-    """Refuse a multisphere that is not stable at the study's time step.
-
-    Parameters
-    ----------
-    particle : Particle
-        A multisphere.
-    berry : mapping
-        With shear_modulus_pa and poisson_ratio.
-    restitution, time_step_s : float
-        Of the contact with the wall, and of the study.
-    source : object, optional
-        Named in the error.
-
-    Raises
-    ------
-    InputError
-        If it is not stable; the message names the longest stable step.
-    """
-    limit = longest_time_step(particle, berry["shear_modulus_pa"], berry["poisson_ratio"], restitution)
-    if time_step_s > limit:
-        count = len(particle.spheres_m)
-        allowed = (
-            f"fewer: {particle.stacking:.1f} of them act at one place, where their stiffnesses add up; "
-            f"that is stable up to simulation.time_step_s {limit:.2g}, here {time_step_s:g}"
-        )
-        raise InputError(source, "berry.spheres", count, allowed)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import least_squares
 
-from repose.particle.mesh import sphere_directions
+from repose.dem.rotations import sphere_directions
 
 # Vertices this near to a quadric (of the mean radius) lie on it, but for the rounding of a file; the coarsest
 # facets that still count as an ellipsoid's may cut this deep (of the mean radius).

@@ -14,7 +14,6 @@ from typing import Any
 
 import pandas as pd
 
-from repose.apparatus.settings import SimulationSettings
 from repose.core import provenance
 from repose.core.errors import NoFlankError
 from repose.core.files import read_json, read_table, write_json, write_table
@@ -161,7 +160,6 @@ def run_cell(
         mass_g=section["mass_g"],
         spheres=section["spheres"],
         surface=section["surface"],
-        time_step_s=SimulationSettings.of(own).time_step_s,
     )
     berry = read_berry(berry_json)
     about = {

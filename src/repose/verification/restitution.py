@@ -232,8 +232,8 @@ def hits(
             **keywords,
         )
 
-    # the limit is a share of the duration of a hit at this speed
-    step = made(1e-12).longest_time_step(max(SPEEDS_M_S)) * time_steps.STEPS_PER_CONTACT / STEPS_PER_CONTACT
+    hit = time_steps.impact(made(1e-12).scene, shape, shape, max(SPEEDS_M_S)).time_step_s
+    step = hit * time_steps.STEPS_PER_CONTACT / STEPS_PER_CONTACT
     simulation = made(step)
     for k in range(count):
         middle = SPACING_M * np.array([k // LANE, k % LANE, 0.0])

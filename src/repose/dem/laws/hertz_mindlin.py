@@ -143,6 +143,34 @@ def contact_time(a: Material, b: Material, mass: float, radius: float, speed: fl
     return 2.868 * (mass**2 / (radius * young**2 * speed)) ** 0.2
 
 
+def oscillator(
+    a: Material, b: Material, contact: Contact, tension: str, radius: float, overlap: float
+) -> tuple[float, float]:
+    """Stiffness and damping ratio of a contact for small motions about an overlap.
+
+    Parameters
+    ----------
+    a, b : Material
+        Materials of the two bodies.
+    contact : Contact
+        Their contact.
+    tension : {"keep", "release", "cut"}
+        How a contact ends, see `Simulation`.
+    radius, overlap : float
+        R* and delta [m].
+
+    Returns
+    -------
+    stiffness : float
+        S_n = 2 E* sqrt(R* delta) [N/m].
+    ratio : float
+        sqrt(5/6) beta: the damping over 2 sqrt(S_n m).
+    """
+    young, _ = effective_moduli(a, b)
+    ratio = math.sqrt(5.0 / 6.0) * damping_ratio(contact.restitution, tension)
+    return 2.0 * young * math.sqrt(radius * overlap), ratio
+
+
 @inlined
 def contact_sizes(t: np.ndarray) -> None:
     """Roots that the forces need, apart from them: a loop of few long chains runs several of them at once.
@@ -224,4 +252,5 @@ LAW = Law(
     n_state=_state.count,
     kernel=kernel,
     contact_time=contact_time,
+    oscillator=oscillator,
 )

@@ -48,6 +48,9 @@ class Law:
         persists, the law's rows from place `at` on; dt: time step [s].
     contact_time : callable, optional
         (material, material, mass, radius, speed) -> duration of a head-on impact [s], of a contact law.
+    oscillator : callable, optional
+        (material, material, contact, tension, radius, overlap) -> stiffness [N/m] and damping ratio of a contact for
+        small motions about an overlap, of a contact law.
     """
 
     name: str
@@ -58,6 +61,7 @@ class Law:
     n_state: int
     kernel: Callable[..., None]
     contact_time: Callable[..., float] | None = None
+    oscillator: Callable[..., tuple[float, float]] | None = None
 
     def __post_init__(self) -> None:
         _KERNELS[self.options] = self.kernel

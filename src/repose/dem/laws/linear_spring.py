@@ -85,6 +85,33 @@ def contact_time(a: Material, b: Material, mass: float, radius: float, _speed: f
     return math.pi * math.sqrt(mass / (4.0 / 3.0 * young * math.sqrt(SECANT) * radius))
 
 
+def oscillator(
+    a: Material, b: Material, contact: Contact, tension: str, radius: float, _overlap: float
+) -> tuple[float, float]:
+    """Stiffness and damping ratio of a contact; they are the same at any overlap.
+
+    Parameters
+    ----------
+    a, b : Material
+        Materials of the two bodies.
+    contact : Contact
+        Their contact.
+    tension : {"keep", "release", "cut"}
+        How a contact ends, see `Simulation`.
+    radius : float
+        R* [m].
+
+    Returns
+    -------
+    stiffness : float
+        k_n [N/m].
+    ratio : float
+        beta: the damping over 2 sqrt(k_n m).
+    """
+    young, _ = effective_moduli(a, b)
+    return 4.0 / 3.0 * young * math.sqrt(SECANT) * radius, damping_ratio(contact.restitution, tension)
+
+
 def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     """The forces of each lane, as `law.contact_forces` asks for them.
 
@@ -129,4 +156,5 @@ LAW = Law(
     n_state=_state.count,
     kernel=kernel,
     contact_time=contact_time,
+    oscillator=oscillator,
 )

@@ -1,0 +1,147 @@
+"""Bounds that no pour breaks while its time step is short enough and its berries are stiff enough.
+
+A step that is too long feeds energy into contacts, and berries fly off; berries that are too soft pass through each
+other. Either may end in a pile that looks like one. So a run looks at its berries now and then, and ends with the
+status ``unstable`` where one of the bounds is broken:
+
+- speed: `FASTEST` times that of a fall through the whole scene with the speed that berries or walls are given;
+- energy: motion and height of all berries together, which nothing but a moving wall can raise: at most what they have
+  at the top of the scene with the speed that they are given, and `GAIN` of it more;
+- overlap: of two berries at most `DEEPEST` of the smallest extent of the smaller one.
+
+Looking changes nothing in the simulation.
+"""
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from repose import dem
+
+FASTEST = 3.0  # a small berry between large ones leaves faster than they came
+GAIN = 0.1  # hits of smooth bodies without friction may return more than they took, see docs/verification.md
+DEEPEST = 0.5
+EVERY = 2000  # time steps between two looks at the speeds
+SELDOM = 5  # every so many of these looks, and at the end, energy and overlaps are looked at, too
+CURE = {
+    "time step": "a shorter simulation.time_step_s than {:.3g} helps",
+    "modulus": "a higher berry.shear_modulus_pa, or a shorter simulation.time_step_s than {:.3g}, helps",
+}
+
+
+class Unstable(Exception):
+    """A run that broke a bound. The text is its reason: berry, time, and what helps."""
+
+
+class Bounded:
+    """Advances a simulation and looks at its berries on the way.
+
+    Parameters
+    ----------
+    simulation : Simulation
+    top_m : float
+        The largest height that a berry is brought to.
+    speed_m_s : float, optional
+        The largest that a berry or a wall is given.
+    """
+
+    def __init__(self, simulation: "dem.Simulation", top_m: float, speed_m_s: float = 0.0):
+        self.simulation, self.speed_m_s = simulation, speed_m_s
+        self.gravity = -float(simulation.physics.gravity[2])
+        floor = float(simulation.physics.floor_height)
+        self.lowest_m = min(float(simulation.lower[2]), floor if math.isfinite(floor) else math.inf)
+        self.fall_m = top_m - self.lowest_m
+        self.fastest_m_s = FASTEST * (math.sqrt(2.0 * self.gravity * self.fall_m) + speed_m_s)
+        self.thickness_m = 2.0 * min(
+            float(shape.half_extents_m.min()) for shape in simulation.shapes.values()
+        )
+        self.looked = 0
+
+    def run_to(self, step: int) -> None:
+        """Advance to a time step.
+
+        Parameters
+        ----------
+        step : int
+            Nothing happens where it has passed.
+
+        Raises
+        ------
+        Unstable
+            If a bound is broken on the way.
+        """
+        simulation = self.simulation
+        while simulation.steps < step:
+            try:
+                simulation.run_steps(min(step, self.looked + EVERY) - simulation.steps)
+            except RuntimeError as error:  # contacts without number
+                raise Unstable(f"{error}, {self._when('time step')}") from None
+            if simulation.steps >= self.looked + EVERY:
+                self.look(everywhere=simulation.steps % (SELDOM * EVERY) == 0)
+
+    def look(self, everywhere: bool = True) -> None:
+        """Look at the berries now.
+
+        Parameters
+        ----------
+        everywhere : bool, optional
+            At energy and overlaps, too, which takes ten times as long as the speeds.
+
+        Raises
+        ------
+        Unstable
+            If a bound is broken.
+        """
+        self.looked = self.simulation.steps
+        if not self.simulation.n_bodies:
+            return
+        self._look_at_speeds()
+        if everywhere:
+            self._look_at_energy()
+            self._look_at_overlaps()
+
+    def _look_at_speeds(self):
+        """Refuse a position that is not finite, and a speed that no fall gives."""
+        simulation = self.simulation
+        squares = np.square(simulation.velocities).sum(axis=1)
+        squares[~np.isfinite(squares) | ~np.isfinite(simulation.positions).all(axis=1)] = np.inf
+        fastest = int(np.argmax(squares))
+        speed = math.sqrt(squares[fastest])
+        if speed > self.fastest_m_s:
+            what = f"moves at {speed:.3g} m/s" if math.isfinite(speed) else "has no finite position or speed"
+            bound = f"none here can be faster than {self.fastest_m_s:.3g} m/s"
+            raise Unstable(f"berry {fastest} {what}, {self._when('time step')}; {bound}")
+
+    def _look_at_energy(self):
+        """Refuse more energy than the berries were given."""
+        simulation, there = self.simulation, self.simulation.present
+        energies = simulation.kinetic_energies()[there]
+        masses = simulation.masses_kg[there]
+        heights = simulation.positions[there, 2] - self.lowest_m
+        energy = float(energies.sum() + self.gravity * np.sum(masses * heights))
+        given = float(masses.sum()) * (self.gravity * self.fall_m + 0.5 * self.speed_m_s**2)
+        if energy > (1.0 + GAIN) * given:
+            most = int(np.flatnonzero(there)[np.argmax(energies)])
+            bound = f"all berries together have {energy:.3g} J and were given {given:.3g} J"
+            raise Unstable(f"berry {most} has {energies.max():.3g} J, {self._when('time step')}; {bound}")
+
+    def _look_at_overlaps(self):
+        """Refuse berries that pass through each other."""
+        simulation = self.simulation
+        pairs, overlaps = simulation.overlaps()
+        if not len(pairs):
+            return
+        share = overlaps / simulation.scales[pairs].min(axis=1) / self.thickness_m
+        worst = int(np.argmax(share))
+        if share[worst] > DEEPEST:
+            which, depth = pairs[worst], 1e3 * overlaps[worst]
+            bound = f"at most {100 * DEEPEST:g} % of the smallest extent is a contact"
+            raise Unstable(
+                f"berries {which[0]} and {which[1]} overlap by {depth:.3g} mm, {self._when('modulus')}; {bound}"
+            )
+
+    def _when(self, cure):
+        """The time, and what helps."""
+        return f"after {self.simulation.time_s:.3g} s: {CURE[cure].format(self.simulation.time_step_s)}"

@@ -1,0 +1,164 @@
+"""Bounds of a pour: a good one keeps them, and one that breaks them is called unstable, with what helps."""
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from repose import dem
+from repose.apparatus import bench, scene
+from repose.apparatus.bounds import EVERY, Bounded, Unstable
+from repose.core.parameters import PARAMETERS
+from repose.dem import time_steps
+from repose.particle.build import ellipsoid_mesh, fit_particle
+
+CONFIG = yaml.safe_load((Path(__file__).parents[2] / "config" / "quick.yaml").read_text())
+BERRY = {
+    "shear_modulus_pa": 4.3e4,
+    "poisson_ratio": 0.32,
+    "long_mm": 21.14,
+    "major_mm": 11.37,
+    "minor_mm": 9.88,
+}
+PARTICLE = fit_particle(ellipsoid_mesh(np.array([21.14, 11.37, 9.88])), 840.47)
+SET = dict.fromkeys(PARAMETERS, 0.3)
+SMALL = {
+    "funnel": {"berries": 12, "duration_s": 3.0},
+    "drum": {
+        "berries": 12,
+        "length_mm": 40.0,
+        "rotate_from_s": 1.0,
+        "report_s": 2.0,
+        "longest_rotation_s": 2.0,
+    },
+    "cylinder": {"berries": 12, "duration_s": 2.0, "diameter_mm": 60.0, "height_mm": 60.0},
+}
+
+
+def config(step_s=2e-4):
+    whole = copy.deepcopy(CONFIG)
+    whole["simulation"]["time_step_s"] = step_s
+    for name, changes in SMALL.items():
+        whole.setdefault(name, {}).update(changes)
+    return whole
+
+
+def three_berries(**of_second):
+    """A plane with three berries that lie apart, bounded for a fall of 0.1 m."""
+    radius, mass = 5e-3, 5e-4
+    ball = dem.Shape([[radius] * 3], mass, [0.4 * mass * radius**2] * 3, "berry")
+    contact = dem.Contact(0.3, 0.5, 0.1)
+    simulation = dem.Simulation(
+        {"berry": ball},
+        {"berry": dem.Material(4.3e4, 0.32)},
+        {("berry", "berry"): contact},
+        1e-4,
+        capacity=3,
+        lower=(-0.1, -0.1, 0.0),
+        upper=(0.1, 0.1, 0.1),
+        walls={"plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "berry")},
+    )
+    simulation.add("berry", (0.0, 0.0, radius))
+    simulation.add("berry", **({"position_m": (0.05, 0.0, radius)} | of_second))
+    simulation.add("berry", (-0.05, 0.0, radius))
+    return Bounded(simulation, 0.1)
+
+
+def test_what_a_fall_can_give_is_within_the_bounds():
+    bounded = three_berries(position_m=(0.05, 0.0, 0.1))
+    bounded.run_to(3 * EVERY)
+    bounded.look()
+    assert bounded.simulation.steps == 3 * EVERY
+
+
+def test_a_berry_that_is_too_fast_is_named_with_time_and_cure():
+    bounded = three_berries(velocity_m_s=(0.0, 0.0, 900.0))
+    with pytest.raises(
+        Unstable, match=r"berry 1 moves at 900 m/s, after 0 s: a shorter simulation\.time_step_s than"
+    ):
+        bounded.look()
+
+
+def test_a_berry_without_a_place_is_named():
+    bounded = three_berries()
+    bounded.simulation.positions[2] = np.nan
+    with pytest.raises(Unstable, match="berry 2 has no finite position"):
+        bounded.look()
+
+
+def test_energy_beyond_what_was_given_is_told():
+    """Each has 1.3 times the energy of the fall: none alone is too fast."""
+    bounded = three_berries()
+    bounded.simulation.velocities[:] = (0.0, 0.0, np.sqrt(2 * 9.81 * 0.1 * 1.3))
+    with pytest.raises(Unstable, match=r"all berries together have .* J and were given"):
+        bounded.look()
+
+
+@pytest.mark.parametrize(("apart_mm", "broken"), [(5.5, False), (4.5, True)])
+def test_berries_that_pass_through_each_other_are_named(apart_mm, broken):
+    """Half of a ball's diameter, 10 mm, is the bound: centres 5 mm apart."""
+    bounded = three_berries(position_m=(0.0, 1e-3 * apart_mm, 5e-3))
+    bounded.simulation.run_steps(1)
+    pairs, overlaps = bounded.simulation.overlaps()
+    assert pairs.tolist() == [[0, 1]]
+    between = np.linalg.norm(bounded.simulation.positions[1] - bounded.simulation.positions[0])
+    assert overlaps[0] == pytest.approx(1e-2 - between, abs=1e-12)
+    if broken:
+        with pytest.raises(
+            Unstable, match=r"berries 0 and 1 overlap by 5\.43 mm.*a higher berry\.shear_modulus_pa"
+        ):
+            bounded._look_at_overlaps()
+    else:
+        bounded._look_at_overlaps()
+
+
+def test_overlaps_of_clumps_are_those_of_their_spheres():
+    mass = 1e-3
+    spheres = [[-4e-3, 0, 0, 3e-3], [4e-3, 0, 0, 3e-3]]
+    pair = dem.Clump(spheres, mass, [mass * 1e-5] * 3, "berry")
+    simulation = dem.Simulation(
+        {"berry": pair},
+        {"berry": dem.Material(4.3e4, 0.32)},
+        {("berry", "berry"): dem.Contact(0.3, 0.5, 0.1)},
+        1e-5,
+        capacity=2,
+        lower=(-0.1, -0.1, -0.1),
+        upper=(0.1, 0.1, 0.1),
+        gravity_m_s2=(0.0, 0.0, 0.0),
+        largest_scale=1.5,
+    )
+    simulation.add("berry", (0.0, 0.0, 0.0))
+    # the second is turned by a right angle and 1.5 times as large: its lower sphere, 4.5 mm, meets the right one
+    simulation.add("berry", (4e-3, 0.0, 13e-3), (np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0), scale=1.5)
+    simulation.run_steps(1)
+    _, overlaps = simulation.overlaps()
+    assert overlaps == pytest.approx([7.5e-3 - 7e-3], abs=1e-7)
+
+
+@pytest.mark.parametrize("name", ["funnel", "drum", "cylinder"])
+def test_a_run_that_explodes_is_unstable_and_says_what_to_do(name, monkeypatch):
+    monkeypatch.setattr(scene, "longest_time_step", lambda *_: time_steps.Limit(1.0, ""))
+    monkeypatch.setattr(time_steps, "longest", lambda *_: time_steps.Limit(1.0, ""))
+    whole = config(3e-3)
+    run = bench(name).run(whole, SET, 1, PARTICLE, BERRY)
+    assert run.record["status"] == "unstable"
+    assert "after" in run.record["reason"]
+    assert "a shorter simulation.time_step_s than 0.003" in run.record["reason"]
+    measured = bench(name).measure(run.record, run.arrays, whole, PARTICLE, BERRY)
+    assert measured["status"] == "unstable"
+
+
+@pytest.mark.parametrize("name", ["funnel", "drum", "cylinder"])
+def test_looking_moves_no_bit(name, monkeypatch):
+    def final(every):
+        monkeypatch.setattr("repose.apparatus.bounds.EVERY", every)
+        run = bench(name).run(config(), SET, 1, PARTICLE, BERRY)
+        assert run.record["status"] != "unstable"
+        return run.arrays
+
+    seldom, often = final(10**9), final(37)
+    assert seldom.keys() == often.keys()
+    for key, values in seldom.items():
+        np.testing.assert_array_equal(values, often[key])

@@ -1,0 +1,158 @@
+"""The longest time step of a study: check, pour and engine accept and refuse alike."""
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from repose.apparatus import bench, names
+from repose.apparatus.scene import longest_time_step
+from repose.config import checks
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
+from repose.particle import build, size_distribution
+
+CONFIG = yaml.safe_load((Path(__file__).parents[2] / "config" / "quick.yaml").read_text())
+AXES_MM = {"long_mm": 21.14, "major_mm": 11.37, "minor_mm": 9.88}
+SPREAD = {"scale_sd": 0.08, "scale_low": 0.78, "scale_high": 1.16}
+BERRY = AXES_MM | SPREAD | {"density_kg_m3": 840.47, "poisson_ratio": 0.32}
+PARTICLES = {
+    "ellipsoid": {"particle": "ellipsoid", "mass_g": None},
+    "smooth": {"particle": "smooth", "mass_g": 1.25},
+    "spheres": {"particle": "multisphere", "mass_g": 1.25, "spheres": 8},
+    "rough": {"particle": "multisphere", "mass_g": 1.25, "spheres": 16, "surface": "rough"},
+    "many": {"particle": "multisphere", "mass_g": 1.25, "spheres": 40},
+}
+
+
+@pytest.fixture(scope="module")
+def particles():
+    section = CONFIG["berry"] | {"stl": None}
+    return {name: build.of_settings(BERRY, section | own) for name, own in PARTICLES.items()}
+
+
+def sized(particle, factor):
+    """The particle at another size."""
+    record = particle.record()
+    for key, power in {"semi_axes_mm": 1, "spheres_mm": 1, "bounding_radius_mm": 1, "mass_g": 3}.items():
+        record[key] = (np.array(record[key]) * factor**power).tolist()
+    record["inertia_g_mm2"] = (np.array(record["inertia_g_mm2"]) * factor**5).tolist()
+    return type(particle).of_record(record)
+
+
+def case(rng, particles):
+    """Configuration, berry, particle and lowest restitutions of a random study."""
+    config = copy.deepcopy(CONFIG)
+    name = str(rng.choice(list(particles)))
+    factor = 10 ** rng.uniform(np.log10(0.5), np.log10(50.0)) / AXES_MM["long_mm"]
+    config["wall"]["shear_modulus_pa"] = 10 ** rng.uniform(3.0, 11.0)
+    config["simulation"]["tension"] = str(rng.choice(["keep", "release", "cut"]))
+    config["berry"]["size_distribution"] = str(rng.choice(["none", "measured"]))
+    for key in ("e_gg", "e_gp"):
+        low = float(rng.uniform(0.05, 0.9))
+        config["parameters"][key] = [low, float(rng.uniform(low + 0.01, 0.95))]
+    config["validation"]["published"] = None
+    berry = BERRY | {"shear_modulus_pa": float(10 ** rng.uniform(4.0, 9.0))}
+    return config, berry, sized(particles[name], factor)
+
+
+def refused_by_check(config, particle, berry):
+    return [key for key, _ in checks._unstable(config, particle, berry)] == ["simulation.time_step_s"]
+
+
+def refused_by_pours(config, parameters, particle, berry):
+    """Whether all bench tests refuse; they have to agree with each other."""
+    refused = set()
+    for name in names():
+        if name in config:
+            try:
+                bench(name).build(config, parameters, particle, berry)
+                refused.add("")
+            except InputError as error:
+                refused.add(error.key)
+    assert refused in ({""}, {"simulation.time_step_s"})
+    return refused != {""}
+
+
+def test_check_and_pour_and_engine_agree(particles):
+    rng = np.random.default_rng(20)
+    for _ in range(300):
+        config, berry, particle = case(rng, particles)
+        lowest = {name: range_low(config, name) for name in PARAMETERS}
+        limit = longest_time_step(config, lowest, particle, berry).time_step_s
+        smallest = size_distribution.smallest(config["berry"]["size_distribution"], berry)
+
+        config["simulation"]["time_step_s"] = 0.9999 * limit
+        assert not refused_by_check(config, particle, berry)
+        assert not refused_by_pours(config, lowest, particle, berry)
+        simulation = bench("funnel").build(config, lowest, particle, berry)
+        simulation.add("berry", (0.0, 0.0, 0.0), scale=smallest)  # what a pour would do
+        least_damped = lowest | {name: config["parameters"][name][1] for name in ("e_gg", "e_gp")}
+        assert not refused_by_pours(config, least_damped, particle, berry)
+
+        config["simulation"]["time_step_s"] = 1.0001 * limit
+        assert refused_by_check(config, particle, berry)
+        assert refused_by_pours(config, lowest, particle, berry)
+
+
+def range_low(config, name):
+    return float(config["parameters"][name][0])
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"simulation.time_step_s": 4.5e-4}, "1/15 of the contact time"),
+        ({"simulation.time_step_s": 3.0e-4, "berry.size_distribution": "measured"}, "smallest scale, 0.781"),
+        (
+            {
+                "simulation.time_step_s": 3.0e-4,
+                "simulation.tension": "release",
+                "berry.particle": "multisphere",
+                "berry.spheres": 40,
+                "parameters.e_gg": [0.02, 0.3],
+            },
+            "restitution 0.02, [0-9.]+ spheres at one place",
+        ),
+        (
+            {"berry.shear_modulus_pa": 1e9, "berry.poisson_ratio": 0.3},
+            r"at most [0-9.e-]+, 1/15 of the contact time",
+        ),
+    ],
+)
+def test_the_check_of_a_configuration_refuses_what_a_pour_would(changes, told):
+    config = copy.deepcopy(CONFIG)
+    for key, value in changes.items():
+        section, _, name = key.partition(".")
+        config[section][name] = value
+    with pytest.raises(InputError, match=rf"simulation\.time_step_s is .*{told}"):
+        checks.check_inputs(config)
+
+
+def test_a_published_set_of_low_restitution_counts(particles, tmp_path):
+    config = copy.deepcopy(CONFIG)
+    config["simulation"] |= {"time_step_s": 3.0e-4, "tension": "release"}
+    config["validation"]["published"] = None
+    berry, many = BERRY | {"shear_modulus_pa": 4.3e4}, particles["many"]
+    assert not refused_by_check(config, many, berry)
+    table = tmp_path / "published.csv"
+    table.write_text("solution,e_gg,mus_gg,mur_gg,e_gp,mus_gp,mur_gp\n1,0.02,0.5,0.05,0.02,0.5,0.2\n")
+    config["validation"]["published"] = str(table)
+    assert refused_by_check(config, many, berry)
+
+
+def test_more_spheres_than_the_engine_takes_are_refused_by_the_schema():
+    config = copy.deepcopy(CONFIG)
+    config["berry"]["spheres"] = 65
+    with pytest.raises(InputError, match=r"berry\.spheres is 65; allowed: fewest or an integer from 1 to 64"):
+        checks.check(config)
+
+
+def test_the_smallest_berry_is_one_that_can_be_drawn():
+    spread = {"scale_sd": 0.1, "scale_low": 0.8, "scale_high": 1.2}
+    least = size_distribution.smallest("measured", spread)
+    drawn = size_distribution.of_pour("measured", spread, 1, 2000)[0]
+    assert least <= drawn.min() < 1.02 * least
+    assert size_distribution.smallest("none", {}) == 1.0

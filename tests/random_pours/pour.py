@@ -1,0 +1,282 @@
+"""Random legal pours: every particle, size, modulus, restitution and bench test; see README.md.
+
+python tests/random_pours/pour.py --count 2000 --out tests/random_pours/pours.csv
+"""
+
+import argparse
+import contextlib
+import copy
+import csv
+import math
+import signal
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from repose.apparatus import bench
+from repose.apparatus.bounds import Bounded
+from repose.apparatus.scene import longest_time_step
+from repose.config import checks
+from repose.config.loader import load
+from repose.core.parameters import PARAMETERS
+from repose.particle import berry as berries
+from repose.particle import build
+
+PARTICLES = {
+    "ellipsoid": {"particle": "ellipsoid", "mass_g": None},
+    "smooth": {"particle": "smooth"},
+    "smooth_sizes": {"particle": "smooth", "size_distribution": "measured"},
+    "spheres": {"particle": "multisphere", "spheres": 14},
+    "spheres_fewest": {"particle": "multisphere", "spheres": "fewest"},
+    "rough": {"particle": "multisphere", "spheres": 16, "surface": "rough"},
+}
+HIGHEST = {"mus_gg": 1.0, "mur_gg": 0.5, "mus_gp": 1.0, "mur_gp": 0.5}  # of friction
+MOST_STEPS = 40_000  # most pours; MANY_SHARE of them have MANY berries and as many steps as they need
+FALLS = 40  # time of a pour, over that of a fall by a berry's length
+MANY, MANY_SHARE = 300, 0.01
+LONGEST_S = 60.0
+COLUMNS = [
+    *("number", "apparatus", "particle", "berries", "long_mm", "shear_modulus_pa", "e_gg", "e_gp", "tension"),
+    *("gravity_m_s2", "time_step_s", "share_of_limit", "steps", "status", "cpu_s", "energy_over_given"),
+    *("speed_over_fall", "overlap_over_extent", "reason"),
+]
+
+
+class TooLong(Exception):
+    """A pour took longer than `LONGEST_S`."""
+
+
+def _stop(*_):
+    raise TooLong
+
+
+class Seen:
+    """The largest energy, speed and overlap of a run, over what the bounds are measured by."""
+
+    def __init__(self):
+        self.energy = self.speed = self.overlap = 0.0
+        self.steps = 0
+
+    def note(self, bounded):
+        """Add the present state."""
+        s = bounded.simulation
+        self.steps = s.steps
+        if not s.n_bodies:
+            return
+        masses, there = s.masses_kg, s.present
+        heights = s.positions[there, 2] - bounded.lowest_m
+        energy = s.kinetic_energies().sum() + bounded.gravity * np.sum(masses[there] * heights)
+        given = masses.sum() * (bounded.gravity * bounded.fall_m + 0.5 * bounded.speed_m_s**2)
+        fall = math.sqrt(2.0 * bounded.gravity * bounded.fall_m) + bounded.speed_m_s
+        pairs, overlaps = s.overlaps()
+        shares = overlaps / s.scales[pairs].min(axis=1) / bounded.thickness_m if len(pairs) else np.zeros(1)
+        self.energy = max(self.energy, float(energy / given) if given > 0.0 else 0.0)
+        self.speed = max(self.speed, float(np.sqrt(np.square(s.velocities).sum(axis=1).max())) / fall)
+        self.overlap = max(self.overlap, float(shares.max()))
+
+
+def noting(seen):
+    """Bounded.look that adds to `seen` first."""
+    look = Bounded.look
+
+    def noted(self, everywhere=True):
+        seen[-1].note(self)
+        look(self, everywhere)
+
+    return noted
+
+
+def sized(particle, factor):
+    """The particle at another size."""
+    record = particle.record()
+    for key, power in {"semi_axes_mm": 1, "spheres_mm": 1, "bounding_radius_mm": 1, "mass_g": 3}.items():
+        record[key] = (np.array(record[key]) * factor**power).tolist()
+    for key, power in {"volume_mm3": 3, "inertia_g_mm2": 5}.items():
+        record[key] = (np.array(record[key]) * factor**power).tolist()
+    return type(particle).of_record(record)
+
+
+def drawn(number, default, mean, particles):
+    """Configuration, parameters, particle and berry of a random case."""
+    rng = np.random.default_rng([13, number])
+    config = copy.deepcopy(default)
+    apparatus, name = str(rng.choice(["funnel", "drum", "cylinder"])), str(rng.choice(list(PARTICLES)))
+    long_mm = float(10 ** rng.uniform(math.log10(0.5), math.log10(50.0)))
+    factor = long_mm / mean["long_mm"]
+    berry = dict(mean) | {key: factor * mean[key] for key in ("long_mm", "major_mm", "minor_mm")}
+    berry["shear_modulus_pa"] = float(10 ** rng.uniform(4.0, 9.0))
+    parameters = {key: float(rng.uniform(0.0, HIGHEST.get(key, 1.0))) for key in PARAMETERS}
+    parameters |= {key: float(rng.uniform(0.05, 0.95)) for key in ("e_gg", "e_gp")}
+    config["simulation"]["tension"] = str(rng.choice(["keep", "release", "cut"]))
+    config["simulation"]["friction_limit"] = str(rng.choice(["elastic", "total"]))
+    config["berry"]["size_distribution"] = PARTICLES[name].get("size_distribution", "none")
+    particle = sized(particles[name], factor)
+    limit = longest_time_step(config, parameters, particle, berry)
+    share = float(rng.choice([1.0, rng.uniform(0.3, 1.0)]))
+    config["simulation"]["time_step_s"] = step_s = share * limit.time_step_s
+    many = bool(rng.random() < MANY_SHARE)
+    # of a fall by a berry's length; gravity may rise to 100 m/s2, so that a pour ends within so many steps
+    falls = 120 if many else FALLS
+    tau_s, room_s = math.sqrt(2e-3 * long_mm / 9.81), MOST_STEPS * step_s
+    gravity = 9.81 * min(10.0, max(1.0, (falls * tau_s / room_s) ** 2))
+    tau_s *= math.sqrt(9.81 / gravity)
+    span_s = falls * tau_s if many else min(falls * tau_s, room_s)
+    number_of = MANY if many else min(int(rng.integers(20, 61)), max(20, round(1.5 * span_s / tau_s)))
+    config["simulation"]["gravity_m_s2"] = gravity
+    # the energy of a berry that falls by a ten thousandth of its length
+    config["simulation"]["rest_energy_j"] = min(1e-3, 1e-4 * gravity * particle.mass_kg * 1e-3 * long_mm)
+    config[apparatus] |= SCENES[apparatus](rng, long_mm, span_s, number_of)
+    return apparatus, name, share, config, parameters, particle, berry
+
+
+def _funnel(rng, d, span_s, n):
+    """A funnel for berries of length d [mm] that pours for half of a span of time."""
+    outlet, inlet = rng.uniform(1.5, 4.5), rng.uniform(6.0, 9.0)
+    return {
+        "berries": n,
+        "rate_per_s": 2.0 * n / span_s,
+        "duration_s": span_s,
+        "rest_window_s": 0.1 * span_s,
+        "rest_motion_mm": 0.05 * d,
+        "inlet_diameter_mm": inlet * d,
+        "outlet_diameter_mm": outlet * d,
+        "rim_radius_mm": 0.05 * d,
+        "cone_angle_deg": float(rng.uniform(45.0, 80.0)),
+        "tube_length_mm": 0.0,
+        "outlet_height_mm": rng.uniform(1.0, 4.0) * d,
+        "plate_diameter_mm": rng.uniform(10.0, 30.0) * d,
+        "factory_height_mm": rng.uniform(0.5, 3.0) * d,
+        "factory_diameter_mm": rng.uniform(3.0, inlet) * d,
+    }
+
+
+def _drum(rng, d, span_s, n):
+    """A drum for berries of length d [mm] that fills for a third of a span of time."""
+    radius = rng.uniform(3.0, 6.0)
+    return {
+        "berries": n,
+        "rate_per_s": 4.0 * n / span_s,
+        "rotate_from_s": span_s / 3,
+        "report_s": span_s / 2,
+        "longest_rotation_s": span_s / 3,
+        "settle_s": span_s / 6,
+        "record_s": span_s / 30,
+        "outer_diameter_mm": 2.2 * radius * d,
+        "wall_thickness_mm": 0.1 * radius * d,
+        "length_mm": rng.uniform(2.5, 5.0) * d,
+        "factory_height_mm": 0.3 * radius * d,
+        "angular_velocity_rad_s": min(10.0, rng.uniform(0.5, 2.0) / (span_s / 3)),
+    }
+
+
+def _cylinder(rng, d, span_s, n):
+    """A cylinder for berries of length d [mm] that fills for half of a span of time."""
+    diameter = rng.uniform(2.0, 4.0)
+    return {
+        "berries": n,
+        "rate_per_s": 2.0 * n / span_s,
+        "duration_s": span_s,
+        "diameter_mm": diameter * d,
+        "height_mm": rng.uniform(0.06, 0.2) * n / diameter**2 * d,
+        "collar_mm": rng.uniform(4.0, 10.0) * d,
+        "core_margin_mm": 0.1 * d,
+        "speed_m_s": float(rng.uniform(0.0, 1.0)),
+    }
+
+
+SCENES = {"funnel": _funnel, "drum": _drum, "cylinder": _cylinder}
+
+
+def poured(number, default, mean, particles, seen):
+    """Row of one case."""
+    apparatus, name, share, config, parameters, particle, berry = drawn(number, default, mean, particles)
+    row = {
+        "number": number,
+        "apparatus": apparatus,
+        "particle": name,
+        "berries": config[apparatus]["berries"],
+        "long_mm": f"{berry['long_mm']:.4g}",
+        "shear_modulus_pa": f"{berry['shear_modulus_pa']:.3g}",
+        "e_gg": f"{parameters['e_gg']:.2f}",
+        "e_gp": f"{parameters['e_gp']:.2f}",
+        "tension": config["simulation"]["tension"],
+        "gravity_m_s2": f"{config['simulation']['gravity_m_s2']:.3g}",
+        "time_step_s": f"{config['simulation']['time_step_s']:.3g}",
+        "share_of_limit": f"{share:.2f}",
+    }
+    test = bench(apparatus)
+    axes = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
+    faults = [
+        f"{key}: {allowed}" for key, allowed in (*test.contradictions(config), *test.misfits(config, axes))
+    ]
+    faults += [
+        f"{key}: {allowed}" for key, allowed in checks._unstable(of_one(config, parameters), particle, berry)
+    ]
+    if faults:
+        return row | {"status": "refused", "reason": "; ".join(faults)}
+    seen.append(Seen())
+    began = time.process_time()
+    signal.setitimer(signal.ITIMER_REAL, 20.0 * LONGEST_S)
+    signal.setitimer(signal.ITIMER_PROF, LONGEST_S)
+    try:
+        record = test.run(config, parameters, number, particle, berry).record
+        status, reason = record["status"], record["reason"]
+    except TooLong:
+        status, reason = "HANG", ""
+    except Exception as error:
+        status, reason = "CRASH", f"{type(error).__name__}: {error}"
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+    return row | {
+        "steps": seen[-1].steps,
+        "status": status,
+        "cpu_s": f"{time.process_time() - began:.2f}",
+        "energy_over_given": f"{seen[-1].energy:.5g}",
+        "speed_over_fall": f"{seen[-1].speed:.3g}",
+        "overlap_over_extent": f"{seen[-1].overlap:.3g}",
+        "reason": reason,
+    }
+
+
+def of_one(config, parameters):
+    """A configuration whose parameters are one set."""
+    fixed = {name: {"fixed": value} for name, value in parameters.items()}
+    return config | {"parameters": fixed, "validation": config["validation"] | {"published": None}}
+
+
+def main():
+    """Pour what is not in the table yet."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=2000, help="cases 0 to COUNT - 1")
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--out", default=Path(__file__).with_name("pours.csv"), type=Path)
+    args = parser.parse_args()
+    done = set()
+    if args.out.is_file():
+        with args.out.open() as table:
+            done = {int(row["number"]) for row in csv.DictReader(table)}
+    config = load("config/config.yaml")
+    section = config["berry"]
+    table1 = "resources/published/table1.csv"
+    mean = berries.of_files(section["sizes"], section["compression"], table1, section["density_kg_m3"])[1]
+    particles = {name: build.of_settings(mean, section | own) for name, own in PARTICLES.items()}
+    for kind in (signal.SIGALRM, signal.SIGPROF):
+        signal.signal(kind, _stop)
+    warnings.simplefilter("ignore", RuntimeWarning)  # what overflows in an explosion
+    seen = [Seen()]
+    Bounded.look = noting(seen)
+    with args.out.open("a", newline="") as table, contextlib.suppress(KeyboardInterrupt):
+        writer = csv.DictWriter(table, COLUMNS, lineterminator="\n")
+        if not done:
+            writer.writeheader()
+        for number in range(args.first, args.count):
+            if number not in done:
+                writer.writerow(poured(number, config, mean, particles, seen))
+                table.flush()
+
+
+if __name__ == "__main__":
+    main()
