@@ -107,6 +107,12 @@ def test_check_tells_the_number_of_pours(capsys):
     out = capsys.readouterr().out
     assert "150 parameter sets x 6 seeds = 900 pours" in out
     assert "min on 2 cores" in out
+    for told in (
+        "time step: simulation.time_step_s is",
+        "stiffness: the pile sinks by",
+        "volume: 500 grains",
+    ):
+        assert told in out
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ def test_an_empty_folder_names_every_number_that_is_missing(folder, capsys):
     assert main(["check", "--config", "config.yaml"]) == 2
     told = capsys.readouterr().err
     for key in ("berry.density_kg_m3", "targets.0.value", "targets.0.sd", "targets.0.range"):
-        assert f"config.yaml: {key} is" in told
+        assert f"repose: error: config.yaml: {key} is" in told
 
 
 def test_a_folder_that_exists_is_left_alone(folder, monkeypatch, capsys):

@@ -317,6 +317,10 @@ def test_a_fault_names_the_file_it_came_from(tmp_path):
     with pytest.raises(InputError) as caught:
         loader.resolve(["config/config.yaml"], {"funnel": {"seeds": "0"}})
     assert caught.value.source == loader.COMMAND_LINE
+    mine.write_text("targets: [{response: height_mm, value: null}]\n")
+    with pytest.raises(InputError) as caught:
+        loader.resolve(["config/config.yaml", str(mine)])
+    assert all(fault.source == str(mine) for fault in caught.value.faults)
 
 
 def test_seeds_are_stable_distinct_and_fresh_for_validation():

@@ -13,6 +13,7 @@ from contextlib import nullcontext
 from repose.cli import (
     calibration,
     cards,
+    checking,
     comparison,
     inputs,
     measuring,
@@ -34,6 +35,7 @@ from repose.core.errors import InputError
 # The whole study first, then its steps in the order in which the data flows; so the help lists them.
 FAMILIES = (
     new,
+    checking,
     run,
     inputs,
     pouring,

@@ -1,4 +1,4 @@
-"""Verbs around a study: speed, the configuration's check, the verification suite, what a repository keeps."""
+"""Verbs around a study: speed, the verification suite, what a repository keeps."""
 
 import argparse
 import json
@@ -9,7 +9,7 @@ from repose.cli.berries import berry_and_particle
 from repose.cli.options import JSON
 from repose.cli.registry import Family, Option
 from repose.config import loader
-from repose.core import places, published
+from repose.core import published
 from repose.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -34,25 +34,6 @@ def bench(args: argparse.Namespace) -> None:
         berry_of, particles[name] = berry_and_particle(changed, args.config)
     result = speed.run(config, particles, berry_of, published.representative())
     print(json.dumps(result, indent=1) if args.json else speed.message(result))
-
-
-@family.verb(
-    "check a configuration; print how many pours a run needs and how long it takes",
-    example="--config config/paper.yaml",
-    options=[Option("--cores", type=int, default=2, help="cores of the run (2)")],
-)
-def check(args: argparse.Namespace) -> None:
-    if args.cores < 1:
-        raise InputError("command line", "--cores", args.cores, "at least 1")
-    from repose.config import cost
-
-    config = loader.resolve([*places.configs(), places.find(args.config)])
-    work = cost.work(config)
-    print(f"{args.config}: {config['label']}, good; results go to {config['results_dir']}")
-    for purpose, sets, seeds in work["pours"]:
-        print(f"{purpose:>14}: {sets} parameter sets x {seeds} seeds = {sets * seeds} pours")
-    minutes = work["total_s"] / args.cores / 60
-    print(f"about {work['pour_s']:.1f} s per pour, {minutes:.0f} min on {args.cores} cores")
 
 
 @family.verb(

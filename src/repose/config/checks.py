@@ -1,7 +1,8 @@
 """Checks of the keys of a configuration against each other and against the files that they name."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from repose.apparatus import bench_tests, names
 from repose.apparatus.settings import SimulationSettings
@@ -15,6 +16,10 @@ from repose.core.parameters import PARAMETERS
 from repose.core.published import check_published, published_sets
 from repose.core.responses import responses_of
 from repose.core.targets import Targets
+
+if TYPE_CHECKING:
+    from repose.dem.time_steps import Limit
+    from repose.particle.particle import Particle
 
 LARGEST_BLOCKS = 100  # of a refined proposal's pours: jobs of a round have three digits
 
@@ -121,14 +126,32 @@ def _misfits(config, mean):
         yield from test.misfits(config, [mean[column] for column in berry.SIZE_COLUMNS])
 
 
-def _unstable(config, particle, mean):
-    """A time step that the engine would refuse for some set of parameters of the study, or of the published table."""
+def longest_step(config: Mapping[str, Any], particle: "Particle", mean: Mapping[str, Any]) -> "Limit":
+    """The longest time step that the engine takes for every set of parameters of a study and its published table.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    particle : Particle
+    mean : mapping
+        What the verb ``berry`` writes.
+
+    Returns
+    -------
+    repose.dem.time_steps.Limit
+    """
     from repose.apparatus.scene import longest_time_step
 
     sets = [{name: range_of(name, config["parameters"][name])[0] for name in PARAMETERS}]
     sets += published_sets(config["validation"]["published"])
     lowest = {name: min(one[name] for one in sets) for name in PARAMETERS}
-    limit = longest_time_step(config, lowest, particle, mean)
+    return longest_time_step(config, lowest, particle, mean)
+
+
+def _unstable(config, particle, mean):
+    """A time step that the engine would refuse."""
+    limit = longest_step(config, particle, mean)
     if SimulationSettings.of(config).time_step_s > limit.time_step_s:
         yield "simulation.time_step_s", limit.allowed
 

@@ -1,6 +1,7 @@
 """The cost of a run of a configuration: numbers of pours and their time."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from repose.apparatus import bench
@@ -9,12 +10,14 @@ from repose.core.published import published_count
 from repose.core.targets import Targets
 
 # Measured on one core of a common server: for the estimate that is shown before a run.
-SECONDS_A_BERRY_STEP = 4.5e-8
+SECONDS_A_BERRY_STEP = 8e-8
 SECONDS_A_VIEW = 0.01
 JOB_START_S = 2.5  # of a pour's job and of its measurement's
+# Purpose, number of parameter sets, seeds of each.
+Pours = Sequence[tuple[str, int, int]]
 
 
-def run_s(config: Mapping[str, Any], name: str) -> float:
+def run_s(config: Mapping[str, Any], name: str, berry_step_s: float = SECONDS_A_BERRY_STEP) -> float:
     """Wall time of a run of a bench test on one core, without its measurement.
 
     Parameters
@@ -22,22 +25,34 @@ def run_s(config: Mapping[str, Any], name: str) -> float:
     config : mapping
     name : str
         Of the bench test.
+    berry_step_s : float, optional
+        Wall time of a step of one berry; `repose.config.advice.berry_step_s` measures it.
 
     Returns
     -------
     float
         Seconds.
     """
-    steps = bench(name).duration_s(config) / SimulationSettings.of(config).time_step_s
-    return SECONDS_A_BERRY_STEP * config[name].get("berries", 1) * steps
+    section, duration = config[name], bench(name).duration_s(config)
+    berries = section.get("berries", 1)
+    filled = duration - 0.5 * min(duration, berries / section.get("rate_per_s", math.inf))
+    return berry_step_s * berries * filled / SimulationSettings.of(config).time_step_s
 
 
-def work(config: Mapping[str, Any]) -> dict[str, Any]:
+def work(
+    config: Mapping[str, Any],
+    berry_step_s: float = SECONDS_A_BERRY_STEP,
+    pours: Pours | None = None,
+) -> dict[str, Any]:
     """What a study takes.
 
     Parameters
     ----------
     config : mapping
+    berry_step_s : float, optional
+        As for `run_s`.
+    pours : sequence of (purpose, parameter sets, seeds), optional
+        Of another strategy than the published one; each set runs as often in every bench test of the targets.
 
     Returns
     -------
@@ -45,8 +60,20 @@ def work(config: Mapping[str, Any]) -> dict[str, Any]:
         ``pours``: of the funnel, as (purpose, parameter sets, seeds). ``pour_s``: wall time of one [s].
         ``total_s``: of the whole study on one core [s], the other bench tests of its targets included.
     """
-    funnel, validation = config["funnel"], config["validation"]
     targets = Targets.of(config["targets"])
+    pour_s = run_s(config, "funnel", berry_step_s) + SECONDS_A_VIEW * config["measure"]["views"]
+
+    def runs_s(name: str) -> float:
+        return pour_s if name == "funnel" else run_s(config, name, berry_step_s)
+
+    if pours is not None:
+        total_s = sum(
+            sets * (JOB_START_S + seeds * runs_s(name))
+            for name in targets.apparatus
+            for _, sets, seeds in pours
+        )
+        return {"pours": pours, "pour_s": pour_s, "total_s": total_s}
+    funnel, validation = config["funnel"], config["validation"]
     theirs = published_count(validation["published"], targets.responses)
     pours = (
         ("design", config["design"]["samples"], funnel["seeds"]),
@@ -54,13 +81,12 @@ def work(config: Mapping[str, Any]) -> dict[str, Any]:
         ("validation", validation["solutions"], validation["seeds"]),
         ("published", theirs, validation["seeds"]),
     )
-    pour_s = run_s(config, "funnel") + SECONDS_A_VIEW * config["measure"]["views"]
     total_s = sum(sets * (JOB_START_S + seeds * pour_s) for _, sets, seeds in pours)
-    total_s += config["drum"]["seeds"] * (JOB_START_S + run_s(config, "drum"))
+    total_s += config["drum"]["seeds"] * (JOB_START_S + runs_s("drum"))
     sets = sum(sets for _, sets, _ in pours)
     for name in targets.apparatus:
         if name != "funnel":
-            total_s += sets * (JOB_START_S + config[name]["seeds"] * run_s(config, name))
+            total_s += sets * (JOB_START_S + config[name]["seeds"] * runs_s(name))
     return {"pours": pours, "pour_s": pour_s, "total_s": total_s}
 
 

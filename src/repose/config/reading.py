@@ -119,7 +119,7 @@ def parse(text: str, name: str) -> Any:
 
 
 class Origin:
-    """Where each dotted key came from; a key that is nowhere belongs to the first file.
+    """Where each dotted key came from; a key that is nowhere belongs to the first file, one in a list to the list's.
 
     Parameters
     ----------
@@ -144,7 +144,9 @@ class Origin:
         -------
         str
         """
-        return self.origin.get(key, self.default)
+        of_list = key.split(".")
+        place = next((k for k, step in enumerate(of_list) if step.isdigit()), len(of_list))
+        return self.origin.get(".".join(of_list[:place]), self.default)
 
 
 def origin_of(source: "str | Origin", key: str) -> str:

@@ -1,0 +1,93 @@
+"""The verb that checks a configuration and says what a run of it needs."""
+
+import argparse
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from repose.cli.berries import berry_and_particle
+from repose.cli.registry import Family, Option
+from repose.config import loader
+from repose.core import places
+from repose.core.errors import InputError
+
+# Volumes of particle and mesh that differ by less are the same to a pile.
+LARGEST_VOLUME_CHANGE = 0.05
+
+family = Family()
+
+
+@family.verb(
+    "check a configuration; tell how long the time step may be, how soft the grains, and what a run needs",
+    example="--config config/paper.yaml",
+    options=[Option("--cores", type=int, default=2, help="cores of the run (2)")],
+)
+def check(args: argparse.Namespace) -> None:
+    if args.cores < 1:
+        raise InputError("command line", "--cores", args.cores, "at least 1")
+    from repose.config import advice, cost
+    from repose.strategies import cost as strategies
+
+    config = loader.resolve([*places.configs(), places.find(args.config)])
+    berry, particle = berry_and_particle(config, args.config)
+    print(f"{args.config}: {config['label']}, good; results go to {config['results_dir']}")
+    for line in _about_the_grain(config, berry, particle):
+        print(line)
+    _tell_of_compiling()
+    measured = advice.berry_step_s(config, berry, particle)
+    work = cost.work(config, measured, strategies.pours(config))
+    for purpose, sets, seeds in work["pours"]:
+        print(f"{purpose:>14}: {sets} parameter sets x {seeds} seeds = {sets * seeds} pours")
+    minutes = work["total_s"] / args.cores / 60
+    print(
+        f"about {work['pour_s']:.2g} s per pour, {minutes:.0f} min on {args.cores} cores, as measured now: "
+        f"{1e9 * measured:.2g} ns for a time step of a grain on this machine"
+    )
+
+
+def _about_the_grain(config, berry, particle) -> Iterator[str]:
+    """Sentences on time step, stiffness, volume and particle."""
+    from repose.config import advice, checks
+
+    step = config["simulation"]["time_step_s"]
+    longest = checks.longest_step(config, particle, berry)
+    yield f"time step: simulation.time_step_s is {step:g} s, {longest.allowed}"
+    yield f"stiffness: {_softening(config, berry, particle, step)}"
+    sentence, fits = advice.filling(config, particle.volume_m3)
+    yield f"volume: {'' if fits else 'WARNING: '}{sentence}"
+    section = config["berry"]
+    if particle.mesh_volume_m3:
+        change = particle.volume_m3 / particle.mesh_volume_m3 - 1
+        if abs(change) > LARGEST_VOLUME_CHANGE:
+            yield (
+                f"particle: WARNING: the volume of the {section['particle']} is {100 * change:+.0f} % off the mesh's; "
+                "another berry.particle or berry.surface, or more berry.spheres, comes nearer"
+            )
+    if section["stl"] is not None and section["mass_g"] is not None:
+        mass_g = 1e3 * particle.mass_kg
+        yield f"mass: WARNING: berry.mass_g is not used beside berry.stl, whose grain has {mass_g:.3g} g"
+
+
+def _softening(config, berry, particle, step):
+    """How far the shear modulus may be lowered, what it costs and what it brings."""
+    from repose.config import advice, checks
+
+    given = berry["shear_modulus_pa"]
+    sinking, softest = advice.softening(config, berry)
+    now = f"the pile sinks by {100 * sinking:.2g} % of its Height under its own weight"
+    if softest >= given:
+        return f"{now}; berry.shear_modulus_pa, {given:.3g}, should not be lower"
+    longest = checks.longest_step(config, particle, {**berry, "shear_modulus_pa": softest}).time_step_s
+    return (
+        f"{now}; with berry.shear_modulus_pa {softest:.2g} instead of {given:.3g} it sinks by "
+        f"{100 * advice.LARGEST_SINKING:.2g} %, simulation.time_step_s may be {longest:.2g} s, and a run takes "
+        f"{step / longest:.2g} of the time"
+    )
+
+
+def _tell_of_compiling():
+    """A word where the first pour on a machine compiles the engine."""
+    from repose.dem import cache
+
+    if not any(Path(cache.folder()).rglob("*.nbi")):
+        print("compiling the engine, once: a minute or two", file=sys.stderr, flush=True)
