@@ -1,5 +1,6 @@
 """The drum: its walls, the measurement on beds of known angle and motion, and a small drum that turns."""
 
+import dataclasses
 import json
 import math
 from pathlib import Path
@@ -146,6 +147,21 @@ def test_the_motion_of_a_known_layer_is_found_by_depth():
 @pytest.fixture(scope="module")
 def small_rotation():
     return drum_rotation.rotate(config(**SMALL), REPRESENTATIVE, 3, PARTICLE, BERRY)
+
+
+def test_a_slip_with_no_berry_under_the_surface_has_no_profile():
+    nothing = np.full(3, np.nan)
+    assert bed.depth_profile(nothing, nothing, 0.005).shape == (0, 4)
+
+
+def test_a_slip_without_a_surface_is_no_result(small_rotation):
+    """Small berries under coarse pixels: the slip is found, its angles are not."""
+    slipped = dataclasses.replace(small_rotation, slip=bed.Slip(0, 0, 1))
+    assert drum.status_of(slipped, config(**SMALL)) == ("ok", "")
+    unseen = small_rotation.record | {"surface_deg": np.full(len(small_rotation.record["time_s"]), np.nan)}
+    status, reason = drum.status_of(dataclasses.replace(slipped, record=unseen), config(**SMALL))
+    assert status == "no_surface"
+    assert "measure.mm_per_pixel" in reason
 
 
 def test_a_small_bed_turns_with_the_drum_and_no_berry_leaves(small_rotation):

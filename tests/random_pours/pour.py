@@ -181,7 +181,7 @@ def _cylinder(rng, d, span_s, n):
         "diameter_mm": diameter * d,
         "height_mm": rng.uniform(0.06, 0.2) * n / diameter**2 * d,
         "collar_mm": rng.uniform(4.0, 10.0) * d,
-        "core_margin_mm": 0.1 * d,
+        "core_margin_mm": 0.02 * d,
         "speed_m_s": float(rng.uniform(0.0, 1.0)),
     }
 
@@ -247,6 +247,34 @@ def of_one(config, parameters):
     return config | {"parameters": fixed, "validation": config["validation"] | {"published": None}}
 
 
+def counted(rows):
+    """Lines of a table: how the pours of each bench test and particle ended, and their extremes."""
+    statuses = sorted({row["status"] for row in rows})
+    extremes = ("cpu_s", "energy_over_given", "speed_over_fall", "overlap_over_extent")
+    head = ["apparatus", "particle", "pours", *statuses, *(f"largest {name}" for name in extremes)]
+    yield "| " + " | ".join(head) + " |"
+    yield "|---|---|" + "--:|" * (len(head) - 2)
+    groups = [(a, p) for a in SCENES for p in PARTICLES] + [("all", "all")]
+    for apparatus, particle in groups:
+        these = [
+            row
+            for row in rows
+            if apparatus in ("all", row["apparatus"]) and particle in ("all", row["particle"])
+        ]
+        counts = [sum(row["status"] == status for row in these) for status in statuses]
+        largest = [max((float(row[name] or 0.0) for row in these), default=0.0) for name in extremes]
+        cells = [apparatus, particle, len(these), *counts, *(f"{value:.4g}" for value in largest)]
+        yield "| " + " | ".join(map(str, cells)) + " |"
+
+
+def read(path):
+    """Rows of a table of pours; none where there is no file."""
+    if not path.is_file():
+        return []
+    with path.open(newline="") as table:
+        return list(csv.DictReader(table))
+
+
 def main():
     """Pour what is not in the table yet."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -254,10 +282,7 @@ def main():
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--out", default=Path(__file__).with_name("pours.csv"), type=Path)
     args = parser.parse_args()
-    done = set()
-    if args.out.is_file():
-        with args.out.open() as table:
-            done = {int(row["number"]) for row in csv.DictReader(table)}
+    done = {int(row["number"]) for row in read(args.out)}
     config = load("config/config.yaml")
     section = config["berry"]
     table1 = "resources/published/table1.csv"
@@ -276,6 +301,7 @@ def main():
             if number not in done:
                 writer.writerow(poured(number, config, mean, particles, seen))
                 table.flush()
+    print("\n".join(counted(read(args.out))))
 
 
 if __name__ == "__main__":

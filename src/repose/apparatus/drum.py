@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from repose.particle.particle import Particle
 
 NAME = "drum"
-STATUSES = ("ok", "unstable", "lost", "not_at_rest", "no_slip")
+STATUSES = ("ok", "unstable", "lost", "not_at_rest", "no_slip", "no_surface")
 
 # --- what it gives --------------------------------------------------------------------------------
 
@@ -160,6 +160,13 @@ def status_of(rotation: "Rotation", config: Mapping[str, Any]) -> tuple[str, str
     if rotation.slip is None:
         fall, last = config[NAME]["slip_drop_deg"], rotation.record["time_s"][-1]
         return "no_slip", f"the bed's centre of mass never fell by {fall:g} degrees in {last:g} s"
+    seen = rotation.record["surface_deg"][[rotation.slip.begins, rotation.slip.ends]]
+    if not np.all(np.isfinite(seen)):
+        scale = config["measure"]["mm_per_pixel"]
+        return (
+            "no_surface",
+            f"the bed has no surface that {scale:g} mm a pixel (measure.mm_per_pixel) resolve",
+        )
     return "ok", ""
 
 

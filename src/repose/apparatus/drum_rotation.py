@@ -266,7 +266,7 @@ def _until_slip(watch, section, calm, every, progress):
 
 def slip_numbers(
     rotation: Rotation, slip: bed.Slip, section: Mapping[str, Any], particle: "Particle", mm_per_pixel: float
-) -> tuple[dict[str, float], np.ndarray]:
+) -> tuple[dict[str, float | None], np.ndarray]:
     """Numbers of a slip, and the motion by depth.
 
     Parameters
@@ -281,6 +281,7 @@ def slip_numbers(
     Returns
     -------
     numbers : dict of float
+        None for motions where no berry lies under the part of the surface that is fitted.
     profile : numpy.ndarray, (bins, 4)
         Rows of `bed.depth_profile`, lengths in mm.
     """
@@ -306,7 +307,7 @@ def slip_numbers(
         "slip_duration_s": float(record["time_s"][slip.ends] - record["time_s"][slip.begins]),
         "largest_energy_j": float(record["energy_j"][slip.begins : slip.ends + 1].max()),
         "moved_share": bed.moved_share(moved, particle),
-        "surface_moved_mm": float(profile[0, 1]),
-        "wall_moved_mm": float(profile[-1, 1]),
+        "surface_moved_mm": float(profile[0, 1]) if len(profile) else None,
+        "wall_moved_mm": float(profile[-1, 1]) if len(profile) else None,
     }
     return numbers, profile

@@ -279,7 +279,7 @@ def depth_profile(depth_m: np.ndarray, moved_m: np.ndarray, bin_m: float) -> np.
     for k in np.unique(bins):
         here = moved_m[known][bins == k]
         rows.append(((k + 0.5) * bin_m, here.mean(), here.std(), len(here)))
-    return np.array(rows)
+    return np.array(rows).reshape(-1, 4)
 
 
 def moved_share(moved_m: np.ndarray, particle: silhouette.ConvexBody) -> float:
