@@ -138,6 +138,9 @@ rule rule_graph:
         " --configfile {params.config:q} --rulegraph > {output.dot:q} 2> {log:q}"
 
 
+# Largest of a whole run, rounded up; the other figures take less than 500.
+MEMORY_MB = {"figure05": 6000, "figure15": 2500}
+
 for figure, (label, shown, depends) in FIGURES.items():
 
     rule:
@@ -158,7 +161,7 @@ for figure, (label, shown, depends) in FIGURES.items():
             f"{RESULTS}/benchmarks/figures/{figure}.tsv"
         threads: 1
         resources:
-            mem_mb=1000,
+            mem_mb=MEMORY_MB.get(figure, 500),
         params:
             config=CONFIG,
             figure=figure,

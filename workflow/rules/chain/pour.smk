@@ -24,7 +24,7 @@ rule pour:
     retries: 1
     threads: 1
     resources:
-        mem_mb=600,
+        mem_mb=900,
     params:
         config=CONFIG,
         folder=folder,
@@ -56,7 +56,7 @@ rule measure_runs:
         f"{RESULTS}/benchmarks/{{runs}}/{{sample}}_measured.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=500,
     params:
         config=CONFIG,
         folder=folder,
