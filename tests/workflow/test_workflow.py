@@ -207,7 +207,7 @@ def test_a_round_that_misses_is_followed_by_the_next_until_one_is_within_or_the_
     (folder / "heaps").mkdir(parents=True)
     names = ["proposal.csv", *(f"heaps/{job}.pours.json" for job in (1001, 1002, 1101, 1102))]
     names += [f"heaps/{job}.{kind}" for job in (1001, 1002, 1101, 1102) for kind in ("npz", "json")]
-    for name in [*names, "dataset.csv", "runs.csv", "round.csv", "verdict.json"]:
+    for name in [*names, "dataset.csv", "runs.csv", "dataset_summary.json", "round.csv", "verdict.json"]:
         (folder / name).touch()
     for verdict, rules in (
         ({"outcome": "not within", "usable": 4}, REFIT | ROUND | END),
