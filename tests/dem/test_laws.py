@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from dem.common import GOJI, simulation
 
-from repose.dem import Contact
+from repose.dem import Contact, Material
+from repose.dem.kernels import state as st
+from repose.dem.kernels import tile as tl
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS, linear_spring
 from repose.dem.laws.hertz_mindlin import damping_ratio
 from repose.dem.materials import effective_moduli
@@ -61,3 +63,32 @@ def test_laws_are_chosen_by_name():
         simulation(rolling_law=None)
     # a linear spring has a time step of its own
     assert head_on(0.5).longest_time_step() != simulation(SPHERE).longest_time_step()
+
+
+def test_a_linear_spring_is_as_stiff_as_hertz_at_its_secant_and_swings_half_a_period():
+    radius, mass, at = 3e-3, 1e-3, st.NORMAL + 3 * st.LANES
+    overlap = linear_spring.SECANT * radius
+    hertz = 4.0 / 3.0 * effective_moduli(GOJI, GOJI)[0] * math.sqrt(radius) * overlap**1.5
+    rows = (
+        linear_spring.STIFFNESS,
+        linear_spring.TANGENTIAL_RATIO,
+        linear_spring.DAMPING,
+        linear_spring.FRICTION,
+    )
+    values = linear_spring.constants(GOJI, GOJI, Contact(0.5, 0.3, 0.0))
+    given = dict(zip(rows, values, strict=True))
+    given |= {tl.GAP: -overlap, tl.RADIUS: radius, tl.INVERSE_MASS: 1.0 / mass}
+    tile, kept = np.zeros(max(given) + st.LANES), np.zeros(at + 3 * st.LANES)
+    for row, value in given.items():
+        tile[row:][: st.LANES] = value
+    linear_spring.LAW.kernel(linear_spring.LAW.make_options(), tile, kept, at, 1e-6)
+    np.testing.assert_allclose(tile[tl.PUSH :][: st.LANES], hertz, rtol=1e-12)
+    half_a_period = math.pi * math.sqrt(mass * overlap / hertz)
+    assert linear_spring.contact_time(GOJI, GOJI, mass, radius, 1.0) == pytest.approx(half_a_period)
+
+
+def test_effective_moduli_by_hand():
+    """E = 2.6 and 4.8 MPa: 1/E* = 0.91/2.6 + 0.96/4.8, 1/G* = 1.7/1 + 1.8/2, both 1/MPa."""
+    young, shear = effective_moduli(Material(1e6, 0.3), Material(2e6, 0.2))
+    assert young == pytest.approx(1e6 / 0.55)
+    assert shear == pytest.approx(1e6 / 2.6)

@@ -159,3 +159,18 @@ def test_sides_without_an_angle_say_why():
     ):
         with pytest.raises(NoFlankError, match="foot is not seen"):
             definition()
+
+
+def test_points_at_both_ends_of_a_window_belong_to_it():
+    height = np.arange(30.0)
+    distance = 2.0 * height + np.random.default_rng(1).normal(scale=3.0, size=30)
+    slope = angles.window_slopes(distance, height, np.array([5.0]), np.array([20.0]))
+    assert slope[0] == pytest.approx(np.polyfit(distance[5:21], height[5:21], 1)[0], rel=1e-9)
+
+
+def test_levels_lie_in_the_middle_of_the_outermost_and_the_innermost_crossing():
+    """A flank with one dip: each height in the dip is crossed upwards twice."""
+    profile = np.array([0.0, 10.0, 20.0, 10.0, 20.0, 30.0])
+    middle, heights = profile_points.points_by_levels(profile, 14.5, 16.5)
+    assert heights.tolist() == [15.0, 16.0]
+    np.testing.assert_allclose(middle, [0.5 * (1.5 + 3.5), 0.5 * (1.6 + 3.6)])

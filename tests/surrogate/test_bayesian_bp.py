@@ -91,6 +91,14 @@ def test_evidence_is_exact_for_a_linear_model():
     assert evidence.log_evidence(alpha, beta, e @ e, w @ w, J.T @ J, 8) == pytest.approx(exact, rel=1e-12)
 
 
+def test_the_root_of_the_weights_covariance_is_one_of_the_inverse_hessian():
+    random = np.random.RandomState(5)
+    J, alpha, beta = random.normal(size=(8, 3)), np.array([0.3, 0.7, 5.0]), 2.0
+    root = evidence.posterior_root(alpha, beta, J.T @ J)
+    hessian = 2 * beta * J.T @ J + 2 * np.diag(alpha)
+    np.testing.assert_allclose(root @ root.T, np.linalg.inv(hessian), rtol=1e-12)
+
+
 def test_the_best_start_by_evidence_is_chosen_and_bad_starts_are_not(monkeypatch):
     """From weights of zero no gradient reaches the hidden layer: such a start must lose."""
     honest = two_layer.nguyen_widrow
