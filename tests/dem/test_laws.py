@@ -7,7 +7,7 @@ from dem.common import GOJI, simulation
 from repose.dem import Contact, Material
 from repose.dem.kernels import state as st
 from repose.dem.kernels import tile as tl
-from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS, linear_spring
+from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS, hertz_mindlin, linear_spring
 from repose.dem.laws.hertz_mindlin import damping_ratio
 from repose.dem.materials import effective_moduli
 
@@ -92,3 +92,13 @@ def test_effective_moduli_by_hand():
     young, shear = effective_moduli(Material(1e6, 0.3), Material(2e6, 0.2))
     assert young == pytest.approx(1e6 / 0.55)
     assert shear == pytest.approx(1e6 / 2.6)
+
+
+def test_hertz_impact_lasts_as_long_as_the_integral_of_its_energy_says():
+    """t = 2/v times the integral of 1 / sqrt(1 - (x/D)^(5/2)) up to the deepest overlap D; x = D sin(a)^(4/5)."""
+    mass, radius, speed = 1e-3, 3e-3, 0.5
+    stiffness = 4.0 / 3.0 * effective_moduli(GOJI, GOJI)[0] * math.sqrt(radius)
+    deepest = (1.25 * mass * speed**2 / stiffness) ** 0.4
+    angle = (np.arange(200000) + 0.5) * (0.5 * math.pi / 200000)
+    duration = 2.0 * deepest / speed * 0.8 * np.sum(np.sin(angle) ** -0.2) * (angle[1] - angle[0])
+    assert hertz_mindlin.contact_time(GOJI, GOJI, mass, radius, speed) == pytest.approx(duration, rel=1e-3)
