@@ -201,7 +201,7 @@ def test_a_job_writes_what_tables_and_film_read(tmp_path):
         config(**keys), REPRESENTATIVE, [3], PARTICLE, BERRY, tmp_path, trajectory=True
     )
     run = results[0]["run"]
-    assert json.loads((tmp_path / "turn_3.json").read_text()) == results[0]
+    assert json.loads((tmp_path / "drum_3.json").read_text()) == results[0]
     # the job of all bench tests gives the same, and its responses
     pours = pour_job(drum.BENCH, config(**keys), "004", REPRESENTATIVE, [3], PARTICLE, BERRY, tmp_path)
     job = measure_job(config(**keys), pours, PARTICLE, BERRY)
@@ -215,17 +215,17 @@ def test_a_job_writes_what_tables_and_film_read(tmp_path):
     assert job["summary"]["drum_slip_deg"] == measured["drum_slip_deg"]
     assert run["status"] == "ok", run["reason"]
     assert run["after_time_s"] > run["before_time_s"] > 0
-    tables = drum_tables.run([tmp_path / "turn_3.json"], tmp_path)
+    tables = drum_tables.run([tmp_path / "drum_3.json"], tmp_path)
     summary = tables["summary"].set_index("key")
     assert summary.loc["before_turned_deg", "mean"] == run["before_turned_deg"]
     assert np.isnan(summary.loc["before_turned_deg", "standard_error"])
     assert tables["profile"]["berries"].sum() > 20
-    with np.load(tmp_path / "turn_3.npz") as arrays:
+    with np.load(tmp_path / "drum_3.npz") as arrays:
         for state in drum_rotation.STATES:
             assert arrays[f"position_{state}"].shape == (60, 3)
     out = tmp_path / "drum.gif"
     film.animate_drum(
-        tmp_path / "turn_3_trajectory.npz", PARTICLE, out, config(**keys)["drum"], frames=2, width=60
+        tmp_path / "drum_3_trajectory.npz", PARTICLE, out, config(**keys)["drum"], frames=2, width=60
     )
     with Image.open(out) as shown:
         assert (shown.n_frames, shown.size) == (2, (60, 60))
@@ -235,9 +235,9 @@ def test_means_have_standard_errors(tmp_path):
     record = {key: np.zeros(2) for key in drum_rotation.RECORD}
     for seed, angle in ((1, 40.0), (2, 44.0)):
         run = {"seed": seed, "status": "ok", "before_surface_deg": angle}
-        (tmp_path / f"turn_{seed}.json").write_text(json.dumps({"run": run}))
-        np.savez(tmp_path / f"turn_{seed}.npz", profile=np.array([[2.5, 10.0 * seed, 1.0, 9.0]]), **record)
-    paths = [tmp_path / f"turn_{seed}.json" for seed in (1, 2)]
+        (tmp_path / f"drum_{seed}.json").write_text(json.dumps({"run": run}))
+        np.savez(tmp_path / f"drum_{seed}.npz", profile=np.array([[2.5, 10.0 * seed, 1.0, 9.0]]), **record)
+    paths = [tmp_path / f"drum_{seed}.json" for seed in (1, 2)]
     row = drum_tables.run(paths, tmp_path)["summary"].set_index("key").loc["before_surface_deg"]
     assert (row["mean"], row["standard_error"], row["runs"]) == (42.0, 2.0, 2)
     with pytest.raises(InputError, match="each seed once"):

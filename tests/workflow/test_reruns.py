@@ -65,7 +65,7 @@ def test_a_result_that_was_damaged_or_edited_stops_the_workflow_and_is_named(pro
     assert path.read_text() == good
 
 
-POURS = {"pour": 12, "validation_pour": 9, "trajectory": 1, "turn": 2}
+POURS = {"pour": 12, "validation_pour": 9, "trajectory": 1, "drum_run": 2}
 
 
 def test_an_edited_engine_pours_again(finished, monkeypatch):
@@ -84,7 +84,7 @@ def test_a_changed_target_pours_no_published_solution_again(finished):
     (project / "target.json").write_text(json.dumps({"targets": config["targets"]}))
     jobs = planned(project, *words[:2], "target.json", *words[2:], "--", "calibration")
     assert "pour" not in jobs
-    assert (jobs["validation_pour"], jobs["trajectory"], jobs["turn"]) == (3, 1, 2), "our own solutions"
+    assert (jobs["validation_pour"], jobs["trajectory"], jobs["drum_run"]) == (3, 1, 2), "our own solutions"
 
 
 def test_another_label_runs_nothing(finished):

@@ -71,7 +71,7 @@ def test_the_strategy_chooses_what_a_study_makes(project):
     words = ("--configfile", "config/quick.yaml", "--config", "strategy=response_surface")
     jobs = planned(project, *words)
     assert jobs["response_pour"] == 8
-    assert not {"pour", "network", "miga", "turn"} & set(jobs)
+    assert not {"pour", "network", "miga", "drum_run"} & set(jobs)
     assert "response_pour" not in planned(project, "--configfile", "config/quick.yaml")
 
 

@@ -25,7 +25,7 @@ STAGES = (
         "validate",
     ),
     *("measure", "film", "draw_convergence", "posterior_tables", "page"),
-    *("turn", "drum", "drum_film", "draw_drum"),
+    *("drum_run", "drum", "drum_film", "draw_drum"),
     *(f"draw_figure{number:02d}" for number in (2, 5, 6, 7, 8, 9, 10, 13, 14, 15)),
 )
 
@@ -39,7 +39,7 @@ MIXED = [
 def test_the_recommended_study_has_every_stage_and_one_job_a_sample(project):
     jobs = planned(project)
     assert set(STAGES) <= set(jobs)
-    assert (jobs["pour"], jobs["validation_pour"], jobs["turn"]) == (150, 12, 6)
+    assert (jobs["pour"], jobs["validation_pour"], jobs["drum_run"]) == (150, 12, 6)
     assert not (project / "results").exists(), "a dry run writes nothing"
 
 
@@ -66,7 +66,7 @@ def test_samples_are_run_in_every_bench_test_of_the_targets(project):
 def test_the_small_run_has_the_same_rules(project):
     small = planned(project, "--configfile", "config/quick.yaml")
     assert set(small) == set(planned(project))
-    assert (small["pour"], small["turn"]) == (20, 2)
+    assert (small["pour"], small["drum_run"]) == (20, 2)
 
 
 @pytest.mark.parametrize(
@@ -111,16 +111,16 @@ def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
     assert set(heavier) == {"berry", "shape", "warm_up", "pour", "measure_runs", "total"}
 
 
-POURS = ("pour", "validation_pour", "trajectory", "turn")
+POURS = ("pour", "validation_pour", "trajectory", "drum_run")
 
 
 @pytest.mark.parametrize(
     ("change", "measured", "poured"),
     [
         ("measure={response: flank}", ("measure_runs", "measure_validation_runs"), ()),
-        ("measure={mm_per_pixel: 0.3}", ("measure_runs", "measure_validation_runs"), ("turn",)),
+        ("measure={mm_per_pixel: 0.3}", ("measure_runs", "measure_validation_runs"), ("drum_run",)),
         ("funnel={rest_motion_mm: 2}", ("measure_runs", "measure_validation_runs"), POURS[:3]),
-        ("drum={fit_share: 0.5}", (), ("turn",)),
+        ("drum={fit_share: 0.5}", (), ("drum_run",)),
         (
             "validation={seeds: 3, representative_seeds: 3}",
             ("measure_validation_runs",),

@@ -63,7 +63,7 @@ FIGURES = {
     "figure15": (
         "Figure 15",
         {
-            "states": f"{RESULTS}/drum/turn_{DRUM_SEEDS[0]}.npz",
+            "states": f"{RESULTS}/drum/drum_{DRUM_SEEDS[0]}.npz",
             "particle": rules.shape.output.particle,
         },
         ("drum", "measure.mm_per_pixel"),

@@ -52,7 +52,7 @@ def run_job(
     out_dir: str | PathLike,
     trajectory: bool = False,
 ) -> list[dict[str, Any]]:
-    """Turn the drum with each seed; write OUT/turn_SEED.json and OUT/turn_SEED.npz.
+    """Turn the drum with each seed; write OUT/drum_SEED.json and OUT/drum_SEED.npz.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def run_job(
     seeds : iterable of int
     out_dir : path
     trajectory : bool
-        Whether OUT/turn_SEED_trajectory.npz is written, too: every frame of the record.
+        Whether OUT/drum_SEED_trajectory.npz is written, too: every frame of the record.
 
     Returns
     -------
@@ -72,13 +72,13 @@ def run_job(
     for seed in seeds:
         began = time.perf_counter()
         run = drum.run(config, parameters, seed, particle, berry, 0.0 if trajectory else None)
-        write_timings(out, f"turn_{seed}", {str(seed): round(time.perf_counter() - began, 3)})
-        write_npz(out / f"turn_{seed}.npz", run.arrays)
+        write_timings(out, f"drum_{seed}", {str(seed): round(time.perf_counter() - began, 3)})
+        write_npz(out / f"drum_{seed}.npz", run.arrays)
         if run.frames is not None:
-            write_npz(out / f"turn_{seed}_trajectory.npz", run.frames)
+            write_npz(out / f"drum_{seed}_trajectory.npz", run.frames)
         about = about_job(drum.BENCH, config, seed, parameters)
         result = {key: about[key] for key in ("parameters", "time_step_s")} | {"run": run.record}
-        write_json(out / f"turn_{seed}.json", result)
+        write_json(out / f"drum_{seed}.json", result)
         results.append(result)
     return results
 

@@ -174,7 +174,7 @@ def drum(args: argparse.Namespace) -> None:
 
 @family.verb(
     "make tables of the drum's runs: angles, first slip, slipping layer, with standard errors",
-    example="results/drum/turn_*.json --out results/drum",
+    example="results/drum/drum_*.json --out results/drum",
     out="results/drum",
     config=False,
     options=[Option("runs", nargs="+", help="JSON files that the verb drum wrote")],

@@ -70,14 +70,14 @@ def checked_body(
     ValueError
         If one is no vector of finite numbers, or the quaternion is 0.
     """
-    turned = vector("quaternion", quaternion, 4)
-    length = np.linalg.norm(turned)
+    rotation = vector("quaternion", quaternion, 4)
+    length = np.linalg.norm(rotation)
     if not length > 0.0:
         raise ValueError("quaternion is 0; allowed: four finite numbers that are not all 0")
     position = vector("position_m", position_m)
     velocity = vector("velocity_m_s", velocity_m_s)
     turning = vector("angular_velocity_rad_s", angular_velocity_rad_s)
-    return Body(kind, position, turned / length, velocity, turning, scale)
+    return Body(kind, position, rotation / length, velocity, turning, scale)
 
 
 def write_body(bodies: Any, i: int, body: Body, parts: int, tile: np.ndarray) -> None:

@@ -182,7 +182,7 @@ def cone_circles(line: Sequence[float] | np.ndarray) -> np.ndarray:
     return np.array([[m_r * offset + e_r * s, m_z * offset + e_z * s] for s in (first, last)])
 
 
-def _turned_profile(profile):
+def _revolved(profile):
     """Points of a profile (M, 2) of radius and height, turned about the axis, and their triangles, facing inwards."""
     around = 2.0 * math.pi * np.arange(SECTORS) / SECTORS
     r, z = profile[:, 0, None], profile[:, 1, None]
@@ -250,7 +250,7 @@ def triangulated_walls(simulation: Any) -> dict[str, tuple[np.ndarray, np.ndarra
             profile = (
                 cone_circles(surface.line) if isinstance(surface, Cone) else _edge_profile(surface)[::-1]
             )
-            points, triangles = _turned_profile(profile)
+            points, triangles = _revolved(profile)
             points = in_world(simulation.walls.frames[k - len(planes)], points)
         else:
             points = in_world(simulation.walls.frames[k - len(planes)], surface.vertices_m)

@@ -50,14 +50,14 @@ def wall_arrays(
     axes = [*flat[:, 3:6], *frames[:, 3:].reshape(-1, 3, 3)[:, :, 2]]
     places = [*flat[:, :3], *frames[:, :3]]
     speeds = [_approach(*wall, size_m) for wall in zip(surfaces, axes, places, motion, strict=True)]
-    turned = np.any(frames != HOME, axis=1) | moves[len(planes) :]
+    displaced = np.any(frames != HOME, axis=1) | moves[len(planes) :]
     path = 0.0 if old is None else old.approach[st.WALL_PATH]
     return st.Walls(
         planes=flat,
         cones=np.array([wall.row() for wall in cones]).reshape(-1, st.CONE_COLUMNS),
         rings=np.array([wall.row() for wall in rings]).reshape(-1, st.RING_COLUMNS),
         frames=frames,
-        turned=(turned if old is None else turned | (old.turned > 0)).astype(np.uint8),
+        displaced=(displaced if old is None else displaced | (old.displaced > 0)).astype(np.uint8),
         motion=motion,
         moves=moves.astype(np.uint8),
         material=np.array([kinds[s.material] for s in surfaces], np.uint8),

@@ -8,16 +8,16 @@ wildcard_constraints:
     seed=r"\d+",
 
 
-rule turn:
+rule drum_run:
     input:
         samples=rules.solutions.output.solutions,
         berry=rules.berry.output.berry,
         particle=rules.shape.output.particle,
         ready=ancient(rules.warm_up.output.ready),
     output:
-        result=f"{RESULTS}/drum/turn_{{seed}}.json",
-        states=f"{RESULTS}/drum/turn_{{seed}}.npz",
-        trajectory=f"{RESULTS}/drum/turn_{{seed}}_trajectory.npz",
+        result=f"{RESULTS}/drum/drum_{{seed}}.json",
+        states=f"{RESULTS}/drum/drum_{{seed}}.npz",
+        trajectory=f"{RESULTS}/drum/drum_{{seed}}_trajectory.npz",
     log:
         f"{RESULTS}/logs/drum/{{seed}}.log",
     benchmark:
@@ -41,8 +41,8 @@ rule turn:
 
 rule drum:
     input:
-        runs=expand(rules.turn.output.result, seed=DRUM_SEEDS),
-        states=expand(rules.turn.output.states, seed=DRUM_SEEDS),
+        runs=expand(rules.drum_run.output.result, seed=DRUM_SEEDS),
+        states=expand(rules.drum_run.output.states, seed=DRUM_SEEDS),
     output:
         runs=f"{RESULTS}/drum/runs.csv",
         summary=f"{RESULTS}/drum/summary.csv",
@@ -65,7 +65,7 @@ rule drum:
 
 rule drum_film:
     input:
-        trajectory=f"{RESULTS}/drum/turn_{DRUM_SEEDS[0]}_trajectory.npz",
+        trajectory=f"{RESULTS}/drum/drum_{DRUM_SEEDS[0]}_trajectory.npz",
         particle=rules.shape.output.particle,
     output:
         report(

@@ -18,8 +18,8 @@ NEWTON_STEPS = 3
 
 
 @inlined
-def turned(qw, qx, qy, qz, ox, oy, oz, half):
-    """Quaternion after turning with angular velocity o (world) for twice `half` seconds, normalised."""
+def rotated_quaternion(qw, qx, qy, qz, ox, oy, oz, half):
+    """Quaternion after a rotation with angular velocity o (world) for twice `half` seconds, normalised."""
     a = qw - half * (ox * qx + oy * qy + oz * qz)
     b = qx + half * (ox * qw + oy * qz - oz * qy)
     c = qy + half * (oy * qw + oz * qx - ox * qz)
@@ -225,7 +225,7 @@ def resist_in_frame(m, c, dt, fx, fy, fz):
 
 
 @kernel
-def turn_lanes(m, c, dt):
+def advance_orientation(m, c, dt):
     """Turn each lane's body with the angular velocity at the middle of the step.
 
     omega = J l with J the inverse inertia; as l stays, omega changes by -J (omega x l) a second.
@@ -255,7 +255,7 @@ def turn_lanes(m, c, dt):
             c[QUATERNION + 2 * L + k],
             c[QUATERNION + 3 * L + k],
         )
-        hw, hx, hy, hz = turned(qw, qx, qy, qz, ox, oy, oz, 0.5 * dt)
+        hw, hx, hy, hz = rotated_quaternion(qw, qx, qy, qz, ox, oy, oz, 0.5 * dt)
         # a body that does not turn keeps its quaternion to the bit
         turns = square > 0.0
         c[QUATERNION + k] = hw if turns else qw
@@ -266,13 +266,13 @@ def turn_lanes(m, c, dt):
 
 @kernel
 def inertia_lanes(m, c):
-    """The inverse inertia of the bodies of a tile as they are turned now."""
+    """The inverse inertia of the bodies of a tile in their present orientation."""
     rotated_diagonal(m, INVERSE_INERTIA, c, c, INVERSE_MOMENTS)
 
 
 @kernel
 def shape_lanes(m, c, parts):
-    """Inverse inertia and shapes of the bodies of a tile as they are turned now.
+    """Inverse inertia and shapes of the bodies of a tile in their present orientation.
 
     Clumps (no parts) have their quaternions for a shape.
     """
@@ -292,7 +292,7 @@ def shape_lanes(m, c, parts):
 def rotate_lanes(m, c, dt, parts, rests, fx, fy, fz):
     """Turn the bodies of a tile by one time step, what stands still at little cost; returns whether any turns.
 
-    rests: whether none turned in the last step. (fx, fy, fz): angular velocity of the frame against which rolling is
+    rests: whether none rotated in the last step. (fx, fy, fz): angular velocity of the frame against which rolling is
     resisted.
     """
     framed = fx != 0.0 or fy != 0.0 or fz != 0.0
@@ -303,7 +303,7 @@ def rotate_lanes(m, c, dt, parts, rests, fx, fy, fz):
         inertia_lanes(m, c)
     if framed:
         resist_in_frame(m, c, dt, fx, fy, fz)
-        turn_lanes(m, c, dt)
+        advance_orientation(m, c, dt)
         shape_lanes(m, c, parts)
         return True
     if twisted == 0:
@@ -311,6 +311,6 @@ def rotate_lanes(m, c, dt, parts, rests, fx, fy, fz):
         return False
     if resist_lanes(m, c, dt) == 0:
         return False
-    turn_lanes(m, c, dt)
+    advance_orientation(m, c, dt)
     shape_lanes(m, c, parts)
     return True

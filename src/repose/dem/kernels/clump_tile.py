@@ -26,15 +26,15 @@ PAIR_STATE = _pair.end  # where the force laws' rows begin
 _wall = Rows(st.WALL_STATE)
 CENTRE, RADIUS = _wall.take(3), _wall.take()
 WALL_STATE = _wall.end
-# Rows of the scratch tile: the centres of the spheres relative to those of the bodies, turned into the world.
-TURNED_A, TURNED_B = tl.U, tl.W
+# Rows of the scratch tile: the centres of the spheres from those of the bodies, in world axes.
+ARM_A, ARM_B = tl.U, tl.W
 # Two centres are never nearer than this for a direction [m].
 NEAREST = 1e-30
 
 
 @inlined
-def turned(w, x, y, z, px, py, pz):
-    """A vector (px, py, pz) turned by a unit quaternion (w, x, y, z)."""
+def rotated_vector(w, x, y, z, px, py, pz):
+    """A vector (px, py, pz) rotated by a unit quaternion (w, x, y, z)."""
     ux = 2.0 * (y * pz - z * py)
     uy = 2.0 * (z * px - x * pz)
     uz = 2.0 * (x * py - y * px)
@@ -46,12 +46,12 @@ def turned(w, x, y, z, px, py, pz):
 
 
 @inlined
-def turned_centres(t, c, body, centre, to):
-    """Turn each lane's sphere centre with its body."""
+def write_arms(t, c, body, centre, to):
+    """Write the arm of each lane: from the centre of the body to the centre of its sphere, in world axes."""
     for k in range(L):
         w, x = t[body + SHAPE * L + k], t[body + (SHAPE + 1) * L + k]
         y, z = t[body + (SHAPE + 2) * L + k], t[body + (SHAPE + 3) * L + k]
-        px, py, pz = turned(w, x, y, z, c[centre + k], c[centre + L + k], c[centre + 2 * L + k])
+        px, py, pz = rotated_vector(w, x, y, z, c[centre + k], c[centre + L + k], c[centre + 2 * L + k])
         t[to + k] = px
         t[to + L + k] = py
         t[to + 2 * L + k] = pz
@@ -60,16 +60,16 @@ def turned_centres(t, c, body, centre, to):
 @inlined
 def sphere_pair_geometry(t, c):
     """Normal, gap, effective radius and contact point of each lane's pair of spheres."""
-    turned_centres(t, c, tl.A, CENTRE_A, TURNED_A)
-    turned_centres(t, c, tl.B, CENTRE_B, TURNED_B)
+    write_arms(t, c, tl.A, CENTRE_A, ARM_A)
+    write_arms(t, c, tl.B, CENTRE_B, ARM_B)
     for k in range(L):
         dx = t[tl.B + k] - t[tl.A + k]
         dy = t[tl.B + L + k] - t[tl.A + L + k]
         dz = t[tl.B + 2 * L + k] - t[tl.A + 2 * L + k]
-        ax, ay, az = t[TURNED_A + k], t[TURNED_A + L + k], t[TURNED_A + 2 * L + k]
-        sx = dx + t[TURNED_B + k] - ax
-        sy = dy + t[TURNED_B + L + k] - ay
-        sz = dz + t[TURNED_B + 2 * L + k] - az
+        ax, ay, az = t[ARM_A + k], t[ARM_A + L + k], t[ARM_A + 2 * L + k]
+        sx = dx + t[ARM_B + k] - ax
+        sy = dy + t[ARM_B + L + k] - ay
+        sz = dz + t[ARM_B + 2 * L + k] - az
         distance = math.sqrt(sx * sx + sy * sy + sz * sz)
         inv = 1.0 / (distance if distance > NEAREST else NEAREST)
         nx, ny, nz = inv * sx, inv * sy, inv * sz
@@ -92,10 +92,10 @@ def sphere_pair_geometry(t, c):
 @inlined
 def sphere_plane_geometry(t, c):
     """Gap, effective radius and contact point of each lane's sphere against a plane; see `tile.plane_geometry`."""
-    turned_centres(t, c, tl.A, CENTRE, TURNED_A)
+    write_arms(t, c, tl.A, CENTRE, ARM_A)
     for k in range(L):
         nx, ny, nz = c[N + k], c[N + L + k], c[N + 2 * L + k]
-        ax, ay, az = t[TURNED_A + k], t[TURNED_A + L + k], t[TURNED_A + 2 * L + k]
+        ax, ay, az = t[ARM_A + k], t[ARM_A + L + k], t[ARM_A + 2 * L + k]
         x, y, z = t[tl.A + k] + ax, t[tl.A + L + k] + ay, t[tl.A + 2 * L + k] + az
         radius = c[RADIUS + k]
         f = c[OFFSET + k] - nx * x - ny * y - nz * z - radius

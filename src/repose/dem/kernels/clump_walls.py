@@ -13,7 +13,7 @@ from . import clump_tile as ct
 from . import state as st
 from .clumps import is_set, set_bit
 from .features import FACE
-from .frames import into_frame, turn_place, write_plane
+from .frames import into_frame, rotate_to_world, write_plane
 from .jit import inlined, kernel
 from .meshes import deepest_near, hand_over, search_mesh, track
 from .sphere_search import PLACES_A, place_spheres
@@ -26,9 +26,9 @@ NEAREST = 1e-30  # of two points, for a direction [m]
 
 
 @inlined
-def turned_centre(row, tile, lane):
-    """The centre of a contact's sphere relative to its body's, in the world."""
-    return ct.turned(
+def sphere_arm(row, tile, lane):
+    """From the centre of the body to that of its sphere, in world axes."""
+    return ct.rotated_vector(
         row[SHAPE],
         row[SHAPE + 1],
         row[SHAPE + 2],
@@ -99,8 +99,8 @@ def sphere_on_ring(x, y, z, radius, ring, out):
 @inlined
 def sphere_on_curved(walls, wall, x, y, z, radius, out):
     """Contact of a sphere with a cone or ring: fills `out` in the world; returns what the functions above do."""
-    turned = walls.turned[wall]
-    if turned:
+    displaced = walls.displaced[wall]
+    if displaced:
         frame = walls.frames[wall]
         x, y, z = into_frame(frame, x - frame[0], y - frame[1], z - frame[2])
     n_cones = walls.cones.shape[0]
@@ -108,9 +108,9 @@ def sphere_on_curved(walls, wall, x, y, z, radius, out):
         beyond = sphere_on_cone(x, y, z, radius, walls.cones[wall], out)
     else:
         beyond = sphere_on_ring(x, y, z, radius, walls.rings[wall - n_cones], out)
-    if turned:
-        turn_place(walls.frames[wall], out, 0)
-        turn_place(walls.frames[wall], out, 5)
+    if displaced:
+        rotate_to_world(walls.frames[wall], out, 0)
+        rotate_to_world(walls.frames[wall], out, 5)
     return beyond
 
 
@@ -211,7 +211,7 @@ def place_clump(bodies, clumps, i, s):
 @inlined
 def sphere_row(walls, frame, x, y, z, radius, local):
     """Write the row of a sphere, as `meshes` knows bodies, in a frame."""
-    if walls.turned[frame]:
+    if walls.displaced[frame]:
         home = walls.frames[frame]
         x, y, z = into_frame(home, x - home[0], y - home[1], z - home[2])
     local[0], local[1], local[2] = x, y, z
@@ -237,21 +237,21 @@ def follow_sphere(bodies, walls, meshes, meshed, clumps, n, k, out, other, local
     frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
     tile, lane = meshed.data[k // L], k % L
     row = bodies.rows[meshed.body[k]]
-    x, y, z = turned_centre(row, tile, lane)
+    x, y, z = sphere_arm(row, tile, lane)
     radius = tile[ct.RADIUS + lane]
     sphere_row(walls, frame, row[0] + x, row[1] + y, row[2] + z, radius, local)
     at = st.NORMAL + lane
     nx, ny, nz = tile[at], tile[at + L], tile[at + 2 * L]
-    if walls.turned[frame]:
+    if walls.displaced[frame]:
         nx, ny, nz = into_frame(walls.frames[frame], nx, ny, nz)
     touching = track(local, 1, meshes, tile, lane, meshed.feature[k], nx, ny, nz, out) >= 0.0
     if not touching:
         touching = hand_over(local, 1, meshes, touches, n, k, radius, out, other)
     if touching and out[3] < 0.0 and meshes.kind[meshed.feature[k]] == FACE:
         deepest_near(local, 1, meshes, touches, k, out, other)
-    if walls.turned[frame]:
-        turn_place(walls.frames[frame], out, 0)
-        turn_place(walls.frames[frame], out, 5)
+    if walls.displaced[frame]:
+        rotate_to_world(walls.frames[frame], out, 0)
+        rotate_to_world(walls.frames[frame], out, 5)
     # from the body's centre, not the sphere's
     out[5] += x
     out[6] += y

@@ -10,7 +10,7 @@ from ..laws.law import contact_forces, rolling_resistance
 from . import clump_tile as ct
 from . import state as st
 from . import tile as tl
-from .clump_walls import drop_sphere, follow_sphere, sphere_on_curved, turned_centre
+from .clump_walls import drop_sphere, follow_sphere, sphere_arm, sphere_on_curved
 from .damped_mass import mass_of_pairs, mass_on_curved, mass_on_flat, mass_on_meshed, spheres_on_meshes
 from .frames import load_walls, surface_velocity
 from .jit import inlined, kernel
@@ -305,7 +305,7 @@ def curved_geometry(bodies, curved, clumps, walls, parts, t, lane, k, out, local
         on_wall = follow_wall(parts, row, walls, curved.wall[k], contacts, lane, out, local)
         write_lane(t, contacts, lane, out)
         return out[3] > 0.0 or not on_wall or is_double(curved, k)
-    x, y, z = turned_centre(row, contacts, lane)
+    x, y, z = sphere_arm(row, contacts, lane)
     beyond = sphere_on_curved(
         walls, curved.wall[k], row[0] + x, row[1] + y, row[2] + z, contacts[ct.RADIUS + lane], out
     )

@@ -12,7 +12,7 @@ L = st.LANES
 
 @inlined
 def into_frame(frame, x, y, z):
-    """Turn a world vector into a frame (12,), origin left out."""
+    """A world vector in the axes of a frame (12,)."""
     return (
         frame[3] * x + frame[6] * y + frame[9] * z,
         frame[4] * x + frame[7] * y + frame[10] * z,
@@ -22,7 +22,7 @@ def into_frame(frame, x, y, z):
 
 @inlined
 def out_of_frame(frame, x, y, z):
-    """Turn a vector of a frame (12,) into the world, origin left out."""
+    """A vector of a frame (12,) in world axes."""
     return (
         frame[3] * x + frame[4] * y + frame[5] * z,
         frame[6] * x + frame[7] * y + frame[8] * z,
@@ -31,8 +31,8 @@ def out_of_frame(frame, x, y, z):
 
 
 @inlined
-def turn_place(frame, values, at):
-    """Turn three numbers of an array from a frame into the world, in place."""
+def rotate_to_world(frame, values, at):
+    """Rotate three numbers of an array from a frame into the world, in place."""
     values[at], values[at + 1], values[at + 2] = out_of_frame(
         frame, values[at], values[at + 1], values[at + 2]
     )
@@ -68,8 +68,8 @@ def surface_velocity(motion, x, y, z):
 
 
 @inlined
-def turned_by(angle, ux, uy, uz, x, y, z):
-    """A vector after turning by an angle about a unit axis (Rodrigues)."""
+def rotated_about(angle, ux, uy, uz, x, y, z):
+    """A vector rotated by an angle about a unit axis (Rodrigues)."""
     cos, sin = math.cos(angle), math.sin(angle)
     along = (ux * x + uy * y + uz * z) * (1.0 - cos)
     return (
@@ -94,17 +94,17 @@ def move_walls(walls, dt):
         ux, uy, uz = motion[3] * inv, motion[4] * inv, motion[5] * inv
         angle = rate * dt
         place = planes[w] if w < n_planes else walls.frames[w - n_planes]
-        x, y, z = turned_by(angle, ux, uy, uz, place[0] - px, place[1] - py, place[2] - pz)
+        x, y, z = rotated_about(angle, ux, uy, uz, place[0] - px, place[1] - py, place[2] - pz)
         for c in range(3):
             motion[6 + c] += dt * motion[c]
         place[0] = motion[6] + x
         place[1] = motion[7] + y
         place[2] = motion[8] + z
         if w < n_planes:
-            place[3], place[4], place[5] = turned_by(angle, ux, uy, uz, place[3], place[4], place[5])
+            place[3], place[4], place[5] = rotated_about(angle, ux, uy, uz, place[3], place[4], place[5])
         else:
             for c in range(3):
-                x, y, z = turned_by(angle, ux, uy, uz, place[3 + c], place[6 + c], place[9 + c])
+                x, y, z = rotated_about(angle, ux, uy, uz, place[3 + c], place[6 + c], place[9 + c])
                 place[3 + c], place[6 + c], place[9 + c] = x, y, z
     walls.approach[st.WALL_PATH] += dt * walls.approach[st.WALL_SPEED]
 

@@ -7,7 +7,7 @@ import math
 
 from . import state as st
 from .features import EDGE, FACE
-from .frames import into_frame, row_in_frame, turn_place
+from .frames import into_frame, rotate_to_world, row_in_frame
 from .geometry import extent
 from .jit import inlined, kernel
 from .mesh_contact import (
@@ -86,8 +86,8 @@ def look_at_feature(row, contacts, counts, parts, walls, meshes, mesh, feature, 
         return max(-out[3] - DEEPEST_NEW * radius, NEXT_LOOK_BEYOND * radius)
     if not is_touched(contacts, meshes, counts[st.N_MESHED], i, feature, -1):
         frame = walls.cones.shape[0] + walls.rings.shape[0] + mesh
-        if walls.turned[frame]:
-            turn_place(walls.frames[frame], out, 0)
+        if walls.displaced[frame]:
+            rotate_to_world(walls.frames[frame], out, 0)
         k = add_wall_contact(contacts, counts, st.N_MESHED, i, mesh, out)
         if k >= 0:
             contacts.feature[k] = feature
@@ -203,7 +203,7 @@ def follow_mesh(bodies, parts, walls, meshes, contacts, n, k, out, other, local)
     row = bodies.rows[i]
     at = st.NORMAL + lane
     nx, ny, nz = tile[at], tile[at + st.LANES], tile[at + 2 * st.LANES]
-    if walls.turned[frame]:
+    if walls.displaced[frame]:
         row_in_frame(row, parts, walls.frames[frame], local)
         row = local
         nx, ny, nz = into_frame(walls.frames[frame], nx, ny, nz)
@@ -214,9 +214,9 @@ def follow_mesh(bodies, parts, walls, meshes, contacts, n, k, out, other, local)
         touching = hand_over(row, parts, meshes, contacts, n, k, radius, out, other)
     if touching and out[3] < 0.0 and meshes.kind[contacts.feature[k]] == FACE:
         deepest_near(row, parts, meshes, contacts, k, out, other)
-    if walls.turned[frame]:
-        turn_place(walls.frames[frame], out, 0)
-        turn_place(walls.frames[frame], out, 5)
+    if walls.displaced[frame]:
+        rotate_to_world(walls.frames[frame], out, 0)
+        rotate_to_world(walls.frames[frame], out, 5)
     return touching and out[3] <= 0.0
 
 
@@ -238,7 +238,7 @@ def body_at_mesh(bodies, meshed, walls, meshes, counts, parts, mesh, i, out, oth
     radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
     bring_along(bodies, parts, walls, meshes, meshed, counts, mesh, i, out, other, local)
     row = bodies.rows[i]
-    if walls.turned[frame]:
+    if walls.displaced[frame]:
         row_in_frame(row, parts, walls.frames[frame], local)
         row = local
     return search_mesh(row, meshed, counts, parts, walls, meshes, mesh, i, radius, out)

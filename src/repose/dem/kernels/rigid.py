@@ -159,7 +159,7 @@ def integrate(bodies, counts, physics, m, begin, end):
     for base in range(begin, n, L):
         tile = base // L
         c = bodies.motion[tile]
-        # of a tile in which nothing turned, only the first eight columns are read and written
+        # of a tile in which nothing rotated, only the first eight columns are read and written
         read = WIDTH if bodies.resting[tile] else columns
         for k in range(0, L, WIDTH):
             for column in range(0, read, WIDTH):
@@ -192,7 +192,7 @@ def integrate(bodies, counts, physics, m, begin, end):
 
 @kernel
 def place_shape(bodies, i, parts, m):
-    """Write inverse inertia and shape of body i as it is turned now, without moving anything."""
+    """Write inverse inertia and shape of body i in its present orientation, without moving anything."""
     base = i // L * L
     shape_lanes(m, bodies.motion[i // L], parts)
     for c in range(st.INVERSE_INERTIA, SHAPE + max(PART * parts, 4)):

@@ -43,7 +43,7 @@ def place_spheres(row, spheres, n, scale, x0, y0, z0, s, at):
     w, x, y, z = row[st.SHAPE], row[st.SHAPE + 1], row[st.SHAPE + 2], row[st.SHAPE + 3]
     dx, dy, dz = row[0] - x0, row[1] - y0, row[2] - z0
     for k in range(n):
-        px, py, pz = ct.turned(w, x, y, z, spheres[0, k], spheres[1, k], spheres[2, k])
+        px, py, pz = ct.rotated_vector(w, x, y, z, spheres[0, k], spheres[1, k], spheres[2, k])
         s[at + k] = dx + scale * px
         s[at + MOST_SPHERES + k] = dy + scale * py
         s[at + 2 * MOST_SPHERES + k] = dz + scale * pz
@@ -153,13 +153,13 @@ def sphere_gap(bodies, clumps, i, j, a, b):
     row, of = bodies.rows[i], clumps.spheres[clumps.shape[i]]
     scale = clumps.scale[i]
     w, x, y, z = row[st.SHAPE], row[st.SHAPE + 1], row[st.SHAPE + 2], row[st.SHAPE + 3]
-    ax, ay, az = ct.turned(w, x, y, z, of[0, a], of[1, a], of[2, a])
+    ax, ay, az = ct.rotated_vector(w, x, y, z, of[0, a], of[1, a], of[2, a])
     dx, dy, dz = row[0] + scale * ax, row[1] + scale * ay, row[2] + scale * az
     reach = scale * of[3, a]
     row, of = bodies.rows[j], clumps.spheres[clumps.shape[j]]
     scale = clumps.scale[j]
     w, x, y, z = row[st.SHAPE], row[st.SHAPE + 1], row[st.SHAPE + 2], row[st.SHAPE + 3]
-    bx, by, bz = ct.turned(w, x, y, z, of[0, b], of[1, b], of[2, b])
+    bx, by, bz = ct.rotated_vector(w, x, y, z, of[0, b], of[1, b], of[2, b])
     dx -= row[0] + scale * bx
     dy -= row[1] + scale * by
     dz -= row[2] + scale * bz

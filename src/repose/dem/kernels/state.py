@@ -76,7 +76,7 @@ Pairs = namedtuple(
 WallContacts = namedtuple("WallContacts", "body wall feature data limit ended")
 Shared = namedtuple("Shared", "counters orders begins numbers due")
 # loads: force on each wall and torque about the origin, (walls, 6) where someone asks for them, else (0, 6).
-Walls = namedtuple("Walls", "planes cones rings frames turned motion moves material approach loads")
+Walls = namedtuple("Walls", "planes cones rings frames displaced motion moves material approach loads")
 Physics = namedtuple(
     "Physics",
     "parts gravity law rolling law_constants rolling_constants n_state mixed_pairs mixed_walls dt rolling_frame "
@@ -84,7 +84,7 @@ Physics = namedtuple(
 )
 
 # Walls are numbered planes first, then cones, then rings, then meshes; cones and rings together are the curved walls.
-# Walls.frames (curved and meshes, 12): origin and rotation, frame to world; turned: whether that is more than nothing.
+# Walls.frames (curved and meshes, 12): origin and rotation, frame to world; displaced: whether it is not the world's.
 # motion (walls, 9): velocity, angular velocity, pivot. moves: whether it is more than nothing. material: of each wall,
 # as bodies.kind. approach: how far any wall may have come nearer up to now [m], how fast the fastest comes [m/s],
 # whether any moves.

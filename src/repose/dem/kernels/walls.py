@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from . import state as st
-from .frames import into_frame, row_in_frame, turn_place, write_plane
+from .frames import into_frame, rotate_to_world, row_in_frame, write_plane
 from .geometry import extent
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
@@ -99,8 +99,8 @@ def look_again(contacts, counts, walls, body, wall, theta, on_wall, radius, out)
     if not on_wall or out[3] < -DEEPEST_NEW * radius:
         return NEXT_LOOK_BEYOND * radius
     if not known(contacts, counts[st.N_CURVED], body, wall, theta):
-        if walls.turned[wall]:
-            turn_place(walls.frames[wall], out, 0)
+        if walls.displaced[wall]:
+            rotate_to_world(walls.frames[wall], out, 0)
         k = add_wall_contact(contacts, counts, st.N_CURVED, body, wall, out)
         if k >= 0:
             contacts.data[k // st.LANES, st.AZIMUTH + k % st.LANES] = theta
@@ -183,7 +183,7 @@ def search_plane(bodies, contacts, counts, parts, plane, wall, i, out):
 @inlined
 def seen_from(walls, wall, row, parts, local):
     """A body's row in the frame of a curved wall: itself where the frame is the world, else written to `local`."""
-    if walls.turned[wall]:
+    if walls.displaced[wall]:
         row_in_frame(row, parts, walls.frames[wall], local)
         return local
     return row
@@ -217,13 +217,13 @@ def follow_wall(parts, body, walls, wall, contacts, lane, out, local):
         ring = walls.rings[wall - n_cones]
         n = st.NORMAL + lane
         nx, ny, nz = contacts[n], contacts[n + st.LANES], contacts[n + 2 * st.LANES]
-        if walls.turned[wall]:
+        if walls.displaced[wall]:
             nx, ny, nz = into_frame(walls.frames[wall], nx, ny, nz)
         for _ in range(2):
             theta, nx, ny, nz, _f, _step = ring_newton(row, parts, ring, theta, nx, ny, nz)
         on_wall = ring_contact(row, parts, ring, theta, nx, ny, nz, out)
     contacts[st.AZIMUTH + lane] = theta
-    if walls.turned[wall]:
-        turn_place(walls.frames[wall], out, 0)
-        turn_place(walls.frames[wall], out, 5)
+    if walls.displaced[wall]:
+        rotate_to_world(walls.frames[wall], out, 0)
+        rotate_to_world(walls.frames[wall], out, 5)
     return on_wall
