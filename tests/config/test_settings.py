@@ -145,7 +145,6 @@ def test_no_section_of_the_schema_allows_an_unknown_key_or_forgets_one():
         ("drum.slip_drop_deg", 0.0, "from 0.05 to 45"),
         ("compare_search.region_points", 1000, "8192 or 16384"),
         ("compare_whole.samples", [30, 5], "a list of integers from 12"),
-        ("second_responses.drum_samples", 151, "at most design.samples, 150"),
     ],
 )
 def test_a_bad_value_is_told_with_file_key_value_and_what_is_allowed(config, key, value, allowed):
@@ -190,7 +189,6 @@ def test_weights_need_standard_errors_of_every_bench_test_of_the_targets(config)
 def test_a_quadratic_surface_needs_more_samples_than_terms(config):
     """28 terms of six parameters, 21 of five; 0.7 of the samples train."""
     config |= {"surrogate": "quadratic"}
-    config["second_responses"]["drum_samples"] = 20
     config["design"]["samples"] = 41
     with pytest.raises(InputError, match=r"surrogate is 'quadratic'; .*below 29"):
         checks.check(config)

@@ -174,9 +174,6 @@ def _contradictions(config):
     yield from _surrogate_contradictions(config)
     yield from _seed_contradictions(config)
     yield from _strategy_contradictions(config)
-    design, further = config["design"]["samples"], config["second_responses"]
-    if further["drum_samples"] > design:
-        yield "second_responses.drum_samples", f"at most design.samples, {design}"
     refine = config["refine"]
     if refine["seeds"] > LARGEST_BLOCKS * refine["block"]:
         yield "refine.block", f"at least refine.seeds / {LARGEST_BLOCKS}"

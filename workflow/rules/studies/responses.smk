@@ -1,6 +1,6 @@
 # What to measure next. Targets of their own: `snakemake --cores 2 second_responses`, and with the drum on a part of
 # the design, `second_responses_drum`.
-IN_DRUM = config["second_responses"]["drum_samples"]
+IN_DRUM = min(config["second_responses"]["drum_samples"], len(SAMPLES))
 DRUM_SAMPLES = [
     SAMPLES[k * (len(SAMPLES) - 1) // max(1, IN_DRUM - 1)] for k in range(IN_DRUM)
 ]
