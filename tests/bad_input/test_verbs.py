@@ -181,6 +181,35 @@ def test_an_option_that_no_verb_has(name, refused):
         ),
         *(["material_card", f"--{name}=a.csv"] for name in ("posterior", "draws")),
         *(["snapshot", value] for value in ("", "nowhere", ".", "..")),
+        *(
+            ["measure", "a.jpg", f"--{name}={value}"]
+            for name in ("mm-per-pixel", "square-mm", "grain-mm")
+            for value in ("0", "-1", "nan", "inf", "1e9", "x", "")
+        ),
+        *(
+            ["measure", "a.jpg", "--length", *value.split()]
+            for value in (
+                *(
+                    "0 1 1 900 1",
+                    "-5 1 1 900 1",
+                    "nan 1 1 900 1",
+                    "100 1 1 900",
+                    "100 1 1 900 x",
+                    "100 nan 1 900 1",
+                ),
+                *("100 1 1 1 1", "100 900 1 1 1", "100 1 1 1 900", "1e9 1 1 900 1", "100 1 1 inf 1"),
+            )
+        ),
+        ["measure", "a.jpg", "--length", "100", "1", "1", "900", "1", "--mm-per-pixel=0.1"],
+        ["measure", "a.jpg", "--base-row=300"],
+        ["measure", "a.jpg", "--mm-per-pixel=0.1", "--lens", "b.jpg"],
+        *(
+            ["measure"],
+            ["measure", "a.jpg"],
+            ["measure", "a.jpg", "b/a.jpg"],
+            ["measure", "a.png", "--out=."],
+        ),
+        *(["marker", f"--square-mm={value}"] for value in ("0", "-1", "4", "26", "nan", "x")),
         *([], ["no_such_verb"], ["--no-such-option"], ["Heap"], [""]),
     ],
     ids=" ".join,

@@ -210,20 +210,28 @@ def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(tmp_pa
     cv2.fillPoly(picture, [triangle], 40)
     path = tmp_path / "pile.png"
     cv2.imwrite(str(path), picture)
-    assert main(["measure", str(path), "--mm-per-pixel", "0.1", "--json"]) == 0
-    values = json.loads(capsys.readouterr().out)
-    assert {"left_deg", "right_deg", "aor_deg", "height_mm", "provenance", *MEAN_KEYS.values()} == set(values)
-    assert values["aor_flank_deg"] == pytest.approx(30, abs=0.5)
-    # one berry is 13.34 mm here: tan(secant) = tan(30 deg) 20 / (20 - 13.34)
-    assert values["aor_deg"] == values["aor_secant_deg"] == pytest.approx(60.0, abs=0.6)
+    words = ["measure", str(path), "--mm-per-pixel", "0.1", "--out", str(tmp_path / "out"), "--json"]
+    assert main(words) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert {"photographs", "summary", "provenance"} == set(record)
+    (values,) = record["photographs"]
+    assert {"left_deg", "right_deg", "aor_deg", "height_mm", *MEAN_KEYS.values()} < set(values)
+    # outside a study the angle of repose is the line fit
+    assert values["aor_deg"] == values["aor_flank_deg"] == pytest.approx(30, abs=0.5)
+    assert values["aor_secant_deg"] is None, "nobody told the height of a grain"
     assert values["height_mm"] == pytest.approx(20, abs=0.3)
-    assert (tmp_path / "pile_overlay.png").is_file()
+    assert (tmp_path / "out/pile.png").is_file()
+    assert main([*words, "--config", "config/config.yaml"]) == 0
+    (values,) = json.loads(capsys.readouterr().out)["photographs"]
+    # a study has its own definition and grain, 13.34 mm: tan(secant) = tan(30 deg) 20 / (20 - 13.34)
+    assert values["aor_deg"] == values["aor_secant_deg"] == pytest.approx(60.0, abs=0.6)
 
 
 def test_measure_refuses_a_picture_without_a_pile(tmp_path, capsys):
-    path = tmp_path / "empty.png"
+    path, out = tmp_path / "empty.png", str(tmp_path / "out")
     cv2.imwrite(str(path), np.full((200, 300), 200, np.uint8))
-    assert "a pile with two flanks" in error_of(capsys, "measure", str(path), "--mm-per-pixel", "0.1")
+    words = ("measure", str(path), "--mm-per-pixel", "0.1", "--out", out)
+    assert "a pile with two flanks" in error_of(capsys, *words)
     assert "nowhere.png" in error_of(capsys, "measure", "nowhere.png", "--mm-per-pixel", "0.1")
 
 

@@ -44,7 +44,7 @@ NAMES = (
         "figure.png",
         "table.html",
         "silhouette.png",
-        "pile_overlay.png",
+        "pile.png",
         "snapshot.txt",
         "rounds.csv",
         "o ü.png",
@@ -52,12 +52,11 @@ NAMES = (
 )
 GOOD = {
     "config": "in/config.json",
-    "picture": "in/pile.png",
+    "pictures": "in/pile.png",
     "csv": "in/berries.csv",
     "name": "figure02",
     "input": "sizes=in/berries.csv",
     "results": "in/study",
-    "mm_per_pixel": "0.3",
     "title": "Mine",
     "axes": None,
 }
@@ -128,6 +127,8 @@ def calls(draw):
             words += [f"{name}={draw(OUT)}"] if draw(st.booleans()) else []
         elif keywords.get("action") == "store_true":
             words += [name] if draw(st.booleans()) else []
+        elif key == "mm_per_pixel":
+            words += ["--mm-per-pixel=0.3"] if good else []
         elif key == "axes":
             words += ["--axes", "17", "11", "9", "--mass-g", "1.0"] if draw(st.booleans()) else []
         elif not name.startswith("-") or keywords.get("required") or key in ("config", "input"):

@@ -1,15 +1,18 @@
 """Photographs that show no whole pile are refused, and none is ever written over."""
 
 import json
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
 from repose.cli import main
+from repose.config import loader
 from repose.core import files
 from repose.core.errors import InputError
 
+ROOT = Path(__file__).parents[2]
 PILE = [(60, 299), (300, 140), (540, 299)]
 
 
@@ -22,7 +25,9 @@ def photograph(path, corners=PILE, background=220):
 
 
 def measure(capsys, *words):
-    """Exit status and what stands on stderr."""
+    """Exit status and what stands on stderr; overlays and tables go to the folder out beside the picture."""
+    if "--out" not in words:
+        words = (*words, "--out", words[0].parent / "out")
     try:
         status = main(["measure", *map(str, words)])
     except SystemExit as end:
@@ -34,33 +39,38 @@ def test_a_photograph_is_measured_and_stays(tmp_path, capsys):
     before = photograph(tmp_path / "pile.png")
     assert measure(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3) == (0, "")
     assert (tmp_path / "pile.png").read_bytes() == before
-    assert (tmp_path / "pile_overlay.png").is_file()
+    names = {"pile.png", "photographs.csv", "summary.csv", "targets.yaml"}
+    assert names < {path.name for path in (tmp_path / "out").iterdir()}
     assert measure(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3) == (0, ""), (
-        "its own overlay is replaced"
+        "its own files are replaced"
     )
 
 
-@pytest.mark.parametrize("other", ["pile.png", "sub/../pile.png", "link.png", "other.png", "folder"])
-def test_an_overlay_never_replaces_a_picture_that_was_there(tmp_path, capsys, other):
+@pytest.mark.parametrize("there", ["picture", "link", "folder", "other"])
+def test_an_overlay_never_replaces_what_was_there(tmp_path, capsys, there):
     before = photograph(tmp_path / "pile.png")
-    (tmp_path / "sub").mkdir()
-    (tmp_path / "folder").mkdir()
-    (tmp_path / "link.png").symlink_to("pile.png")
-    photograph(tmp_path / "other.png")
-    status, told = measure(
-        capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3, "--overlay", tmp_path / other
-    )
+    out = tmp_path if there == "picture" else tmp_path / "out"
+    out.mkdir(exist_ok=True)
+    place = out / "pile.png"
+    if there == "link":
+        place.symlink_to("../pile.png")
+    elif there == "folder":
+        place.mkdir()
+    elif there == "other":
+        photograph(place)
+    status, told = measure(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3, "--out", out)
     assert status == 2
     assert "allowed: a" in told
-    assert (tmp_path / "pile.png").read_bytes() == (tmp_path / "other.png").read_bytes() == before
-    assert (tmp_path / "link.png").is_symlink()
+    assert (tmp_path / "pile.png").read_bytes() == before
+    assert there != "link" or place.is_symlink()
+    assert there != "other" or place.read_bytes() == before
 
 
 def test_our_own_picture_is_not_replaced_by_its_overlay(tmp_path, capsys):
     photograph(tmp_path / "raw.png")
     files.write_image(tmp_path / "pile.png", cv2.imread(str(tmp_path / "raw.png")))
-    words = (tmp_path / "pile.png", "--mm-per-pixel", 0.3, "--overlay", tmp_path / "pile.png")
-    assert "another file than the picture" in measure(capsys, *words)[1]
+    words = (tmp_path / "pile.png", "--mm-per-pixel", 0.3, "--out", tmp_path)
+    assert "another folder than that of the photographs" in measure(capsys, *words)[1]
 
 
 STRIPES = np.where(np.arange(600) // 60 % 2, 220, 90).astype(np.uint8) * np.ones((300, 1), np.uint8)
@@ -82,8 +92,8 @@ def test_what_is_no_whole_pile_is_refused_and_shown(tmp_path, capsys, corners, b
     status, told = measure(capsys, tmp_path / "pile.png", "--mm-per-pixel", 0.3)
     assert status == 2
     assert reason in told
-    assert "pile_overlay.png shows what was taken for the pile" in told
-    assert (tmp_path / "pile_overlay.png").is_file()
+    assert "out/pile.png shows what was taken for the pile" in told
+    assert (tmp_path / "out/pile.png").is_file()
 
 
 @pytest.mark.parametrize("scale", ["1e9", "0", "-1", "nan", "inf", "1e-9"])
@@ -95,17 +105,62 @@ def test_a_scale_that_no_camera_has_is_refused(tmp_path, capsys, scale):
     assert [path.name for path in tmp_path.iterdir()] == ["pile.png"]
 
 
-def test_a_shadow_is_left_out_by_the_row_of_the_plate(tmp_path, capsys):
-    picture = np.full((320, 600), 220, np.uint8)
+def measured(capsys, *words):
+    """The record of the verb, and of its first photograph."""
+    assert main(["measure", *map(str, words), "--out", str(words[0].parent / "out"), "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    return record, record["photographs"][0]
+
+
+def test_a_shadow_at_the_foot_is_refused_unless_the_plate_is_known(tmp_path, capsys):
+    picture = np.full((340, 600), 220, np.uint8)
     cv2.fillPoly(picture, [np.array(PILE)], 40)
-    cv2.rectangle(picture, (80, 300), (520, 310), 60, -1)
+    cv2.rectangle(picture, (80, 300), (520, 325), 60, -1)
     (tmp_path / "pile.png").write_bytes(cv2.imencode(".png", picture)[1].tobytes())
-    heights = []
-    for more in ((), ("--base-row", "299.5")):
-        assert main(["measure", str(tmp_path / "pile.png"), "--mm-per-pixel", "0.5", "--json", *more]) == 0
-        heights.append(json.loads(capsys.readouterr().out)["height_mm"])
-    assert heights[0] == pytest.approx(85, abs=0.5)
-    assert heights[1] == pytest.approx(80, abs=0.5)
+    words = (tmp_path / "pile.png", "--mm-per-pixel", "0.5")
+    assert "a shadow at the foot" in measure(capsys, *words)[1]
+    assert measured(capsys, *words, "--base-row", "299.5")[1]["height_mm"] == pytest.approx(80, abs=0.5)
+
+
+def test_a_level_length_gives_the_scale_and_turns_the_photograph(tmp_path, capsys):
+    upright = np.full((400, 700), 220, np.uint8)
+    cv2.fillPoly(upright, [np.array([(100, 300), (350, 140), (600, 300)])], 40)
+    turn = cv2.getRotationMatrix2D((349.5, 199.5), 7.0, 1.0)  # rises to the right
+    cv2.imwrite(str(tmp_path / "pile.png"), cv2.warpAffine(upright, turn, (700, 400), borderValue=220))
+    ends = (turn @ [[100, 600], [300, 300], [1, 1]]).T.ravel()
+    _, values = measured(capsys, tmp_path / "pile.png", "--length", "250", *ends)
+    assert values["aor_deg"] == pytest.approx(np.degrees(np.arctan2(160, 250)), abs=0.3)
+    assert values["left_deg"] == pytest.approx(values["right_deg"], abs=0.3)
+    assert values["height_mm"] == pytest.approx(80, abs=0.7)
+    assert values["mm_per_pixel"] == pytest.approx(0.5, abs=1e-3)
+
+
+def test_the_mean_of_several_is_a_target_that_a_study_reads(tmp_path, capsys):
+    heights = (140, 130, 150)
+    for k, crest in enumerate(heights):
+        photograph(tmp_path / f"p{k}.png", [(60, 299), (300, crest), (540, 299)])
+    photograph(tmp_path / "p9.png", [(60, 20), (300, 180), (540, 20)])
+    words = [tmp_path / f"p{k}.png" for k in (0, 1, 2, 9)]
+    record, _ = measured(capsys, *words, "--mm-per-pixel", "0.4", "--grain-mm", "8")
+    summary = {row["response"]: row for row in record["summary"]}
+    truth = [0.4 * (299.5 - crest) for crest in heights]
+    assert summary["height_mm"]["value"] == pytest.approx(np.mean(truth), abs=0.3)
+    assert summary["height_mm"]["sd"] == pytest.approx(np.std(truth, ddof=1), abs=0.05)
+    assert summary["height_mm"]["repetitions"] == 3
+    assert "upside down" in record["photographs"][3]["refused"]
+    config = loader.load(ROOT / "config/quick.yaml", tmp_path / "out/targets.yaml")
+    assert [one["response"] for one in config["targets"]] == ["aor_deg", "height_mm"]
+    assert config["targets"][1]["value"] == summary["height_mm"]["value"]
+    assert (config["measure"]["response"], config["measure"]["berry_height_mm"]) == ("flank", 8)
+
+
+def test_a_photograph_of_many_pixels_is_reduced(tmp_path, capsys):
+    picture = np.full((3000, 6000), 220, np.uint8)
+    cv2.fillPoly(picture, [10 * np.array(PILE)], 40)
+    cv2.imwrite(str(tmp_path / "pile.png"), picture)
+    _, values = measured(capsys, tmp_path / "pile.png", "--mm-per-pixel", "0.05")
+    assert values["height_mm"] == pytest.approx(79.5, abs=0.2)
+    assert values["mm_per_pixel"] == pytest.approx(0.075)
 
 
 def test_a_picture_that_cannot_be_written_is_an_error(tmp_path, monkeypatch):

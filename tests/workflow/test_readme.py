@@ -54,6 +54,6 @@ def test_a_verb_takes_the_crop_that_readme_shows(verb, mine, tmp_path, capsys):
             picture[50 + row, 199 - row : 200 + row] = 0
         picture[150:160] = 0
         cv2.imwrite(str(tmp_path / "pile.png"), picture)
-        words += [str(tmp_path / "pile.png"), "--mm-per-pixel", "0.5"]
+        words += [str(tmp_path / "pile.png"), "--mm-per-pixel", "0.5", "--out", str(tmp_path / "out")]
     assert main(words) == 0
     assert {"check": "wheat, good", "measure": "angle of repose"}[verb] in capsys.readouterr().out

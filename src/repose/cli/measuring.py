@@ -1,91 +1,160 @@
 """Verbs that measure: a picture of a pile, the side view of a simulated one, the definitions of the angle."""
 
 import argparse
+import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import JSON
 from repose.cli.registry import Family, Option
 from repose.config import loader
-from repose.core.errors import InputError
+from repose.core.errors import InputError, raise_together
 from repose.core.files import json_text
+
+if TYPE_CHECKING:
+    from repose.measure.photographs import Scale
+    from repose.measure.settings import MeasureSettings
 
 # From a microscope's pixel to a heap of a hall [mm].
 SCALES = (1e-3, 100.0)
+MOST_LEVEL_DEG = 25.0
 
 family = Family()
 
 
 @family.verb(
-    "measure angle of repose and Height of the pile in a photograph or a silhouette",
-    example="pile.jpg --mm-per-pixel 0.1",
+    "measure angle of repose and Height of the piles in photographs",
+    example="*.jpg --square-mm 20 --out measured",
+    out="measured",
+    config=False,
     options=[
-        Option("picture", help="side view of a pile: PNG, JPEG, TIFF or BMP"),
+        Option("pictures", nargs="+", help="side views of piles, one or many: PNG, JPEG, TIFF or BMP"),
         Option(
-            "--mm-per-pixel", type=float, required=True, help="scale of the picture: millimetres per pixel"
+            "--square-mm", type=float, default=20.0, help="squares of the printed sheet, as measured (20)"
         ),
+        Option("--lens", nargs="+", default=[], help="photographs of the sheet alone, by the same camera"),
+        Option("--mm-per-pixel", type=float, help="scale, where no sheet is in the photographs"),
         Option(
-            "--base-row",
+            "--length",
+            nargs=5,
             type=float,
-            help="row of the plate in pixels from the top, where a shadow hides the pile's foot (its lowest row)",
+            metavar=("MM", "X1", "Y1", "X2", "Y2"),
+            help="instead of the scale: a level length and the pixels of its ends, column and row",
         ),
-        Option("--overlay", help="picture with the fitted lines (beside the picture, NAME_overlay.png)"),
-        Option("--berry", help="berry.json with the mean axes (those of the configuration)"),
-        JSON.but(help="print left_deg, right_deg, aor_deg, height_mm and more as JSON"),
+        Option(
+            "--base-row", type=float, help="row of the plate in pixels from the top, where no sheet tells it"
+        ),
+        Option(
+            "--grain-mm", type=float, help="height of a grain, for the secant (from the sizes of --config)"
+        ),
+        Option(
+            "--config", help="the study for which it is measured: its definition of the angle (the line fit)"
+        ),
+        JSON.but(help="print every number as JSON"),
     ],
 )
 def measure(args: argparse.Namespace) -> None:
     from repose.core.files import write_image
     from repose.core.ledger import check_replaceable
-    from repose.measure import drawing, pile
+    from repose.measure import drawing, photographs
+    from repose.measure.photograph_tables import as_record, tables, told, write_tables
 
-    source = Path(args.picture)
-    overlay = Path(args.overlay or source.with_name(f"{source.stem}_overlay.png"))
-    if overlay.resolve() == source.resolve():
-        raise InputError("command line", "--overlay", args.overlay, "another file than the picture")
-    check_replaceable(overlay)
-    low, high = SCALES
-    if not low <= args.mm_per_pixel <= high:
-        raise InputError(
-            "command line", "--mm-per-pixel", args.mm_per_pixel, f"a number from {low:g} to {high:g}"
+    pictures = [Path(name) for name in args.pictures]
+    out = Path(args.out)
+    overlays = [out / f"{path.stem}.png" for path in pictures]
+    for path, overlay in zip(pictures, overlays, strict=True):
+        if overlays.count(overlay) > 1:
+            raise InputError("command line", "pictures", path.name, "photographs whose names differ")
+        check_replaceable(overlay)
+        if overlay.resolve() == path.resolve():
+            raise InputError("command line", "--out", args.out, "another folder than that of the photographs")
+    scale, how = _scale(args), _settings(args)
+    found = photographs.measure_all(pictures, how, scale, [Path(name) for name in args.lens])
+    for one, overlay in zip(found, overlays, strict=True):
+        good = one.measurement is not None
+        shown = (
+            drawing.overlay(one.view, one.measurement)
+            if good
+            else drawing.overlay_of_refused(one.view, one.pile)
         )
+        write_image(overlay, shown)
+    allowed = "a pile with two flanks, seen from the side; {} shows what was taken for the pile"
+    if all(one.measurement is None for one in found):
+        raise_together(
+            InputError(one.path, "pile", one.refused, allowed.format(overlay))
+            for one, overlay in zip(found, overlays, strict=True)
+        )
+    made = tables(found, how)
+    write_tables(made, how, out)
+    print(json_text(as_record(made)) if args.json else told(found, made, how, out))
+
+
+def _scale(args: argparse.Namespace) -> "Scale":
+    """What the command line says of the scale."""
+    from repose.measure.photographs import Scale
+
+    def number(option: str, value: float, low: float, high: float) -> None:
+        if not low <= value <= high:
+            raise InputError("command line", option, value, f"a number from {low:g} to {high:g}")
+
+    if args.mm_per_pixel is not None and args.length:
+        raise InputError("command line", "--length", args.length, "without --mm-per-pixel")
+    scale, level = args.mm_per_pixel, 0.0
+    number("--square-mm", args.square_mm, 1, 1000)
+    if args.length:
+        length, x1, y1, x2, y2 = args.length
+        number("--length", length, 1, 1e5)
+        pixels = math.hypot(x2 - x1, y2 - y1)
+        level = math.degrees(math.atan2(y1 - y2, x2 - x1)) if pixels >= 10 else math.nan
+        if not abs(level) <= MOST_LEVEL_DEG:
+            allowed = f"two ends at least 10 pixels apart, the left one first, level within {MOST_LEVEL_DEG:g} degrees"
+            raise InputError("command line", "--length", args.length, allowed)
+        scale = length / pixels
+    if scale is not None:
+        number("--length" if args.length else "--mm-per-pixel", scale, *SCALES)
+        if args.lens:
+            raise InputError("command line", "--lens", args.lens, "where the printed sheet tells the scale")
+    elif args.base_row is not None:
+        raise InputError("command line", "--base-row", args.base_row, "with --mm-per-pixel or --length")
+    return Scale(args.square_mm, scale, args.base_row, level)
+
+
+def _settings(args: argparse.Namespace) -> "MeasureSettings":
+    """How photographs are measured: outside a study the angle of repose is the line fit."""
+    from repose.measure.settings import MeasureSettings
+
+    if args.grain_mm is not None and not 0.1 <= args.grain_mm <= 1000:
+        raise InputError("command line", "--grain-mm", args.grain_mm, "a number from 0.1 to 1000")
+    if args.config is None:
+        return MeasureSettings(berry_height_mm=args.grain_mm)
     config = loader.load(args.config)
-    how = pile.MeasureSettings.of(config["measure"], _axes(args.berry, config))
-    image = pile.read_image(args.picture)
-    try:
-        measured = pile.measure_image(image, args.mm_per_pixel, how, base_row=args.base_row)
-    except pile.NoFlankError as error:
-        write_image(overlay, drawing.overlay_of_failure(image, how, args.base_row))
-        allowed = f"a pile with two flanks, seen from the side; {overlay} shows what was taken for the pile"
-        raise InputError(args.picture, "pile", str(error), allowed) from None
-    write_image(overlay, drawing.overlay(image, measured))
-    values: dict[str, Any] = measured.record()
-    if args.json:
-        print(json_text(values))
-        return
-    print("left {left_deg:.2f} deg, right {right_deg:.2f} deg".format(**values))
-    print("angle of repose {aor_deg:.2f} deg, Height {height_mm:.2f} mm".format(**values))
-    for name in pile.DEFINITIONS:
-        angle, mark = measured.angles.get(name), "  <- response" if name == how.response else ""
-        print(f"{name:>10}: {f'{angle.aor_deg:.2f} deg{mark}' if angle else measured.reasons[name]}")
-    if how.berry_height_mm is not None:
-        print(f"height of a berry: {how.berry_height_mm:.2f} mm, of {args.berry or args.config}")
-    print(f"fitted lines: {overlay}")
-
-
-def _axes(berry_json, config):
-    """Mean axes of the berry, from the file given or from the sizes of the configuration."""
-    if berry_json is not None:
-        from repose.particle.berry_files import read_berry
-
-        return read_berry(berry_json)
-    if config["measure"]["berry_height_mm"] is not None:
-        return {}
+    section = dict(config["measure"])
+    if args.grain_mm is not None:
+        section["berry_height_mm"] = args.grain_mm
+    if section["berry_height_mm"] is not None:
+        return MeasureSettings.of(section, {})
     from repose.particle import berry
 
     sizes = berry.read_sizes(config["berry"]["sizes"])
-    return {column: float(sizes[column].mean()) for column in berry.SIZE_COLUMNS}
+    return MeasureSettings.of(section, {column: float(sizes[column].mean()) for column in berry.SIZE_COLUMNS})
+
+
+@family.verb(
+    "write the sheet (PDF, A4) that tells scale, tilt and lens of a photograph",
+    example="--out sheet.pdf",
+    out="sheet.pdf",
+    config=False,
+    options=[Option("--square-mm", type=float, default=20.0, help="side of a square, from 5 to 25 (20)")],
+)
+def marker(args: argparse.Namespace) -> None:
+    from repose.core.files import write_bytes
+    from repose.measure import sheet
+
+    if not 5 <= args.square_mm <= 25:
+        raise InputError("command line", "--square-mm", args.square_mm, "a number from 5 to 25")
+    write_bytes(args.out, sheet.pdf(args.square_mm))
+    print(f"print {args.out} at 100 %, check its line of 100 mm, cut it out: docs/photographs.md")
 
 
 @family.verb(

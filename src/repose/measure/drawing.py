@@ -5,9 +5,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from repose.core.errors import NoFlankError
 from repose.measure.pile import Measurement, MeasureSettings, measure_segmented, with_response
-from repose.measure.segmentation import segment
+from repose.measure.segmentation import Segmentation, segment
 
 RED, GREEN, YELLOW, BLUE = (40, 40, 230), (60, 170, 40), (0, 200, 255), (220, 120, 20)  # blue first
 
@@ -37,28 +36,27 @@ def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
     return picture
 
 
-def overlay_of_failure(image: np.ndarray, settings: MeasureSettings, base_row: float | None) -> np.ndarray:
-    """The picture with the boundary of what was taken for the pile, where no angle could be measured.
+def overlay_of_refused(image: np.ndarray, pile: Segmentation | None) -> np.ndarray:
+    """The picture with base and boundary of what was taken for the pile, where it was refused.
 
     Parameters
     ----------
     image : numpy.ndarray of uint8, (H, W) or (H, W, 3)
         Blue first.
-    settings : MeasureSettings
-    base_row : float or None
-        As in `repose.measure.pile.measure_image`.
+    pile : Segmentation or None
+        None where nothing was found.
 
     Returns
     -------
     numpy.ndarray of uint8, (H, W, 3)
-        Blue first; without a boundary where nothing was found.
+        Blue first.
     """
-    try:
-        mask = segment(image, settings.largest_pile_only, base_row).mask
-    except NoFlankError:
+    if pile is None:
         return _outlined(image, np.empty((0, 2), int))[0]
-    contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
-    return _outlined(image, np.concatenate(contours)[:, 0, :])[0]
+    contours = cv2.findContours(pile.mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
+    picture, thick = _outlined(image, np.concatenate(contours)[:, 0, :])
+    draw_line(picture, (0, pile.base_row), (picture.shape[1] - 1, pile.base_row), BLUE, thick)
+    return picture
 
 
 def _outlined(image, contour):

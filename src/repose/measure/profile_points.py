@@ -185,5 +185,7 @@ def points_between(profile: np.ndarray, low: float, high: float, rule: str) -> P
     if levels_between(low, high).size < MIN_LEVELS:
         raise NoFlankError(f"the flank is only {high - low:.0f} pixels high, {MIN_LEVELS} are needed")
     if profile[0] >= low:
-        raise NoFlankError("the pile runs out of the picture sideways: its foot is not seen")
+        raise NoFlankError(
+            "the pile runs out of the picture sideways, or the background is not plain: its foot is not seen"
+        )
     return FLANK_RULES[rule](profile, low, high)

@@ -1,0 +1,359 @@
+"""From a photograph with the sheet in it to the upright, metric side view of the pile.
+
+World: x to the right along the sheet, y away from the camera, z up, in mm, from the sheet's lower left corner; z = 0 is
+the plate. The side view lies in the vertical plane through the pile's axis that faces the camera, so it does not
+matter whether the sheet faces the camera exactly.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from repose.core.errors import NoFlankError
+from repose.measure.sheet import Seen
+
+PHONE_FOCAL = 0.75  # of the longer side: the main camera of most phones
+LARGEST_LENS_ERROR = 0.004  # share of the distance from the picture's middle, at half its longer side
+LARGEST_FOCAL_ERROR = 0.05
+LARGEST_MISS = 1.5e-3  # of the longer side: a corner lies that far from where a flat sheet would show it
+LARGEST_TILT_DEG = 25.0
+LARGEST_LOOK_DOWN_DEG = 8.0
+LARGEST_SIDE_PX = 1600  # of the side view
+BELOW_MM = 3.0  # shown below the plate
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera as its photographs of the sheet tell it.
+
+    Attributes
+    ----------
+    matrix : numpy.ndarray, (3, 3)
+        Focal length and middle in pixels.
+    lens : numpy.ndarray, (5,)
+        Distortion in OpenCV's order; only k1 and k2 are used.
+    note : str
+        What the corners did not suffice for; empty where they sufficed.
+    """
+
+    matrix: np.ndarray
+    lens: np.ndarray
+    note: str
+
+
+@dataclass(frozen=True)
+class SideView:
+    """The upright, metric view of a pile.
+
+    Attributes
+    ----------
+    image : numpy.ndarray of uint8, (H, W, 3)
+        Blue first.
+    seen : numpy.ndarray of bool, (H, W)
+        Where the photograph shows anything.
+    sheet : numpy.ndarray of bool, (H, W)
+        Where the sheet stands.
+    mm_per_pixel, base_row : float
+        Scale, and row of the plate.
+    tilt_deg : float
+        The largest of roll, pitch and yaw of the camera against this view.
+    """
+
+    image: np.ndarray
+    seen: np.ndarray
+    sheet: np.ndarray
+    mm_per_pixel: float
+    base_row: float
+    tilt_deg: float
+
+
+def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | None = None) -> Camera:
+    """Focal length and distortion from the sheet in several photographs of one camera.
+
+    Parameters
+    ----------
+    views : sequence of Seen
+        One or more.
+    size : (int, int)
+        Width and height of the photographs in pixels.
+    focal_px : float, optional
+        Focal length that the photographs state; used where the corners do not tell it.
+
+    Returns
+    -------
+    Camera
+        Without distortion where the corners do not tell it well enough.
+
+    Notes
+    -----
+    The middle of the picture is taken as the lens's, pixels as square, and the distortion as radial. A coefficient is
+    used if its standard error moves a point at half the picture's longer side by less than 0.4 % of that distance.
+
+    References
+    ----------
+    Zhang, Z. (2000). IEEE Trans. Pattern Anal. Mach. Intell. 22, 1330-1334.
+    """
+    long_side = max(size)
+    given = focal_px or PHONE_FOCAL * long_side
+    guess = np.array([[given, 0, size[0] / 2 - 0.5], [0, given, size[1] / 2 - 0.5], [0, 0, 1.0]])
+    places = [
+        np.column_stack([one.places_mm, np.zeros(len(one.places_mm))]).astype(np.float32) for one in views
+    ]
+    pixels = [one.pixels.astype(np.float32) for one in views]
+    shared = (
+        cv2.CALIB_USE_INTRINSIC_GUESS
+        | cv2.CALIB_FIX_PRINCIPAL_POINT
+        | cv2.CALIB_FIX_ASPECT_RATIO
+        | cv2.CALIB_ZERO_TANGENT_DIST
+        | cv2.CALIB_FIX_K3
+    )
+    for fixed in (0, cv2.CALIB_FIX_K2, cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2):
+        try:
+            _, matrix, lens, _, _, errors, *_ = cv2.calibrateCameraExtended(
+                places, pixels, size, guess.copy(), np.zeros(5), flags=shared | fixed
+            )
+        except cv2.error:  # too few corners for so many unknowns
+            continue
+        focal, (k1, k2) = matrix[0, 0], errors.ravel()[4:6]
+        focal_error = errors.ravel()[:2].max()
+        away = 0.5 * long_side / focal
+        sure = focal_error < LARGEST_FOCAL_ERROR * focal and 0.3 < focal / long_side < 10
+        if sure and k1 * away**2 < LARGEST_LENS_ERROR and k2 * away**4 < LARGEST_LENS_ERROR:
+            note = (
+                "lens not corrected: the sheet is seen in too few places" if fixed & cv2.CALIB_FIX_K1 else ""
+            )
+            return Camera(matrix, lens.ravel()[:5], note)
+    note = "lens not corrected, focal length assumed: the sheet is seen in too few places"
+    return Camera(guess, np.zeros(5), note)
+
+
+class Pose:
+    """Where a camera stood, from the sheet in one photograph.
+
+    Parameters
+    ----------
+    camera : Camera
+    sheet : Seen
+    size : (int, int)
+        Width and height of the photograph in pixels.
+
+    Raises
+    ------
+    NoFlankError
+        If the corners do not lie where a flat sheet shows them.
+    """
+
+    def __init__(self, camera: Camera, sheet: Seen, size: tuple[int, int]):
+        self.camera, self.size = camera, size
+        x, z = sheet.places_mm.T
+        world = np.column_stack([x, np.zeros_like(x), z])
+        # The planar solver wants z = 0 on the sheet: solve in (x, z, -y), then turn.
+        flat = np.column_stack([x, z, np.zeros_like(x)])
+        intrinsic = camera.matrix, camera.lens
+        _, turn, self.shift = cv2.solvePnP(flat, sheet.pixels, *intrinsic, flags=cv2.SOLVEPNP_IPPE)
+        turn, self.shift = cv2.solvePnPRefineLM(flat, sheet.pixels, *intrinsic, turn, self.shift)
+        from_world = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+        self.turn = cv2.Rodrigues(turn)[0] @ from_world
+        self.eye = (-self.turn.T @ self.shift).ravel()
+        miss = np.sqrt(((self.pixels_of(world) - sheet.pixels) ** 2).sum(axis=1).mean())
+        if miss > LARGEST_MISS * max(size):
+            raise NoFlankError(
+                f"the corners of the sheet lie {miss:.1f} pixels from those of a flat one: it is bent, or not sharp"
+            )
+
+    def pixels_of(self, world: np.ndarray) -> np.ndarray:
+        """Where points of the world are seen.
+
+        Parameters
+        ----------
+        world : numpy.ndarray, (..., 3)
+            In mm, before the camera.
+
+        Returns
+        -------
+        numpy.ndarray, (..., 2)
+            Column and row.
+        """
+        ahead = world @ self.turn.T + self.shift.ravel()
+        x, y = ahead[..., 0] / ahead[..., 2], ahead[..., 1] / ahead[..., 2]
+        square = x * x + y * y
+        bend = 1 + self.camera.lens[0] * square + self.camera.lens[1] * square**2
+        matrix = self.camera.matrix
+        return np.stack(
+            [matrix[0, 0] * x * bend + matrix[0, 2], matrix[1, 1] * y * bend + matrix[1, 2]], axis=-1
+        )
+
+    def facing(self, axis_mm: float) -> np.ndarray:
+        """Level direction to the right in the plane through (axis, 0) that faces the camera.
+
+        Parameters
+        ----------
+        axis_mm : float
+            Place of the pile's axis along the sheet.
+
+        Returns
+        -------
+        numpy.ndarray, (3,)
+            Of length 1.
+        """
+        away = np.array([axis_mm - self.eye[0], -self.eye[1], 0.0])
+        return np.array([away[1], -away[0], 0.0]) / np.linalg.norm(away)
+
+    def look_down_deg(self, axis_mm: float, height_mm: float) -> float:
+        """Angle below the horizontal at which the camera looks at a crest.
+
+        Parameters
+        ----------
+        axis_mm, height_mm : float
+            Place and height of the crest.
+
+        Returns
+        -------
+        float
+            Degrees; below 0 where the camera looks up.
+        """
+        return math.degrees(
+            math.atan2(self.eye[2] - height_mm, math.hypot(self.eye[0] - axis_mm, self.eye[1]))
+        )
+
+    def tilt_deg(self, right: np.ndarray) -> float:
+        """Largest angle by which the camera is rolled, or turned away from the plane that it is to show.
+
+        Parameters
+        ----------
+        right : numpy.ndarray, (3,)
+            As `facing` gives it.
+
+        Returns
+        -------
+        float
+            Degrees.
+        """
+        ahead = self.turn[2]
+        roll = math.degrees(math.atan2(self.turn[0][2], -self.turn[1][2]))  # 180 where it is upside down
+        pitch = math.degrees(math.asin(np.clip(ahead[2], -1, 1)))
+        yaw = math.degrees(math.asin(np.clip(ahead @ right, -1, 1)))
+        return max(abs(roll), abs(pitch), abs(yaw))
+
+
+def side_view(
+    image: np.ndarray,
+    pose: Pose,
+    sheet_size_mm: tuple[float, float],
+    axis_mm: float | None,
+    longest: int,
+    part: tuple[float, float, float] | None = None,
+) -> tuple[SideView, float]:
+    """The upright view of what stands in the plane through the pile's axis.
+
+    Parameters
+    ----------
+    image : numpy.ndarray of uint8, (H, W, 3)
+        The photograph.
+    pose : Pose
+    sheet_size_mm : (float, float)
+        Width and height of the sheet.
+    axis_mm : float or None
+        Place of the pile's axis along the sheet; None for the plane of the sheet itself.
+    longest : int
+        Most pixels along the longer side of the view.
+    part : (float, float, float), optional
+        Left, right and top of the part to show, in mm from the axis and from the plate; all without it.
+
+    Returns
+    -------
+    view : SideView
+    left_mm : float
+        Place of the view's left border, from the axis along the plane (from the sheet's corner without an axis).
+
+    Raises
+    ------
+    NoFlankError
+        If the camera is tilted too far, or does not see the plane.
+    """
+    origin = np.array([axis_mm or 0.0, 0.0, 0.0])
+    right = np.array([1.0, 0, 0]) if axis_mm is None else pose.facing(axis_mm)
+    tilt = pose.tilt_deg(right)
+    if tilt > LARGEST_TILT_DEG or pose.eye[1] >= 0:
+        raise NoFlankError(
+            f"the camera is tilted by {tilt:.0f} degrees (180: upside down); {LARGEST_TILT_DEG:.0f} can be corrected"
+        )
+    low, high, top = _extent(pose, origin, right)
+    if part is not None:
+        low, high, top = max(low, part[0]), min(high, part[1]), min(top, part[2])
+    fine = np.linalg.norm(np.diff(pose.pixels_of(origin + np.outer([0, 1.0], right)), axis=0))
+    scale = float(max(1 / fine, (high - low) / longest, (top + BELOW_MM) / longest))
+    columns, rows = math.ceil((high - low) / scale), math.ceil((top + BELOW_MM) / scale)
+    base = rows - 1 - BELOW_MM / scale
+    u = low + scale * np.arange(columns)
+    z = scale * (base - np.arange(rows))
+    world = origin + u[None, :, None] * right + z[:, None, None] * np.array([0, 0, 1.0])
+    pixels = pose.pixels_of(world).astype(np.float32)
+    # A coarser view averages the pixels that fall into one of its own.
+    if scale * fine > 1.5:
+        image = cv2.GaussianBlur(image, (0, 0), 0.4 * scale * fine)
+    shown = cv2.remap(
+        image, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
+    width, height = pose.size
+    seen = (pixels > 0).all(-1) & (pixels[..., 0] < width - 1) & (pixels[..., 1] < height - 1)
+    # The sheet stands in its own plane: mark it by what the camera sees there.
+    edge = 0.02 * sheet_size_mm[0]
+    wide, tall = sheet_size_mm
+    corners = np.array(
+        [
+            [x, 0, y]
+            for x, y in (
+                (-edge, -2 * edge),
+                (wide + edge, -2 * edge),
+                (wide + edge, tall + edge),
+                (-edge, tall + edge),
+            )
+        ]
+    )
+    on_view = _meet(pose.eye, corners, origin, right)
+    polygon = np.column_stack([(on_view[:, 0] - low) / scale, base - on_view[:, 1] / scale])
+    sheet = np.zeros(seen.shape, np.uint8)
+    cv2.fillPoly(sheet, [np.rint(polygon).astype(np.int32)], 1)
+    return SideView(shown, seen, sheet > 0, scale, base, tilt), low
+
+
+def _extent(pose, origin, right):
+    """Left, right and top of the part of a plane that a photograph shows [mm]."""
+    width, height = pose.size
+    along = np.linspace(0, 1, 9)
+    edge = np.concatenate(
+        [
+            np.column_stack(pair)
+            for pair in (
+                (along * (width - 1), 0 * along),
+                (along * (width - 1), 0 * along + height - 1),
+                (0 * along, along * (height - 1)),
+                (0 * along + width - 1, along * (height - 1)),
+            )
+        ]
+    )
+    ahead = cv2.undistortPoints(edge[:, None], pose.camera.matrix, pose.camera.lens)[:, 0]
+    rays = np.column_stack([ahead, np.ones(len(ahead))]) @ pose.turn
+    normal = np.cross(right, [0, 0, 1.0])
+    far = (origin - pose.eye) @ normal / (rays @ normal)
+    if (far <= 0).any():
+        raise NoFlankError(
+            "the camera looks past the sheet: a part of the photograph shows nothing in its plane"
+        )
+    at = pose.eye + far[:, None] * rays - origin
+    if at[:, 2].max() <= 0:
+        raise NoFlankError("nothing above the plate is in the photograph")
+    return float((at @ right).min()), float((at @ right).max()), float(at[:, 2].max())
+
+
+def _meet(eye, points, origin, right):
+    """Where the lines from the camera to points meet a plane: (along, up) in mm."""
+    normal = np.cross(right, [0, 0, 1.0])
+    ways = points - eye
+    far = (origin - eye) @ normal / (ways @ normal)
+    at = eye + far[:, None] * ways - origin
+    return np.column_stack([at @ right, at[:, 2]])

@@ -1,0 +1,285 @@
+"""Find the pile in the upright view of a photograph whose background is not plain.
+
+Colours are compared as ratios of the channels, and brightness counts little: a shadow changes the brightness of a
+surface and hardly its colour. What differs from the background row by row is a first guess; GrabCut, which models the
+colours of both sides by mixtures and prefers short boundaries, corrects it.
+
+References
+----------
+Rother, C., Kolmogorov, V., Blake, A. (2004). ACM Trans. Graph. 23, 309-314.
+"""
+
+import math
+
+import cv2
+import numpy as np
+
+from repose.core.errors import NoFlankError
+from repose.measure.segmentation import Segmentation, require_upright
+
+COLOUR_GAIN, BRIGHTNESS_GAIN = 110.0, 45.0
+DARK = 14.0  # tones: noise of darker pixels has no colour
+SIDES = 0.25  # share of the width, on either side, that shows mostly background
+STANDS_OUT = 30.0  # difference of colours that texture does not reach
+ROUNDS = 4  # of GrabCut
+SHADOW_DARKEST = 1.6  # logarithm of the share of light that a shadow takes at most
+ITS_OWN_COLOUR = 22.0  # a shadow's colour lies nearer to that of the background
+
+NECK = 0.3  # of a grain's height: half the width of what joins a loose grain to the pile in the view
+GAP = 0.4  # of a grain's height: so much background below it, and a thing does not stand on the plate
+FAINT = 10.0  # difference of colours that texture and noise have too
+
+NOTHING = "nothing that stands on the plate differs from its background, or the background is not plain"
+
+
+def find(image: np.ndarray, hidden: np.ndarray, base_row: float) -> np.ndarray:
+    """Find the pile in a coarse view of the whole photograph.
+
+    Parameters
+    ----------
+    image : numpy.ndarray of uint8, (H, W, 3)
+        Upright, blue first.
+    hidden : numpy.ndarray of bool, (H, W)
+        Where neither pile nor background is seen: outside the photograph, on the sheet.
+    base_row : float
+        Row of the plate.
+
+    Returns
+    -------
+    numpy.ndarray of uint8, (H, W)
+        1 where the pile is.
+
+    Raises
+    ------
+    NoFlankError
+        If no pile is found.
+    """
+    above = math.ceil(base_row)
+    colours = _fill(features(image), hidden)[:above]
+    behind = _background(colours, hidden[:above])
+    first, others = _first_guess(colours - behind, hidden[:above])
+    colours = np.where(others[..., None], behind, colours)
+    start = np.where(first, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
+    strip = max(2, round(0.02 * first.shape[1]))
+    edge = np.ones(first.shape, bool)
+    edge[strip:, strip:-strip] = False
+    start[edge & ~first] = cv2.GC_BGD
+    start[hidden[:above] | others] = cv2.GC_BGD
+    mask = _largest(_without_shadow(_grab(colours, start), colours - behind))
+    return np.vstack([mask, np.zeros((len(image) - above, mask.shape[1]), np.uint8)])
+
+
+def refine(
+    image: np.ndarray, hidden: np.ndarray, base_row: float, coarse: np.ndarray, berry_px: float
+) -> Segmentation:
+    """Find the boundary of a pile whose place is known.
+
+    Parameters
+    ----------
+    image, hidden, base_row
+        As for `find`, of a finer view of the pile alone.
+    coarse : numpy.ndarray, (H, W)
+        1 where the pile is, to half a grain.
+    berry_px : float
+        Height of a grain in pixels.
+
+    Returns
+    -------
+    Segmentation
+        Its contrast is the mask, softened by a pixel.
+
+    Raises
+    ------
+    NoFlankError
+        If no pile is left.
+    """
+    above = math.ceil(base_row)
+    colours, coarse = _fill(features(image), hidden)[:above], coarse[:above]
+    reach = max(4, round(0.4 * berry_px))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    below = cv2.copyMakeBorder(coarse, 0, reach, 0, 0, cv2.BORDER_REPLICATE)
+    start = np.where(coarse > 0, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
+    start[cv2.erode(below, disc)[:above] > 0] = cv2.GC_FGD
+    start[(cv2.dilate(below, disc)[:above] == 0) | hidden[:above]] = cv2.GC_BGD
+    mask = _without_floating(_largest(_grab(colours, start)), GAP * berry_px)
+    mask = _largest(_without_touching(mask, round(NECK * berry_px)))
+    require_upright(mask)
+    grey = cv2.cvtColor(image[:above], cv2.COLOR_BGR2GRAY)
+    inside = mask > 0
+    pile_is = "darker" if grey[inside].mean() < grey[~inside & ~hidden[:above]].mean() else "brighter"
+    soft = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 1.0)
+    return Segmentation(grey, soft, 0.5, mask, base_row, pile_is)
+
+
+def faint_share(image: np.ndarray, hidden: np.ndarray, pile: Segmentation, reach_px: float) -> float:
+    """Share of a pile's upper boundary at which the colours of both sides hardly differ.
+
+    Parameters
+    ----------
+    image, hidden
+        As for `refine`.
+    pile : Segmentation
+    reach_px : float
+        How far from the boundary the colours of a side are taken.
+
+    Returns
+    -------
+    float
+        From 0 to 1.
+    """
+    rows = len(pile.mask)
+    colours = _fill(features(image), hidden)[:rows]
+    reach = max(3, round(reach_px))
+    box = np.ones((2 * reach + 1, 2 * reach + 1), np.float32)
+    inside = pile.mask.astype(np.float32)
+    means = []
+    for part in (inside, 1 - inside):
+        weight = cv2.filter2D(part, -1, box, borderType=cv2.BORDER_REPLICATE)
+        total = cv2.filter2D(colours * part[..., None], -1, box, borderType=cv2.BORDER_REPLICATE)
+        means.append(total / np.maximum(weight, 1)[..., None])
+    columns = np.flatnonzero(pile.mask.any(axis=0))
+    top = pile.mask.argmax(axis=0)[columns]
+    difference = np.linalg.norm((means[0] - means[1])[top, columns], axis=1)
+    return float((difference < FAINT).mean())
+
+
+def features(image: np.ndarray) -> np.ndarray:
+    """Two ratios of the channels and the brightness, as logarithms.
+
+    Parameters
+    ----------
+    image : numpy.ndarray of uint8, (H, W, 3)
+        Blue first.
+
+    Returns
+    -------
+    numpy.ndarray of float32, (H, W, 3)
+        Around 128.
+    """
+    blue, green, red = cv2.split(cv2.GaussianBlur(image, (0, 0), 0.8).astype(np.float32) + DARK)
+    parts = np.log(red / green), np.log(blue / green), np.log(red + green + blue)
+    gains = COLOUR_GAIN, COLOUR_GAIN, BRIGHTNESS_GAIN
+    middles = 0.0, 0.0, math.log(3 * 100.0)
+    return np.stack(
+        [128 + gain * (part - middle) for part, gain, middle in zip(parts, gains, middles, strict=True)],
+        axis=-1,
+    )
+
+
+def _fill(colours, hidden):
+    """Hidden pixels take the colour of the nearest one in their row that is seen."""
+    columns = np.arange(hidden.shape[1])
+    left = np.maximum.accumulate(np.where(hidden, -1, columns), axis=1)
+    right = np.minimum.accumulate(np.where(hidden, 10**6, columns)[:, ::-1], axis=1)[:, ::-1]
+    to_left = np.where(left >= 0, columns - left, 10**6)
+    nearest = np.where(to_left <= right - columns, left, right)
+    nearest = np.where((nearest >= 0) & (nearest < 10**6), nearest, columns)
+    return np.take_along_axis(colours, nearest[..., None], axis=1)
+
+
+def _background(colours, hidden):
+    """Background behind each pixel: a line through each row, first through its outer parts, without what stands out."""
+    width = hidden.shape[1]
+    x = np.linspace(-1, 1, width, dtype=np.float32)[None, :, None]
+    outer = (np.abs(x) > 1 - 2 * SIDES) & ~hidden[..., None]
+    centre = np.nanmedian(
+        np.where(outer | ~outer.any(axis=1, keepdims=True), colours, np.nan), axis=1, keepdims=True
+    )
+    centre = np.repeat(centre, width, axis=1)
+    for _ in range(3):
+        miss = np.linalg.norm(colours - centre, axis=-1, keepdims=True)
+        kept = ((miss < STANDS_OUT) & ~hidden[..., None]).astype(np.float32)
+        n = kept.sum(1, keepdims=True) + 1e-3
+        mean_x, mean = (kept * x).sum(1, keepdims=True) / n, (kept * colours).sum(1, keepdims=True) / n
+        spread = (kept * (x - mean_x) ** 2).sum(1, keepdims=True) + 0.02 * width
+        slope = (kept * (x - mean_x) * (colours - mean)).sum(1, keepdims=True) / spread
+        few = n < 0.1 * width
+        centre = np.where(few, centre, mean + slope * (x - mean_x)).astype(np.float32)
+    return centre
+
+
+def _first_guess(difference, hidden):
+    """The part that stands on the plate and is wider than high; and other things that differ, such as a ruler."""
+    size = np.sqrt((difference[..., :2] ** 2).sum(-1) + (0.5 * difference[..., 2]) ** 2)
+    size = np.where(hidden, 0, cv2.GaussianBlur(size, (0, 0), 1.5))
+    level, _ = cv2.threshold(
+        np.clip(size, 0, 255).astype(np.uint8), 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU
+    )
+    if level < 6:
+        raise NoFlankError(NOTHING)
+    mask = cv2.morphologyEx((size > level).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    count, labels, boxes, _ = cv2.connectedComponentsWithStats(mask)
+    rows = mask.shape[0]
+    best, largest = 0, 0
+    others = np.zeros(mask.shape, bool)
+    for k in range(1, count):
+        _, top, wide, high, area = boxes[k]
+        stands = top + high >= 0.97 * rows
+        if stands and wide > 1.2 * high and area > largest:
+            best, largest = k, area
+        elif high > 2.5 * wide and high > 0.15 * rows:
+            others |= labels == k
+    if not best:
+        raise NoFlankError(NOTHING)
+    return labels == best, cv2.dilate(others.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
+
+
+def _grab(colours, start):
+    """What GrabCut takes for the pile, from its marks."""
+    picture = np.clip(colours, 0, 255).astype(np.uint8)
+    marks = start.copy()
+    cv2.setRNGSeed(1)
+    cv2.grabCut(picture, marks, None, np.zeros((1, 65)), np.zeros((1, 65)), ROUNDS, cv2.GC_INIT_WITH_MASK)
+    mask = ((marks == cv2.GC_FGD) | (marks == cv2.GC_PR_FGD)).astype(np.uint8)
+    return cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+
+
+def _without_shadow(mask, difference):
+    """The mask without what has the background's colour and is darker, unless the pile itself is like that."""
+    distance = np.sqrt((difference[..., :2] ** 2).sum(-1))
+    darker = -difference[..., 2] / BRIGHTNESS_GAIN
+    shadow = (mask > 0) & (distance < ITS_OWN_COLOUR) & (darker > 0.08) & (darker < SHADOW_DARKEST)
+    rows = np.flatnonzero(mask.any(axis=1))
+    if rows.size == 0:
+        return mask
+    upper = np.zeros(mask.shape, bool)
+    upper[rows[0] : rows[0] + (2 * rows.size) // 3] = True
+    if shadow[upper].sum() > 0.12 * mask[upper].sum():
+        return mask
+    shadow = cv2.morphologyEx(shadow.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    return np.where(shadow > 0, 0, mask).astype(np.uint8)
+
+
+def _without_floating(mask, gap_px):
+    """The mask without what has background below it: a loose grain that lies behind the pile on the plate."""
+    upwards = mask[::-1] > 0
+    empty = np.cumsum(~upwards, axis=0)
+    return np.where((upwards & (empty <= gap_px))[::-1], 1, 0).astype(np.uint8)
+
+
+def _without_touching(mask, radius):
+    """The mask without low parts that only a neck narrower than two radii joins to it: loose grains at the foot."""
+    if radius < 1:
+        return mask
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
+    core = cv2.erode(cv2.copyMakeBorder(mask, 0, 2 * radius, 0, 0, cv2.BORDER_REPLICATE), disc)[: len(mask)]
+    count, labels, boxes, _ = cv2.connectedComponentsWithStats(core)
+    rows = np.flatnonzero(mask.any(axis=1))
+    if count < 3:
+        return mask
+    _, nearest = cv2.distanceTransformWithLabels(1 - core, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    owner = np.zeros(nearest.max() + 1, int)
+    owner[nearest[core > 0]] = labels[core > 0]
+    loose = boxes[:, cv2.CC_STAT_TOP] > rows.mean()
+    loose[[0, 1 + int(boxes[1:, cv2.CC_STAT_AREA].argmax())]] = False
+    return np.where(loose[owner[nearest]], 0, mask).astype(np.uint8)
+
+
+def _largest(mask):
+    """The largest part, holes filled."""
+    contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
+    if not contours:
+        raise NoFlankError(NOTHING)
+    filled = np.zeros_like(mask)
+    cv2.drawContours(filled, [max(contours, key=cv2.contourArea)], -1, 1, cv2.FILLED)
+    return filled

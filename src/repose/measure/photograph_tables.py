@@ -1,0 +1,177 @@
+"""What photographs gave, as tables: each photograph, the mean of all, and the targets of a configuration."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+from repose.core.files import write_table, write_text
+from repose.measure.angles import DEFINITIONS, MEAN_KEYS
+from repose.measure.photographs import Photograph, mean_of
+from repose.measure.settings import MeasureSettings
+
+MEANT = ("aor_deg", "height_mm")  # what a target is made of
+
+
+class Tables(NamedTuple):
+    """What photographs gave.
+
+    Attributes
+    ----------
+    photographs : pandas.DataFrame
+        One row each; empty cells where it was refused, `refused` says why.
+    summary : pandas.DataFrame
+        response, value (mean), sd and repetitions (number of photographs) of every definition.
+    """
+
+    photographs: pd.DataFrame
+    summary: pd.DataFrame
+
+
+def tables(found: Sequence[Photograph], how: MeasureSettings) -> Tables:
+    """Tables of photographs.
+
+    Parameters
+    ----------
+    found : sequence of Photograph
+        At least one was measured.
+    how : MeasureSettings
+        How they were.
+
+    Returns
+    -------
+    Tables
+    """
+    rows = []
+    for one in found:
+        numbers: dict[str, Any] = one.measurement.record() if one.measurement is not None else {}
+        facts = {name: round(value, 5) for name, value in one.facts.items()}
+        words = {"refused": one.refused, "note": one.note}
+        rows.append(
+            {"photograph": one.path.name} | numbers | facts | {"grain_mm": how.berry_height_mm} | words
+        )
+    photographs = pd.DataFrame(rows)
+    means = []
+    for column in (*MEANT, *MEAN_KEYS.values()):
+        values = photographs[column].dropna().tolist()
+        if values:
+            mean, sd, number = mean_of(values)
+            means.append(
+                {"response": column, "value": round(mean, 3), "sd": round(sd, 3), "repetitions": number}
+            )
+    return Tables(photographs, pd.DataFrame(means))
+
+
+def write_tables(made: Tables, how: MeasureSettings, out: Path) -> None:
+    """Write photographs.csv, summary.csv and targets.yaml.
+
+    Parameters
+    ----------
+    made : Tables
+    how : MeasureSettings
+    out : pathlib.Path
+        Folder.
+    """
+    write_table(out / "photographs.csv", made.photographs)
+    write_table(out / "summary.csv", made.summary)
+    write_text(out / "targets.yaml", targets(made, how))
+
+
+def targets(made: Tables, how: MeasureSettings) -> str:
+    """The measured responses as a configuration; a study takes it after its own.
+
+    Parameters
+    ----------
+    made : Tables
+    how : MeasureSettings
+        Its definition belongs to the angle.
+
+    Returns
+    -------
+    str
+        YAML.
+
+    Notes
+    -----
+    The range is the mean and its standard error to each side, at least 1 % of the mean.
+    """
+    grain = "" if how.berry_height_mm is None else f", berry_height_mm: {how.berry_height_mm:.6g}"
+    lines = [
+        "# Measured on photographs; summary.csv lies beside it.",
+        f"measure: {{response: {how.response}{grain}}}",
+    ]
+    lines.append("targets:")
+    for row in made.summary[made.summary["response"].isin(MEANT)].itertuples():
+        reach = max(row.sd / math.sqrt(row.repetitions), 0.01 * row.value)
+        lines += [
+            f"  - response: {row.response}",
+            "    apparatus: funnel",
+            f"    value: {row.value:.3f}",
+            f"    sd: {row.sd:.3f}",
+            f"    repetitions: {row.repetitions}",
+            f"    range: [{row.value - reach:.3f}, {row.value + reach:.3f}]",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def as_record(made: Tables) -> dict[str, list]:
+    """The tables as lists of rows; no number is None.
+
+    Parameters
+    ----------
+    made : Tables
+
+    Returns
+    -------
+    dict of list of dict
+    """
+    return {
+        name: [{k: None if pd.isna(v) else v for k, v in row.items()} for row in table.to_dict("records")]
+        for name, table in made._asdict().items()
+    }
+
+
+def told(found: Sequence[Photograph], made: Tables, how: MeasureSettings, out: Path) -> str:
+    """What the verb prints.
+
+    Parameters
+    ----------
+    found : sequence of Photograph
+    made : Tables
+    how : MeasureSettings
+    out : pathlib.Path
+        Folder.
+
+    Returns
+    -------
+    str
+    """
+    wide = max(len(one.path.name) for one in found)
+    lines = []
+    for one in found:
+        seen = one.measurement
+        if seen is None:
+            text = f"refused: {one.refused}"
+        else:
+            text = (
+                f"left {seen.left_deg:.2f} deg, right {seen.right_deg:.2f} deg, "
+                f"angle of repose {seen.aor_deg:.2f} deg, Height {seen.height_mm:.2f} mm"
+            )
+            for name, reason in seen.reasons.items():
+                text += f"; no {name}: {reason}"
+        lines.append(f"{one.path.name:<{wide}}  {text}")
+    by_name = made.summary.set_index("response")
+    lines.append("mean, standard deviation, number of photographs:")
+    rows = [("Height", "height_mm", "mm"), *((name, MEAN_KEYS[name], "deg") for name in DEFINITIONS)]
+    for name, column, unit in rows:
+        if column in by_name.index:
+            row = by_name.loc[column]
+            mark = "  <- angle of repose" if name == how.response else ""
+            lines.append(f"{name:>10}: {row.value:.2f} {unit}, {row.sd:.2f}, {row.repetitions:.0f}{mark}")
+    grain = "not known" if how.berry_height_mm is None else f"{how.berry_height_mm:.2f} mm"
+    lines.append(f"height of a grain: {grain}")
+    lines += sorted({f"note: {one.note}" for one in found if one.note})
+    lines.append(f"look at the overlays in {out}; the targets of a study: {out / 'targets.yaml'}")
+    return "\n".join(lines)

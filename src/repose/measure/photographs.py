@@ -1,0 +1,380 @@
+"""Photographs of many repetitions: each is measured or refused, and their mean is what a target states.
+
+The sheet (`repose.measure.sheet`) gives scale, tilt, lens and the plate. With a scale alone the photograph is taken as
+it is: level, without distortion, before a plain background.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from repose.core.errors import InputError, NoFlankError
+from repose.measure import camera, finding, sheet
+from repose.measure.pile import measure_segmented, read_image, with_response
+from repose.measure.results import Angle, Measurement
+from repose.measure.segmentation import Segmentation, require_upright, segment
+from repose.measure.settings import MeasureSettings
+
+LARGEST_PX = 4000  # a photograph's longer side; a larger one is reduced
+COARSE_PX, FINE_PX = 700, 1200  # longer sides of the views in which a pile is found, and its boundary
+FAINT_SHARE = 0.2
+LARGEST_DIFFERENCE_DEG = 10.0  # of the two sides
+USUAL_GRAINS = 8  # in the height of a pile, where the height of a grain is not known
+LOWEST_FOOT = 0.6  # of a grain's height: of the widest row over the lowest
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What tells the scale of photographs.
+
+    Attributes
+    ----------
+    square_mm : float
+        Side of a square of the printed sheet.
+    mm_per_pixel : float or None
+        Scale of all photographs, where no sheet is in them.
+    base_row : float or None
+        Row of the plate in the photographs, where no sheet is in them.
+    level_deg : float
+        By how much a level line rises to the right in the photographs, where no sheet is in them.
+    """
+
+    square_mm: float = sheet.SQUARE_MM
+    mm_per_pixel: float | None = None
+    base_row: float | None = None
+    level_deg: float = 0.0
+
+
+@dataclass
+class Photograph:
+    """What came of one photograph.
+
+    Attributes
+    ----------
+    path : pathlib.Path
+    view : numpy.ndarray of uint8, (H, W) or (H, W, 3)
+        The picture that was measured.
+    pile : Segmentation or None
+        What was taken for the pile.
+    measurement : Measurement or None
+        None where it is refused.
+    refused : str
+        Why.
+    facts : dict of float
+        mm_per_pixel, and with a sheet tilt_deg and look_down_deg.
+    note : str
+        What a reader of the numbers should know.
+    """
+
+    path: Path
+    view: np.ndarray
+    pile: Segmentation | None = None
+    measurement: Measurement | None = None
+    refused: str = ""
+    facts: dict[str, float] = field(default_factory=dict)
+    note: str = ""
+
+
+def load(path: Path) -> tuple[np.ndarray, float]:
+    """A photograph, reduced where it is larger than 4000 pixels.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+
+    Returns
+    -------
+    image : numpy.ndarray of uint8, (H, W, 3)
+        Blue first.
+    times : float
+        How many pixels of the file lie along one of the image.
+
+    Raises
+    ------
+    InputError
+        If there is no such picture.
+    """
+    image = read_image(path)
+    times = max(1.0, max(image.shape[:2]) / LARGEST_PX)
+    if times > 1:
+        size = round(image.shape[1] / times), round(image.shape[0] / times)
+        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    return image, times
+
+
+def cameras(
+    paths: Sequence[Path], square_mm: float
+) -> tuple[dict[Path, sheet.Seen | None], dict[tuple[int, int], camera.Camera]]:
+    """The sheet in each photograph, and the camera of each size of photographs.
+
+    Parameters
+    ----------
+    paths : sequence of pathlib.Path
+        Photographs, those of the sheet alone among them.
+    square_mm : float
+        Side of a square.
+
+    Returns
+    -------
+    seen : dict of Seen or None
+        By path.
+    cameras : dict of Camera
+        By (width, height); photographs of one size are those of one camera.
+
+    Raises
+    ------
+    InputError
+        If a file is no picture.
+    """
+    seen, of_size, focal = {}, {}, {}
+    for path in paths:
+        image, _ = load(path)
+        size = image.shape[1], image.shape[0]
+        seen[path] = sheet.find(image, square_mm)
+        if seen[path] is not None:
+            of_size.setdefault(size, []).append(seen[path])
+            focal.setdefault(size, _stated_focal(path, max(size)))
+    return seen, {size: camera.calibrate(views, size, focal[size]) for size, views in of_size.items()}
+
+
+def measure_all(
+    paths: Sequence[Path], how: MeasureSettings, scale: Scale, lens: Sequence[Path] = ()
+) -> list[Photograph]:
+    """Measure photographs.
+
+    Parameters
+    ----------
+    paths : sequence of pathlib.Path
+    how : MeasureSettings
+    scale : Scale
+    lens : sequence of pathlib.Path, optional
+        Photographs of the sheet alone, by the same camera.
+
+    Returns
+    -------
+    list of Photograph
+        In the same order.
+
+    Raises
+    ------
+    InputError
+        If a file is no picture, or a photograph of the lens shows no sheet.
+    """
+    if scale.mm_per_pixel is not None:
+        return [measure_plain(path, how, scale) for path in paths]
+    seen, by_size = cameras([*paths, *lens], scale.square_mm)
+    for path in lens:
+        if seen[path] is None:
+            raise InputError(path, "sheet", "not seen", "a photograph that shows the printed sheet")
+    found = []
+    for path in paths:
+        image, _ = load(path)
+        one, where = Photograph(path, image), seen[path]
+        found.append(one)
+        if where is None:
+            one.refused = (
+                "the printed sheet is not seen; without one the scale is given by --mm-per-pixel or --length"
+            )
+            continue
+        try:
+            _measure_with_sheet(one, where, by_size[image.shape[1], image.shape[0]], how, scale.square_mm)
+        except NoFlankError as error:
+            one.refused = error.reason
+    return found
+
+
+def _measure_with_sheet(one, where, lens, how, square_mm):
+    """Measure a photograph that shows the sheet; NoFlankError says why not."""
+    size, on_paper = one.view.shape[1::-1], sheet.size_mm(square_mm)
+    pose = camera.Pose(lens, where, size)
+    one.note, photograph = lens.note, one.view
+    coarse, low = camera.side_view(photograph, pose, on_paper, None, COARSE_PX)
+    one.view = coarse.image
+    one.facts = {"mm_per_pixel": coarse.mm_per_pixel, "tilt_deg": coarse.tilt_deg}
+    mask = finding.find(coarse.image, ~coarse.seen | coarse.sheet, coarse.base_row)
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    crest = low + coarse.mm_per_pixel * float(np.median(np.flatnonzero(mask[rows[0]])))
+    high = (coarse.base_row - rows[0]) * coarse.mm_per_pixel
+    look_down = pose.look_down_deg(crest, high)
+    one.facts["look_down_deg"] = look_down
+    reach = 1.3 * max(
+        crest - low - columns[0] * coarse.mm_per_pixel, low + columns[-1] * coarse.mm_per_pixel - crest
+    )
+    fine, left = camera.side_view(photograph, pose, on_paper, crest, FINE_PX, (-reach, reach, 1.6 * high))
+    berry_px = (how.berry_height_mm or high / USUAL_GRAINS) / fine.mm_per_pixel
+    one.view = fine.image
+    one.facts["mm_per_pixel"], one.facts["tilt_deg"] = fine.mm_per_pixel, fine.tilt_deg
+    hidden = ~fine.seen | fine.sheet
+    one.pile = finding.refine(
+        fine.image, hidden, fine.base_row, _onto(mask, coarse, low - crest, fine, left), berry_px
+    )
+    if abs(look_down) > camera.LARGEST_LOOK_DOWN_DEG:
+        raise NoFlankError(
+            f"the camera looks at the crest from {look_down:.0f} degrees above: the flanks look flatter; "
+            f"hold the lens as high as the crest, {camera.LARGEST_LOOK_DOWN_DEG:g} degrees are allowed"
+        )
+    _require_whole(one.pile.mask, hidden)
+    one.measurement = seen_level(_measured(one, how), look_down)
+    if finding.faint_share(fine.image, hidden, one.pile, 0.25 * berry_px) > FAINT_SHARE:
+        one.measurement = None
+        raise NoFlankError(
+            "the pile hardly differs from its background along its boundary: the background is not plain"
+        )
+
+
+def measure_plain(path: Path, how: MeasureSettings, scale: Scale) -> Photograph:
+    """Measure a photograph without a sheet, or a silhouette.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    how : MeasureSettings
+    scale : Scale
+        With `mm_per_pixel`.
+
+    Returns
+    -------
+    Photograph
+
+    Raises
+    ------
+    InputError
+        If the file is no picture, or `base_row` does not lie in it.
+    """
+    image, times = load(path)
+    image, base = _levelled(image, scale.level_deg, scale.base_row and scale.base_row / times)
+    assert scale.mm_per_pixel is not None
+    how = replace(how, mm_per_pixel=scale.mm_per_pixel * times)
+    one = Photograph(path, image, facts={"mm_per_pixel": how.mm_per_pixel})
+    try:
+        one.pile = segment(image, how.largest_pile_only, base)
+        require_upright(one.pile.mask)
+        if base is None:
+            _require_no_shadow(one.pile, how)
+        one.measurement = _measured(one, how)
+    except NoFlankError as error:
+        one.refused = error.reason
+    return one
+
+
+def _measured(one, how):
+    """Measurement of what was taken for the pile, if it is one."""
+    how = replace(how, mm_per_pixel=one.facts["mm_per_pixel"])
+    measurement = with_response(measure_segmented(one.pile, how))
+    difference = abs(measurement.left_deg - measurement.right_deg)
+    if difference > LARGEST_DIFFERENCE_DEG:
+        raise NoFlankError(
+            f"its two sides differ by {difference:.0f} degrees: no such pile, or the background is not plain; "
+            f"{LARGEST_DIFFERENCE_DEG:g} are allowed"
+        )
+    return measurement
+
+
+def seen_level(measurement: Measurement, look_down_deg: float) -> Measurement:
+    """Angles as a camera at the height of the crest would see them.
+
+    A cone's outline is flatter from above or below: tan(seen)^2 = tan(true)^2 - tan(look down)^2, exactly, at any
+    distance.
+
+    Parameters
+    ----------
+    measurement : Measurement
+    look_down_deg : float
+        Angle at which the camera looks down at the crest.
+
+    Returns
+    -------
+    Measurement
+        The same lines with larger angles.
+    """
+    lost = math.tan(math.radians(look_down_deg)) ** 2
+
+    def level(angle):
+        return math.degrees(math.atan(math.sqrt(math.tan(math.radians(angle)) ** 2 + lost)))
+
+    angles = {
+        name: Angle(level(one.left_deg), level(one.right_deg), level(one.aor_deg), one.lines)
+        for name, one in measurement.angles.items()
+    }
+    return replace(measurement, angles=angles)
+
+
+def _onto(mask, coarse, coarse_left, fine, fine_left):
+    """A mask of one view in the pixels of another; both start at places given in mm from the axis."""
+    rows, columns = fine.image.shape[:2]
+    x = (fine_left + fine.mm_per_pixel * np.arange(columns) - coarse_left) / coarse.mm_per_pixel
+    y = coarse.base_row - (fine.base_row - np.arange(rows)) * fine.mm_per_pixel / coarse.mm_per_pixel
+    where = np.meshgrid(x.astype(np.float32), y.astype(np.float32))
+    return cv2.remap(mask, *where, cv2.INTER_NEAREST)
+
+
+def _require_whole(mask, hidden):
+    """Refuse a pile that runs into what is not seen."""
+    grown = cv2.dilate(mask, np.ones((5, 5), np.uint8)) > 0
+    touching = (grown & hidden[: len(mask)]).sum()
+    if touching > 0.03 * mask.shape[0] or mask[:, :2].any() or mask[:, -2:].any():
+        raise NoFlankError("the pile runs out of the picture, or the sheet hides a part of it")
+
+
+def _require_no_shadow(pile, how):
+    """Refuse a base that is a shadow, or the near rim of a pile seen from above: it is narrower than the pile."""
+    widths = pile.mask.sum(axis=1, dtype=int)
+    rows = np.flatnonzero(widths)
+    widest = rows[np.flatnonzero(widths[rows] >= 0.99 * widths.max())[-1]]
+    below_mm = (rows[-1] - widest) * how.mm_per_pixel
+    grain_mm = how.berry_height_mm or rows.size * how.mm_per_pixel / USUAL_GRAINS
+    if below_mm > LOWEST_FOOT * grain_mm:
+        raise NoFlankError(
+            f"its lowest row lies {below_mm:.1f} mm below its widest one: a shadow at the foot, or the camera looks "
+            "down on it; --base-row tells the row of the plate, the printed sheet makes it known"
+        )
+
+
+def _levelled(image, level_deg, base_row):
+    """A photograph turned so that a level line is level, and the plate's row in it, in its middle column."""
+    if level_deg == 0:
+        return image, base_row
+    rows, columns = image.shape[:2]
+    middle = (rows - 1) / 2
+    turn = cv2.getRotationMatrix2D(((columns - 1) / 2, middle), -level_deg, 1.0)
+    image = cv2.warpAffine(
+        image, turn, (columns, rows), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
+    if base_row is not None:
+        base_row = middle + (base_row - middle) * math.cos(math.radians(level_deg))
+    return image, base_row
+
+
+def _stated_focal(path, long_side):
+    """Focal length in pixels from the EXIF entry of the equivalent on 36 mm film; None without one."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as picture:
+            equivalent = float(picture.getexif().get_ifd(0x8769).get(0xA405, 0))
+    except (OSError, ValueError, TypeError, SyntaxError):
+        return None
+    return equivalent / 36 * long_side if 5 < equivalent < 1000 else None
+
+
+def mean_of(values: Sequence[float]) -> tuple[float, float, int]:
+    """Mean, standard deviation of one (n - 1) and number; the deviation of a single one is 0.
+
+    Parameters
+    ----------
+    values : sequence of float
+        One or more.
+
+    Returns
+    -------
+    mean, sd : float
+    number : int
+    """
+    number = len(values)
+    mean = math.fsum(values) / number
+    sd = math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (number - 1)) if number > 1 else 0.0
+    return mean, sd, number
