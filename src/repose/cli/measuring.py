@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
-from repose.cli.options import JSON
+from repose.cli.options import BERRY, JSON
 from repose.cli.registry import Family, Option
 from repose.config import loader
 from repose.core.errors import InputError, raise_together
@@ -72,12 +72,10 @@ def measure(args: argparse.Namespace) -> None:
     scale, how = _scale(args), _settings(args)
     found = photographs.measure_all(pictures, how, scale, [Path(name) for name in args.lens])
     for one, overlay in zip(found, overlays, strict=True):
-        good = one.measurement is not None
-        shown = (
-            drawing.overlay(one.view, one.measurement)
-            if good
-            else drawing.overlay_of_refused(one.view, one.pile)
-        )
+        if one.measurement is not None:
+            shown = drawing.overlay(one.view, one.measurement)
+        else:
+            shown = drawing.overlay_of_refused(one.view, one.pile)
         write_image(overlay, shown)
     allowed = "a pile with two flanks, seen from the side; {} shows what was taken for the pile"
     if all(one.measurement is None for one in found):
@@ -177,6 +175,34 @@ def silhouette(args: argparse.Namespace) -> None:
     how = MeasureSettings(**loader.load(args.config)["measure"])
     picture = side_view(first_pour(args.heap), Particle.load(args.particle), how, args.azimuth)
     write_image(args.out, picture)
+
+
+@family.verb(
+    "measure the side view that the verb silhouette drew, as a photograph is measured",
+    example="silhouette.png --overlay overlay.png",
+    out="measured.json",
+    options=[
+        Option("picture", help="what the verb silhouette wrote"),
+        Option("--overlay", default="overlay.png", help="picture with the fitted lines (overlay.png)"),
+        BERRY,
+    ],
+)
+def measure_silhouette(args: argparse.Namespace) -> None:
+    from repose.core.files import write_image, write_json
+    from repose.measure import drawing, pile
+    from repose.particle.berry_files import read_berry
+
+    section = loader.load(args.config)["measure"]
+    how = pile.MeasureSettings.of(section, read_berry(args.berry))
+    image = pile.read_image(args.picture)
+    try:
+        measured = pile.measure_image(image, how.mm_per_pixel, how)
+    except pile.NoFlankError as error:
+        raise InputError(
+            args.picture, "pile", str(error), "a pile with two flanks, seen from the side"
+        ) from None
+    write_image(args.overlay, drawing.overlay(image, measured))
+    write_json(args.out, measured.record())
 
 
 @family.verb(

@@ -284,7 +284,7 @@ def side_view(
     low, high, top = _extent(pose, origin, right)
     if part is not None:
         low, high, top = max(low, part[0]), min(high, part[1]), min(top, part[2])
-    fine = np.linalg.norm(np.diff(pose.pixels_of(origin + np.outer([0, 1.0], right)), axis=0))
+    fine = float(np.linalg.norm(np.diff(pose.pixels_of(origin + np.outer([0, 1.0], right)), axis=0)))
     scale = float(max(1 / fine, (high - low) / longest, (top + BELOW_MM) / longest))
     columns, rows = math.ceil((high - low) / scale), math.ceil((top + BELOW_MM) / scale)
     base = rows - 1 - BELOW_MM / scale

@@ -130,13 +130,15 @@ def cameras(
     InputError
         If a file is no picture.
     """
-    seen, of_size, focal = {}, {}, {}
+    seen: dict[Path, sheet.Seen | None] = {}
+    of_size: dict[tuple[int, int], list[sheet.Seen]] = {}
+    focal: dict[tuple[int, int], float | None] = {}
     for path in paths:
         image, _ = load(path)
         size = image.shape[1], image.shape[0]
-        seen[path] = sheet.find(image, square_mm)
-        if seen[path] is not None:
-            of_size.setdefault(size, []).append(seen[path])
+        seen[path] = where = sheet.find(image, square_mm)
+        if where is not None:
+            of_size.setdefault(size, []).append(where)
             focal.setdefault(size, _stated_focal(path, max(size)))
     return seen, {size: camera.calibrate(views, size, focal[size]) for size, views in of_size.items()}
 

@@ -23,15 +23,14 @@ rule measure:
         mem_mb=500,
     params:
         config=CONFIG,
-        scale=config["measure"]["mm_per_pixel"],
         depends=sections("measure"),
     message:
         "Measuring the pile in one side view"
     shell:
         "(python -m repose silhouette {input.heap:q} --config {params.config:q} --particle {input.particle:q}"
         " --out {output.silhouette:q};"
-        " python -m repose measure {output.silhouette:q} --config {params.config:q} --mm-per-pixel {params.scale:q}"
-        " --berry {input.berry:q} --overlay {output.overlay:q} --json > {output.result:q}) 2> {log:q}"
+        " python -m repose measure_silhouette {output.silhouette:q} --config {params.config:q}"
+        " --berry {input.berry:q} --overlay {output.overlay:q} --out {output.result:q}) > {log:q} 2>&1"
 
 
 use rule pour as trajectory with:
