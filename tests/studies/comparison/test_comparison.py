@@ -116,6 +116,14 @@ def test_points_read_back_without_what_failed(tmp_path):
         points.read(tmp_path / "runs.csv", tmp_path / "runs.csv", RESPONSES)
 
 
+def test_points_of_one_response_read_back_as_those_of_two(tmp_path):
+    # a single column of a table is given as an array that must not be written to
+    write(tmp_path, "", poured(12, 3, 1))
+    files = tmp_path / "dataset.csv", tmp_path / "runs.csv"
+    both = points.read(*files, RESPONSES)
+    np.testing.assert_array_equal(points.read(*files, RESPONSES[1:]).values, both.values[:, :, 1:])
+
+
 def test_runs_drawn_are_runs_of_the_same_point():
     one = poured(20, 5, 6)
     drawn = one.with_seeds_drawn(2, np.random.default_rng(1))

@@ -181,7 +181,7 @@ def read(dataset_csv: str | Path, runs_csv: str | Path, names: Sequence[str]) ->
     place = runs.groupby(["sample", *(["apparatus"] if "apparatus" in runs else [])]).cumcount().to_numpy()
     row = usable.set_index("sample").index.get_indexer(runs["sample"])
     values = np.full((len(usable), place.max() + 1, len(names)), np.nan)
-    responses = runs[list(names)].to_numpy(float)
+    responses = runs[list(names)].to_numpy(float, copy=True)
     responses[runs["status"].to_numpy() != "ok"] = np.nan
     for test in runs["apparatus"].unique() if "apparatus" in runs else [None]:
         own = np.ones(len(runs), bool) if test is None else (runs["apparatus"] == test).to_numpy()
