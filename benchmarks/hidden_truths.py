@@ -168,7 +168,7 @@ def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--pool", type=Path, default=Path("results/published/recommended/pool"))
+    parser.add_argument("--pool", type=Path, default=Path("results/published/version_0.2.0/pool"))
     parser.add_argument("--config", default="config/config.yaml")
     parser.add_argument("--responses", nargs="+", default=["aor_deg", "height_mm"])
     parser.add_argument("--truths", type=int, nargs=2, default=[0, 40], metavar=("FROM", "TO"))

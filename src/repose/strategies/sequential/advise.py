@@ -15,7 +15,7 @@ from repose.strategies.sequential.kriging import Kriging, Observed
 CANDIDATES = 2048  # all over the ranges
 KEPT, AROUND = 8, 64  # the best of them, and points around each
 STEPS = (0.1, 0.03, 0.01)  # standard deviations of those, in ranges
-SPREAD = 0.15  # of a batch about the answer, standard deviation in ranges
+SPREAD = 0.1  # of a batch about the answer, standard deviation in ranges
 LEAST_GAIN = 0.01  # a probability that cannot rise by more has reached the noise bound
 
 

@@ -21,6 +21,9 @@ PRIOR_FREEDOM = 20.0  # degrees of freedom that the common variance counts for, 
 LENGTH_LOG_MEAN = math.sqrt(2)  # and half the logarithm of the number of inputs (H24)
 LENGTH_LOG_SD = math.sqrt(3)  # (H24)
 VARIANCE_LOG_SD = 1.0  # of the process's variance about that of the means
+SMOOTHNESS = (
+    2.5  # of Matern's covariance: twice differentiable; smoother ones claim too much between few samples
+)
 DRAWS = 8  # of variance and lengths
 STEP = 1e-3  # of the logarithms, for the curvature
 BOUNDS = (1e-3, 1e3)  # of variance and lengths, in variances of the means and ranges of a parameter
@@ -175,7 +178,7 @@ def _moderated(observed, mixing):
 def _drawn(unit, value, error) -> list[Any]:
     """Kernels of one combination, drawn from their posterior; a constant stands for the unknown mean."""
     from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import RBF, ConstantKernel
+    from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
     d = unit.shape[1]
     middle = LENGTH_LOG_MEAN + 0.5 * math.log(d)
@@ -193,8 +196,8 @@ def _drawn(unit, value, error) -> list[Any]:
             curvature[k] = (loss(found.x + step)[1] - loss(found.x - step)[1]) / (2 * STEP)
         return found.x, found.fun
 
-    kernel = ConstantKernel(1.0, "fixed") + ConstantKernel(1.0, BOUNDS) * RBF(
-        np.full(d, math.exp(middle)), BOUNDS
+    kernel = ConstantKernel(1.0, "fixed") + ConstantKernel(1.0, BOUNDS) * Matern(
+        np.full(d, math.exp(middle)), BOUNDS, nu=SMOOTHNESS
     )
     model = GaussianProcessRegressor(kernel, alpha=error, optimizer=most_probable)
     with warnings.catch_warnings():  # a length at its bound is a parameter without effect
