@@ -23,7 +23,7 @@ def poured(folder, table, section, targets, seed):
     (folder / "heaps").mkdir(parents=True)
     for sample in table["sample"]:
         for kind in ("pours.json", "npz", "json"):
-            (folder / "heaps" / f"{sample:04d}.{kind}").touch()
+            (folder / "heaps" / f"{sample:03d}.{kind}").touch()
     every = table.loc[table.index.repeat(section["seeds"])].reset_index(drop=True)
     runs = every[["sample"]].assign(seed=np.arange(len(every)), status="ok")
     runs[list(targets.names)] = responses(every, 4.0, seed)

@@ -37,7 +37,7 @@ def sequential_jobs(wildcards):
     else:
         samples = pandas.read_csv(sequential_samples(wildcards))["sample"]
     return [
-        f"{SEQUENTIAL}/{wildcards.poured}/{runs}/{sample:04d}.json"
+        f"{SEQUENTIAL}/{wildcards.poured}/{runs}/{sample:03d}.json"
         for runs in folders_of_targets()
         for sample in samples
     ]
@@ -87,7 +87,7 @@ use rule pour as sequential_pour with:
     benchmark:
         f"{RESULTS}/benchmarks/sequential/{{poured}}_{{runs}}_{{job}}.tsv"
     wildcard_constraints:
-        job=r"\d{4}",
+        job=r"\d{3,4}",
     params:
         purpose="sequential",
         sample=lambda wildcards: int(wildcards.job),
@@ -111,7 +111,7 @@ use rule measure_runs as measure_sequential_runs with:
     benchmark:
         f"{RESULTS}/benchmarks/sequential/{{poured}}_{{runs}}_{{job}}_measured.tsv"
     wildcard_constraints:
-        job=r"\d{4}",
+        job=r"\d{3,4}",
     message:
         "Measuring the runs of sample {wildcards.job}, {wildcards.poured}"
 
