@@ -3,11 +3,12 @@
 The processes are scikit-learn's. The responses are turned into combinations that are independent, both in the noise of
 a pour and over the samples; each combination has a process of its own.
 
-Sources of the lines, named where they are used
-  (ANS10) Ankenman, Nelson & Staum 2010, Stochastic kriging for simulation metamodeling, Oper. Res. 58, 371
-  (S04)   Smyth 2004, Stat. Appl. Genet. Mol. Biol. 3, 3: a sample's own variance moderated by that of all samples
-  (H24)   Hvarfner, Hellsten & Nardi 2024, Vanilla Bayesian optimization performs great in high dimensions: a prior of
-          the lengths that grows with the number of inputs
+Sources of the lines, named where they are used:
+
+- (ANS10) Ankenman, Nelson & Staum 2010, Stochastic kriging for simulation metamodeling, Oper. Res. 58, 371
+- (S04) Smyth 2004, Stat. Appl. Genet. Mol. Biol. 3, 3: a sample's own variance moderated by that of all samples
+- (H24) Hvarfner, Hellsten & Nardi 2024, Vanilla Bayesian optimization performs great in high dimensions: a prior of the
+  lengths that grows with the number of inputs
 """
 
 import math
