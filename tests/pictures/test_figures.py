@@ -41,8 +41,8 @@ def size_of(path):
     return struct.unpack(">II", path.read_bytes()[16:24])
 
 
-# The figures of the strategy response_surface are drawn in tests/strategies.
-OF_A_STRATEGY = {"pareto_screening", "pareto_surface", "perturbation", "contours"}
+# The figures of the strategies are drawn in tests/strategies.
+OF_A_STRATEGY = {"pareto_screening", "pareto_surface", "perturbation", "contours", "sequential"}
 
 
 @pytest.mark.parametrize("name", sorted(set(figures.FIGURES) - OF_A_STRATEGY))

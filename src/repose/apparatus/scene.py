@@ -9,11 +9,9 @@ from repose import dem
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.settings import SimulationSettings
 from repose.core.errors import InputError
-from repose.dem import time_steps
-from repose.dem.contact_table import pairs_of
-from repose.dem.laws import CONTACT_LAWS
 
 if TYPE_CHECKING:
+    from repose.dem import time_steps
     from repose.particle.particle import Particle
 
 LAW = "hertz_mindlin"
@@ -99,6 +97,9 @@ def longest_time_step(
     repose.dem.time_steps.Limit
         What the engine allows, for berries of the smallest scale.
     """
+    from repose.dem import time_steps
+    from repose.dem.contact_table import pairs_of
+    from repose.dem.laws import CONTACT_LAWS
     from repose.particle import size_distribution
 
     materials = _materials(config, berry)

@@ -117,7 +117,7 @@ def response_check(args: argparse.Namespace) -> None:
     example="--config config/quick.yaml",
     out=f"{SEQUENTIAL}/batch_0",
 )
-def sequential_start(args):
+def sequential_start(args: argparse.Namespace) -> None:
     from repose.strategies.sequential import files
 
     config = loader.load(args.config)
@@ -131,7 +131,7 @@ def sequential_start(args):
     out=f"{SEQUENTIAL}/batch_0",
     options=[Option("batches", nargs="+", help="folders of all batches so far: dataset.csv and runs.csv")],
 )
-def sequential_batch(args):
+def sequential_batch(args: argparse.Namespace) -> None:
     from repose.strategies.sequential import files
 
     config = loader.load(args.config)
@@ -154,7 +154,7 @@ def sequential_batch(args):
         Option("--runs", default=f"{SEQUENTIAL}/check/runs.csv", help="of the answer: single runs"),
     ],
 )
-def sequential_check(args):
+def sequential_check(args: argparse.Namespace) -> None:
     from repose.strategies.sequential import files
 
     config = loader.load(args.config)
