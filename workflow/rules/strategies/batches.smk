@@ -1,0 +1,47 @@
+# Batches of the strategy sequential: what each of its rules takes.
+SEQUENTIAL = f"{RESULTS}/sequential"
+
+
+def last_advice():
+    """What the pours so far say, where they tell that they suffice; batches on the way there are asked for."""
+    batch = 0
+    while True:
+        advice = checkpoints.sequential_batch.get(batch=batch).output.advice
+        with open(advice) as file:
+            if json.load(file)["stop"]:
+                return batch
+        batch += 1
+
+
+def sequential_samples(wildcards):
+    """Table of what is poured: the start, or what the batch before has asked for."""
+    if wildcards.poured == "batch_0":
+        return rules.sequential_start.output.samples
+    if wildcards.poured == "check":
+        batch = last_advice()
+    else:
+        batch = int(wildcards.poured.removeprefix("batch_")) - 1
+    return checkpoints.sequential_batch.get(batch=batch).output.following
+
+
+def sequential_jobs(wildcards):
+    """Measured jobs of a batch or of the check."""
+    if wildcards.poured == "batch_0":
+        samples = range(1, config["sequential"]["start_samples"] + 1)
+    else:
+        samples = pandas.read_csv(sequential_samples(wildcards))["sample"]
+    return [
+        f"{SEQUENTIAL}/{wildcards.poured}/{runs}/{sample:03d}.json"
+        for runs in folders_of_targets()
+        for sample in samples
+    ]
+
+
+def batches_until(wildcards):
+    """Folders of the batches up to one."""
+    return [f"{SEQUENTIAL}/batch_{k}" for k in range(int(wildcards.batch) + 1)]
+
+
+def sequential_advices(wildcards):
+    """What each batch said."""
+    return [f"{SEQUENTIAL}/batch_{k}/advice.json" for k in range(last_advice() + 1)]
