@@ -124,7 +124,7 @@ def test_shapes_materials_and_walls(make, words):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"shape": "cube"}, "shape is 'cube'; allowed: ball"),
+        ({"shape": "cube"}, "shape is 'cube'; allowed: 'ball'"),
         ({"position_m": (0, 0)}, r"position_m is \(0, 0\); allowed: three finite numbers"),
         ({"position_m": (0, 0, math.nan)}, "position_m is .*allowed: three finite numbers"),
         ({"quaternion": (0, 0, 0, 0)}, "quaternion is 0; allowed: four finite numbers that are not all 0"),

@@ -286,9 +286,7 @@ class Simulation(Observables):
         i = self.n_bodies
         if i >= self.capacity:
             raise ValueError(f"capacity is {self.capacity}; body {i + 1} does not fit")
-        if shape not in self.shapes:
-            raise ValueError(f"shape is {shape!r}; allowed: {', '.join(self.shapes)}")
-        kind = self.shapes[shape]
+        kind = chosen("shape", shape, self.shapes)
         least, most = self._smallest_scales[shape], self.largest_scale
         allowed = f"at least {least:.3g}, or time_step_s is too long, at most largest_scale, {most:g}"
         number("scale", scale, allowed, lambda scale: least <= scale <= most)
