@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -19,8 +19,20 @@ from repose.particle.size_distribution import of_pour
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
 
-RECORD = ("time_s", "turned_deg", "surface_deg", "bed_deg", "energy_j")
 STATES = ("start", "report", "before", "after")
+
+
+class _Row(NamedTuple):
+    """One row of the record, see `Rotation.record`."""
+
+    time_s: float
+    turned_deg: float
+    surface_deg: float
+    bed_deg: float
+    energy_j: float
+
+
+RECORD = _Row._fields
 
 
 @dataclass(frozen=True)
@@ -123,7 +135,8 @@ class _Watch:
         except ValueError:
             angle = math.nan
         time_s = s.time_s - self.began_s
-        self.rows.append((time_s, math.degrees(self.turned_rad), angle, bed.bed_angle(s.positions), energy))
+        turned_deg, bed_deg = math.degrees(self.turned_rad), bed.bed_angle(s.positions)
+        self.rows.append(_Row(time_s, turned_deg, angle, bed_deg, energy))
 
     def advance(self, steps):
         """Run, turn and keep."""
@@ -242,8 +255,8 @@ def _until_slip(watch, section, calm, every, progress):
     set_rotation(simulation, section["angular_velocity_rad_s"])
     watch.keep()
     slip, stopped_s = None, math.inf
-    while math.isfinite(watch.rows[-1][4]):
-        now, energy = watch.rows[-1][0], watch.rows[-1][4]
+    while math.isfinite(watch.rows[-1].energy_j):
+        now, energy = watch.rows[-1].time_s, watch.rows[-1].energy_j
         if progress is not None:
             progress(simulation.time_s)
         rests = now > stopped_s and energy < calm

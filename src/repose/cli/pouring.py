@@ -73,7 +73,7 @@ def warm_up(args: argparse.Namespace) -> None:
 def pour(args: argparse.Namespace) -> None:
     from repose.apparatus.job import pour_job
 
-    print(pour_job(*_job(args, args.apparatus), keeps_runs=args.keep_runs))
+    print(pour_job(**_job(args, args.apparatus)._asdict(), keeps_runs=args.keep_runs))
 
 
 @family.verb(
@@ -86,7 +86,7 @@ def heap(args: argparse.Namespace) -> None:
     from repose.apparatus.job import measure_job, pour_job
 
     job = _job(args, "funnel")
-    result = measure_job(job.config, pour_job(*job), job.particle, job.berry)
+    result = measure_job(job.config, pour_job(**job._asdict()), job.particle, job.berry)
     if args.json:
         print(json_text(_flat(result) if len(result["runs"]) == 1 else result))
     else:
