@@ -138,6 +138,17 @@ def test_freshly_compiled_and_cached_code_give_the_same_bits(tmp_path, monkeypat
         assert in_a_new_process(NUMBA_CACHE_DIR=str(tmp_path)) == (here, 1)
 
 
+@pytest.mark.slow
+def test_a_study_may_choose_the_linear_spring():
+    whole = small()
+    whole["simulation"]["contact_law"] = "linear_spring"
+    poured = funnel.pour(whole, named(CENTRE), 5, particle(), BERRY)
+    assert not poured.unstable
+    assert poured.on_plate.sum() == 60
+    assert poured.kinetic_energy_j / 60 < 1e-12
+    assert digest(poured) != digest(funnel.pour(small(), named(CENTRE), 5, particle(), BERRY))
+
+
 def test_seeds_differ():
     first, second = (funnel.pour(small(), named(CENTRE), seed, particle(), BERRY) for seed in (5, 6))
     assert digest(first) != digest(second)

@@ -106,6 +106,17 @@ def test_the_grain_is_the_simulated_body(config, solutions):
     assert grain["spheres_mm"] == []
 
 
+def test_the_laws_are_told_by_the_laws_that_the_study_chose(config):
+    told = card.laws(config)
+    assert told["normal"].startswith("Hertz")
+    assert "mu_s times the elastic part of the normal force" in told["tangential"]
+    config["simulation"] |= {"contact_law": "linear_spring", "friction_limit": "total"}
+    other = card.laws(config)
+    assert other["normal"].startswith("linear spring")
+    assert "mu_r times the size of the damped normal force" in other["rolling"]
+    assert set(told) == set(other) == {"normal", "tangential", "rolling", "end of an impact"}
+
+
 def test_a_card_that_is_none_is_refused_with_every_fault(config, solutions):
     bad = made(config, solutions)
     bad["grain"]["density_kg_m3"] = -1

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from repose.dem import time_steps
     from repose.particle.particle import Particle
 
-LAW = "hertz_mindlin"
+ROLLING_LAW = "budget"
 
 
 def berry_simulation(
@@ -68,7 +68,8 @@ def berry_simulation(
         gravity_m_s2=(0.0, 0.0, -settings.gravity_m_s2),
         tension=settings.tension,
         friction_limit=settings.friction_limit,
-        contact_law=LAW,
+        contact_law=settings.contact_law,
+        rolling_law=ROLLING_LAW,
         **scene,
     )
 
@@ -102,10 +103,11 @@ def longest_time_step(
     from repose.dem.laws import CONTACT_LAWS
     from repose.particle import size_distribution
 
+    settings = SimulationSettings.of(config)
     materials = _materials(config, berry)
     scene = time_steps.Scene(
-        CONTACT_LAWS[LAW],
-        SimulationSettings.of(config).tension,
+        CONTACT_LAWS[settings.contact_law],
+        settings.tension,
         materials,
         pairs_of(_contacts(parameters), materials),
         {"berry": particle.dem_shape("berry")},

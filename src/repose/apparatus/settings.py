@@ -21,6 +21,8 @@ class SimulationSettings:
         Which normal force limits friction and rolling resistance; see `repose.dem.Simulation`.
     rest_energy_j : float
         A bed is at rest when its mean kinetic energy of a berry is below this [J].
+    contact_law : str
+        Name of the contact law, one of `repose.dem.laws.CONTACT_LAWS`; the configuration need not name it.
     """
 
     time_step_s: float
@@ -28,6 +30,7 @@ class SimulationSettings:
     tension: str
     friction_limit: str
     rest_energy_j: float
+    contact_law: str = "hertz_mindlin"
 
     @classmethod
     def of(cls, config: Mapping[str, Any]) -> "SimulationSettings":

@@ -10,6 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from repose.apparatus.settings import SimulationSettings
 from repose.chain.answer import Answer, Check
 from repose.core import provenance
 from repose.core.errors import InputError, raise_together
@@ -71,7 +72,7 @@ def make(
         "material": answer.label,
         "grain": _grain(config, berry, particle),
         "wall": {key: config["wall"][key] for key in ("shear_modulus_pa", "poisson_ratio")},
-        "laws": laws(config["simulation"]),
+        "laws": laws(config),
         "parameters": {
             name: {
                 "meaning": LABELS[name],
@@ -93,26 +94,26 @@ def make(
     }
 
 
-def laws(simulation: Mapping[str, Any]) -> dict[str, str]:
-    """The contact laws by name.
+def laws(config: Mapping[str, Any]) -> dict[str, str]:
+    """The contact laws in words.
 
     Parameters
     ----------
-    simulation : mapping
-        The section of the configuration.
+    config : mapping
+        The whole configuration.
 
     Returns
     -------
     dict of str
     """
-    limit = LIMIT[simulation["friction_limit"]]
-    return {
-        "normal": "Hertz with viscous damping (Tsuji, Tanaka and Ishida 1992)",
-        "end of an impact": TENSION[simulation["tension"]],
-        "tangential": f"Mindlin without slip, damped; Coulomb's limit mu_s times {limit}",
-        "rolling": "directional constant torque (model A of Ai et al. 2011), a budget for each body: mu_r times "
-        f"{limit} times the distance of the contact from the body's centre",
-    }
+    from repose.apparatus.scene import ROLLING_LAW
+    from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
+
+    settings = SimulationSettings.of(config)
+    limit = LIMIT[settings.friction_limit]
+    words = {**CONTACT_LAWS[settings.contact_law].words, **ROLLING_LAWS[ROLLING_LAW].words}
+    told = {direction: text.format(limit=limit) for direction, text in words.items()}
+    return told | {"end of an impact": TENSION[settings.tension]}
 
 
 def _ends(space, feasible, posterior):

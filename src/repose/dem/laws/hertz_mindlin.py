@@ -251,6 +251,10 @@ LAW = Law(
     n_rows=_rows.count,
     n_state=_state.count,
     kernel=kernel,
+    words={
+        "normal": "Hertz with viscous damping (Tsuji, Tanaka and Ishida 1992)",
+        "tangential": "Mindlin without slip, damped; Coulomb's limit mu_s times {limit}",
+    },
     contact_time=contact_time,
     oscillator=oscillator,
 )

@@ -5,8 +5,8 @@ the call by the kernel of the law whose options, a named tuple of a type of its 
 of one law, and a law costs nothing where it is not used.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -46,6 +46,9 @@ class Law:
     kernel : function
         (options, t, c, at, dt) -> None, a plain function that numba can compile. t: the tile; c: the tile of what
         persists, the law's rows from place `at` on; dt: time step [s].
+    words : mapping
+        The law for people: from a direction, such as ``normal``, to one sentence. ``{limit}`` in it stands for the
+        normal force that limits friction.
     contact_time : callable, optional
         (material, material, mass, radius, speed) -> duration of a head-on impact [s], of a contact law.
     oscillator : callable, optional
@@ -60,6 +63,7 @@ class Law:
     n_rows: int
     n_state: int
     kernel: Callable[..., None]
+    words: Mapping[str, str] = field(compare=False)
     contact_time: Callable[..., float] | None = None
     oscillator: Callable[..., tuple[float, float]] | None = None
 

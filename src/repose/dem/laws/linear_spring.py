@@ -155,6 +155,10 @@ LAW = Law(
     n_rows=_rows.count,
     n_state=_state.count,
     kernel=kernel,
+    words={
+        "normal": "linear spring and dashpot (Cundall and Strack 1979)",
+        "tangential": "linear spring and dashpot; Coulomb's limit mu_s times {limit}",
+    },
     contact_time=contact_time,
     oscillator=oscillator,
 )

@@ -83,4 +83,8 @@ LAW = Law(
     n_rows=_rows.count,
     n_state=0,
     kernel=kernel,
+    words={
+        "rolling": "directional constant torque (model A of Ai et al. 2011), a budget for each body: mu_r times "
+        "{limit} times the distance of the contact from the body's centre"
+    },
 )
