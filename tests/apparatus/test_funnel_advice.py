@@ -1,13 +1,15 @@
-"""Advice before a run, against answers that are known."""
+"""Advice before a study pours, against answers that are known."""
 
 import copy
 import math
+from types import SimpleNamespace
 
 import pytest
 
-from repose.config import advice, cost, loader
+from repose.apparatus import funnel
+from repose.apparatus import funnel_advice as advice
+from repose.config import loader
 from repose.core import places
-from repose.strategies import cost as strategies
 
 SPHERE = {"long_mm": 4.0, "major_mm": 4.0, "minor_mm": 4.0, "density_kg_m3": 1300.0, "poisson_ratio": 0.25}
 GRAIN_M3 = math.pi / 6 * 4e-3**3
@@ -76,33 +78,18 @@ def test_an_angle_alone_tells_the_height_and_other_targets_nothing(config):
     assert advice.filling(config, GRAIN_M3)[1]
 
 
-def test_the_response_surface_has_its_own_pours(config):
-    config["response_surface"] |= {
-        "screening_runs": 12,
-        "steps": 5,
-        "most_factors": 3,
-        "centres": 5,
-        "checks": 8,
-    }
-    config["response_surface"] |= {"surface": "box_behnken", "seeds": 3}
-    assert strategies.pours(config) is None
-    config["strategy"] = "response_surface"
-    pours = strategies.pours(config)
-    # 12 edges of the cube and 5 centres
-    assert pours == (("screening", 12, 3), ("ascent", 6, 3), ("surface", 17, 3), ("check", 8, 3))
-    work = cost.work(config, 1e-7, pours)
-    assert work["total_s"] == pytest.approx(43 * cost.JOB_START_S + 129 * work["pour_s"])
+def test_sentences_tell_what_a_softer_grain_brings(config):
+    berry = SPHERE | {"shear_modulus_pa": 7.7e7}
+    softest = advice.softening(config, berry).softest_pa
+    asked = []
 
+    def longest_step_s(other):
+        asked.append(other["shear_modulus_pa"])
+        return 2.0 * config["simulation"]["time_step_s"]
 
-def test_the_sequential_strategy_stops_at_its_budget(config):
-    config["strategy"] = "sequential"
-    config["sequential"] |= {"most_pours": 120, "seeds": 3}
-    assert strategies.pours(config) == (("at most", 40, 3),)
-
-
-def test_the_time_goes_with_what_was_measured(config):
-    """Grains that appear over the whole pour are there for half of it."""
-    config["funnel"] |= {"berries": 100, "rate_per_s": 10.0, "duration_s": 10.0}
-    config["simulation"]["time_step_s"] = 1e-4
-    assert cost.run_s(config, "funnel", 1e-7) == pytest.approx(100 * 5.0 / 1e-4 * 1e-7)
-    assert cost.run_s(config, "funnel", 3e-7) == pytest.approx(3 * cost.run_s(config, "funnel", 1e-7))
+    grain = SimpleNamespace(volume_m3=GRAIN_M3)
+    stiffness, volume = funnel.BENCH.advice(config, berry, grain, longest_step_s)
+    assert asked == [softest]
+    assert stiffness.startswith("stiffness: the pile sinks by")
+    assert stiffness.endswith("a run takes 0.5 of the time")
+    assert volume.startswith("volume: ")

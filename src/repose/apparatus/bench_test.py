@@ -42,7 +42,7 @@ class Run:
 
 
 def _nothing(*_: Any) -> Iterator[Any]:
-    """No contradictions and no misfits."""
+    """No contradictions, no misfits and no advice."""
     return iter(())
 
 
@@ -78,6 +78,9 @@ class BenchTest:
     misfits : function
         ``misfits(config, axes_mm)`` yields the same where the bench test does not fit the mean berry, whose three axes
         are given in mm, the longest first.
+    advice : function
+        ``advice(config, berry, particle, longest_step_s)`` yields sentences for who plans a study. berry is what the
+        verb ``berry`` writes; longest_step_s(berry) is the longest time step [s] for such berries.
     kept : tuple of str
         Arrays that every saved run must have.
     in_words : str
@@ -95,6 +98,7 @@ class BenchTest:
     duration_s: Callable[[Config], float]
     contradictions: Callable[[Config], Iterator[tuple[str, str]]] = _nothing
     misfits: Callable[[Config, Sequence[float]], Iterator[tuple[str, str]]] = _nothing
+    advice: Callable[..., Iterator[str]] = _nothing
     kept: tuple[str, ...] = ()
     in_words: str = ""
 

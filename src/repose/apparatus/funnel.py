@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from repose.apparatus import funnel_advice
 from repose.apparatus.bench_test import BenchTest, Run, register
 from repose.apparatus.funnel_pour import NAME, build, pour, status_of
 from repose.apparatus.settings import SimulationSettings
@@ -237,6 +238,7 @@ BENCH = register(
         duration_s=lambda config: config[NAME]["duration_s"],
         contradictions=contradictions,
         misfits=misfits,
+        advice=funnel_advice.sentences,
         kept=("position", "quaternion", "in_pile"),
         in_words="angle of repose {aor_deg:.2f} deg, Height {height_mm:.1f} mm, "
         "{berries_on_plate} berries on the plate",

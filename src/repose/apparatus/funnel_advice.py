@@ -1,11 +1,11 @@
-"""Advice before a run: how soft the grains may be, whether they fill the pile, how fast this machine pours them."""
+"""Advice before a study pours: how soft the grains may be, and whether they fill the pile of the targets."""
 
 import math
-import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from repose.core.parameter_space import ParameterSpace
+from repose.apparatus.funnel_pour import NAME
+from repose.apparatus.settings import SimulationSettings
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -20,9 +20,43 @@ LARGEST_SINKING = 0.005
 SLOPES_DEG = (15.0, 45.0)
 # A volume within this factor of the cone's: real piles have a rounded top and a tail at the foot.
 VOLUME_FACTOR = 1.5
-# The pour that is timed: simulated time [s], and steps of a berry that take about a second.
-TIMED_S, TIMED_STEPS = 1.5, 2.0e7
-FEWEST_TIMED = 20
+
+
+def sentences(
+    config: Config,
+    berry: Mapping[str, Any],
+    particle: "Particle",
+    longest_step_s: Callable[[Mapping[str, Any]], float],
+) -> Iterator[str]:
+    """What to know of stiffness and volume of the grains before they are poured.
+
+    Parameters
+    ----------
+    config, berry, particle, longest_step_s
+        As in `repose.apparatus.bench_test.BenchTest.advice`.
+
+    Yields
+    ------
+    str
+    """
+    yield f"stiffness: {_softer(config, berry, longest_step_s)}"
+    sentence, fits = filling(config, particle.volume_m3)
+    yield f"volume: {'' if fits else 'WARNING: '}{sentence}"
+
+
+def _softer(config, berry, longest_step_s):
+    """How far the shear modulus may be lowered, what it costs and what it brings."""
+    step, given = SimulationSettings.of(config).time_step_s, berry["shear_modulus_pa"]
+    sinking, softest = softening(config, berry)
+    now = f"the pile sinks by {100 * sinking:.2g} % of its Height under its own weight"
+    if softest >= given:
+        return f"{now}; berry.shear_modulus_pa, {given:.3g}, should not be lower"
+    longest = longest_step_s({**berry, "shear_modulus_pa": softest})
+    return (
+        f"{now}; with berry.shear_modulus_pa {softest:.2g} instead of {given:.3g} it sinks by "
+        f"{100 * LARGEST_SINKING:.2g} %, simulation.time_step_s may be {longest:.2g} s, and a run takes "
+        f"{step / longest:.2g} of the time"
+    )
 
 
 class Softening(NamedTuple):
@@ -61,7 +95,7 @@ def softening(config: Config, berry: Mapping[str, Any]) -> Softening:
     of that at the bottom. Over d it is the share of the Height that is lost, and goes as the modulus to -2/3.
     """
     diameter_m = 1e-3 * math.prod(berry[key] for key in ("long_mm", "major_mm", "minor_mm")) ** (1 / 3)
-    gravity = config["simulation"]["gravity_m_s2"]
+    gravity = SimulationSettings.of(config).gravity_m_s2
     pressure = PACKING * berry["density_kg_m3"] * gravity * height_m(config)
     young = berry["shear_modulus_pa"] / (1 - berry["poisson_ratio"])
     approach = (3 * pressure * diameter_m**2 / (4 * young * math.sqrt(diameter_m / 4))) ** (2 / 3)
@@ -83,7 +117,7 @@ def poured_volume_m3(config: Config, grain_m3: float) -> float:
     -------
     float
     """
-    return config["funnel"]["berries"] * grain_m3 / PACKING
+    return config[NAME]["berries"] * grain_m3 / PACKING
 
 
 def height_m(config: Config) -> float:
@@ -100,7 +134,7 @@ def height_m(config: Config) -> float:
         In metres.
     """
     found = _target(config, "height_mm")
-    return 1e-3 * (0.5 * config["funnel"]["outlet_height_mm"] if found is None else found)
+    return 1e-3 * (0.5 * config[NAME]["outlet_height_mm"] if found is None else found)
 
 
 def filling(config: Config, grain_m3: float) -> tuple[str, bool]:
@@ -165,38 +199,3 @@ def _target(config, response):
 def _litres(volume_m3):
     """A volume in words."""
     return f"{1e3 * volume_m3:.3g} l" if volume_m3 >= 1e-3 else f"{1e6 * volume_m3:.3g} ml"
-
-
-def berry_step_s(config: Config, berry: Mapping[str, Any], particle: "Particle") -> float:
-    """Time of a step of one grain in a pile on a core of this machine, measured with a small pour of about a second.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    berry : mapping
-        What the verb ``berry`` writes.
-    particle : Particle
-
-    Returns
-    -------
-    float
-        Seconds of a core of its own: what other programs take meanwhile is left out. The first call on a machine
-        compiles the engine.
-    """
-    from repose.apparatus import funnel
-
-    steps = TIMED_S / config["simulation"]["time_step_s"]
-    grains = max(FEWEST_TIMED, min(config["funnel"]["berries"], round(TIMED_STEPS / steps)))
-    pour = {
-        "berries": grains,
-        "rate_per_s": 4 * grains / TIMED_S,
-        "duration_s": TIMED_S + 1.0,
-        "rest_window_s": 0.5,
-    }
-    small = {**config, "funnel": {**config["funnel"], **pour}}
-    values = ParameterSpace.of(config["parameters"]).centre
-    began, began_cpu = time.perf_counter(), time.process_time()
-    poured = funnel.pour(small, values, 1, particle, berry)
-    share = (time.process_time() - began_cpu) / (time.perf_counter() - began)
-    return 1e-6 * min(1.0, share) * poured.us_per_step / grains

@@ -25,7 +25,7 @@ family = Family()
 def check(args: argparse.Namespace) -> None:
     if args.cores < 1:
         raise InputError("command line", "--cores", args.cores, "at least 1")
-    from repose.config import advice, cost
+    from repose.config import cost
     from repose.strategies import cost as strategies
 
     config = loader.resolve([*places.configs(), places.find(args.config)])
@@ -34,7 +34,7 @@ def check(args: argparse.Namespace) -> None:
     for line in _about_the_grain(config, berry, particle):
         print(line)
     _tell_of_compiling()
-    measured = advice.berry_step_s(config, berry, particle)
+    measured = cost.measured_berry_step_s(config, berry, particle)
     work = cost.work(config, measured, strategies.pours(config))
     for purpose, sets, seeds in work["pours"]:
         print(f"{purpose:>14}: {sets} parameter sets x {seeds} seeds = {sets * seeds} pours")
@@ -46,15 +46,18 @@ def check(args: argparse.Namespace) -> None:
 
 
 def _about_the_grain(config, berry, particle) -> Iterator[str]:
-    """Sentences on time step, stiffness, volume and particle."""
-    from repose.config import advice, checks
+    """Sentences on time step and particle, and those of the bench tests."""
+    from repose.apparatus import bench_tests
+    from repose.apparatus.settings import SimulationSettings
+    from repose.config import checks
 
-    step = config["simulation"]["time_step_s"]
-    longest = checks.longest_step(config, particle, berry)
-    yield f"time step: simulation.time_step_s is {step:g} s, {longest.allowed}"
-    yield f"stiffness: {_softening(config, berry, particle, step)}"
-    sentence, fits = advice.filling(config, particle.volume_m3)
-    yield f"volume: {'' if fits else 'WARNING: '}{sentence}"
+    def longest(berry):
+        return checks.longest_step(config, particle, berry)
+
+    step = SimulationSettings.of(config).time_step_s
+    yield f"time step: simulation.time_step_s is {step:g} s, {longest(berry).allowed}"
+    for test in bench_tests():
+        yield from test.advice(config, berry, particle, lambda other: longest(other).time_step_s)
     section = config["berry"]
     if particle.mesh_volume_m3:
         change = particle.volume_m3 / particle.mesh_volume_m3 - 1
@@ -66,23 +69,6 @@ def _about_the_grain(config, berry, particle) -> Iterator[str]:
     if section["stl"] is not None and section["mass_g"] is not None:
         mass_g = 1e3 * particle.mass_kg
         yield f"mass: WARNING: berry.mass_g is not used beside berry.stl, whose grain has {mass_g:.3g} g"
-
-
-def _softening(config, berry, particle, step):
-    """How far the shear modulus may be lowered, what it costs and what it brings."""
-    from repose.config import advice, checks
-
-    given = berry["shear_modulus_pa"]
-    sinking, softest = advice.softening(config, berry)
-    now = f"the pile sinks by {100 * sinking:.2g} % of its Height under its own weight"
-    if softest >= given:
-        return f"{now}; berry.shear_modulus_pa, {given:.3g}, should not be lower"
-    longest = checks.longest_step(config, particle, {**berry, "shear_modulus_pa": softest}).time_step_s
-    return (
-        f"{now}; with berry.shear_modulus_pa {softest:.2g} instead of {given:.3g} it sinks by "
-        f"{100 * advice.LARGEST_SINKING:.2g} %, simulation.time_step_s may be {longest:.2g} s, and a run takes "
-        f"{step / longest:.2g} of the time"
-    )
 
 
 def _tell_of_compiling():

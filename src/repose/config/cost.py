@@ -1,18 +1,26 @@
 """The cost of a run of a configuration: numbers of pours and their time."""
 
 import math
+import time
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from repose.apparatus import bench
 from repose.apparatus.settings import SimulationSettings
+from repose.core.parameter_space import ParameterSpace
 from repose.core.published import published_count
 from repose.core.targets import Targets
+
+if TYPE_CHECKING:
+    from repose.particle.particle import Particle
 
 # Measured on one core of a common server: for the estimate that is shown before a run.
 SECONDS_A_BERRY_STEP = 8e-8
 SECONDS_A_VIEW = 0.01
 JOB_START_S = 2.5  # of a pour's job and of its measurement's
+# The pour that is timed: simulated time [s], and steps of a berry that take about a second.
+TIMED_S, TIMED_STEPS = 1.5, 2.0e7
+FEWEST_TIMED = 20
 # Purpose, number of parameter sets, seeds of each.
 Pours = Sequence[tuple[str, int, int]]
 
@@ -26,7 +34,7 @@ def run_s(config: Mapping[str, Any], name: str, berry_step_s: float = SECONDS_A_
     name : str
         Of the bench test.
     berry_step_s : float, optional
-        Wall time of a step of one berry; `repose.config.advice.berry_step_s` measures it.
+        Wall time of a step of one berry; `measured_berry_step_s` measures it.
 
     Returns
     -------
@@ -37,6 +45,41 @@ def run_s(config: Mapping[str, Any], name: str, berry_step_s: float = SECONDS_A_
     berries = section.get("berries", 1)
     filled = duration - 0.5 * min(duration, berries / section.get("rate_per_s", math.inf))
     return berry_step_s * berries * filled / SimulationSettings.of(config).time_step_s
+
+
+def measured_berry_step_s(config: Mapping[str, Any], berry: Mapping[str, Any], particle: "Particle") -> float:
+    """Time of a step of one grain in a pile on a core of this machine, measured with a small pour of about a second.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    berry : mapping
+        What the verb ``berry`` writes.
+    particle : Particle
+
+    Returns
+    -------
+    float
+        Seconds of a core of its own: what other programs take meanwhile is left out. The first call on a machine
+        compiles the engine.
+    """
+    from repose.apparatus import funnel
+
+    steps = TIMED_S / SimulationSettings.of(config).time_step_s
+    grains = max(FEWEST_TIMED, min(config["funnel"]["berries"], round(TIMED_STEPS / steps)))
+    pour = {
+        "berries": grains,
+        "rate_per_s": 4 * grains / TIMED_S,
+        "duration_s": TIMED_S + 1.0,
+        "rest_window_s": 0.5,
+    }
+    small = {**config, "funnel": {**config["funnel"], **pour}}
+    values = ParameterSpace.of(config["parameters"]).centre
+    began, began_cpu = time.perf_counter(), time.process_time()
+    poured = funnel.pour(small, values, 1, particle, berry)
+    share = (time.process_time() - began_cpu) / (time.perf_counter() - began)
+    return 1e-6 * min(1.0, share) * poured.us_per_step / grains
 
 
 def work(

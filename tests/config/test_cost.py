@@ -1,0 +1,46 @@
+"""What a run needs, against numbers that are known."""
+
+import copy
+
+import pytest
+
+from repose.config import cost, loader
+from repose.core import places
+from repose.strategies import cost as strategies
+
+
+@pytest.fixture
+def config():
+    return copy.deepcopy(loader.load(places.root() / "config/config.yaml"))
+
+
+def test_the_response_surface_has_its_own_pours(config):
+    config["response_surface"] |= {
+        "screening_runs": 12,
+        "steps": 5,
+        "most_factors": 3,
+        "centres": 5,
+        "checks": 8,
+    }
+    config["response_surface"] |= {"surface": "box_behnken", "seeds": 3}
+    assert strategies.pours(config) is None
+    config["strategy"] = "response_surface"
+    pours = strategies.pours(config)
+    # 12 edges of the cube and 5 centres
+    assert pours == (("screening", 12, 3), ("ascent", 6, 3), ("surface", 17, 3), ("check", 8, 3))
+    work = cost.work(config, 1e-7, pours)
+    assert work["total_s"] == pytest.approx(43 * cost.JOB_START_S + 129 * work["pour_s"])
+
+
+def test_the_sequential_strategy_stops_at_its_budget(config):
+    config["strategy"] = "sequential"
+    config["sequential"] |= {"most_pours": 120, "seeds": 3}
+    assert strategies.pours(config) == (("at most", 40, 3),)
+
+
+def test_the_time_goes_with_what_was_measured(config):
+    """Grains that appear over the whole pour are there for half of it."""
+    config["funnel"] |= {"berries": 100, "rate_per_s": 10.0, "duration_s": 10.0}
+    config["simulation"]["time_step_s"] = 1e-4
+    assert cost.run_s(config, "funnel", 1e-7) == pytest.approx(100 * 5.0 / 1e-4 * 1e-7)
+    assert cost.run_s(config, "funnel", 3e-7) == pytest.approx(3 * cost.run_s(config, "funnel", 1e-7))
