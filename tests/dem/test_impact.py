@@ -87,15 +87,10 @@ def test_a_sphere_rests_at_the_overlap_that_carries_its_weight():
     assert s.kinetic_energies()[0] < 1e-20
 
 
-def test_a_rolling_sphere_slows_by_the_rolling_torque_and_stops():
-    mur = 0.05
-    s, _ = resting_sphere(Contact(0.3, 0.8, mur), (0.3, 0.0, 0.0), (0.0, 0.3 / 0.006, 0.0))
-    s.run_steps(1000)
-    first = s.velocities[0, 0]
-    s.run_steps(5000)
-    # a torque mu_r m g R on a rolling sphere: a = 5/7 mu_r g
-    assert (first - s.velocities[0, 0]) / 0.1 == pytest.approx(5.0 / 7.0 * mur * 9.81, rel=1e-2)
-    s.run_steps(60000)
+def test_a_rolling_sphere_stops_altogether():
+    # its deceleration is a case of `repose verify`
+    s, _ = resting_sphere(Contact(0.3, 0.8, 0.05), (0.3, 0.0, 0.0), (0.0, 0.3 / 0.006, 0.0))
+    s.run_steps(66000)
     assert abs(s.velocities[0, 0]) < 1e-9
     assert np.all(s.angular_velocities[0] == 0.0)
 

@@ -5,8 +5,6 @@ import tomllib
 from importlib import metadata
 from pathlib import Path
 
-import yaml
-
 import repose
 
 ROOT = Path(__file__).parents[2]
@@ -21,7 +19,6 @@ def names(requirements):
 def test_the_version_stands_in_the_package_and_its_release_is_told():
     assert "version" not in PROJECT["project"]
     assert f"## [{repose.__version__}]" in (ROOT / "CHANGELOG.md").read_text()
-    assert yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"] == repose.__version__
 
 
 def test_every_dependency_has_a_range_and_is_pinned_for_the_project():

@@ -24,7 +24,7 @@ PUBLISHED = ("aor_deg", "height_mm")
 
 
 def config_of(count, **changes):
-    """A configuration with so many targets."""
+    """A configuration with the given number of targets."""
     return {
         "targets": CHOICES[count],
         "parameters": RANGES,
@@ -34,7 +34,7 @@ def config_of(count, **changes):
 
 
 def made_up(folder, count):
-    """Smooth made-up tables of so many targets. Returns the paths by the inputs' names."""
+    """Smooth made-up tables for the given number of targets. Returns the paths by the inputs' names."""
     rng, targets = np.random.default_rng(1), Targets.of(CHOICES[count])
     samples_ = pd.DataFrame({name: rng.uniform(*RANGES[name], 60) for name in PARAMETERS})
     samples_.insert(0, "sample", np.arange(1, 61))

@@ -18,7 +18,7 @@ FREE = PARAMETERS[1:]
 
 
 def config_of(count):
-    """A configuration of so many targets, whose first parameter is fixed and whose second one has a prior."""
+    """A configuration with a given number of targets; its first parameter is fixed, its second one has a prior."""
     target = {"value": 30.0, "sd": 2.0, "repetitions": 4, "range": [28.0, 32.0]}
     return {
         "targets": [{"response": name} | target for name in NAMES[:count]],

@@ -117,7 +117,7 @@ def drawn(number, default, mean, particles):
     share = float(rng.choice([1.0, rng.uniform(0.3, 1.0)]))
     config["simulation"]["time_step_s"] = step_s = share * limit.time_step_s
     many = bool(rng.random() < MANY_SHARE)
-    # of a fall by a berry's length; gravity may rise to 100 m/s2, so that a pour ends within so many steps
+    # of a fall by a berry's length; gravity may rise to 100 m/s2, so that a pour ends within MOST_STEPS
     falls = 120 if many else FALLS
     tau_s, room_s = math.sqrt(2e-3 * long_mm / 9.81), MOST_STEPS * step_s
     gravity = 9.81 * min(10.0, max(1.0, (falls * tau_s / room_s) ** 2))

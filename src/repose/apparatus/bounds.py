@@ -24,7 +24,7 @@ FASTEST = 3.0  # a small berry between large ones leaves faster than they came
 GAIN = 0.1  # hits of smooth bodies without friction may return more than they took, see docs/verification.md
 DEEPEST = 0.5
 EVERY = 2000  # time steps between two looks at the speeds
-SELDOM = 5  # every so many of these looks, and at the end, energy and overlaps are looked at, too
+SELDOM = 5  # looks from one check of energy and overlaps to the next; they are checked at the end, too
 CURE = {
     "time step": "a shorter simulation.time_step_s than {:.3g} helps",
     "modulus": "a higher berry.shear_modulus_pa, or a shorter simulation.time_step_s than {:.3g}, helps",

@@ -156,8 +156,8 @@ def limits(model: Model, alpha: float = 0.05) -> dict[str, float]:
     Returns
     -------
     dict of float
-        ``t``: a single term above it is significant. ``bonferroni``: with so many terms, only one in 1 / alpha studies
-        without any effect has a term above it.
+        ``t``: a single term above it is significant. ``bonferroni``: of the studies in which no term has an
+        effect, at most a share alpha has a term above it.
     """
     df = int(model.ols.df_resid)
     if not df:

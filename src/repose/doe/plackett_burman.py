@@ -37,7 +37,7 @@ def plackett_burman(factors: int, runs: int | None = None) -> np.ndarray:
     Raises
     ------
     ValueError
-        If no design has so many runs or so many columns.
+        If no design has this number of runs, or has fewer columns than there are factors.
 
     References
     ----------

@@ -115,7 +115,7 @@ def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | No
             _, matrix, lens, _, _, errors, *_ = cv2.calibrateCameraExtended(
                 places, pixels, size, guess.copy(), np.zeros(5), flags=shared | fixed
             )
-        except cv2.error:  # too few corners for so many unknowns
+        except cv2.error:  # too few corners for this number of unknowns
             continue
         focal, (k1, k2) = matrix[0, 0], errors.ravel()[4:6]
         focal_error = errors.ravel()[:2].max()

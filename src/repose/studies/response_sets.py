@@ -36,8 +36,8 @@ def sets_of(names: Sequence[str], responses: Sequence[Response]) -> dict[str, tu
     Returns
     -------
     dict
-        The first target alone (where there are several), the targets, the targets with each further response, with
-        all that the pile gives, and with everything (where there is more than the pile).
+        The first target alone (where there are several), the targets, and the targets with each further response. Then
+        the targets with all responses of the pile, and with all responses (where some are not of the pile).
     """
     base = tuple(one.name for one in responses)
     extra = [name for name in names if name not in base]

@@ -22,7 +22,7 @@ WORD = 64  # bits of a word of flags
 SLOTS = 16  # pairs of spheres that an entry watches, at most
 
 # spheres (S, 4, MOST_SPHERES): centres and radii of each shape's spheres; sizes (S,): how many. shape, scale (N,): of
-# each body. flat_known, curved_known (walls, N): which spheres of a body touch a wall, a bit each. mesh_sphere: of each
+# each body. flat_known, curved_known (walls, N): which spheres of a body touch a wall, as bits. mesh_sphere: of each
 # contact with a mesh, body * MOST_SPHERES + sphere. mesh_known (meshes, N): as flat_known, written anew in every step.
 Clumps = namedtuple("Clumps", "spheres sizes shape scale flat_known curved_known mesh_sphere mesh_known")
 # Contacts: bodies first and second, entry; spheres (n, 2). Entries: bodies near_first and near_second (a hole

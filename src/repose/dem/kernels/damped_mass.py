@@ -41,7 +41,7 @@ def mobility(t, c, body, arm, add):
 
 @inlined
 def mass_of_pairs(t, c, pairs, clumps, base, lanes):
-    """Row INVERSE_MASS of a tile of pairs, which begins with contact `base` and has so many lanes in use."""
+    """Row INVERSE_MASS of a tile of pairs, which begins with contact `base` and uses its first `lanes` lanes."""
     mobility(t, c, tl.A, tl.RA, 0.0)
     mobility(t, c, tl.B, tl.RB, 1.0)
     if len(clumps) > 0:
@@ -51,7 +51,7 @@ def mass_of_pairs(t, c, pairs, clumps, base, lanes):
 
 @inlined
 def share_on_wall(t, touches, known, base, lanes):
-    """Divide the masses by the number of spheres on the wall; known (walls, N): which those are, a bit each."""
+    """Divide the masses by the number of spheres on the wall; known (walls, N): which those are, one bit for each."""
     for lane in range(lanes):
         k = base + lane
         t[tl.INVERSE_MASS + lane] *= bits_set(known[touches.wall[k], touches.body[k]])

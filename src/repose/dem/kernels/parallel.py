@@ -59,7 +59,7 @@ def group_bits(bodies):
 
 @kernel
 def groups_of(first, second, begin, end, bits):
-    """The groups of all bodies of the pairs begin to end, a bit each."""
+    """The groups of all bodies of the pairs begin to end, as bits of a whole number."""
     groups = 0
     for k in range(begin, end):
         u = np.uint64(k)

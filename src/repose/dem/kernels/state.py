@@ -11,7 +11,7 @@ from .rows import LANES, Rows
 
 CACHE_LINE = 8  # numbers
 BLOCK = 256  # near pairs of a large simulation that are looked at together
-MOST_GROUPS = 60  # of bodies that lie together, a bit each of a whole number
+MOST_GROUPS = 60  # of bodies that lie together; each is one bit of a whole number
 DEAD = 1e-100  # size below which motion and springs have died out [SI units]; its square is no denormal number yet
 ROUNDING = 1e-12  # sums of path lengths over some thousand steps are exact to this [m]
 # Places of `Grid.lengths`.
@@ -85,7 +85,7 @@ Physics = namedtuple(
 
 # Walls are numbered planes first, then cones, then rings, then meshes; cones and rings together are the curved walls.
 # Walls.frames (curved and meshes, 12): origin and rotation, frame to world; displaced: whether it is not the world's.
-# motion (walls, 9): velocity, angular velocity, pivot. moves: whether it is more than nothing. material: of each wall,
+# motion (walls, 9): velocity, angular velocity, pivot. moves: whether any of these is not zero. material: of each wall,
 # as bodies.kind. approach: how far any wall may have come nearer up to now [m], how fast the fastest comes [m/s],
 # whether any moves.
 # Places of `Walls.approach`.
