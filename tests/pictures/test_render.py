@@ -1,4 +1,6 @@
-"""The software renderer: known outlines, what hides what, shadows, the funnel, animations."""
+"""The software renderer: known outlines, what hides what, shadows, the funnel, memory, animations."""
+
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ from repose.core.errors import InputError
 from repose.dem.rotations import rotation_matrices
 from repose.dem.tessellation import tessellate
 from repose.particle import build
-from repose.pictures import film
+from repose.pictures import film, raster
 from repose.pictures.render import render_pile
 from repose.pictures.scenery import Frustum, funnel_walls, look_at, outline
 
@@ -76,6 +78,26 @@ def test_the_camera_holds_all_points_and_fills_the_picture():
     assert (column, row) == (pytest.approx(456.5), pytest.approx(123.5))
 
 
+def test_the_kernels_and_the_rays_agree_about_places():
+    camera = look_at(np.eye(3), 60, 40, elevation_deg=20, azimuth_deg=35)
+    place = np.empty(3)
+    lens = (camera.eye_m, camera.axes, camera.focal_px)
+    raster.place_of(lens, (camera.height, camera.width), 7, 31, 0.7, place)
+    np.testing.assert_allclose(place, camera.eye_m + 0.7 * camera.rays()[7, 31])
+
+
+@pytest.mark.parametrize("multiple", [1, 2, 7])
+def test_bands_hold_each_row_once(multiple):
+    camera = look_at(np.eye(3), 5000, 210)
+    bands = [np.arange(210)[rows] for rows in camera.bands(multiple)]
+    np.testing.assert_array_equal(np.concatenate(bands), np.arange(210))
+    assert len(bands) > 10
+    assert all(len(band) % multiple == 0 for band in bands)
+    np.testing.assert_array_equal(
+        np.concatenate([camera.rays(rows) for rows in camera.bands()]), camera.rays()
+    )
+
+
 def test_a_ball_has_the_outline_of_its_perspective():
     """A ball of radius r at distance d is seen under asin(r / d), whatever the body's orientation."""
     centre = np.array([[0.0, 0.0, 0.02]])
@@ -112,6 +134,16 @@ def test_the_nearer_berry_hides_the_farther_one():
     ghost[1] = np.nan
     alone = render_pile(ghost, turns, BALL, 0, 0, 300, 180, frame_m=frame)
     assert reddish(both).sum() == reddish(alone).sum()
+
+
+def test_a_berry_behind_the_camera_is_not_seen():
+    frame = np.array([[-0.02, -0.02, 0.0], [0.02, 0.02, 0.02]])
+    eye = look_at(frame, 120, 80, elevation_deg=14, azimuth_deg=0).eye_m
+    behind = np.array([[2 * eye[0], 0.0, 2 * eye[2]]])
+    bare = render_pile(np.full((1, 3), np.nan), UPRIGHT, BALL, 14, 0, 120, 80, frame_m=frame)
+    shown = render_pile(behind, UPRIGHT, BALL, 14, 0, 120, 80, frame_m=frame)
+    assert not reddish(shown).any()
+    assert np.abs(shown.astype(int) - bare).max() < 10
 
 
 def test_the_plate_is_darker_in_the_shadow_of_a_berry_than_elsewhere():
@@ -157,6 +189,21 @@ def test_funnel_walls_follow_the_configuration():
     assert np.degrees(np.arctan(slope)) == pytest.approx(60)
     assert abs(cone.r_low_m - 0.016) < 0.001
     assert len(funnel_walls(HEAP | {"tube_length_mm": 0.0})) == 1
+
+
+def test_a_large_picture_takes_few_bytes_for_each_ray():
+    rng = np.random.default_rng(5)
+    centres, turns = rng.uniform(-0.03, 0.03, (200, 3)), rng.normal(size=(200, 4))
+    frame = np.array([[-0.015, -0.015, -0.01], [0.015, 0.015, 0.02]])
+    render_pile(
+        centres, turns, BERRY, 14, 0, 60, 60, frame_m=frame
+    )  # compiles, which takes memory of its own
+    tracemalloc.start()
+    picture = render_pile(centres, turns, BERRY, 14, 0, 700, 700, [Frustum(-0.01, 0.01, 0.02, 0.012)], frame)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert reddish(picture).mean() > 0.9
+    assert peak < 80 * (2 * 700) ** 2
 
 
 @pytest.fixture(scope="module")

@@ -55,18 +55,18 @@ def draw(
 
     Returns
     -------
-    nearest : numpy.ndarray, (H, W)
+    nearest : numpy.ndarray of float32, (H, W)
         `near` of what is seen; minus infinity where nothing is.
     body : numpy.ndarray of int, (H, W)
         Number of the body, -1 where there is none.
     corner : numpy.ndarray of int, (H, W)
         Number of the triangle.
-    weights : numpy.ndarray, (H, W, 2)
+    weights : numpy.ndarray of float32, (H, W, 2)
         Shares of the triangle's second and third point.
     """
-    nearest = np.full(shape, -np.inf)
+    nearest = np.full(shape, -np.inf, np.float32)
     body, corner = np.full(shape, -1, np.int32), np.zeros(shape, np.int32)
-    weights = np.zeros((*shape, 2))
+    weights = np.zeros((*shape, 2), np.float32)
     if len(x):
         _rasterise(x, y, near, triangles, nearest, body, weights, corner)
     return nearest, body, corner, weights
@@ -92,18 +92,41 @@ def _spiral(taps):
 
 
 @numba.njit(cache=True)
-def lit_fraction(points, offset, valid, light_map, axes, origin, pixel_m, softness_m, bias_m, taps):
-    """Share of the light that reaches each point, from a depth map seen from the light.
+def place_of(camera, shape, row, column, depth, place):
+    """Where the ray of a pixel is at a depth, as `repose.pictures.scenery.Camera.rays` has it.
 
     Parameters
     ----------
-    points : numpy.ndarray, (H, W, 3)
-        In m.
-    offset : numpy.ndarray, (H, W, 3)
+    camera : tuple
+        Its eye (3,) in m, its axes (3, 3) and its focal length in pixels, see `repose.pictures.scenery.Camera`.
+    shape : tuple of int
+        Height and width of its picture in pixels.
+    row, column : int
+        The pixel.
+    depth : float
+        In m along the view.
+    place : numpy.ndarray, (3,)
+        Written: the place in m.
+    """
+    eye, axes, focal = camera
+    right, up = (column + 0.5 - shape[1] / 2) / focal, (shape[0] / 2 - row - 0.5) / focal
+    for k in range(3):
+        place[k] = eye[k] + depth * (right * axes[0, k] + up * axes[1, k] + axes[2, k])
+
+
+@numba.njit(cache=True)
+def lit_fraction(depth, normals, camera, light_map, axes, origin, pixel_m, softness_m, bias_m, taps):
+    """Share of the light that reaches what each pixel shows, from a depth map seen from the light.
+
+    Parameters
+    ----------
+    depth : numpy.ndarray of float32, (H, W)
+        In m along the view, infinite where nothing is.
+    normals : numpy.ndarray of float32, (H, W, 3)
         Directions in which a point is moved by `bias_m`, away from its own surface.
-    valid : numpy.ndarray of bool, (H, W)
-        Which points are asked for.
-    light_map : numpy.ndarray, (R, C)
+    camera : tuple
+        See `place_of`.
+    light_map : numpy.ndarray of float32, (R, C)
         Largest height towards the light in m.
     axes : numpy.ndarray, (3, 3)
         Rows: two axes across the light, then towards it.
@@ -120,20 +143,22 @@ def lit_fraction(points, offset, valid, light_map, axes, origin, pixel_m, softne
 
     Returns
     -------
-    numpy.ndarray, (H, W)
-        0 to 1; 1 where none is asked for.
+    numpy.ndarray of float32, (H, W)
+        0 to 1; 1 where nothing is.
     """
-    rows, columns = valid.shape
-    lit = np.ones((rows, columns))
+    rows, columns = depth.shape
+    lit = np.ones((rows, columns), np.float32)
     across, down = _spiral(taps)
+    point, place = np.empty(3), np.empty(3)
     for row in range(rows):
         for column in range(columns):
-            if not valid[row, column]:
+            if math.isinf(depth[row, column]):
                 continue
-            place = np.zeros(3)
+            place_of(camera, depth.shape, row, column, depth[row, column], point)
             for axis in range(3):
+                place[axis] = 0.0
                 for k in range(3):
-                    place[axis] += (points[row, column, k] + offset[row, column, k] * bias_m) * axes[axis, k]
+                    place[axis] += (point[k] + normals[row, column, k] * bias_m) * axes[axis, k]
             spin = _noise(row, column)
             turn_x, turn_y = softness_m * math.cos(spin), softness_m * math.sin(spin)
             open_taps = 0
@@ -148,47 +173,46 @@ def lit_fraction(points, offset, valid, light_map, axes, origin, pixel_m, softne
 
 
 @numba.njit(cache=True)
-def openness(points, normals, valid, wanted, reach_px, radius_m, taps):
-    """Share of the sky that each point sees past its neighbours in the picture.
+def openness(depth, normals, camera, wanted, radius_m, taps):
+    """Share of the sky that what each pixel shows sees past its neighbours in the picture.
 
     Parameters
     ----------
-    points, normals : numpy.ndarray, (H, W, 3)
-        Places in m, and unit normals.
-    valid : numpy.ndarray of bool, (H, W)
-        Which pixels hold a point.
+    depth, normals, camera
+        See `lit_fraction`.
     wanted : numpy.ndarray of bool, (H, W)
-        Which points are asked for.
-    reach_px : numpy.ndarray, (H, W)
-        Radius in pixels in which neighbours are looked up.
+        Which pixels are asked for, of those that show something.
     radius_m : float
-        Length by which the shade of a neighbour grows weaker with its distance.
+        Radius in which neighbours are looked up, and length by which their shade grows weaker with the distance.
     taps : int
         Number of neighbours looked up for a point.
 
     Returns
     -------
-    numpy.ndarray, (H, W)
+    numpy.ndarray of float32, (H, W)
         0 to 1; 1 where none is asked for.
     """
-    rows, columns = valid.shape
-    open_sky = np.ones((rows, columns))
+    rows, columns = depth.shape
+    open_sky = np.ones((rows, columns), np.float32)
     across, down = _spiral(taps)
+    here, there = np.empty(3), np.empty(3)
     for row in range(rows):
         for column in range(columns):
-            if not wanted[row, column]:
+            if not wanted[row, column] or math.isinf(depth[row, column]):
                 continue
-            spin = _noise(row, column)
-            turn_x, turn_y = reach_px[row, column] * math.cos(spin), reach_px[row, column] * math.sin(spin)
+            place_of(camera, depth.shape, row, column, depth[row, column], here)
+            spin, reach_px = _noise(row, column), radius_m * camera[2] / depth[row, column]
+            turn_x, turn_y = reach_px * math.cos(spin), reach_px * math.sin(spin)
             hidden = 0.0
             for tap in range(taps):
                 r = int(row + turn_y * across[tap] + turn_x * down[tap])
                 c = int(column + turn_x * across[tap] - turn_y * down[tap])
-                if not (0 <= r < rows and 0 <= c < columns) or not valid[r, c]:
+                if not (0 <= r < rows and 0 <= c < columns) or math.isinf(depth[r, c]):
                     continue
+                place_of(camera, depth.shape, r, c, depth[r, c], there)
                 height, length = 0.0, 1e-18
                 for k in range(3):
-                    step = points[r, c, k] - points[row, column, k]
+                    step = there[k] - here[k]
                     height += step * normals[row, column, k]
                     length += step * step
                 length = math.sqrt(length)

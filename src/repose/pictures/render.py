@@ -125,11 +125,8 @@ def render_bodies(
     bodies = place_bodies(centres, np.asarray(quaternions, float)[shown], shapes, kinds, sizes)
     view = look(camera, bodies, setting)
     lit, sky = shading.light_and_sky(camera, bodies, view, largest)
-    owner = bodies.owner[view.body[view.hit]]
-    skin = shading.skin(shown[owner], view.along, kinds[owner], len(centres_m), len(shapes))
-    image = shading.paint(camera, view, skin, lit, sky, frame, setting)
-    smooth = np.clip(image, 0, 1).reshape(height, supersample, width, supersample, 3).mean(axis=(1, 3))
-    return np.round(255 * smooth).astype(np.uint8)
+    skins = shading.skins_of(shown[bodies.owner], kinds[bodies.owner], len(centres_m), len(shapes))
+    return shading.paint(camera, view, skins, lit, sky, frame, setting, supersample)
 
 
 def render_simulation(simulation: Simulation, **view: Any) -> np.ndarray:

@@ -1,7 +1,7 @@
 """What a picture shows besides the bodies: walls, and the camera that sees them."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -14,6 +14,7 @@ from repose.dem.surfaces import Cone
 from repose.dem.tessellation import cone_circles, endless, in_world, plane_polygon
 
 FIELD_OF_VIEW_DEG = 24.0
+BAND_PIXELS = 65_536  # worked on at once: their temporary arrays take tens of MB
 LENGTHS = ("inlet_diameter", "outlet_diameter", "tube_length", "rim_radius", "outlet_height")
 
 
@@ -168,18 +169,40 @@ class Camera:
         y = self.height / 2 - self.focal_px * seen[..., 1] * near
         return x, y, near
 
-    def rays(self) -> np.ndarray:
+    def rays(self, rows: slice = slice(None)) -> np.ndarray:
         """Direction of each pixel's ray in the world.
+
+        Parameters
+        ----------
+        rows : slice, optional
+            The R rows asked for, by default all.
 
         Returns
         -------
-        numpy.ndarray, (height, width, 3)
+        numpy.ndarray, (R, width, 3)
             Scaled to unit depth along the view.
         """
         x = (np.arange(self.width) + 0.5 - self.width / 2) / self.focal_px
-        y = (self.height / 2 - np.arange(self.height) - 0.5) / self.focal_px
+        y = (self.height / 2 - np.arange(self.height)[rows] - 0.5) / self.focal_px
         right, up, forward = self.axes
         return x[None, :, None] * right + y[:, None, None] * up + forward
+
+    def bands(self, multiple: int = 1) -> Iterator[slice]:
+        """Rows of the picture, band by band: what works on a band needs little memory, however large the picture is.
+
+        Parameters
+        ----------
+        multiple : int, optional
+            Of which the number of rows of each band is a multiple; the last band takes what is left.
+
+        Yields
+        ------
+        slice
+            Rows of a band.
+        """
+        step = multiple * max(1, BAND_PIXELS // (multiple * self.width))
+        for first in range(0, self.height, step):
+            yield slice(first, first + step)
 
 
 def funnel_walls(section: Mapping[str, Any]) -> list[Frustum]:

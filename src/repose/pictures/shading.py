@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import maximum_filter
@@ -21,16 +22,56 @@ PANEL_SHARE = 0.93  # of the plate's brightness
 LIGHT = np.array([0.42, -0.38, 0.82]) / np.linalg.norm([0.42, -0.38, 0.82])  # in the camera's heading, z up
 
 
+@dataclass(frozen=True)
+class Skins:
+    """Colours of N bodies or parts.
+
+    Attributes
+    ----------
+    tint : numpy.ndarray, (N, 3)
+        Red, green and blue, 0 to 1 or a little beyond.
+    berry : numpy.ndarray of bool, (N,)
+        Whether it has a calyx and darker tips.
+    """
+
+    tint: np.ndarray
+    berry: np.ndarray
+
+
+def skins_of(body: np.ndarray, shape: np.ndarray, count: int, shapes: int) -> Skins:
+    """Colours of bodies; no two are alike.
+
+    Parameters
+    ----------
+    body : numpy.ndarray of int, (N,)
+        Number of the body; parts of one body have the same.
+    shape : numpy.ndarray of int, (N,)
+        Number of its shape; the first is the berry with its calyx.
+    count, shapes : int
+        Numbers of all bodies, and of shapes.
+
+    Returns
+    -------
+    Skins
+    """
+    colours = np.array([SKIN, *(OTHER_SKINS[k % len(OTHER_SKINS)] for k in range(shapes - 1))])
+    ripeness, shade = np.random.RandomState(2026).uniform(-1, 1, (2, count))
+    tint = colours[shape] * (1 + 0.16 * shade[body, None])
+    tint += np.array([0.045, 0.050, 0.004]) * ripeness[body, None]
+    return Skins(tint, shape == 0)
+
+
 def paint(
     camera: Camera,
     view: View,
-    skin: np.ndarray,
+    skins: Skins,
     lit: np.ndarray,
     sky: np.ndarray,
     frame: np.ndarray,
     setting: Setting,
+    supersample: int,
 ) -> np.ndarray:
-    """Colours of what each pixel shows.
+    """The picture of what each pixel of a camera shows.
 
     Parameters
     ----------
@@ -38,28 +79,34 @@ def paint(
         That sees it.
     view : View
         What each pixel shows.
-    skin : numpy.ndarray, (M, 3)
-        Colours of the M pixels that show a body, see `skin`.
+    skins : Skins
+        Colours of the bodies.
     lit, sky : numpy.ndarray, (H, W)
         What `light_and_sky` gave.
     frame : numpy.ndarray, (P, 3)
         Points that the picture holds in m; the plate fades out beyond them.
     setting : Setting
         Walls and backdrop.
+    supersample : int
+        The camera's pixels along each side of a pixel of the picture.
 
     Returns
     -------
-    numpy.ndarray, (H, W, 3)
-        Red, green and blue, 0 to 1 or a little above.
+    numpy.ndarray of uint8, (H / supersample, W / supersample, 3)
+        Red, green and blue.
     """
-    image = np.broadcast_to(BACKGROUND, view.place.shape).copy()
-    _paint_flat(image, view, lit, sky, frame, setting.backdrop)
-    hit = view.hit
-    sight = view.rays[hit] / np.linalg.norm(view.rays[hit], axis=1, keepdims=True)
-    towards = _light_axes(camera)[2]
-    image[hit] = _shade_bodies(skin, view.normal[hit], sight, towards, lit[hit], sky[hit])
-    _blend_walls(image, setting.frusta, camera, view.rays, view.depth)
-    return image
+    height, width = camera.height // supersample, camera.width // supersample
+    picture = np.empty((height, width, 3), np.uint8)
+    order = _far_to_near(setting.frusta, camera)
+    for rows in camera.bands(supersample):
+        band, rays = view.rows(rows), camera.rays(rows)
+        image = np.broadcast_to(BACKGROUND, rays.shape).copy()
+        _paint_flat(image, camera, band, rays, lit[rows], sky[rows], frame, setting.backdrop)
+        _paint_bodies(image, camera, band, rays, lit[rows], sky[rows], skins)
+        _blend_walls(image, setting.frusta, order, camera, rays, band.depth)
+        fine = np.clip(image, 0, 1).reshape(-1, supersample, width, supersample, 3)
+        picture[rows.start // supersample :][: len(fine)] = np.round(255 * fine.mean(axis=(1, 3)))
+    return picture
 
 
 def light_and_sky(
@@ -80,53 +127,50 @@ def light_and_sky(
 
     Returns
     -------
-    lit, sky : numpy.ndarray, (H, W)
+    lit, sky : numpy.ndarray of float32, (H, W)
         0 to 1; 1 where nothing is.
     """
-    lit, sky = np.ones(view.hit.shape), np.ones(view.hit.shape)
     if not len(bodies.vertices):
+        lit, sky = np.ones((2, *view.depth.shape), np.float32)
         return lit, sky
-    light, seen = _light_axes(camera), view.hit | view.flat
+    light, lens = _light_axes(camera), (camera.eye_m, camera.axes, float(camera.focal_px))
     light_map, origin, pixel_m = _light_map(bodies.vertices, bodies.triangles, light)
-    softness, bias = 0.35 * largest, 0.03 * largest
+    softness, bias, reach = 0.35 * largest, 0.03 * largest, 1.3 * largest
     lit = raster.lit_fraction(
-        view.place, view.normal, seen, light_map, light, origin, pixel_m, softness, bias, 24
+        view.depth, view.normal, lens, light_map, light, origin, pixel_m, softness, bias, 24
     )
-    reach = np.where(seen, 1.3 * largest * camera.focal_px / np.where(seen, view.depth, 1.0), 0.0)
     # Far from all bodies the walls see the whole sky.
-    near = maximum_filter(view.hit, size=2 * math.ceil(reach[view.hit].max(initial=0.0)) + 1)
-    sky = raster.openness(view.place, view.normal, seen, seen & near, reach, 1.3 * largest, 20)
+    hit = view.hit
+    reach_px = math.ceil(reach * camera.focal_px / view.depth[hit].min(initial=np.inf))
+    near = maximum_filter(hit, size=2 * reach_px + 1)
+    sky = raster.openness(view.depth, view.normal, lens, near, reach, 20)
     return lit, sky
 
 
-def skin(body: np.ndarray, along: np.ndarray, shape: np.ndarray, count: int, shapes: int) -> np.ndarray:
-    """Colours of places on bodies; no two bodies are alike.
+def _place(camera: Camera, view: View, rays: np.ndarray, where: np.ndarray) -> np.ndarray:
+    """Places (M, 3) in m of what some pixels show."""
+    return camera.eye_m + view.depth[where][:, None] * rays[where]
 
-    Parameters
-    ----------
-    body : numpy.ndarray of int, (M,)
-        Number of the body.
-    along : numpy.ndarray, (M,)
-        Place along its long axis, -1 to 1.
-    shape : numpy.ndarray of int, (M,)
-        Number of its shape; the first is the berry with its calyx.
-    count, shapes : int
-        Numbers of all bodies, and of shapes.
 
-    Returns
-    -------
-    numpy.ndarray, (M, 3)
-        Red, green and blue, 0 to 1.
-    """
-    skins = np.array([SKIN, *(OTHER_SKINS[k % len(OTHER_SKINS)] for k in range(shapes - 1))])
-    random = np.random.RandomState(2026)
-    ripeness, shade = random.uniform(-1, 1, (2, count))
-    tint = skins[shape] * (1 + 0.16 * shade[body, None])
-    tint += np.array([0.045, 0.050, 0.004]) * ripeness[body, None]
-    berry = (shape == 0)[:, None]
+def _paint_bodies(
+    image: np.ndarray,
+    camera: Camera,
+    view: View,
+    rays: np.ndarray,
+    lit: np.ndarray,
+    sky: np.ndarray,
+    skins: Skins,
+) -> None:
+    """Paint what shows a body."""
+    hit = view.hit
+    part, along = view.body[hit], view.along[hit]
+    berry = skins.berry[part, None]
     calyx = np.clip((along - 0.955) / 0.03, 0, 1)[:, None] * berry
     tip = 1 - 0.25 * np.clip((np.abs(along) - 0.7) / 0.3, 0, 1)[:, None] ** 2 * berry
-    return np.clip(tint * tip * (1 - calyx) + CALYX * calyx, 0, 1)
+    colour = np.clip(skins.tint[part] * tip * (1 - calyx) + CALYX * calyx, 0, 1)
+    sight = rays[hit] / np.linalg.norm(rays[hit], axis=1, keepdims=True)
+    towards = _light_axes(camera)[2]
+    image[hit] = _shade_bodies(colour, view.normal[hit], sight, towards, lit[hit], sky[hit])
 
 
 def _shade_bodies(
@@ -154,7 +198,9 @@ def _shade_bodies(
 
 def _paint_flat(
     image: np.ndarray,
+    camera: Camera,
     view: View,
+    rays: np.ndarray,
     lit: np.ndarray,
     sky: np.ndarray,
     frame: np.ndarray,
@@ -163,25 +209,41 @@ def _paint_flat(
     """Paint the plate, which fades out far from the middle, and the panels, the darker the steeper."""
     if view.plate.any():
         low, high = np.min(frame, axis=0)[:2], np.max(frame, axis=0)[:2]
-        away = np.linalg.norm(view.place[view.plate][:, :2] - (low + high) / 2, axis=1)
+        away = np.linalg.norm(_place(camera, view, rays, view.plate)[:, :2] - (low + high) / 2, axis=1)
         fade = np.clip((2.6 - 2 * away / np.linalg.norm(high - low)) / 1.6, 0, 1) ** 1.5
         tone = (0.52 + 0.48 * lit[view.plate]) * (0.35 + 0.65 * sky[view.plate])
         image[view.plate] += fade[:, None] * (PLATE * 1.13 * tone[:, None] - image[view.plate])
     if backdrop is not None and view.behind.any():
         there = view.behind
-        image[there] = backdrop.paint(view.place[there], view.normal[there], lit[there], sky[there])
-    panels = view.flat & ~view.plate & ~view.behind
+        image[there] = backdrop.paint(
+            _place(camera, view, rays, there), view.normal[there], lit[there], sky[there]
+        )
+    panels = view.panel
     steepness = 0.80 + 0.20 * np.clip(view.normal[panels][:, 2], 0, 1)
     tone = (0.52 + 0.48 * lit[panels]) * (0.35 + 0.65 * sky[panels]) * steepness
     image[panels] = PLATE * 1.13 * PANEL_SHARE * tone[:, None]
 
 
+def _far_to_near(walls: Sequence[Frustum], camera: Camera) -> list[int]:
+    """Numbers of the frusta's sides, far ones first, by their median distance along some thousands of rays."""
+    step = max(1, camera.height // 100)
+    rays = camera.rays(slice(None, None, step))[:, ::step]
+    medians = [np.nanmedian(distance) for wall in walls for _, distance, _ in _sides(wall, camera, rays)]
+    return sorted(range(len(medians)), key=lambda side: -medians[side])
+
+
 def _blend_walls(
-    image: np.ndarray, walls: Sequence[Frustum], camera: Camera, rays: np.ndarray, depth: np.ndarray
+    image: np.ndarray,
+    walls: Sequence[Frustum],
+    order: Sequence[int],
+    camera: Camera,
+    rays: np.ndarray,
+    depth: np.ndarray,
 ) -> None:
-    """Draw translucent frusta over the picture: far side first, each only where nothing stands before it."""
+    """Draw translucent frusta over the picture: far sides first, each only where nothing stands before it."""
     sides = [side for wall in walls for side in _sides(wall, camera, rays)]
-    for wall, distance, met in sorted(sides, key=lambda side: -np.nanmedian(side[1])):
+    for side in order:
+        wall, distance, met = sides[side]
         turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
         light = _light_axes(camera)[2] @ turn
         point = (camera.eye_m - wall.frame[:3] + distance[..., None] * rays) @ turn

@@ -1,6 +1,6 @@
 """What each pixel of a picture shows: a body, a flat wall, the plate, the backdrop or nothing."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -13,36 +13,52 @@ from repose.pictures.scenery import Camera, Panel, Setting
 class View:
     """What each pixel of a picture (H, W) shows: a body, a flat wall, the plate, the backdrop, or nothing.
 
+    A pixel takes 26 bytes, so that a large picture fits into the memory.
+
     Attributes
     ----------
-    rays : numpy.ndarray, (H, W, 3)
-        Directions of the pixels' rays, scaled to unit depth along the view.
-    hit : numpy.ndarray of bool, (H, W)
-        Whether it is a body; M pixels show one.
-    flat : numpy.ndarray of bool, (H, W)
-        Whether it is the plate, a panel or the backdrop.
+    body : numpy.ndarray of int32, (H, W)
+        Number of the body or part, -1 where none is seen.
     plate, behind : numpy.ndarray of bool, (H, W)
         Whether it is the plate; whether it is the backdrop.
-    body : numpy.ndarray of int, (H, W)
-        Number of the body or part, -1 where there is none.
-    depth : numpy.ndarray, (H, W)
+    depth : numpy.ndarray of float32, (H, W)
         In m along the view, infinite where nothing is.
-    place, normal : numpy.ndarray, (H, W, 3)
-        Place in m, and unit normal there.
-    along : numpy.ndarray, (M,)
+    normal : numpy.ndarray of float32, (H, W, 3)
+        Unit normal.
+    along : numpy.ndarray of float32, (H, W)
         Place along the body's long axis, -1 to 1.
     """
 
-    rays: np.ndarray
-    hit: np.ndarray
-    flat: np.ndarray
+    body: np.ndarray
     plate: np.ndarray
     behind: np.ndarray
-    body: np.ndarray
     depth: np.ndarray
-    place: np.ndarray
     normal: np.ndarray
     along: np.ndarray
+
+    @property
+    def hit(self) -> np.ndarray:
+        """Whether it is a body, (H, W)."""
+        return self.body >= 0
+
+    @property
+    def panel(self) -> np.ndarray:
+        """Whether it is a panel, (H, W)."""
+        return np.isfinite(self.depth) & ~(self.hit | self.plate | self.behind)
+
+    def rows(self, rows: slice) -> "View":
+        """The same of some rows, in the same memory.
+
+        Parameters
+        ----------
+        rows : slice
+            Which.
+
+        Returns
+        -------
+        View
+        """
+        return View(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
 def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
@@ -62,40 +78,45 @@ def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
     View
         Of the camera's pixels.
     """
-    nearest, which, corner, weights = raster.draw(
-        *camera.project(bodies.vertices), bodies.triangles, (camera.height, camera.width)
-    )
-    rays = camera.rays()
-    depth = np.full(which.shape, np.inf)
-    depth[which >= 0] = 1.0 / nearest[which >= 0]
-    normal = np.zeros(rays.shape)
-    normal[..., 2] = 1.0
-    flat = np.zeros(which.shape, bool)
+    shape = (camera.height, camera.width)
+    nearest, body, corner, weights = raster.draw(*camera.project(bodies.vertices), bodies.triangles, shape)
+    plate, behind = np.zeros(shape, bool), np.zeros(shape, bool)
+    depth, along = np.empty(shape, np.float32), np.zeros(shape, np.float32)
+    view = View(body, plate, behind, depth, np.zeros((*shape, 3), np.float32), along)
+    half_lengths = bodies.points[..., 0].max(axis=1)
+    for rows in camera.bands():
+        band = view.rows(rows)
+        _look_at(band, nearest[rows], camera.eye_m, camera.rays(rows), setting)
+        hit = band.hit
+        band.normal[hit], band.along[hit] = _on_bodies(
+            bodies, half_lengths, band.body[hit], corner[rows][hit], weights[rows][hit]
+        )
+    return view
+
+
+def _look_at(view: View, nearest: np.ndarray, eye: np.ndarray, rays: np.ndarray, setting: Setting) -> None:
+    """Write what rays meet before or besides the bodies, whose inverse depth is given."""
+    view.body[nearest <= 0] = -1  # behind the camera
+    depth = np.where(view.hit, 1.0 / nearest, np.inf)
+    view.normal[..., 2] = 1.0
     for panel in setting.panels:
-        reached = _panel_depths(panel, camera.eye_m, rays)
+        reached = _panel_depths(panel, eye, rays)
         before = reached < depth
-        depth[before], normal[before] = reached[before], panel.normal
-        flat |= before
-    hit = (which >= 0) & ~flat
-    plate = np.zeros(which.shape, bool)
+        depth[before], view.normal[before], view.body[before] = reached[before], panel.normal, -1
     if setting.plate_m is not None:
         with np.errstate(divide="ignore"):
-            to_plate = (setting.plate_m - camera.eye_m[2]) / rays[..., 2]
-        plate = ~hit & ~flat & (to_plate > 0) & np.isfinite(to_plate)
-        depth[plate] = to_plate[plate]
-    normal[hit], along = _on_bodies(bodies, which[hit], corner[hit], weights[hit])
-    behind = np.zeros(which.shape, bool)
+            to_plate = (setting.plate_m - eye[2]) / rays[..., 2]
+        view.plate[...] = np.isinf(depth) & (to_plate > 0) & np.isfinite(to_plate)
+        depth[view.plate] = to_plate[view.plate]
     if setting.backdrop is not None:
-        reached, facing = setting.backdrop.meet(camera.eye_m, rays)
-        behind = ~hit & ~flat & ~plate & np.isfinite(reached)
-        depth[behind], normal[behind] = reached[behind], facing[behind]
-    seen = hit | flat | plate | behind
-    place = camera.eye_m + np.where(seen, depth, 0.0)[..., None] * rays
-    return View(rays, hit, flat | plate | behind, plate, behind, which, depth, place, normal, along)
+        reached, facing = setting.backdrop.meet(eye, rays)
+        view.behind[...] = np.isinf(depth) & np.isfinite(reached)
+        depth[view.behind], view.normal[view.behind] = reached[view.behind], facing[view.behind]
+    view.depth[...] = depth
 
 
 def _on_bodies(
-    bodies: Bodies, part: np.ndarray, triangle: np.ndarray, weights: np.ndarray
+    bodies: Bodies, half_lengths: np.ndarray, part: np.ndarray, triangle: np.ndarray, weights: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Normals (M, 3) in the world, and places (M,) along the long axis, of points on triangles of parts."""
     corners = bodies.triangles[triangle]
@@ -105,7 +126,7 @@ def _on_bodies(
     own /= np.linalg.norm(own, axis=1, keepdims=True)
     normal = np.einsum("mij,mj->mi", bodies.turn[part], own)
     places = bodies.points[shape[:, None], corners][..., 0]
-    along = np.einsum("mk,mk->m", share, places) / bodies.points[shape, :, 0].max(axis=1)
+    along = np.einsum("mk,mk->m", share, places) / half_lengths[shape]
     return normal, bodies.middle[part] + bodies.share[part] * along
 
 
