@@ -76,6 +76,7 @@ def refused_by_pours(config, parameters, particle, berry):
     return refused != {""}
 
 
+@pytest.mark.slow
 def test_check_and_pour_and_engine_agree(particles):
     rng = np.random.default_rng(20)
     for _ in range(300):

@@ -137,6 +137,7 @@ def calls(draw):
     return words
 
 
+@pytest.mark.slow
 @settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
 @given(words=calls())
 def test_a_verb_leaves_the_files_of_others(sandbox, words):
@@ -152,6 +153,7 @@ def test_a_verb_leaves_the_files_of_others(sandbox, words):
         path.unlink()
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
 @given(label=st.text(max_size=70), folder=st.one_of(OUT, st.text(max_size=30)))
 def test_a_label_and_a_folder_of_results_lead_nowhere_else(sandbox, label, folder):
