@@ -80,7 +80,7 @@ rule drum_film:
         f"{RESULTS}/benchmarks/drum_film.tsv"
     threads: 1
     resources:
-        mem_mb=900,
+        mem_mb=450,
     params:
         config=CONFIG,
         depends=sections("drum"),

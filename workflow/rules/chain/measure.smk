@@ -73,7 +73,7 @@ rule film:
         f"{RESULTS}/benchmarks/film.tsv"
     threads: 1
     resources:
-        mem_mb=900,
+        mem_mb=450,
     params:
         config=CONFIG,
     message:
