@@ -23,6 +23,12 @@ def _options(step):
     ]
 
 
+def _print_deviations(table):
+    """The simulated answer of a strategy beside the targets, a line for each response."""
+    for row in table.to_dict("records"):
+        print(f"{row['response']}: {row['simulated']:.2f}, {row['deviation_percent']:+.2f} % off the target")
+
+
 def _read(args: argparse.Namespace) -> tuple[ParameterSpace, Targets, dict[str, Any]]:
     """Space, targets and section of a configuration."""
     config = loader.load(args.config)
@@ -108,8 +114,7 @@ def response_check(args: argparse.Namespace) -> None:
     _, targets, _ = _read(args)
     given = (args.predictions, args.optimum, args.dataset, args.runs)
     table = files.run_check(*given, targets, args.out)
-    for row in table.to_dict("records"):
-        print(f"{row['response']}: {row['simulated']:.2f}, {row['deviation_percent']:+.2f} % off the target")
+    _print_deviations(table)
 
 
 @family.verb(
@@ -160,5 +165,4 @@ def sequential_check(args: argparse.Namespace) -> None:
     config = loader.load(args.config)
     targets, section = Targets.of(config["targets"]), config["sequential"]
     table = files.run_check(args.advices, args.dataset, args.runs, targets, section, args.out)
-    for row in table.to_dict("records"):
-        print(f"{row['response']}: {row['simulated']:.2f}, {row['deviation_percent']:+.2f} % off the target")
+    _print_deviations(table)
