@@ -23,14 +23,34 @@ def test_every_placeholder_in_a_shell_command_is_quoted():
     assert not bare
 
 
+ODD = """my "bérries"; touch PWNED; 'x' $(touch PWNED) -rf #"""
+
+
+def run_snakemake(folder, snakefile, *words):
+    """A figure of a study in a folder, by a workflow."""
+    words = ("results/figures/figure02.png", "--cores", "1", "--snakefile", str(snakefile), *words)
+    command = [sys.executable, "-m", "snakemake", *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True)
+
+
 @pytest.mark.slow
-def test_a_path_with_blanks_quotes_and_a_command_in_it_is_one_path(tmp_path):
-    name = """my "bérries"; touch PWNED; 'x' $(touch PWNED) -rf #.csv"""
-    shutil.copy(ROOT / "resources/berries.csv", tmp_path / name)
-    (tmp_path / "mine.yaml").write_text(f"berry: {{sizes: '{name.replace(chr(39), chr(39) * 2)}'}}\n")
-    words = ("results/figures/figure02.png", "--cores", "1", "--configfile", "mine.yaml")
-    command = [sys.executable, "-m", "snakemake", *words, "--snakefile", str(ROOT / "Snakefile")]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+def test_paths_with_blanks_quotes_and_a_command_in_them_are_one_path_each(tmp_path):
+    """Of the working folder, of a configuration and of a table; the first two may have braces and begin with a dash."""
+    folder = tmp_path / f"-rf {{x}} {ODD}"
+    folder.mkdir()
+    shutil.copy(ROOT / "resources/berries.csv", folder / ODD)
+    config = f"{{config}} {ODD}.yaml"
+    (folder / config).write_text(f"berry: {{sizes: '{ODD.replace(chr(39), chr(39) * 2)}'}}\n")
+    done = run_snakemake(folder, ROOT / "Snakefile", "--configfile", config)
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "results/figures/figure02.png").is_file()
-    assert not (tmp_path / "PWNED").exists()
+    assert (folder / "results/figures/figure02.png").is_file()
+    assert not list(tmp_path.rglob("PWNED"))
+
+
+@pytest.mark.slow
+def test_a_program_in_a_folder_with_braces_is_refused_before_any_work(tmp_path):
+    (tmp_path / "{x}").symlink_to(ROOT)
+    done = run_snakemake(tmp_path, tmp_path / "{x}/Snakefile")
+    assert done.returncode == 1
+    assert "{x}/Snakefile; allowed: a folder without braces" in done.stderr
+    assert not (tmp_path / "results").exists()

@@ -32,6 +32,13 @@ def or_one_message(function, *arguments):
         sys.exit(f"repose: error: {error}")
 
 
+for place in map(str, (workflow.main_snakefile, places.root())):
+    if set("{}") & set(place):  # snakemake takes them for wildcards
+        sys.exit(
+            f"repose: error: the program lies in {place}; allowed: a folder without braces"
+        )
+
+
 def checked_config(workflow):
     """The configuration after every check, or one message and no work."""
     given = [places.find(as_typed(path)) for path in workflow.overwrite_configfiles]
