@@ -39,6 +39,13 @@ def test_a_configuration_that_the_folder_lacks_is_the_programs(words, tmp_path, 
     assert "=".join(run.snakemake_words(["-c1", *words])[3:]) == f"--configfile={quick}"
 
 
+def test_a_profile_that_the_folder_lacks_is_the_programs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    slurm = str(places.root() / "profiles" / "slurm")
+    words = ["berry", "--profile", "profiles/slurm", "-n"]
+    assert run.snakemake_words(words) == [*SNAKEFILE, "berry", "--profile", slurm, "-n"]
+
+
 def test_the_verb_passes_every_word_on_in_its_order(monkeypatch):
     given = []
     monkeypatch.setattr("snakemake.cli.main", given.extend)
@@ -95,3 +102,10 @@ def test_the_list_names_targets_of_the_workflow_with_their_cost(capsys):
     assert "calibration" in named
     assert all(f"rule {name}:" in rules for name in named)
     assert "Studies of quick" in out
+    assert {"response_surface", "sequential", "measurement_study"} <= set(named)
+
+
+def test_the_list_leaves_out_what_a_crop_without_published_solutions_cannot_run(tmp_path, capsys):
+    (tmp_path / "own.yaml").write_text("validation: {published: null}")
+    assert main(["run", "--list", "--configfile", str(tmp_path / "own.yaml")]) == 0
+    assert "measurement_study" not in capsys.readouterr().out

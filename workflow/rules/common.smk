@@ -9,7 +9,7 @@ import pandas
 
 from repose.apparatus import names
 from repose.chain import answer as answers
-from repose.config import loader, results_folder, stands_on
+from repose.config import cost, loader, results_folder, stands_on
 from repose.core import places
 from repose.core.errors import InputError
 from repose.core.lock import take_folder
@@ -54,6 +54,35 @@ def as_typed(path):
         if os.path.commonpath([path, here]) == here
         else str(path)
     )
+
+
+def tell_plan(workflow):
+    """Tell the display of `repose run` what runs: the stage of each rule, which is the file that it stands in, and of
+    each job its runs of a bench test and its expected time.
+    """
+    stages = {
+        one.name: os.path.splitext(os.path.basename(one.snakefile))[0]
+        for one in workflow.rules
+    }
+    jobs = {}
+    for job in workflow.dag.needrun_jobs():
+        if not job.output:
+            continue  # a target makes nothing
+        test = (
+            "drum"
+            if job.rule.name == "drum_run"
+            else job.params.get("apparatus", "funnel")
+        )
+        seeds = job.params.get("seeds", 0)
+        runs = (
+            1 if job.rule.name == "drum_run" else seeds if isinstance(seeds, int) else 0
+        )
+        jobs.setdefault(job.rule.name, {})[job.jobid] = (
+            runs,
+            cost.job_s(config, test, runs),
+        )
+    runs = sum(number for known in jobs.values() for number, _ in known.values())
+    logger.info(f"{runs} runs of bench tests to make", extra={"plan": (stages, jobs)})
 
 
 def published(table):

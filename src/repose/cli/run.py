@@ -1,10 +1,11 @@
 """The verb that runs the whole study: snakemake with the program's own workflow, in any folder."""
 
 import argparse
+import contextlib
 import shlex
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from repose.cli.registry import Family
@@ -13,8 +14,18 @@ from repose.core.errors import InputError
 
 CONFIG_OPTIONS = ("--configfile", "--configfiles")
 CORES_OPTIONS = ("-c", "--cores", "-j", "--jobs", "--profile", "--workflow-profile")
+PROFILE_OPTIONS = ("--profile", "--workflow-profile")
 SNAKEFILE_OPTIONS = ("-s", "--snakefile")
+# Where one of them is given, snakemake says what it says by itself.
+PLAIN_OPTIONS = (
+    *("-n", "--dry-run", "--dryrun", "-q", "--quiet", "-p", "--printshellcmds", "--verbose", "--debug-dag"),
+    *("--logger", "--touch", "-t", "--lint", "--report", "--summary", "--detailed-summary", "--help", "-h"),
+)
 LIST = "--list"
+STRATEGIES = {
+    "response_surface": "Another way to calibrate: screening, steepest ascent, a quadratic surface.",
+    "sequential": "Another way to calibrate: few pours, each where it says most.",
+}
 CONFIG_SUFFIXES = (".yaml", ".yml", ".json")
 
 family = Family()
@@ -36,10 +47,17 @@ def run(args: argparse.Namespace) -> int:
     if LIST in args.rest:
         print(catalogue(args.rest))
         return 0
-    return uninterrupted(main, args.rest)
+    return uninterrupted(main, args.rest, [] if _given(args.rest, PLAIN_OPTIONS) else _display())
 
 
-def uninterrupted(main: Callable[[list[str]], object], words: list[str]) -> int:
+def _display() -> list[str]:
+    """Options that choose the program's own display."""
+    from repose.cli import run_display
+
+    return run_display.register()
+
+
+def uninterrupted(main: Callable[[list[str]], object], words: list[str], display: Sequence[str] = ()) -> int:
     """Run snakemake; where Ctrl-C or a signal ends it, say in one sentence how to go on.
 
     Parameters
@@ -48,6 +66,8 @@ def uninterrupted(main: Callable[[list[str]], object], words: list[str]) -> int:
         Of snakemake; it gets its command line.
     words : list of str
         What `repose run` was given.
+    display : sequence of str, optional
+        Options of snakemake that choose how it shows what it does.
 
     Returns
     -------
@@ -65,11 +85,12 @@ def uninterrupted(main: Callable[[list[str]], object], words: list[str]) -> int:
         # once: the next Ctrl-C kills at once, and those who wait for jobs are not interrupted in their tidying
         signal.signal(number, signal.SIG_DFL)
         ended_by.append(number)
+        _interrupt_jobs()
         raise KeyboardInterrupt
 
     earlier = signal.signal(signal.SIGINT, stop)
     try:
-        main(snakemake_words(words))
+        main([*display, *snakemake_words(words)])
     except (KeyboardInterrupt, SystemExit) as end:
         if not ended_by:
             raise
@@ -79,6 +100,15 @@ def uninterrupted(main: Callable[[list[str]], object], words: list[str]) -> int:
     finally:
         signal.signal(signal.SIGINT, earlier)
     return 0
+
+
+def _interrupt_jobs() -> None:
+    """End the jobs, which snakemake waits for; a terminal has told them, but who ends this program alone has not."""
+    import psutil
+
+    for job in psutil.Process().children(recursive=True):
+        with contextlib.suppress(psutil.NoSuchProcess):
+            job.send_signal(signal.SIGINT)
 
 
 def catalogue(words: list[str]) -> str:
@@ -94,12 +124,23 @@ def catalogue(words: list[str]) -> str:
     str
     """
     from repose.config import cost, loader
+    from repose.strategies import cost as strategies
 
     given = [word.partition("=")[2] or word for word in words]
     files = [word for word in given if Path(word).suffix in CONFIG_SUFFIXES]
     config = loader.load(*files)
-    rows = cost.studies(config)
-    lines = [f"  {study.target:18} {study.sentence}\n{'':21}{study.cost}" for study in rows]
+    calibration, *others = cost.studies(config)
+    rows = [calibration]
+    for target, sentence in STRATEGIES.items():
+        pours = strategies.pours({**config, "strategy": target})
+        minutes = cost.work(config, pours=pours)["total_s"] / 60
+        number = sum(sets * seeds for _, sets, seeds in pours or ())
+        rows.append(
+            cost.Study(
+                target, sentence, f"at most {number} pours, about {minutes:.0f} min on one core, by itself"
+            )
+        )
+    lines = [f"  {study.target:18} {study.sentence}\n{'':21}{study.cost}" for study in [*rows, *others]]
     return "\n".join(
         [f"repose run TARGET; without one, all of calibration. Studies of {config['label']}:", *lines]
     )
@@ -117,28 +158,31 @@ def snakemake_words(words: list[str]) -> list[str]:
     -------
     list of str
         Targets first, since `--configfile` would take those after it for files; then the options. Without
-        `--cores` all cores work; without `--snakefile` the workflow is the program's own. A configuration that
-        the working folder lacks, such as config/quick.yaml, is the program's.
+        `--cores` all cores work; without `--snakefile` the workflow is the program's own. A configuration or a
+        profile that the working folder lacks, such as config/quick.yaml, is the program's.
     """
     targets: list[str] = []
     options: list[str] = []
-    reading_configs = False
+    expected = ""  # the option that the next words belong to
     for word in words:
         if word.startswith("-"):
             option, equals, path = word.partition("=")
-            reading_configs = option in CONFIG_OPTIONS and not equals
-            options.append(f"{option}={places.find(path)}" if option in CONFIG_OPTIONS and equals else word)
-        elif not reading_configs:
-            options.append(word)
-        elif Path(word).suffix in CONFIG_SUFFIXES:
-            options.append(str(places.find(word)))
-        else:
+            expected = "" if equals else option
+            options.append(f"{option}={_found(option, path)}" if equals else word)
+        elif expected in CONFIG_OPTIONS and Path(word).suffix not in CONFIG_SUFFIXES:
             targets.append(word)
+        else:
+            options.append(_found(expected, word))
     if not _given(options, CORES_OPTIONS):
         options = ["--cores", "all", *options]
     if not _given(options, SNAKEFILE_OPTIONS):
         options = ["--snakefile", str(places.root() / "Snakefile"), *options]
     return [*targets, *options]
+
+
+def _found(option, path):
+    """A value of an option; where it is a configuration or a profile that the working folder lacks, the program's."""
+    return str(places.find(path)) if option in (*CONFIG_OPTIONS, *PROFILE_OPTIONS) else path
 
 
 def _given(words, options):

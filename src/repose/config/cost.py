@@ -133,6 +133,25 @@ def work(
     return {"pours": pours, "pour_s": pour_s, "total_s": total_s}
 
 
+def job_s(config: Mapping[str, Any], name: str, runs: int) -> float:
+    """Wall time of a job of the workflow on one core, to compare jobs with one another.
+
+    Parameters
+    ----------
+    config : mapping
+    name : str
+        Of the bench test that it runs.
+    runs : int
+        How often; none for a job that only computes.
+
+    Returns
+    -------
+    float
+        Seconds.
+    """
+    return JOB_START_S + (runs * run_s(config, name) if runs else 0.0)
+
+
 class Study(NamedTuple):
     """What can be asked of `repose run`.
 
@@ -176,7 +195,8 @@ def studies(config: Mapping[str, Any]) -> list[Study]:
     no_pours = "no pours besides the calibration"
     drums = f"{further} runs of the drum besides the calibration, about {further * run_s(config, 'drum') / 60:.0f} min"
     all_min = work(config)["total_s"] / 60
-    return [
+    targets = Targets.of(config["targets"])
+    rows = [
         Study(
             "calibration",
             "The method from the sizes to the check: which contact parameters give the measured pile.",
@@ -202,3 +222,7 @@ def studies(config: Mapping[str, Any]) -> list[Study]:
         Study("pool", "More samples, for the comparisons.", pours(of_pool)),
         Study("compare_all", "Which part of the method pays: designs, surrogates, searches.", pours(of_pool)),
     ]
+    if published_count(config["validation"]["published"], targets.responses):
+        sentence = "How much the definition of the angle of repose moves it, on the piles of the calibration."
+        rows.append(Study("measurement_study", sentence, no_pours))
+    return rows

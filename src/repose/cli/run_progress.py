@@ -1,0 +1,229 @@
+"""How far a run of the workflow is: what is done of each stage, pours a minute, time left, and what has failed.
+
+All times are seconds of the system's clock, which also dates files.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from repose.measure.saved_pours import POURS
+
+# Rates of a shorter time say little.
+SHORTEST_RATE_S = 1.0
+
+
+@dataclass(frozen=True)
+class Running:
+    """A job that runs, or has failed.
+
+    Attributes
+    ----------
+    stage, message : str
+        Its stage, and what it does in words.
+    began_s : float
+    pours : int
+        Runs of a bench test that it was to make.
+    output : str
+        Its first output.
+    """
+
+    stage: str
+    message: str
+    began_s: float
+    pours: int
+    output: str = ""
+
+    def made(self) -> int | None:
+        """Runs that it has made so far; those that it took from an earlier job are left out.
+
+        Returns
+        -------
+        int or None
+            None where the job keeps no runs one by one.
+        """
+        if not self.output.endswith(POURS):
+            return None
+        done = Path(self.output)
+        kept = list((done.parent / "runs").glob(f"{done.name.removesuffix(POURS)}_*.npz"))
+        fresh = sum(path.stat().st_mtime >= self.began_s for path in kept)
+        return min(self.pours, fresh) if kept else None
+
+
+@dataclass
+class Stage:
+    """A stage of the workflow.
+
+    Attributes
+    ----------
+    done, total : int
+        Jobs.
+    """
+
+    done: int = 0
+    total: int = 0
+
+
+@dataclass
+class RunProgress:
+    """What is known of a run while it goes on.
+
+    Attributes
+    ----------
+    stages : dict of str to Stage
+        Those that have work, in the order of the workflow.
+    running, failed : dict of int to Running
+        By the job's number. A failed job that begins again is no failed one.
+    """
+
+    stages: dict[str, Stage] = field(default_factory=dict)
+    running: dict[int, Running] = field(default_factory=dict)
+    failed: dict[int, Running] = field(default_factory=dict)
+    _stage_of: Mapping[str, str] = field(default_factory=dict)
+    _planned: dict[int, tuple[int, float]] = field(default_factory=dict)
+    _done: dict[int, int] = field(default_factory=dict)
+    _began_s: float | None = None
+    _first_pour_s: float | None = None
+
+    def plan(self, stage_of: Mapping[str, str], jobs: Mapping[str, Mapping[int, tuple[int, float]]]) -> None:
+        """Take what the workflow is going to run.
+
+        Parameters
+        ----------
+        stage_of : mapping of str to str
+            Stage of each rule, in the order of the workflow.
+        jobs : mapping of str to mapping
+            Of each rule its jobs by number: how many runs of a bench test each makes, and its expected time on a
+            core [s].
+        """
+        self._stage_of = stage_of
+        for name in dict.fromkeys(stage_of.values()):
+            numbers = [number for rule in jobs if stage_of.get(rule) == name for number in jobs[rule]]
+            if numbers:
+                self.stages[name] = Stage(total=len(numbers))
+        self._planned = {number: told for known in jobs.values() for number, told in known.items()}
+
+    def start(self, number: int, rule: str, message: str, output: str, now_s: float) -> Running:
+        """A job begins, or begins again.
+
+        Parameters
+        ----------
+        number : int
+            Of the job.
+        rule, message, output : str
+            Its rule, what it does in words, and its first output.
+        now_s : float
+
+        Returns
+        -------
+        Running
+        """
+        name = self._stage_of.get(rule, rule)
+        if number not in self._planned:  # a checkpoint has added it
+            self._planned[number] = (0, 0.0)
+            self.stages.setdefault(name, Stage()).total += 1
+        self.failed.pop(number, None)
+        job = Running(name, message, now_s, self._planned[number][0], output)
+        self.running[number] = job
+        self._began_s = now_s if self._began_s is None else self._began_s
+        if job.pours and self._first_pour_s is None:
+            self._first_pour_s = now_s
+        return job
+
+    def finish(self, number: int) -> None:
+        """A job has ended well.
+
+        Parameters
+        ----------
+        number : int
+        """
+        job = self.running.pop(number, None)
+        if job is not None:
+            made = job.made()
+            self._done[number] = job.pours if made is None else made
+            self.stages[job.stage].done += 1
+
+    def fail(self, number: int) -> Running | None:
+        """A job has failed.
+
+        Parameters
+        ----------
+        number : int
+
+        Returns
+        -------
+        Running or None
+            None if that is known already.
+        """
+        job = self.running.pop(number, None)
+        if job is not None:
+            self.failed[number] = job
+        return job
+
+    @property
+    def pours_done(self) -> int:
+        """Pours that this run has made, those of unfinished jobs included."""
+        return sum(self._done.values()) + sum(job.made() or 0 for job in self.running.values())
+
+    def pours_a_minute(self, now_s: float) -> float | None:
+        """Rate since the first pour began.
+
+        Parameters
+        ----------
+        now_s : float
+
+        Returns
+        -------
+        float or None
+            None before the first is made.
+        """
+        done = self.pours_done
+        if not done or self._first_pour_s is None or now_s - self._first_pour_s < SHORTEST_RATE_S:
+            return None
+        return 60 * done / (now_s - self._first_pour_s)
+
+    def left_s(self, now_s: float) -> float | None:
+        """Time that the planned jobs still take, if they go on as fast as those that are done.
+
+        Parameters
+        ----------
+        now_s : float
+
+        Returns
+        -------
+        float or None
+            None before anything tells it: where pours are planned, before the first of them is made.
+        """
+        pouring = any(pours for pours, _ in self._planned.values())
+        began_s = self._first_pour_s if pouring else self._began_s
+        if began_s is None or now_s - began_s < SHORTEST_RATE_S or (pouring and not self.pours_done):
+            return None
+        whole_s = sum(work_s for _, work_s in self._planned.values())
+        done_s = sum(self._share_done(number) * work_s for number, (_, work_s) in self._planned.items())
+        return (whole_s - done_s) * (now_s - began_s) / done_s if done_s else None
+
+    def _share_done(self, number: int) -> float:
+        """What part of a job is done."""
+        if number in self._done:
+            return 1.0
+        job = self.running.get(number)
+        return (job.made() or 0) / job.pours if job and job.pours else 0.0
+
+
+def in_words(seconds: float) -> str:
+    """A time that is known roughly.
+
+    Parameters
+    ----------
+    seconds : float
+
+    Returns
+    -------
+    str
+    """
+    minutes = round(seconds / 60)
+    if minutes < 1:
+        return "less than a minute"
+    if minutes < 90:
+        return f"about {minutes} min"
+    return f"about {minutes // 60} h {minutes % 60} min"

@@ -1,0 +1,189 @@
+"""What `repose run` shows, from the events of snakemake; in a pseudo terminal and without one."""
+
+import logging
+import os
+import pty
+import re
+import select
+import shutil
+import signal
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from snakemake_interface_logger_plugins.common import LogEvent
+
+from repose.cli import run_display
+from repose.core import places
+
+PLAN = ({"pour": "pour", "miga": "miga"}, {"pour": {1: (2, 9.0), 2: (2, 9.0)}, "miga": {3: (0, 1.0)}})
+
+
+def told(message=None, level=logging.INFO, **extra):
+    record = logging.LogRecord("snakemake", level, __file__, 1, message, (), None)
+    record.__dict__.update(extra)
+    return record
+
+
+def job_info(number, rule, output, log=()):
+    return told(
+        event=LogEvent.JOB_INFO,
+        jobid=number,
+        rule_name=rule,
+        rule_msg=f"Doing {rule} {number}",
+        output=output,
+        log=list(log),
+    )
+
+
+@pytest.fixture
+def handler(capsys):
+    handler = run_display.LogHandler(SimpleNamespace(), None)
+    yield handler
+    handler.close()
+
+
+def test_without_a_terminal_stages_and_seldom_lines(handler, capsys, monkeypatch):
+    now = [1000.0]
+    monkeypatch.setattr(time, "time", lambda: now[0])
+    handler.emit(told("4 runs", plan=PLAN))
+    for number in (1, 2):
+        handler.emit(job_info(number, "pour", ["heap"]))
+        now[0] += 30
+        handler.emit(told(event=LogEvent.JOB_FINISHED, job_id=number))
+    handler.emit(told("Select jobs to execute..."))
+    lines = capsys.readouterr().err.splitlines()
+    assert lines == [
+        "4 runs",
+        "pour: Doing pour 1",
+        "1 of 3 jobs; 4 pours a minute, about 1 min left",
+    ]
+
+
+def test_a_failure_is_named_with_its_log_and_the_end_of_it(handler, capsys, tmp_path):
+    log = str(tmp_path / "001.log")
+    Path(log).write_text("".join(f"line {k}\n" for k in range(100)))
+    handler.emit(told("4 runs", plan=PLAN))
+    handler.emit(job_info(1, "pour", ["heap"], [log]))
+    error = told(
+        "Error in rule pour", logging.ERROR, event=LogEvent.JOB_ERROR, jobid=1, rule_name="pour", log=[log]
+    )
+    handler.emit(error)
+    handler.emit(error)  # a group tells its jobs once more
+    err = capsys.readouterr().err
+    assert err.count(f"FAILED: Doing pour 1 (rule pour); its log: {log}") == 1
+    assert "    line 99\n" in err
+    assert "line 79\n" not in err
+    handler.close()
+    assert "failed: Doing pour 1" in capsys.readouterr().err
+
+
+def test_errors_without_a_job_are_said(handler, capsys):
+    handler.emit(told("no such rule", logging.ERROR, event=LogEvent.ERROR, exception="MissingRuleException"))
+    assert "no such rule" in capsys.readouterr().err
+
+
+def test_a_target_without_output_is_no_stage(handler, capsys):
+    handler.emit(told("4 runs", plan=PLAN))
+    handler.emit(job_info(7, "all", []))
+    assert "Doing all" not in capsys.readouterr().err
+
+
+WORKFLOW = """
+onstart:
+    jobs = {"pour": {job.jobid: (1, 1.0) for job in workflow.dag.needrun_jobs() if job.output}}
+    logger.info("runs", extra={"plan": ({"pour": "pour"}, jobs)})
+
+rule all:
+    default_target: True
+    input: expand("{number}.txt", number=range(4))
+
+rule pour:
+    output: "{number}.txt"
+    log: "{number}.log"
+    message: "Pouring {wildcards.number}"
+    shell: "echo told > {log}; test ! -e fail_{wildcards.number}; sleep $(cat seconds); touch {output}"
+"""
+
+
+class Terminal:
+    """`repose run` of a workflow of naps, in a pseudo terminal."""
+
+    def __init__(self, folder, *words):
+        self.shown = ""
+        self.process, self.screen = pty.fork()
+        if self.process == 0:
+            os.chdir(folder)
+            os.environ.update(TERM="xterm", COLUMNS="100", LINES="30")
+            program = [sys.executable, "-m", "repose", "run", "-s", "Snakefile", "--cores", "2", *words]
+            os.execv(sys.executable, program)
+
+    def until(self, pattern, limit_s=120):
+        """Read on until the pattern is shown."""
+        end = time.monotonic() + limit_s
+        while not re.search(pattern, self.shown):
+            assert time.monotonic() < end, self.shown
+            self._read()
+
+    def ended(self, limit_s=120):
+        """Exit status, as a shell has it; and the seconds that the end took."""
+        began = time.monotonic()
+        while time.monotonic() < began + limit_s and self._read():
+            pass
+        _, status = os.waitpid(self.process, 0)
+        return os.waitstatus_to_exitcode(status), time.monotonic() - began
+
+    def _read(self):
+        ready, _, _ = select.select([self.screen], [], [], 0.2)
+        try:
+            new = os.read(self.screen, 65536).decode(errors="replace") if ready else None
+        except OSError:  # the other side is closed
+            return False
+        self.shown += new or ""
+        return new != ""
+
+
+@pytest.fixture
+def naps(tmp_path):
+    (tmp_path / "Snakefile").write_text(WORKFLOW)
+    shutil.copytree(places.root() / "profiles" / "default", tmp_path / "profiles" / "default")
+    (tmp_path / "seconds").write_text("0.1")
+    return tmp_path
+
+
+@pytest.mark.slow
+def test_a_terminal_shows_bars_and_a_failure_with_its_log(naps):
+    (naps / "fail_3").touch()
+    (naps / "seconds").write_text("1.5")
+    terminal = Terminal(naps, "--keep-going")
+    assert terminal.ended()[0] == 1
+    assert re.search(r"pour .*3 of 4", terminal.shown)
+    assert "pours a minute" in terminal.shown
+    assert "FAILED: Pouring 3 (rule pour); its log: 3.log" in terminal.shown
+    assert re.search(r"3\.log.*\r\n.*    told", terminal.shown)  # the end of its log, below
+    assert "the same command goes on" in terminal.shown
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("end", ["ctrl-c", "interrupt", "kill"])
+def test_an_ended_run_goes_on_with_the_same_command(naps, end):
+    (naps / "seconds").write_text("60")
+    first = Terminal(naps)
+    first.until(r"now: Pouring")
+    if end == "ctrl-c":
+        os.write(first.screen, b"\x03")
+    else:  # without a terminal only the program itself is told, not its jobs
+        os.kill(first.process, signal.SIGINT if end == "interrupt" else signal.SIGKILL)
+    status, took_s = first.ended()
+    if end == "kill":
+        assert status == -signal.SIGKILL
+    else:
+        assert status == 130
+        assert took_s < 10
+        assert "the same command goes on: repose run -s Snakefile --cores 2" in first.shown
+    (naps / "seconds").write_text("0.1")
+    again = Terminal(naps)
+    assert again.ended()[0] == 0, again.shown
+    assert re.search(r"pour .*4 of 4", again.shown)

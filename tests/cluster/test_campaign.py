@@ -1,0 +1,26 @@
+"""The simulated campaign, on campaigns whose time is known."""
+
+import campaign
+import pytest
+
+
+def test_one_core_takes_all_jobs_one_after_another():
+    assert campaign.makespan_s([10.0] * 4, cores=1, start_s=5.0, submitted_per_s=1e9) == pytest.approx(60.0)
+
+
+def test_enough_cores_take_the_longest_job():
+    assert campaign.makespan_s(
+        [10.0, 30.0, 20.0], cores=3, start_s=5.0, submitted_per_s=1e9
+    ) == pytest.approx(35.0)
+
+
+def test_submitting_takes_its_time():
+    assert campaign.makespan_s([1.0] * 100, cores=100, start_s=0.0, submitted_per_s=2.0) == pytest.approx(
+        50.5
+    )
+
+
+def test_times_of_a_sample_are_those_of_its_two_jobs(tmp_path):
+    for name, seconds in (("001", 12.5), ("001_measured", 2.5)):
+        (tmp_path / f"{name}.tsv").write_text(f"s\tmax_rss\n{seconds}\t100\n")
+    assert campaign.measured_s(tmp_path) == [15.0]
