@@ -1,19 +1,27 @@
 #!/usr/bin/env bash
 # A Slurm cluster of this machine alone, in a folder of its own: one_node.sh start|stop FOLDER.
-# Needs root, and Debian's slurm-wlm and munge. Nothing in /etc is read or written.
+# Needs root, and Debian's slurm-wlm and munge. Jobs find their cluster by /etc/slurm/slurm.conf only, since the executor
+# hides the variables of Slurm from them: it is a link into the folder, and is refused where there is a file already.
 set -euo pipefail
 action="$1"
 mkdir -p "$2"
 folder="$(cd "$2" && pwd)"
 export SLURM_CONF="$folder/slurm.conf"
+known=/etc/slurm/slurm.conf
 
 stop() {
+    [ "$(readlink "$known")" != "$SLURM_CONF" ] || rm "$known"
     for name in slurmd slurmctld munged; do
         [ ! -s "$folder/$name.pid" ] || kill "$(cat "$folder/$name.pid")" 2> /dev/null || true
     done
 }
 
 start() {
+    if [ -e "$known" ]; then
+        echo "$known is there: this machine has a cluster" >&2
+        return 1
+    fi
+    ln -sf "$SLURM_CONF" "$known"
     chmod 755 "$folder"
     mkdir -p "$folder/state" "$folder/spool" "$folder/munge"
     chmod 755 "$folder/munge"
@@ -53,7 +61,6 @@ CONF
     slurmd -c
     for _ in $(seq 60); do
         if sinfo -h -o %T | grep -qE "idle|mixed|allocated"; then
-            echo "export SLURM_CONF=$SLURM_CONF"
             return
         fi
         sleep 1
