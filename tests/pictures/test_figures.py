@@ -88,6 +88,30 @@ def test_a_small_run_has_a_band_across_the_top(name, inputs, tmp_path):
     assert banded > 5000 > plain
 
 
+def test_the_names_of_rules_stay_in_their_boxes(tmp_path):
+    rules = [
+        "measure_validation_runs",
+        "published_solutions",
+        "validation_pour",
+        "response_surface_fit",
+        "pour",
+        "drum",
+    ]
+    nodes = "".join(f'{k} [label = "{rule}", color = "0.1 0.6 0.85"]\n' for k, rule in enumerate(rules))
+    arrows = "".join(f"{k} -> 5\n" for k in range(5))
+    (tmp_path / "graph.dot").write_text(f"digraph {{\n{nodes}{arrows}}}")
+    with style.applied():
+        figure = workflow.rule_graph({"dot": tmp_path / "graph.dot"}, CONFIG)
+        figure.canvas.draw()
+        panel = figure.axes[0]
+        boxes = [box.get_window_extent() for box in panel.patches]
+        texts = [text.get_window_extent() for text in panel.texts if text.get_text()]
+    assert len(texts) == len(boxes) == len(rules)
+    for box, text in zip(boxes, texts, strict=True):
+        assert box.x0 < text.x0 < text.x1 < box.x1
+        assert box.y0 < text.y0 < text.y1 < box.y1
+
+
 def test_a_search_that_misses_the_tolerance_is_counted(inputs):
     with style.applied():
         text = words(inversion.searches(inputs_of("search", inputs), CONFIG))

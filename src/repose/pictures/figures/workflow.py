@@ -2,6 +2,7 @@
 
 import colorsys
 import re
+import textwrap
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -20,6 +21,11 @@ NODE = re.compile(r'^\s*(\w+)\s*\[\s*label\s*=\s*"([^"]*)"(.*)\]', re.M)
 EDGE = re.compile(r"^\s*(\w+)\s*->\s*(\w+)", re.M)
 COLOUR = re.compile(r'color\s*=\s*"([\d.]+) ([\d.]+) ([\d.]+)"')
 SWEEPS = 12
+# Width and height of a box where nodes of a layer are 1 apart, and layers too; a layer's height; letters of a line.
+BOX = (0.84, 0.44)
+ROW_INCH = 0.56
+LINE = 13
+LARGEST_SIZE = 7.2
 
 
 def read_dot(path: str | Path) -> tuple[dict[str, str], dict[str, float], list[tuple[str, str]]]:
@@ -205,7 +211,9 @@ def rule_graph(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     depth = max(y for _, y in places.values()) + 1
     across = [x for way in ways.values() for x, _ in way] + [x for x, _ in places.values()]
     left, right = min(across) - 0.6, max(across) + 0.6
-    figure = style.new_figure(min(style.PAGE, max(style.COLUMN, 0.95 * (right - left))), 0.56 * depth + 0.3)
+    figure = style.new_figure(
+        min(style.PAGE, max(style.COLUMN, 0.95 * (right - left))), ROW_INCH * depth + 0.3
+    )
     panel = figure.subplots()
     for way in ways.values():
         _arrow(panel, np.array(way, float))
@@ -213,20 +221,28 @@ def rule_graph(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
         edge = colorsys.hls_to_rgb(hues[node], 0.38, 0.45)
         face = colorsys.hls_to_rgb(hues[node], 0.93, 0.55)
         box = FancyBboxPatch(
-            (x - 0.42, y - 0.22),
-            0.84,
-            0.44,
+            (x - BOX[0] / 2, y - BOX[1] / 2),
+            *BOX,
             boxstyle="round,pad=0,rounding_size=0.08",
             fc=face,
             ec=edge,
             zorder=3,
         )
         panel.add_patch(box)
-        size = 7.2 if len(labels[node]) < 13 else 5.8
-        panel.text(x, y, labels[node].replace("_", " "), ha="center", va="center", fontsize=size, zorder=4)
+        words = textwrap.fill(labels[node].replace("_", " "), LINE)
+        size = _size_that_fits(
+            words, 72 * BOX[0] * figure.get_figwidth() / (right - left), 72 * BOX[1] * ROW_INCH
+        )
+        panel.text(x, y, words, ha="center", va="center", fontsize=size, linespacing=1.1, zorder=4)
     panel.set(xlim=(left, right), ylim=(depth - 0.6, -0.4))
     panel.axis("off")
     return figure
+
+
+def _size_that_fits(words: str, width: float, height: float) -> float:
+    """Font size at which lines stay inside a box of this size, all in points; a letter is 0.6 of its size wide."""
+    lines = words.splitlines()
+    return min(LARGEST_SIZE, 0.9 * width / (0.6 * max(map(len, lines))), 0.9 * height / (1.3 * len(lines)))
 
 
 def _arrow(panel: Axes, way: np.ndarray) -> None:
