@@ -159,7 +159,7 @@ def _comparisons(folder):
         for name in inversion.WHOLE
     ]
     pd.DataFrame(whole).to_csv(folder / "whole.csv", index=False)
-    sets = ["AoR and Height", "loose_percent", "drum_slip_deg", "whole pile", "pile and drum"]
+    sets = ["AoR and Height", "loose_percent", "drum_slip_deg", "whole pile", "pile and other bench tests"]
     information = [
         {
             "discrepancy_percent": p,
@@ -175,19 +175,25 @@ def _comparisons(folder):
     pd.DataFrame(information).to_csv(folder / "information.csv", index=False)
     narrowing = [
         {
-            "discrepancy_percent": 0.0,
+            "discrepancy_percent": percent,
             "set": name,
             "parameter": p,
             "width_ratio": 0.7,
             "over_base": 1 - 0.15 * k,
         }
+        for percent in (0.0, 2.0)
         for k, name in enumerate(sets)
         for p in PARAMETERS
     ]
     pd.DataFrame(narrowing).to_csv(folder / "narrowing.csv", index=False)
     known = pd.DataFrame({"response": ["aor_deg", "height_mm", "loose_percent", "drum_slip_deg"]})
     known.assign(signal_to_noise=1.5, r2=0.9).to_csv(folder / "responses.csv", index=False)
-    pd.DataFrame({"place": [1]}).to_csv(folder / "order.csv", index=False)
+    ways = [
+        {"discrepancy_percent": p, "way": way, "minutes": 20.0, "bits_a_minute": 0.01 * k}
+        for p in (0.0, 2.0)
+        for k, way in enumerate(("loose", "drum"))
+    ]
+    pd.DataFrame(ways).to_csv(folder / "ways.csv", index=False)
 
 
 def _rounds(folder):

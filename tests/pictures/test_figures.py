@@ -138,13 +138,21 @@ def test_further_responses_are_in_order_of_what_they_add(inputs):
         figure = second_look.what_to_measure_next(inputs_of("second_responses", inputs), CONFIG)
     labels = [text.get_text() for text in figure.axes[0].get_yticklabels()]
     assert [label.split("\n")[0] for label in labels] == [
-        "pile and drum",
+        "pile and other bench tests",
         "all of the pile",
         "loose berries",
         "drum, slip",
     ]
     assert "S/N 1.5, R² 0.90" in labels[2]
     assert "AoR and Height alone:\n5.0 ± 0.2 bits" in words(figure)
+    ways = [text.get_text() for text in figure.axes[1].get_yticklabels()]
+    assert ways == ["loose berries, counted\n20 min", "drum\n20 min"]
+    # both cases in every panel
+    titles = " ".join(panel.get_title() for panel in figure.axes[2:])
+    assert "the simulator exact" in titles
+    assert "2 % discrepancy" in titles
+    assert len(figure.axes[0].patches) == 2 * len(labels)
+    assert len(figure.axes[1].patches) == 2 * len(ways)
 
 
 def test_a_drum_without_a_slip_says_so(inputs, tmp_path, monkeypatch):

@@ -132,8 +132,8 @@ def test_sets_hold_the_base_and_the_drum_apart():
     assert list(sets)[:2] == ["AoR alone", "AoR and Height"]
     assert sets["AoR and Height"] == ("aor_deg", "height_mm")
     assert sets["whole pile"] == ("aor_deg", "height_mm", "loose_percent")
-    assert sets["pile and drum"] == tuple(names)
-    assert "pile and drum" not in response_sets.sets_of(names[:3], TARGETS.responses)
+    assert sets["pile and other bench tests"] == tuple(names)
+    assert "pile and other bench tests" not in response_sets.sets_of(names[:3], TARGETS.responses)
 
 
 def test_sets_of_one_and_of_three_targets():

@@ -87,7 +87,9 @@ def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "drum.record_s", f"at least simulation.time_step_s, {step_s:g}"
 
 
-def misfits(config: Mapping[str, Any], axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
+def misfits(
+    config: Mapping[str, Any], axes_mm: Sequence[float], section: str = NAME
+) -> Iterator[tuple[str, str]]:
     """Keys of a drum in which a mean berry cannot lie across the axis at the factory's height.
 
     Parameters
@@ -96,19 +98,21 @@ def misfits(config: Mapping[str, Any], axes_mm: Sequence[float]) -> Iterator[tup
         The whole configuration.
     axes_mm : sequence of float, (3,)
         Mean axes of the berry, the longest first.
+    section : str, optional
+        Of the configuration, that describes the drum.
 
     Yields
     ------
     key, allowed : str
         Dotted key, and what it may be.
     """
-    drum, long_mm = config[NAME], max(axes_mm)
+    drum, long_mm = config[section], max(axes_mm)
     highest = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"] - long_mm / 2
     if drum["length_mm"] <= long_mm:
-        yield "drum.length_mm", f"above {long_mm:.4g}, so that a mean berry fits"
+        yield f"{section}.length_mm", f"above {long_mm:.4g}, so that a mean berry fits"
     if abs(drum["factory_height_mm"]) >= highest:
         room = f"between -{highest:.4g} and {highest:.4g}" if highest > 0 else "a wider drum"
-        yield "drum.factory_height_mm", f"{room}, so that a mean berry fits"
+        yield f"{section}.factory_height_mm", f"{room}, so that a mean berry fits"
 
 
 # --- build and run --------------------------------------------------------------------------------

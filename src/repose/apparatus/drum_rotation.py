@@ -155,6 +155,7 @@ def build(
     particle: "Particle",
     berry: Mapping[str, Any],
     largest_scale: float = 1.0,
+    section: str = "drum",
 ) -> "dem.Simulation":
     """The empty simulation of the drum.
 
@@ -162,19 +163,21 @@ def build(
     ----------
     config, parameters, particle, berry, largest_scale
         As in `repose.apparatus.bench_test.BenchTest.build`.
+    section : str, optional
+        Of the configuration, that describes the drum.
 
     Returns
     -------
     repose.dem.Simulation
     """
-    drum = Drum.of(config["drum"])
+    drum = Drum.of(config[section])
     half = np.array([drum.radius_m, 0.5 * drum.length_m, drum.radius_m])
     return berry_simulation(
         config,
         parameters,
         particle,
         berry,
-        config["drum"]["berries"],
+        config[section]["berries"],
         walls=drum.walls("wall"),
         lower=-half,
         upper=half,

@@ -29,9 +29,10 @@ WRITTEN = (
         "runs.csv",
         "snapshot.txt",
     ),
-    *("benchmarks", "berry", "comparison", "cylinder_runs", "design", "drum", "drum_runs", "figures", "film"),
+    *("benchmarks", "berry", "comparison", "cylinder_runs", "design", "discharge_runs", "drum", "drum_runs"),
+    *("figures", "film"),
     *("heaps", "logs", "measure", "measurement_study", "miga", "network", "noise", "pool", "posterior"),
-    *("refined", "response_surface", "responses", "sensitivity", "sequential", "shape"),
+    *("refined", "response_surface", "responses", "sensitivity", "sequential", "shape", "turning_runs"),
     *("validation", "warm_up"),
 )
 Faults = Iterator[tuple[str, str]]

@@ -140,18 +140,33 @@ class Prior:
         """
         weight = self.weights(observed, columns, covariance)
         effective = 1 / (weight**2).sum()
-        bits, widths = [], []
+        bits = []
         for k in range(self.place.shape[1]):
             share = np.bincount(self.bin[:, k], weight, BINS)
             filled = share[share > 1e-12]
             excess = (len(filled) - 1) / (2 * effective * math.log(2))
             bits.append(max(0.0, float(filled @ np.log2(filled * BINS)) - excess))
-            order = self.order[:, k]
-            tail = (1 - CREDIBLE) / 2
+        widths = np.diff(self.intervals(weight), axis=0)[0] / self.widths
+        return joint_bits(weight), np.array(bits), widths, effective
+
+    def intervals(self, weight: np.ndarray) -> np.ndarray:
+        """Central 95 % intervals of the parameters.
+
+        Parameters
+        ----------
+        weight : numpy.ndarray, (n,)
+            Posterior probability of each point.
+
+        Returns
+        -------
+        numpy.ndarray, (2, d)
+            Lower and upper ends, in places.
+        """
+        tail, found = (1 - CREDIBLE) / 2, []
+        for k, order in enumerate(self.order.T):
             ends = np.searchsorted(np.cumsum(weight[order]), [tail, 1 - tail])
-            low, high = self.place[order[np.minimum(ends, len(order) - 1)], k]
-            widths.append((high - low) / self.widths[k])
-        return joint_bits(weight), np.array(bits), np.array(widths), effective
+            found.append(self.place[order[np.minimum(ends, len(order) - 1)], k])
+        return np.array(found).T
 
 
 def joint_bits(weight: np.ndarray) -> float:

@@ -1,11 +1,27 @@
 """Sets of responses whose information is compared."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
+from repose.core.errors import InputError
 from repose.core.responses import Response, response
 from repose.measure import further_responses
 
-WHOLE_PILE, EVERYTHING = "whole pile", "pile and drum"
+WHOLE_PILE, EVERYTHING = "whole pile", "pile and other bench tests"
+# How an experimenter gets the further responses of a pile; those of another bench test come together.
+ABOVE, LOOSE, PACKING, STOPWATCH, PROFILE = "above", "loose", "packing", "stopwatch", "profile"
+OF_THE_PILE = {
+    "radius_90_mm": ABOVE,
+    "loose_percent": LOOSE,
+    "packing_percent": PACKING,
+    "discharge_s": STOPWATCH,
+}
+WAYS = {
+    PROFILE: "profile, same photographs",
+    ABOVE: "picture from above",
+    LOOSE: "loose berries, counted",
+    PACKING: "packing, with a balance",
+    STOPWATCH: "time of the pour",
+}
 
 
 def base_label(responses: Sequence[Response]) -> str:
@@ -66,3 +82,53 @@ def source_of(name: str) -> str:
     """
     bench = response(name).apparatus
     return "pile" if bench == further_responses.BENCH else bench
+
+
+def ways_of(names: Sequence[str], base: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Further responses by the way in which an experimenter gets them.
+
+    Parameters
+    ----------
+    names : sequence of str
+        All responses that are modelled.
+    base : sequence of str
+        Those of the targets.
+
+    Returns
+    -------
+    dict of tuple of str
+        By a name of `WAYS`, or that of another bench test. What the outline in the photographs gives is one way.
+    """
+    found: dict[str, list[str]] = {}
+    for name in names:
+        if name not in base:
+            of_pile = source_of(name) == "pile"
+            way = OF_THE_PILE.get(name, PROFILE) if of_pile else response(name).apparatus
+            found.setdefault(way, []).append(name)
+    return {way: tuple(own) for way, own in found.items()}
+
+
+def minutes_of(way: str, minutes: Mapping[str, float]) -> float:
+    """An experimenter's work for a way.
+
+    Parameters
+    ----------
+    way : str
+        Of `ways_of`.
+    minutes : mapping of float
+        `second_responses.minutes` of the configuration.
+
+    Returns
+    -------
+    float
+        Minutes, for all repetitions together.
+
+    Raises
+    ------
+    InputError
+        If the configuration does not say it.
+    """
+    if way not in minutes:
+        allowed = f"minutes of work for {way}, beside {', '.join(minutes)}"
+        raise InputError("configuration", "second_responses.minutes", list(minutes), allowed)
+    return float(minutes[way])

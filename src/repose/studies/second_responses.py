@@ -23,8 +23,9 @@ targets lie in their ranges, and
     S_s
         The surrogates' own error: covariance of the cross-validated residuals, less what the noise of the means adds.
     S_d
-        What the model cannot do with any parameters: a share of each response's mean, independent; once none, once
-        `discrepancy_percent`, or the response's own in `discrepancies`.
+        What the model cannot do with any parameters: a share of each response's mean, but no less than a smallest one
+        in the response's unit, independent; once none, once `discrepancy_percent`, or the response's own in
+        `discrepancies`.
 
 The posterior is that of importance sampling (`repose.studies.information`).
 """
@@ -36,16 +37,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from repose.chain.train import r2_noise_corrected
-from repose.core.errors import InputError
 from repose.core.files import write_json, write_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.responses import response
 from repose.core.targets import Targets
-from repose.studies import information
-from repose.studies.response_sets import base_label, sets_of, source_of
+from repose.studies import discrepancy, information
+from repose.studies.plausible import measured_covariance, plausible_truths, prior_points
+from repose.studies.response_sets import base_label, minutes_of, sets_of, source_of, ways_of
 from repose.studies.responses_over_design import (
     Data,
     cross_validated_r2,
@@ -92,12 +92,13 @@ def study(
     space : ParameterSpace
     settings : mapping
         ``points``, ``truths``, ``folds``, ``seed``, ``discrepancy_percent``, and ``hidden``, ``epochs`` and ``starts``
-        of the surrogates. ``discrepancies`` gives some responses a discrepancy of their own, by name [%].
+        of the surrogates; ``smallest_discrepancy`` by unit, and ``minutes`` of an experimenter's work by way.
+        ``discrepancies`` gives some responses a discrepancy of their own, by name [%].
 
     Returns
     -------
     tables : dict
-        ``responses``, ``information``, ``narrowing`` and ``order``.
+        ``responses``, ``information``, ``narrowing``, ``ways`` and ``order``.
     summary : dict
 
     Raises
@@ -108,12 +109,14 @@ def study(
     model = modelled(data, targets.names, settings)
     prior = prior_of(data, model.names, space, settings)
     truths, normal = plausible_truths(prior.predicted, model.names, targets, settings)
-    tables: dict[str, list] = {"information": [], "narrowing": [], "order": []}
+    tables: dict[str, list] = {"information": [], "narrowing": [], "order": [], "ways": []}
     sets, base_set, least = sets_of(model.names, targets.responses), base_label(targets.responses), math.inf
     own = dict(settings.get("discrepancies", {}))
     cases: dict[float, dict[str, float]] = {0.0: {}, float(settings["discrepancy_percent"]): own}
     for percent, apart in cases.items():
-        covariance = observed_covariance(data, model, targets, percent, apart)
+        covariance = observed_covariance(
+            data, model, targets, percent, apart, settings["smallest_discrepancy"]
+        )
         base = None
         for label, chosen in sets.items():
             columns = [model.names.index(name) for name in chosen]
@@ -122,6 +125,10 @@ def study(
             least = min(least, found["effective"])
             tables["information"].append(_information(percent, label, found, base))
             tables["narrowing"] += _narrowing(percent, label, found, base, space.free)
+        for way, responses in ways_of(model.names, targets.names).items():
+            columns = [model.names.index(name) for name in (*targets.names, *responses)]
+            found = information.averaged(prior, truths, normal, columns, covariance)
+            tables["ways"].append(_way(percent, way, responses, found, base, settings["minutes"]))
         rows = information.in_order(prior, truths, normal, model.names, targets.names, covariance)
         tables["order"] += [{"discrepancy_percent": percent, **row} for row in rows]
     rows = [
@@ -183,23 +190,21 @@ def prior_of(
     -------
     information.Prior
     """
-    quantile = stats.qmc.Sobol(space.dimensions, rng=settings["seed"]).random(settings["points"])
-    place = information.places_of(space, quantile)
-    points = space.values(place)
-    predicted = np.column_stack(
-        [trained(data.X, data.known[name], settings).predict(points) for name in names]
+    models = [trained(data.X, data.known[name], settings) for name in names]
+    return prior_points(
+        space, settings, lambda points: np.column_stack([model.predict(points) for model in models])
     )
-    return information.Prior(quantile, predicted, place, information.prior_widths(space))
 
 
 def observed_covariance(
-    data: Data, model: Modelled, targets: Targets, percent: float, apart: Mapping[str, float] | None = None
+    data: Data,
+    model: Modelled,
+    targets: Targets,
+    percent: float,
+    apart: Mapping[str, float] | None = None,
+    smallest: Mapping[str, float] | None = None,
 ) -> np.ndarray:
     """Covariance S_y + S_s + S_d of observed and predicted responses.
-
-    A response that is no target is measured as often as the target that was measured least. Two responses
-    have the repetitions of the one that was measured less often in common, so the larger number divides their
-    covariance.
 
     Parameters
     ----------
@@ -210,54 +215,18 @@ def observed_covariance(
         Discrepancy of each response, of its mean.
     apart : mapping of float, optional
         The same of single responses, by name.
+    smallest : mapping of float, optional
+        The smallest discrepancy by unit; see `repose.studies.discrepancy.sizes`.
 
     Returns
     -------
     numpy.ndarray, (k, k)
     """
-    rows = [data.known[name].row for name in model.names]
-    own, least = {one.name: one.repetitions for one in targets}, min(one.repetitions for one in targets)
-    repetitions = np.array([own.get(name, least) for name in model.names])
-    within = np.array([row["sd_within"] for row in rows])
-    measured = np.outer(within, within) * model.correlation / np.maximum.outer(repetitions, repetitions)
-    means = np.array([row["mean"] for row in rows])
-    shares = np.array([(apart or {}).get(name, percent) / 100 for name in model.names])
-    return measured + model.surrogate + np.diag((shares * means) ** 2)
-
-
-def plausible_truths(
-    predicted: np.ndarray, names: Sequence[str], targets: Targets, settings: Mapping[str, Any]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Points of the prior that meet all targets, drawn at random, and unit normal numbers for their observations.
-
-    Parameters
-    ----------
-    predicted : numpy.ndarray, (n, k)
-        At the points of the prior.
-    names : sequence of str, (k,)
-    targets : Targets
-    settings : mapping
-        ``truths`` and ``seed``.
-
-    Returns
-    -------
-    rows : numpy.ndarray, (truths,)
-        Row numbers.
-    normal : numpy.ndarray, (truths, k)
-
-    Raises
-    ------
-    InputError
-        If there are fewer than ``truths`` of them.
-    """
-    values = predicted[:, [list(names).index(name) for name in targets.names]]
-    rows = np.flatnonzero(((values >= targets.low) & (values <= targets.high)).all(axis=1))
-    if len(rows) < settings["truths"]:
-        allowed = f"at least {settings['truths']}, inside the ranges of all targets"
-        raise InputError("targets", "feasible points of the prior", len(rows), allowed)
-    random = np.random.default_rng(settings["seed"])
-    chosen = random.choice(rows, settings["truths"], replace=False)
-    return chosen, random.normal(size=(len(chosen), predicted.shape[1]))
+    means = np.array([data.known[name].row["mean"] for name in model.names])
+    own = {name: (apart or {}).get(name, percent) for name in model.names}
+    sd = discrepancy.sizes(model.names, means, own, smallest or {})
+    measured = measured_covariance(data, model.names, model.correlation, targets)
+    return measured + model.surrogate + np.diag(sd**2)
 
 
 def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> str:
@@ -317,6 +286,14 @@ def _information(percent, label, found, base):
     return row | {"least_effective_points": found["effective"]}
 
 
+def _way(percent, way, responses, found, base, minutes):
+    """The row of ways.csv of one way to get further responses."""
+    gain, work = found["all"] - base["all"], minutes_of(way, minutes)
+    row = {"discrepancy_percent": percent, "way": way, "responses": " ".join(responses), "minutes": work}
+    row |= {"gain_bits": gain.mean(), "gain_se_bits": gain.std(ddof=1) / math.sqrt(len(gain))}
+    return row | {"bits_a_minute": gain.mean() / work}
+
+
 def _narrowing(percent, label, found, base, free):
     """The rows of narrowing.csv of one set, one for each free parameter."""
     rows = []
@@ -336,7 +313,7 @@ def run(
     settings: Mapping[str, Any],
     out_dir: str | Path,
 ) -> str:
-    """Write responses.csv, information.csv, narrowing.csv, order.csv and responses.json.
+    """Write responses.csv, information.csv, narrowing.csv, ways.csv, order.csv and responses.json.
 
     Parameters
     ----------

@@ -82,7 +82,7 @@ SECOND_RESPONSES = {
         {"drum": rules.drum_design.input, "drum_runs": rules.drum.output.runs},
     ),
 }
-SECOND_TABLES = ("responses", "information", "narrowing", "order")
+SECOND_TABLES = ("responses", "information", "narrowing", "ways", "order")
 
 
 for study, (where, more) in SECOND_RESPONSES.items():
@@ -147,7 +147,11 @@ for study, (where, more) in SECOND_RESPONSES.items():
             mem_mb=500,
         params:
             config=CONFIG,
-            inputs=[f"--input={name}={where}/{name}.csv" for name in SECOND_TABLES],
+            inputs=[
+                f"--input={name}={where}/{name}.csv"
+                for name in SECOND_TABLES
+                if name != "order"
+            ],
             depends=sections("small_run"),
         message:
             "Drawing what to measure next"

@@ -55,7 +55,7 @@ FIGURES = {
     "whole": (inversion.whole, ("whole",)),
     "second_responses": (
         second_look.what_to_measure_next,
-        ("responses", "information", "narrowing", "order"),
+        ("responses", "information", "narrowing", "ways"),
     ),
     "approach": (refinement.approach, ("rounds",)),
     "pareto_screening": (response_surface.pareto, ("effects",)),

@@ -9,27 +9,28 @@ from matplotlib.figure import Figure
 from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS, SYMBOLS
 from repose.core.responses import response
-from repose.studies.response_sets import EVERYTHING, WHOLE_PILE, base_label
+from repose.studies.response_sets import EVERYTHING, WAYS, WHOLE_PILE, base_label
 
 from . import style
 
-TOGETHER = {WHOLE_PILE: "all of the pile", EVERYTHING: "pile and drum"}
+TOGETHER = {WHOLE_PILE: "all of the pile", EVERYTHING: EVERYTHING}
+COLOURS = (style.BLUE, style.SKY)
 
 
 def what_to_measure_next(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Bits that each response adds to the targets, and the width of each parameter's interval with it.
+    """Bits that each response adds to the targets, the width of each parameter's interval, and bits a minute of work.
 
     Parameters
     ----------
     inputs : mapping
-        Paths of ``responses``, ``information`` and ``narrowing``, tables of the verb second_responses.
+        Paths of ``responses``, ``information``, ``narrowing`` and ``ways``, tables of the verb second_responses.
     config : mapping
         The whole configuration.
 
     Returns
     -------
     matplotlib.figure.Figure
-        Bits on the left, widths on the right.
+        Bits and bits a minute above, widths below; each of them for an exact simulator and with a discrepancy.
 
     Raises
     ------
@@ -45,15 +46,40 @@ def what_to_measure_next(inputs: Mapping[str, str], config: Mapping[str, Any]) -
     single = [name for name in first.index if name in known.index]
     order = sorted(single, key=lambda name: first.loc[name, "gain_bits"])
     order = [*[name for name in TOGETHER if name in first.index][::-1], *order]
-    figure = style.new_figure(style.PAGE, 1.1 + 0.26 * (len(order) + 1))
-    bars, map_ = figure.subplots(1, 2)
+    ways = read_table(inputs["ways"], ("discrepancy_percent", "way", "minutes", "bits_a_minute"))
+    figure = style.new_figure(style.PAGE, 1.6 + 0.5 * (len(order) + 1))
+    (bars, work), maps = figure.subplots(2, 2)
     _bars(bars, information, order, percents, known)
     bars.set_xlabel(f"bits gained beside {base_name}")
-    _map(map_, narrowing[narrowing["discrepancy_percent"] == percents[0]], order, base_name)
+    _work(work, ways, percents)
+    for panel, letter, percent in zip(maps, "cd", percents, strict=False):
+        _map(panel, narrowing[narrowing["discrepancy_percent"] == percent], order, base_name)
+        title = f"{letter}   95 % interval, {_case(percent)}:\n     width over that with {base_name} alone"
+        panel.set_title(title, fontweight="bold")
     base = first.loc[base_name]
     text = f"{base_name} alone:\n{base['bits']:.1f} ± {base['bits_se']:.1f} bits"
     style.note(bars, text, x=0.98, y=0.98, ha="right")
     return figure
+
+
+def _case(percent):
+    """A discrepancy in words."""
+    return "the simulator exact" if percent == 0 else f"{percent:g} % discrepancy"
+
+
+def _work(panel, ways, percents):
+    """Bits a minute of each way to get further responses, a bar for each discrepancy."""
+    last = ways[ways["discrepancy_percent"] == percents[-1]].set_index("way")
+    order = list(last["bits_a_minute"].sort_values().index)
+    place, height = np.arange(len(order)), 0.8 / len(percents)
+    for k, percent in enumerate(percents):
+        rows = ways[ways["discrepancy_percent"] == percent].set_index("way").loc[order]
+        y = place + height * ((len(percents) - 1) / 2 - k)
+        panel.barh(y, rows["bits_a_minute"], height, color=COLOURS[k])
+    labels = [f"{WAYS.get(way, way)}\n{last.loc[way, 'minutes']:g} min" for way in order]
+    panel.set_yticks(place, labels, fontsize=6.3, linespacing=1.05)
+    panel.set_xlabel("bits a minute of work")
+    panel.set_title("b", fontweight="bold")
 
 
 def _bars(panel, information, order, percents, known):
@@ -63,8 +89,7 @@ def _bars(panel, information, order, percents, known):
     for k, percent in enumerate(percents):
         rows = information[information["discrepancy_percent"] == percent].set_index("set").loc[order]
         y = place + height * ((len(percents) - 1) / 2 - k)
-        label = "the simulator exact" if percent == 0 else f"{percent:g} % of each response beyond it"
-        panel.barh(y, rows["gain_bits"], height, color=(style.BLUE, style.SKY)[k], label=label)
+        panel.barh(y, rows["gain_bits"], height, color=COLOURS[k], label=_case(percent))
         panel.errorbar(
             rows["gain_bits"],
             y,
@@ -111,5 +136,3 @@ def _map(panel, narrowing, order, base):
     labels = [TOGETHER.get(name) or response(name).label for name in order]
     panel.set_yticks(range(len(rows)), [*labels, f"{base},\nover the prior"], fontsize=6)
     panel.tick_params(length=0)
-    title = f"b   95 % interval, simulator exact:\n     width over that with\n     {base} alone"
-    panel.set_title(title, fontweight="bold")

@@ -1,0 +1,357 @@
+"""The funnel with a lid: it is filled, the berries rest, the lid is taken away, and they flow out.
+
+A stopwatch gives the time until the funnel is empty, a balance below it the rate. The rate is taken over the middle of
+the discharge, where the flow has begun and the funnel still holds berries: it hardly depends on how high the berries
+stand (Beverloo et al. 1961, Chem. Eng. Sci. 15, 260). An outlet of fewer than about five berries across jams.
+
+The funnel is that of `repose.apparatus.funnel_geometry`, its outlet at z = 0, with a cylinder above its inlet. The lid
+is a disc in the outlet. It is taken away downwards, faster than the berries fall, so that it drags none of them along.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from repose import dem
+from repose.apparatus.bench_test import BenchTest, Run, register
+from repose.apparatus.bounds import Bounded, Unstable
+from repose.apparatus.factory import Disc, fill
+from repose.apparatus.funnel_geometry import Funnel
+from repose.apparatus.scene import Filmed, berry_simulation
+from repose.apparatus.settings import SimulationSettings
+from repose.core.responses import Response
+from repose.core.runs import Recorded
+
+if TYPE_CHECKING:
+    from repose.particle.particle import Particle
+
+NAME = "discharge"
+STATUSES = ("ok", "unstable", "lost", "not_filled", "not_at_rest", "jammed")
+LID_M_S = 3.0  # of the lid when it is taken away
+FLOOR_M = -0.1  # a berry below this height is gone
+LOOK_S = 0.05  # simulated time between two looks whether the funnel is empty
+# The rate is that between these shares of the mass.
+FROM_SHARE, TO_SHARE = 0.2, 0.8
+
+# --- what it gives --------------------------------------------------------------------------------
+
+VESSEL = tuple(
+    f"{NAME}.{key}"
+    for key in ("berries", "inlet_diameter_mm", "outlet_diameter_mm", "cone_angle_deg", "tube_length_mm")
+)
+RESPONSES = (
+    Response("emptying_s", "s", "time to empty", "time", NAME, 0.0, 1e4, VESSEL),
+    Response("flow_g_s", "g/s", "rate of discharge", "rate", NAME, 0.0, 1e6, VESSEL),
+)
+MEASURED = tuple(one.name for one in RESPONSES)
+RECORDED = Recorded(means=MEASURED, single=MEASURED)
+
+# --- what its configuration asks ------------------------------------------------------------------
+
+
+def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Keys of a funnel that cannot be built or filled, and what is allowed.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+
+    Yields
+    ------
+    key, allowed : str
+        Dotted key, and what it may be.
+    """
+    section = config[NAME]
+    inlet, outlet = section["inlet_diameter_mm"], section["outlet_diameter_mm"]
+    if outlet >= inlet:
+        yield f"{NAME}.outlet_diameter_mm", f"below {NAME}.inlet_diameter_mm, {inlet:g}"
+    wall = (inlet - outlet) / 4
+    if section["rim_radius_mm"] > wall:
+        yield f"{NAME}.rim_radius_mm", f"at most {wall:g}, or no cone is left between inlet and outlet"
+    last = (section["berries"] - 1) / section["rate_per_s"]
+    if last >= section["open_from_s"]:
+        yield f"{NAME}.open_from_s", f"above {last:g}, when the last berry appears"
+
+
+def misfits(config: Mapping[str, Any], axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
+    """Keys of openings that are too narrow for the mean berry.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    axes_mm : sequence of float, (3,)
+        Mean axes of the berry, the longest first.
+
+    Yields
+    ------
+    key, allowed : str
+        Dotted key, and what it may be.
+    """
+    for key, smallest in (("outlet_diameter_mm", axes_mm[2]), ("inlet_diameter_mm", axes_mm[0])):
+        if config[NAME][key] <= smallest:
+            yield f"{NAME}.{key}", f"above {smallest:.4g}, the size of a mean berry"
+
+
+# --- build and run --------------------------------------------------------------------------------
+
+
+def _funnel(section):
+    """The funnel, its outlet at z = 0, and the height [m] at which berries appear."""
+    funnel = Funnel.of({**section, "outlet_height_mm": 0.0})
+    return funnel, funnel.inlet_height_m + 1e-3 * section["collar_mm"]
+
+
+def build(
+    config: Mapping[str, Any],
+    parameters: Mapping[str, float],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    largest_scale: float = 1.0,
+) -> "dem.Simulation":
+    """The empty simulation of the closed funnel.
+
+    Parameters
+    ----------
+    config, parameters, particle, berry, largest_scale
+        As in `BenchTest.build`.
+
+    Returns
+    -------
+    repose.dem.Simulation
+    """
+    funnel, top = _funnel(config[NAME])
+    radius, reach = 0.5 * funnel.inlet_diameter_m, largest_scale * particle.bounding_radius_m
+    inlet, up = (0.0, 0.0, funnel.inlet_height_m), (0.0, 0.0, 1.0)
+    return berry_simulation(
+        config,
+        parameters,
+        particle,
+        berry,
+        config[NAME]["berries"],
+        walls={
+            "lid": dem.Plane((0.0, 0.0, 0.0), up, "wall", 0.5 * funnel.outlet_diameter_m),
+            **funnel.walls("wall"),
+            "collar": dem.Cylinder(inlet, up, top - inlet[2] + 2.0 * reach, radius, "wall"),
+        },
+        lower=(-radius, -radius, FLOOR_M),
+        upper=(radius, radius, top + 2.0 * reach),
+        largest_scale=largest_scale,
+        exit_height_m=0.0,
+        curved_walls_above_m=-funnel.rim_radius_m,
+        floor_height_m=FLOOR_M,
+    )
+
+
+@dataclass(frozen=True)
+class Discharge:
+    """What judges a run.
+
+    Attributes
+    ----------
+    filled : int
+        Berries that found room in the funnel.
+    rest_energy_j : float
+        Mean energy of a berry when the lid was taken away [J].
+    early, late : int
+        Berries that were below the outlet before the lid was taken away, and that have left after it.
+    unstable : str
+        Which bound the run broke, see `repose.apparatus.bounds`; empty where it broke none.
+    """
+
+    filled: int
+    rest_energy_j: float
+    early: int
+    late: int
+    unstable: str = ""
+
+
+def status_of(found: Discharge, config: Mapping[str, Any]) -> tuple[str, str]:
+    """Status and reason of a run.
+
+    Parameters
+    ----------
+    found : Discharge
+    config : mapping
+        The whole configuration.
+
+    Returns
+    -------
+    status : str
+        One of `STATUSES`.
+    reason : str
+    """
+    section, rest = config[NAME], SimulationSettings.of(config).rest_energy_j
+    if found.unstable:
+        return "unstable", found.unstable
+    if found.filled < section["berries"]:
+        return "not_filled", f"only {found.filled} of {section['berries']} berries find room in the funnel"
+    if found.early:
+        return "lost", f"{found.early} berries left the closed funnel"
+    if found.rest_energy_j > rest:
+        energy = f"kinetic energy {found.rest_energy_j:.2e} J a berry when the lid was taken away"
+        return "not_at_rest", f"{energy}, more than {rest:.0e}"
+    if found.late < section["berries"]:
+        left = section["berries"] - found.late
+        return (
+            "jammed",
+            f"{left} berries are still in the funnel {section['longest_s']:g} s after the opening",
+        )
+    return "ok", ""
+
+
+def run(
+    config: Mapping[str, Any],
+    parameters: Mapping[str, float],
+    seed: int,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    interval_s: float | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Run:
+    """Fill the closed funnel, let the berries rest, open it, and wait until it is empty.
+
+    Parameters
+    ----------
+    config, parameters, seed, particle, berry, interval_s, progress
+        As in `BenchTest.run`.
+
+    Returns
+    -------
+    Run
+        Its arrays are ``exit_s`` (N,), when each berry left after the opening [s], NaN where it did not; ``scale``
+        (N,); and ``position`` (N, 3) [m] and ``quaternion`` (N, 4) when the lid was taken away.
+
+    Notes
+    -----
+    The lid is taken away at `discharge.open_from_s`, or later when the berries are at rest
+    (`simulation.rest_energy_j` a berry), at most twice as late.
+    """
+    from repose.particle.size_distribution import of_pour
+
+    section, settings = config[NAME], SimulationSettings.of(config)
+    scales, largest = of_pour(config["berry"]["size_distribution"], berry, seed, section["berries"])
+    simulation = build(config, parameters, particle, berry, largest)
+    funnel, top = _funnel(section)
+    factory = Disc(0.5 * funnel.inlet_diameter_m - largest * particle.bounding_radius_m, top)
+    bounded = Bounded(simulation, top, max(LID_M_S, section["speed_m_s"]))
+    filmed, opened_s, unstable = Filmed(bounded, interval_s, progress), math.nan, ""
+    try:
+        _fill_and_rest(simulation, factory, section, settings, seed, filmed.run_to, scales)
+        opened_s = simulation.time_s
+        closed = simulation.positions.copy(), simulation.quaternions.copy()
+        energy = float(simulation.kinetic_energies().mean())
+        early = int(np.isfinite(simulation.exit_times_s).sum())
+        simulation.set_motion("lid", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
+        last, every = simulation.steps + settings.steps(section["longest_s"]), settings.steps(LOOK_S)
+        while simulation.steps < last and not np.isfinite(simulation.exit_times_s).all():
+            filmed.run_to(min(last, simulation.steps + max(1, every)))
+        bounded.look()
+    except Unstable as broken:
+        unstable = str(broken)
+    if math.isnan(opened_s):
+        closed, energy, early = (simulation.positions.copy(), simulation.quaternions.copy()), math.nan, 0
+    exits = simulation.exit_times_s - opened_s
+    late = int(np.isfinite(exits).sum()) - early
+    found = Discharge(simulation.n_bodies, energy, early, late, unstable)
+    status, reason = status_of(found, config)
+    record = {
+        "seed": int(seed),
+        "status": status,
+        "reason": reason,
+        "opened_s": None if math.isnan(opened_s) else opened_s,
+        "berries_out": late,
+    }
+    arrays = {
+        "exit_s": np.where(np.isfinite(exits), exits, np.nan),
+        "scale": simulation.scales.astype(np.float32),
+        "position": closed[0].astype(np.float32),
+        "quaternion": closed[1].astype(np.float32),
+    }
+    return Run(record, arrays, filmed.frames())
+
+
+def _fill_and_rest(simulation, factory, section, settings, seed, run_to, scales):
+    """Fill the closed funnel and wait until the berries rest."""
+    latest, every = settings.steps(2.0 * section["open_from_s"]), max(1, settings.steps(LOOK_S))
+    fill(simulation, factory, section, seed, latest, run_to, scales)
+    run_to(settings.steps(section["open_from_s"]))
+    while simulation.kinetic_energies().mean() > settings.rest_energy_j and simulation.steps < latest:
+        run_to(min(latest, simulation.steps + every))
+
+
+# --- measure --------------------------------------------------------------------------------------
+
+
+def rate_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
+    """Mass flow in the middle of a discharge.
+
+    Parameters
+    ----------
+    exit_s : numpy.ndarray, (N,)
+        When each body left [s], in any order.
+    mass_kg : numpy.ndarray, (N,)
+
+    Returns
+    -------
+    float
+        Mass between `FROM_SHARE` and `TO_SHARE` of all mass, over the time that it took [kg/s]; NaN where that is
+        no time.
+    """
+    order = np.argsort(exit_s, kind="stable")
+    when, mass = exit_s[order], np.cumsum(mass_kg[order])
+    first, last = np.searchsorted(mass, [FROM_SHARE * mass[-1], TO_SHARE * mass[-1]])
+    took = when[last] - when[first]
+    return float((mass[last] - mass[first]) / took) if took > 0.0 else math.nan
+
+
+def measure(
+    record: Mapping[str, Any],
+    arrays: Mapping[str, np.ndarray],
+    config: Mapping[str, Any],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+) -> dict[str, Any]:
+    """The measured run: its record with time and rate.
+
+    Parameters
+    ----------
+    record, arrays, config, particle, berry
+        As in `BenchTest.measure`.
+
+    Returns
+    -------
+    dict
+        Time and rate are None where the funnel was not emptied.
+    """
+    measured: dict[str, Any] = dict.fromkeys(MEASURED)
+    if record["status"] == "ok":
+        exits = np.asarray(arrays["exit_s"], float)
+        rate = rate_kg_s(exits, particle.mass_kg * np.asarray(arrays["scale"], float) ** 3)
+        measured["emptying_s"] = float(exits.max())
+        measured["flow_g_s"] = None if math.isnan(rate) else 1e3 * rate
+    return {**record, **measured}
+
+
+BENCH = register(
+    BenchTest(
+        name=NAME,
+        responses=RESPONSES,
+        recorded=RECORDED,
+        statuses=STATUSES,
+        schema=Path(__file__).with_name("discharge.yaml"),
+        build=build,
+        run=run,
+        measure=measure,
+        duration_s=lambda config: config[NAME]["open_from_s"] + config[NAME]["longest_s"],
+        contradictions=contradictions,
+        misfits=misfits,
+        kept=("exit_s", "scale"),
+        in_words="empty {emptying_s:.2f} s after the opening; rate {flow_g_s:.0f} g/s",
+    )
+)

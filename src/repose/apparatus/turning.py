@@ -1,0 +1,278 @@
+"""The drum in steady turning: berries flow down the bed as fast as the drum lifts them; the angle of their surface.
+
+Vessel, filling and the line through the surface are those of `repose.apparatus.drum`, which turns slowly until the bed
+slips once. Here the drum turns faster, and the angle is the mean over a time in which the flow is steady.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from repose.apparatus.bench_test import BenchTest, Run, register
+from repose.apparatus.bounds import Bounded, Unstable
+from repose.apparatus.settings import SimulationSettings
+from repose.core.responses import Response
+from repose.core.runs import Recorded
+
+if TYPE_CHECKING:
+    from repose import dem
+    from repose.particle.particle import Particle
+
+NAME = "turning"
+STATUSES = ("ok", "unstable", "lost", "no_surface")
+
+# --- what it gives --------------------------------------------------------------------------------
+
+SEEN = ("measure.mm_per_pixel", *(f"{NAME}.{key}" for key in ("angular_velocity_rad_s", "fit_share")))
+RESPONSES = (Response("turning_deg", "deg", "drum, turning", "turning", NAME, -90.0, 90.0, SEEN),)
+RECORDED = Recorded(means=("turning_deg",), single=("turning_deg",))
+
+# --- what its configuration asks ------------------------------------------------------------------
+
+
+def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Keys of a drum that cannot run, and what is allowed.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+
+    Yields
+    ------
+    key, allowed : str
+        Dotted key, and what it may be.
+    """
+    section, step_s = config[NAME], SimulationSettings.of(config).time_step_s
+    radius = section["outer_diameter_mm"] / 2 - section["wall_thickness_mm"]
+    if radius <= 0:
+        allowed = f"below half of {NAME}.outer_diameter_mm, {section['outer_diameter_mm']:g}"
+        yield f"{NAME}.wall_thickness_mm", allowed
+    elif abs(section["factory_height_mm"]) >= radius:
+        yield f"{NAME}.factory_height_mm", f"inside the drum, between -{radius:g} and {radius:g}"
+    last = (section["berries"] - 1) / section["rate_per_s"]
+    if last >= section["rotate_from_s"]:
+        yield f"{NAME}.rotate_from_s", f"above {last:g}, when the last berry appears"
+    earliest = section["measure_from_s"] + section["record_s"]
+    if section["measure_until_s"] < earliest:
+        yield f"{NAME}.measure_until_s", f"at least {earliest:g}, or there is nothing to measure"
+    if section["record_s"] < step_s:
+        yield f"{NAME}.record_s", f"at least simulation.time_step_s, {step_s:g}"
+
+
+def misfits(config: Mapping[str, Any], axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
+    """Keys of a drum in which a mean berry cannot lie across the axis at the factory's height.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    axes_mm : sequence of float, (3,)
+        Mean axes of the berry, the longest first.
+
+    Yields
+    ------
+    key, allowed : str
+        Dotted key, and what it may be.
+    """
+    from repose.apparatus import drum
+
+    yield from drum.misfits(config, axes_mm, NAME)
+
+
+# --- build and run --------------------------------------------------------------------------------
+
+
+def build(
+    config: Mapping[str, Any],
+    parameters: Mapping[str, float],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    largest_scale: float = 1.0,
+) -> "dem.Simulation":
+    """The empty simulation of the drum.
+
+    Parameters
+    ----------
+    config, parameters, particle, berry, largest_scale
+        As in `BenchTest.build`.
+
+    Returns
+    -------
+    repose.dem.Simulation
+    """
+    from repose.apparatus import drum_rotation
+
+    return drum_rotation.build(config, parameters, particle, berry, largest_scale, NAME)
+
+
+def run(
+    config: Mapping[str, Any],
+    parameters: Mapping[str, float],
+    seed: int,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    interval_s: float | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Run:
+    """Fill the drum, turn it, and measure the surface while the flow is steady.
+
+    Parameters
+    ----------
+    config, parameters, seed, particle, berry, progress
+        As in `BenchTest.run`.
+    interval_s : float, optional
+        Simulated time between two frames of a film.
+
+    Returns
+    -------
+    Run
+        Its arrays are ``time_s`` and ``surface_deg`` (T,), from the beginning of the rotation, the angle NaN before
+        `turning.measure_from_s`; and ``position`` (N, 3) [m], ``quaternion`` (N, 4), ``scale`` (N,) at the end.
+    """
+    from repose.apparatus.drum_geometry import Drum
+    from repose.apparatus.drum_rotation import set_rotation
+    from repose.apparatus.factory import fill
+    from repose.apparatus.scene import Filmed
+    from repose.particle.size_distribution import of_pour
+
+    section, settings = config[NAME], SimulationSettings.of(config)
+    drum = Drum.of(section)
+    scales, largest = of_pour(config["berry"]["size_distribution"], berry, seed, section["berries"])
+    simulation = build(config, parameters, particle, berry, largest)
+    factory = drum.factory(1e-3 * section["factory_height_mm"], largest * particle.bounding_radius_m)
+    speed = section["angular_velocity_rad_s"]
+    bounded = Bounded(simulation, drum.radius_m, speed * drum.radius_m)
+    filmed, unstable = Filmed(bounded, interval_s, progress), ""
+    rows: list[tuple[float, float]] = []
+    try:
+        begin = settings.steps(section["rotate_from_s"])
+        fill(simulation, factory, section, seed, begin, filmed.run_to, scales)
+        filmed.run_to(begin)
+        set_rotation(simulation, speed)
+        every = max(1, settings.steps(section["record_s"]))
+        for step in range(every, settings.steps(section["measure_until_s"]) + 1, every):
+            filmed.run_to(begin + step)
+            now = step * settings.time_step_s
+            steady = now >= section["measure_from_s"]
+            angle = _surface_deg(simulation, drum, particle, config) if steady else math.nan
+            rows.append((now, angle))
+        bounded.look()
+    except Unstable as broken:
+        unstable = str(broken)
+    held = simulation.n_bodies == section["berries"] and drum.holds(simulation.positions).all()
+    time_s, angles = np.array(rows).reshape(-1, 2).T
+    status, reason = status_of(bool(held), time_s, angles, config, unstable)
+    arrays = {
+        "time_s": time_s,
+        "surface_deg": angles,
+        "position": simulation.positions.astype(np.float32),
+        "quaternion": simulation.quaternions.astype(np.float32),
+        "scale": simulation.scales.astype(np.float32),
+    }
+    return Run({"seed": int(seed), "status": status, "reason": reason}, arrays, filmed.frames())
+
+
+def _surface_deg(simulation, drum, particle, config):
+    """Angle of the surface now; NaN where the bed has none."""
+    from repose.measure import bed
+
+    try:
+        return bed.measure_surface(
+            simulation.positions,
+            simulation.quaternions,
+            particle,
+            drum.radius_m,
+            config["measure"]["mm_per_pixel"],
+            config[NAME]["fit_share"],
+            simulation.scales,
+        ).angle_deg
+    except ValueError:
+        return math.nan
+
+
+def status_of(
+    held: bool, time_s: np.ndarray, surface_deg: np.ndarray, config: Mapping[str, Any], unstable: str = ""
+) -> tuple[str, str]:
+    """Status and reason of a run.
+
+    Parameters
+    ----------
+    held : bool
+        Whether all berries are inside the drum.
+    time_s, surface_deg : numpy.ndarray, (T,)
+        The record.
+    config : mapping
+        The whole configuration.
+    unstable : str, optional
+        Which bound the run broke, see `repose.apparatus.bounds`; empty where it broke none.
+
+    Returns
+    -------
+    status : str
+        One of `STATUSES`.
+    reason : str
+    """
+    if unstable:
+        return "unstable", unstable
+    if not held:
+        return "lost", "a berry is missing, or outside the drum"
+    steady = surface_deg[time_s >= config[NAME]["measure_from_s"]]
+    if not len(steady) or not np.isfinite(steady).all():
+        scale = config["measure"]["mm_per_pixel"]
+        return (
+            "no_surface",
+            f"the bed has no surface that {scale:g} mm a pixel (measure.mm_per_pixel) resolve",
+        )
+    return "ok", ""
+
+
+# --- measure --------------------------------------------------------------------------------------
+
+
+def measure(
+    record: Mapping[str, Any],
+    arrays: Mapping[str, np.ndarray],
+    config: Mapping[str, Any],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+) -> dict[str, Any]:
+    """The measured run: its record with the mean angle of the surface.
+
+    Parameters
+    ----------
+    record, arrays, config, particle, berry
+        As in `BenchTest.measure`.
+
+    Returns
+    -------
+    dict
+        The angle is None where the run is not ok.
+    """
+    angle = None
+    if record["status"] == "ok":
+        steady = np.asarray(arrays["time_s"]) >= config[NAME]["measure_from_s"]
+        angle = float(np.asarray(arrays["surface_deg"])[steady].mean())
+    return {**record, "turning_deg": angle}
+
+
+BENCH = register(
+    BenchTest(
+        name=NAME,
+        responses=RESPONSES,
+        recorded=RECORDED,
+        statuses=STATUSES,
+        schema=Path(__file__).with_name("turning.yaml"),
+        build=build,
+        run=run,
+        measure=measure,
+        duration_s=lambda config: config[NAME]["rotate_from_s"] + config[NAME]["measure_until_s"],
+        contradictions=contradictions,
+        misfits=misfits,
+        kept=("time_s", "surface_deg"),
+        in_words="surface at {turning_deg:.1f} deg while the drum turns",
+    )
+)

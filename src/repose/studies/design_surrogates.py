@@ -1,0 +1,133 @@
+"""Surrogates of many responses over a design, each by itself, and how far each is off on samples it has not seen."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from repose.studies.responses_over_design import (
+    Data,
+    Known,
+    cross_validated_r2,
+    noise_correlation,
+    surrogate_covariance,
+)
+from repose.surrogate import make
+from repose.surrogate.samples import weights_from_errors
+
+NOISY = 0.5  # a response with less signal than this share of its noise is not modelled
+WORST_R2 = 0.2  # nor is one whose surrogate explains less
+
+Predict = Callable[[np.ndarray], np.ndarray]
+
+
+def fitted(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> Predict:
+    """A surrogate of one response on all samples that have it.
+
+    Parameters
+    ----------
+    X : numpy.ndarray, (samples, 6)
+        Parameters.
+    known : Known
+    settings : mapping
+        ``surrogate``, its name, and what it needs.
+
+    Returns
+    -------
+    function
+        From parameter sets (n, 6) to the response (n,).
+    """
+    there = np.isfinite(known.mean)
+    error = known.error[there][:, None]
+    weight = weights_from_errors(error) if np.ptp(error) > 0 else None
+    model = make(settings["surrogate"], settings).fit(X[there], known.mean[there][:, None], precision=weight)
+    return lambda points: model.predict(points)[:, 0]
+
+
+class Surrogates(NamedTuple):
+    """The responses that have a surrogate.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the k responses.
+    predict : function
+        From parameter sets (n, 6) to all responses (n, k).
+    fold : numpy.ndarray of int, (samples,)
+        In which fold of the cross-validation each sample is left out.
+    without : list of function
+        For each fold the same as `predict`, by surrogates that have not seen its samples.
+    correlation : numpy.ndarray, (k, k)
+        Of the noise from run to run.
+    covariance : numpy.ndarray, (k, k)
+        S_s of the surrogates' own errors, from the cross-validation.
+    r2 : dict
+        Of each response that was tried, by cross-validation on the means.
+    left_out : list of str
+        Responses with too little signal, or too bad a surrogate.
+    """
+
+    names: tuple[str, ...]
+    predict: Predict
+    fold: np.ndarray
+    without: list[Predict]
+    correlation: np.ndarray
+    covariance: np.ndarray
+    r2: dict[str, float]
+    left_out: list[str]
+
+    @classmethod
+    def of(cls, data: Data, base: Sequence[str], settings: Mapping[str, Any]) -> "Surrogates":
+        """Surrogates of all responses that have enough signal.
+
+        Parameters
+        ----------
+        data : Data
+        base : sequence of str
+            Responses that are kept in any case.
+        settings : mapping
+            ``surrogate``, ``folds``, ``seed`` and what the surrogate needs.
+
+        Returns
+        -------
+        Surrogates
+        """
+        count, folds = len(data.X), settings["folds"]
+        fold = np.random.default_rng(settings["seed"]).permutation(count) % folds
+        off, models, r2 = {}, {}, {}
+        for name, known in data.known.items():
+            if name not in base and known.row["signal_to_noise"] < NOISY:
+                continue
+            own, predicted = [], np.full(count, np.nan)
+            for k in range(folds):
+                own.append(fitted(data.X, _without(known, fold == k), settings))
+                predicted[fold == k] = own[-1](data.X[fold == k])
+            predicted[~np.isfinite(known.mean)] = np.nan
+            r2[name] = cross_validated_r2(known, predicted)
+            if name in base or r2[name] >= WORST_R2:
+                off[name], models[name] = predicted - known.mean, own
+        names = tuple(off)
+        correlation = noise_correlation(data.runs, names)
+        residuals = np.column_stack([off[name] for name in names])
+        errors = np.column_stack([data.known[name].error for name in names])
+        whole = [fitted(data.X, data.known[name], settings) for name in names]
+        return cls(
+            names=names,
+            predict=_together(whole),
+            fold=fold,
+            without=[_together([models[name][k] for name in names]) for k in range(folds)],
+            correlation=correlation,
+            covariance=surrogate_covariance(residuals, errors, correlation),
+            r2=r2,
+            left_out=[name for name in data.known if name not in names],
+        )
+
+
+def _without(known, hidden):
+    """A response over the samples that are not hidden."""
+    return known._replace(mean=np.where(hidden, np.nan, known.mean))
+
+
+def _together(models):
+    """One function of all responses."""
+    return lambda points: np.column_stack([model(points) for model in models])

@@ -1,0 +1,93 @@
+"""Runs of further bench tests over a design, beside those of the pile."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from repose.apparatus import bench
+from repose.core.errors import InputError
+from repose.core.files import read_json
+from repose.core.responses import response
+from repose.measure import further_responses
+from repose.studies.responses_over_design import Data, over_design
+
+JOB = "a job of a bench test, measured by the verb measure_runs"
+
+
+def read_jobs(paths: Iterable[str | Path], samples: np.ndarray) -> dict[str, pd.DataFrame]:
+    """Good runs of each further bench test.
+
+    Parameters
+    ----------
+    paths : iterable of path
+        Files of the verb measure_runs, of any bench tests but that of the pile.
+    samples : numpy.ndarray of int
+        Numbers of the design's samples.
+
+    Returns
+    -------
+    dict of pandas.DataFrame
+        By the name of the bench test: ``sample`` and its responses.
+
+    Raises
+    ------
+    InputError
+        If a file is bad, of the pile, or of another sample.
+    """
+    rows: dict[str, list[dict]] = {}
+    for path in paths:
+        job = read_json(path, {"sample": int, "apparatus": str, "runs": list}, JOB)
+        if job["apparatus"] == further_responses.BENCH:
+            raise InputError(path, "apparatus", job["apparatus"], "another bench test than that of the pile")
+        if job["sample"] not in samples:
+            raise InputError(path, "sample", job["sample"], "a sample of the design")
+        names = [one.name for one in bench(job["apparatus"], path).responses]
+        own = rows.setdefault(job["apparatus"], [])
+        for run in job["runs"]:
+            try:
+                if run["status"] == "ok":
+                    own.append({"sample": job["sample"]} | {name: float(run[name]) for name in names})
+            except (KeyError, TypeError, ValueError) as error:
+                raise InputError(path, "runs", str(error), JOB) from error
+    return {name: pd.DataFrame(own) for name, own in rows.items()}
+
+
+def with_jobs(
+    data: Data, samples: np.ndarray, jobs: dict[str, pd.DataFrame], source: object = "runs"
+) -> Data:
+    """The data with the responses of further bench tests.
+
+    Parameters
+    ----------
+    data : Data
+    samples : numpy.ndarray of int, (m,)
+        Number of each sample of the data, in its order.
+    jobs : dict of pandas.DataFrame
+        Of `read_jobs`.
+    source : object, optional
+        Named in the error.
+
+    Returns
+    -------
+    Data
+        A response that the data have already stays as it is.
+
+    Raises
+    ------
+    InputError
+        If too few samples of a bench test have two good runs, which tell its noise.
+    """
+    known, runs = dict(data.known), [data.runs]
+    for apparatus, table in jobs.items():
+        for name in table.columns.drop("sample") if len(table) else ():
+            if name in known:
+                continue
+            try:
+                known[name] = over_design(table[name].to_numpy(float), table["sample"].to_numpy(), samples)
+            except ValueError as error:
+                allowed = f"two or more good runs of most samples in the bench test {apparatus}"
+                raise InputError(source, response(name).name, str(error), allowed) from None
+        runs.append(table)
+    return Data(data.X, known, pd.concat(runs, ignore_index=True))

@@ -1,0 +1,110 @@
+"""Whether the intervals keep their word: how often they hold parameters that were known, and hidden.
+
+A hidden truth is a sample of the design. Its responses are the means of its own pours, with a discrepancy drawn for
+them; its direct tests are drawn, too. The surrogates have not seen it: they are those of the cross-validation's fold
+that left it out. So the surrogates' errors and the noise of the pours are real.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from repose.core.parameter_space import ParameterSpace
+from repose.studies.design_surrogates import Surrogates
+from repose.studies.observables import Tests, direct, discrepancy_of, with_parameters
+from repose.studies.plausible import prior_points
+from repose.studies.responses_over_design import Data
+
+
+def coverage(
+    data: Data,
+    surrogates: Surrogates,
+    tests: Tests,
+    space: ParameterSpace,
+    settings: Mapping[str, Any],
+    sets: Mapping[str, Sequence[str]],
+) -> pd.DataFrame:
+    """Share of the 95 % intervals that hold the hidden truth.
+
+    Parameters
+    ----------
+    data : Data
+    surrogates : Surrogates
+    tests : Tests
+    space : ParameterSpace
+    settings : mapping
+        ``hidden_truths`` and what `prior_points` and `discrepancy_of` take.
+    sets : mapping
+        Tests of each set, by a label.
+
+    Returns
+    -------
+    pandas.DataFrame
+        One row a set and parameter, and one a set for ``all`` parameters: share that holds, its standard error over
+        the truths, mean width over the range, truths.
+    """
+    k, names = len(surrogates.names), surrogates.names
+    tested = [i for i, name in enumerate(space.free) if direct(name) in tests.columns]
+    spread = discrepancy_of(data, names, settings)
+    means = np.column_stack([data.known[name].mean for name in names])
+    errors = np.column_stack([data.known[name].error for name in names])
+    random = np.random.default_rng(settings["seed"] + 2)
+    truths = _drawn(random, len(data.X), settings["hidden_truths"])
+    held: dict[str, list] = {label: [] for label in sets}
+    for fold, predict in enumerate(surrogates.without):
+        rows = truths[surrogates.fold[truths] == fold]
+        if not len(rows):
+            continue
+        prior = prior_points(space, settings, predict)
+        with_parameters(prior, tested)
+        for row in rows:
+            place = space.unit(data.X[[row]])[0]
+            covariance = tests.covariance.copy()
+            noise = np.outer(errors[row], errors[row]) * surrogates.correlation
+            covariance[:k, :k] = noise + surrogates.covariance + spread
+            observed = np.concatenate([means[row], place[tested]])
+            observed[:k] += random.multivariate_normal(np.zeros(k), spread, method="eigh")
+            observed[k:] += random.normal(size=len(tested)) * np.sqrt(np.diag(covariance)[k:])
+            for label, chosen in sets.items():
+                columns = [one for one in tests.of(chosen) if np.isfinite(observed[one])]
+                low, high = prior.intervals(prior.weights(observed, columns, covariance))
+                held[label].append(((low <= place) & (place <= high), high - low))
+    return pd.DataFrame([row for label, own in held.items() for row in _rows(label, own, space.free)])
+
+
+def _drawn(random, samples, count):
+    """Rows of the samples, each as often as any other, or once more."""
+    whole = [random.permutation(samples) for _ in range(math.ceil(count / samples))]
+    return np.concatenate(whole)[:count]
+
+
+def _rows(label, own, free):
+    """Rows of one set."""
+    inside, width = (np.array(part, float) for part in zip(*own, strict=True))
+    count = len(inside)
+    rows = [
+        {
+            "set": label,
+            "parameter": name,
+            "coverage": inside[:, k].mean(),
+            "coverage_se": inside[:, k].std(ddof=1) / math.sqrt(count),
+            "mean_width": width[:, k].mean(),
+            "truths": count,
+        }
+        for k, name in enumerate(free)
+    ]
+    each = inside.mean(axis=1)
+    rows.append(
+        {
+            "set": label,
+            "parameter": "all",
+            "coverage": each.mean(),
+            "coverage_se": each.std(ddof=1) / math.sqrt(count),
+            "mean_width": width.mean(),
+            "truths": count,
+        }
+    )
+    return rows

@@ -1,0 +1,132 @@
+"""What could be observed: the responses of bench tests, and parameters that have a direct test."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from repose.core.parameter_space import ParameterSpace
+from repose.core.responses import response
+from repose.measure import further_responses
+from repose.studies import discrepancy, information
+from repose.studies.responses_over_design import Data
+
+PILE = "pile"
+
+
+class Tests(NamedTuple):
+    """What could be observed.
+
+    Attributes
+    ----------
+    columns : dict
+        For each test the columns of its numbers: those of the responses, then those of the parameters.
+    minutes : dict
+        Of an experimenter's work for each test.
+    covariance : numpy.ndarray, (k, k)
+        Of all these numbers about what the model says of them.
+    """
+
+    columns: dict[str, list[int]]
+    minutes: dict[str, float]
+    covariance: np.ndarray
+
+    def of(self, chosen: Sequence[str]) -> list[int]:
+        """Columns of several tests.
+
+        Parameters
+        ----------
+        chosen : sequence of str
+
+        Returns
+        -------
+        list of int
+        """
+        return [column for name in chosen for column in self.columns[name]]
+
+
+def direct(name: str) -> str:
+    """Name of the direct test of a parameter.
+
+    Parameters
+    ----------
+    name : str
+
+    Returns
+    -------
+    str
+    """
+    return f"direct {name}"
+
+
+def tests_of(
+    names: Sequence[str], of_responses: np.ndarray, space: ParameterSpace, settings: Mapping[str, Any]
+) -> Tests:
+    """The bench tests of some responses and the direct tests of the free parameters.
+
+    Parameters
+    ----------
+    names : sequence of str, (r,)
+        Responses.
+    of_responses : numpy.ndarray, (r, r)
+        Covariance of their observations about the surrogates' predictions.
+    space : ParameterSpace
+    settings : mapping
+        ``minutes`` by bench test; ``direct_tests``: ``sd`` and ``minutes`` by parameter.
+
+    Returns
+    -------
+    Tests
+        Parameters are observed as places in their ranges.
+    """
+    columns: dict[str, list[int]] = {}
+    for k, name in enumerate(names):
+        test = response(name).apparatus
+        columns.setdefault(PILE if test == further_responses.BENCH else test, []).append(k)
+    minutes = {test: float(settings["minutes"][test]) for test in columns}
+    variances = []
+    for k, name in enumerate(space.free):
+        if name not in settings["direct_tests"]:
+            continue
+        own = settings["direct_tests"][name]
+        columns[direct(name)] = [len(names) + len(variances)]
+        minutes[direct(name)] = float(own["minutes"])
+        variances.append((own["sd"] / (space.high[k] - space.low[k])) ** 2)
+    covariance = np.zeros((len(names) + len(variances),) * 2)
+    covariance[: len(names), : len(names)] = of_responses
+    covariance[len(names) :, len(names) :] = np.diag(variances)
+    return Tests(columns, minutes, covariance)
+
+
+def with_parameters(prior: information.Prior, tested: Sequence[int]) -> None:
+    """Let the places of some parameters count as predictions, too.
+
+    Parameters
+    ----------
+    prior : information.Prior
+        It is changed.
+    tested : sequence of int
+        Free parameters that have a direct test.
+    """
+    prior.predicted = np.hstack([prior.predicted, prior.place[:, list(tested)]])
+
+
+def discrepancy_of(data: Data, names: Sequence[str], settings: Mapping[str, Any]) -> np.ndarray:
+    """Covariance S_d of the discrepancies of some responses.
+
+    Parameters
+    ----------
+    data : Data
+    names : sequence of str, (k,)
+        Responses.
+    settings : mapping
+        ``discrepancy_percent``, ``discrepancy_correlation``, ``smallest_discrepancy``.
+
+    Returns
+    -------
+    numpy.ndarray, (k, k)
+    """
+    means = np.array([data.known[name].row["mean"] for name in names])
+    sd = discrepancy.sizes(names, means, settings["discrepancy_percent"], settings["smallest_discrepancy"])
+    over_design = np.column_stack([data.known[name].mean for name in names])
+    return discrepancy.covariance(names, sd, over_design, settings["discrepancy_correlation"])

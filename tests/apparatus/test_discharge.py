@@ -1,0 +1,131 @@
+"""The funnel with a lid: rates of known discharges, how a run is judged, conserved mass, and Beverloo's law."""
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from repose.apparatus import bench, discharge
+from repose.apparatus.job import run_once
+from repose.config import checks
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
+from repose.particle.build import ellipsoid_mesh, fit_particle
+
+ROOT = Path(__file__).parents[2]
+BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32, "density_kg_m3": 840.47}
+PARTICLE = fit_particle(ellipsoid_mesh(np.array([21.14, 11.37, 9.88])), 840.47)
+SPHERE_MM = 10.0
+SPHERE = fit_particle(ellipsoid_mesh(np.full(3, SPHERE_MM)), 840.47)
+SET = dict(zip(PARAMETERS, (0.25, 0.5, 0.03, 0.3, 0.6, 0.2), strict=True))
+SMALL = {"berries": 40, "rate_per_s": 150.0, "open_from_s": 0.8, "longest_s": 2.0, "collar_mm": 60.0}
+
+
+def config(**keys):
+    """The recommended configuration with some keys of its lidded funnel changed."""
+    whole = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
+    whole["discharge"].update(keys)
+    return whole
+
+
+def measured(exit_s, scale):
+    """A run whose berries left at these times, measured."""
+    arrays = {"exit_s": np.asarray(exit_s, float), "scale": np.asarray(scale, float)}
+    return discharge.measure({"status": "ok"}, arrays, config(), PARTICLE, BERRY)
+
+
+def test_an_even_flow_has_its_rate():
+    times = 0.5 + np.arange(200) / 80.0  # 80 berries a second
+    found = measured(np.random.default_rng(1).permutation(times), np.ones(200))
+    assert found["emptying_s"] == pytest.approx(times[-1])
+    assert found["flow_g_s"] == pytest.approx(80.0 * 1e3 * PARTICLE.mass_kg)
+
+
+def test_the_rate_is_that_of_the_middle_and_counts_mass():
+    # a slow beginning and a slow end; in the middle large berries, 8 times as heavy
+    times = np.concatenate([np.linspace(0, 10, 16), 10.0 + np.arange(1, 31) / 30.0, np.linspace(12, 40, 16)])
+    scale = np.concatenate([np.ones(16), np.full(30, 2.0), np.ones(16)])
+    assert measured(times, scale)["flow_g_s"] == pytest.approx(8.0 * 30.0 * 1e3 * PARTICLE.mass_kg)
+
+
+def test_a_run_that_did_not_empty_has_no_numbers():
+    found = discharge.measure({"status": "jammed"}, {}, config(), PARTICLE, BERRY)
+    assert (found["emptying_s"], found["flow_g_s"]) == (None, None)
+
+
+def test_a_run_is_judged():
+    good = {"filled": 500, "rest_energy_j": 1e-12, "early": 0, "late": 500}
+
+    def status(**changes):
+        return discharge.status_of(discharge.Discharge(**(good | changes)), config())[0]
+
+    assert status() == "ok"
+    assert status(unstable="why") == "unstable"
+    assert status(filled=499) == "not_filled"
+    assert status(early=1) == "lost"
+    assert status(rest_energy_j=1e-6) == "not_at_rest"
+    assert status(late=480) == "jammed"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "allowed"),
+    [
+        ("open_from_s", 1.2, "above 1.2475"),
+        ("outlet_diameter_mm", 150.0, "below discharge.inlet_diameter_mm, 150"),
+        ("rim_radius_mm", 20.0, "at most 18.75"),
+        ("berries", 0, "1 to 20000"),
+    ],
+)
+def test_a_funnel_that_cannot_be_filled_is_refused(key, value, allowed):
+    with pytest.raises(InputError, match=rf"discharge\.{key}.*{allowed}"):
+        checks.check(config(**{key: value}))
+
+
+def test_a_berry_has_to_fit():
+    found = dict(discharge.misfits(config(outlet_diameter_mm=9.0, inlet_diameter_mm=20.0), (21.1, 11.4, 9.9)))
+    assert list(found) == ["discharge.outlet_diameter_mm", "discharge.inlet_diameter_mm"]
+    assert not list(discharge.misfits(config(), (21.1, 11.4, 9.9)))
+
+
+def test_what_is_filled_in_comes_out():
+    record, run = run_once(bench("discharge"), config(**SMALL), SET, 1, PARTICLE, BERRY)
+    assert (record["status"], record["berries_out"]) == ("ok", 40)
+    assert (run.arrays["exit_s"] > 0.0).all()  # nothing leaves the closed funnel
+    assert (run.arrays["position"][:, 2] > 0.0).all()
+    assert record["emptying_s"] == run.arrays["exit_s"].max()
+    # the last berry falls no faster than freely, from the top of the filling
+    assert record["emptying_s"] > np.sqrt(2.0 * run.arrays["position"][:, 2].max() / 9.81)
+
+
+def test_a_narrow_outlet_jams():
+    narrow = config(**SMALL | {"outlet_diameter_mm": 22.0, "longest_s": 1.0})
+    record, _ = run_once(bench("discharge"), narrow, SET, 1, PARTICLE, BERRY)
+    assert record["status"] == "jammed"
+    assert record["flow_g_s"] is None
+
+
+def flow_g_s(seed=1, **keys):
+    """Rate of spheres from a wide, flat funnel."""
+    own = {"berries": 1200, "inlet_diameter_mm": 150.0, "cone_angle_deg": 20.0, "collar_mm": 200.0}
+    own |= {"rate_per_s": 600.0, "open_from_s": 3.0, "longest_s": 20.0}
+    whole = copy.deepcopy(config(**own | keys))
+    record, _ = run_once(bench("discharge"), whole, SET, seed, SPHERE, BERRY)
+    assert record["status"] == "ok", record["reason"]
+    return record["flow_g_s"]
+
+
+@pytest.mark.slow
+def test_the_rate_grows_with_the_outlet_as_beverloo_says():
+    outlets = np.array([45.0, 55.0, 65.0, 75.0])
+    root = np.array([flow_g_s(outlet_diameter_mm=outlet) for outlet in outlets]) ** 0.4
+    slope, shift = np.polyfit(outlets, root, 1)
+    assert np.abs(slope * outlets + shift - root).max() < 0.03 * root.mean()
+    assert 0.5 < -shift / slope / SPHERE_MM < 3.0  # k, 1.4 for spheres
+
+
+@pytest.mark.slow
+def test_the_rate_hardly_depends_on_the_filling():
+    few, many = (flow_g_s(berries=berries, outlet_diameter_mm=50.0) for berries in (800, 1200))
+    assert many == pytest.approx(few, rel=0.1)

@@ -1,0 +1,77 @@
+"""The drum in steady turning: how a run is judged, the mean of the steady part, and beds with and without friction."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from repose.apparatus import bench, turning
+from repose.apparatus.job import run_once
+from repose.config import checks
+from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
+from repose.particle.build import ellipsoid_mesh, fit_particle
+
+ROOT = Path(__file__).parents[2]
+BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32}
+PARTICLE = fit_particle(ellipsoid_mesh(np.array([21.14, 11.37, 9.88])), 840.47)
+ROUGH = dict(zip(PARAMETERS, (0.2, 0.6, 0.04, 0.25, 0.6, 0.2), strict=True))
+SMOOTH = ROUGH | {"mus_gg": 0.0, "mur_gg": 0.0, "mus_gp": 0.0, "mur_gp": 0.0}
+SMALL = {"berries": 60, "length_mm": 60.0, "outer_diameter_mm": 120.0, "factory_height_mm": 20.0}
+SMALL |= {"rate_per_s": 150.0, "rotate_from_s": 0.6, "measure_from_s": 1.2, "measure_until_s": 1.8}
+
+
+def config(**keys):
+    """The recommended configuration with some keys of its turning drum changed."""
+    whole = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
+    whole["turning"].update(keys)
+    return whole
+
+
+def test_the_angle_is_the_mean_of_the_steady_part():
+    arrays = {"time_s": np.arange(5.0), "surface_deg": np.array([np.nan, 90.0, 90.0, 30.0, 34.0])}
+    own = config(measure_from_s=3.0)
+    assert turning.measure({"status": "ok"}, arrays, own, PARTICLE, BERRY)["turning_deg"] == 32.0
+    assert turning.measure({"status": "lost"}, arrays, own, PARTICLE, BERRY)["turning_deg"] is None
+
+
+def test_a_run_is_judged():
+    time_s, angles = np.array([1.0, 3.0, 4.0]), np.array([np.nan, 30.0, 31.0])
+    assert turning.status_of(True, time_s, angles, config())[0] == "ok"
+    assert turning.status_of(True, time_s, angles, config(), "why") == ("unstable", "why")
+    assert turning.status_of(False, time_s, angles, config())[0] == "lost"
+    assert turning.status_of(True, time_s, angles[::-1], config())[0] == "no_surface"
+    assert turning.status_of(True, np.zeros(0), np.zeros(0), config())[0] == "no_surface"
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "allowed"),
+    [
+        ("rotate_from_s", 1.0, "above 1.798"),
+        ("measure_until_s", 2.55, "at least 2.6"),
+        ("wall_thickness_mm", 100.0, "below half of turning.outer_diameter_mm, 200"),
+        ("factory_height_mm", 96.0, "between -95 and 95"),
+        ("record_s", 0.0, "0.001 to 10"),
+    ],
+)
+def test_a_drum_that_cannot_run_is_refused(key, value, allowed):
+    with pytest.raises(InputError, match=rf"turning\.{key}.*{allowed}"):
+        checks.check(config(**{key: value}))
+
+
+def test_a_berry_has_to_fit():
+    own = config(length_mm=20.0, factory_height_mm=90.0)
+    assert [key for key, _ in turning.misfits(own, (21.1, 11.4, 9.9))] == [
+        "turning.length_mm",
+        "turning.factory_height_mm",
+    ]
+
+
+def test_friction_lifts_the_bed_and_without_it_the_bed_stays_level():
+    rough, level = (
+        run_once(bench("turning"), config(**SMALL), one, 1, PARTICLE, BERRY)[0] for one in (ROUGH, SMOOTH)
+    )
+    assert (rough["status"], level["status"]) == ("ok", "ok")
+    assert abs(level["turning_deg"]) < 8.0  # a surface of 60 berries is lumpy
+    assert rough["turning_deg"] > 15.0
