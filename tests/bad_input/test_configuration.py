@@ -13,6 +13,7 @@ from repose.core.errors import InputError
 ROOT = Path(__file__).parents[2]
 GOOD = loader.load(ROOT / "config/config.yaml")
 NAMED = ("shape_study.particles", "shape_study.fillings", "shape_study.sensitivities")
+NAMED += ("second_responses.minutes", "second_responses.smallest_discrepancy")
 
 
 def resolved(schema):
@@ -87,6 +88,22 @@ CASES = [
     and not (key == "shape_study.reference" and wrong in ("empty", "a line"))
     and not (key.startswith("targets.0.") and wrong in ("empty", "a line"))
 ]
+
+
+@pytest.mark.parametrize("value", [0, "ten", None, {"a": 1}, math.inf])
+def test_minutes_of_work_are_numbers_above_0(value):
+    config = copy.deepcopy(GOOD)
+    config["second_responses"]["minutes"]["drum"] = value
+    with pytest.raises(InputError, match=r"second_responses\.minutes\.drum"):
+        checks.check(config)
+
+
+@pytest.mark.parametrize("value", [-1, "one", None, math.nan])
+def test_the_smallest_discrepancy_is_a_number(value):
+    config = copy.deepcopy(GOOD)
+    config["second_responses"]["smallest_discrepancy"]["deg"] = value
+    with pytest.raises(InputError, match=r"second_responses\.smallest_discrepancy\.deg"):
+        checks.check(config)
 
 
 def holder(config, key):

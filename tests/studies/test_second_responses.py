@@ -29,7 +29,8 @@ def target(name, low, high, repetitions=4):
 ANGLE, HEIGHT = target("aor_deg", 29.0, 31.0), target("height_mm", 58.0, 62.0)
 TARGETS = Targets.of([ANGLE, HEIGHT])
 SETTINGS = {"points": 2**13, "truths": 6, "folds": 2, "starts": 1, "seed": 1}
-SETTINGS |= {"discrepancy_percent": 2.0, "hidden": 2, "epochs": 40}
+SETTINGS |= {"discrepancy_percent": 2.0, "hidden": 2, "epochs": 40, "smallest_discrepancy": {}}
+SETTINGS["minutes"] = {"profile": 5, "above": 10, "loose": 20, "packing": 20, "stopwatch": 5, "drum": 100}
 
 
 def test_means_have_the_error_of_their_number_of_runs():
@@ -216,6 +217,11 @@ def test_study_finds_the_response_that_tells_something_new(study, tmp_path):
     order = pd.read_csv(tmp_path / "order.csv").query("discrepancy_percent == 0")
     best = order.iloc[0]["response"]
     assert best == "packing_percent" or best.startswith("drum")
+    ways = pd.read_csv(tmp_path / "ways.csv").query("discrepancy_percent == 0").set_index("way")
+    assert set(ways.index) == {"packing", "drum"}
+    one = ways.loc["packing"]
+    assert one["gain_bits"] == pytest.approx(exact.loc["packing_percent", "gain_bits"])
+    assert one["bits_a_minute"] == pytest.approx(one["gain_bits"] / 20)
     table = pd.read_csv(tmp_path / "responses.csv").set_index("response")
     assert table.loc["packing_percent", "r2_noise_corrected"] > 0.9
     assert table.loc["drum_slip_deg", "samples"] == 20
@@ -278,7 +284,7 @@ def test_study_with_one_target_and_with_four(study, tmp_path, names):
     assert first.loc[label, "gain_bits"] == 0
     if len(names) == 1:
         assert first.loc["packing_percent", "gain_bits"] > 1
-    inputs = {name: tmp_path / f"{name}.csv" for name in ("responses", "information", "narrowing", "order")}
+    inputs = {name: tmp_path / f"{name}.csv" for name in ("responses", "information", "narrowing", "ways")}
     config = {
         "targets": [
             {"response": one.name, "value": one.value, "sd": one.sd, "repetitions": 4}
@@ -289,6 +295,13 @@ def test_study_with_one_target_and_with_four(study, tmp_path, names):
     with style.applied():
         figure = second_look.what_to_measure_next(inputs, config)
     assert figure.axes[0].get_xlabel() == f"bits gained beside {label}"
+
+
+def test_work_that_is_not_said_is_asked_for(study):
+    files, _ = study
+    data = responses_over_design.read(*files, TARGETS, "secant")
+    with pytest.raises(InputError, match="minutes of work for packing"):
+        second_responses.study(data, TARGETS, SPACE, SETTINGS | {"minutes": {"drum": 1.0}})
 
 
 def test_drum_of_another_design_and_a_target_out_of_reach_are_refused(study, tmp_path):

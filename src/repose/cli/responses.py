@@ -67,6 +67,36 @@ def second_responses(args: argparse.Namespace) -> None:
     print(second_responses.run(data, targets, space, settings, args.out))
 
 
+@family.verb(
+    "tell which few tests narrow the parameters enough: the pile, other bench tests, direct tests of a parameter",
+    example="--runs results/responses/runs.csv --jobs results/joint_targets/discharge_runs",
+    out="results/joint_targets",
+    options=[
+        RUNS.but(default="results/responses/runs.csv", help="what measure_responses wrote"),
+        DATASET,
+        Option(
+            "--jobs",
+            nargs="+",
+            default=[],
+            help="folders that measure_runs wrote into, of other bench tests with samples of the same design",
+        ),
+    ],
+)
+def joint_targets(args: argparse.Namespace) -> None:
+    from repose.core.files import read_table
+    from repose.studies import further_runs, joint_targets, responses_over_design
+
+    config = loader.load(args.config)
+    settings = config["network"] | config["second_responses"] | config["joint_targets"]
+    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
+    data = responses_over_design.read(args.runs, args.dataset, targets, config["measure"]["response"])
+    table = read_table(args.dataset, ("sample", "status"))
+    samples = table.loc[table["status"] == "ok", "sample"].to_numpy()
+    jobs = further_runs.read_jobs(further_runs.jobs_in(args.jobs), samples)
+    data = further_runs.with_jobs(data, samples, jobs)
+    print(joint_targets.run(data, targets, space, settings, args.out))
+
+
 def _percent(name, text, known):
     """The discrepancy of one response as a number; InputError for another response or number."""
     option = f"--discrepancy {name}"

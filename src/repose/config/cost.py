@@ -5,7 +5,7 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from repose.apparatus import bench
+from repose.apparatus import bench, names
 from repose.apparatus.settings import SimulationSettings
 from repose.core.parameter_space import ParameterSpace
 from repose.core.published import published_count
@@ -194,6 +194,9 @@ def studies(config: Mapping[str, Any]) -> list[Study]:
     of_calibration = sum(sets * seeds for _, sets, seeds in work(config)["pours"])
     no_pours = "no pours besides the calibration"
     drums = f"{further} runs of the drum besides the calibration, about {further * run_s(config, 'drum') / 60:.0f} min"
+    joint = config["joint_targets"]["samples"] * config["joint_targets"]["seeds"]
+    joint_s = joint * sum(run_s(config, name) for name in names() if name != "funnel")
+    tests = f"{joint} runs of each further bench test besides the calibration, about {joint_s / 60:.0f} min"
     all_min = work(config)["total_s"] / 60
     targets = Targets.of(config["targets"])
     rows = [
@@ -214,6 +217,7 @@ def studies(config: Mapping[str, Any]) -> list[Study]:
             no_pours,
         ),
         Study("second_responses_drum", "The same with the responses of the drum.", drums),
+        Study("joint_targets", "Which few tests together narrow the parameters enough.", tests),
         Study(
             "shape_study",
             "Which particle, tension and filling come nearest to the measured pile.",

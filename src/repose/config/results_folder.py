@@ -30,8 +30,8 @@ WRITTEN = (
         "snapshot.txt",
     ),
     *("benchmarks", "berry", "comparison", "cylinder_runs", "design", "discharge_runs", "drum", "drum_runs"),
-    *("figures", "film"),
-    *("heaps", "logs", "measure", "measurement_study", "miga", "network", "noise", "pool", "posterior"),
+    *("figures", "film", "heaps", "joint_targets", "logs", "measure", "measurement_study", "miga", "network"),
+    *("noise", "pool", "posterior"),
     *("refined", "response_surface", "responses", "sensitivity", "sequential", "shape", "turning_runs"),
     *("validation", "warm_up"),
 )

@@ -132,7 +132,10 @@ def subschema(path: Sequence[str]) -> dict[str, Any]:
     """
     schema = root = validator().schema
     for step in path:
-        schema = schema["items"] if step.isdigit() else schema["properties"][step]
+        if step.isdigit():
+            schema = schema["items"]
+        else:  # free names share one schema
+            schema = schema.get("properties", {}).get(step) or schema["additionalProperties"]
         while "$ref" in schema:
             schema = root["$defs"][schema["$ref"].rsplit("/", 1)[1]]
     return schema

@@ -18,6 +18,7 @@ PURPOSES = {
     "shape_bulk": 11,
     "response_surface": 12,
     "sequential": 13,
+    "joint_targets": 14,
 }
 
 

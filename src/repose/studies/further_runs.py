@@ -16,6 +16,33 @@ from repose.studies.responses_over_design import Data, over_design
 JOB = "a job of a bench test, measured by the verb measure_runs"
 
 
+def jobs_in(folders: Iterable[str | Path]) -> list[Path]:
+    """Measured jobs in some folders.
+
+    Parameters
+    ----------
+    folders : iterable of path
+        What the verb measure_runs wrote into.
+
+    Returns
+    -------
+    list of Path
+        Sorted in each folder.
+
+    Raises
+    ------
+    InputError
+        If a folder holds none.
+    """
+    found: list[Path] = []
+    for folder in folders:
+        own = sorted(path for path in Path(folder).glob("*.json") if path.stem.isdigit())
+        if not own:
+            raise InputError(folder, "jobs", 0, "a folder with NUMBER.json files of the verb measure_runs")
+        found += own
+    return found
+
+
 def read_jobs(paths: Iterable[str | Path], samples: np.ndarray) -> dict[str, pd.DataFrame]:
     """Good runs of each further bench test.
 
@@ -42,7 +69,7 @@ def read_jobs(paths: Iterable[str | Path], samples: np.ndarray) -> dict[str, pd.
         if job["apparatus"] == further_responses.BENCH:
             raise InputError(path, "apparatus", job["apparatus"], "another bench test than that of the pile")
         if job["sample"] not in samples:
-            raise InputError(path, "sample", job["sample"], "a sample of the design")
+            raise InputError(path, "sample", job["sample"], "a usable sample of the design")
         names = [one.name for one in bench(job["apparatus"], path).responses]
         own = rows.setdefault(job["apparatus"], [])
         for run in job["runs"]:

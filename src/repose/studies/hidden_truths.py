@@ -44,7 +44,7 @@ def coverage(
     -------
     pandas.DataFrame
         One row a set and parameter, and one a set for ``all`` parameters: share that holds, its standard error over
-        the truths, mean width over the range, truths.
+        the truths, mean width over the range, number of truths, and the posteriors' effective number of points.
     """
     k, names = len(surrogates.names), surrogates.names
     tested = [i for i, name in enumerate(space.free) if direct(name) in tests.columns]
@@ -70,8 +70,9 @@ def coverage(
             observed[k:] += random.normal(size=len(tested)) * np.sqrt(np.diag(covariance)[k:])
             for label, chosen in sets.items():
                 columns = [one for one in tests.of(chosen) if np.isfinite(observed[one])]
-                low, high = prior.intervals(prior.weights(observed, columns, covariance))
-                held[label].append(((low <= place) & (place <= high), high - low))
+                weight = prior.weights(observed, columns, covariance)
+                low, high = prior.intervals(weight)
+                held[label].append(((low <= place) & (place <= high), high - low, 1 / (weight**2).sum()))
     return pd.DataFrame([row for label, own in held.items() for row in _rows(label, own, space.free)])
 
 
@@ -83,8 +84,9 @@ def _drawn(random, samples, count):
 
 def _rows(label, own, free):
     """Rows of one set."""
-    inside, width = (np.array(part, float) for part in zip(*own, strict=True))
+    inside, width, effective = (np.array(part, float) for part in zip(*own, strict=True))
     count = len(inside)
+    about = {"truths": count, "median_effective_points": np.median(effective)}
     rows = [
         {
             "set": label,
@@ -92,8 +94,8 @@ def _rows(label, own, free):
             "coverage": inside[:, k].mean(),
             "coverage_se": inside[:, k].std(ddof=1) / math.sqrt(count),
             "mean_width": width[:, k].mean(),
-            "truths": count,
         }
+        | about
         for k, name in enumerate(free)
     ]
     each = inside.mean(axis=1)
@@ -104,7 +106,7 @@ def _rows(label, own, free):
             "coverage": each.mean(),
             "coverage_se": each.std(ddof=1) / math.sqrt(count),
             "mean_width": width.mean(),
-            "truths": count,
         }
+        | about
     )
     return rows

@@ -23,7 +23,7 @@ from repose.core.files import write_json, write_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
-from repose.studies import hidden_truths, information
+from repose.studies import hidden_truths, information, second_responses
 from repose.studies.design_surrogates import Surrogates
 from repose.studies.observables import PILE, direct, discrepancy_of, tests_of, with_parameters
 from repose.studies.plausible import measured_covariance, plausible_truths, prior_points
@@ -231,6 +231,11 @@ def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> s
         f"hidden truths, {row.set}: {100 * row.coverage:.1f} ± {100 * row.coverage_se:.1f} % of the intervals hold"
         for row in tables["coverage"].query("parameter == 'all'").itertuples()
     ]
+    if summary["least_effective_points"] < second_responses.FEWEST_EFFECTIVE:
+        lines.append(
+            f"FEW POINTS: a posterior rests on {summary['least_effective_points']:.0f} of the prior's points, and its "
+            "intervals are too narrow; raise second_responses.points"
+        )
     return "\n".join(lines)
 
 

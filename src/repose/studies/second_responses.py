@@ -58,6 +58,15 @@ from repose.studies.responses_over_design import (
 NOISY = 0.5  # a response with less signal than this share of its noise is not modelled
 WORST_R2 = 0.2  # nor is one whose surrogate explains less, as after few runs of the drum
 FEWEST_EFFECTIVE = 30
+WAYS_COLUMNS = (
+    "discrepancy_percent",
+    "way",
+    "responses",
+    "minutes",
+    "gain_bits",
+    "gain_se_bits",
+    "bits_a_minute",
+)
 
 
 class Modelled(NamedTuple):
@@ -143,7 +152,9 @@ def study(
         "modelled": model.names,
         "noise_correlation": model.correlation.round(3).tolist(),
     } | ({"discrepancies": own} if own else {})
-    frames = {"responses": pd.DataFrame(rows)} | {name: pd.DataFrame(one) for name, one in tables.items()}
+    columns: dict[str, tuple[str, ...] | None] = dict.fromkeys(tables) | {"ways": WAYS_COLUMNS}
+    frames = {"responses": pd.DataFrame(rows)}
+    frames |= {name: pd.DataFrame(one, columns=columns[name]) for name, one in tables.items()}
     return frames, summary
 
 

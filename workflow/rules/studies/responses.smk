@@ -170,3 +170,78 @@ rule second_responses_drum:
     input:
         rules.second_responses_drum_tables.output,
         rules.draw_second_responses_drum.output,
+
+
+# Several tests at once: other bench tests on a part of the design, `snakemake --cores 2 joint_targets`.
+FURTHER_RUNS = [RUN_FOLDERS[name] for name in names() if name != "funnel"]
+IN_TESTS = min(config["joint_targets"]["samples"], len(SAMPLES))
+JOINT_SAMPLES = [
+    SAMPLES[k * (len(SAMPLES) - 1) // max(1, IN_TESTS - 1)] for k in range(IN_TESTS)
+]
+
+
+use rule pour as joint_pour with:
+    output:
+        pours=f"{RESULTS}/joint_targets/{{runs}}/{{sample}}.pours.json",
+        berries=f"{RESULTS}/joint_targets/{{runs}}/{{sample}}.npz",
+    log:
+        f"{RESULTS}/logs/joint_targets/{{runs}}/{{sample}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/joint_targets/{{runs}}/{{sample}}.tsv"
+    params:
+        purpose="joint_targets",
+        seeds=config["joint_targets"]["seeds"],
+    message:
+        "Sample {wildcards.sample} in a further bench test, {wildcards.runs}"
+
+
+use rule measure_runs as measure_joint_runs with:
+    input:
+        pours=rules.joint_pour.output.pours,
+        berries=rules.joint_pour.output.berries,
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+    output:
+        result=f"{RESULTS}/joint_targets/{{runs}}/{{sample}}.json",
+    log:
+        f"{RESULTS}/logs/joint_targets/{{runs}}/{{sample}}_measured.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/joint_targets/{{runs}}/{{sample}}_measured.tsv"
+    message:
+        "Measuring sample {wildcards.sample} in a further bench test, {wildcards.runs}"
+
+
+rule joint_targets:
+    input:
+        jobs=expand(
+            rules.measure_joint_runs.output.result,
+            runs=FURTHER_RUNS,
+            sample=JOINT_SAMPLES,
+        ),
+        runs=rules.measure_responses.output.runs,
+        dataset=rules.dataset.output.dataset,
+    output:
+        **{
+            name: f"{RESULTS}/joint_targets/{name}.csv"
+            for name in ("tests", "pairs", "sets", "coverage")
+        },
+        summary=f"{RESULTS}/joint_targets/joint.json",
+    log:
+        f"{RESULTS}/logs/joint_targets.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/joint_targets.tsv"
+    threads: 1
+    resources:
+        mem_mb=1500,
+    params:
+        config=CONFIG,
+        folder=folder,
+        jobs=folders_of_jobs,
+        depends=sections(
+            "parameters", "targets", "network", "second_responses", "joint_targets"
+        ),
+    message:
+        "Which few tests narrow the parameters enough"
+    shell:
+        "python -m repose joint_targets --config {params.config:q} --runs {input.runs:q} --dataset {input.dataset:q}"
+        " --jobs {params.jobs:q} --out {params.folder:q} > {log:q} 2>&1"
