@@ -13,7 +13,7 @@ from repose.core.errors import InputError
 ROOT = Path(__file__).parents[2]
 GOOD = loader.load(ROOT / "config/config.yaml")
 NAMED = ("shape_study.particles", "shape_study.fillings", "shape_study.sensitivities")
-NAMED += ("second_responses.minutes", "second_responses.smallest_discrepancy")
+NAMED += ("second_responses.minutes", "second_responses.smallest_discrepancy", "joint_targets.direct_tests")
 
 
 def resolved(schema):
@@ -95,6 +95,22 @@ def test_minutes_of_work_are_numbers_above_0(value):
     config = copy.deepcopy(GOOD)
     config["second_responses"]["minutes"]["drum"] = value
     with pytest.raises(InputError, match=r"second_responses\.minutes\.drum"):
+        checks.check(config)
+
+
+@pytest.mark.parametrize(
+    "value", [{"sd": 0.1}, {"sd": 0, "minutes": 9}, {"sd": 0.1, "minutes": -1}, 0.1, None]
+)
+def test_a_direct_test_has_its_error_and_its_minutes(value):
+    config = copy.deepcopy(GOOD)
+    del config["joint_targets"]["direct_tests"]["e_gg"]  # not every parameter has one
+    checks.check(config)
+    config["joint_targets"]["direct_tests"]["e_gp"] = value
+    with pytest.raises(InputError, match=r"joint_targets\.direct_tests\.e_gp"):
+        checks.check(config)
+    del config["joint_targets"]["direct_tests"]["e_gp"]
+    config["joint_targets"]["direct_tests"]["mus"] = {"sd": 0.1, "minutes": 9}
+    with pytest.raises(InputError, match="no such key"):
         checks.check(config)
 
 

@@ -148,7 +148,7 @@ def test_further_responses_are_in_order_of_what_they_add(inputs):
     ways = [text.get_text() for text in figure.axes[1].get_yticklabels()]
     assert ways == ["loose berries, counted\n20 min", "drum\n20 min"]
     # both cases in every panel
-    titles = " ".join(panel.get_title() for panel in figure.axes[2:])
+    titles = " ".join(panel.get_title(loc="left") for panel in figure.axes[2:])
     assert "the simulator exact" in titles
     assert "2 % discrepancy" in titles
     assert len(figure.axes[0].patches) == 2 * len(labels)
