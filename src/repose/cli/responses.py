@@ -97,6 +97,42 @@ def joint_targets(args: argparse.Namespace) -> None:
     print(joint_targets.run(data, targets, space, settings, args.out))
 
 
+@family.verb(
+    "tell what the whole profile of the piles, its principal components, adds beside angle and Height",
+    example="results/heaps/???.pours.json --runs results/runs.csv",
+    out="results/profiles",
+    options=[
+        Option("pours", nargs="+", help="NAME.pours.json files of the verb pour, NAME.npz beside them"),
+        RUNS,
+        DATASET,
+        *BERRY_AND_PARTICLE,
+    ],
+)
+def profiles(args: argparse.Namespace) -> None:
+    from repose.core.files import read_table
+    from repose.core.parameters import PARAMETERS
+    from repose.measure import half_widths
+    from repose.measure.pile import MeasureSettings
+    from repose.studies import profiles
+
+    config = loader.load(args.config)
+    berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
+    settings = config["network"] | config["second_responses"] | config["joint_targets"]
+    table = read_table(args.dataset, ("sample", *PARAMETERS, "status"))
+    table = table[table["status"] == "ok"]
+    runs = read_table(args.runs, ("sample", "seed", "status", *profiles.TWO_NUMBERS))
+    runs = runs[(runs["status"] == "ok") & runs["sample"].isin(table["sample"])]
+    levels = profiles.levels_mm(float(runs["height_mm"].max()))
+    good = set(map(tuple, runs[["sample", "seed"]].to_numpy()))
+    seen = MeasureSettings.of(config["measure"], berry_of)
+    widths = half_widths.of_pours(args.pours, good, particle, seen, levels)
+    runs = runs.merge(widths, on=["sample", "seed"])
+    table = table[table["sample"].isin(runs["sample"])]
+    X, samples = table[list(PARAMETERS)].to_numpy(float), table["sample"].to_numpy()
+    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
+    print(profiles.run(X, samples, runs, len(levels), targets, space, settings, args.out))
+
+
 def _percent(name, text, known):
     """The discrepancy of one response as a number; InputError for another response or number."""
     option = f"--discrepancy {name}"

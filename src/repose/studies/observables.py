@@ -9,6 +9,7 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.responses import response
 from repose.measure import further_responses
 from repose.studies import discrepancy, information
+from repose.studies.response_sets import minutes_of
 from repose.studies.responses_over_design import Data
 
 PILE = "pile"
@@ -78,12 +79,17 @@ def tests_of(
     -------
     Tests
         Parameters are observed as places in their ranges.
+
+    Raises
+    ------
+    InputError
+        If the minutes of a bench test are missing.
     """
     columns: dict[str, list[int]] = {}
     for k, name in enumerate(names):
         test = response(name).apparatus
         columns.setdefault(PILE if test == further_responses.BENCH else test, []).append(k)
-    minutes = {test: float(settings["minutes"][test]) for test in columns}
+    minutes = {test: minutes_of(test, settings["minutes"]) for test in columns}
     variances = []
     for k, name in enumerate(space.free):
         if name not in settings["direct_tests"]:

@@ -1,0 +1,63 @@
+"""The whole profile of saved pours: half the pile's width over the height above the plate, mean over all views."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from repose.core.errors import NoFlankError
+from repose.measure import further_responses, pile, saved_pours
+from repose.particle.particle import Particle
+
+
+def of_pours(
+    pours_json: Iterable[str | Path],
+    good: set[tuple[int, int]],
+    particle: Particle,
+    settings: pile.MeasureSettings,
+    levels_mm: np.ndarray,
+) -> pd.DataFrame:
+    """Half-widths of the good runs in files of pours.
+
+    Parameters
+    ----------
+    pours_json : iterable of path
+        ``NAME.pours.json`` of the pour job, with ``NAME.npz`` beside each.
+    good : set of (sample, seed)
+        Runs to measure.
+    particle : Particle
+        That was poured.
+    settings : pile.MeasureSettings
+        How the pile is seen.
+    levels_mm : numpy.ndarray, (levels,)
+        Heights over the plate.
+
+    Returns
+    -------
+    pandas.DataFrame
+        ``sample``, ``seed``, and a column for each level, its number; 0 mm above the crest. Runs without a pile are
+        left out.
+
+    Raises
+    ------
+    InputError
+        If a file is bad.
+    """
+    settings, rows = pile.with_berry_height(settings, particle), []
+    for path in map(Path, pours_json):
+        job = saved_pours.read_pours(path)
+        arrays = saved_pours.saved_positions(saved_pours.positions_beside(path))
+        for record in job["pours"]:
+            if (job["sample"], record["seed"]) not in good:
+                continue
+            saved = saved_pours.pour_arrays(arrays, record["seed"], path)
+            bodies = saved["position"].astype(float), saved["quaternion"], particle
+            try:
+                _, views = pile.pile_views(*bodies, settings, saved["in_pile"], saved.get("scale"))
+            except NoFlankError:
+                continue
+            profiles = [pile.profile_of(view)[0] for view in views]
+            widths = further_responses.mean_half_width(profiles, settings.mm_per_pixel, levels_mm)
+            rows.append([job["sample"], record["seed"], *widths])
+    return pd.DataFrame(rows, columns=["sample", "seed", *range(len(levels_mm))])
