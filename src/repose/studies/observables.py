@@ -90,7 +90,7 @@ def tests_of(
         test = response(name).apparatus
         columns.setdefault(PILE if test == further_responses.BENCH else test, []).append(k)
     minutes = {test: minutes_of(test, settings["minutes"]) for test in columns}
-    variances = []
+    variances: list[float] = []
     for k, name in enumerate(space.free):
         if name not in settings["direct_tests"]:
             continue

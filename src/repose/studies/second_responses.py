@@ -152,9 +152,9 @@ def study(
         "modelled": model.names,
         "noise_correlation": model.correlation.round(3).tolist(),
     } | ({"discrepancies": own} if own else {})
-    columns: dict[str, tuple[str, ...] | None] = dict.fromkeys(tables) | {"ways": WAYS_COLUMNS}
-    frames = {"responses": pd.DataFrame(rows)}
-    frames |= {name: pd.DataFrame(one, columns=columns[name]) for name, one in tables.items()}
+    frames = {"responses": pd.DataFrame(rows)} | {name: pd.DataFrame(one) for name, one in tables.items()}
+    if not tables["ways"]:  # every response is a target
+        frames["ways"] = pd.DataFrame(columns=list(WAYS_COLUMNS))
     return frames, summary
 
 
