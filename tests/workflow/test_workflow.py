@@ -172,6 +172,13 @@ def test_comparisons_are_targets_of_their_own_and_the_drum_is_asked_for_by_name(
     assert not own & set(planned(project, *words, "--forceall"))
 
 
+def test_joint_targets_run_every_further_bench_test_on_a_part_of_the_design(project):
+    (project / "mine.yaml").write_text(json.dumps({"joint_targets": {"samples": 12}}))
+    jobs = planned(project, "--configfile", "config/quick.yaml", "mine.yaml", "--", "joint_targets")
+    assert jobs["joint_pour"] == jobs["measure_joint_runs"] == 4 * 12
+    assert jobs["joint_targets"] == 1
+
+
 REFIT = {"refine_data", "refine_network", "refine_search"}
 ROUND = {"refine_propose", "refine_pour", "measure_refine_runs", "refine_dataset", "refine_round"}
 END = {"refine_tables", "draw_approach", "refined", "total"}

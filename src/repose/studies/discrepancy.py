@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from repose.core.errors import InputError
 from repose.core.responses import response
 
 
@@ -86,28 +85,3 @@ def _signs(means):
     loading = np.linalg.svd(scaled, full_matrices=False)[2][0]
     signs = np.where(loading < 0, -1.0, 1.0)
     return signs * signs[0]
-
-
-def check_units(smallest: Mapping[str, float], names: Sequence[str], source: object, key: str) -> None:
-    """Refuse a unit that no response has.
-
-    Parameters
-    ----------
-    smallest : mapping of float
-        By unit.
-    names : sequence of str
-        Of all responses that there are.
-    source : object
-        Named in the error.
-    key : str
-        Of the mapping in the configuration.
-
-    Raises
-    ------
-    InputError
-        Naming the unit.
-    """
-    units = dict.fromkeys(response(name).unit for name in names)
-    for unit in smallest:
-        if unit not in units:
-            raise InputError(source, key, unit, f"one of the units {', '.join(units)}")
