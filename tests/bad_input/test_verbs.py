@@ -17,6 +17,7 @@ NEEDED = {
     "shape_cell": ["--cell", "published-smooth-keep-open_cone"],
     "refine_propose": ["--round", "0"],
     "card": ["show"],
+    "export": ["--to", "yade"],
     "new": ["wheat"],
     "pour": ["--sample", "1"],
     "heap": ["--sample", "1"],
@@ -180,6 +181,18 @@ def test_an_option_that_no_verb_has(name, refused):
             for words in ([], ["show"], ["draw", "a.json"], ["show", "a", "b"], ["compare", "a"])
         ),
         *(["material_card", f"--{name}=a.csv"] for name in ("posterior", "draws")),
+        *(["export", *words] for words in ([], ["--to=yade"], ["--to=abaqus", "--set=e_gg=0.3"])),
+        *(
+            ["export", "--to=yade", "--set=e_gg=0.3", word]
+            for word in (
+                "--spheres=1",
+                "--spheres=65",
+                "--spheres=x",
+                "--seed=-1",
+                "--card=a.json",
+                "--sample=1",
+            )
+        ),
         *(["snapshot", value] for value in ("", "nowhere", ".", "..")),
         *(
             ["measure", "a.jpg", f"--{name}={value}"]

@@ -61,7 +61,7 @@ def berry_simulation(
     shapes: Any = {"berry": particle.dem_shape("berry")}
     return dem.Simulation(
         shapes,
-        _materials(config, berry),
+        materials_of(config, berry),
         _contacts(parameters),
         settings.time_step_s,
         capacity=capacity,
@@ -104,7 +104,7 @@ def longest_time_step(
     from repose.particle import size_distribution
 
     settings = SimulationSettings.of(config)
-    materials = _materials(config, berry)
+    materials = materials_of(config, berry)
     scene = time_steps.Scene(
         CONTACT_LAWS[settings.contact_law],
         settings.tension,
@@ -117,8 +117,21 @@ def longest_time_step(
     return time_steps.longest(scene, smallest_scale=smallest)
 
 
-def _materials(config, berry):
-    """The two materials by name."""
+def materials_of(config: Mapping[str, Any], berry: Mapping[str, Any]) -> "dict[str, dem.Material]":
+    """The two materials.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    berry : mapping
+        With ``shear_modulus_pa`` and ``poisson_ratio``.
+
+    Returns
+    -------
+    dict of repose.dem.Material
+        ``berry`` and ``wall``.
+    """
     wall = config["wall"]
     return {
         "berry": dem.Material(berry["shear_modulus_pa"], berry["poisson_ratio"]),

@@ -1,0 +1,93 @@
+"""The laws of LIGGGHTS, LAMMPS and YADE for this engine, where they are not among its own.
+
+`one_pile.py` gives them to the engine in order to measure what they change. Importing this module adds them to the
+engine's lists of laws.
+"""
+
+import math
+from collections import namedtuple
+
+import numpy as np
+
+from repose.dem.kernels import state as st
+from repose.dem.kernels import tile as tl
+from repose.dem.kernels.rows import Rows
+from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS, hertz_mindlin
+from repose.dem.laws.law import Law
+from repose.dem.laws.tangential import slip
+from repose.dem.materials import effective_moduli
+
+L = st.LANES
+
+BodyDamping = namedtuple("BodyDamping", "tension friction_limit")
+RollingSpring = namedtuple("RollingSpring", "tension friction_limit")
+
+_rows = Rows(tl.ROLLING)
+STIFFNESS, FRICTION = _rows.take_each(2)
+
+
+def body_damping(law, t, c, at, dt):
+    """Hertz and Mindlin's law; each contact is damped with the masses of its two bodies, whatever else touches."""
+    for k in range(L):
+        t[tl.INVERSE_MASS + k] = t[tl.A + st.INVERSE_MASS * L + k] + t[tl.B + st.INVERSE_MASS * L + k]
+    hertz_mindlin.contact_sizes(t)
+    slip(t, c, at + hertz_mindlin.SPRING, dt)
+    hertz_mindlin.push(t, c, at + hertz_mindlin.SPRING, law.tension, law.friction_limit)
+
+
+def spring_constants(a, b, contact, _tension="keep"):
+    """8 G* and the rolling friction, of the lever R*."""
+    return np.array([8.0 * effective_moduli(a, b)[1], contact.rolling_friction])
+
+
+def rolling_spring(law, t, c, at, dt):
+    """A spring of stiffness S_t R*^2 against the relative rotation about the tangents, at most mu_r R* F."""
+    for k in range(L):
+        nx, ny, nz = c[st.NORMAL + k], c[st.NORMAL + L + k], c[st.NORMAL + 2 * L + k]
+        first = tl.A + st.ANGULAR_VELOCITY * L + k
+        second = tl.B + st.ANGULAR_VELOCITY * L + k
+        gap, radius = t[tl.GAP + k], t[tl.RADIUS + k]
+        overlap = -gap if gap < 0.0 else 0.0
+        touching = 1.0 if gap < 0.0 else 0.0
+        turn = dt * t[STIFFNESS + k] * math.sqrt(radius * overlap) * radius * radius
+        x = c[at + k] + turn * (t[first] - t[second])
+        y = c[at + L + k] + turn * (t[first + L] - t[second + L])
+        z = c[at + 2 * L + k] + turn * (t[first + 2 * L] - t[second + 2 * L])
+        along = x * nx + y * ny + z * nz
+        x, y, z = x - along * nx, y - along * ny, z - along * nz
+        most = t[FRICTION + k] * t[tl.PUSH + k] * radius
+        cut = touching * min(1.0, most / math.sqrt(x * x + y * y + z * z + 1e-60))
+        x, y, z = cut * x, cut * y, cut * z
+        c[at + k], c[at + L + k], c[at + 2 * L + k] = st.alive(x), st.alive(y), st.alive(z)
+        t[tl.TO_A + 3 * L + k] -= x
+        t[tl.TO_A + 4 * L + k] -= y
+        t[tl.TO_A + 5 * L + k] -= z
+        t[tl.TO_B + 3 * L + k] += x
+        t[tl.TO_B + 4 * L + k] += y
+        t[tl.TO_B + 5 * L + k] += z
+        t[tl.TO_A + st.ROLL * L + k] = 0.0
+        t[tl.TO_B + st.ROLL * L + k] = 0.0
+
+
+CONTACT_LAWS["body_damping"] = Law(
+    name="body_damping",
+    options=BodyDamping,
+    constants=hertz_mindlin.constants,
+    n_constants=5,
+    n_rows=hertz_mindlin.LAW.n_rows,
+    n_state=hertz_mindlin.LAW.n_state,
+    kernel=body_damping,
+    words={},
+    contact_time=hertz_mindlin.contact_time,
+    oscillator=hertz_mindlin.oscillator,
+)
+ROLLING_LAWS["spring"] = Law(
+    name="spring",
+    options=RollingSpring,
+    constants=spring_constants,
+    n_constants=2,
+    n_rows=_rows.count,
+    n_state=3,
+    kernel=rolling_spring,
+    words={},
+)

@@ -1,0 +1,66 @@
+"""The verb that writes the answer as input of other simulation programs."""
+
+import argparse
+from typing import Any
+
+from repose.cli.parameter_sets import PARAMETER_SET, parameters
+from repose.cli.registry import Family, Option
+from repose.config import loader
+from repose.core.errors import InputError
+
+# Of a clump: so many where the study has none, the fewest that LIGGGHTS takes, the most that fill a mesh here.
+SPHERES, FEWEST, MOST = 14, 2, 64
+PROGRAMS = ("liggghts", "lammps", "yade", "mercurydpm", "edem", "rocky")
+
+family = Family()
+
+
+@family.verb(
+    "write the calibrated grain and its pour as a deck of another program, or a table of what to type there",
+    example="--to yade --card results/card.json --config results/config.json --out results/export/yade",
+    out="results/export",
+    options=[
+        Option("--to", required=True, choices=PROGRAMS, help="the program"),
+        Option("--card", help="card.json of the finished study: its parameters"),
+        *PARAMETER_SET,
+        Option(
+            "--spheres",
+            type=int,
+            metavar="N",
+            help=f"spheres of the clump (those of the study's own clump; {SPHERES} where it has none)",
+        ),
+        Option("--seed", type=int, default=1, help="of the grains' places (1)"),
+    ],
+)
+def export(args: argparse.Namespace) -> None:
+    from repose import export
+    from repose.cli.berries import berry_and_particle
+
+    config = loader.load(args.config)
+    values = _values(args, config)
+    if args.seed < 0:
+        raise InputError("command line", "--seed", args.seed, "a whole number from 0")
+    section = config["berry"]
+    if args.spheres is not None and not FEWEST <= args.spheres <= MOST:
+        raise InputError("command line", "--spheres", args.spheres, f"from {FEWEST} to {MOST}")
+    if args.spheres is not None or section["particle"] != "multisphere":
+        chosen = SPHERES if args.spheres is None else args.spheres
+        config["berry"] = section | {"particle": "multisphere", "spheres": chosen, "surface": "smooth"}
+    berry, particle = berry_and_particle(config, args.config)
+    job = export.make(config, values, particle, berry, args.seed)
+    for path in export.write(job, args.to, args.out):
+        print(path)
+
+
+def _values(args: argparse.Namespace, config: dict[str, Any]) -> dict[str, float]:
+    """The six parameters: the card's, or those of the options."""
+    from repose.chain import card
+
+    given = bool(args.set) or args.samples is not None
+    if (args.card is not None) == given:
+        allowed = "one of --card, --set and --samples: the parameters"
+        raise InputError("command line", "export", args.card, allowed)
+    if args.card is None:
+        return parameters(args.set, args.samples, args.sample, config["parameters"])
+    found = card.read(args.card)
+    return {name: row["value"] for name, row in found["parameters"].items()}

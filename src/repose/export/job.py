@@ -1,0 +1,285 @@
+"""What is exported: a clump of spheres, its materials and contacts, and the pour, in the words of no program."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from repose import dem
+from repose.apparatus.funnel_geometry import Funnel
+from repose.apparatus.scene import longest_time_step, materials_of
+from repose.apparatus.settings import SimulationSettings
+from repose.core.errors import InputError
+from repose.dem.laws import hertz_mindlin
+from repose.dem.materials import effective_moduli
+from repose.dem.rotations import sphere_directions
+
+if TYPE_CHECKING:
+    from repose.particle.particle import Particle
+
+# Programs that damp each contact of a clump by itself need a shorter step than ours, which divides the damping.
+SHARE_OF_LIMIT = 0.5
+RAYLEIGH_SHARE = 0.2
+# Overlap over effective radius at which a contact is as stiff as a spring of constant stiffness that stands for it.
+TYPICAL_OVERLAP = 0.01
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Contact of two materials.
+
+    Attributes
+    ----------
+    restitution, static_friction, rolling_friction : float
+        As calibrated: e, mu_s, mu_r.
+    damping_ratio : float
+        beta, with which an impact ends with this restitution, see `repose.dem.laws.hertz_mindlin.damping_ratio`.
+    effective_young_pa, effective_shear_pa : float
+        E* and G*.
+    effective_radius_m : float
+        R* of two spheres of the clump's mean radius, or of one on a wall.
+    """
+
+    restitution: float
+    static_friction: float
+    rolling_friction: float
+    damping_ratio: float
+    effective_young_pa: float
+    effective_shear_pa: float
+    effective_radius_m: float
+
+    @property
+    def tangential_stiffness_n_m(self) -> float:
+        """8 G* sqrt(R* delta) at an overlap of 1 % of R* [N/m]."""
+        return 8.0 * self.effective_shear_pa * math.sqrt(TYPICAL_OVERLAP) * self.effective_radius_m
+
+
+@dataclass(frozen=True)
+class Job:
+    """The grain and its bench test.
+
+    Attributes
+    ----------
+    label : str
+        Of the study.
+    spheres_m : numpy.ndarray, (M, 4)
+        Centres and radii in the body's principal axes, the centre of mass at the origin.
+    mass_kg, volume_m3 : float
+        Of the body; where spheres overlap they count once.
+    inertia_kg_m2 : numpy.ndarray, (3,)
+        Principal moments.
+    density_kg_m3 : float
+    bounding_radius_m : float
+    mean_radius_m : float
+        Of the spheres, each weighted with its free surface.
+    lever_m : float
+        Mean distance of the clump's surface from its centre, by area: the lever of the rolling resistance here.
+    grain, wall : repose.dem.Material
+    grains, on_wall : Pair
+        Grain with grain, grain with wall.
+    tension, friction_limit : str
+        See `repose.dem.Simulation`.
+    funnel : Funnel
+    plate_radius_m, factory_radius_m, factory_height_m : float
+        The grain's centre appears in the factory's disc.
+    count : int
+        Grains.
+    rate_per_s, duration_s, gravity_m_s2 : float
+    time_step_s : float
+        Advised, see `make`.
+    rayleigh_s : float
+        Rayleigh time of the smallest sphere.
+    seed : int
+    notes : tuple of str
+        What of the study the deck cannot hold.
+    """
+
+    label: str
+    spheres_m: np.ndarray
+    mass_kg: float
+    volume_m3: float
+    inertia_kg_m2: np.ndarray
+    density_kg_m3: float
+    bounding_radius_m: float
+    mean_radius_m: float
+    lever_m: float
+    grain: dem.Material
+    wall: dem.Material
+    grains: Pair
+    on_wall: Pair
+    tension: str
+    friction_limit: str
+    funnel: Funnel
+    plate_radius_m: float
+    factory_radius_m: float
+    factory_height_m: float
+    count: int
+    rate_per_s: float
+    duration_s: float
+    gravity_m_s2: float
+    time_step_s: float
+    rayleigh_s: float
+    seed: int
+    notes: tuple[str, ...]
+
+    def steps(self, seconds: float) -> int:
+        """Time steps of a duration.
+
+        Parameters
+        ----------
+        seconds : float
+
+        Returns
+        -------
+        int
+        """
+        return round(seconds / self.time_step_s)
+
+
+def make(
+    config: Mapping[str, Any],
+    parameters: Mapping[str, float],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    seed: int = 1,
+) -> Job:
+    """What is to be exported of a study.
+
+    The advised time step is half of the longest one that this engine allows the clump, at most half of the study's
+    own and at most a fifth of the Rayleigh time of the smallest sphere.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    parameters : mapping
+        The six contact parameters by name.
+    particle : Particle
+        A multisphere.
+    berry : mapping
+        What the verb ``berry`` writes.
+    seed : int, optional
+        Of the grains' places.
+
+    Returns
+    -------
+    Job
+
+    Raises
+    ------
+    InputError
+        If the particle has no spheres, or the contact law is not Hertz and Mindlin's.
+    """
+    settings, section = SimulationSettings.of(config), config["funnel"]
+    if not particle.is_clump:
+        raise InputError("particle", "kind", particle.kind, "multisphere: other programs take spheres")
+    if settings.contact_law != hertz_mindlin.LAW.name:
+        raise InputError(
+            "configuration", "simulation.contact_law", settings.contact_law, hertz_mindlin.LAW.name
+        )
+    materials = materials_of(config, berry)
+    mean_radius, lever = surface_means(particle.spheres_m)
+    smallest = float(particle.spheres_m[:, 3].min())
+    rayleigh = rayleigh_time_s(materials["berry"], particle.density_kg_m3, smallest)
+    limit = longest_time_step(config, parameters, particle, berry).time_step_s
+    step = min(SHARE_OF_LIMIT * min(limit, settings.time_step_s), RAYLEIGH_SHARE * rayleigh)
+    funnel = Funnel.of(section)
+
+    def pair(suffix, other, effective_radius):
+        restitution = parameters[f"e_{suffix}"]
+        return Pair(
+            restitution,
+            parameters[f"mus_{suffix}"],
+            parameters[f"mur_{suffix}"],
+            hertz_mindlin.damping_ratio(restitution, settings.tension),
+            *effective_moduli(materials["berry"], materials[other]),
+            effective_radius,
+        )
+
+    return Job(
+        label=config["label"],
+        spheres_m=particle.spheres_m,
+        mass_kg=particle.mass_kg,
+        volume_m3=particle.volume_m3,
+        inertia_kg_m2=particle.inertia_kg_m2,
+        density_kg_m3=particle.density_kg_m3,
+        bounding_radius_m=particle.bounding_radius_m,
+        mean_radius_m=mean_radius,
+        lever_m=lever,
+        grain=materials["berry"],
+        wall=materials["wall"],
+        grains=pair("gg", "berry", 0.5 * mean_radius),
+        on_wall=pair("gp", "wall", mean_radius),
+        tension=settings.tension,
+        friction_limit=settings.friction_limit,
+        funnel=funnel,
+        plate_radius_m=0.5e-3 * section["plate_diameter_mm"],
+        factory_radius_m=0.5e-3 * section["factory_diameter_mm"] - particle.bounding_radius_m,
+        factory_height_m=funnel.inlet_height_m + 1e-3 * section["factory_height_mm"],
+        count=section["berries"],
+        rate_per_s=section["rate_per_s"],
+        duration_s=section["duration_s"],
+        gravity_m_s2=settings.gravity_m_s2,
+        time_step_s=float(f"{step:.2g}"),
+        rayleigh_s=rayleigh,
+        seed=seed,
+        notes=tuple(_notes(config)),
+    )
+
+
+def _notes(config):
+    """What of the study no deck holds."""
+    if config["berry"]["size_distribution"] != "none":
+        yield "the study's grains differ in size; here all are the mean grain"
+    if config["funnel"]["orientation"] != "random":
+        yield f"the study's grains appear {config['funnel']['orientation']}; here their orientation is random"
+    yield "the plate here is endless; the study's ends at its edge"
+
+
+def rayleigh_time_s(material: dem.Material, density_kg_m3: float, radius_m: float) -> float:
+    """Rayleigh time of a sphere.
+
+    Parameters
+    ----------
+    material : repose.dem.Material
+    density_kg_m3, radius_m : float
+
+    Returns
+    -------
+    float
+        pi R sqrt(rho / G) / (0.1631 nu + 0.8766) [s].
+
+    References
+    ----------
+    Thornton and Randall, in: Micromechanics of Granular Materials, Elsevier (1988) 133.
+    """
+    root = math.sqrt(density_kg_m3 / material.shear_modulus_pa)
+    return math.pi * radius_m * root / (0.1631 * material.poisson_ratio + 0.8766)
+
+
+def surface_means(spheres_m: np.ndarray, points: int = 2000) -> tuple[float, float]:
+    """Mean radius and mean distance from the centre over the free surface of a clump, by area.
+
+    Parameters
+    ----------
+    spheres_m : numpy.ndarray, (M, 4)
+        Centres and radii.
+    points : int, optional
+        On each sphere.
+
+    Returns
+    -------
+    radius_m, distance_m : float
+    """
+    directions = sphere_directions(points)
+    areas = radii = distances = 0.0
+    for x, y, z, radius in spheres_m:
+        at = np.array([x, y, z]) + radius * directions
+        away = np.linalg.norm(at[:, None] - spheres_m[None, :, :3], axis=2)
+        free = at[np.all(away >= spheres_m[:, 3] * (1.0 - 1e-9), axis=1)]
+        areas += radius**2 * len(free)
+        radii += radius**3 * len(free)
+        distances += radius**2 * np.linalg.norm(free, axis=1).sum()
+    return radii / areas, float(distances / areas)

@@ -1,0 +1,152 @@
+"""The deck of LAMMPS: rigid molecules of granular spheres among a cone and a plane."""
+
+import math
+
+from repose.export.job import Job, Pair
+from repose.export.laws import (
+    damped_alone,
+    differences,
+    equivalent_restitution,
+    limited_friction,
+    rolled,
+    rolling_coefficient,
+    rolling_stiffness,
+    skin_m,
+)
+from repose.export.template import filled
+
+# Damping of the rolling spring over that which stops it at once, with the mass of a grain.
+ROLLING_DAMPING = 0.5
+
+
+def deck(job: Job) -> dict[str, str]:
+    """The files of a LAMMPS run.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    dict of str
+        Texts by the names of their files: in.pour, grain.mol.
+    """
+    half = max(job.plate_radius_m, 0.5 * job.funnel.inlet_diameter_m) + 4.0 * job.bounding_radius_m
+    steps, cone = job.steps(job.duration_s), job.funnel.cone_line()
+    on_wall = contact_words(job, job.on_wall)
+    low, high = (_on_line(cone, place) for place in (cone.first, cone.last))
+    text = filled(
+        "lammps.in",
+        head=differences(job, "# ", _told(job)),
+        seed=job.seed,
+        half=half,
+        below=job.bounding_radius_m,
+        top=job.factory_height_m + 4.0 * job.bounding_radius_m,
+        skin=skin_m(job),
+        law_gg=contact_words(job, job.grains),
+        law_gp=on_wall,
+        time_step=job.time_step_s,
+        gravity=job.gravity_m_s2,
+        cone_low_radius=low[0],
+        cone_high_radius=high[0],
+        cone_low=low[1],
+        cone_high=high[1],
+        tube=_tube(job, on_wall),
+        factory_radius=job.factory_radius_m,
+        factory_low=job.factory_height_m - 1e-4,
+        factory_high=job.factory_height_m + 1e-4,
+        count=job.count,
+        every=job.steps(1.0 / job.rate_per_s),
+        near=2.0 * float(job.spheres_m[:, 3].max()),
+        thermo=max(1, steps // 20),
+        steps=steps,
+    )
+    return {"in.pour": text, "grain.mol": molecule(job)}
+
+
+def contact_words(job: Job, pair: Pair) -> str:
+    """A contact in the words of pair_style granular.
+
+    Moduli stand for both surfaces: those of two equal ones with the pair's E*.
+
+    Parameters
+    ----------
+    job : Job
+    pair : Pair
+
+    Returns
+    -------
+    str
+    """
+    poisson = job.grain.poisson_ratio
+    young = 2.0 * (1.0 - poisson**2) * pair.effective_young_pa
+    # the dashpot along the tangent goes with the root of the tangential stiffness
+    damping = math.sqrt(4.0 * pair.effective_shear_pa / pair.effective_young_pa)
+    stiffness = rolling_stiffness(pair) / pair.effective_radius_m**2
+    rolling_damping = ROLLING_DAMPING * math.sqrt(stiffness * job.mass_kg)
+    words = (
+        f"hertz/material {young:.8g} {equivalent_restitution(pair, 1e-6):.8g} {poisson:.8g} "
+        f"tangential mindlin {8.0 * pair.effective_shear_pa:.8g} {damping:.8g} {pair.static_friction:.8g} "
+        "damping coeff_restitution "
+        f"rolling sds {stiffness:.8g} {rolling_damping:.8g} {rolling_coefficient(job, pair):.8g}"
+    )
+    return words if job.tension == "keep" else words + " limit_damping"
+
+
+def molecule(job: Job) -> str:
+    """The grain as a molecule template.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    str
+    """
+    n = len(job.spheres_m)
+    lines = ["a grain, from repose export", "", f"{n} atoms", f"{job.mass_kg:.9g} mass", "0 0 0 com"]
+    lines += [" ".join(f"{value:.9g}" for value in (*job.inertia_kg_m2, 0.0, 0.0, 0.0)) + " inertia"]
+    columns = {
+        "Coords": [" ".join(f"{value:.9g}" for value in sphere[:3]) for sphere in job.spheres_m],
+        "Types": ["1"] * n,
+        "Diameters": [f"{2.0 * sphere[3]:.9g}" for sphere in job.spheres_m],
+        "Masses": [f"{job.mass_kg / n:.9g}"] * n,
+    }
+    for name, words in columns.items():
+        lines += ["", name, "", *(f"{k} {word}" for k, word in enumerate(words, start=1))]
+    return "\n".join([*lines, ""])
+
+
+def _on_line(cone, place):
+    """Point (r, z) at a place along the cone's line."""
+    return (
+        cone.offset * cone.normal_r + place * cone.up_r,
+        cone.offset * cone.normal_z + place * cone.up_z,
+    )
+
+
+def _tube(job, law):
+    """The lines of a tube below the cone."""
+    if job.funnel.tube_length_m == 0.0:
+        return ""
+    radius, low, high = (
+        0.5 * job.funnel.outlet_diameter_m,
+        job.funnel.outlet_height_m,
+        job.funnel.neck_height_m,
+    )
+    return (
+        f"region          tube cylinder z 0 0 {radius:.9g} {low:.9g} {high:.9g} side in open 1 open 2\n"
+        f"fix             tube all wall/gran/region granular {law} region tube\n"
+    )
+
+
+def _told(job):
+    """What LAMMPS does otherwise."""
+    told = [rolled(job), damped_alone(), *limited_friction(job), "the edge of the outlet is sharp"]
+    if job.tension == "release":
+        told.append(
+            "the second number of hertz/material is the restitution that gives the study's damping; with limit_damping "
+            "an impact then ends with the restitution calibrated"
+        )
+    return told

@@ -1,0 +1,152 @@
+"""The study's laws in the numbers of other programs.
+
+A program that takes a coefficient of restitution finds its damping by a formula that lets the contact pull at the end
+(Tsuji, Tanaka and Ishida 1992). Where the study's contact never pulls, its damping is another one.
+`equivalent_restitution` is the number with which the program's formula gives the study's damping; the program's normal
+force must then be limited to pushes.
+
+Rolling resistance has here the lever from the contact to the centre of the clump, elsewhere the effective radius of the
+two spheres that touch. `rolling_coefficient` is the number with which the mean torque is the same.
+"""
+
+import math
+from collections.abc import Iterator
+
+from repose.export.job import Job, Pair
+
+
+def equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
+    """Coefficient of restitution with which Tsuji's formula gives a pair's damping ratio.
+
+    Parameters
+    ----------
+    pair : Pair
+    least : float, optional
+        The smallest that the program takes.
+
+    Returns
+    -------
+    float
+        exp(-pi beta / sqrt(1 - beta^2)), 0 for beta from 1 on, or `least`.
+    """
+    beta = pair.damping_ratio
+    if beta >= 1.0:
+        return least
+    return max(least, math.exp(-math.pi * beta / math.sqrt(1.0 - beta * beta)))
+
+
+def rolling_coefficient(job: Job, pair: Pair) -> float:
+    """Coefficient of rolling friction where the lever is the effective radius of two spheres.
+
+    Parameters
+    ----------
+    job : Job
+    pair : Pair
+
+    Returns
+    -------
+    float
+        mu_r times the mean lever over the effective radius.
+    """
+    return pair.rolling_friction * job.lever_m / pair.effective_radius_m
+
+
+def rolling_stiffness(pair: Pair) -> float:
+    """Stiffness of a rolling spring [N m].
+
+    Parameters
+    ----------
+    pair : Pair
+
+    Returns
+    -------
+    float
+        That of the tangential spring times R*^2.
+    """
+    return pair.tangential_stiffness_n_m * pair.effective_radius_m**2
+
+
+def skin_m(job: Job) -> float:
+    """By how much neighbour lists reach beyond the spheres [m].
+
+    A grain that falls at 2 m/s goes 0.4 mm in a step; with this skin the lists last for several steps.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    float
+        Three quarters of the mean radius.
+    """
+    return 0.75 * job.mean_radius_m
+
+
+def differences(job: Job, comment: str, told: list[str]) -> str:
+    """Head of a deck: the study, and what is not as in the study, as comment lines.
+
+    Parameters
+    ----------
+    job : Job
+    comment : str
+        What begins a comment.
+    told : list of str
+        What this program does otherwise.
+
+    Returns
+    -------
+    str
+    """
+    return "\n".join(comment + line for line in _head(job, told))
+
+
+def _head(job: Job, told: list[str]) -> Iterator[str]:
+    """Lines of the head."""
+    gg, gp = job.grains, job.on_wall
+    yield f"Pour of {job.count} grains of the study `{job.label}`, written by `repose export`. SI units."
+    yield f"Calibrated: e {gg.restitution:.6g}, mu_s {gg.static_friction:.6g}, mu_r {gg.rolling_friction:.6g} between"
+    yield (
+        f"grains; e {gp.restitution:.6g}, mu_s {gp.static_friction:.6g}, mu_r {gp.rolling_friction:.6g} "
+        "between grain and wall."
+    )
+    yield (
+        f"Time step {job.time_step_s:g} s: {100 * job.time_step_s / job.rayleigh_s:.1f} % of the Rayleigh time of the "
+        "smallest sphere."
+    )
+    yield "Not as in the study:"
+    for line in (*told, *job.notes):
+        yield f"- {line}"
+
+
+def limited_friction(job: Job) -> list[str]:
+    """The note of a program whose Coulomb's limit takes the whole normal force, where the study's does not.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    list of str
+    """
+    if job.friction_limit == "total":
+        return []
+    return ["Coulomb's limit takes the damped normal force, in the study its elastic part"]
+
+
+def damped_alone() -> str:
+    """The note of a program that damps every contact of a clump with the mass of the whole body."""
+    return (
+        "each pair of spheres is damped with the bodies' masses; in the study the spheres of one pair of bodies share "
+        "the damping, and the mass counts the rotation"
+    )
+
+
+def rolled(job: Job) -> str:
+    """The note of a program whose rolling resistance is a limited spring between two spheres."""
+    return (
+        "rolling resistance is a spring with a limit against the relative rotation (model C of Ai et al. 2011, without "
+        "damping or with); in the study a budget of each body (model A). Its coefficients here are those of the study "
+        f"times the mean lever {1e3 * job.lever_m:.3g} mm over the effective radius of two spheres"
+    )

@@ -1,0 +1,121 @@
+"""The deck of YADE: clumps among facets."""
+
+import math
+
+import numpy as np
+
+from repose.export.job import Job
+from repose.export.laws import damped_alone, differences, limited_friction, rolled, rolling_stiffness, skin_m
+from repose.export.surface import AROUND, profile
+from repose.export.template import filled
+
+# A sphere on a facet has for YADE two thirds of its radius as the effective one, and this mean radius over its own.
+MEAN_OVER_RADIUS = 1.5
+
+
+def deck(job: Job) -> dict[str, str]:
+    """The files of a YADE run.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    dict of str
+        The text of pour.py by its name.
+    """
+    weights, inertia = member_masses(job)
+    # sqrt(5/6) beta is the damping over that which stops at once
+    damping = {
+        name: math.sqrt(5.0 / 6.0) * pair.damping_ratio
+        for name, pair in (("gg", job.grains), ("gp", job.on_wall))
+    }
+    text = filled(
+        "yade.py.txt",
+        head=differences(job, "# ", _told(job)),
+        seed=job.seed,
+        count=job.count,
+        every=job.steps(1.0 / job.rate_per_s),
+        steps=job.steps(job.duration_s),
+        factory_radius=job.factory_radius_m,
+        factory_height=job.factory_height_m,
+        reach=job.bounding_radius_m,
+        spheres=_listed(job.spheres_m),
+        masses=_listed(weights * job.mass_kg),
+        inertia=_listed(inertia),
+        mass=job.mass_kg,
+        young_grain=job.grain.elastic_modulus_pa,
+        young_wall=job.wall.elastic_modulus_pa,
+        poisson_grain=job.grain.poisson_ratio,
+        poisson_wall=job.wall.poisson_ratio,
+        density=job.density_kg_m3,
+        damping_gg=damping["gg"],
+        damping_gp=damping["gp"],
+        mus_gg=job.grains.static_friction,
+        mus_gp=job.on_wall.static_friction,
+        eta=job.grains.rolling_friction * job.lever_m / job.mean_radius_m,
+        krot=rolling_stiffness(job.grains),
+        moment_gp=job.on_wall.rolling_friction * job.lever_m,
+        krot_gp=rolling_stiffness(job.on_wall),
+        profile=_listed(profile(job.funnel)),
+        around=AROUND,
+        plate_side=4.0 * max(job.plate_radius_m, 0.5 * job.funnel.inlet_diameter_m),
+        skin=skin_m(job),
+        gravity=job.gravity_m_s2,
+        time_step=job.time_step_s,
+    )
+    return {"pour.py": text}
+
+
+def member_masses(job: Job) -> tuple[np.ndarray, np.ndarray]:
+    """Shares of the mass and an inertia for each sphere, with which the clump has the body's.
+
+    The shares have their centre at the origin and no products of inertia, as nearly alike as that allows; the inertia
+    is what is left of the body's.
+
+    Parameters
+    ----------
+    job : Job
+
+    Returns
+    -------
+    weights : numpy.ndarray, (M,)
+        They add up to 1.
+    inertia : numpy.ndarray, (3,)
+        Of each sphere [kg m2].
+    """
+    x, y, z = job.spheres_m[:, :3].T
+    size = job.bounding_radius_m
+    rows = np.stack([np.ones_like(x), x / size, y / size, z / size, x * y, x * z, y * z])
+    rows[4:] /= size**2
+    wanted = np.zeros(7)
+    wanted[0] = 1.0
+    alike = np.full(len(x), 1.0 / len(x))
+    weights = alike + np.linalg.lstsq(rows, wanted - rows @ alike, rcond=1e-9)[0]
+    squares = np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+    return weights, (job.inertia_kg_m2 - job.mass_kg * squares @ weights) / len(x)
+
+
+def _listed(values):
+    """Nested lists of numbers as Python's text."""
+    values = np.asarray(values)
+    if values.ndim == 1:
+        return "[" + ", ".join(f"{value:.9g}" for value in values) + "]"
+    return "[\n" + "".join(f"    {_listed(row)},\n" for row in values) + "]"
+
+
+def _told(job):
+    """What YADE does otherwise."""
+    told = [
+        rolled(job),
+        damped_alone(),
+        *limited_friction(job),
+        "on a facet YADE takes two thirds of a sphere's radius as the effective one: contacts with walls are softer by "
+        "18 %",
+        "the funnel's contacts roll with the coefficient of the grains times 1.5; the plate's are set right every 10 "
+        "steps",
+    ]
+    if job.tension == "keep":
+        told.append("the normal force never pulls, damped as if it could")
+    return told

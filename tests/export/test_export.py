@@ -1,0 +1,281 @@
+"""Decks of other programs: they hold the study's numbers, and what stands for a law of ours does what ours does."""
+
+import ast
+import math
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from repose import export
+from repose.cli import exporting, main
+from repose.config import loader
+from repose.core.errors import InputError
+from repose.core.parameter_space import ParameterSpace
+from repose.core.places import find
+from repose.export import laws, surface, yade
+from repose.export.job import surface_means
+from repose.export.lammps import contact_words
+from repose.export.liggghts import LEAST_RESTITUTION, prime
+from repose.particle.particle import Particle
+
+CONFIG = str(find("config/quick.yaml"))
+MM = 1e-3
+BERRY = {"shear_modulus_pa": 43004.8, "poisson_ratio": 0.32, "density_kg_m3": 840.47}
+
+
+def clump(spheres_mm):
+    """A particle of spheres, with the mass and moments of the berry."""
+    spheres = MM * np.asarray(spheres_mm, float)
+    reach = float(np.max(np.linalg.norm(spheres[:, :3], axis=1) + spheres[:, 3]))
+    return Particle(
+        kind="multisphere",
+        semi_axes_m=np.zeros((0, 3)),
+        density_kg_m3=840.47,
+        volume_m3=1.488e-6,
+        mass_kg=1.25e-3,
+        inertia_kg_m2=np.array([1.55e-8, 4.08e-8, 4.30e-8]),
+        bounding_radius_m=reach,
+        deviation_max_m=0.0,
+        deviation_rms_m=0.0,
+        spheres_m=spheres,
+    )
+
+
+THREE = clump([[0.0, 0.0, 0.0, 5.5], [-5.5, 0.0, 0.0, 5.2], [5.5, 0.0, 0.0, 5.2]])
+SKEW = clump(
+    [
+        [0.8, 0.8, 0.1, 5.1],
+        [-5.5, 0.0, 0.0, 4.9],
+        [5.5, 0.0, 0.0, 4.9],
+        [2.4, -0.8, 0.0, 5.1],
+        [-3.2, 0.8, 0.0, 5.0],
+        [-2.4, -0.8, -0.1, 5.1],
+        [1.0, 0.2, 0.6, 5.0],
+        [0.5, -0.3, -0.6, 5.0],
+    ]
+)
+
+
+@pytest.fixture(scope="module")
+def config():
+    return loader.load(CONFIG)
+
+
+@pytest.fixture(scope="module")
+def job(config):
+    return export.make(config, ParameterSpace.of(config["parameters"]).centre, THREE, BERRY, seed=3)
+
+
+@pytest.mark.parametrize("program", export.PROGRAMS)
+def test_a_deck_is_whole_and_says_what_differs(job, program, tmp_path):
+    paths = export.write(job, program, tmp_path)
+    text = paths[0].read_text()
+    assert "@{" not in text
+    assert "Not as in the study" in text
+    for pair in (job.grains, job.on_wall):
+        assert f"{pair.static_friction:.6g}" in text
+    assert all(path.stat().st_size for path in paths)
+
+
+def test_liggghts_gets_the_numbers(job):
+    files = export.PROGRAMS["liggghts"](job)
+    deck = files["in.pour"]
+    friction = re.search(r"coefficientFriction peratomtypepair 2 (.*)", deck).group(1).split()
+    assert [float(word) for word in friction[:2]] == pytest.approx(
+        [job.grains.static_friction, job.on_wall.static_friction]
+    )
+    assert float(re.search(r" type 1 mass (\S+)", deck).group(1)) == pytest.approx(job.mass_kg)
+    moments = re.search(r"inertia_tensor (\S+) 0 0 (\S+) 0 (\S+)", deck).groups()
+    assert [float(word) for word in moments] == pytest.approx(job.inertia_kg_m2)
+    assert np.loadtxt(files["clump.txt"].splitlines()) == pytest.approx(job.spheres_m)
+    steps, step = (
+        int(re.search(r"\nrun +(\d+)", deck).group(1)),
+        float(re.search(r"timestep +(\S+)", deck).group(1)),
+    )
+    assert steps * step == pytest.approx(job.duration_s, rel=1e-3)
+
+
+def test_liggghts_primes():
+    primes = [prime(seed) for seed in range(200)]
+    assert len(set(primes)) == 200
+    assert min(primes) > 10000
+    assert all(all(p % k for k in range(2, 200)) for p in primes)
+
+
+def test_lammps_gets_the_numbers(job):
+    molecule = export.PROGRAMS["lammps"](job)["grain.mol"]
+    sections = re.split(r"\n\n(Coords|Types|Diameters|Masses)\n\n", molecule)
+    table = dict(zip(sections[1::2], sections[2::2], strict=True))
+    assert np.loadtxt(table["Coords"].splitlines())[:, 1:] == pytest.approx(job.spheres_m[:, :3])
+    assert np.loadtxt(table["Diameters"].splitlines())[:, 1] == pytest.approx(2 * job.spheres_m[:, 3])
+    assert f"{job.mass_kg:.9g} mass" in molecule
+    # two surfaces of this E and nu have the pair's E*; the tangential stiffness is 8 G*
+    words = contact_words(job, job.on_wall).split()
+    young, poisson = float(words[1]), float(words[3])
+    assert young / (2 * (1 - poisson**2)) == pytest.approx(job.on_wall.effective_young_pa)
+    assert float(words[6]) == pytest.approx(8 * job.on_wall.effective_shear_pa)
+
+
+def test_yade_gets_the_numbers(job):
+    tree = ast.parse(export.PROGRAMS["yade"](job)["pour.py"])
+    values = {}
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            try:
+                values[node.targets[0].id] = ast.literal_eval(node.value)
+            except ValueError:
+                continue
+    assert np.array(values["SPHERES"]) == pytest.approx(job.spheres_m)
+    assert values["MASS"] == pytest.approx(job.mass_kg)
+    assert np.array(values["RINGS"]) == pytest.approx(surface.profile(job.funnel))
+
+
+@pytest.mark.parametrize("particle", [THREE, SKEW], ids=["three", "skew"])
+def test_the_members_of_a_yade_clump_have_mass_centre_and_moments_of_the_body(config, particle):
+    job = export.make(config, ParameterSpace.of(config["parameters"]).centre, particle, BERRY)
+    weights, own = yade.member_masses(job)
+    masses, places = weights * job.mass_kg, job.spheres_m[:, :3]
+    assert masses.sum() == pytest.approx(job.mass_kg)
+    assert masses @ places == pytest.approx(np.zeros(3), abs=1e-12)
+    tensor = np.diag(own * len(places))
+    for mass, x in zip(masses, places, strict=True):
+        tensor += mass * (x @ x * np.eye(3) - np.outer(x, x))
+    assert tensor == pytest.approx(np.diag(job.inertia_kg_m2), abs=1e-14)
+    assert np.all(own > 0)
+
+
+def rebound(ratio, limited):
+    """Speed after an impact at speed 1 by Hertz's law with Tsuji's damping; mass and 4/3 E* sqrt(R*) are 1."""
+
+    def slopes(_, state):
+        overlap, speed = state
+        root = math.sqrt(max(overlap, 0.0))
+        force = root**3 + 2 * math.sqrt(5 / 6) * ratio * math.sqrt(1.5 * root) * speed
+        return speed, -max(force, 0.0) if limited else -force
+
+    def parted(_, state):
+        return state[0]
+
+    parted.terminal, parted.direction = True, -1
+    end = solve_ivp(slopes, (0, 50), (1e-9, 1.0), events=parted, rtol=1e-8, atol=1e-12)
+    return -end.y[1, -1]
+
+
+@pytest.mark.parametrize(("tension", "limited"), [("keep", False), ("release", True)])
+@pytest.mark.parametrize("restitution", [0.35, 0.7])
+def test_the_equivalent_restitution_gives_the_calibrated_rebound(config, job, tension, limited, restitution):
+    config = config | {"simulation": config["simulation"] | {"tension": tension}}
+    values = ParameterSpace.of(config["parameters"]).centre | {"e_gp": restitution}
+    pair = export.make(config, values, THREE, BERRY).on_wall
+    typed = laws.equivalent_restitution(pair)
+    # the formula of the other programs
+    ratio = -math.log(typed) / math.hypot(math.log(typed), math.pi)
+    assert rebound(ratio, limited) == pytest.approx(restitution, abs=1e-3)
+    assert (typed == pytest.approx(restitution)) == (tension == "keep")
+
+
+def test_a_damping_that_liggghts_cannot_take_is_told(job):
+    strong = replace(job, grains=replace(job.grains, damping_ratio=1.2))
+    assert laws.equivalent_restitution(strong.grains, LEAST_RESTITUTION) == LEAST_RESTITUTION
+    assert "stronger than coefficientRestitution" in export.PROGRAMS["liggghts"](strong)["in.pour"]
+
+
+def test_a_sphere_rolls_with_the_calibrated_coefficient_on_a_wall(job):
+    radius, lever = surface_means(np.array([[0.0, 0.0, 0.0, 0.005]]))
+    assert (radius, lever) == pytest.approx((0.005, 0.005))
+    sphere = replace(job, lever_m=lever, on_wall=replace(job.on_wall, effective_radius_m=radius))
+    assert laws.rolling_coefficient(sphere, sphere.on_wall) == pytest.approx(job.on_wall.rolling_friction)
+
+
+def test_free_surface_of_two_spheres_that_overlap():
+    # of each sphere a cap of height R / 2 is hidden
+    radius, lever = surface_means(np.array([[-0.5, 0.0, 0.0, 1.0], [0.5, 0.0, 0.0, 1.0]]), 20000)
+    outwards = np.linspace(-0.5, 1.0, 200001)  # places on a sphere are even along its axis
+    assert radius == pytest.approx(1.0)
+    assert lever == pytest.approx(np.sqrt(1.25 + outwards).mean(), rel=1e-3)
+
+
+def test_the_funnel_is_the_simulated_one(job):
+    line, funnel = surface.profile(job.funnel), job.funnel
+    assert line[0] == pytest.approx([0.5 * funnel.inlet_diameter_m, funnel.inlet_height_m])
+    assert line[:, 0].min() == pytest.approx(0.5 * funnel.outlet_diameter_m)
+    cone = funnel.cone_line()
+    on_cone = np.abs(line @ [cone.normal_r, cone.normal_z] - cone.offset) < 1e-9
+    first = line[on_cone][-1]
+    assert first @ [cone.up_r, cone.up_z] == pytest.approx(cone.first)
+    corners = surface.triangles(funnel)
+    areas = 0.5 * np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    lengths, middles = np.linalg.norm(np.diff(line, axis=0), axis=1), 0.5 * (line[1:, 0] + line[:-1, 0])
+    assert areas.sum() == pytest.approx(2 * math.pi * (lengths * middles).sum(), rel=2e-3)
+
+
+def test_a_tube_stands_in_surface_and_deck(config):
+    config = config | {"funnel": config["funnel"] | {"tube_length_mm": 20.0}}
+    job = export.make(config, ParameterSpace.of(config["parameters"]).centre, THREE, BERRY)
+    line = surface.profile(job.funnel)
+    inner = line[np.isclose(line[:, 0], 0.5 * job.funnel.outlet_diameter_m)]
+    assert np.ptp(inner[:, 1]) == pytest.approx(0.02)
+    assert "region          tube cylinder" in export.PROGRAMS["lammps"](job)["in.pour"]
+
+
+def test_what_has_no_spheres_or_another_law_is_refused(config):
+    centre = ParameterSpace.of(config["parameters"]).centre
+    smooth = replace(THREE, kind="smooth", spheres_m=np.zeros((0, 4)))
+    with pytest.raises(InputError, match="multisphere"):
+        export.make(config, centre, smooth, BERRY)
+    linear = config | {"simulation": config["simulation"] | {"contact_law": "linear_spring"}}
+    with pytest.raises(InputError, match="hertz_mindlin"):
+        export.make(linear, centre, THREE, BERRY)
+
+
+def test_the_verb_writes_a_deck(monkeypatch, tmp_path, capsys):
+    asked = {}
+
+    def berry_and_particle(config, _source):
+        asked.update(config["berry"])
+        return BERRY, THREE
+
+    monkeypatch.setattr("repose.cli.berries.berry_and_particle", berry_and_particle)
+    words = ["export", "--to", "yade", "--config", CONFIG, "--set", "mus_gg=0.41", "--spheres", "5"]
+    assert main([*words, "--out", str(tmp_path / "deck")]) == 0
+    assert capsys.readouterr().out.strip() == str(tmp_path / "deck" / "pour.py")
+    assert "mu_s 0.41" in (tmp_path / "deck" / "pour.py").read_text()
+    assert (asked["particle"], asked["spheres"]) == ("multisphere", 5)
+    assert tuple(export.PROGRAMS) == exporting.PROGRAMS
+
+
+RUNS = {
+    "liggghts": ("liggghts", ["liggghts", "-in", "in.pour"], "pile.dump"),
+    "lammps": ("lmp", ["lmp", "-in", "in.pour"], "pile.dump"),
+    "yade": ("yade", ["yade", "-n", "-x", "-j1", "pour.py"], "pile.csv"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("program", RUNS)
+def test_a_deck_runs(job, program, tmp_path):
+    name, command, result = RUNS[program]
+    if shutil.which(name) is None:
+        pytest.skip(f"{name} is not installed")
+    # two grains that are still falling at the end
+    few = replace(job, count=2, rate_per_s=50.0, duration_s=0.06)
+    export.write(few, program, tmp_path)
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, timeout=500)
+    lines = (tmp_path / result).read_text().splitlines()
+    start = next(k for k, line in enumerate(lines) if "radius" in line)
+    columns = lines[start].replace(",", " ").replace("ITEM: ATOMS", "").split()
+    rows = np.array([line.replace(",", " ").split() for line in lines[start + 1 :]], float)
+    at = rows[:, [columns.index(axis) for axis in "xyz"]].reshape(2, 3, 3)
+    for spheres in at:
+        apart = np.linalg.norm(spheres[:, None] - spheres[None], axis=2)
+        wanted = np.linalg.norm(THREE.spheres_m[:, None, :3] - THREE.spheres_m[None, :, :3], axis=2)
+        assert apart == pytest.approx(wanted, abs=1e-6)
+    fallen = few.factory_height_m - at.mean(axis=1)[:, 2].min()
+    assert fallen == pytest.approx(0.5 * few.gravity_m_s2 * few.duration_s**2, abs=5e-4)
