@@ -213,7 +213,10 @@ def test_the_funnel_is_the_simulated_one(job):
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
     )
     lengths, middles = np.linalg.norm(np.diff(line, axis=0), axis=1), 0.5 * (line[1:, 0] + line[:-1, 0])
-    assert areas.sum() == pytest.approx(2 * math.pi * (lengths * middles).sum(), rel=2e-3)
+    around = (
+        2 * surface.AROUND * math.sin(math.pi / surface.AROUND)
+    )  # of the polygon whose corners lie on a circle
+    assert areas.sum() == pytest.approx(around * (lengths * middles).sum(), rel=1e-3)
 
 
 def test_a_tube_stands_in_surface_and_deck(config):

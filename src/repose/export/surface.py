@@ -34,10 +34,9 @@ def profile(funnel: Funnel) -> np.ndarray:
 
     top = (0.5 * funnel.inlet_diameter_m, funnel.inlet_height_m)
     tangent = 90.0 + math.degrees(slope)
-    if funnel.tube_length_m == 0.0:
-        points = [top, *arc(neck, tangent, 270.0)]
-    else:
-        points = [top, *arc(neck, tangent, 180.0), *arc(outlet, 180.0, 270.0)]
+    lip = arc(outlet, 180.0, 270.0)
+    # without a tube one arc goes on where the other ends
+    points = [top, *arc(neck, tangent, 180.0), *(lip if funnel.tube_length_m else lip[1:])]
     return _divided(np.array(points))
 
 
