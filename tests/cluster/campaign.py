@@ -3,7 +3,8 @@
     python tests/cluster/campaign.py --samples 10000 --cores 1000
 
 Each job starts when it has been submitted and a core is free. It takes its start, then its samples one after another.
-Times of samples are drawn from a table of measured ones (benchmarks of the rules pour and measure_runs).
+Times of samples are drawn from measured ones, the benchmarks of the rules pour and measure_runs: CPU times, since the
+machine that measured may have been busy.
 """
 
 import argparse
@@ -25,10 +26,11 @@ def makespan_s(jobs_s, cores, start_s, submitted_per_s):
 
 
 def measured_s(folder):
-    """Wall times of the samples of a run, pour and measurement together."""
+    """CPU times of the samples of a run, pour and measurement together."""
 
     def seconds(path):
-        return float(path.read_text().splitlines()[1].split()[0])
+        names, values = (line.split("\t") for line in path.read_text().splitlines()[:2])
+        return float(values[names.index("cpu_time")])
 
     pours = [path for path in Path(folder).glob("*.tsv") if not path.stem.endswith("_measured")]
     return [seconds(path) + seconds(path.with_stem(f"{path.stem}_measured")) for path in pours]
@@ -42,7 +44,7 @@ def main():
     words.add_argument(
         "--sample-s", type=float, default=15.0, help="time of a sample, where no run is given (15)"
     )
-    words.add_argument("--start-s", type=float, default=10.0, help="start of a cluster job (10)")
+    words.add_argument("--start-s", type=float, default=8.0, help="start of a cluster job (8)")
     words.add_argument(
         "--inner-s", type=float, default=1.0, help="what a workflow's job costs in a cluster job (1)"
     )

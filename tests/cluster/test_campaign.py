@@ -22,5 +22,5 @@ def test_submitting_takes_its_time():
 
 def test_times_of_a_sample_are_those_of_its_two_jobs(tmp_path):
     for name, seconds in (("001", 12.5), ("001_measured", 2.5)):
-        (tmp_path / f"{name}.tsv").write_text(f"s\tmax_rss\n{seconds}\t100\n")
+        (tmp_path / f"{name}.tsv").write_text(f"s\tmax_rss\tcpu_time\n99.0\t100\t{seconds}\n")
     assert campaign.measured_s(tmp_path) == [15.0]

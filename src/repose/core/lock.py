@@ -1,9 +1,10 @@
 """One workflow at a time in a folder of results.
 
 The locks are those of the operating system (flock). They end with the process that holds them, however it ends, so a
-kill leaves none behind.
+kill leaves none behind. Some file systems of clusters have none: there nothing is held, and nothing is refused.
 """
 
+import errno
 import fcntl
 import os
 import socket
@@ -15,6 +16,8 @@ from typing import IO
 
 from repose.core.errors import InputError
 
+# What a file system without locks answers.
+NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)
 WORKFLOW, JOBS = ".lock", ".jobs"  # a workflow holds the first; its jobs hold the second, together
 
 
@@ -83,4 +86,7 @@ def _locked(file, kind):
         fcntl.flock(file, kind | fcntl.LOCK_NB)
     except BlockingIOError:
         return False
+    except OSError as error:
+        if error.errno not in NO_LOCKS:
+            raise
     return True

@@ -68,12 +68,7 @@ rule drum_film:
         trajectory=f"{RESULTS}/drum/drum_{DRUM_SEEDS[0]}_trajectory.npz",
         particle=rules.shape.output.particle,
     output:
-        report(
-            f"{RESULTS}/drum/drum.gif",
-            caption="../../report/drum_film.rst",
-            category="Figures",
-            labels={"figure": "Film of the drum"},
-        ),
+        f"{RESULTS}/drum/drum.gif",
     log:
         f"{RESULTS}/logs/drum_film.log",
     benchmark:

@@ -61,12 +61,7 @@ rule film:
         trajectory=rules.trajectory.output.trajectory,
         particle=rules.shape.output.particle,
     output:
-        report(
-            f"{RESULTS}/film/pour.gif",
-            caption="../../report/film.rst",
-            category="Figures",
-            labels={"figure": "Film of the pour"},
-        ),
+        f"{RESULTS}/film/pour.gif",
     log:
         f"{RESULTS}/logs/film.log",
     benchmark:

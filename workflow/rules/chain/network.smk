@@ -4,12 +4,7 @@ rule network:
         runs=rules.dataset.output.runs,
     output:
         network=f"{RESULTS}/network/network.json",
-        metrics=report(
-            f"{RESULTS}/network/metrics.json",
-            caption="../../report/metrics.rst",
-            category="Tables",
-            labels={"table": "Accuracy of the network"},
-        ),
+        metrics=f"{RESULTS}/network/metrics.json",
         predictions=f"{RESULTS}/network/predictions.csv",
         starts=f"{RESULTS}/network/starts.csv",
     log:
