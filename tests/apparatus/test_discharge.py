@@ -1,6 +1,5 @@
 """The funnel with a lid: rates of known discharges, how a run is judged, conserved mass, and Beverloo's law."""
 
-import copy
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +16,11 @@ from repose.particle.build import ellipsoid_mesh, fit_particle
 ROOT = Path(__file__).parents[2]
 BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32, "density_kg_m3": 840.47}
 PARTICLE = fit_particle(ellipsoid_mesh(np.array([21.14, 11.37, 9.88])), 840.47)
-SPHERE_MM = 10.0
+SPHERE_MM = 12.0
 SPHERE = fit_particle(ellipsoid_mesh(np.full(3, SPHERE_MM)), 840.47)
 SET = dict(zip(PARAMETERS, (0.25, 0.5, 0.03, 0.3, 0.6, 0.2), strict=True))
+# smooth enough not to jam
+SPHERES = dict(zip(PARAMETERS, (0.3, 0.3, 0.01, 0.3, 0.3, 0.01), strict=True))
 SMALL = {"berries": 40, "rate_per_s": 150.0, "open_from_s": 0.8, "longest_s": 2.0, "collar_mm": 60.0}
 
 
@@ -107,18 +108,17 @@ def test_a_narrow_outlet_jams():
 
 
 def flow_g_s(seed=1, **keys):
-    """Rate of spheres from a wide, flat funnel."""
-    own = {"berries": 1200, "inlet_diameter_mm": 150.0, "cone_angle_deg": 20.0, "collar_mm": 200.0}
-    own |= {"rate_per_s": 600.0, "open_from_s": 3.0, "longest_s": 20.0}
-    whole = copy.deepcopy(config(**own | keys))
-    record, _ = run_once(bench("discharge"), whole, SET, seed, SPHERE, BERRY)
+    """Rate of spheres from a funnel with a flat cone."""
+    own = {"berries": 700, "inlet_diameter_mm": 130.0, "cone_angle_deg": 20.0, "collar_mm": 200.0}
+    own |= {"rate_per_s": 700.0, "open_from_s": 1.5, "longest_s": 4.0}
+    record, _ = run_once(bench("discharge"), config(**own | keys), SPHERES, seed, SPHERE, BERRY)
     assert record["status"] == "ok", record["reason"]
     return record["flow_g_s"]
 
 
 @pytest.mark.slow
 def test_the_rate_grows_with_the_outlet_as_beverloo_says():
-    outlets = np.array([45.0, 55.0, 65.0, 75.0])
+    outlets = np.array([60.0, 70.0, 80.0])
     root = np.array([flow_g_s(outlet_diameter_mm=outlet) for outlet in outlets]) ** 0.4
     slope, shift = np.polyfit(outlets, root, 1)
     assert np.abs(slope * outlets + shift - root).max() < 0.03 * root.mean()
@@ -127,5 +127,5 @@ def test_the_rate_grows_with_the_outlet_as_beverloo_says():
 
 @pytest.mark.slow
 def test_the_rate_hardly_depends_on_the_filling():
-    few, many = (flow_g_s(berries=berries, outlet_diameter_mm=50.0) for berries in (800, 1200))
+    few, many = (flow_g_s(berries=berries, outlet_diameter_mm=60.0) for berries in (450, 700))
     assert many == pytest.approx(few, rel=0.1)
