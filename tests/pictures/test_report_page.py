@@ -174,7 +174,7 @@ def test_the_page_begins_with_whether_the_targets_are_met(change, kind, words, t
 
 def test_faults_name_the_input(tmp_path):
     config, jobs, files = made_up_study(tmp_path, TARGETS)
-    with pytest.raises(InputError, match=r"photo.*one of network"):
+    with pytest.raises(InputError, match=r"photo.*one of dataset"):
         page.write(config, jobs, files | {"photo": "x"}, {}, tmp_path / "report.html")
     del files["table4"]
     with pytest.raises(InputError, match="a report needs"):

@@ -1,4 +1,4 @@
-"""A simulator in one line for the response surface strategy: two responses that three parameters set."""
+"""A simulator in one line for the strategies: two responses that three parameters set."""
 
 import numpy as np
 
@@ -34,6 +34,36 @@ SECTION = {
     "checks": 8,
 }
 MATTER = {"mus_gg", "mur_gg", "mus_gp"}
+
+
+def configuration(targets, space, **sections):
+    """What the check of a strategy reads of a study's configuration."""
+    parameters = {name: {"fixed": value} for name, value in space.fixed.items()}
+    for name, low, high in zip(space.free, space.low.tolist(), space.high.tolist(), strict=True):
+        parameters[name] = [low, high]
+        if name in space.prior:
+            mean, sd = space.prior[name]
+            parameters[name] = {"range": [low, high], "prior": {"mean": mean, "sd": sd}}
+    return {
+        "label": "made_up",
+        "results_dir": "results",
+        "small_run": False,
+        "targets": [
+            {
+                "response": one.name,
+                "apparatus": one.response.apparatus,
+                "value": one.value,
+                "sd": one.sd,
+                "repetitions": one.repetitions,
+                "range": [one.low, one.high],
+            }
+            for one in targets
+        ],
+        "parameters": parameters,
+        "design": {"seed": 1},
+        "miga": {"solutions": 20, "distance": 0.02},
+        **sections,
+    }
 
 
 def responses(table, noise=0.0, seed=1):

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.text import Text
-from synthetic import MATTER, RANGES, SECTION, SPACE, TARGETS, dataset, responses
+from synthetic import MATTER, RANGES, SECTION, SPACE, TARGETS, configuration, dataset, responses
 
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
@@ -41,7 +41,9 @@ def campaign(folder, noise, section=SECTION, space=SPACE, seed=1):
         number = list(step).index(name)
         table = pd.read_csv(step[name] / "samples.csv")
         dataset(table, noise, [seed, number]).to_csv(step[name] / "dataset.csv", index=False)
-        runs = table.loc[table.index.repeat(section["seeds"]), ["sample"]].assign(status="ok")
+        every = table.loc[table.index.repeat(section["seeds"])].reset_index(drop=True)
+        runs = every[["sample"]].assign(status="ok")
+        runs[list(TARGETS.names)] = responses(every, noise, [seed, number])
         runs.to_csv(step[name] / "runs.csv", index=False)
         return step[name] / "samples.csv", step[name] / "dataset.csv"
 
@@ -53,9 +55,11 @@ def campaign(folder, noise, section=SECTION, space=SPACE, seed=1):
     found = (
         step["surface"] / "predictions.csv",
         step["surface"] / "optimum.json",
+        step["surface"],
         step["check"] / "dataset.csv",
     )
-    return files.run_check(*found, [one / "runs.csv" for one in step.values()], TARGETS, step["check"])
+    config = configuration(TARGETS, space, response_surface=section)
+    return files.run_check(*found, [one / "runs.csv" for one in step.values()], config, step["check"])
 
 
 @pytest.fixture(scope="module")

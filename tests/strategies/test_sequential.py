@@ -8,7 +8,7 @@ import pytest
 from matplotlib.text import Text
 from scipy.spatial.distance import cdist
 from scipy.stats import norm
-from synthetic import RANGES, SPACE, TARGETS, responses
+from synthetic import RANGES, SPACE, TARGETS, configuration, responses
 
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
@@ -81,9 +81,8 @@ def campaign(folder, targets=TARGETS, space=SPACE, section=SECTION, noise=1.0, s
         k += 1
     runs = runs_of(table, section["checks"], noise, [seed, 999], targets.names)
     write_poured(folder / "check", table, runs, targets)
-    advices = [one / "advice.json" for one in folders]
     check = folder / "check/dataset.csv", folder / "check/runs.csv"
-    files.run_check(advices, *check, targets, section, folder)
+    files.run_check(folders, *check, configuration(targets, space, sequential=section), folder)
     return json.loads((folder / "summary.json").read_text())
 
 

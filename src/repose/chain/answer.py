@@ -4,14 +4,52 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_rows
 from repose.core.parameters import LABELS, PARAMETERS, check_value
 from repose.core.targets import Targets
 
-SUMMARY, CHECK, CARD = "miga/summary.json", "validation/representative.csv", "card.json"
+
+class Files(NamedTuple):
+    """Where a strategy leaves its answer, in the folder of results.
+
+    Attributes
+    ----------
+    rule : str
+        The last rule that writes them.
+    summary, check, solutions : str
+        Answer, its simulation beside the targets, all parameter sets that were found.
+    advice : str
+        What to do where the targets are not met.
+    """
+
+    rule: str
+    summary: str
+    check: str
+    solutions: str
+    advice: str
+
+
+def _of_strategy(rule, folder, advice):
+    """The files that `repose.strategies.answer` writes."""
+    names = ("summary.json", "representative.csv", "solutions.csv")
+    return Files(rule, *(f"{folder}/{name}" for name in names), advice)
+
+
+FILES = {
+    "published": Files(
+        "validate",
+        *("miga/summary.json", "validation/representative.csv", "miga/feasible.csv"),
+        "pour nearer to the answer: target `refined`",
+    ),
+    "response_surface": _of_strategy(
+        "response_check", "response_surface/check", "change response_surface.reach or .most_factors"
+    ),
+    "sequential": _of_strategy("sequential_check", "sequential", "raise sequential.most_pours"),
+}
+CARD = "card.json"
 COLUMNS = ("response", "simulated", "simulated_se", "n_seeds", "status")
 REPORT = "report.html"
 # Exit status of a run that ended without a feasible solution.
@@ -91,6 +129,8 @@ class Answer:
         A check for each target.
     folder : Path
         Of the results.
+    files : Files
+        Its files there.
     """
 
     label: str
@@ -99,6 +139,7 @@ class Answer:
     message: str
     checks: tuple[Check, ...]
     folder: Path
+    files: Files = FILES["published"]
 
     @property
     def met(self) -> bool:
@@ -111,26 +152,25 @@ class Answer:
             head = f"{self.label}: {self.message}\nThe nearest parameters"
         rows = [f"  {name:7} {value:.4g}  {LABELS[name]}" for name, value in self.parameters.items()]
         checks = [f"  {check}" for check in self.checks]
-        advice = (
-            ""
-            if self.met
-            else "\nWiden parameters or targets, or pour nearer to the answer: target `refined`."
-        )
+        advice = "" if self.met else f"\nWiden parameters or targets, or {self.files.advice}."
         return (
             "\n".join([f"{head}:", *rows, "Simulated again with fresh seeds:", *checks])
             + advice
-            + f"\nTables: {self.folder / 'validation'}; all solutions: {self.folder / 'miga/feasible.csv'}; "
+            + f"\nTables: {(self.folder / self.files.check).parent}; "
+            f"all solutions: {self.folder / self.files.solutions}; "
             f"after the whole study the report: {self.folder / REPORT}, and the material card: {self.folder / CARD}"
         )
 
 
-def read(config: Mapping[str, Any]) -> Answer:
+def read(config: Mapping[str, Any], strategy: str = "published") -> Answer:
     """The answer of a finished study.
 
     Parameters
     ----------
     config : mapping
         The whole configuration.
+    strategy : str, optional
+        Whose answer.
 
     Returns
     -------
@@ -141,12 +181,15 @@ def read(config: Mapping[str, Any]) -> Answer:
     InputError
         If the calibration has not been run, or a file of it is bad.
     """
-    folder = Path(config["results_dir"])
-    return read_files(config, folder / SUMMARY, folder / CHECK)
+    folder, files = Path(config["results_dir"]), FILES[strategy]
+    return read_files(config, folder / files.summary, folder / files.check, strategy)
 
 
 def read_files(
-    config: Mapping[str, Any], summary_json: str | os.PathLike, check_csv: str | os.PathLike
+    config: Mapping[str, Any],
+    summary_json: str | os.PathLike,
+    check_csv: str | os.PathLike,
+    strategy: str = "published",
 ) -> Answer:
     """The answer in the files that search and check wrote.
 
@@ -155,7 +198,9 @@ def read_files(
     config : mapping
         The whole configuration.
     summary_json, check_csv : path
-        What the verbs miga and validate wrote.
+        What the verbs miga and validate wrote, or the check of another strategy.
+    strategy : str, optional
+        That wrote them.
 
     Returns
     -------
@@ -167,7 +212,7 @@ def read_files(
         If a file is missing or bad.
     """
     keys = {"representative": dict, "feasible": bool, "message": str}
-    summary = read_json(summary_json, keys, "what the verb miga wrote; run the calibration first")
+    summary = read_json(summary_json, keys, "an answer that a calibration wrote; run it first")
     rows = {row["response"]: row for row in read_rows(check_csv, COLUMNS, "what validate wrote")}
     targets = Targets.of(config["targets"])
     for name in targets.names:
@@ -185,6 +230,7 @@ def read_files(
         message=summary["message"],
         checks=tuple(_check(one, rows[one.name], check_csv) for one in targets),
         folder=Path(config["results_dir"]),
+        files=FILES[strategy],
     )
 
 

@@ -64,24 +64,55 @@ def make(
     dict
     """
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
-    draws = feasible if posterior is None else posterior[1]
-    ends = _ends(space, feasible, posterior)
-    correlations = draws[list(space.free)].corr().fillna(0.0)
-    return {
-        "card": 1,
-        "material": answer.label,
+    about = {
         "grain": _grain(config, berry, particle),
         "wall": {key: config["wall"][key] for key in ("shear_modulus_pa", "poisson_ratio")},
         "laws": laws(config),
+    }
+    return assembled(about, answer, space, targets, feasible, posterior)
+
+
+def assembled(
+    about: Mapping[str, Any],
+    answer: Answer,
+    space: ParameterSpace,
+    targets: Targets,
+    feasible: "pd.DataFrame",
+    posterior: "tuple[pd.DataFrame, pd.DataFrame] | None" = None,
+) -> dict[str, Any]:
+    """A card of its parts.
+
+    Parameters
+    ----------
+    about : mapping
+        What was simulated: grain, wall and laws, or the name of another simulator.
+    answer : Answer
+    space : ParameterSpace
+    targets : Targets
+    feasible, posterior
+        As `make` takes them.
+
+    Returns
+    -------
+    dict
+    """
+    draws = feasible if posterior is None else posterior[1]
+    ends = _ends(space, feasible, posterior)
+    correlations = draws[list(space.free)].corr().fillna(0.0)
+    simulated = any(check.simulated is not None for check in answer.checks)
+    return {
+        "card": 1,
+        "material": answer.label,
+        **about,
         "parameters": {
             name: {
-                "meaning": LABELS[name],
+                "meaning": LABELS.get(name, name),
                 "value": answer.parameters[name],
                 "low": ends[name][0],
                 "high": ends[name][1],
                 "given": _given(name, space),
             }
-            for name in PARAMETERS
+            for name in space.names
         },
         "interval": RANGE if posterior is None else POSTERIOR,
         "correlations": {
@@ -89,7 +120,7 @@ def make(
             for one in space.free
         },
         "tests": [_test(check, target) for check, target in _paired(answer.checks, targets)],
-        "met": answer.met,
+        "met": answer.met if simulated or "simulator" not in about else None,
         "made_by": _made_by(),
     }
 
@@ -118,7 +149,7 @@ def laws(config: Mapping[str, Any]) -> dict[str, str]:
 
 def _ends(space, feasible, posterior):
     """Interval of each parameter; of a fixed one none."""
-    ends: dict[str, tuple[float | None, float | None]] = dict.fromkeys(PARAMETERS, (None, None))
+    ends: dict[str, tuple[float | None, float | None]] = dict.fromkeys(space.names, (None, None))
     table = None if posterior is None else posterior[0].set_index("parameter")
     for name in space.free:
         if table is None:

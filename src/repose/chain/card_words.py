@@ -3,8 +3,6 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from repose.core.parameters import PARAMETERS
-
 
 def in_words(card: Mapping[str, Any]) -> str:
     """A card for people.
@@ -17,21 +15,15 @@ def in_words(card: Mapping[str, Any]) -> str:
     -------
     str
     """
-    grain, made = card["grain"], card["made_by"]
-    axes = " x ".join(f"{axis:.4g}" for axis in grain["mean_axes_mm"])
-    spread = f", spread {100 * grain['relative_spread']:.2g} %" if grain["relative_spread"] else ""
+    made = card["made_by"]
+    met = {True: "met", False: "NOT met", None: "not simulated again"}[card["met"]]
     free = list(card["correlations"])
     pairs = [(card["correlations"][a][b], a, b) for k, a in enumerate(free) for b in free[k + 1 :]]
     strong = sorted((pair for pair in pairs if abs(pair[0]) >= 0.5), key=lambda pair: -abs(pair[0]))
     return "\n".join(
         [
-            f"Material card: {card['material']}; targets {'met' if card['met'] else 'NOT met'}",
-            f"grain: {axes} mm (mean of {grain['measured']}{spread}), {grain['shape']}, {grain['volume_mm3']:.4g} mm3, "
-            f"{grain['mass_g']:.4g} g",
-            f"  density {grain['density_kg_m3']:.4g} kg/m3, {_moduli(grain)}",
-            f"wall: {_moduli(card['wall'])}",
-            "contact laws:",
-            *(f"  {name}: {law}" for name, law in card["laws"].items()),
+            f"Material card: {card['material']}; targets {met}",
+            *_about(card),
             f"parameters [{card['interval']}]:",
             *(f"  {name:7} {_value(one):32} {one['meaning']}" for name, one in card["parameters"].items()),
             "correlations of 0.5 and more: "
@@ -42,6 +34,29 @@ def in_words(card: Mapping[str, Any]) -> str:
             f"engine {made['engine']}, seed {made['seed']}",
         ]
     )
+
+
+def _about(card):
+    """What was simulated: grain, wall and laws, or another simulator."""
+    if "simulator" in card:
+        chance = card["probability"]
+        yield f"simulator: {card['simulator']}"
+        yield (
+            f"probability that the simulator's means lie within 1 % of all targets: {chance['within_1_percent']:.2f}; "
+            f"within 2 %: {chance['within_2_percent']:.2f}; inside all ranges: {chance['inside']:.2f}"
+        )
+        return
+    grain = card["grain"]
+    axes = " x ".join(f"{axis:.4g}" for axis in grain["mean_axes_mm"])
+    spread = f", spread {100 * grain['relative_spread']:.2g} %" if grain["relative_spread"] else ""
+    yield (
+        f"grain: {axes} mm (mean of {grain['measured']}{spread}), {grain['shape']}, {grain['volume_mm3']:.4g} mm3, "
+        f"{grain['mass_g']:.4g} g"
+    )
+    yield f"  density {grain['density_kg_m3']:.4g} kg/m3, {_moduli(grain)}"
+    yield f"wall: {_moduli(card['wall'])}"
+    yield "contact laws:"
+    yield from (f"  {name}: {law}" for name, law in card["laws"].items())
 
 
 def compared(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
@@ -57,14 +72,16 @@ def compared(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
     """
     names = [card["material"] for card in (one, other)]
     rows = [["", *names]]
-    for name in PARAMETERS:
-        pair = [card["parameters"][name] for card in (one, other)]
-        rows.append([name, *map(_value, pair), _apart(*pair)])
+    for name in dict.fromkeys([*one["parameters"], *other["parameters"]]):
+        pair = [card["parameters"].get(name) for card in (one, other)]
+        apart = [_apart(*pair)] if all(pair) else []
+        rows.append([name, *(_value(value) if value else "-" for value in pair), *apart])
     tests = [{test["response"]: test for test in card["tests"]} for card in (one, other)]
     for name in dict.fromkeys([*tests[0], *tests[1]]):
         rows.append([name, *(_simulated(own.get(name)) for own in tests)])
     for key in ("mean_axes_mm", "density_kg_m3", "shear_modulus_pa", "shape"):
-        rows.append([key, *(_plain(card["grain"][key]) for card in (one, other))])
+        if "simulator" not in one and "simulator" not in other:
+            rows.append([key, *(_plain(card["grain"][key]) for card in (one, other))])
     widths = [max(len(row[k]) for row in rows if k < len(row)) for k in range(3)]
     lines = [
         "  ".join(f"{cell:{width}}" for cell, width in zip(row, [*widths, 0], strict=False)) for row in rows
@@ -74,8 +91,12 @@ def compared(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
 
 def _differences(one, other):
     """Sentences on what is not the same in two cards besides the grain."""
-    for name in dict.fromkeys([*one["laws"], *other["laws"]]):
-        pair = [card["laws"].get(name, "none") for card in (one, other)]
+    simulators = [card.get("simulator", "repose") for card in (one, other)]
+    if simulators[0] != simulators[1]:
+        yield f"Another simulator: {simulators[0]} | {simulators[1]}."
+    laws = [card.get("laws", {}) for card in (one, other)]
+    for name in dict.fromkeys([*laws[0], *laws[1]] if all(laws) else []):
+        pair = [of.get(name, "none") for of in laws]
         if pair[0] != pair[1]:
             yield f"Another law, {name}: {pair[0]} | {pair[1]}. The same parameters would give other piles."
     if one["interval"] != other["interval"]:

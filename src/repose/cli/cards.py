@@ -55,6 +55,6 @@ def material_card(args: argparse.Namespace) -> None:
     if (args.posterior is None) != (args.draws is None):
         raise InputError("command line", "--posterior", args.posterior, "together with --draws")
     config = loader.load(args.config)
-    found = answer.read_files(config, args.summary, args.representative)
+    found = answer.read_files(config, args.summary, args.representative, config["strategy"])
     files = {name: getattr(args, name) for name in ("berry", "particle", "feasible", "posterior", "draws")}
     card.run(config, found, files, args.out)

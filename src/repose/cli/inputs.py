@@ -6,6 +6,7 @@ from repose.cli.berries import write_berry, write_particle
 from repose.cli.options import BERRY, PUBLISHED
 from repose.cli.registry import Family, Option
 from repose.config import loader
+from repose.core import places
 from repose.core.errors import InputError
 from repose.core.files import write_bytes
 from repose.core.parameter_space import ParameterSpace
@@ -74,13 +75,18 @@ def shape(args: argparse.Namespace) -> None:
 
 
 @family.verb(
-    "make the Latin hypercube design of the six contact parameters",
+    "make the Latin hypercube design of the contact parameters, or of those of your own simulator",
     example="--out results/design",
     out="results/design",
 )
 def design(args: argparse.Namespace) -> None:
     from repose.chain import design
+    from repose.cli import own_simulator
+    from repose.studies.own_simulator.study import is_own
 
+    if is_own(places.find(args.config)):
+        own_simulator.write_start(args)
+        return
     config = loader.load(args.config)
     section = config["design"]
     space = ParameterSpace.of(config["parameters"])

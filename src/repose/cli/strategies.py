@@ -102,18 +102,18 @@ def response_surface(args: argparse.Namespace) -> None:
     example=f"{FOLDER}/check/runs.csv",
     out=f"{FOLDER}/check",
     options=[
-        Option("runs", nargs="+", help="runs.csv of all steps, to count the pours"),
+        Option("runs", nargs="+", help="runs.csv of all steps, the check's last"),
         Option("--predictions", default=f"{FOLDER}/surface/predictions.csv", help="of the optimum"),
         Option("--optimum", default=f"{FOLDER}/surface/optimum.json", help="of the surface"),
+        Option("--surface", default=f"{FOLDER}/surface", help="folder with samples.csv and dataset.csv"),
         Option("--dataset", default=f"{FOLDER}/check/dataset.csv", help="of the check"),
     ],
 )
 def response_check(args: argparse.Namespace) -> None:
     from repose.strategies.response_surface import files
 
-    _, targets, _ = _read(args)
-    given = (args.predictions, args.optimum, args.dataset, args.runs)
-    table = files.run_check(*given, targets, args.out)
+    given = (args.predictions, args.optimum, args.surface, args.dataset, args.runs)
+    table = files.run_check(*given, loader.load(args.config), args.out)
     _print_deviations(table)
 
 
@@ -151,10 +151,10 @@ def sequential_batch(args: argparse.Namespace) -> None:
 
 @family.verb(
     "sequential: compare the simulated answer with its prediction and the targets, collect all batches",
-    example=f"{SEQUENTIAL}/batch_0/advice.json",
+    example=f"{SEQUENTIAL}/batch_0",
     out=SEQUENTIAL,
     options=[
-        Option("advices", nargs="+", help="JSON files that sequential_batch wrote, the start's first"),
+        Option("batches", nargs="+", help="folders of all batches, with what sequential_batch wrote there"),
         Option("--dataset", default=f"{SEQUENTIAL}/check/dataset.csv", help="of the answer's pours"),
         Option("--runs", default=f"{SEQUENTIAL}/check/runs.csv", help="of the answer: single runs"),
     ],
@@ -162,7 +162,5 @@ def sequential_batch(args: argparse.Namespace) -> None:
 def sequential_check(args: argparse.Namespace) -> None:
     from repose.strategies.sequential import files
 
-    config = loader.load(args.config)
-    targets, section = Targets.of(config["targets"]), config["sequential"]
-    table = files.run_check(args.advices, args.dataset, args.runs, targets, section, args.out)
+    table = files.run_check(args.batches, args.dataset, args.runs, loader.load(args.config), args.out)
     _print_deviations(table)

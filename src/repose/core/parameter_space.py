@@ -1,4 +1,4 @@
-"""The parameters that a study leaves open: ranges, fixed values, prior knowledge."""
+"""The parameters of a study: ranges of those that it leaves open, fixed values, prior knowledge."""
 
 import math
 from collections.abc import Mapping
@@ -15,18 +15,20 @@ PRIOR_WIDTHS = 3.0  # of a prior's standard deviation, to each side, where no ra
 
 @dataclass(frozen=True)
 class ParameterSpace:
-    """The six parameters, of which `free` are searched.
+    """The parameters of a study, of which `free` are searched.
 
     Attributes
     ----------
     free : tuple of str
-        Parameters that a study leaves open, in the order of `PARAMETERS`.
+        Parameters that a study leaves open, in the order of `names`.
     low, high : numpy.ndarray
         Their ranges, (d,).
     fixed : dict
         Values of the others.
     prior : dict
         Mean and standard deviation of parameters that were measured with an error; normal, cut to the range.
+    names : tuple of str
+        Of all parameters: the six, or those of another simulator.
     """
 
     free: tuple[str, ...]
@@ -34,18 +36,26 @@ class ParameterSpace:
     high: np.ndarray
     fixed: dict[str, float] = field(default_factory=dict)
     prior: dict[str, tuple[float, float]] = field(default_factory=dict)
+    names: tuple[str, ...] = PARAMETERS
 
     @classmethod
-    def of(cls, section: Mapping[str, Any], source: object = "parameters") -> "ParameterSpace":
+    def of(
+        cls,
+        section: Mapping[str, Any],
+        source: object = "parameters",
+        names: tuple[str, ...] = PARAMETERS,
+    ) -> "ParameterSpace":
         """From the configuration's section `parameters`.
 
         Parameters
         ----------
         section : mapping
-            For each of the six a range ``[low, high]``, ``{fixed: value}``, or ``{prior: {mean, sd}}`` with or without
+            For each parameter a range ``[low, high]``, ``{fixed: value}``, or ``{prior: {mean, sd}}`` with or without
             a ``range``.
         source : object
             Where the section stands, for the error.
+        names : tuple of str, optional
+            Of all parameters.
 
         Returns
         -------
@@ -57,11 +67,11 @@ class ParameterSpace:
             If a parameter is missing or unknown, or a range is empty or no range.
         """
         for name in section:
-            if name not in PARAMETERS:
-                known = ", ".join(PARAMETERS)
+            if name not in names:
+                known = ", ".join(names)
                 raise InputError(source, name, section[name], f"no such parameter; the six are {known}")
         free, low, high, fixed, prior = [], [], [], {}, {}
-        for name in PARAMETERS:
+        for name in names:
             if name not in section:
                 raise InputError(source, name, None, "a pair [low, high]")
             given = section[name]
@@ -74,7 +84,7 @@ class ParameterSpace:
             free.append(name)
             low.append(bounds[0])
             high.append(bounds[1])
-        return cls(tuple(free), np.array(low), np.array(high), fixed, prior)
+        return cls(tuple(free), np.array(low), np.array(high), fixed, prior, names)
 
     def check_searchable(self, source: object = "parameters") -> None:
         """Refuse a space that cannot be searched.
@@ -110,7 +120,7 @@ class ParameterSpace:
             for name, low, high in zip(self.free, self.low.tolist(), self.high.tolist(), strict=True)
         }
         known = middle | self.fixed
-        return {name: known[name] for name in PARAMETERS}
+        return {name: known[name] for name in self.names}
 
     def values(self, unit: np.ndarray) -> np.ndarray:
         """Parameter sets of points in the unit cube.
@@ -122,8 +132,8 @@ class ParameterSpace:
 
         Returns
         -------
-        numpy.ndarray, (n, 6)
-            In the order of `PARAMETERS`.
+        numpy.ndarray, (n, number of names)
+            In the order of `names`.
         """
         unit = np.atleast_2d(np.asarray(unit, dtype=float))
         return self.complete(self.low + unit * (self.high - self.low))
@@ -137,15 +147,15 @@ class ParameterSpace:
 
         Returns
         -------
-        numpy.ndarray, (n, 6)
-            In the order of `PARAMETERS`.
+        numpy.ndarray, (n, number of names)
+            In the order of `names`.
         """
         values = np.atleast_2d(np.asarray(values, dtype=float))
         columns = iter(values.T)
         return np.column_stack(
             [
                 np.full(len(values), self.fixed[name]) if name in self.fixed else next(columns)
-                for name in PARAMETERS
+                for name in self.names
             ]
         )
 
@@ -154,8 +164,8 @@ class ParameterSpace:
 
         Parameters
         ----------
-        values : numpy.ndarray, (n, 6)
-            In the order of `PARAMETERS`.
+        values : numpy.ndarray, (n, number of names)
+            In the order of `names`.
 
         Returns
         -------
@@ -163,7 +173,7 @@ class ParameterSpace:
             Free parameters.
         """
         values = np.atleast_2d(np.asarray(values, dtype=float))[
-            :, [PARAMETERS.index(name) for name in self.free]
+            :, [self.names.index(name) for name in self.free]
         ]
         return (values - self.low) / (self.high - self.low)
 
@@ -240,7 +250,7 @@ def range_of(name: str, given: Any) -> tuple[float, float]:
     Parameters
     ----------
     name : str
-        One of `PARAMETERS`.
+        Of the parameter.
     given : as in the configuration
         [low, high], or a mapping with `fixed`, or with `prior`.
 
@@ -255,7 +265,7 @@ def range_of(name: str, given: Any) -> tuple[float, float]:
     if "range" in given:
         return float(given["range"][0]), float(given["range"][1])
     mean, sd = given["prior"]["mean"], given["prior"]["sd"]
-    lowest, highest = PHYSICAL_LIMITS[name]
+    lowest, highest = PHYSICAL_LIMITS.get(name, (-math.inf, math.inf))
     low, high = max(lowest, mean - PRIOR_WIDTHS * sd), min(highest, mean + PRIOR_WIDTHS * sd)
     return (float(low), float(high)) if math.isfinite(high) else (float(low), float(mean + PRIOR_WIDTHS * sd))
 

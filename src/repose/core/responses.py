@@ -95,14 +95,14 @@ def derived(name: str, what: str) -> str:
     name : str
         Of the response.
     what : str
-        Stands before the unit, as in ``aor_se_deg``.
+        Stands before the last part, the unit, as in ``aor_se_deg``; at the end of a name of one part.
 
     Returns
     -------
     str
     """
-    quantity, unit = name.rsplit("_", 1)
-    return f"{quantity}_{what}_{unit}"
+    quantity, underscore, unit = name.rpartition("_")
+    return f"{quantity}_{what}_{unit}" if underscore else f"{name}_{what}"
 
 
 _REGISTRY: dict[str, Response] = {}

@@ -24,7 +24,7 @@ from repose.studies import noise
 from repose.studies.likelihood import log_likelihood, misfit, observation
 from repose.studies.sampler import information_bits, joint_information_bits, sample, split_r_hat
 from repose.studies.surrogates import require_targets
-from repose.surrogate.base import Surrogate
+from repose.surrogate.base import Predictor
 from repose.surrogate.support import Support
 
 CREDIBLE = 0.95
@@ -54,7 +54,7 @@ class Posterior(NamedTuple):
 
 
 def infer(
-    model: Surrogate,
+    model: Predictor,
     support: Support,
     runs: pd.DataFrame,
     space: ParameterSpace,
@@ -66,7 +66,7 @@ def infer(
 
     Parameters
     ----------
-    model : Surrogate
+    model : Predictor
         Trained on the responses of the targets, with the errors of its predictions.
     support : Support
         Of the samples that it was trained on.
@@ -112,7 +112,7 @@ def infer(
 
     X = space.values(kept)
     Y, std = model.predict(X, return_std=True, noise=False)
-    draws = pd.DataFrame(X, columns=list(PARAMETERS))
+    draws = pd.DataFrame(X, columns=list(space.names))
     for k, response in enumerate(targets.responses):
         draws[response.predicted] = Y[:, k]
         draws[derived(response.name, f"{model.name}_se")] = std[:, k]
@@ -282,7 +282,7 @@ def _prior_interval(space: ParameterSpace) -> np.ndarray:
     tail = np.full(space.dimensions, (1 - CREDIBLE) / 2)
     low, high = space.values(space.from_prior(np.array([tail, 1 - tail])))
     for name in space.prior:
-        width[space.free.index(name)] = high[PARAMETERS.index(name)] - low[PARAMETERS.index(name)]
+        width[space.free.index(name)] = high[space.names.index(name)] - low[space.names.index(name)]
     return width
 
 

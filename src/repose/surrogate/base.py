@@ -15,7 +15,7 @@ import copy
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, Self, TypeVar
+from typing import Any, ClassVar, Protocol, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,6 +25,43 @@ from repose.core.files import read_json, write_json
 from repose.core.responses import Definitions
 
 KEYS = {"surrogate": str, "inputs": list, "outputs": list}
+
+
+class Predictor(Protocol):
+    """What a posterior and the report ask of a model; every `Surrogate` is one.
+
+    Attributes
+    ----------
+    name : str
+    """
+
+    @property
+    def name(self) -> str: ...
+
+    def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
+        """As `Surrogate.predict`.
+
+        Parameters
+        ----------
+        X : numpy.ndarray, (n, d)
+        return_std, noise : bool, optional
+
+        Returns
+        -------
+        mean, std : numpy.ndarray, (n, k)
+        """
+
+    def covariance(self, X: ArrayLike) -> np.ndarray:
+        """As `Surrogate.covariance`.
+
+        Parameters
+        ----------
+        X : numpy.ndarray, (n, d)
+
+        Returns
+        -------
+        numpy.ndarray, (n, k, k)
+        """
 
 
 class Surrogate(ABC):

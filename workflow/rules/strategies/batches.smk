@@ -15,23 +15,33 @@ def last_advice():
 
 def sequential_samples(wildcards):
     """Table of what is poured: the start, or what the batch before has asked for."""
-    if wildcards.poured == "batch_0":
+    return samples_of_batch(wildcards.poured)
+
+
+def samples_of_batch(poured):
+    """Table of what a batch pours, or the check."""
+    if poured == "batch_0":
         return rules.sequential_start.output.samples
-    if wildcards.poured == "check":
+    if poured == "check":
         batch = last_advice()
     else:
-        batch = int(wildcards.poured.removeprefix("batch_")) - 1
+        batch = int(poured.removeprefix("batch_")) - 1
     return checkpoints.sequential_batch.get(batch=batch).output.following
 
 
 def sequential_jobs(wildcards):
     """Measured jobs of a batch or of the check."""
-    if wildcards.poured == "batch_0":
+    return jobs_of_batch(wildcards.poured)
+
+
+def jobs_of_batch(poured):
+    """The same by the name of what is poured."""
+    if poured == "batch_0":
         samples = range(1, config["sequential"]["start_samples"] + 1)
     else:
-        samples = pandas.read_csv(sequential_samples(wildcards))["sample"]
+        samples = pandas.read_csv(samples_of_batch(poured))["sample"]
     return [
-        f"{SEQUENTIAL}/{wildcards.poured}/{runs}/{sample:03d}.json"
+        f"{SEQUENTIAL}/{poured}/{runs}/{sample:03d}.json"
         for runs in folders_of_targets()
         for sample in samples
     ]

@@ -170,10 +170,15 @@ rule response_check:
             step=("screening", "ascent", "surface", "check"),
         ),
         dataset=f"{HABIT}/check/dataset.csv",
+        samples=f"{HABIT}/surface/samples.csv",
+        surface=f"{HABIT}/surface/dataset.csv",
         predictions=f"{HABIT}/surface/predictions.csv",
         optimum=f"{HABIT}/surface/optimum.json",
     output:
         check=f"{HABIT}/check/check.csv",
+        solutions=f"{HABIT}/check/solutions.csv",
+        table4=f"{HABIT}/check/table4.csv",
+        representative=f"{HABIT}/check/representative.csv",
         summary=f"{HABIT}/check/summary.json",
     log:
         f"{RESULTS}/logs/response_surface/check.log",
@@ -185,12 +190,14 @@ rule response_check:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("targets"),
+        surface=subpath(input.samples, parent=True),
+        depends=habit_sections("screening_runs", "surface")
+        | sections("design.seed", "miga.solutions", "miga.distance"),
     message:
         "The optimum, simulated again, beside its prediction and the targets"
     shell:
         "python -m repose response_check {input.runs:q} --config {params.config:q} --dataset {input.dataset:q}"
-        " --predictions {input.predictions:q} --optimum {input.optimum:q} --out {params.folder:q} > {log:q} 2>&1"
+        " --surface {params.surface:q} --predictions {input.predictions:q} --optimum {input.optimum:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 # Each figure: what it shows, and its inputs.

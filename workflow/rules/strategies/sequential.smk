@@ -135,6 +135,11 @@ rule sequential_check:
     output:
         check=f"{SEQUENTIAL}/check.csv",
         batches=f"{SEQUENTIAL}/batches.csv",
+        dataset=f"{SEQUENTIAL}/dataset.csv",
+        runs=f"{SEQUENTIAL}/runs.csv",
+        solutions=f"{SEQUENTIAL}/solutions.csv",
+        table4=f"{SEQUENTIAL}/table4.csv",
+        representative=f"{SEQUENTIAL}/representative.csv",
         summary=f"{SEQUENTIAL}/summary.json",
     log:
         f"{RESULTS}/logs/sequential/check.log",
@@ -142,15 +147,25 @@ rule sequential_check:
         f"{RESULTS}/benchmarks/sequential/check.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=500,
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("targets", "sequential.tolerance_percent"),
+        batches=lambda wildcards, input: list(map(os.path.dirname, input.advices)),
+        depends=sections(
+            "targets",
+            "parameters",
+            "design.seed",
+            "sequential.start_samples",
+            "sequential.seeds",
+            "sequential.tolerance_percent",
+            "miga.solutions",
+            "miga.distance",
+        ),
     message:
         "The answer, simulated again, beside its prediction and the targets"
     shell:
-        "python -m repose sequential_check {input.advices:q} --config {params.config:q} --dataset {input.dataset:q}"
+        "python -m repose sequential_check {params.batches:q} --config {params.config:q} --dataset {input.dataset:q}"
         " --runs {input.runs:q} --out {params.folder:q} > {log:q} 2>&1"
 
 

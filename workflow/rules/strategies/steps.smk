@@ -21,10 +21,15 @@ def habit_numbers(step):
 
 def habit_jobs(wildcards):
     """Measured jobs of a step."""
+    return jobs_of_step(wildcards.step)
+
+
+def jobs_of_step(step):
+    """The same by the name of the step."""
     return [
-        f"{HABIT}/{wildcards.step}/{runs}/{sample}.json"
+        f"{HABIT}/{step}/{runs}/{sample}.json"
         for runs in folders_of_targets()
-        for sample in habit_numbers(wildcards.step)
+        for sample in habit_numbers(step)
     ]
 
 

@@ -5,13 +5,16 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from repose.core.files import write_text
-from repose.core.parameters import LABELS, PARAMETERS
+from repose.core.files import read_table, write_text
+from repose.core.parameters import LABELS
 from repose.particle.particle import Particle
 from repose.pictures.report import prediction, scene, sections
 from repose.pictures.report.study import Study, read
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 HERE = Path(__file__).parent
 SCRIPTS = ("network.js", "report.js")
@@ -31,7 +34,7 @@ def write(
     config : mapping
         Checked.
     jobs : sequence of path
-        Measured runs of the representative parameter set, one file for each bench test.
+        Measured runs of the representative parameter set.
     files : mapping
         Paths by name, see `repose.pictures.report.study`.
     tables : mapping
@@ -44,9 +47,23 @@ def write(
         As `repose.pictures.report.study.read`, and for a trajectory, a picture or a table that cannot be read.
     """
     study = read(config, jobs, files)
+    write_study(study, {title: read_table(path) for title, path in tables.items()}, out_path)
+
+
+def write_study(study: Study, tables: Mapping[str, "pd.DataFrame"], out_path: str | os.PathLike) -> None:
+    """Write the report of a study that was read or made.
+
+    Parameters
+    ----------
+    study : Study
+    tables : mapping
+        Further tables that the page shows, by their titles.
+    out_path : path
+    """
     parts = (sections.answer, sections.check, sections.other_parameters, sections.how_found)
     body = "\n".join([*(part(study) for part in parts), sections.all_tables(tables)])
-    write_text(out_path, assembled(f"Contact parameters: {config['label']}", body, content(study)))
+    title = f"Contact parameters: {study.config['label']}"
+    write_text(out_path, assembled(title, body, content(study)))
 
 
 def content(study: Study) -> dict[str, Any]:
@@ -62,10 +79,12 @@ def content(study: Study) -> dict[str, Any]:
         Plain values; no NaN.
     """
     found: dict[str, Any] = {
-        "parameters": [_parameter(study, k) for k in range(len(PARAMETERS))],
+        "parameters": [_parameter(study, k) for k in range(len(study.space.names))],
         "targets": [_target(study, one) for one in study.targets],
         "copy": for_copy(study),
-        "model": prediction.for_page(study.surrogate, study.space, study.answer),
+        "model": (
+            prediction.for_page(study.surrogate, study.space, study.answer) if study.surrogate else None
+        ),
         "pour": None,
     }
     if "trajectory" in study.files:
@@ -89,8 +108,8 @@ def for_copy(study: Study) -> str:
     if study.config["small_run"]:
         lines.append("# small run: no calibration")
     lines += [
-        f"{name}: {value:.6g}  # {LABELS[name]}"
-        for name, value in zip(PARAMETERS, study.answer.tolist(), strict=True)
+        f"{name}: {value:.6g}  # {LABELS.get(name, name)}"
+        for name, value in zip(study.space.names, study.answer.tolist(), strict=True)
     ]
     return "\n".join(lines) + "\n"
 
@@ -136,12 +155,12 @@ def _own(name):
 
 def _parameter(study, k):
     """One parameter as plain values."""
-    name, space = PARAMETERS[k], study.space
+    space, name = study.space, study.space.names[k]
     fixed = name in space.fixed
     i = None if fixed else space.free.index(name)
     return {
         "name": name,
-        "label": LABELS[name],
+        "label": LABELS.get(name, name),
         "value": float(study.answer[k]),
         "fixed": fixed,
         "low": None if fixed else float(space.low[i]),

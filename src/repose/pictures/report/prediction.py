@@ -11,8 +11,7 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
-from repose.surrogate.base import Surrogate
+from repose.surrogate.base import Predictor
 from repose.surrogate.bayesian_bp import BayesianBP
 from repose.surrogate.two_layer import ARRAYS
 
@@ -36,12 +35,12 @@ def packed(array: np.ndarray, kind: str) -> str:
     return base64.b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode()
 
 
-def is_whole(surrogate: Surrogate) -> TypeGuard[BayesianBP]:
+def is_whole(surrogate: Predictor) -> TypeGuard[BayesianBP]:
     """Whether the page gets the surrogate itself, not curves.
 
     Parameters
     ----------
-    surrogate : Surrogate
+    surrogate : Predictor
 
     Returns
     -------
@@ -50,15 +49,15 @@ def is_whole(surrogate: Surrogate) -> TypeGuard[BayesianBP]:
     return isinstance(surrogate, BayesianBP)
 
 
-def for_page(surrogate: Surrogate, space: ParameterSpace, answer: np.ndarray) -> dict[str, Any]:
+def for_page(surrogate: Predictor, space: ParameterSpace, answer: np.ndarray) -> dict[str, Any]:
     """A surrogate as plain values.
 
     Parameters
     ----------
-    surrogate : Surrogate
+    surrogate : Predictor
         Trained.
     space : ParameterSpace
-    answer : array (6,)
+    answer : array
         The parameter set that the page tells.
 
     Returns
@@ -75,7 +74,7 @@ def for_page(surrogate: Surrogate, space: ParameterSpace, answer: np.ndarray) ->
     curves = {}
     for name, low, high in zip(space.free, space.low, space.high, strict=True):
         points = np.tile(np.asarray(answer, dtype=float), (CURVE_POINTS, 1))
-        points[:, PARAMETERS.index(name)] = np.linspace(low, high, CURVE_POINTS)
+        points[:, space.names.index(name)] = np.linspace(low, high, CURVE_POINTS)
         mean, std = surrogate.predict(points, return_std=True, noise=False)
         curves[name] = {"mean": np.asarray(mean).tolist(), "std": np.asarray(std).tolist()}
     return {"kind": "curves", "curves": curves}

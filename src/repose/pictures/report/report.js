@@ -193,5 +193,5 @@ function setUpView() {
 drawChecks();
 setUpCopy();
 setUpTables();
-setUpSliders();
+if (content.model) setUpSliders();
 setUpView();

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from repose.core.files import read_table
-from repose.core.parameters import LABELS, PARAMETERS
+from repose.core.parameters import LABELS
 from repose.core.targets import Target
 from repose.pictures.report.html import folded, picture, table, text
 from repose.pictures.report.prediction import is_whole
@@ -52,7 +52,7 @@ def answer(study: Study) -> str:
     small = (
         '<p class="small-run">Small run: these numbers show that the chain works and are no calibration.</p>'
     )
-    rows = [_parameter_row(study, k) for k in range(len(PARAMETERS))]
+    rows = [_parameter_row(study, k) for k in range(len(study.space.names))]
     head = ["parameter", "meaning", "value", *_interval_head(study), "searched", "sets found"]
     return "\n".join(
         [
@@ -94,9 +94,11 @@ def verdict(study: Study) -> tuple[str, str]:
     k = len(study.targets)
     which = ("the response lies", "both responses lie", f"all {k} responses lie")[min(k, 3) - 1]
     runs = study.number("n_seeds")
+    judged = "as the surrogate predicts; these parameters were not simulated again"
+    if runs is not None:
+        judged = f"judged by {runs:.0f} new simulations with these parameters"
     return kind, (
-        f"{start}: with a probability of {share(chance)} {which} inside the range that was asked for, "
-        f"judged by {runs or 0:.0f} new simulations with these parameters."
+        f"{start}: with a probability of {share(chance)} {which} inside the range that was asked for, {judged}."
     )
 
 
@@ -107,10 +109,10 @@ def _interval_head(study):
 
 def _parameter_row(study, k):
     """Row of one parameter in the answer."""
-    name, space = PARAMETERS[k], study.space
+    space, name = study.space, study.space.names[k]
     if name in space.fixed:
         unknown = [] if study.posterior is None else ["", ""]
-        return [name, LABELS[name], f"{study.answer[k]:.4g}", *unknown, "fixed", ""]
+        return [name, LABELS.get(name, name), f"{study.answer[k]:.4g}", *unknown, "fixed", ""]
     i = space.free.index(name)
     found = study.feasible[name]
     if study.posterior is None:
@@ -122,7 +124,7 @@ def _parameter_row(study, k):
     searched = f"{space.low[i]:.3g} to {space.high[i]:.3g}"
     return [
         name,
-        LABELS[name],
+        LABELS.get(name, name),
         f"{study.answer[k]:.4g}",
         *interval,
         searched,
@@ -221,7 +223,7 @@ pouring.</p></div>"""
 
 
 def other_parameters(study: Study) -> str:
-    """Sliders, and what the surrogate predicts.
+    """Sliders, and what the surrogate predicts; nothing where there is none.
 
     Parameters
     ----------
@@ -231,6 +233,8 @@ def other_parameters(study: Study) -> str:
     -------
     str
     """
+    if study.surrogate is None:
+        return ""
     if is_whole(study.surrogate):
         how = "The network predicts the simulated means; its error is that of its Bayesian training."
     else:
@@ -270,35 +274,33 @@ def how_found(study: Study) -> str:
     )
 
 
-def all_tables(tables: Mapping[str, str]) -> str:
+def all_tables(tables: Mapping[str, pd.DataFrame]) -> str:
     """The study's tables, each behind its title.
 
     Parameters
     ----------
     tables : mapping
-        Paths by title.
+        By title.
 
     Returns
     -------
     str
-
-    Raises
-    ------
-    InputError
-        If a table cannot be read.
     """
-    shown = "".join(folded(title, read_table(path)) for title, path in tables.items())
+    shown = "".join(folded(title, table) for title, table in tables.items())
     return f'<div class="screen"><h3>Tables</h3>{shown}</div>' if shown else ""
 
 
 def _steps(study):
     """The method in sentences."""
+    if "steps" in study.summary:
+        yield from study.summary["steps"]
+        return
     config, row = study.config, study.row
     open_ = study.space.dimensions
     free = (
         f"{open_} parameters"
-        if open_ == len(PARAMETERS)
-        else f"{open_} of {len(PARAMETERS)} parameters, the others fixed"
+        if open_ == len(study.space.names)
+        else f"{open_} of {len(study.space.names)} parameters, the others fixed"
     )
     benches = " and ".join(study.targets.apparatus)
     yield f"Design: {config['design']['samples']} parameter sets over {free} ({config['design']['method']})."

@@ -8,18 +8,27 @@ import numpy as np
 import pandas as pd
 
 from repose.chain.dataset import read_job
+from repose.chain.tables import read_dataset, read_runs
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.pictures.report.chance import chance_of_meeting
-from repose.surrogate import Surrogate, load
+from repose.strategies.sequential.files import observed_of
+from repose.strategies.sequential.kriging import Kriging, SpaceKriging
+from repose.surrogate import load
+from repose.surrogate.base import Predictor
 
 # Names of the inputs: files that a report needs, and those that it shows where there are some.
-NEEDED = ("network", "metrics", "dataset", "dataset_summary", "feasible", "summary", "table4")
-OPTIONAL = ("posterior", "particle", "trajectory", "photograph", "overlay")
+NEEDED = ("dataset", "feasible", "summary", "table4")
+# Needed too, where the summary does not say itself how the answer was found.
+TRAINED = ("network", "metrics", "dataset_summary")
+OPTIONAL = ("runs", "posterior", "particle", "trajectory", "photograph", "overlay")
 PICTURES = {
+    "sequential": "How probable the best parameter set was after each batch, and what was predicted for it",
+    "pareto_screening": "How much each parameter moves the responses",
+    "contours": "The fitted surfaces about their optimum",
     "figure13": "What the surrogate predicts and what the simulator gives, for samples it learned from and others",
     "figure14": "The parameter sets that the search found",
     "validation": "Predicted, simulated and measured responses",
@@ -37,7 +46,7 @@ class Study:
     targets : Targets
     space : ParameterSpace
     files : mapping
-        Paths by the names in `NEEDED`, `OPTIONAL` and `PICTURES`.
+        Paths by the names in `NEEDED`, `TRAINED`, `OPTIONAL` and `PICTURES`.
     answer : numpy.ndarray, (6,)
         The representative parameter set.
     row : pandas.Series
@@ -46,9 +55,13 @@ class Study:
         Of `chance_of_meeting`.
     posterior : pandas.DataFrame or None
         posterior.csv by parameter.
-    surrogate : Surrogate
+    surrogate : Predictor or None
+        None where no model of the whole ranges was made.
     feasible, table4, dataset : pandas.DataFrame
-    summary, metrics, dataset_summary : mapping
+    summary : mapping
+        With ``steps`` where the strategy says itself how it went.
+    metrics, dataset_summary : mapping
+        Empty where the surrogate was not tested, or the strategy says itself how it went.
     """
 
     config: Mapping[str, Any]
@@ -59,7 +72,7 @@ class Study:
     row: pd.Series
     chance: dict[str, float | None]
     posterior: pd.DataFrame | None
-    surrogate: Surrogate
+    surrogate: Predictor | None
     feasible: pd.DataFrame
     table4: pd.DataFrame
     dataset: pd.DataFrame
@@ -90,7 +103,7 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
     config : mapping
         Checked.
     jobs : sequence of path
-        Measured runs of the representative parameter set, one file for each bench test.
+        Measured runs of the representative parameter set.
     files : mapping
         Paths by name; those in `NEEDED` are needed.
 
@@ -103,14 +116,15 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
     InputError
         For a name that is missing or unknown, or a file that cannot be read.
     """
-    known = (*NEEDED, *OPTIONAL, *PICTURES)
+    known = (*NEEDED, *TRAINED, *OPTIONAL, *PICTURES)
     for name in files:
         if name not in known:
             raise InputError("report", "--input", name, f"one of {', '.join(known)}")
-    for name in NEEDED:
-        if name not in files:
-            raise InputError("report", "--input", None, f"{name}=PATH; a report needs {', '.join(NEEDED)}")
-    targets = Targets.of(config["targets"])
+    _require(files, NEEDED)
+    summary = read_json(files["summary"], {"feasible": bool, "message": str})
+    if "steps" not in summary:
+        _require(files, TRAINED)
+    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
     table4 = read_table(files["table4"], ("role", *PARAMETERS, *targets.predicted))
     rows = table4[table4["role"] == "representative"]
     if rows.empty:
@@ -122,23 +136,46 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
     return Study(
         config=config,
         targets=targets,
-        space=ParameterSpace.of(config["parameters"]),
+        space=space,
         files=files,
         answer=rows.iloc[0][list(PARAMETERS)].to_numpy(float),
         row=rows.iloc[0],
         chance=chance_of_meeting(_runs(jobs, targets), targets),
         posterior=posterior,
-        surrogate=load(files["network"], targets.names),
+        surrogate=_surrogate(files, targets, space),
         feasible=read_table(files["feasible"], ("solution", *PARAMETERS)),
         table4=table4,
         dataset=read_table(files["dataset"], ("sample", *PARAMETERS, *targets.names)),
-        summary=read_json(files["summary"], {"feasible": bool, "message": str}),
-        metrics=read_json(files["metrics"]),
-        dataset_summary=read_json(files["dataset_summary"], {"text": str}),
+        summary=summary,
+        metrics=read_json(files["metrics"]) if "metrics" in files else {},
+        dataset_summary=(
+            read_json(files["dataset_summary"], {"text": str}) if "dataset_summary" in files else {}
+        ),
     )
+
+
+def _require(files, names):
+    """Refuse to write a report without some files."""
+    for name in names:
+        if name not in files:
+            raise InputError("report", "--input", None, f"{name}=PATH; a report needs {', '.join(names)}")
+
+
+def _surrogate(files, targets, space):
+    """The surrogate of a file, or the kriging model of all runs of a strategy, or none."""
+    if "network" in files:
+        return load(files["network"], targets.names)
+    if "runs" not in files:
+        return None
+    dataset = read_dataset(files["dataset"], targets)
+    runs = read_runs(files["runs"], targets, dataset, files["dataset"])
+    return SpaceKriging(Kriging(observed_of(dataset, runs, space, targets)[0]), space)
 
 
 def _runs(jobs, targets):
     """Runs of each bench test."""
-    found = [read_job(path, targets) for path in jobs]
-    return {apparatus: job["runs"] for job, apparatus in found}
+    found: dict[str, list[Any]] = {}
+    for path in jobs:
+        job, apparatus = read_job(path, targets)
+        found.setdefault(apparatus, []).extend(job["runs"])
+    return found

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from repose.core.errors import InputError
@@ -12,6 +13,7 @@ from repose.core.files import read_json, read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
+from repose.strategies import answer
 from repose.strategies.response_surface import screening, surface
 from repose.strategies.response_surface.steps import CODED
 
@@ -169,22 +171,26 @@ def run_surface(
 def run_check(
     predictions_csv: Path_,
     optimum_json: Path_,
+    surface_dir: Path_,
     dataset_csv: Path_,
     runs_csvs: Sequence[Path_],
-    targets: Targets,
+    config: Mapping[str, Any],
     out_dir: Path_,
 ) -> pd.DataFrame:
-    """Write check.csv and summary.json; return the former.
+    """Write check.csv and the files of `repose.strategies.answer.write`; return the former.
 
     Parameters
     ----------
     predictions_csv, optimum_json : path
         Of `run_surface`.
+    surface_dir : path
+        Folder with samples.csv and dataset.csv of the surface.
     dataset_csv : path
         Of the check.
     runs_csvs : sequence of path
-        Single runs of all steps, which are counted.
-    targets : Targets
+        Single runs of all steps, which are counted; those of the check last.
+    config : mapping
+        The whole configuration.
     out_dir : path
 
     Returns
@@ -197,16 +203,32 @@ def run_check(
     InputError
         For a bad file.
     """
+    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
     columns = ("response", "target", "predicted", "low", "high")
     predicted = read_table(predictions_csv, columns)
-    best = read_json(optimum_json, ("parameters", "met"), "what the verb response_surface wrote")
+    keys = ("parameters", "coded", "met")
+    best = read_json(optimum_json, keys, "what the verb response_surface wrote")
     dataset = read_table(dataset_csv, ("sample", "status", *targets.names))
-    table = surface.checked(predicted, dataset)
-    write_table(Path(out_dir) / "check.csv", table)
-    pours = sum(len(read_table(path, ("sample", "status"))) for path in runs_csvs)
-    summary = {"solution": best["parameters"], "surfaces_meet_targets": best["met"], "pours": pours}
-    write_json(Path(out_dir) / "summary.json", summary)
-    return table
+    check = surface.checked(predicted, dataset)
+    write_table(Path(out_dir) / "check.csv", check)
+    runs = [read_table(path, ("sample", "status")) for path in runs_csvs]
+    told = {"surfaces_meet_targets": best["met"], "pours": sum(map(len, runs))}
+    step = _step(Path(surface_dir) / "samples.csv", Path(surface_dir) / "dataset.csv", targets)
+    models = _models(*step, targets, "quadratic", dataset_csv)
+    others, means = surface.alternatives(models, step[0], space, targets, config)
+    steps = (
+        f"Screening: {config['response_surface']['screening_runs']} runs of a Plackett-Burman design; "
+        f"kept: {', '.join(best['coded'])}.",
+        "Steepest ascent towards the targets, to the best point of the path.",
+        f"Surface: {len(step[0])} parameter sets about it ({config['response_surface']['surface']}), a quadratic "
+        "model for each response, and its optimum.",
+        f"Check: the optimum was poured {len(runs[-1])} more times. {told['pours']} pours in all.",
+    )
+    values = np.array([best["parameters"][name] for name in space.names])
+    mean = predicted.set_index("response").loc[list(targets.names), "predicted"].to_numpy(float)
+    found = answer.Found(values, mean, others, means, steps)
+    answer.write(found, runs[-1], space, targets, out_dir, told)
+    return check
 
 
 def _step(samples_csv, dataset_csv, targets):

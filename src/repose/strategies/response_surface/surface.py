@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from scipy import stats
+from scipy.stats import qmc
 
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
@@ -14,9 +15,11 @@ from repose.doe.box_behnken import box_behnken
 from repose.doe.central_composite import central_composite
 from repose.doe.model import Model
 from repose.doe.optimum import Optimum, optimum
+from repose.strategies.answer import apart
 from repose.strategies.response_surface.steps import aims_of, factors_of, samples, scale_of, usable
 
 LEVEL = 0.95  # of the intervals
+POINTS = 2048  # of the cube, where parameter sets inside the ranges are looked for
 
 
 def walked(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets) -> pd.DataFrame:
@@ -91,31 +94,69 @@ def best_point(models: list[Model], targets: Targets) -> Optimum:
     return optimum(models, aims_of(targets), scale_of(targets), low, high)
 
 
-def natural_unit(table: pd.DataFrame, point: np.ndarray, space: ParameterSpace) -> np.ndarray:
-    """A point of the surface in the unit cube of the ranges.
+def natural_unit(table: pd.DataFrame, points: np.ndarray, space: ParameterSpace) -> np.ndarray:
+    """Points of the surface in the unit cube of the ranges.
 
     Parameters
     ----------
     table : pandas.DataFrame
         Samples of the surface.
-    point : numpy.ndarray, (factors,)
+    points : numpy.ndarray, (n, factors) or (factors,)
         In coded units.
     space : ParameterSpace
 
     Returns
     -------
-    numpy.ndarray, (1, d)
+    numpy.ndarray, (n, d)
     """
     factors = factors_of(table)
     unit = space.unit(table[list(PARAMETERS)].to_numpy(float))
-    found = unit[:1].copy()
-    for name, value in zip(factors, point, strict=True):
+    points = np.atleast_2d(points)
+    found = np.repeat(unit[:1], len(points), axis=0)
+    for name, value in zip(factors, points.T, strict=True):
         # every factor has a low and a high level, and levels are a straight line of the coded ones
         place, coded = space.free.index(name), table[f"coded_{name}"].to_numpy(float)
         low, high = coded.argmin(), coded.argmax()
         slope = (unit[high, place] - unit[low, place]) / (coded[high] - coded[low])
-        found[0, place] = unit[low, place] + slope * (value - coded[low])
+        found[:, place] = unit[low, place] + slope * (value - coded[low])
     return found
+
+
+def alternatives(
+    models: list[Model],
+    table: pd.DataFrame,
+    space: ParameterSpace,
+    targets: Targets,
+    config: Mapping[str, Any],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Parameter sets of the design's cube whose predictions lie inside all ranges, the nearest to the aims first.
+
+    Parameters
+    ----------
+    models : list of Model
+        Quadratic, one for each target.
+    table : pandas.DataFrame
+        Samples of the surface.
+    space : ParameterSpace
+    targets : Targets
+    config : mapping
+        With ``miga``: the number of sets and their distance.
+
+    Returns
+    -------
+    values : numpy.ndarray, (n, 6)
+    predicted : numpy.ndarray, (n, k)
+    """
+    factors = len(models[0].factors)
+    coded = 2 * qmc.Sobol(factors, rng=config["design"]["seed"]).random(POINTS) - 1
+    predicted = np.column_stack([model.predict(coded) for model in models])
+    inside = ((predicted >= targets.low) & (predicted <= targets.high)).all(axis=1)
+    off = (((predicted - aims_of(targets)) / scale_of(targets)) ** 2).sum(axis=1)
+    order = np.argsort(off, kind="stable")
+    order = order[inside[order]]
+    unit = natural_unit(table, coded[order], space)
+    kept = apart(unit, config["miga"]["distance"], config["miga"]["solutions"])
+    return space.values(unit[kept]), predicted[order][kept]
 
 
 def check_samples(

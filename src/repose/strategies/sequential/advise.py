@@ -9,6 +9,8 @@ from scipy.stats import qmc
 
 from repose.chain.design import optimal_lhs
 from repose.core.parameter_space import ParameterSpace
+from repose.core.targets import Targets
+from repose.strategies.answer import apart
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, Observed
 
@@ -154,6 +156,33 @@ def ranked(
         near = np.clip(near + step * random.standard_normal(near.shape), 0, 1)
         points, scores = np.vstack([points, near]), np.concatenate([scores, score(near)])
     return points, scores
+
+
+def alternatives(
+    points: np.ndarray, scores: np.ndarray, model: Kriging, targets: Targets, section: Mapping[str, Any]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points that are predicted inside all ranges of the targets, apart from each other, the best first.
+
+    Parameters
+    ----------
+    points, scores : numpy.ndarray, (m, d) and (m,)
+        Of `ranked`.
+    model : Kriging
+    targets : Targets
+    section : mapping
+        ``solutions``, their largest number, and ``distance``, as in `miga` of the configuration.
+
+    Returns
+    -------
+    points : numpy.ndarray, (n, d)
+    predicted : numpy.ndarray, (n, k)
+    """
+    mean = model.predict(points)[0]
+    inside = ((mean >= targets.low) & (mean <= targets.high)).all(axis=1) & np.isfinite(scores)
+    order = np.argsort(-scores, kind="stable")
+    order = order[inside[order]]
+    kept = order[apart(points[order], section["distance"], section["solutions"])]
+    return points[kept], mean[kept]
 
 
 def _around(answer, samples, goal, good, failed, random):

@@ -12,11 +12,11 @@ from repose.chain.tables import read_dataset, read_runs
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
-from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
-from repose.strategies.sequential.advise import Advice, advise, start
+from repose.strategies import answer
+from repose.strategies.sequential.advise import Advice, advise, alternatives, ranked, start
 from repose.strategies.sequential.goal import Goal
-from repose.strategies.sequential.kriging import Observed
+from repose.strategies.sequential.kriging import Kriging, Observed
 
 Path_ = str | os.PathLike
 WHY = {
@@ -42,7 +42,7 @@ def run_start(space: ParameterSpace, section: Mapping[str, Any], seed: int, out_
     Returns
     -------
     pandas.DataFrame
-        sample, from 1, and the six parameters.
+        sample, from 1, and the parameters.
     """
     table = _samples(space, start(space, section, seed), 1)
     write_table(out_csv, table)
@@ -85,9 +85,7 @@ def run_batch(
     -----
     next.csv holds the samples of the next batch, or, where the pours stop, the answer as a sample of its own.
     """
-    found = [_batch(folder, targets) for folder in folders]
-    dataset = pd.concat([one[0] for one in found], ignore_index=True)
-    runs = pd.concat([one[1] for one in found], ignore_index=True)
+    dataset, runs = _batches(folders, targets)
     observed, failed = observed_of(dataset, runs, space, targets)
     goal = Goal.of(targets, section["tolerance_percent"], space)
     last, pours = len(folders) - 1, _pours(runs, targets)
@@ -103,24 +101,25 @@ def run_batch(
 
 
 def run_check(
-    advice_jsons: Sequence[Path_],
+    folders: Sequence[Path_],
     dataset_csv: Path_,
     runs_csv: Path_,
-    targets: Targets,
-    section: Mapping[str, Any],
+    config: Mapping[str, Any],
     out_dir: Path_,
 ) -> pd.DataFrame:
-    """Write how the batches went, batches.csv, the answer poured again, check.csv, and summary.json; return check.csv.
+    """Write how the batches went and the answer, simulated again; return check.csv.
 
     Parameters
     ----------
-    advice_jsons : sequence of path
-        Of all batches, the start first.
+    folders : sequence of path
+        Of all batches, the start first, each with advice.json, dataset.csv and runs.csv.
     dataset_csv, runs_csv : path
         Of the answer's pours.
-    targets, section
-        Of the configuration.
+    config : mapping
+        The whole configuration.
     out_dir : path
+        For batches.csv, check.csv, what all batches poured, dataset.csv and runs.csv, and the files of
+        `repose.strategies.answer.write`.
 
     Returns
     -------
@@ -133,12 +132,30 @@ def run_check(
     InputError
         For a bad file.
     """
+    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
     keys = ("batch", "pours", "stop", "why", "answer", "probability", "responses", "reachable", "needed")
-    advices = [read_json(path, keys, "what the verb sequential_batch wrote") for path in advice_jsons]
-    batches = pd.DataFrame([_row(one, targets) for one in advices])
-    last = advices[-1]
-    dataset = read_dataset(dataset_csv, targets)
-    runs = read_table(runs_csv, ("sample", "status"))
+    advices = [
+        read_json(Path(folder) / "advice.json", keys, "what the verb sequential_batch wrote")
+        for folder in folders
+    ]
+    batches, last = pd.DataFrame([_row(one, targets) for one in advices]), advices[-1]
+    dataset, runs = _batches(folders, targets)
+    checked = read_table(runs_csv, ("sample", "status", *targets.names))
+    check = _check(last, read_dataset(dataset_csv, targets), targets)
+    out = Path(out_dir)
+    for name, table in {"batches": batches, "check": check, "dataset": dataset, "runs": runs}.items():
+        write_table(out / f"{name}.csv", table)
+    told = {key: last[key] for key in ("answer", "probability", "stop", "why", "pours", "needed")}
+    told |= {
+        "tolerance_percent": config["sequential"]["tolerance_percent"],
+        "check_pours": _pours(checked, targets),
+    }
+    answer.write(_found(dataset, runs, last, config, told), checked, space, targets, out, told)
+    return check
+
+
+def _check(last, dataset, targets):
+    """The answer predicted and simulated, a row for each response."""
     rows = []
     for target in targets:
         predicted = last["responses"][target.name]
@@ -154,13 +171,29 @@ def run_check(
                 "deviation_percent": 100 * (mean / target.aim - 1),
             }
         )
-    check = pd.DataFrame(rows)
-    write_table(Path(out_dir) / "batches.csv", batches)
-    write_table(Path(out_dir) / "check.csv", check)
-    told = {key: last[key] for key in ("answer", "probability", "stop", "why", "pours", "needed")}
-    told |= {"tolerance_percent": section["tolerance_percent"], "check_pours": _pours(runs, targets)}
-    write_json(Path(out_dir) / "summary.json", told)
-    return check
+    return pd.DataFrame(rows)
+
+
+def _found(dataset, runs, last, config, told):
+    """The answer, with other parameter sets that the same model predicts inside the ranges."""
+    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
+    section = config["sequential"]
+    observed, failed = observed_of(dataset, runs, space, targets)
+    model, goal = Kriging(observed), Goal.of(targets, section["tolerance_percent"], space)
+    random = np.random.default_rng([config["design"]["seed"], last["batch"]])
+    points, scores = ranked(model, goal, observed.unit, failed, random)
+    others, predicted = alternatives(points, scores, model, targets, config["miga"])
+    steps = (
+        f"Start: {section['start_samples']} parameter sets all over the ranges, each poured {section['seeds']} times.",
+        f"Batches: {last['batch']}, each about the best point so far; {told['pours']} pours in all. "
+        f"They stopped: {told['why']}.",
+        f"Model: kriging of the samples' means with their known errors. The answer lies within "
+        f"{section['tolerance_percent']:g} % of all targets with probability {last['probability']:.2f}.",
+        f"Check: the answer was poured {told['check_pours']} more times.",
+    )
+    means = np.array([last["responses"][name]["mean"] for name in targets.names])
+    values = np.array([last["answer"][name] for name in space.names])
+    return answer.Found(values, means, space.values(others), predicted, steps)
 
 
 def observed_of(
@@ -187,7 +220,7 @@ def observed_of(
     Responses of several bench tests come from runs of their own. The first run of each bench test makes the first pour
     of the sample, and so on; these runs are independent, so any pairing will do.
     """
-    unit = space.unit(dataset[list(PARAMETERS)].to_numpy(float))
+    unit = space.unit(dataset[list(space.names)].to_numpy(float))
     ok = runs[runs["status"] == "ok"]
     several = "apparatus" in ok
     groups = ["sample", "apparatus"] if several else ["sample"]
@@ -201,11 +234,15 @@ def observed_of(
     return Observed(unit[good], values[good]), unit[~good]
 
 
-def _batch(folder, targets):
-    """Samples and single runs of a batch."""
-    dataset_csv, runs_csv = Path(folder) / "dataset.csv", Path(folder) / "runs.csv"
-    dataset = read_dataset(dataset_csv, targets)
-    return dataset, read_runs(runs_csv, targets, dataset, dataset_csv)
+def _batches(folders, targets):
+    """Samples and single runs of all batches."""
+    found = []
+    for folder in folders:
+        dataset_csv, runs_csv = Path(folder) / "dataset.csv", Path(folder) / "runs.csv"
+        dataset = read_dataset(dataset_csv, targets)
+        found.append((dataset, read_runs(runs_csv, targets, dataset, dataset_csv)))
+    dataset, runs = (pd.concat(one, ignore_index=True) for one in zip(*found, strict=True))
+    return dataset, runs
 
 
 def _pours(runs, targets):
@@ -215,7 +252,7 @@ def _pours(runs, targets):
 
 def _samples(space, unit, first):
     """Table of samples, numbered from `first`."""
-    table = pd.DataFrame(space.values(unit), columns=list(PARAMETERS))
+    table = pd.DataFrame(space.values(unit), columns=list(space.names))
     table.insert(0, "sample", np.arange(first, first + len(table)))
     return table
 
@@ -225,7 +262,7 @@ def _in_words(advice: Advice, space, targets):
     return {
         "stop": advice.stop,
         "why": WHY[advice.stop] if advice.stop else f"{len(advice.batch)} more samples are poured",
-        "answer": dict(zip(PARAMETERS, space.values(advice.answer[None])[0].tolist(), strict=True)),
+        "answer": dict(zip(space.names, space.values(advice.answer[None])[0].tolist(), strict=True)),
         "probability": advice.probability,
         "responses": {
             target.name: {"target": target.aim, "mean": float(mean), "error": float(error)}

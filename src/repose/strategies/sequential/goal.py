@@ -59,6 +59,22 @@ class Goal(NamedTuple):
         """
         return within(mean, covariance, self.aim - self.half, self.aim + self.half)
 
+    @staticmethod
+    def inside(mean: np.ndarray, covariance: np.ndarray, targets: Targets) -> float:
+        """Probability that the responses of one point lie in the ranges of all targets.
+
+        Parameters
+        ----------
+        mean, covariance : numpy.ndarray
+            Of the mean responses, (1, k) and (1, k, k).
+        targets : Targets
+
+        Returns
+        -------
+        float
+        """
+        return float(within(mean, covariance, targets.low, targets.high)[0])
+
     def score(self, model: Kriging, unit: np.ndarray) -> np.ndarray:
         """Log of the probability that a point meets the targets, and of its prior density.
 

@@ -16,7 +16,10 @@ import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import linalg, optimize
+
+from repose.core.parameter_space import ParameterSpace
 
 PRIOR_FREEDOM = 20.0  # degrees of freedom that the common variance counts for, beside those of a sample's own
 LENGTH_LOG_MEAN = math.sqrt(2)  # and half the logarithm of the number of inputs (H24)
@@ -160,6 +163,52 @@ class Kriging:
             solved = linalg.solve_triangular(root, between.T, lower=True, check_finite=False)
             variances.append(np.maximum(kernel.diag(unit) - (solved**2).sum(axis=0), 1e-12))
         return np.column_stack(means), np.column_stack(variances)
+
+
+class SpaceKriging:
+    """A kriging model that is asked for parameter sets, as surrogates are (`repose.surrogate.base.Predictor`).
+
+    Parameters
+    ----------
+    model : Kriging
+    space : ParameterSpace
+    """
+
+    name = "kriging"
+
+    def __init__(self, model: Kriging, space: ParameterSpace):
+        self.model, self.space = model, space
+
+    def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
+        """Mean responses.
+
+        Parameters
+        ----------
+        X : numpy.ndarray, (n, number of parameters)
+        return_std, noise : bool, optional
+            As `repose.surrogate.base.Surrogate.predict`.
+
+        Returns
+        -------
+        mean, std : numpy.ndarray, (n, k)
+        """
+        mean, covariance = self.model.predict(self.space.unit(np.asarray(X, dtype=float)))
+        if not return_std:
+            return mean
+        return mean, np.sqrt(np.diagonal(covariance + noise * self.model.noise, axis1=1, axis2=2))
+
+    def covariance(self, X: ArrayLike) -> np.ndarray:
+        """Covariance of the predicted means.
+
+        Parameters
+        ----------
+        X : numpy.ndarray, (n, number of parameters)
+
+        Returns
+        -------
+        numpy.ndarray, (n, k, k)
+        """
+        return self.model.predict(self.space.unit(np.asarray(X, dtype=float)))[1]
 
 
 def _independent(observed, noise):

@@ -1,0 +1,161 @@
+"""A strategy's answer in the files of the chain's: material card, message at the end and report read one form."""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from scipy.spatial.distance import cdist
+
+from repose.chain import validate
+from repose.core.files import write_json, write_table
+from repose.core.parameter_space import ParameterSpace
+from repose.core.targets import Targets
+
+
+class Found(NamedTuple):
+    """What a strategy found.
+
+    Attributes
+    ----------
+    values : numpy.ndarray, (6,)
+        The answer.
+    predicted : numpy.ndarray, (k,)
+        Its predicted responses.
+    others : numpy.ndarray, (n, 6)
+        Parameter sets that are predicted inside all ranges, the best first.
+    others_predicted : numpy.ndarray, (n, k)
+    steps : sequence of str
+        How it was found, a sentence each.
+    """
+
+    values: np.ndarray
+    predicted: np.ndarray
+    others: np.ndarray
+    others_predicted: np.ndarray
+    steps: Sequence[str]
+
+
+def write(
+    found: Found,
+    checked: pd.DataFrame,
+    space: ParameterSpace,
+    targets: Targets,
+    out_dir: str | os.PathLike,
+    more: Mapping[str, Any],
+) -> None:
+    """Write solutions.csv, table4.csv, representative.csv and summary.json.
+
+    Parameters
+    ----------
+    found : Found
+    checked : pandas.DataFrame
+        Single runs of the answer, simulated again.
+    space : ParameterSpace
+    targets : Targets
+    out_dir : path
+    more : mapping
+        Further content of summary.json.
+    """
+    row: dict[str, Any] = {"sample": 1, "solution": "1", "role": "representative"}
+    row |= dict(zip(space.names, found.values.tolist(), strict=True))
+    row |= dict(zip(targets.predicted, found.predicted.tolist(), strict=True))
+    row |= _simulated(checked, targets)
+    feasible, message = verdict(found, targets)
+    summary = {
+        "feasible": feasible,
+        "message": message,
+        "representative": {name: row[name] for name in (*space.names, *targets.predicted)},
+        "steps": list(found.steps),
+    }
+    out = Path(out_dir)
+    write_table(out / "solutions.csv", solutions(found, feasible, space, targets))
+    write_table(out / "table4.csv", validate.table4(pd.DataFrame([row]), targets.responses))
+    write_table(out / "representative.csv", validate.against_physical(pd.Series(row), targets))
+    write_json(out / "summary.json", summary | dict(more))
+
+
+def apart(unit: np.ndarray, distance: float, most: int) -> np.ndarray:
+    """The first points that keep a distance from all before them.
+
+    Parameters
+    ----------
+    unit : numpy.ndarray, (n, d)
+        In the unit cube, the best first.
+    distance : float
+        In half ranges, as in `miga.distance`.
+    most : int
+
+    Returns
+    -------
+    numpy.ndarray of int
+        At most `most` rows.
+    """
+    kept: list[int] = []
+    for k, point in enumerate(unit):
+        if not kept or 2 * cdist(unit[kept], point[None]).min() >= distance:
+            kept.append(k)
+        if len(kept) == most:
+            break
+    return np.array(kept, dtype=int)
+
+
+def verdict(found: Found, targets: Targets) -> tuple[bool, str]:
+    """Whether the answer is predicted inside all ranges, and a sentence.
+
+    Parameters
+    ----------
+    found : Found
+    targets : Targets
+
+    Returns
+    -------
+    feasible : bool
+    message : str
+    """
+    feasible = bool(((found.predicted >= targets.low) & (found.predicted <= targets.high)).all())
+    words = targets.in_words([f"{value:.4g}" for value in found.predicted])
+    ranges = targets.in_words([f"{one.low:g}-{one.high:g}" for one in targets])
+    message = f"The answer is predicted {words}, {'inside' if feasible else 'NOT inside'} {ranges}."
+    return feasible, message if feasible else f"No feasible solution. {message}"
+
+
+def solutions(found: Found, feasible: bool, space: ParameterSpace, targets: Targets) -> pd.DataFrame:
+    """The answer, then the other parameter sets.
+
+    Parameters
+    ----------
+    found : Found
+    feasible : bool
+        Whether the answer is.
+    space : ParameterSpace
+    targets : Targets
+
+    Returns
+    -------
+    pandas.DataFrame
+        solution from 1, parameters, predicted responses, feasible, representative.
+    """
+    table = pd.DataFrame(np.vstack([found.values, found.others]), columns=list(space.names))
+    table.insert(0, "solution", np.arange(1, len(table) + 1))
+    table[list(targets.predicted)] = np.vstack([found.predicted, found.others_predicted])
+    table["feasible"] = [feasible] + [True] * len(found.others)
+    table["representative"] = table["solution"] == 1
+    return table
+
+
+def _simulated(runs, targets):
+    """Mean, standard error and number of the runs of the answer, as a row of Table 4 has them."""
+    row: dict[str, Any] = {}
+    counts = []
+    for one in targets:
+        own = runs[runs["apparatus"] == one.response.apparatus] if "apparatus" in runs else runs
+        values = own.loc[own["status"] == "ok", one.name].to_numpy(float)
+        counts.append(len(values))
+        row[one.response.simulated] = values.mean() if len(values) else np.nan
+        row[one.response.error] = values.std(ddof=1) / np.sqrt(len(values)) if len(values) > 1 else np.nan
+    trouble = runs.loc[runs["status"] != "ok", "status"].value_counts()
+    told = ", ".join(f"{number} runs {status}" for status, number in trouble.items())
+    return row | {"n_seeds": min(counts), "status": "ok" if min(counts) else trouble.index[0], "reason": told}

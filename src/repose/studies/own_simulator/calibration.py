@@ -1,0 +1,307 @@
+"""What the runs of the user's simulator say: where to simulate next, and the answer with its certainty."""
+
+import os
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from repose.chain import card
+from repose.chain.answer import Answer, Check
+from repose.core.errors import InputError
+from repose.core.files import write_json, write_table
+from repose.strategies import answer
+from repose.strategies.sequential.advise import Advice, advise, alternatives, ranked
+from repose.strategies.sequential.goal import Goal
+from repose.strategies.sequential.kriging import Kriging, Observed, SpaceKriging
+from repose.studies.own_simulator.runs import OK, first_runs, runs_of_points
+from repose.studies.own_simulator.study import OwnStudy
+from repose.studies.posterior import Posterior, infer
+from repose.surrogate.support import Support
+
+WITHIN_PERCENT = (1.0, 2.0)  # of all targets, beside the ranges
+SOLUTIONS, DISTANCE = 90, 0.02  # as `miga` of config.yaml
+
+
+class Calibration(NamedTuple):
+    """What the runs say.
+
+    Attributes
+    ----------
+    study : OwnStudy
+    runs, samples : pandas.DataFrame
+        The runs; their means by sample with standard errors.
+    model : SpaceKriging
+    values, mean, error : numpy.ndarray
+        Parameters of the answer, its predicted responses (k,) and their standard errors.
+    probability : dict of str to float
+        That the simulator's mean responses at the answer lie ``within_1_percent`` and ``within_2_percent`` of all
+        targets, and ``inside`` all ranges.
+    solutions : pandas.DataFrame
+        The answer, then other parameter sets that are predicted inside all ranges.
+    posterior : Posterior
+    summary : dict
+        The answer in plain values, as ``summary.json`` has it.
+    """
+
+    study: OwnStudy
+    runs: pd.DataFrame
+    samples: pd.DataFrame
+    model: SpaceKriging
+    values: np.ndarray
+    mean: np.ndarray
+    error: np.ndarray
+    probability: dict[str, float]
+    solutions: pd.DataFrame
+    posterior: Posterior
+    summary: dict[str, Any]
+
+
+def ask(study: OwnStudy, runs: pd.DataFrame | None = None) -> tuple[Advice | None, pd.DataFrame]:
+    """What to simulate next.
+
+    Parameters
+    ----------
+    study : OwnStudy
+    runs : pandas.DataFrame, optional
+        All runs so far, as `checked_runs` gives them; without any, the start is told.
+
+    Returns
+    -------
+    advice : Advice or None
+        With ``stop``, why no further run is asked for; None for the start.
+    following : pandas.DataFrame
+        A row for each run to make; where the runs stop, the answer.
+
+    Raises
+    ------
+    InputError
+        If the runs do not tell the noise.
+    """
+    if runs is None:
+        return None, first_runs(study)
+    observed, failed = observed_of(study, runs)
+    goal = Goal.of(study.targets, study.sequential["tolerance_percent"], study.space)
+    random = np.random.default_rng([study.seed, len(runs)])
+    try:
+        advice = advise(observed, failed, goal, study.sequential, len(runs), random)
+    except ValueError as error:
+        raise InputError("runs", "replicates", str(error), "enough to tell the noise") from None
+    numbers = pd.to_numeric(runs["sample"], errors="coerce")
+    first = int(numbers.max()) + 1 if numbers.notna().all() else runs["sample"].nunique() + 1
+    points = advice.answer[None] if advice.stop else advice.batch
+    return advice, runs_of_points(points, study.space, study.sequential["seeds"], first)
+
+
+def calibrate(study: OwnStudy, runs: pd.DataFrame) -> Calibration:
+    """The parameters that meet the targets most probably, and how sure they are.
+
+    Parameters
+    ----------
+    study : OwnStudy
+    runs : pandas.DataFrame
+        As `checked_runs` gives them. They need not come from `ask`.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    InputError
+        If the runs do not tell the noise.
+    """
+    space, targets = study.space, study.targets
+    observed, failed = observed_of(study, runs)
+    try:
+        model = SpaceKriging(Kriging(observed), space)
+    except ValueError as error:
+        raise InputError("runs", "replicates", str(error), "enough to tell the noise") from None
+    goal = Goal.of(targets, study.sequential["tolerance_percent"], space)
+    random = np.random.default_rng([study.seed, len(runs)])
+    points, scores = ranked(model.model, goal, observed.unit, failed, random)
+    best = points[scores.argmax()][None]
+    mean, covariance = model.model.predict(best)
+    others, predicted = alternatives(
+        points, scores, model.model, targets, {"solutions": SOLUTIONS, "distance": DISTANCE}
+    )
+    samples = _samples(study, runs)
+    support = Support(
+        space.values(observed.unit), *space.complete(np.array([space.low, space.high])), names=space.names
+    )
+    posterior = infer(model, support, runs, space, targets, dict(study.posterior) | {"seed": study.seed}, {})
+    probability = {
+        f"within_{percent:g}_percent": float(
+            Goal.of(targets, percent, space).probability(mean, covariance)[0]
+        )
+        for percent in WITHIN_PERCENT
+    }
+    probability["inside"] = goal.inside(mean, covariance, targets)
+    found = answer.Found(space.values(best)[0], mean[0], space.values(others), predicted, ())
+    feasible, message = answer.verdict(found, targets)
+    solutions = answer.solutions(found, feasible, space, targets)
+    error = np.sqrt(np.diagonal(covariance[0]))
+    summary = {
+        "simulator": study.simulator,
+        "representative": dict(zip(space.names, found.values.tolist(), strict=True)),
+        "responses": {
+            one.name: {"target": one.aim, "mean": float(m), "error": float(e)}
+            for one, m, e in zip(targets, mean[0], error, strict=True)
+        },
+        "feasible": feasible,
+        "message": message,
+        "probability": probability,
+        "runs": len(runs),
+        "failed_runs": int((runs["status"] != OK).sum()),
+        "samples": len(samples),
+        "needed": goal.needed(model.model.noise, study.sequential["probability"]),
+        "definitions": dict(study.definitions),
+        "steps": _steps(study, runs, samples, probability),
+    }
+    given = (found.values, mean[0], error, probability, solutions, posterior, summary)
+    return Calibration(study, runs, samples, model, *given)
+
+
+def observed_of(study: OwnStudy, runs: pd.DataFrame) -> tuple[Observed, np.ndarray]:
+    """The runs as arrays.
+
+    Parameters
+    ----------
+    study : OwnStudy
+    runs : pandas.DataFrame
+        As `checked_runs` gives them.
+
+    Returns
+    -------
+    observed : Observed
+        Samples with a good run.
+    failed : numpy.ndarray, (f, d)
+        The others, in the unit cube.
+    """
+    names = list(study.targets.names)
+    number, samples = pd.factorize(runs["sample"])
+    place = runs.groupby("sample").cumcount().to_numpy()
+    values = np.full((len(samples), int(place.max()) + 1, len(names)), np.nan)
+    values[number, place] = runs[names].to_numpy(float)
+    first = runs.drop_duplicates("sample")[list(study.space.names)].to_numpy(float)
+    unit, good = study.space.unit(first), np.isfinite(values).all(axis=2).any(axis=1)
+    return Observed(unit[good], values[good]), unit[~good]
+
+
+def write(found: Calibration, out_dir: str | os.PathLike) -> dict[str, Any]:
+    """Write the tables of a calibration and its material card; return the card.
+
+    Parameters
+    ----------
+    found : Calibration
+    out_dir : path
+        For samples.csv, solutions.csv, posterior.csv, draws.csv, posterior.json, summary.json and card.json.
+
+    Returns
+    -------
+    dict
+    """
+    out, study = Path(out_dir), found.study
+    tables = {"samples": found.samples, "solutions": found.solutions}
+    tables |= {"posterior": found.posterior.parameters, "draws": found.posterior.draws}
+    for name, table in tables.items():
+        write_table(out / f"{name}.csv", table)
+    write_json(out / "posterior.json", found.posterior.summary)
+    write_json(out / "summary.json", found.summary)
+    about = {"simulator": study.simulator, "probability": found.probability}
+    made = card.assembled(
+        about,
+        as_answer(found, out),
+        study.space,
+        study.targets,
+        found.solutions,
+        (found.posterior.parameters, found.posterior.draws),
+    )
+    card.check(made, out / "card.json")
+    write_json(out / "card.json", made)
+    return made
+
+
+def as_answer(found: Calibration, folder: Path) -> Answer:
+    """The answer in the form that the material card takes; it was not simulated again.
+
+    Parameters
+    ----------
+    found : Calibration
+    folder : Path
+        Of the results.
+
+    Returns
+    -------
+    Answer
+    """
+    checks = tuple(
+        Check(
+            *(one.name, one.response.unit, None, None, 0, "not simulated again"),
+            *(one.value, one.sd, one.low, one.high),
+        )
+        for one in found.study.targets
+    )
+    values = found.summary["representative"]
+    return Answer(
+        found.study.label, values, found.summary["feasible"], found.summary["message"], checks, folder
+    )
+
+
+def in_words(found: Calibration) -> str:
+    """The answer for people.
+
+    Parameters
+    ----------
+    found : Calibration
+
+    Returns
+    -------
+    str
+    """
+    rows = found.posterior.parameters.set_index("parameter")
+    study, chance = found.study, found.probability
+    lines = [f"{study.label}: the calibrated parameters [95 % interval]:"]
+    for name, value in found.summary["representative"].items():
+        interval = "fixed"
+        if name in rows.index:
+            interval = "[{credible_low:.4g}, {credible_high:.4g}]".format(**rows.loc[name])
+        lines.append(f"  {name} {value:.4g} {interval}")
+    lines.append("Predicted by kriging, not simulated again:")
+    for one, mean, error in zip(study.targets, found.mean, found.error, strict=True):
+        unit = f" {one.response.unit}".rstrip()
+        off = 100 * (mean / one.aim - 1)
+        lines.append(
+            f"  {one.name}: {mean:.4g} +- {error:.2g}{unit}, {off:+.2f} % off the target {one.aim:g}"
+        )
+    lines.append(
+        f"Probability that the simulator's means there lie within 1 % of all targets: "
+        f"{chance['within_1_percent']:.2f}; within 2 %: {chance['within_2_percent']:.2f}; inside all ranges: "
+        f"{chance['inside']:.2f}."
+    )
+    return "\n".join([*lines, found.summary["message"]])
+
+
+def _samples(study, runs):
+    """Means of the samples with standard errors."""
+    ok = runs[runs["status"] == OK].groupby("sample", sort=False)
+    first = runs.drop_duplicates("sample").set_index("sample")
+    table = first[list(study.space.names)].assign(runs=ok.size().reindex(first.index, fill_value=0))
+    for one in study.targets:
+        table[one.name] = ok[one.name].mean().reindex(first.index)
+        table[one.response.error] = ok[one.name].sem().reindex(first.index)
+    return table.reset_index()
+
+
+def _steps(study, runs, samples, probability):
+    """How the answer was found, in sentences."""
+    failed = int((runs["status"] != OK).sum())
+    return [
+        f"Simulation in {study.simulator}: {len(runs)} runs of {len(samples)} parameter sets, {failed} failed.",
+        "Model: kriging of the samples' means with their known errors.",
+        f"Answer: the set that lies within {study.sequential['tolerance_percent']:g} % of all targets most probably; "
+        f"within 1 % with probability {probability['within_1_percent']:.2f}, "
+        f"within 2 % with {probability['within_2_percent']:.2f}.",
+        *(f"{name}: {text}." for name, text in study.definitions.items()),
+    ]

@@ -1,0 +1,242 @@
+"""Runs of the user's simulator: which ones to make first, and the table that comes back, checked."""
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from repose.core.errors import InputError
+from repose.core.files import check_columns, read_rows, write_table
+from repose.core.parameter_space import ParameterSpace
+from repose.strategies.sequential.advise import start
+from repose.studies.own_simulator.study import OwnStudy
+
+OK = "ok"
+ROUNDED = 1e-6  # of a range: a table may have been rounded by a spreadsheet
+
+
+def first_runs(study: OwnStudy) -> pd.DataFrame:
+    """The runs to begin with: a Latin hypercube over the ranges, each sample several times.
+
+    Parameters
+    ----------
+    study : OwnStudy
+
+    Returns
+    -------
+    pandas.DataFrame
+        As `runs_of_points`.
+    """
+    section = study.sequential
+    return runs_of_points(start(study.space, section, study.seed), study.space, section["seeds"], 1)
+
+
+def runs_of_points(unit: np.ndarray, space: ParameterSpace, seeds: int, first: int) -> pd.DataFrame:
+    """A row for each run.
+
+    Parameters
+    ----------
+    unit : numpy.ndarray, (n, d)
+        Samples in the unit cube.
+    space : ParameterSpace
+    seeds : int
+        Runs of each sample; they differ in the random numbers of the simulator alone.
+    first : int
+        Number of the first sample.
+
+    Returns
+    -------
+    pandas.DataFrame
+        sample, run from 1, and the parameters.
+    """
+    values = space.values(unit).repeat(seeds, axis=0)
+    table = pd.DataFrame(values, columns=list(space.names))
+    table.insert(0, "sample", np.arange(first, first + len(unit)).repeat(seeds))
+    table.insert(1, "run", np.tile(np.arange(1, seeds + 1), len(unit)))
+    return table
+
+
+def read_runs(path: str | os.PathLike, study: OwnStudy) -> pd.DataFrame:
+    """Read and check a table of runs.
+
+    Parameters
+    ----------
+    path : path
+        CSV file.
+    study : OwnStudy
+
+    Returns
+    -------
+    pandas.DataFrame
+        As `checked_runs`.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or for what `checked_runs` refuses.
+    """
+    return checked_runs(study, read_rows(path, what="a CSV file of runs"), path)
+
+
+def checked_runs(
+    study: OwnStudy,
+    rows: pd.DataFrame | Sequence[Mapping[str, Any]],
+    source: object = "runs",
+    enough: bool = True,
+) -> pd.DataFrame:
+    """A table of runs, checked.
+
+    Parameters
+    ----------
+    study : OwnStudy
+    rows : pandas.DataFrame or sequence of mapping
+        A row for each run: the parameters and the responses of the targets. Rows with the same parameters are
+        replicates. ``sample``, ``run`` and ``status`` may be there. A run whose status is not ``ok`` failed; its
+        responses are not read.
+    source : object, optional
+        Where the table stands, for the error.
+    enough : bool, optional
+        Whether to refuse runs that are too few for a calibration.
+
+    Returns
+    -------
+    pandas.DataFrame
+        sample, status, parameters, responses. Samples are numbered in the order of their first run, unless the table
+        numbers them.
+
+    Raises
+    ------
+    InputError
+        For a missing column; a cell that is no finite number; a parameter outside its range; one sample with two sets
+        of parameters, or two samples with one; a run or a row that is there twice; too few good samples or replicates.
+    """
+    if isinstance(rows, pd.DataFrame):
+        rows = rows.to_dict("records")
+    if not rows:
+        raise InputError(source, "rows", 0, "a header and a row for each run")
+    space, names = study.space, study.targets.names
+    check_columns(source, rows[0], (*space.names, *names))
+    found = [_checked_row(row, study, f"{source}, row {k}") for k, row in enumerate(rows, start=1)]
+    table = pd.DataFrame(found)
+    _number_samples(table, rows, space, source)
+    table = table[["sample", "status", *space.names, *names]]
+    _refuse_twice(table, rows, source)
+    if enough:
+        _require_enough(table, study, source)
+    return table
+
+
+def tell(study: OwnStudy, new: str | os.PathLike, record: str | os.PathLike) -> pd.DataFrame:
+    """Add runs to a record, which is made where there is none.
+
+    Parameters
+    ----------
+    study : OwnStudy
+    new, record : path
+        CSV files of runs. The record is written as a whole, after all of it was checked.
+
+    Returns
+    -------
+    pandas.DataFrame
+        All runs of the record, as `checked_runs`; they may be too few for a calibration.
+
+    Raises
+    ------
+    InputError
+        As `read_runs`; the record stays as it was.
+    """
+    rows = read_rows(new, what="a CSV file of runs")
+    checked_runs(study, rows, new, enough=False)
+    before = read_rows(record, what="a CSV file of runs") if Path(record).exists() else []
+    table = checked_runs(study, [*before, *rows], f"{record} with {new}", enough=False)
+    write_table(record, pd.DataFrame([*before, *rows]))
+    return table
+
+
+def _checked_row(row, study, source):
+    """Parameters, status and responses of a run, as numbers."""
+    space = study.space
+    status = str(row.get("status") or OK).strip()
+    found: dict[str, Any] = {"status": OK if status.lower() == OK else status}
+    for name in space.names:
+        found[name] = _inside(_number(row[name], source, name), name, space, source)
+    for name in study.targets.names:
+        found[name] = math.nan
+        if found["status"] == OK:
+            found[name] = _number(row[name], source, name, "; a run that failed has another `status` than ok")
+    return found
+
+
+def _number(cell, source, name, more=""):
+    """A finite number, or InputError."""
+    try:
+        value = float(cell)
+    except (TypeError, ValueError):
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(source, name, cell, f"a finite number{more}")
+    return value
+
+
+def _inside(value, name, space, source):
+    """A parameter within its range, or InputError; what a spreadsheet has rounded is put back."""
+    if name in space.fixed:
+        low = high = space.fixed[name]
+    else:
+        k = space.free.index(name)
+        low, high = float(space.low[k]), float(space.high[k])
+    slack = ROUNDED * ((high - low) or abs(high) or 1.0)
+    if not low - slack <= value <= high + slack:
+        allowed = f"{low:g}, as it is fixed" if low == high else f"from {low:g} to {high:g}, its range"
+        raise InputError(source, name, value, allowed)
+    return min(max(value, low), high)
+
+
+def _number_samples(table, rows, space, source):
+    """Put the samples' numbers into the table: rows with the same parameters are one sample."""
+    sets = table[list(space.names)].apply(tuple, axis=1)
+    numbers = pd.factorize(sets)[0] + 1
+    if "sample" in rows[0]:
+        told = [str(row["sample"]).strip() for row in rows]
+        for k, (one, number) in enumerate(zip(told, numbers, strict=True)):
+            first = told.index(one)
+            if numbers[first] != number:
+                allowed = f"one set of parameters for each sample; row {first + 1} has another one"
+                raise InputError(f"{source}, row {k + 1}", "sample", one, allowed)
+            other = int(np.argmax(numbers == number))
+            if told[other] != one:
+                allowed = f"{told[other]}, the sample of row {other + 1} with the same parameters"
+                raise InputError(f"{source}, row {k + 1}", "sample", one, allowed)
+        if all(one.isdigit() for one in told):
+            numbers = [int(one) for one in told]
+    table["sample"] = numbers
+
+
+def _require_enough(table, study, source):
+    """Refuse too few good samples, or replicates that do not tell the noise."""
+    ok, responses = table[table["status"] == OK], len(study.targets)
+    samples, fewest = ok["sample"].nunique(), study.space.dimensions + 2
+    if samples < fewest:
+        allowed = f"at least {fewest}, two more than the free parameters"
+        raise InputError(source, "samples with a good run", samples, allowed)
+    if len(ok) - samples <= responses:
+        allowed = f"at least {responses + 1}: replicates, rows with the same parameters, tell the noise"
+        raise InputError(source, "runs beyond the first of a sample", len(ok) - samples, allowed)
+
+
+def _refuse_twice(table, rows, source):
+    """Refuse a run that is there twice, and a row whose numbers are all those of another one."""
+    if "run" in rows[0]:
+        named = pd.Series(list(zip(table["sample"], (str(row["run"]).strip() for row in rows), strict=True)))
+        if named.duplicated().any():
+            k = int(named.duplicated().to_numpy().argmax())
+            raise InputError(f"{source}, row {k + 1}", "sample and run", list(named[k]), "each once")
+    ok = table[table["status"] == OK]
+    if ok.duplicated().any():
+        k = int(ok.index[ok.duplicated()][0])
+        allowed = "a run of its own: all numbers of this row stand in an earlier one"
+        raise InputError(f"{source}, row {k + 1}", "row", "there twice", allowed)

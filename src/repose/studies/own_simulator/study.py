@@ -1,0 +1,228 @@
+"""The short configuration of a study with a simulator of the user's own."""
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from repose.config.reading import read
+from repose.core.errors import InputError, raise_together
+from repose.core.parameter_space import ParameterSpace
+from repose.core.responses import Response
+from repose.core.targets import Target, Targets
+
+RESERVED = ("sample", "run", "status")  # columns of the table that are no parameter and no response
+NEEDED = ("simulator", "label", "seed", "parameters", "targets")
+# Each number with its default, smallest and largest value; an integer default asks for an integer.
+SEQUENTIAL = {
+    "start_samples": (16, 2, 10_000),
+    "seeds": (2, 2, 1000),
+    "batch": (8, 1, 1000),
+    "tolerance_percent": (1.0, 0.01, 50.0),
+    "probability": (0.7, 0.05, 0.99),
+    "most_runs": (120, 4, 1_000_000),
+}
+POSTERIOR = {
+    "discrepancy_percent": (2.0, 0.0, 50.0),
+    "discrepancy_correlation": (0.0, 0.0, 0.99),
+    "walkers": (128, 32, 10_000),
+    "steps": (400, 100, 1_000_000),
+}
+TARGET = ("value", "sd", "repetitions", "range", "unit", "definition")
+RANGE_PERCENT = 2.0  # of the value, to each side, where no range is given
+
+
+@dataclass(frozen=True)
+class OwnStudy:
+    """A study with a simulator of the user's own.
+
+    Attributes
+    ----------
+    simulator, label : str
+        The simulator's name, the material's.
+    seed : int
+    space : ParameterSpace
+    targets : Targets
+    definitions : mapping of str to str
+        How each response is defined, where it is said.
+    sequential, posterior : mapping
+        As the sections of these names of a whole configuration.
+    """
+
+    simulator: str
+    label: str
+    seed: int
+    space: ParameterSpace
+    targets: Targets
+    definitions: Mapping[str, str]
+    sequential: Mapping[str, Any]
+    posterior: Mapping[str, Any]
+
+
+def is_own(path: str | os.PathLike) -> bool:
+    """Whether a configuration is one for a simulator of the user's own: it names the simulator.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    bool
+    """
+    return "simulator" in read(path)
+
+
+def read_study(path: str | os.PathLike) -> OwnStudy:
+    """Read the configuration.
+
+    Parameters
+    ----------
+    path : path
+        A YAML or JSON file.
+
+    Returns
+    -------
+    OwnStudy
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or for what `study_of` refuses.
+    """
+    return study_of(read(path), path)
+
+
+def study_of(content: Mapping[str, Any], source: object = "study") -> OwnStudy:
+    """The study that a configuration describes.
+
+    Parameters
+    ----------
+    content : mapping
+        ``simulator``, ``label``, ``seed``, ``parameters`` (as in `ParameterSpace.of`, with any names) and ``targets``:
+        for each response ``value``, ``sd`` and ``repetitions``, perhaps ``range``, ``unit`` and ``definition``. The
+        sections ``sequential`` and ``posterior`` may hold the keys that differ from the default.
+    source : object, optional
+        Where it stands, for the error.
+
+    Returns
+    -------
+    OwnStudy
+
+    Raises
+    ------
+    InputError
+        For a key that is missing or unknown, or a value that is not allowed.
+    """
+    known = (*NEEDED, "sequential", "posterior")
+    faults = [
+        InputError(source, key, content[key], f"no such key; keys here: {', '.join(known)}")
+        for key in content
+        if key not in known
+    ]
+    faults += [
+        InputError(source, key, None, "needed; the key is missing") for key in NEEDED if key not in content
+    ]
+    raise_together(faults)
+    sections = [_mapping(content[key], source, key) for key in ("parameters", "targets")]
+    for name in (*sections[0], *sections[1]):
+        if not isinstance(name, str) or name in RESERVED or name != name.strip() or not name:
+            raise InputError(source, "column", name, f"text, and none of {', '.join(RESERVED)}")
+    both = sorted(set(sections[0]) & set(sections[1]))
+    if both:
+        raise InputError(source, "targets", both[0], "a name that is no parameter's")
+    space = ParameterSpace.of(sections[0], f"{source}, parameters", tuple(sections[0]))
+    if not space.free:
+        raise InputError(source, "parameters", "all fixed", "at least one range or prior")
+    targets = [_target(name, one, source) for name, one in sections[1].items()]
+    if not targets:
+        raise InputError(source, "targets", {}, "at least one response")
+    study = OwnStudy(
+        simulator=_text(content["simulator"], source, "simulator"),
+        label=_text(content["label"], source, "label"),
+        seed=_number(content["seed"], source, "seed", 0, 2**31 - 1, whole=True),
+        space=space,
+        targets=Targets(targets),
+        definitions={name: one["definition"] for name, one in sections[1].items() if "definition" in one},
+        sequential=_section(content, "sequential", SEQUENTIAL, source),
+        posterior=_section(content, "posterior", POSTERIOR, source),
+    )
+    section = study.sequential
+    if section["start_samples"] * section["seeds"] > section["most_runs"]:
+        allowed = "at least sequential.start_samples times sequential.seeds"
+        raise InputError(source, "sequential.most_runs", section["most_runs"], allowed)
+    # the strategy counts pours, which are runs here
+    return _with(study, sequential={**section, "most_pours": section["most_runs"]})
+
+
+def _with(study, **changes):
+    """A study with some attributes changed."""
+    return OwnStudy(**{**study.__dict__, **changes})
+
+
+def _target(name, given, source):
+    """One target; its range is its value and 2 % to each side, where none is given."""
+    key, given = f"targets.{name}", _mapping(given, source, f"targets.{name}")
+    for one in given:
+        if one not in TARGET:
+            raise InputError(
+                source, f"{key}.{one}", given[one], f"no such key; keys here: {', '.join(TARGET)}"
+            )
+    largest = 1e12
+    value = _number(given.get("value"), source, f"{key}.value", -largest, largest)
+    if value == 0.0:
+        raise InputError(source, f"{key}.value", value, "not 0: tolerances are in percent of it")
+    sd = _number(given.get("sd"), source, f"{key}.sd", 0.0, largest)
+    repetitions = _number(given.get("repetitions"), source, f"{key}.repetitions", 1, 10_000, whole=True)
+    half = RANGE_PERCENT / 100 * abs(value)
+    ends = given.get("range", [value - half, value + half])
+    if not isinstance(ends, list) or len(ends) != 2:
+        raise InputError(source, f"{key}.range", ends, "a pair [low, high]")
+    low, high = (_number(end, source, f"{key}.range", -largest, largest) for end in ends)
+    if not low <= value <= high or low == high:
+        raise InputError(source, f"{key}.range", ends, f"a pair [low, high] about the value, {value:g}")
+    for text in ("unit", "definition"):
+        if text in given:
+            _text(given[text], source, f"{key}.{text}")
+    unit = given.get("unit", "")
+    return Target(
+        Response(name, unit, name, name, "own", -math.inf), value, sd, repetitions, low, high, value
+    )
+
+
+def _section(content, name, keys, source):
+    """A section whose keys have defaults."""
+    given = _mapping(content.get(name, {}), source, name)
+    for key in given:
+        if key not in keys:
+            raise InputError(
+                source, f"{name}.{key}", given[key], f"no such key; keys here: {', '.join(keys)}"
+            )
+    return {
+        key: _number(given.get(key, default), source, f"{name}.{key}", low, high, isinstance(default, int))
+        for key, (default, low, high) in keys.items()
+    }
+
+
+def _mapping(value, source, key):
+    """A mapping, or InputError."""
+    if not isinstance(value, Mapping):
+        raise InputError(source, key, value, "a section of keys with values")
+    return value
+
+
+def _text(value, source, key):
+    """A text of one line, or InputError."""
+    if not isinstance(value, str) or not value.strip() or "\n" in value:
+        raise InputError(source, key, value, "text of one line")
+    return value
+
+
+def _number(value, source, key, low, high, whole=False):
+    """A number between two others, or InputError."""
+    kinds = (int,) if whole else (int, float)
+    if type(value) not in kinds or not low <= value <= high:
+        kind = "an integer" if whole else "a number"
+        raise InputError(source, key, value, f"{kind} from {low:g} to {high:g}")
+    return value

@@ -1,0 +1,264 @@
+"""A simulator of the user's own: what is asked for, what is refused, and whether the answer is right."""
+
+import json
+import re
+import runpy
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from repose.chain import card
+from repose.cli import main
+from repose.core.errors import InputError
+from repose.studies import own_simulator
+from repose.studies.own_simulator import calibration
+
+DOC = (Path(__file__).parents[2] / "docs/own_simulator.md").read_text()
+BLOCKS = dict(re.findall(r"```(yaml|python)\n(.*?)```", DOC, re.DOTALL)[:2])
+QUICK = {"posterior": {"walkers": 32, "steps": 100}}
+CONTENT = yaml.safe_load(BLOCKS["yaml"]) | QUICK
+FREE = ["friction", "rolling"]
+
+
+def simulate(table, noise=0.01, seed=1):
+    """The stand-in of the documentation."""
+    factor = 1 + noise * np.random.default_rng(seed).normal(size=(len(table), 2))
+    friction, rolling = table["friction"], table["rolling"]
+    angle = (18 + 18 * friction + 40 * rolling - 6 * friction**2) * factor[:, 0]
+    return table.assign(angle_deg=angle, time_s=(3 + 2 * friction - 2 * rolling) * factor[:, 1])
+
+
+@pytest.fixture(scope="module")
+def study():
+    return own_simulator.study_of(CONTENT)
+
+
+@pytest.fixture(scope="module")
+def table(study):
+    return simulate(own_simulator.first_runs(study))
+
+
+@pytest.fixture(scope="module")
+def found(study, table):
+    return own_simulator.calibrate(study, own_simulator.checked_runs(study, table))
+
+
+def test_the_start_fills_the_ranges_and_repeats_each_sample(study):
+    table = own_simulator.first_runs(study)
+    assert (table.groupby("sample").size() == 2).all()
+    assert table["run"].tolist() == [1, 2] * 16
+    assert (table["restitution"] == 0.4).all()
+    once = table.drop_duplicates("sample")
+    for name, low, high in (("friction", 0.2, 0.8), ("rolling", 0.01, 0.2)):
+        assert sorted(((once[name] - low) / (high - low) * 16).astype(int)) == list(range(16))
+
+
+def test_the_answer_meets_the_targets_of_a_known_simulator(found):
+    answer = pd.DataFrame([found.summary["representative"]])
+    told = simulate(answer, noise=0.0).iloc[0]
+    for k, one in enumerate(found.study.targets):
+        assert abs(told[one.name] - one.aim) < 4 * found.error[k]
+    assert found.summary["feasible"]
+    chance = found.probability
+    assert 0.5 < chance["within_1_percent"] <= chance["within_2_percent"] <= 1
+    # the ranges are 2 % of the values to each side, as none were given
+    assert chance["inside"] == pytest.approx(chance["within_2_percent"])
+
+
+def test_the_intervals_hold_the_parameters_that_give_the_targets(found):
+    rows = found.posterior.parameters.set_index("parameter")
+    assert list(rows.index) == FREE
+    # solved by hand from the two lines of the simulator: rolling = friction - 0.5, and 58 f - 6 f^2 = 32
+    friction = (58 - np.sqrt(58**2 - 24 * 32)) / 12
+    for name, value in zip(FREE, (friction, friction - 0.5), strict=True):
+        assert rows.loc[name, "credible_low"] < value < rows.loc[name, "credible_high"]
+
+
+def test_solutions_are_inside_all_ranges(found):
+    assert len(found.solutions) > 5
+    for one in found.study.targets:
+        assert found.solutions[one.response.predicted].between(one.low, one.high).all()
+
+
+def test_the_products_are_those_of_a_run(found, tmp_path, capsys):
+    made = calibration.write(found, tmp_path)
+    assert card.read(tmp_path / "card.json")["simulator"] == "EDEM 2024"
+    assert made["met"] is None
+    assert set(made["parameters"]) == {"friction", "rolling", "restitution"}
+    assert main(["card", "show", str(tmp_path / "card.json")]) == 0
+    assert "not simulated again" in capsys.readouterr().out
+    assert main(["card", "compare", *2 * [str(tmp_path / "card.json")]]) == 0
+    for name in ("samples", "solutions", "posterior", "draws"):
+        assert len(pd.read_csv(tmp_path / f"{name}.csv")) > 1
+
+
+def test_ask_and_tell_stop_with_an_answer_that_meets_the_targets(study, tmp_path):
+    record, told, k = tmp_path / "runs.csv", None, 0
+    advice, following = own_simulator.ask(study)
+    while advice is None or not advice.stop:
+        simulate(following, seed=k).to_csv(tmp_path / "new.csv", index=False)
+        told = own_simulator.tell(study, tmp_path / "new.csv", record)
+        advice, following = own_simulator.ask(study, own_simulator.read_runs(record, study))
+        k += 1
+    assert advice.stop == "probability"
+    assert len(told) == 32 + 16 * (k - 1)
+    assert (following["sample"] == told["sample"].max() + 1).all()
+    off = simulate(following, noise=0.0)[["angle_deg", "time_s"]].iloc[0] / [30.0, 4.0] - 1
+    assert abs(off).max() < 0.02
+
+
+def test_rows_with_the_same_parameters_are_replicates(study, table):
+    runs = own_simulator.checked_runs(study, table.drop(columns=["sample", "run"]))
+    assert runs["sample"].tolist() == np.arange(1, 17).repeat(2).tolist()
+    mixed = own_simulator.checked_runs(study, table.sample(frac=1, random_state=1))
+    assert calibration.observed_of(study, mixed)[0].counts.tolist() == [2] * 16
+
+
+def test_failed_runs_are_known_as_such(study, table):
+    failed = table.astype({"angle_deg": object}).assign(status="ok")
+    failed.loc[:2, ["status", "angle_deg"]] = ["jammed", ""]
+    observed, nowhere = calibration.observed_of(study, own_simulator.checked_runs(study, failed))
+    assert len(nowhere) == 1
+    assert observed.counts.tolist() == [1] + [2] * 14
+
+
+def without(name):
+    return lambda table: table.drop(columns=name)
+
+
+def cell(row, name, value):
+    def change(table):
+        table = table.astype({name: object})
+        table.loc[row, name] = value
+        return table
+
+    return change
+
+
+BAD = {
+    "no parameter": (without("friction"), "friction"),
+    "no response": (without("time_s"), "time_s"),
+    "no number": (cell(3, "angle_deg", "steep"), "row 4: angle_deg is 'steep'; allowed: a finite number"),
+    "nan": (
+        cell(3, "angle_deg", np.nan),
+        "row 4: angle_deg is nan; allowed: a finite number; a run that failed",
+    ),
+    "empty": (cell(3, "rolling", ""), "row 4: rolling is ''; allowed: a finite number"),
+    "infinite": (cell(0, "time_s", np.inf), "row 1: time_s is inf"),
+    "out of range": (cell(2, "friction", 0.9), "row 3: friction is 0.9; allowed: from 0.2 to 0.8, its range"),
+    "not as fixed": (cell(2, "restitution", 0.5), "row 3: restitution is 0.5; allowed: 0.4, as it is fixed"),
+    "few samples": (lambda table: table[:6], "samples with a good run is 3; allowed: at least 4"),
+    "no replicates": (
+        lambda table: table[::2],
+        "runs beyond the first of a sample is 0; allowed: at least 3",
+    ),
+    "no rows": (lambda table: table[:0], "rows is 0"),
+    "an id twice": (
+        cell(2, "sample", 1),
+        "row 3: sample is '1'; allowed: one set of parameters for each sample",
+    ),
+    "two ids": (cell(1, "sample", 99), "row 2: sample is '99'; allowed: 1, the sample of row 1"),
+    "a run twice": (cell(1, "run", 1), r"row 2: sample and run is \[1, '1'\]; allowed: each once"),
+    "a row twice": (
+        lambda table: pd.concat([table, table[:1]]).drop(columns="run"),
+        "row 33: row is 'there twice'; allowed: a run of its own",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_runs_are_refused_by_name(case, study, table):
+    change, words = BAD[case]
+    with pytest.raises(InputError, match=words):
+        own_simulator.checked_runs(study, change(table))
+
+
+def changed(key, value):
+    """The configuration with one key changed; None removes it."""
+    content = yaml.safe_load(yaml.safe_dump(CONTENT))
+    *path, last = key.split(".")
+    section = content
+    for step in path:
+        section = section[step]
+    if value is None:
+        del section[last]
+    else:
+        section[last] = value
+    return content
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("seed", None, "seed is None; allowed: needed"),
+        ("seed", "one", "seed is 'one'; allowed: an integer"),
+        ("colour", "red", "no such key; keys here: simulator"),
+        ("parameters.friction", [0.8, 0.2], "low < high"),
+        ("parameters.run", [0.1, 0.2], "column is 'run'"),
+        ("parameters", {"friction": {"fixed": 1}}, "at least one range or prior"),
+        ("targets", {}, "at least one response"),
+        ("targets.friction", {"value": 1, "sd": 1, "repetitions": 3}, "a name that is no parameter's"),
+        ("targets.time_s.value", None, "targets.time_s.value is None"),
+        ("targets.time_s.value", 0, "not 0"),
+        ("targets.time_s.sd", -1, "targets.time_s.sd is -1"),
+        ("targets.time_s.repetitions", 1.5, "an integer from 1"),
+        ("targets.time_s.range", [5, 6], "about the value, 4"),
+        ("targets.time_s.range", 5, r"a pair \[low, high\]"),
+        ("targets.time_s.colour", "red", "no such key"),
+        ("targets.time_s.unit", 3, "text of one line"),
+        ("targets.time_s", 3, "a section of keys"),
+        ("simulator", "", "text of one line"),
+        ("sequential", {"seeds": 1}, "an integer from 2"),
+        ("sequential", {"pours": 1}, "no such key"),
+        ("sequential", {"most_runs": 31}, "at least sequential.start_samples times"),
+    ],
+)
+def test_a_bad_configuration_is_refused_by_name(key, value, words):
+    with pytest.raises(InputError, match=words):
+        own_simulator.study_of(changed(key, value))
+
+
+def test_a_prior_moves_the_answer(table):
+    content = changed("parameters.friction", {"prior": {"mean": 0.5, "sd": 0.01}, "range": [0.2, 0.8]})
+    study = own_simulator.study_of(content)
+    found = own_simulator.calibrate(study, own_simulator.checked_runs(study, table))
+    assert found.summary["representative"]["friction"] < 0.58, "0.59 without it"
+
+
+def test_the_verbs_want_an_own_configuration(tmp_path, capsys):
+    path = tmp_path / "own.yaml"
+    path.write_text("label: wheat\n")
+    (tmp_path / "runs.csv").write_text("a\n1\n")
+    for verb in ("ask", "tell", "calibrate"):
+        words = [] if verb == "ask" else [str(tmp_path / "runs.csv")]
+        assert main([verb, *words, "--config", str(path), "--out", str(tmp_path / "x")]) == 2
+        assert "simulator is None; allowed: the name of your simulator" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_every_command_of_the_documentation_runs(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("own.yaml").write_text(yaml.safe_dump(CONTENT, sort_keys=False))
+    Path("simulator.py").write_text(BLOCKS["python"])
+    commands = re.findall(r"^    ((?:repose|python) .*)$", DOC, re.MULTILINE)
+    assert [line.split()[1] for line in commands if line.startswith("repose")] == [
+        *("design", "calibrate", "ask", "tell", "calibrate")
+    ]
+    loop = [line for line in commands if "next.csv" in line or "repose tell" in line]
+    for line in [*commands[:3], *loop, *loop, commands[-1]]:
+        program, *words = line.split()
+        if program == "repose":
+            assert main(words) == 0, line
+        else:
+            monkeypatch.setattr(sys, "argv", words)
+            runpy.run_path(words[0], run_name="__main__")
+    assert json.loads(Path("own/card.json").read_text())["probability"]["within_2_percent"] > 0.5
+    assert "Other parameters" in Path("own/report.html").read_text()
+    shown = re.findall(r"```python\n(.*?)```", DOC, re.DOTALL)[1]
+    capsys.readouterr()
+    exec(compile(shown, "docs/own_simulator.md", "exec"), {})
+    assert "friction" in capsys.readouterr().out
