@@ -28,6 +28,7 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.responses import response
 from repose.core.targets import Target, Targets
 from repose.search.objective import Objective
+from repose.strategies import plan
 from repose.strategies.sequential.advise import advise, ranked
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, Observed
@@ -164,6 +165,15 @@ def summary(table):
     return "\n".join(lines)
 
 
+def success(table):
+    """Share of the answers within 1 % and 2 % by responses and pours: what `repose plan` reads."""
+    rows = table[table["method"] == "sequential"].groupby(["responses", "pours"])["error_percent"]
+    shares = {
+        f"within_{percent}_percent": rows.agg(lambda e, p=percent: (e < p).mean()) for percent in (1, 2)
+    }
+    return pd.DataFrame({"truths": rows.size()} | shares).reset_index()
+
+
 def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -187,6 +197,7 @@ def main():
         rows = of_truth(number, simulator, args.responses, space, config, methods)
         table = pd.concat([table, pd.DataFrame(rows, columns=columns)], ignore_index=True)
         table.to_csv(args.out, index=False, float_format="%.4g")
+    success(table).to_csv(plan.SUCCESS, index=False, float_format="%.3f")
     print(summary(table))
 
 

@@ -10,6 +10,7 @@ from repose.cli import VERBS
 
 BERRY = Path(__file__).parents[2] / "results/published/recommended/berry"
 WRITES = ("out", "overlay", "stl")
+OWN = f"--config={Path(__file__).with_name('own.yaml')}"
 # The words besides files that a verb needs before it reads any.
 NEEDED = {
     "figure": ["figure13"],
@@ -22,6 +23,7 @@ NEEDED = {
     "pour": ["--sample", "1"],
     "heap": ["--sample", "1"],
     "drum": ["--sample", "1"],
+    **{verb: [OWN] for verb in ("ask", "tell", "calibrate")},
     "verify": ["--case", "convergence"],  # the only case that reads a configuration
 }
 INPUTS_OF_A_FIGURE = ("predictions", "dataset")

@@ -1,6 +1,7 @@
 """A strategy's answer goes through the same message, material card and report as the chain's."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -9,12 +10,15 @@ from synthetic import SPACE, TARGETS, configuration, responses
 from test_sequential import HEIGHT, SECTION, campaign
 
 from repose.chain import answer, card
+from repose.cli import main
+from repose.config import loader
 from repose.core.parameters import PARAMETERS
 from repose.particle.particle import Particle
 from repose.pictures.report import page, sections
 from repose.pictures.report.study import read
 from repose.strategies.answer import apart
 
+ROOT = Path(__file__).parents[2]
 SPHERE = Particle("ellipsoid", np.full((1, 3), 4e-3), 1000.0, 2.7e-7, 2.7e-4, [1e-9] * 3, 4e-3, 0.0, 0.0)
 BERRY = {"long_mm": 8.0, "major_mm": 8.0, "minor_mm": 8.0, "n": 20, "density_kg_m3": 1000.0}
 BERRY |= {"elastic_modulus_pa": 1e6, "shear_modulus_pa": 4e5, "poisson_ratio": 0.25, "scale_sd": 0.0}
@@ -104,3 +108,30 @@ def test_the_report_of_a_strategy_has_the_answer_sliders_and_how_it_went(study):
     study.surrogate = None
     assert sections.other_parameters(study) == ""
     assert page.content(study)["model"] is None
+
+
+@pytest.mark.slow
+def test_the_verbs_that_the_rules_call_write_card_and_report(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    campaign(tmp_path, HEIGHT)
+    config = loader.load("config/quick.yaml")
+    wanted = configuration(HEIGHT, SPACE)
+    config |= {"targets": wanted["targets"], "parameters": wanted["parameters"], "strategy": "sequential"}
+    config["sequential"] = SECTION
+    Path("config.json").write_text(json.dumps(config))
+    batches = sorted(map(str, tmp_path.glob("batch_*")), key=lambda path: int(path.rpartition("_")[2]))
+    check = ["--dataset=check/dataset.csv", "--runs=check/runs.csv"]
+    own = ["--config=config.json"]
+    assert main(["sequential_check", *batches, *own, *check, "--out=."]) == 0
+    answered = ["--feasible=solutions.csv", "--summary=summary.json", "--representative=representative.csv"]
+    grain = [
+        f"--{name}={ROOT / 'results/published/recommended/berry' / name}.json"
+        for name in ("berry", "particle")
+    ]
+    assert main(["material_card", *own, *grain, *answered, "--out=card.json"]) == 0
+    assert card.read("card.json")["met"] is True
+    files = {"dataset": "dataset.csv", "runs": "runs.csv", "feasible": "solutions.csv"}
+    files |= {"summary": "summary.json", "table4": "table4.csv"}
+    words = [f"--input={name}={path}" for name, path in files.items()]
+    assert main(["report", *own, *words, "--table=Batches=batches.csv", "--out=report.html"]) == 0
+    assert "Batches" in Path("report.html").read_text()

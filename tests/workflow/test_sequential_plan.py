@@ -75,7 +75,10 @@ def test_the_strategy_chooses_what_a_study_makes(project):
     words = ("--configfile", "config/quick.yaml", "--config", "strategy=sequential")
     jobs = planned(project, *words)
     assert jobs["sequential_pour"] == 8
-    assert not {"pour", "network", "miga", "turn", "response_pour"} & set(jobs)
+    assert not {"pour", "network", "miga", "turn", "response_pour", "page", "card"} & set(jobs)
+    assert {"strategy_page", "strategy_card", "strategy_trajectory"} <= set(jobs), (
+        "what every calibration ends with"
+    )
     assert "sequential_pour" not in planned(project, "--configfile", "config/quick.yaml")
 
 

@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+MET = {True: "met", False: "NOT met", None: "not simulated again"}
+
 
 def in_words(card: Mapping[str, Any]) -> str:
     """A card for people.
@@ -16,13 +18,12 @@ def in_words(card: Mapping[str, Any]) -> str:
     str
     """
     made = card["made_by"]
-    met = {True: "met", False: "NOT met", None: "not simulated again"}[card["met"]]
     free = list(card["correlations"])
     pairs = [(card["correlations"][a][b], a, b) for k, a in enumerate(free) for b in free[k + 1 :]]
     strong = sorted((pair for pair in pairs if abs(pair[0]) >= 0.5), key=lambda pair: -abs(pair[0]))
     return "\n".join(
         [
-            f"Material card: {card['material']}; targets {met}",
+            f"Material card: {card['material']}; targets {MET[card['met']]}",
             *_about(card),
             f"parameters [{card['interval']}]:",
             *(f"  {name:7} {_value(one):32} {one['meaning']}" for name, one in card["parameters"].items()),
@@ -135,7 +136,7 @@ def _test_in_words(test):
     return (
         f"{test['response']} ({test['apparatus']}): measured {test['measured']:.4g} (sd {test['sd']:.2g}, "
         f"{test['repetitions']} repetitions), target {test['low']:g} to {test['high']:g}, simulated {simulated} "
-        f"(runs: {test['runs']}): {'met' if test['met'] else 'NOT met'}"
+        f"(runs: {test['runs']}): {MET[test['met']]}"
     )
 
 

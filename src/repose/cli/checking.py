@@ -33,8 +33,7 @@ def check(args: argparse.Namespace) -> None:
     print(f"{args.config}: {config['label']}, good; results go to {config['results_dir']}")
     for line in _about_the_grain(config, berry, particle):
         print(line)
-    _tell_of_compiling()
-    measured = cost.measured_berry_step_s(config, berry, particle)
+    measured = _berry_step_s(config, berry, particle)
     work = cost.work(config, measured, strategies.pours(config))
     for purpose, sets, seeds in work["pours"]:
         print(f"{purpose:>14}: {sets} parameter sets x {seeds} seeds = {sets * seeds} pours")
@@ -69,6 +68,66 @@ def _about_the_grain(config, berry, particle) -> Iterator[str]:
     if section["stl"] is not None and section["mass_g"] is not None:
         mass_g = 1e3 * particle.mass_kg
         yield f"mass: WARNING: berry.mass_g is not used beside berry.stl, whose grain has {mass_g:.3g} g"
+
+
+@family.verb(
+    "before any pour: how many pours the noise asks for, and how probable success is with a budget",
+    example="--config config/fast.yaml",
+    options=[
+        Option(
+            "--runs",
+            help="runs.csv of earlier pours, which tell the noise (those of the study, if there are any)",
+        )
+    ],
+)
+def plan(args: argparse.Namespace) -> None:
+    from repose.config import cost
+    from repose.core.targets import Targets
+    from repose.strategies import plan
+
+    config = loader.resolve([*places.configs(), places.find(args.config)])
+    targets, folder = Targets.of(config["targets"]), Path(config["results_dir"])
+    own = [path for path in (folder / "sequential/runs.csv", folder / "runs.csv") if path.is_file()]
+    path = args.runs or next(iter(own), None)
+    runs = None if path is None else plan.read_runs(path, targets)
+    found = plan.plan(config, runs, path)
+    for name, percent in zip(targets.names, found.noise_percent, strict=True):
+        source = f"measured in {path}" if found.measured else "taken for granted, as no runs are there yet"
+        print(f"noise: a pour's {name} scatters by {percent:.2g} % of the target, {source}")
+    for tolerance, needed in found.needed.items():
+        print(
+            f"the noise alone: {needed} pours at one parameter set, to know its means within {tolerance:g} % with "
+            f"probability {plan.CERTAINTY:g}"
+        )
+    measured = _berry_step_s(config, *berry_and_particle(config, args.config))
+    section = config["sequential"]
+    print("strategy: sequential; probability that the answer lies within 1 % and 2 % of all targets:")
+    print(f"{'pours':>7} {'1 %':>6} {'2 %':>6} {'core-minutes':>13} {'disk':>8}")
+    for row in found.budgets.itertuples():
+        samples = -(-row.pours // section["seeds"])
+        steps = (("batches", samples, section["seeds"]), ("check", 1, section["checks"]))
+        total_s = cost.work(config, measured, steps)["total_s"]
+        disk_mb = plan.disk_mb(config, row.pours + section["checks"])
+        print(
+            f"{row.pours:>7} {row.within_1_percent:>6.2f} {row.within_2_percent:>6.2f} {total_s / 60:>13.1f} "
+            f"{disk_mb:>5.1f} MB"
+        )
+    whole = cost.work(config, measured)
+    pours = sum(sets * seeds for _, sets, seeds in whole["pours"])
+    print(f"  with {section['checks']} more pours of the answer as a check in the last two columns")
+    minutes, disk_mb = whole["total_s"] / 60, plan.disk_mb(config, pours)
+    print(f"strategy: published, {pours} pours, {minutes:.0f} core-minutes, {disk_mb:.0f} MB")
+    print(
+        "probabilities: from hidden truths with six free parameters, docs/sequential.md; minutes: as measured now"
+    )
+
+
+def _berry_step_s(config, berry, particle):
+    """Time of a step of a grain on this machine, with a word where the engine must be compiled first."""
+    from repose.config import cost
+
+    _tell_of_compiling()
+    return cost.measured_berry_step_s(config, berry, particle)
 
 
 def _tell_of_compiling():

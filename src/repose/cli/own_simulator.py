@@ -26,7 +26,13 @@ def _study(args: argparse.Namespace) -> "OwnStudy":
 
 
 def write_start(args: argparse.Namespace) -> None:
-    """Write the runs to begin with, samples.csv."""
+    """Write the runs to begin with, samples.csv.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        With ``config`` and ``out``, the folder.
+    """
     from repose.core.files import write_table
     from repose.studies.own_simulator import first_runs
 
@@ -63,16 +69,12 @@ def ask(args: argparse.Namespace) -> None:
     from repose.studies import own_simulator
 
     study = _study(args)
-    known = own_simulator.read_runs(args.runs, study) if Path(args.runs).exists() else None
+    known = own_simulator.read_runs(args.runs, study)
     advice, table = own_simulator.ask(study, known)
     write_table(args.out, table)
-    if advice is None:
-        print(f"{args.out}: the start, {len(table)} runs")
-        return
-    tolerance, runs = study.sequential["tolerance_percent"], 0 if known is None else len(known)
     print(
-        f"{runs} runs; the best point lies within {tolerance:g} % of all targets with probability "
-        f"{advice.probability:.2f}"
+        f"{len(known)} runs; the best point lies within {study.sequential['tolerance_percent']:g} % of all targets "
+        f"with probability {advice.probability:.2f}"
     )
     if advice.stop:
         print(f"{args.out}: the answer. No more runs: {WHY[advice.stop]}")

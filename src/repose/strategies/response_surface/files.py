@@ -213,14 +213,15 @@ def run_check(
     write_table(Path(out_dir) / "check.csv", check)
     runs = [read_table(path, ("sample", "status")) for path in runs_csvs]
     told = {"surfaces_meet_targets": best["met"], "pours": sum(map(len, runs))}
-    step = _step(Path(surface_dir) / "samples.csv", Path(surface_dir) / "dataset.csv", targets)
-    models = _models(*step, targets, "quadratic", dataset_csv)
-    others, means = surface.alternatives(models, step[0], space, targets, config)
+    surface_csv = Path(surface_dir) / "dataset.csv"
+    table, poured = _step(Path(surface_dir) / "samples.csv", surface_csv, targets)
+    models = _models(table, poured, targets, "quadratic", surface_csv)
+    others, means = surface.alternatives(models, table, space, targets, config)
     steps = (
         f"Screening: {config['response_surface']['screening_runs']} runs of a Plackett-Burman design; "
         f"kept: {', '.join(best['coded'])}.",
         "Steepest ascent towards the targets, to the best point of the path.",
-        f"Surface: {len(step[0])} parameter sets about it ({config['response_surface']['surface']}), a quadratic "
+        f"Surface: {len(table)} parameter sets about it ({config['response_surface']['surface']}), a quadratic "
         "model for each response, and its optimum.",
         f"Check: the optimum was poured {len(runs[-1])} more times. {told['pours']} pours in all.",
     )

@@ -150,7 +150,7 @@ def alternatives(
     factors = len(models[0].factors)
     coded = 2 * qmc.Sobol(factors, rng=config["design"]["seed"]).random(POINTS) - 1
     predicted = np.column_stack([model.predict(coded) for model in models])
-    inside = ((predicted >= targets.low) & (predicted <= targets.high)).all(axis=1)
+    inside = np.all((predicted >= targets.low) & (predicted <= targets.high), axis=1)
     off = (((predicted - aims_of(targets)) / scale_of(targets)) ** 2).sum(axis=1)
     order = np.argsort(off, kind="stable")
     order = order[inside[order]]

@@ -15,7 +15,7 @@ from repose.strategies import answer
 from repose.strategies.sequential.advise import Advice, advise, alternatives, ranked
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, Observed, SpaceKriging
-from repose.studies.own_simulator.runs import OK, first_runs, runs_of_points
+from repose.studies.own_simulator.runs import OK, runs_of_points
 from repose.studies.own_simulator.study import OwnStudy
 from repose.studies.posterior import Posterior, infer
 from repose.surrogate.support import Support
@@ -58,19 +58,19 @@ class Calibration(NamedTuple):
     summary: dict[str, Any]
 
 
-def ask(study: OwnStudy, runs: pd.DataFrame | None = None) -> tuple[Advice | None, pd.DataFrame]:
+def ask(study: OwnStudy, runs: pd.DataFrame) -> tuple[Advice, pd.DataFrame]:
     """What to simulate next.
 
     Parameters
     ----------
     study : OwnStudy
-    runs : pandas.DataFrame, optional
-        All runs so far, as `checked_runs` gives them; without any, the start is told.
+    runs : pandas.DataFrame
+        All runs so far, as `checked_runs` gives them.
 
     Returns
     -------
-    advice : Advice or None
-        With ``stop``, why no further run is asked for; None for the start.
+    advice : Advice
+        With ``stop``, why no further run is asked for.
     following : pandas.DataFrame
         A row for each run to make; where the runs stop, the answer.
 
@@ -79,8 +79,6 @@ def ask(study: OwnStudy, runs: pd.DataFrame | None = None) -> tuple[Advice | Non
     InputError
         If the runs do not tell the noise.
     """
-    if runs is None:
-        return None, first_runs(study)
     observed, failed = observed_of(study, runs)
     goal = Goal.of(study.targets, study.sequential["tolerance_percent"], study.space)
     random = np.random.default_rng([study.seed, len(runs)])
@@ -127,9 +125,8 @@ def calibrate(study: OwnStudy, runs: pd.DataFrame) -> Calibration:
         points, scores, model.model, targets, {"solutions": SOLUTIONS, "distance": DISTANCE}
     )
     samples = _samples(study, runs)
-    support = Support(
-        space.values(observed.unit), *space.complete(np.array([space.low, space.high])), names=space.names
-    )
+    low, high = space.complete(np.array([space.low, space.high]))
+    support = Support(space.values(observed.unit), low, high, space.names)
     posterior = infer(model, support, runs, space, targets, dict(study.posterior) | {"seed": study.seed}, {})
     probability = {
         f"within_{percent:g}_percent": float(
@@ -141,13 +138,13 @@ def calibrate(study: OwnStudy, runs: pd.DataFrame) -> Calibration:
     found = answer.Found(space.values(best)[0], mean[0], space.values(others), predicted, ())
     feasible, message = answer.verdict(found, targets)
     solutions = answer.solutions(found, feasible, space, targets)
-    error = np.sqrt(np.diagonal(covariance[0]))
+    errors = np.sqrt(np.diagonal(covariance[0]))
     summary = {
         "simulator": study.simulator,
         "representative": dict(zip(space.names, found.values.tolist(), strict=True)),
         "responses": {
             one.name: {"target": one.aim, "mean": float(m), "error": float(e)}
-            for one, m, e in zip(targets, mean[0], error, strict=True)
+            for one, m, e in zip(targets, mean[0], errors, strict=True)
         },
         "feasible": feasible,
         "message": message,
@@ -159,7 +156,7 @@ def calibrate(study: OwnStudy, runs: pd.DataFrame) -> Calibration:
         "definitions": dict(study.definitions),
         "steps": _steps(study, runs, samples, probability),
     }
-    given = (found.values, mean[0], error, probability, solutions, posterior, summary)
+    given = (found.values, mean[0], errors, probability, solutions, posterior, summary)
     return Calibration(study, runs, samples, model, *given)
 
 

@@ -1,0 +1,184 @@
+"""Before any pour: how many pours the noise asks for, and how probable success is with a budget.
+
+The probabilities are those of `success.csv`: shares of hidden parameter sets that the sequential strategy found, with
+six free parameters, in an emulated simulator whose pours scatter by 5 %. `benchmarks/hidden_truths.py` writes it. The
+error of a mean goes with the scatter, and falls with the root of the pours. So a scatter of s is taken to need
+(s / 5 %)^2 times the pours.
+"""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from repose.core.errors import InputError
+from repose.core.files import read_table
+from repose.core.parameter_space import ParameterSpace
+from repose.core.targets import Targets
+from repose.core.variance import within_covariance
+from repose.strategies.sequential.goal import Goal
+
+SUCCESS = Path(__file__).with_name("success.csv")
+# Scatter of a pour in percent of the target, and correlation of two responses of one bench test: of the table's
+# simulator, and the default where nothing is measured.
+NOISE_PERCENT, CORRELATION = 5.0, 0.9
+CERTAINTY = 0.9  # of the number of pours that the noise alone asks for
+BYTES_A_GRAIN = 62  # of a pour on the disk, measured
+TOLERANCES = (1.0, 2.0)  # percent, those of the table
+
+
+class Plan(NamedTuple):
+    """What a budget of pours can be expected to give.
+
+    Attributes
+    ----------
+    noise_percent : numpy.ndarray, (k,)
+        Scatter of a pour, in percent of each target.
+    measured : bool
+        Whether it comes from runs.
+    needed : dict of float to int
+        For each tolerance in percent the pours at one parameter set after which the noise alone leaves all means known
+        so well, with probability `CERTAINTY`.
+    budgets : pandas.DataFrame
+        pours, within_1_percent and within_2_percent: probabilities that the answer of the sequential strategy is so
+        near to all targets.
+    """
+
+    noise_percent: np.ndarray
+    measured: bool
+    needed: dict[float, int]
+    budgets: pd.DataFrame
+
+
+def plan(config: Mapping[str, Any], runs: pd.DataFrame | None = None, source: object = "runs") -> Plan:
+    """What a budget of pours can be expected to give.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    runs : pandas.DataFrame, optional
+        Single runs with replicates of samples, which tell the noise; without them it is `NOISE_PERCENT`.
+    source : object, optional
+        Where they stand, for the error.
+
+    Returns
+    -------
+    Plan
+
+    Raises
+    ------
+    InputError
+        If the runs do not tell the noise.
+    """
+    targets = Targets.of(config["targets"])
+    noise = default_noise(targets) if runs is None else measured_noise(runs, targets, source)
+    percent = 100 * np.sqrt(np.diagonal(noise)) / np.abs(targets.aim)
+    space = ParameterSpace.of(config["parameters"])
+    needed = {one: Goal.of(targets, one, space).needed(noise, CERTAINTY) for one in TOLERANCES}
+    table = pd.read_csv(SUCCESS)
+    table = table[table["responses"] == min(len(targets), table["responses"].max())]
+    factor = (percent.max() / NOISE_PERCENT) ** 2
+    budgets = table.assign(pours=np.ceil(factor * table["pours"]).astype(int))
+    columns = ["pours", "within_1_percent", "within_2_percent"]
+    return Plan(percent, runs is not None, needed, budgets[columns].reset_index(drop=True))
+
+
+def default_noise(targets: Targets) -> np.ndarray:
+    """Covariance of a pour where nothing is measured.
+
+    Parameters
+    ----------
+    targets : Targets
+
+    Returns
+    -------
+    numpy.ndarray, (k, k)
+    """
+    sd = NOISE_PERCENT / 100 * np.abs(targets.aim)
+    correlation = np.where(_same_bench(targets), CORRELATION, 0.0)
+    np.fill_diagonal(correlation, 1.0)
+    return np.outer(sd, sd) * correlation
+
+
+def measured_noise(runs: pd.DataFrame, targets: Targets, source: object = "runs") -> np.ndarray:
+    """Covariance of a pour about its sample's mean.
+
+    Parameters
+    ----------
+    runs : pandas.DataFrame
+        sample, status and the responses; with several bench tests apparatus.
+    targets : Targets
+    source : object, optional
+        For the error.
+
+    Returns
+    -------
+    numpy.ndarray, (k, k)
+
+    Raises
+    ------
+    InputError
+        If too few samples have two good runs.
+    """
+    noise = np.zeros((len(targets), len(targets)))
+    for bench in targets.apparatus:
+        own = [k for k, one in enumerate(targets) if one.response.apparatus == bench]
+        names = [targets.names[k] for k in own]
+        rows = runs[runs["apparatus"] == bench] if "apparatus" in runs else runs
+        ok = rows[(rows["status"] == "ok") & rows[names].notna().all(axis=1)]
+        covariance, freedom = within_covariance(ok[names].to_numpy(float), ok["sample"])
+        if freedom <= len(own) or np.linalg.matrix_rank(covariance) < len(own):
+            allowed = f"at least {len(own) + 1} good runs beyond the first of a sample, not all alike"
+            raise InputError(source, "runs that tell the noise", freedom, allowed)
+        noise[np.ix_(own, own)] = covariance
+    return noise
+
+
+def read_runs(path: str | os.PathLike, targets: Targets) -> pd.DataFrame:
+    """The runs of an earlier study, or of its beginning.
+
+    Parameters
+    ----------
+    path : path
+        What the verb dataset wrote.
+    targets : Targets
+
+    Returns
+    -------
+    pandas.DataFrame
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read.
+    """
+    return read_table(path, ("sample", "status", *targets.names))
+
+
+def disk_mb(config: Mapping[str, Any], pours: int) -> float:
+    """What pours take on the disk.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    pours : int
+        In each bench test of the targets.
+
+    Returns
+    -------
+    float
+        Megabytes.
+    """
+    grains = sum(config[name].get("berries", 1) for name in Targets.of(config["targets"]).apparatus)
+    return 1e-6 * BYTES_A_GRAIN * grains * pours
+
+
+def _same_bench(targets):
+    """Which pairs of responses come from one bench test, (k, k)."""
+    bench = np.array([one.response.apparatus for one in targets])
+    return bench[:, None] == bench

@@ -1,0 +1,72 @@
+"""The budget advisor: its noise, what it says of pours, and that its table is the benchmark's."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.stats import norm
+from synthetic import SPACE, TARGETS, configuration
+
+from repose.core.errors import InputError
+from repose.core.targets import Targets
+from repose.strategies import plan
+
+ROOT = Path(__file__).parents[2]
+CONFIG = configuration(TARGETS, SPACE, funnel={"berries": 500})
+
+
+def runs_of(sd, samples=400, seed=1):
+    """Two runs of each sample that scatter by `sd`, in units of the responses, correlated 0.5."""
+    random = np.random.default_rng(seed)
+    covariance = np.outer(sd, sd) * [[1, 0.5], [0.5, 1]]
+    values = random.normal(50, 10, (samples, 1, 2)) + random.multivariate_normal(
+        [0, 0], covariance, (samples, 2)
+    )
+    table = pd.DataFrame(values.reshape(-1, 2), columns=list(TARGETS.names))
+    return table.assign(sample=np.arange(samples).repeat(2), status="ok")
+
+
+def test_the_default_noise_asks_for_as_many_pours_as_by_hand():
+    height = Targets.of(CONFIG["targets"])[1:]
+    found = plan.plan(CONFIG | {"targets": CONFIG["targets"][1:]})
+    assert len(height) == 1
+    for percent in (1.0, 2.0):
+        by_hand = (norm.ppf((1 + plan.CERTAINTY) / 2) * plan.NOISE_PERCENT / percent) ** 2
+        assert found.needed[percent] == int(np.ceil(by_hand))
+    assert not found.measured
+
+
+def test_the_noise_is_that_of_the_runs():
+    sd = np.array([0.5, 2.0])
+    found = plan.measured_noise(runs_of(sd), TARGETS)
+    # 400 degrees of freedom: a variance is known to 7 %
+    assert found == pytest.approx(np.outer(sd, sd) * [[1, 0.5], [0.5, 1]], rel=0.25)
+    assert plan.plan(CONFIG, runs_of(sd)).measured
+
+
+def test_half_the_noise_asks_for_a_quarter_of_the_pours():
+    sd = np.array([0.05, 0.05]) * TARGETS.aim
+    one, half = (plan.plan(CONFIG, runs_of(sd / k)).budgets for k in (1, 2))
+    assert half["pours"].to_numpy() / one["pours"].to_numpy() == pytest.approx(0.25, abs=0.03)
+    assert (half["within_1_percent"] == one["within_1_percent"]).all()
+
+
+def test_runs_that_do_not_tell_the_noise_are_named():
+    runs = runs_of(np.array([0.5, 2.0])).drop_duplicates("sample")
+    with pytest.raises(InputError, match=r"a\.csv: runs that tell the noise is 0; allowed: at least 3"):
+        plan.measured_noise(runs, TARGETS, "a.csv")
+
+
+def test_the_table_is_that_of_the_benchmark():
+    spec = importlib.util.spec_from_file_location("hidden_truths", ROOT / "benchmarks/hidden_truths.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    expected = module.success(pd.read_csv(ROOT / "benchmarks/hidden_truths.csv"))
+    pd.testing.assert_frame_equal(pd.read_csv(plan.SUCCESS), expected, atol=5e-4, check_dtype=False)
+
+
+def test_disk_goes_with_grains_and_pours():
+    # 150 jobs of 6 pours of 500 grains took 27.6 MB
+    assert plan.disk_mb(CONFIG, 900) == pytest.approx(27.6, rel=0.05)
