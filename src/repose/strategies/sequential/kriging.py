@@ -8,7 +8,9 @@ Sources of the lines, named where they are used:
 - (ANS10) Ankenman, Nelson & Staum 2010, Stochastic kriging for simulation metamodeling, Oper. Res. 58, 371
 - (S04) Smyth 2004, Stat. Appl. Genet. Mol. Biol. 3, 3: a sample's own variance moderated by that of all samples
 - (H24) Hvarfner, Hellsten & Nardi 2024, Vanilla Bayesian optimization performs great in high dimensions: a prior of the
-  lengths that grows with the number of inputs
+  lengths that grows with the number of inputs. It is used there where its density over the lengths is largest, at
+  exp(sqrt(2) - 3) sqrt(d): half a range for six inputs. Here logarithms of lengths are drawn, and that place is the
+  middle of their prior. The median of the same density, ten ranges, would say that the simulator is almost straight.
 """
 
 import math
@@ -22,7 +24,7 @@ from scipy import linalg, optimize
 from repose.core.parameter_space import ParameterSpace
 
 PRIOR_FREEDOM = 20.0  # degrees of freedom that the common variance counts for, beside those of a sample's own
-LENGTH_LOG_MEAN = math.sqrt(2)  # and half the logarithm of the number of inputs (H24)
+LENGTH_LOG_MEAN = math.sqrt(2) - 3  # and half the logarithm of the number of inputs (H24)
 LENGTH_LOG_SD = math.sqrt(3)  # (H24)
 VARIANCE_LOG_SD = 1.0  # of the process's variance about that of the means
 SMOOTHNESS = (
