@@ -54,7 +54,7 @@ def what_to_measure_next(inputs: Mapping[str, str], config: Mapping[str, Any]) -
     _work(work, ways, percents)
     for panel, letter, percent in zip(maps, "cd", percents, strict=False):
         _map(panel, narrowing[narrowing["discrepancy_percent"] == percent], order, base_name)
-        title = f"{letter}   95 % interval, {_case(percent)}:\n     width over that with {base_name} alone"
+        title = f"{letter}   95 % interval over that of\n     {base_name} alone,\n     {_case(percent)}"
         panel.set_title(title, fontweight="bold")
     base = first.loc[base_name]
     text = f"{base_name} alone:\n{base['bits']:.1f} ± {base['bits_se']:.1f} bits"
