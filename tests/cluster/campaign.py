@@ -42,11 +42,11 @@ def main():
     words.add_argument("--cores", type=int, default=1000)
     words.add_argument("--benchmarks", help="folder benchmarks/heaps of a run, whose times are drawn")
     words.add_argument(
-        "--sample-s", type=float, default=15.0, help="time of a sample, where no run is given (15)"
+        "--sample-s", type=float, default=11.0, help="time of a sample, where no run is given (11)"
     )
-    words.add_argument("--start-s", type=float, default=8.0, help="start of a cluster job (8)")
+    words.add_argument("--start-s", type=float, default=5.0, help="start of a cluster job (5)")
     words.add_argument(
-        "--inner-s", type=float, default=1.0, help="what a workflow's job costs in a cluster job (1)"
+        "--inner-s", type=float, default=0.6, help="what a workflow's job costs in a cluster job (0.6)"
     )
     words.add_argument("--submitted-per-s", type=float, default=2.0, help="jobs submitted in a second (2)")
     args = words.parse_args()
