@@ -7,7 +7,7 @@ import pytest
 
 from repose.config import checks, loader, results_folder
 from repose.core.errors import InputError
-from repose.core.files import write_json
+from repose.core.files import write_json, write_text
 
 ROOT = Path(__file__).parents[2]
 
@@ -67,6 +67,38 @@ def test_a_folder_with_somebodys_files_is_refused_and_a_studys_is_taken(config, 
     config["results_dir"] = str(tmp_path / "data/figures/figure02.png/results")
     with pytest.raises(InputError, match="a file is in its way"):
         checks.check_inputs(config)
+
+
+def test_a_changed_result_and_somebodys_file_in_the_place_of_a_result_are_told_at_once(tmp_path):
+    study = tmp_path / "study"
+    for name in ("dataset.csv", "design/samples.csv"):
+        write_text(study / name, "1\n")
+    mine = [
+        study / name
+        for name in ("report.html", "network/network.json", "network/notes.txt", "logs/berry.log")
+    ]
+    for path in mine:
+        path.parent.mkdir(exist_ok=True)
+        path.write_text("mine")
+    (study / "runs.csv").touch()
+    results = (
+        "dataset.csv",
+        "design/samples.csv",
+        "report.html",
+        "network/network.json",
+        "logs/berry.log",
+        "runs.csv",
+    )
+
+    def told():
+        with pytest.raises(InputError) as error:
+            results_folder.refuse_strange(str(study), {f"{study}/{name}" for name in results}.__contains__)
+        return [line.removeprefix(f"{study}/").partition(" is ")[0] for line in str(error.value).splitlines()]
+
+    assert told() == ["network/network.json: file", "report.html: file"]
+    (study / "dataset.csv").write_text("2\n")
+    assert told() == ["dataset.csv: content", "network/network.json: file", "report.html: file"]
+    assert all(path.read_text() == "mine" for path in mine)
 
 
 def test_every_name_that_the_rules_write_is_known():

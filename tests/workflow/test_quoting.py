@@ -23,6 +23,18 @@ def test_every_placeholder_in_a_shell_command_is_quoted():
     assert not bare
 
 
+def test_no_shell_command_writes_a_result_itself():
+    """What a shell redirects is in no ledger, and not written in one move."""
+    commands = [
+        (path.name, command[2])
+        for path in (ROOT / "workflow").rglob("*.smk")
+        for command in SHELL.finditer(path.read_text())
+    ]
+    redirected = {(name, one) for name, text in commands for one in re.findall(r">+ *([^\s\")&]+)", text)}
+    assert len(redirected) > 20
+    assert {one for _, one in redirected} == {"{log:q}"}, redirected
+
+
 ODD = """my "bérries"; touch PWNED; 'x' $(touch PWNED) -rf #"""
 
 

@@ -95,6 +95,13 @@ def sections(*names):
     return stands_on.sections(config, *names)
 
 
+def is_result(path):
+    """Whether a rule writes a file of this name."""
+    return any(
+        bool(output.match(path)) for rule in workflow.rules for output in rule.output
+    )
+
+
 def refuse_outdated(paths):
     """Refuse results whose own records name other settings, where snakemake's records, which tell it, are lost.
 
@@ -116,6 +123,18 @@ def refuse_outdated(paths):
             " engine, and the records of snakemake, which tell what to make again, are lost: add --forceall"
         )
 
+
+def growing(amount):
+    """Memory in MB or time in minutes, once more with each attempt that failed: `--retries 2` tries again with more.
+
+    Memory is what was measured with config/config.yaml and a fifth more; a test compares it with the benchmarks of a
+    run of config/quick.yaml.
+    """
+    return lambda wildcards, attempt: amount * attempt
+
+
+# Ten times the estimate of the longest job, for slower cores and busy ones.
+MINUTES_OF_RUNS = 10 + round(10 * cost.longest_job_s(config) / 60)
 
 # Folder of each bench test's runs. Wildcard `runs`: one of these.
 RUN_FOLDERS = {

@@ -13,11 +13,13 @@ rule snapshot:
         f"{RESULTS}/benchmarks/snapshot.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(150),
+        runtime=growing(10),
     params:
         results=lambda wildcards, input: os.path.dirname(os.path.dirname(input.table4)),
         folder=f"results/published/{config['label']}",
     message:
         "Snapshot of tables and figures: {params.folder}"
     shell:
-        "python -m repose snapshot {params.results:q} --out {params.folder:q} > {output.files:q} 2> {log:q}"
+        "(python -m repose snapshot {params.results:q} --out {params.folder:q}"
+        " | python -m repose write --out {output.files:q}) 2> {log:q}"

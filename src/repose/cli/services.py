@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -110,3 +111,18 @@ def snapshot(args: argparse.Namespace) -> None:
 
     for path in snapshot.take(args.results, args.out):
         print(path)
+
+
+@family.verb(
+    "write what another program prints to a file, in one move, and only in place of a file that repose wrote",
+    example="--out results/graph.dot < graph.dot",
+    out="results/printed.txt",
+    config=False,
+)
+def write(args: argparse.Namespace) -> None:
+    from repose.core.files import write_bytes
+
+    content = sys.stdin.buffer.read()
+    if not content:
+        raise InputError("standard input", "content", "nothing", "what is to be written")
+    write_bytes(args.out, content)

@@ -1,12 +1,13 @@
 """The folder of a study's results: what `results_dir` may be.
 
 Snakemake removes outputs before it makes them anew, and knows only their names. So a study starts in a folder that is
-new, holds nothing of these names, or is a study's already.
+new, holds nothing of these names, or is a study's already; and a study does not start where somebody's file lies in
+the place of a result.
 """
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from repose.core import ledger, places
@@ -34,6 +35,16 @@ WRITTEN = (
     *("noise", "pool", "posterior"),
     *("refined", "response_surface", "responses", "sensitivity", "sequential", "shape", "turning_runs"),
     *("validation", "warm_up"),
+)
+NOT_RESULTS = ("benchmarks", "logs")  # written anew by every job
+RESULTS = tuple(name for name in WRITTEN if name not in NOT_RESULTS)
+CHANGED = (
+    *("content", "something else"),
+    "what repose wrote; remove this file, which is damaged or edited, and give the same command again",
+)
+NOT_OURS = (
+    *("file", "there already"),
+    "a file that repose wrote; a result of the study has this name: move yours away",
 )
 Faults = Iterator[tuple[str, str]]
 
@@ -84,27 +95,33 @@ def taken(results_dir: str) -> Faults:
             )
 
 
-def refuse_changed(results_dir: str) -> None:
-    """Refuse results that hold something else than what was written: nothing that stands on them would be right.
+def refuse_strange(results_dir: str, is_result: Callable[[str], bool]) -> None:
+    """Refuse a folder where a result was changed, or where somebody's file lies in the place of a result.
+
+    What stands on a changed result would be wrong, and snakemake would remove a file that is in the place of a result.
 
     Parameters
     ----------
     results_dir : str
+    is_result : callable
+        Whether a path is one that the study writes.
 
     Raises
     ------
     InputError
         For all of them at once.
     """
-    top = Path(results_dir)
-    found = [path for path in ledger.changed(top) if path.name in WRITTEN]
-    for part in WRITTEN:
-        for folder, _, files in os.walk(top / part):
-            found += ledger.changed(folder) if LEDGER in files else []
-    allowed = (
-        "what repose wrote; remove this file, which is damaged or edited, and give the same command again"
-    )
-    raise_together([InputError(path, "content", "something else", allowed) for path in sorted(found)])
+    found = {}
+    places = [(results_dir, WRITTEN)]
+    places += [(at, names) for part in RESULTS for at, _, names in os.walk(f"{results_dir}/{part}")]
+    for folder, names in places:
+        known = ledger.names(folder)
+        found |= {str(path): CHANGED for path in ledger.changed(folder) if path.name in names}
+        for path in (f"{folder}/{name}" for name in names if name not in known):
+            # an empty file holds nothing that could be lost; snakemake makes such marks
+            if os.path.isfile(path) and os.path.getsize(path) and is_result(path):
+                found[path] = NOT_OURS
+    raise_together([InputError(path, *told) for path, told in sorted(found.items())])
 
 
 def _is_a_study(folder):

@@ -131,6 +131,25 @@ def changed(folder: str | os.PathLike) -> list[Path]:
     return [path for path, known in paths if path.is_file() and _hash(path) not in known]
 
 
+def names(folder: str | os.PathLike) -> set[str]:
+    """Names of the files that this program wrote in a folder, whatever became of them.
+
+    Parameters
+    ----------
+    folder : path
+
+    Returns
+    -------
+    set of str
+
+    Raises
+    ------
+    InputError
+        If the folder's ledger is no ledger.
+    """
+    return {line[66:] for line in _lines(Path(folder))}
+
+
 def _lines(folder):
     """The ledger's lines; none where there is no ledger."""
     path = folder / LEDGER
