@@ -44,3 +44,11 @@ def test_the_time_goes_with_what_was_measured(config):
     config["simulation"]["time_step_s"] = 1e-4
     assert cost.run_s(config, "funnel", 1e-7) == pytest.approx(100 * 5.0 / 1e-4 * 1e-7)
     assert cost.run_s(config, "funnel", 3e-7) == pytest.approx(3 * cost.run_s(config, "funnel", 1e-7))
+
+
+def test_the_longest_job_has_the_most_seeds_of_the_slowest_bench_test(config):
+    config["refine"]["seeds"] = 100
+    slowest = max(cost.run_s(config, name) for name in ("funnel", "drum"))
+    assert cost.longest_job_s(config) == pytest.approx(cost.JOB_START_S + 100 * slowest)
+    config["validation"]["representative_seeds"] = 200
+    assert cost.longest_job_s(config) == pytest.approx(cost.JOB_START_S + 200 * slowest)

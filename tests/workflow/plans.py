@@ -1,5 +1,6 @@
 """Snakemake called by the tests of the workflow: what it would do, and what it did."""
 
+import json
 import os
 import re
 import sys
@@ -68,3 +69,32 @@ def planned(project, *words):
     assert done.returncode == 0, done.stderr
     counts = re.findall(r"^(\w+)\s+(\d+)$", done.stdout + done.stderr, re.MULTILINE)
     return {rule: int(count) for rule, count in counts}
+
+
+class Declared(NamedTuple):
+    """What a rule declares: the paths of its benchmarks, and memory [MB] and time [min] of the first two attempts."""
+
+    rule: str
+    benchmarks: str
+    memory_mb: list[int]
+    minutes: list[int]
+
+
+PROBE = """
+include: {snakefile!r}
+import json
+for rule in workflow.rules:
+    if rule.benchmark:
+        made = [rule.resources[name] for name in ("mem_mb", "runtime")]
+        amounts = [[one.evaluate(None, attempt=attempt).value for attempt in (1, 2)] for one in made]
+        print(json.dumps([rule.name, rule.benchmark.regex().pattern, *amounts]))
+"""
+
+
+def declared(tmp_path):
+    """What every rule declares that runs a job."""
+    probe = tmp_path / "probe.smk"
+    probe.write_text(PROBE.format(snakefile=str(ROOT / "workflow/Snakefile")))
+    done = snakemake(ROOT, "--list-rules", "-s", str(probe), "--configfile", "config/quick.yaml")
+    assert done.returncode == 0, done.stderr
+    return [Declared(*json.loads(line)) for line in done.stdout.splitlines() if line.startswith("[")]

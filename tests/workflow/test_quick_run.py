@@ -2,14 +2,17 @@
 
 import json
 import os
+import re
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pandas as pd
 import pytest
+from plans import declared
 
 from repose.config import loader
+from repose.core import ledger
 from repose.core.parameters import PARAMETERS
 from repose.core.seeds import pour_seeds
 from repose.surrogate import load
@@ -154,3 +157,30 @@ def test_the_report_tells_the_answer_and_that_it_was_a_small_run():
     assert 'class="verdict' in text
     assert "three.js" in text, "the pile in 3-D"
     assert len(text) < 5_000_000
+
+
+def test_every_result_was_written_by_the_one_writer():
+    left = ("logs", "benchmarks")
+    paths = [path for path in RESULTS.rglob("*") if path.is_file() and not set(left) & set(path.parts)]
+    ours = [
+        path for path in paths if path.name.startswith(".") or not path.stat().st_size or ledger.is_ours(path)
+    ]
+    assert len(ours) > 200
+    # snakemake writes its own report, where one was asked for
+    assert {path.name for path in set(paths) - set(ours)} <= {"figures.html"}
+
+
+def test_memory_and_time_are_declared_above_what_the_jobs_took(tmp_path):
+    """Memory a fifth above; a job is looked at each half second, so a short one may have taken more."""
+    rules = declared(tmp_path)
+    seen, short = 0, []
+    for path in (RESULTS / "benchmarks").rglob("*.tsv"):
+        name = path.relative_to(ROOT).as_posix()
+        found = [rule for rule in rules if re.fullmatch(rule.benchmarks, name)]
+        took = pd.read_csv(path, sep="\t").iloc[-1]
+        seen += len(found)
+        for rule in found:
+            if 1.2 * took["max_rss"] > rule.memory_mb[0] or took["s"] > 60 * rule.minutes[0]:
+                short.append(f"{rule}: took {took['max_rss']} MB and {took['s']} s")
+    assert seen > 80
+    assert not short

@@ -17,7 +17,8 @@ rule card:
         f"{RESULTS}/benchmarks/card.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(300),
+        runtime=growing(10),
     params:
         config=CONFIG,
         posterior=lambda wildcards, input: [

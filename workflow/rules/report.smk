@@ -66,7 +66,8 @@ rule page:
         f"{RESULTS}/benchmarks/page.tsv"
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=growing(300),
+        runtime=growing(10),
     params:
         config=CONFIG,
         inputs=[f"--input={name}={path}" for name, path in PAGE.items()],

@@ -21,6 +21,7 @@ JOB_START_S = 2.5  # of a pour's job and of its measurement's
 # The pour that is timed: simulated time [s], and steps of a berry that take about a second.
 TIMED_S, TIMED_STEPS = 1.5, 2.0e7
 FEWEST_TIMED = 20
+SEEDS = ("seeds", "checks")  # the ends of keys that tell how often a parameter set runs
 # Purpose, number of parameter sets, seeds of each.
 Pours = Sequence[tuple[str, int, int]]
 
@@ -45,6 +46,24 @@ def run_s(config: Mapping[str, Any], name: str, berry_step_s: float = SECONDS_A_
     berries = section.get("berries", 1)
     filled = duration - 0.5 * min(duration, berries / section.get("rate_per_s", math.inf))
     return berry_step_s * berries * filled / SimulationSettings.of(config).time_step_s
+
+
+def longest_job_s(config: Mapping[str, Any]) -> float:
+    """Wall time of the longest job that runs a bench test: one parameter set with the most seeds of any section.
+
+    Parameters
+    ----------
+    config : mapping
+
+    Returns
+    -------
+    float
+        Seconds, for the funnel, the drum and the bench tests of the targets.
+    """
+    sections = [section for section in config.values() if isinstance(section, Mapping)]
+    seeds = max(section[key] for section in sections for key in section if key.endswith(SEEDS))
+    names = {"funnel", "drum", *Targets.of(config["targets"]).apparatus}
+    return JOB_START_S + seeds * max(run_s(config, name) for name in names)
 
 
 def measured_berry_step_s(config: Mapping[str, Any], berry: Mapping[str, Any], particle: "Particle") -> float:

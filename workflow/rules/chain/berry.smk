@@ -12,7 +12,8 @@ rule berry:
         f"{RESULTS}/benchmarks/berry.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(150),
+        runtime=growing(10),
     params:
         config=CONFIG,
         folder=folder,

@@ -14,7 +14,8 @@ rule dataset:
         f"{RESULTS}/benchmarks/dataset.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(150),
+        runtime=growing(10),
     params:
         config=CONFIG,
         folder=folder,

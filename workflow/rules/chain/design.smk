@@ -8,7 +8,8 @@ rule design:
         f"{RESULTS}/benchmarks/design.tsv"
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=growing(400),
+        runtime=growing(60),
     params:
         config=CONFIG,
         folder=folder,

@@ -25,7 +25,8 @@ rule drum_run:
     retries: 1
     threads: 1
     resources:
-        mem_mb=900,
+        mem_mb=growing(400),
+        runtime=growing(MINUTES_OF_RUNS),
     params:
         config=CONFIG,
         folder=folder,
@@ -54,7 +55,8 @@ rule drum:
         f"{RESULTS}/benchmarks/drum.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(150),
+        runtime=growing(10),
     params:
         folder=folder,
     message:
@@ -75,7 +77,8 @@ rule drum_film:
         f"{RESULTS}/benchmarks/drum_film.tsv"
     threads: 1
     resources:
-        mem_mb=450,
+        mem_mb=growing(450),
+        runtime=growing(20),
     params:
         config=CONFIG,
         depends=sections("drum"),

@@ -20,7 +20,8 @@ rule measure:
         f"{RESULTS}/benchmarks/measure.tsv"
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=growing(300),
+        runtime=growing(10),
     params:
         config=CONFIG,
         depends=sections("measure"),
@@ -46,7 +47,8 @@ use rule pour as trajectory with:
     benchmark:
         f"{RESULTS}/benchmarks/trajectory.tsv"
     resources:
-        mem_mb=900,
+        mem_mb=growing(350),
+        runtime=growing(MINUTES_OF_RUNS),
     params:
         purpose="validation",
         sample=int(REPRESENTATIVE),
@@ -68,7 +70,8 @@ rule film:
         f"{RESULTS}/benchmarks/film.tsv"
     threads: 1
     resources:
-        mem_mb=450,
+        mem_mb=growing(450),
+        runtime=growing(20),
     params:
         config=CONFIG,
     message:

@@ -14,7 +14,8 @@ rule miga:
         f"{RESULTS}/benchmarks/miga.tsv"
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=growing(150),
+        runtime=growing(30),
     params:
         config=CONFIG,
         folder=folder,

@@ -13,7 +13,8 @@ rule network:
         f"{RESULTS}/benchmarks/network.tsv"
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=growing(150),
+        runtime=growing(60),
     params:
         config=CONFIG,
         folder=folder,

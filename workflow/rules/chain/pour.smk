@@ -24,7 +24,8 @@ rule pour:
     retries: 1
     threads: 1
     resources:
-        mem_mb=900,
+        mem_mb=growing(350),
+        runtime=growing(MINUTES_OF_RUNS),
     params:
         config=CONFIG,
         folder=folder,
@@ -56,7 +57,8 @@ rule measure_runs:
         f"{RESULTS}/benchmarks/{{runs}}/{{sample}}_measured.tsv"
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=growing(350),
+        runtime=growing(MINUTES_OF_RUNS),
     params:
         config=CONFIG,
         folder=folder,

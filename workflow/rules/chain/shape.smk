@@ -12,7 +12,8 @@ rule shape:
         f"{RESULTS}/benchmarks/shape.tsv"
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
+        runtime=growing(10),
     params:
         config=CONFIG,
         folder=folder,

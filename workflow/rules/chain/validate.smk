@@ -22,7 +22,8 @@ rule solutions:
         f"{RESULTS}/benchmarks/solutions.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(150),
+        runtime=growing(10),
     params:
         config=CONFIG,
         folder=folder,
@@ -46,7 +47,8 @@ rule published_solutions:
         f"{RESULTS}/benchmarks/published_solutions.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(150),
+        runtime=growing(10),
     params:
         config=CONFIG,
         folder=folder,
@@ -111,7 +113,8 @@ rule validate:
         f"{RESULTS}/benchmarks/validate.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(150),
+        runtime=growing(10),
     params:
         config=CONFIG,
         folder=folder,

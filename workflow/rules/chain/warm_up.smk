@@ -14,7 +14,8 @@ rule warm_up:
         f"{RESULTS}/benchmarks/warm_up.tsv"
     threads: 1
     resources:
-        mem_mb=900,
+        mem_mb=growing(850),
+        runtime=growing(20),
     params:
         config=CONFIG,
     message:

@@ -13,7 +13,8 @@ rule response_design:
         f"{RESULTS}/benchmarks/response_surface/design.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(300),
+        runtime=growing(10),
     params:
         config=CONFIG,
         folder=folder,
@@ -97,7 +98,8 @@ checkpoint response_screening:
         f"{RESULTS}/benchmarks/response_surface/screening.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(300),
+        runtime=growing(10),
     params:
         config=CONFIG,
         folder=subpath(output.anova, parent=True),
@@ -122,7 +124,8 @@ checkpoint response_ascent:
         f"{RESULTS}/benchmarks/response_surface/ascent.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(300),
+        runtime=growing(10),
     params:
         config=CONFIG,
         folder=subpath(output.path, parent=True),
@@ -151,7 +154,8 @@ checkpoint response_surface_fit:
         f"{RESULTS}/benchmarks/response_surface/surface.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(300),
+        runtime=growing(10),
     params:
         config=CONFIG,
         folder=subpath(output.anova, parent=True),
@@ -186,7 +190,8 @@ rule response_check:
         f"{RESULTS}/benchmarks/response_surface/check.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(300),
+        runtime=growing(10),
     params:
         config=CONFIG,
         folder=folder,
@@ -248,7 +253,8 @@ for figure, (shown, inputs) in HABIT_FIGURES.items():
             f"{RESULTS}/benchmarks/figures/{figure}.tsv"
         threads: 1
         resources:
-            mem_mb=500,
+            mem_mb=growing(400),
+            runtime=growing(10),
         params:
             config=CONFIG,
             name=figure,

@@ -14,7 +14,8 @@ rule sequential_start:
         f"{RESULTS}/benchmarks/sequential/start.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(300),
+        runtime=growing(10),
     params:
         config=CONFIG,
         folder=folder,
@@ -100,7 +101,8 @@ checkpoint sequential_batch:
         f"{RESULTS}/benchmarks/sequential/{{batch}}_advice.tsv"
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
+        runtime=growing(60),
     params:
         config=CONFIG,
         folder=folder,
@@ -147,7 +149,8 @@ rule sequential_check:
         f"{RESULTS}/benchmarks/sequential/check.tsv"
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
+        runtime=growing(10),
     params:
         config=CONFIG,
         folder=folder,
@@ -186,7 +189,8 @@ rule draw_sequential:
         f"{RESULTS}/benchmarks/figures/sequential.tsv"
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=growing(400),
+        runtime=growing(10),
     params:
         config=CONFIG,
         depends=sections(

@@ -32,7 +32,8 @@ for comparison, (depends, more) in COMPARISONS.items():
             f"{RESULTS}/benchmarks/compare_{comparison}.tsv"
         threads: 1
         resources:
-            mem_mb=1000,
+            mem_mb=growing(1000),
+            runtime=growing(240),
         params:
             config=CONFIG,
             folder=folder,
@@ -65,7 +66,8 @@ for comparison, (depends, more) in COMPARISONS.items():
             f"{RESULTS}/benchmarks/figures/{comparison}.tsv"
         threads: 1
         resources:
-            mem_mb=500,
+            mem_mb=growing(400),
+            runtime=growing(10),
         params:
             config=CONFIG,
             figure=comparison,
@@ -100,7 +102,8 @@ rule comparison_table:
         f"{RESULTS}/benchmarks/comparison_table.tsv"
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
+        runtime=growing(10),
     params:
         folder=folder,
     message:

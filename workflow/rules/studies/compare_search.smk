@@ -15,7 +15,8 @@ rule search_tables:
         f"{RESULTS}/benchmarks/search_tables.tsv"
     threads: 1
     resources:
-        mem_mb=1500,
+        mem_mb=growing(1500),
+        runtime=growing(240),
     params:
         config=CONFIG,
         folder=folder,
@@ -40,7 +41,8 @@ rule whole_tables:
         f"{RESULTS}/benchmarks/whole_tables.tsv"
     threads: 1
     resources:
-        mem_mb=1500,
+        mem_mb=growing(1500),
+        runtime=growing(240),
     params:
         config=CONFIG,
         folder=folder,
@@ -82,7 +84,8 @@ for figure, shown in INVERSION_FIGURES.items():
             f"{RESULTS}/benchmarks/figures/{figure}.tsv"
         threads: 1
         resources:
-            mem_mb=500,
+            mem_mb=growing(400),
+            runtime=growing(10),
         params:
             config=CONFIG,
             figure=figure,

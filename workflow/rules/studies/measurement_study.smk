@@ -22,7 +22,8 @@ rule measurement_study:
         f"{RESULTS}/benchmarks/measurement_study.tsv"
     threads: 1
     resources:
-        mem_mb=600,
+        mem_mb=growing(600),
+        runtime=growing(60),
     params:
         config=CONFIG,
         folder=folder,

@@ -21,7 +21,8 @@ rule pool_design:
         f"{RESULTS}/benchmarks/pool/design.tsv"
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
+        runtime=growing(60),
     params:
         config=CONFIG,
         folder=folder,
@@ -98,7 +99,8 @@ for points, (prefix, count, _) in POOL_SETS.items():
             f"{RESULTS}/benchmarks/pool/{points}_dataset.tsv"
         threads: 1
         resources:
-            mem_mb=300,
+            mem_mb=growing(150),
+            runtime=growing(10),
         params:
             config=CONFIG,
             folder=folder,

@@ -21,7 +21,8 @@ rule refine_data:
         round=r"[1-9]\d?",
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(300),
+        runtime=growing(10),
     params:
         folder=folder,
         rounds=rounds_until,
@@ -69,7 +70,8 @@ rule refine_search:
         round=r"[1-9]\d?",
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
+        runtime=growing(30),
     params:
         config=CONFIG,
         folder=folder,
@@ -101,7 +103,8 @@ rule refine_propose:
         round=r"\d{1,2}",
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(250),
+        runtime=growing(10),
     params:
         config=CONFIG,
         folder=folder,
@@ -198,7 +201,8 @@ checkpoint refine_round:
         round=r"\d{1,2}",
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(300),
+        runtime=growing(10),
     params:
         config=CONFIG,
         folder=folder,
@@ -226,7 +230,8 @@ rule refine_tables:
         f"{RESULTS}/benchmarks/refine_tables.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(300),
+        runtime=growing(10),
     params:
         config=CONFIG,
         folder=folder,
@@ -255,7 +260,8 @@ rule draw_approach:
         f"{RESULTS}/benchmarks/figures/approach.tsv"
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=growing(400),
+        runtime=growing(10),
     params:
         config=CONFIG,
         depends=sections(

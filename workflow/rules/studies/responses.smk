@@ -21,7 +21,8 @@ rule measure_responses:
         f"{RESULTS}/benchmarks/measure_responses.tsv"
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=growing(500),
+        runtime=growing(60),
     params:
         config=CONFIG,
         depends=sections("measure", "funnel.plate_diameter_mm"),
@@ -41,7 +42,8 @@ use rule pour as drum_design_pour with:
     benchmark:
         f"{RESULTS}/benchmarks/responses/drum/{{sample}}.tsv"
     resources:
-        mem_mb=900,
+        mem_mb=growing(400),
+        runtime=growing(MINUTES_OF_RUNS),
     params:
         apparatus="drum",
         purpose="drum_design",
@@ -103,7 +105,8 @@ for study, (where, more) in SECOND_RESPONSES.items():
             f"{RESULTS}/benchmarks/{study}.tsv"
         threads: 1
         resources:
-            mem_mb=1500,
+            mem_mb=growing(1500),
+            runtime=growing(60),
         params:
             config=CONFIG,
             folder=folder,
@@ -144,7 +147,8 @@ for study, (where, more) in SECOND_RESPONSES.items():
             f"{RESULTS}/benchmarks/figures/{study}.tsv"
         threads: 1
         resources:
-            mem_mb=500,
+            mem_mb=growing(400),
+            runtime=growing(10),
         params:
             config=CONFIG,
             inputs=[
@@ -232,7 +236,8 @@ rule joint_targets:
         f"{RESULTS}/benchmarks/joint_targets.tsv"
     threads: 1
     resources:
-        mem_mb=1500,
+        mem_mb=growing(1500),
+        runtime=growing(60),
     params:
         config=CONFIG,
         folder=folder,

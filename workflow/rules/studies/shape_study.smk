@@ -20,7 +20,8 @@ rule shape_cell:
     retries: 1
     threads: 1
     resources:
-        mem_mb=600,
+        mem_mb=growing(600),
+        runtime=growing(MINUTES_OF_RUNS),
     params:
         config=CONFIG,
         folder=folder,
@@ -48,7 +49,8 @@ checkpoint shape_selection:
         f"{RESULTS}/benchmarks/shape_selection.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(300),
+        runtime=growing(10),
     params:
         config=CONFIG,
         folder=folder,
@@ -76,7 +78,8 @@ rule shape_tables:
         f"{RESULTS}/benchmarks/shape_tables.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(300),
+        runtime=growing(10),
     params:
         config=CONFIG,
         folder=folder,
@@ -105,7 +108,8 @@ rule draw_shape_study:
         f"{RESULTS}/benchmarks/figures/shape_study.tsv"
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=growing(400),
+        runtime=growing(10),
     params:
         config=CONFIG,
         depends=sections("shape_study", "targets"),

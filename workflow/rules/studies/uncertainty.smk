@@ -12,7 +12,8 @@ rule noise_tables:
         f"{RESULTS}/benchmarks/noise.tsv"
     threads: 1
     resources:
-        mem_mb=300,
+        mem_mb=growing(200),
+        runtime=growing(10),
     params:
         config=CONFIG,
         folder=folder,
@@ -41,7 +42,8 @@ rule posterior_tables:
         f"{RESULTS}/benchmarks/posterior.tsv"
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=growing(250),
+        runtime=growing(30),
     params:
         config=CONFIG,
         folder=folder,
@@ -66,7 +68,8 @@ rule sensitivity_tables:
         f"{RESULTS}/benchmarks/sensitivity.tsv"
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=growing(200),
+        runtime=growing(30),
     params:
         config=CONFIG,
         folder=folder,
@@ -141,7 +144,8 @@ for figure, (where, label, shown) in UNCERTAINTY_FIGURES.items():
             f"{RESULTS}/benchmarks/figures/{figure}.tsv"
         threads: 1
         resources:
-            mem_mb=500,
+            mem_mb=growing(400),
+            runtime=growing(10),
         params:
             config=CONFIG,
             figure=figure,
