@@ -65,6 +65,19 @@ def test_a_result_that_was_damaged_or_edited_stops_the_workflow_and_is_named(pro
     assert path.read_text() == good
 
 
+def test_somebodys_file_in_the_place_of_a_result_stops_the_workflow_and_stays(project):
+    path = project / "results/quick/network/network.json"
+    path.parent.mkdir(parents=True)
+    path.write_text("mine")
+    for more in ((), ("-n",)):
+        done = snakemake(project, "network", *QUICK, *more)
+        assert done.returncode == 1
+        told = "repose: error: results/quick/network/network.json: file is 'there already'; allowed: a file that repose"
+        assert told in done.stderr
+    assert path.read_text() == "mine"
+    path.unlink()
+
+
 POURS = {"pour": 12, "validation_pour": 9, "trajectory": 1, "drum_run": 2}
 
 
