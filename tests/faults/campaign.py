@@ -1,0 +1,316 @@
+"""Faults of the machine on a tiny study: kills, damage, lost files, no space. `python tests/faults/campaign.py`.
+
+After each fault the same command is given again. Its results must be the bytes of an undisturbed run, and no file that
+was finished may be made again. What happened is written to tests/faults/table.md.
+"""
+
+import argparse
+import base64
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import forked
+
+from repose.chain.answer import NOT_FEASIBLE
+
+ROOT = forked.ROOT
+COMMAND = ("--cores", "1", "--quiet", "rules", "--configfile", "config/quick.yaml", "tiny.yaml", "--")
+TARGETS = ("validate", "measure")
+PARTS = ("Snakefile", "config", "profiles", "resources", "workflow")
+# In these an equal run has others: how long jobs took and what they printed. Names with a dot are locks and ledgers.
+APART = ("logs", "benchmarks", "timings")
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
+FORCED = ("design", "pour", "measure_runs", "network", "solutions")
+# A file of each kind for truncation and flipped bits; the last three are the program's and snakemake's own.
+DAMAGED = (
+    *("results/design/samples.csv", "results/dataset.csv", "results/berry/particle.json"),
+    *("results/heaps/003.npz", "results/heaps/004.pours.json", "results/heaps/005.json"),
+    *("results/network/network.json", "results/validation/solutions.csv", "results/measure/overlay.png"),
+    *("results/heaps/runs", "results/config.json", "results/heaps/.repose", ".snakemake/metadata"),
+)
+LOST = (
+    *("results/design/samples.csv", "results/heaps/003.npz", "results/heaps/004.pours.json"),
+    *("results/heaps/005.json", "results/dataset.csv", "results/network/network.json"),
+    *("results/validation/heaps/001.npz", "results/validation", "results/heaps", ".snakemake"),
+)
+
+
+def ended(status):
+    """The exit status of a workflow; no feasible solution, as this study may have none, is no fault."""
+    code = os.waitstatus_to_exitcode(status)
+    return 0 if code == NOT_FEASIBLE else code
+
+
+class Study:
+    """A folder with the workflow, and a tiny study in it."""
+
+    def __init__(self, folder, jobs):
+        self.folder, self.jobs, self.told = Path(folder), jobs, Path(f"{folder}.log")
+        self.targets = TARGETS
+
+    def prepared(self):
+        """The same, with the workflow in it."""
+        for part in PARTS:
+            source, place = ROOT / part, self.folder / part
+            place.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copytree(source, place) if source.is_dir() else shutil.copy(source, place)
+        shutil.copy(Path(__file__).with_name("tiny.yaml"), self.folder)
+        return self
+
+    def copied_to(self, folder):
+        """A copy in another folder, times of change included."""
+        other = Study(folder, self.jobs)
+        other.targets = self.targets
+        subprocess.run(["cp", "-a", f"{self.folder}/.", folder], check=True)
+        return other
+
+    def start(self, *forced):
+        """Start the workflow; its process number."""
+        words = ("--forcerun", *forced) if forced else ()
+        return forked.start_workflow(self.folder, self.jobs, (*words, *COMMAND, *self.targets), self.told)
+
+    def run(self, *forced):
+        """Run the workflow to its end; its exit status."""
+        return ended(os.waitpid(self.start(*forced), 0)[1])
+
+    def results(self):
+        """Content of every result by name."""
+        top = self.folder / "results"
+        return {
+            str(path.relative_to(top)): path.read_bytes()
+            for path in sorted(top.rglob("*"))
+            if path.is_file() and not path.name.startswith(".") and not set(APART) & set(path.parts)
+        }
+
+    def finished(self):
+        """Files of jobs of jobs that snakemake recorded as finished, and kept runs: when and where each was written."""
+        records = self.folder / ".snakemake"
+        names = {
+            kind: {base64.urlsafe_b64decode(path.name).decode() for path in (records / kind).glob("*")}
+            for kind in ("metadata", "incomplete")
+        }
+        paths = {self.folder / name for name in names["metadata"] - names["incomplete"]}
+        paths |= {path for path in (self.folder / "results").rglob("runs/*.npz")}
+        return {path: (path.stat().st_ino, path.stat().st_mtime_ns) for path in paths if path.exists()}
+
+    def last_words(self):
+        """The last line that the workflow printed."""
+        lines = [line for line in self.told.read_text(errors="replace").splitlines() if line.strip()]
+        return lines[-1] if lines else ""
+
+
+class Table:
+    """What happened, a row for each fault."""
+
+    def __init__(self):
+        self.rows = []
+
+    def add(self, fault, place, then, same, again):
+        """Add a row and print it."""
+        row = (fault, place, then, "yes" if same else "**no**", "none" if not again else f"**{len(again)}**")
+        self.rows.append(row)
+        print(" | ".join(row), *map(str, list(again)[:5]), flush=True)
+
+    def bad(self):
+        """Rows with other bytes or with files that were made again."""
+        return [row for row in self.rows if "**" in "".join(row[3:])]
+
+    def text(self):
+        """As Markdown."""
+        head = (
+            "| fault | where | exit status | same bytes after the same command | finished files made again |"
+        )
+        return "\n".join([head, "|---" * 5 + "|", *(f"| {' | '.join(row)} |" for row in self.rows)]) + "\n"
+
+
+def compared(study, wanted):
+    """Whether the results are those; prints what is not."""
+    found = study.results()
+    for name in sorted(set(found) | set(wanted)):
+        if found.get(name) != wanted.get(name):
+            state = "lost" if name not in found else "new" if name not in wanted else "other bytes"
+            print(f"    {name}: {state}", flush=True)
+    return found == wanted
+
+
+def kills(place, jobs, wanted, targets, longest_s, count, rng, table):
+    """Kill a workflow or one of its jobs at random moments, again and again, until the study is finished; repeat."""
+    done = number = 0
+    while done < count:
+        number += 1
+        study = Study(place / f"killed_{number}", jobs).prepared()
+        study.targets = targets
+        rows, status, before = [], 1, {}
+        while status and len(rows) < 15:
+            forced = (FORCED[rng.randrange(len(FORCED))],) if rng.random() < 0.3 else ()
+            main, job_only = study.start(*forced), rng.random() < 0.4
+            one = SIGNALS[done % 3]
+            victim = _kill(study, main, one, job_only, rng.uniform(0.0, longest_s)) if done < count else None
+            status = ended(os.waitpid(main, 0)[1])
+            now = study.finished()
+            again = [path for path, when in before.items() if now.get(path) != when]
+            if victim:
+                done += 1
+                where = f"{victim}, {len(now)} files finished" + (
+                    f", --forcerun {forced[0]}" if forced else ""
+                )
+                rows.append((signal.Signals(one).name, where, str(status), [] if forced else again))
+            elif again:
+                rows.append(("none", "the resumed run", str(status), again))
+            # what a forced run made anew is reason to make what stands on it anew
+            before = {} if forced else now
+            status = 1 if victim else status
+            if not victim and status:
+                print(f"    {study.last_words()}")
+                break
+        same = compared(study, wanted)
+        for row in rows:
+            table.add(*row[:3], same, row[3])
+        if same:
+            shutil.rmtree(study.folder)
+
+
+def _kill(study, main, one, job_only, after_s):
+    """Send a signal to a job or to the workflow after some time; the victim, None where the workflow ended before."""
+    end = time.monotonic() + after_s
+    while True:
+        if os.waitid(os.P_PID, main, os.WEXITED | os.WNOHANG | os.WNOWAIT):
+            return None
+        jobs = study.jobs.running()
+        if time.monotonic() >= end and (jobs or not job_only):
+            break
+        time.sleep(0.01)
+    os.kill(jobs[0] if job_only else main, one)
+    return "a job" if job_only else "the workflow"
+
+
+def damages(place, finished, wanted, table):
+    """Files of a finished study that are cut, flipped or lost."""
+    for way in ("half of it lost", "a bit flipped"):
+        for name in DAMAGED:
+            study = finished.copied_to(place / "damaged")
+            path = study.folder / name
+            if path.is_dir():
+                path = sorted(path.glob("*"))[5]
+            content = bytearray(path.read_bytes())
+            if way == "a bit flipped":
+                content[len(content) // 2] ^= 1
+            else:
+                del content[len(content) // 2 :]
+            path.write_bytes(bytes(content))
+            status = study.run()
+            told = ""
+            if status and str(path.relative_to(study.folder)) in study.told.read_text():
+                path.unlink()  # as it tells
+                told, status = "1, names it; then removed: ", study.run()
+            table.add(way, name, f"{told}{status}", compared(study, wanted), _repoured(study, finished, path))
+            shutil.rmtree(study.folder)
+    for name in LOST:
+        study = finished.copied_to(place / "damaged")
+        path = study.folder / name
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+        status = study.run()
+        again = [] if name == "results/heaps" else _repoured(study, finished, path)
+        table.add("lost", name, str(status), compared(study, wanted), again)
+        shutil.rmtree(study.folder)
+
+
+def _repoured(study, finished, damaged):
+    """Kept runs that were made again, but for the damaged one."""
+    found = []
+    for path in (finished.folder / "results/heaps").rglob("runs/*.npz"):
+        mine = study.folder / path.relative_to(finished.folder)
+        if mine != damaged and (not mine.exists() or mine.stat().st_mtime_ns != path.stat().st_mtime_ns):
+            found.append(mine)
+    return found
+
+
+def no_room(place, jobs, wanted, targets, table):
+    """A full disk, a disk that turns read-only, and too little memory, each in mid-run."""
+    size = sum(map(len, wanted.values())) // 1024
+    for number, share in enumerate((0.2, 0.4, 0.6, 0.8)):
+        study = Study(place / f"full_{number}", jobs).prepared()
+        study.targets = targets
+        results = study.folder / "results"
+        results.mkdir()
+        mount = ["mount", "-t", "tmpfs", "-o", f"size={int(share * size) + 8}k", "tmpfs", str(results)]
+        subprocess.run(mount, check=True)
+        try:
+            status, before = study.run(), study.finished()
+            told = study.last_words()
+            subprocess.run(["mount", "-o", "remount,size=500m", str(results)], check=True)
+            again = _again(study, before)
+            first, same = f"{status}, then {again[0]}", compared(study, wanted)
+            table.add(f"disk full at {share:.0%}", "results", first, same, again[1])
+            if number == 1:
+                subprocess.run(["mount", "-o", "remount,ro", str(results)], check=True)
+                status, told = study.run("network"), study.told.read_text()
+                subprocess.run(["mount", "-o", "remount,rw", str(results)], check=True)
+                again = _again(study, {})
+                table.add(
+                    "read-only", "results", f"{status}, then {again[0]}", compared(study, wanted), again[1]
+                )
+                print(f"    {told.splitlines()[-1] if told else ''}")
+        finally:
+            subprocess.run(["umount", str(results)], check=True)
+    study = Study(place / "memory", jobs).prepared()
+    study.targets = targets
+    pages = int(Path(f"/proc/{jobs.process}/statm").read_text().split()[0])
+    limit = pages * resource.getpagesize() + 4_000_000
+    resource.prlimit(jobs.process, resource.RLIMIT_AS, (limit, resource.RLIM_INFINITY))
+    status, before = study.run(), study.finished()
+    resource.prlimit(jobs.process, resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+    again = _again(study, before)
+    table.add("4 MB of memory left", "jobs", f"{status}, then {again[0]}", compared(study, wanted), again[1])
+
+
+def _again(study, before):
+    """The same command again: its exit status, and the files that it made though they were finished."""
+    status, now = study.run(), study.finished()
+    return status, [path for path, when in before.items() if now.get(path) != when]
+
+
+def main():
+    """Run the campaign."""
+    words = argparse.ArgumentParser(description=__doc__)
+    words.add_argument("--kills", type=int, default=40)
+    words.add_argument("--seed", type=int, default=1)
+    words.add_argument("--only", choices=("kills", "damages", "no_room"))
+    given = words.parse_args()
+    rng, table = random.Random(given.seed), Table()
+    forked.load_all()
+    with tempfile.TemporaryDirectory() as folder:
+        place, began = Path(folder), time.monotonic()
+        jobs = forked.Jobs(place / "server")
+        try:
+            finished = Study(place / "undisturbed", jobs).prepared()
+            if finished.run():
+                sys.exit(finished.told.read_text())
+            took, wanted = time.monotonic() - began, finished.results()
+            names = sorted(str(path.relative_to(finished.folder)) for path in finished.finished())
+            targets = (*TARGETS, *(name for name in names if "/runs/" not in name))
+            finished.targets = targets
+            print(f"undisturbed: {took:.1f} s, {len(wanted)} files", flush=True)
+            if given.only in (None, "damages"):
+                damages(place, finished, wanted, table)
+            if given.only in (None, "no_room"):
+                no_room(place, jobs, wanted, targets, table)
+            if given.only in (None, "kills"):
+                kills(place, jobs, wanted, targets, took / 3.0, given.kills, rng, table)
+        finally:
+            jobs.close()
+    Path(__file__).with_name("table.md").write_text(table.text())
+    print(f"{len(table.rows)} faults, {len(table.bad())} bad, {time.process_time():.0f} s")
+    sys.exit(bool(table.bad()))
+
+
+if __name__ == "__main__":
+    main()
