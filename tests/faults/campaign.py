@@ -6,8 +6,10 @@ was finished may be made again. What happened is written to tests/faults/table.m
 
 import argparse
 import base64
+import json
 import os
 import random
+import re
 import resource
 import shutil
 import signal
@@ -22,10 +24,11 @@ import forked
 from repose.chain.answer import NOT_FEASIBLE
 
 ROOT = forked.ROOT
-COMMAND = ("--cores", "1", "--quiet", "rules", "--configfile", "config/quick.yaml", "tiny.yaml", "--")
+COMMAND = ("--cores", "1", "--quiet", "rules", "--configfile", "config/quick.yaml", "tiny.yaml")
 TARGETS = ("validate", "measure")
 PARTS = ("Snakefile", "config", "profiles", "resources", "workflow")
-# In these an equal run has others: how long jobs took and what they printed. Names with a dot are locks and ledgers.
+# In these an equal run has others: how long jobs took and what they printed. Names with a dot are locks and ledgers;
+# NAME.PROCESS.part is what a job that was killed had begun to write, and nothing reads it.
 APART = ("logs", "benchmarks", "timings")
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 FORCED = ("design", "pour", "measure_runs", "network", "solutions")
@@ -54,7 +57,7 @@ class Study:
 
     def __init__(self, folder, jobs):
         self.folder, self.jobs, self.told = Path(folder), jobs, Path(f"{folder}.log")
-        self.targets = TARGETS
+        self.targets, self.more = TARGETS, ()
 
     def prepared(self):
         """The same, with the workflow in it."""
@@ -75,7 +78,8 @@ class Study:
     def start(self, *forced):
         """Start the workflow; its process number."""
         words = ("--forcerun", *forced) if forced else ()
-        return forked.start_workflow(self.folder, self.jobs, (*words, *COMMAND, *self.targets), self.told)
+        words = (*words, *COMMAND, *self.more, "--", *self.targets)
+        return forked.start_workflow(self.folder, self.jobs, words, self.told)
 
     def run(self, *forced):
         """Run the workflow to its end; its exit status."""
@@ -87,11 +91,14 @@ class Study:
         return {
             str(path.relative_to(top)): path.read_bytes()
             for path in sorted(top.rglob("*"))
-            if path.is_file() and not path.name.startswith(".") and not set(APART) & set(path.parts)
+            if path.is_file()
+            and not path.name.startswith(".")
+            and path.suffix != ".part"
+            and not set(APART) & set(path.parts)
         }
 
     def finished(self):
-        """Files of jobs of jobs that snakemake recorded as finished, and kept runs: when and where each was written."""
+        """Files of jobs that snakemake recorded as finished, and kept runs: when and where each was written."""
         records = self.folder / ".snakemake"
         names = {
             kind: {base64.urlsafe_b64decode(path.name).decode() for path in (records / kind).glob("*")}
@@ -105,6 +112,25 @@ class Study:
         """The last line that the workflow printed."""
         lines = [line for line in self.told.read_text(errors="replace").splitlines() if line.strip()]
         return lines[-1] if lines else ""
+
+    def remove_what_it_named(self):
+        """Remove the files that the workflow refused, as it tells to; how many there were."""
+        named = re.findall(r"^repose: error: (\S+): ", self.told.read_text(errors="replace"), re.MULTILINE)
+        found = [self.folder / name for name in set(named) if (self.folder / name).is_file()]
+        for path in found:
+            path.unlink()
+        return len(found)
+
+    def configured(self, **sections):
+        """The same with further configuration."""
+        (self.folder / "change.yaml").write_text(json.dumps(sections))
+        self.more = ("change.yaml",)
+        return self
+
+    def pours(self):
+        """Kept runs: when each was written."""
+        top = self.folder / "results"
+        return {path.relative_to(top): path.stat().st_mtime_ns for path in top.rglob("runs/*.npz")}
 
 
 class Table:
@@ -188,7 +214,10 @@ def _kill(study, main, one, job_only, after_s):
         if time.monotonic() >= end and (jobs or not job_only):
             break
         time.sleep(0.01)
-    os.kill(jobs[0] if job_only else main, one)
+    try:
+        os.kill(jobs[0] if job_only else main, one)
+    except ProcessLookupError:  # it has ended just now
+        return None
     return "a job" if job_only else "the workflow"
 
 
@@ -208,9 +237,8 @@ def damages(place, finished, wanted, table):
             path.write_bytes(bytes(content))
             status = study.run()
             told = ""
-            if status and str(path.relative_to(study.folder)) in study.told.read_text():
-                path.unlink()  # as it tells
-                told, status = "1, names it; then removed: ", study.run()
+            if status and study.remove_what_it_named():
+                told, status = f"{status} and named; removed, then ", study.run()
             table.add(way, name, f"{told}{status}", compared(study, wanted), _repoured(study, finished, path))
             shutil.rmtree(study.folder)
     for name in LOST:
@@ -231,6 +259,47 @@ def _repoured(study, finished, damaged):
         if mine != damaged and (not mine.exists() or mine.stat().st_mtime_ns != path.stat().st_mtime_ns):
             found.append(mine)
     return found
+
+
+def changes(place, jobs, finished, wanted, table):
+    """Two workflows at once; then changed configurations: the results must be those of a study that began with them."""
+    study = Study(place / "two", jobs).prepared()
+    first = study.start()
+    while not jobs.running():
+        time.sleep(0.01)
+    second = Study(study.folder, jobs).configured(simulation={"gravity_m_s2": 1.62})
+    second.told = Path(f"{study.folder}_second.log")
+    refused = second.run()
+    status = ended(os.waitpid(first, 0)[1])
+    words = second.last_words()
+    table.add(
+        "a second workflow meanwhile", words, f"{refused}; the first {status}", compared(study, wanted), []
+    )
+    target = {
+        "response": "height_mm",
+        "apparatus": "funnel",
+        "value": 60.0,
+        "sd": 3.0,
+        "repetitions": 5,
+        "range": [55.0, 65.0],
+    }
+    for name, sections, poured in (
+        ("one seed more", {"funnel": {"seeds": 2}}, 12),
+        ("another target", {"targets": [target]}, 0),
+        ("another network", {"network": {"hidden": 3}}, 0),
+        ("another definition", {"measure": {"views": 3}}, 0),
+    ):
+        fresh = Study(place / "fresh", jobs).prepared().configured(**sections)
+        fresh.run()
+        study = finished.copied_to(place / "changed").configured(**sections)
+        study.targets = TARGETS
+        before, status, after = study.pours(), study.run(), study.pours()
+        again = [path for path in before if after.get(path) != before[path]]
+        new = {path for path in set(after) - set(before) if path.parts[0] == "heaps"}
+        same = compared(study, fresh.results()) and len(new) == poured
+        table.add(name, f"{len(new)} new pours of the design, {poured} wanted", str(status), same, again)
+        for one in (fresh, study):
+            shutil.rmtree(one.folder)
 
 
 def no_room(place, jobs, wanted, targets, table):
@@ -283,10 +352,17 @@ def main():
     words = argparse.ArgumentParser(description=__doc__)
     words.add_argument("--kills", type=int, default=40)
     words.add_argument("--seed", type=int, default=1)
-    words.add_argument("--only", choices=("kills", "damages", "no_room"))
+    words.add_argument("--only", choices=("kills", "damages", "changes", "no_room"))
+    words.add_argument("--out", default=Path(__file__).with_name("table.md"), help="table of what happened")
+    words.add_argument("--real-pours", action="store_true", help="with the engine, which costs minutes more")
     given = words.parse_args()
     rng, table = random.Random(given.seed), Table()
+    signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # a shell lets what runs in the background ignore it
     forked.load_all()
+    if not given.real_pours:
+        forked.make_up_pours()
     with tempfile.TemporaryDirectory() as folder:
         place, began = Path(folder), time.monotonic()
         jobs = forked.Jobs(place / "server")
@@ -301,13 +377,15 @@ def main():
             print(f"undisturbed: {took:.1f} s, {len(wanted)} files", flush=True)
             if given.only in (None, "damages"):
                 damages(place, finished, wanted, table)
+            if given.only in (None, "changes"):
+                changes(place, jobs, finished, wanted, table)
             if given.only in (None, "no_room"):
                 no_room(place, jobs, wanted, targets, table)
             if given.only in (None, "kills"):
                 kills(place, jobs, wanted, targets, took / 3.0, given.kills, rng, table)
         finally:
             jobs.close()
-    Path(__file__).with_name("table.md").write_text(table.text())
+    Path(given.out).write_text(table.text())
     print(f"{len(table.rows)} faults, {len(table.bad())} bad, {time.process_time():.0f} s")
     sys.exit(bool(table.bad()))
 

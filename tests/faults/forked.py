@@ -12,8 +12,12 @@ import pkgutil
 import signal
 import socket
 import sys
+import time
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
@@ -36,6 +40,36 @@ def load_all():
     for module in pkgutil.walk_packages(package.__path__, "repose."):
         if not module.name.startswith(("repose.pictures", "repose.verification", "repose.__main__")):
             importlib.import_module(module.name)
+
+
+def make_up_pours():
+    """Let the funnel give a cone of grains at once, and compile no engine: the files are of the same kinds."""
+    from repose.apparatus import bench, bench_test, warm_up
+
+    bench_test._REGISTRY["funnel"] = replace(bench("funnel"), run=made_up_pour)
+    warm_up.warm_up = lambda *_: 0.0
+
+
+def made_up_pour(config, parameters, seed, particle, berry, interval_s=None, progress=None):
+    """A cone whose angle follows the parameters and the seed."""
+    from repose.apparatus import Run
+
+    time.sleep(0.1)
+    rng = np.random.default_rng(seed)
+    slope = 0.2 + 0.4 * sum(parameters.values()) / len(parameters) + 0.01 * rng.normal()
+    share, turn = rng.uniform(size=400) ** (1 / 3), rng.uniform(0.0, 2.0 * np.pi, 400)
+    radius = np.sqrt(rng.uniform(size=400)) * share * 0.1
+    top = slope * 0.1
+    position = np.stack([radius * np.cos(turn), radius * np.sin(turn), top * (1.0 - share) + 0.005], axis=1)
+    record = {"seed": int(seed), "status": "ok", "reason": "", "discharge_s": 1.0, "berries_on_plate": 400}
+    record |= {"berries_in_pile": 400, "berries_off_plate": 0, "kinetic_energy_J": 0.0}
+    arrays = {
+        "position": position.astype(np.float32),
+        "quaternion": np.tile(np.float32([1.0, 0.0, 0.0, 0.0]), (400, 1)),
+        "in_pile": np.ones(400, bool),
+        "scale": np.ones(400, np.float32),
+    }
+    return Run(record, arrays)
 
 
 class Jobs:

@@ -95,11 +95,16 @@ def sections(*names):
     return stands_on.sections(config, *names)
 
 
+def recorded(path):
+    """Whether snakemake has a record of having made a file."""
+    name = base64.urlsafe_b64encode(path.encode()).decode()
+    return os.path.exists(os.path.join(".snakemake", "metadata", name))
+
+
 def is_result(path):
-    """Whether a rule writes a file of this name."""
-    return any(
-        bool(output.match(path)) for rule in workflow.rules for output in rule.output
-    )
+    """Whether a rule writes a file of this name, though none did yet."""
+    made = (output for rule in workflow.rules for output in rule.output)
+    return any(output.match(path) for output in made) and not recorded(path)
 
 
 def refuse_outdated(paths):
@@ -107,14 +112,8 @@ def refuse_outdated(paths):
 
     With --forceall all is made again; runs that are kept and still the same are taken as they are.
     """
-    metadata = os.path.join(".snakemake", "metadata")
     unknown = [
-        path
-        for path in map(str, paths)
-        if os.path.exists(path)
-        and not os.path.exists(
-            os.path.join(metadata, base64.urlsafe_b64encode(path.encode()).decode())
-        )
+        path for path in map(str, paths) if os.path.exists(path) and not recorded(path)
     ]
     found = stands_on.outdated(config, unknown)
     if found and not {"--forceall", "-F"} & set(sys.argv):

@@ -115,7 +115,7 @@ def snapshot(args: argparse.Namespace) -> None:
 
 @family.verb(
     "write what another program prints to a file, in one move, and only in place of a file that repose wrote",
-    example="--out results/graph.dot < graph.dot",
+    example="--out results/graph.dot",
     out="results/printed.txt",
     config=False,
 )

@@ -7,7 +7,7 @@ the place of a result.
 
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from repose.core import ledger, places
@@ -111,8 +111,8 @@ def refuse_strange(results_dir: str, is_result: Callable[[str], bool]) -> None:
     InputError
         For all of them at once.
     """
-    found = {}
-    places = [(results_dir, WRITTEN)]
+    found: dict[str, tuple[str, str, str]] = {}
+    places: list[tuple[str, Sequence[str]]] = [(results_dir, WRITTEN)]
     places += [(at, names) for part in RESULTS for at, _, names in os.walk(f"{results_dir}/{part}")]
     for folder, names in places:
         known = ledger.names(folder)
