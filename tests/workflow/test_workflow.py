@@ -121,7 +121,6 @@ POURS = ("pour", "validation_pour", "trajectory", "drum_run")
         ("measure={mm_per_pixel: 0.3}", ("measure_runs", "measure_validation_runs"), ("drum_run",)),
         ("funnel={rest_motion_mm: 2}", ("measure_runs", "measure_validation_runs"), POURS[:3]),
         ("drum={fit_share: 0.5}", (), ("drum_run",)),
-        ("funnel={seeds: 3}", ("measure_runs",), ("pour",)),
         ("network={hidden: 4}", (), ()),
         (
             "validation={seeds: 3, representative_seeds: 3}",
