@@ -11,6 +11,8 @@ them. Each hidden set is told by its number alone, so a run that was stopped goe
   kriging, LHS   the same model and the same answer from one Latin hypercube, two pours a sample
   network, LHS   the published chain in small: hypercube, four pours a sample, Bayesian network, local search
   CMA-ES         one pour a trial, the sum of squared relative deviations; the answer is the mean of its distribution
+
+In the table, "before" names the first two with the longer lengths that they had at first (docs/sequential.md).
 """
 
 import argparse
