@@ -1,7 +1,13 @@
-"""The simulated campaign, on campaigns whose time is known."""
+"""The simulated campaign, on campaigns whose time is known; what counts as a cluster job's work."""
+
+import re
+from pathlib import Path
 
 import campaign
+import overhead
 import pytest
+
+SNAKEFILE = Path(__file__).parents[2] / "workflow" / "Snakefile"
 
 
 def test_one_core_takes_all_jobs_one_after_another():
@@ -24,3 +30,21 @@ def test_times_of_a_sample_are_those_of_its_two_jobs(tmp_path):
     for name, seconds in (("001", 12.5), ("001_measured", 2.5)):
         (tmp_path / f"{name}.tsv").write_text(f"s\tmax_rss\tcpu_time\n99.0\t100\t{seconds}\n")
     assert campaign.measured_s(tmp_path) == [15.0]
+
+
+def test_rules_that_stay_off_the_cluster_are_those_of_the_workflow():
+    (listed,) = re.findall(r"^localrules:\n((?:    \w+,\n)+)", SNAKEFILE.read_text(), re.MULTILINE)
+    assert set(re.findall(r"\w+", listed)) == overhead.LOCAL
+
+
+def test_work_of_cluster_jobs_leaves_the_others_out(tmp_path):
+    for name in ("heaps/001", "berry"):
+        path = tmp_path / "results" / "benchmarks" / f"{name}.tsv"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("s\tmax_rss\n4.0\t1\n")
+    assert overhead.benchmarks_s(tmp_path) == [4.0]
+    lines = [
+        "COMPLETED 2026-01-01T00:00:00 2026-01-01T00:00:09",
+        "FAILED 2026-01-01T00:00:00 2026-01-01T00:00:05",
+    ]
+    assert overhead.slurm_s(lines) == [9.0]
