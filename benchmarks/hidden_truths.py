@@ -199,7 +199,7 @@ def main():
         rows = of_truth(number, simulator, args.responses, space, config, methods)
         table = pd.concat([table, pd.DataFrame(rows, columns=columns)], ignore_index=True)
         table.to_csv(args.out, index=False, float_format="%.4g")
-    success(table).to_csv(plan.SUCCESS, index=False, float_format="%.3f")
+    success(table).to_csv(plan.SUCCESS, index=False, float_format="%.4f")
     print(summary(table))
 
 
