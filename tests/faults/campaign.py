@@ -174,7 +174,7 @@ def kills(place, jobs, wanted, targets, longest_s, count, rng, table):
         number += 1
         study = Study(place / f"killed_{number}", jobs).prepared()
         study.targets = targets
-        rows, status, before = [], 1, {}
+        rows, status, before, loose = [], 1, {}, False
         while status and len(rows) < 15:
             forced = (FORCED[rng.randrange(len(FORCED))],) if rng.random() < 0.3 else ()
             main, job_only = study.start(*forced), rng.random() < 0.4
@@ -182,17 +182,19 @@ def kills(place, jobs, wanted, targets, longest_s, count, rng, table):
             victim = _kill(study, main, one, job_only, rng.uniform(0.0, longest_s)) if done < count else None
             status = ended(os.waitpid(main, 0)[1])
             now = study.finished()
-            again = [path for path, when in before.items() if now.get(path) != when]
+            # once a rule was forced, what stands on it is made anew, but no pour
+            loose = loose or bool(forced)
+            kept = {path: when for path, when in before.items() if "runs" in path.parts or not loose}
+            again = [path for path, when in kept.items() if now.get(path) != when]
             if victim:
                 done += 1
                 where = f"{victim}, {len(now)} files finished" + (
                     f", --forcerun {forced[0]}" if forced else ""
                 )
-                rows.append((signal.Signals(one).name, where, str(status), [] if forced else again))
+                rows.append((signal.Signals(one).name, where, str(status), again))
             elif again:
                 rows.append(("none", "the resumed run", str(status), again))
-            # what a forced run made anew is reason to make what stands on it anew
-            before = {} if forced else now
+            before = now
             status = 1 if victim else status
             if not victim and status:
                 print(f"    {study.last_words()}")

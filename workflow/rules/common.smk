@@ -132,9 +132,6 @@ def growing(amount):
     return lambda wildcards, attempt: amount * attempt
 
 
-# Ten times the estimate of the longest job, for slower cores and busy ones.
-MINUTES_OF_RUNS = 10 + round(10 * cost.longest_job_s(config) / 60)
-
 # Folder of each bench test's runs. Wildcard `runs`: one of these.
 RUN_FOLDERS = {
     name: "heaps" if name == "funnel" else f"{name}_runs" for name in names()
