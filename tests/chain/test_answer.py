@@ -29,7 +29,8 @@ def study(folder, simulated, feasible=True):
     (folder / "miga" / "summary.json").write_text(json.dumps(summary))
     (folder / "validation").mkdir()
     (folder / "validation" / "representative.csv").write_text(
-        f"response,simulated,simulated_se,n_seeds,status\naor_deg,{simulated},0.25,16,ok\n"
+        "response,simulated,simulated_se,n_seeds,status,within_1_percent,within_2_percent\n"
+        f"aor_deg,{simulated},0.25,16,ok,{'0.25,0.75' if simulated else ','}\n"
     )
     return {"label": "wheat", "results_dir": str(folder), "targets": [TARGET]}
 
@@ -44,6 +45,8 @@ def test_the_margin_is_the_way_to_the_nearer_end_of_the_range(simulated, met, ma
     assert found.checks[0].margin == margin
     assert ("NOT met" in str(found)) is not met
     assert all(name in str(found) for name in PARAMETERS)
+    assert found.within == {1.0: 0.25, 2.0: 0.75}
+    assert "by these runs alone: within 1 %: 0.25, within 2 %: 0.75" in str(found)
 
 
 def test_a_prediction_outside_the_targets_is_no_answer_even_where_the_simulation_is_inside(tmp_path):
@@ -58,6 +61,8 @@ def test_failed_runs_have_no_number(tmp_path):
     assert not found.met
     assert found.checks[0].margin is None
     assert "no number" in str(found)
+    assert found.within == {1.0: None, 2.0: None}
+    assert "how near the means are to their targets is not known" in str(found)
 
 
 def test_a_study_that_has_not_run_is_told(tmp_path):

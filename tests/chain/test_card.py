@@ -47,7 +47,7 @@ def made(config, solutions, posterior=None, simulated=66.0):
         *(target["value"], target["sd"], *target["range"]),
     )
     values = dict.fromkeys(PARAMETERS, 0.3)
-    found = answer.Answer("wheat", values, True, "", (check,), Path("results"))
+    found = answer.Answer("wheat", values, True, "", (check,), Path("results"), {1.0: 0.25, 2.0: None})
     berry = read_berry(STUDY / "berry/berry.json")
     particle = Particle.of_record(record_of_an_ellipsoid())
     return card.make(config, found, berry, particle, solutions, posterior)
@@ -146,6 +146,8 @@ def test_a_card_in_words_tells_answer_and_tests(config, solutions, tmp_path, cap
     text = capsys.readouterr().out
     assert "wheat; targets NOT met" in text
     assert "mus_gg, mur_gg -1.00" in text
+    assert "all within 1 %: probability 0.25" in text
+    assert "all within 2 %: probability unknown" in text
     assert "fixed" in text
 
 

@@ -107,6 +107,8 @@ def test_representative_against_the_physical_pile(study):
     assert table.loc["aor_deg", "error_percent"] == pytest.approx(100 * 0.87 / 32.87)
     assert table.loc["height_mm", "physical_sd"] == 4.10
     assert table["within_one_sd"].all()
+    assert (table["within_1_percent"] <= table["within_2_percent"]).all()
+    assert 0 < table["within_2_percent"].iloc[0] < 1
     far = validate.against_physical(
         {
             f"{a}_{b}_{c}": 40.0

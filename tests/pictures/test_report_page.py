@@ -10,10 +10,10 @@ import scipy.stats
 from made_up_report import made_up_study
 from shared import TARGETS, targets_of
 
+from repose.chain.chance import chance_of_meeting
 from repose.core.errors import InputError
 from repose.core.targets import Targets
 from repose.pictures.report import page, prediction, scene
-from repose.pictures.report.chance import chance_of_meeting
 from repose.surrogate import load
 
 BOTH = Targets.of(TARGETS)
@@ -45,6 +45,9 @@ def test_chance_of_one_response_is_that_of_students_t():
     expected = t.cdf(targets[0].high) - t.cdf(targets[0].low)
     assert 0.1 < expected < 0.9
     assert chance["all"] == chance["aor_deg"] == pytest.approx(expected, abs=0.005)
+    near = chance_of_meeting({"funnel": runs_of(values[:, None], ["aor_deg"])}, targets, 4.0)
+    wanted = targets[0].aim
+    assert near["all"] == pytest.approx(t.cdf(1.04 * wanted) - t.cdf(0.96 * wanted), abs=0.005)
 
 
 def test_chance_of_two_responses_that_move_as_one_is_that_of_the_worse():

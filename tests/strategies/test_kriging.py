@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
+from repose.core.probability import within
 from repose.strategies.sequential.kriging import DRAWS, PRIOR_FREEDOM, Kriging, Observed
-from repose.strategies.sequential.probability import within
 
 NOISE = np.array([[2.0, 1.6], [1.6, 4.0]])
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from repose.chain.chance import PERCENT
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_rows
 from repose.core.parameters import LABELS, PARAMETERS, check_value
@@ -50,6 +51,7 @@ FILES = {
     "sequential": _of_strategy("sequential_check", "sequential", "raise sequential.most_pours"),
 }
 CARD = "card.json"
+WITHIN = {percent: f"within_{percent:g}_percent" for percent in PERCENT}
 COLUMNS = ("response", "simulated", "simulated_se", "n_seeds", "status")
 REPORT = "report.html"
 # Exit status of a run that ended without a feasible solution.
@@ -130,6 +132,10 @@ class Answer:
     folder : Path
         Of the results.
     files : Files
+    within : mapping
+        Probability, by the runs of the check alone, that the means of all responses lie within so many percent of
+        their aims; None where it is not known.
+    files : Files
         Its files there.
     """
 
@@ -139,6 +145,7 @@ class Answer:
     message: str
     checks: tuple[Check, ...]
     folder: Path
+    within: Mapping[float, float | None]
     files: Files = FILES["published"]
 
     @property
@@ -152,6 +159,7 @@ class Answer:
             head = f"{self.label}: {self.message}\nThe nearest parameters"
         rows = [f"  {name:7} {value:.4g}  {LABELS[name]}" for name, value in self.parameters.items()]
         checks = [f"  {check}" for check in self.checks]
+        checks.append(f"  {probability_in_words(self.within)}")
         advice = "" if self.met else f"\nWiden parameters or targets, or {self.files.advice}."
         return (
             "\n".join([f"{head}:", *rows, "Simulated again with fresh seeds:", *checks])
@@ -231,7 +239,28 @@ def read_files(
         checks=tuple(_check(one, rows[one.name], check_csv) for one in targets),
         folder=Path(config["results_dir"]),
         files=FILES[strategy],
+        within={
+            percent: _number(rows[targets.names[0]], column, check_csv) for percent, column in WITHIN.items()
+        },
     )
+
+
+def probability_in_words(within: Mapping[float, float | None]) -> str:
+    """How probable it is that the answer meets all targets closely.
+
+    Parameters
+    ----------
+    within : mapping
+        As in `Answer`.
+
+    Returns
+    -------
+    str
+    """
+    if None in within.values():
+        return "how near the means are to their targets is not known"
+    told = ", ".join(f"within {percent:g} %: {value:.2f}" for percent, value in within.items())
+    return f"probability that all means are near their targets, by these runs alone: {told}"
 
 
 def _check(target, row, source):
@@ -246,6 +275,6 @@ def _check(target, row, source):
 def _number(row, key, source):
     """A number of a table; None where there is none."""
     try:
-        return float(row[key]) if row[key] else None
+        return float(row[key]) if row.get(key) else None
     except ValueError:
         raise InputError(source, key, row[key], "a number, or nothing") from None

@@ -121,6 +121,7 @@ def assembled(
         },
         "tests": [_test(check, target, about) for check, target in _paired(answer.checks, targets)],
         "met": answer.met if simulated or "simulator" not in about else None,
+        "within": {f"{percent:g} %": chance for percent, chance in answer.within.items()},
         "made_by": _made_by(),
     }
 

@@ -31,6 +31,10 @@ def in_words(card: Mapping[str, Any]) -> str:
             + ("; ".join(f"{a}, {b} {value:+.2f}" for value, a, b in strong) or "none"),
             "tests:",
             *(f"  {_test_in_words(test)}" for test in card["tests"]),
+            *(
+                f"  all within {key}: probability {_chance(value)}"
+                for key, value in card.get("within", {}).items()
+            ),
             f"made by repose {made['version']}, commit {made['commit']}, configuration {made['configuration']}, "
             f"engine {made['engine']}, seed {made['seed']}",
         ]
@@ -138,6 +142,11 @@ def _test_in_words(test):
         f"{test['repetitions']} repetitions), target {test['low']:g} to {test['high']:g}, simulated {simulated} "
         f"(runs: {test['runs']}): {MET[test['met']]}"
     )
+
+
+def _chance(value):
+    """A probability."""
+    return "unknown" if value is None else f"{value:.2f}"
 
 
 def _moduli(part):

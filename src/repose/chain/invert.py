@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from repose.chain import expected_loss
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
 from repose.core.parameter_space import ParameterSpace
@@ -129,6 +130,8 @@ def run(
 ) -> dict[str, Any]:
     """Invert a saved surrogate; write feasible.csv, intervals.csv, history.csv and summary.json; return the summary.
 
+    Where the surrogate knows its errors, the summary has the set of least expected loss beside the representative.
+
     Parameters
     ----------
     surrogate_json : path
@@ -158,6 +161,10 @@ def run(
     require_same_definitions(surrogate.definitions, surrogate_json, definitions or {}, source)
     published = None if table3_csv is None else read_table(table3_csv, ("parameter", *INTERVAL))
     found = invert(surrogate, space, targets, settings, published, support)
+    if surrogate.knows_its_errors:
+        best = found.summary["representative"]
+        found.summary["representative_judged"] = expected_loss.judged(surrogate, best, targets)
+        found.summary["least_expected_loss"] = expected_loss.least(surrogate, space, targets)
     write(found, out_dir)
     return found.summary
 

@@ -7,12 +7,14 @@ as in Table 4: |predicted - simulated| / simulated, and for the representative s
 """
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from repose.chain.chance import PERCENT, chance_of_meeting
 from repose.chain.dataset import Job, assemble, read_jobs
 from repose.core.errors import InputError
 from repose.core.files import check_columns, read_table, write_table
@@ -131,8 +133,9 @@ def validate(
     -------
     dict
         `table4`: our solutions. `representative`: one of them against the physical measurement, a row for each
-        response. `published`: the published solutions in this engine; it has no rows where there are none. A solution
-        whose simulation failed keeps its row, with its status and without numbers.
+        response, with the probabilities that all are met within 1 % and 2 %. `published`: the published solutions in
+        this engine; it has no rows where there are none. A solution whose simulation failed keeps its row, with its
+        status and without numbers.
     """
     simulated = assemble(solutions, jobs, targets)[0].drop(columns=["sample", *PARAMETERS])
     simulated = simulated.rename(columns={one.name: one.simulated for one in targets.responses})
@@ -141,9 +144,11 @@ def validate(
     rows = pd.concat([solutions.reset_index(drop=True), simulated], axis=1)
 
     ours, theirs = (rows[rows["origin"] == origin] for origin in ("miga", "published"))
+    best = ours[ours["role"] == "representative"].iloc[0]
+    runs = {bench: jobs[bench][best["sample"]]["runs"] for bench in targets.apparatus}
     tables = {
         "table4": table4(ours, targets.responses),
-        "representative": against_physical(ours[ours["role"] == "representative"].iloc[0], targets),
+        "representative": with_chances(against_physical(best, targets), runs, targets),
         "published": beside_published(theirs, published, targets.responses),
     }
     if support is not None:
@@ -208,6 +213,28 @@ def against_physical(row: pd.Series, targets: Targets) -> pd.DataFrame:
             }
         )
     return pd.DataFrame(rows)
+
+
+def with_chances(
+    table: pd.DataFrame, runs: Mapping[str, Sequence[Mapping[str, Any]]], targets: Targets
+) -> pd.DataFrame:
+    """`against_physical` with the probabilities that all targets are met within some percent.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Of `against_physical`.
+    runs : mapping
+        For each bench test the runs of the representative solution.
+    targets : Targets
+
+    Returns
+    -------
+    pandas.DataFrame
+        With the columns within_1_percent and within_2_percent; empty where fewer than two runs could be measured.
+    """
+    chances = {f"within_{one:g}_percent": chance_of_meeting(runs, targets, one)["all"] for one in PERCENT}
+    return table.assign(**chances)
 
 
 def beside_published(

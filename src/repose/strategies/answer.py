@@ -73,7 +73,10 @@ def write(
     out = Path(out_dir)
     write_table(out / "solutions.csv", solutions(found, feasible, space, targets))
     write_table(out / "table4.csv", validate.table4(pd.DataFrame([row]), targets.responses))
-    write_table(out / "representative.csv", validate.against_physical(pd.Series(row), targets))
+    table = validate.against_physical(pd.Series(row), targets)
+    write_table(
+        out / "representative.csv", validate.with_chances(table, _by_bench(checked, targets), targets)
+    )
     write_json(out / "summary.json", summary | dict(more))
 
 
@@ -144,6 +147,15 @@ def solutions(found: Found, feasible: bool, space: ParameterSpace, targets: Targ
     table["feasible"] = [feasible] + [True] * len(found.others)
     table["representative"] = table["solution"] == 1
     return table
+
+
+def _by_bench(runs, targets):
+    """Single runs of each bench test as rows."""
+    benches = {
+        bench: runs[runs["apparatus"] == bench] if "apparatus" in runs else runs
+        for bench in targets.apparatus
+    }
+    return {bench: own.to_dict("records") for bench, own in benches.items()}
 
 
 def _simulated(runs, targets):

@@ -20,7 +20,7 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.responses import Definitions, derived
 from repose.core.targets import Targets
-from repose.studies import noise
+from repose.studies import implausibility, noise
 from repose.studies.likelihood import log_likelihood, misfit, observation
 from repose.studies.sampler import information_bits, joint_information_bits, sample, split_r_hat
 from repose.studies.surrogates import require_targets
@@ -149,7 +149,9 @@ def run(
     definitions: Definitions | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
-    """Read what `infer` needs, write posterior.csv, draws.csv and posterior.json; return the summary.
+    """Read what `infer` needs; write the posterior, its curve over the discrepancy, and what is not implausible.
+
+    The files are posterior.csv, draws.csv, discrepancy.csv, region.csv and posterior.json, whose content is returned.
 
     Parameters
     ----------
@@ -194,10 +196,28 @@ def run(
         allowed = "enough runs a sample for the correlation of the responses"
         raise InputError(files["runs"], "runs", str(error), allowed) from None
     out = Path(out_dir)
+    told = _beside_the_posterior(model, space, targets, settings, runs, out)
+    found.summary.update(told)
     write_table(out / "posterior.csv", found.parameters)
     write_table(out / "draws.csv", found.draws)
     write_json(out / "posterior.json", found.summary)
     return found.summary
+
+
+def _beside_the_posterior(model, space, targets, settings, runs, out):
+    """Write discrepancy.csv and region.csv; what is said of them in the summary."""
+    correlation, _ = noise.within_correlation(runs, targets)
+
+    def observed(percent, between):
+        return observation(targets, correlation, percent, between)
+
+    points = implausibility.Points(model, space)
+    table = implausibility.curve(points, space, targets, observed)
+    chosen = observed(settings["discrepancy_percent"], settings["discrepancy_correlation"])
+    share, projections = implausibility.region(points, space, implausibility.implausibility(points, *chosen))
+    write_table(out / "discrepancy.csv", table, float_format="%.6g")
+    write_table(out / "region.csv", projections, float_format="%.6g")
+    return {"not_implausible_share": share, "over_the_discrepancy": implausibility.message(table, share)}
 
 
 def statement(row: Mapping[str, Any]) -> str:
@@ -244,6 +264,7 @@ def message(summary: Mapping[str, Any]) -> str:
         f"deviations (p = {fit['p_value']:.2g}); {100 * summary['thin_share']:.0f} % of the draws lie where samples "
         "are thin"
     )
+    lines += summary.get("over_the_discrepancy", "").splitlines()
     if summary["thin_share"] > MOSTLY:
         lines.append("EXTRAPOLATED: most draws lie beyond the samples, where the surrogate is only a guess")
     if not summary["converged"]:

@@ -175,6 +175,11 @@ class Surrogate(ABC):
         numpy.ndarray, (n, k, k)
         """
 
+    @property
+    def knows_its_errors(self) -> bool:
+        """Whether `covariance` can be asked; not where it was saved without what it is computed from."""
+        return True
+
     def shifted(self, offset: np.ndarray) -> Self:
         """A copy that predicts more.
 

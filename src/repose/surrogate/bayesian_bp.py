@@ -220,8 +220,7 @@ class BayesianBP(Surrogate):
 
         Returns
         -------
-        mean : numpy.ndarray, (samples, outputs)
-            (samples,) for a network that was fitted to such responses.
+        mean : numpy.ndarray, (samples, outputs), or (samples,) as it was fitted
         std : numpy.ndarray
             Of the same shape, in units of y: sqrt(1 / (2 beta) + g' H^-1 g) with g the output's gradient by
             the weights (M92). Only with `return_std`.
@@ -242,11 +241,14 @@ class BayesianBP(Surrogate):
         std = np.sqrt(variance + noise * self.noise_std_**2)
         return Y, std[:, 0] if self.one_output_ else std
 
+    @property
+    def knows_its_errors(self) -> bool:
+        return hasattr(self, "posterior_root_")
+
     def covariance(self, X: ArrayLike) -> np.ndarray:
         """Covariance of the responses by the uncertainty of the weights alone.
 
-        The outputs share the hidden layer, so their errors are correlated. The diagonal is the square of what
-        `predict` gives with ``return_std=True, noise=False``.
+        The outputs share the hidden layer, so their errors are correlated.
 
         Parameters
         ----------
@@ -284,7 +286,6 @@ class BayesianBP(Surrogate):
         X : array, (samples, inputs)
         y : array, (samples,) or (samples, outputs)
         sample_weight : array, (samples,), optional
-            As scikit-learn takes it.
 
         Returns
         -------
@@ -368,7 +369,7 @@ class BayesianBP(Surrogate):
 
     def _weight_roots(self, X):
         """dy/dw times the root of the weights' covariance, (samples, outputs, N), outputs scaled."""
-        if not hasattr(self, "posterior_root_"):
+        if not self.knows_its_errors:
             raise ValueError("the network was saved without its training data; it predicts without errors")
         w = self._weights()
         x = scale(X, self.input_min_, self.input_max_, self.scaled_range)

@@ -35,6 +35,8 @@ rule posterior_tables:
     output:
         posterior=f"{RESULTS}/posterior/posterior.csv",
         draws=f"{RESULTS}/posterior/draws.csv",
+        discrepancy=f"{RESULTS}/posterior/discrepancy.csv",
+        region=f"{RESULTS}/posterior/region.csv",
         summary=f"{RESULTS}/posterior/posterior.json",
     log:
         f"{RESULTS}/logs/posterior.log",

@@ -99,6 +99,11 @@ def verdict(study: Study) -> tuple[str, str]:
         judged = f"judged by {runs:.0f} new simulations with these parameters"
     return kind, (
         f"{start}: with a probability of {share(chance)} {which} inside the range that was asked for, {judged}."
+        + "".join(
+            f" Within {percent:g} % of the target{'s' if k > 1 else ''}: {share(within)}."
+            for percent, within in study.within.items()
+            if within is not None
+        )
     )
 
 

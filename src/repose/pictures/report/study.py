@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from repose.chain.chance import PERCENT, chance_of_meeting
 from repose.chain.dataset import read_job
 from repose.chain.tables import read_dataset, read_runs
 from repose.core.errors import InputError
@@ -14,7 +15,6 @@ from repose.core.files import read_json, read_table
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
-from repose.pictures.report.chance import chance_of_meeting
 from repose.strategies.sequential.files import observed_of
 from repose.strategies.sequential.kriging import Kriging, SpaceKriging
 from repose.surrogate import load
@@ -53,6 +53,8 @@ class Study:
         Its row in table4.csv.
     chance : dict
         Of `chance_of_meeting`.
+    within : dict
+        Probability that all responses lie within so many percent of their targets.
     posterior : pandas.DataFrame or None
         posterior.csv by parameter.
     surrogate : Predictor or None
@@ -71,6 +73,7 @@ class Study:
     answer: np.ndarray
     row: pd.Series
     chance: dict[str, float | None]
+    within: dict[float, float | None]
     posterior: pd.DataFrame | None
     surrogate: Predictor | None
     feasible: pd.DataFrame
@@ -141,6 +144,7 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
         answer=rows.iloc[0][list(PARAMETERS)].to_numpy(float),
         row=rows.iloc[0],
         chance=chance_of_meeting(_runs(jobs, targets), targets),
+        within={one: chance_of_meeting(_runs(jobs, targets), targets, one)["all"] for one in PERCENT},
         posterior=posterior,
         surrogate=_surrogate(files, targets, space),
         feasible=read_table(files["feasible"], ("solution", *PARAMETERS)),

@@ -5,9 +5,9 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from repose.core.parameter_space import ParameterSpace
+from repose.core.probability import LEAST, within
 from repose.core.targets import Targets
 from repose.strategies.sequential.kriging import Kriging
-from repose.strategies.sequential.probability import LEAST, within
 
 LUCK = 3.0  # standard deviations by which further pours may move a predicted mean towards the target
 MOST_NEEDED = 10**6  # pours; more are not counted

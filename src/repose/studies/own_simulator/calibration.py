@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from repose.chain import card
-from repose.chain.answer import Answer, Check
+from repose.chain.answer import WITHIN, Answer, Check
 from repose.core.errors import InputError
 from repose.core.files import write_json, write_table
 from repose.strategies import answer
@@ -240,10 +240,10 @@ def as_answer(found: Calibration, folder: Path) -> Answer:
         )
         for one in found.study.targets
     )
-    values = found.summary["representative"]
-    return Answer(
-        found.study.label, values, found.summary["feasible"], found.summary["message"], checks, folder
-    )
+    values, chance = found.summary["representative"], found.probability
+    within = {percent: chance[column] for percent, column in WITHIN.items()}
+    summary = found.summary
+    return Answer(found.study.label, values, summary["feasible"], summary["message"], checks, folder, within)
 
 
 def in_words(found: Calibration) -> str:

@@ -1,4 +1,4 @@
-"""How probable it is that the pile of a parameter set lies inside the ranges of all targets."""
+"""How probable it is that the pile of a parameter set meets all targets, by its own runs."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,14 +7,15 @@ import numpy as np
 
 from repose.core.targets import Targets
 
+PERCENT = (1.0, 2.0)  # of the aims, told beside every answer
 DRAWS = 200_000
 SEED = 2026
 
 
 def chance_of_meeting(
-    runs: Mapping[str, Sequence[Mapping[str, Any]]], targets: Targets
+    runs: Mapping[str, Sequence[Mapping[str, Any]]], targets: Targets, percent: float | None = None
 ) -> dict[str, float | None]:
-    """Probability that the simulator's own mean lies inside the range, for each target and for all together.
+    """Probability that the simulator's own mean meets the target, for each target and for all together.
 
     A few runs tell the mean with an error. Without prior knowledge the mean, given the runs, has a multivariate t
     distribution about the runs' mean, with n - 1 degrees of freedom. Bench tests are independent of each other.
@@ -24,6 +25,8 @@ def chance_of_meeting(
     runs : mapping
         For each bench test the measured runs of the parameter set, with their status and responses.
     targets : Targets
+    percent : float, optional
+        A target is met within so many percent of its aim; without it, inside its range.
 
     Returns
     -------
@@ -40,7 +43,11 @@ def chance_of_meeting(
             return found
         drawn = _means(values, random)
         for k, one in enumerate(own):
-            inside = (drawn[:, k] >= one.low) & (drawn[:, k] <= one.high)
+            if percent is None:
+                low, high = one.low, one.high
+            else:
+                low, high = (one.aim + side * percent / 100 * abs(one.aim) for side in (-1, 1))
+            inside = (drawn[:, k] >= low) & (drawn[:, k] <= high)
             found[one.name] = float(inside.mean())
             together &= inside
     found["all"] = float(together.mean())

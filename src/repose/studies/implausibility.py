@@ -1,0 +1,180 @@
+"""How the posterior hangs on the discrepancy, and the region of parameters that the measurements do not exclude.
+
+Both weigh the same points of a Sobol sequence over the prior, so nothing is sampled anew and the results are
+deterministic.
+
+  (C97)  Craig, Goldstein, Seheult & Smith 1997, Pressure matching for hydrocarbon reservoirs, in Case Studies in
+         Bayesian Statistics III, 37: implausibility and history matching
+  (P94)  Pukelsheim 1994, The three sigma rule, Am. Stat. 48, 88: 95 % of any distribution with one peak lies within
+         three standard deviations
+"""
+
+import itertools
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.stats import qmc
+
+from repose.core.parameter_space import ParameterSpace
+from repose.core.targets import Targets
+from repose.studies.information import BINS, CREDIBLE, joint_bits
+from repose.studies.likelihood import log_likelihood
+from repose.surrogate.base import Surrogate
+
+POINTS = 2**14
+PERCENT = (0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
+CORRELATED = 0.9
+IMPLAUSIBLE = 3.0  # (P94)
+CELLS = 16  # of a parameter in a projection on two
+
+Observation = Callable[[float, float], tuple[np.ndarray, np.ndarray]]
+"""From size (percent) and correlation of the discrepancy to `repose.studies.likelihood.observation`."""
+
+
+class Points:
+    """Points of the prior, and what the surrogate says there.
+
+    Parameters
+    ----------
+    model : Surrogate
+        With the errors of its predictions.
+    space : ParameterSpace
+        The d free parameters and their priors.
+    """
+
+    def __init__(self, model: Surrogate, space: ParameterSpace) -> None:
+        self.quantile = qmc.Sobol(space.dimensions, scramble=False).random(POINTS) + 0.5 / POINTS
+        self.values = space.values(space.from_prior(self.quantile))
+        self.predicted, self.covariance = model.predict(self.values), model.covariance(self.values)
+
+
+def curve(points: Points, space: ParameterSpace, targets: Targets, observed: Observation) -> pd.DataFrame:
+    """Bits and intervals over the size of the discrepancy.
+
+    Parameters
+    ----------
+    points : Points
+    space : ParameterSpace
+    targets : Targets
+    observed : callable
+        See `Observation`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each size and correlation: `discrepancy_percent`, `discrepancy_correlation`, `information_bits`,
+        `effective_points`, and of each free parameter the ends of its 95 % interval and its bits. Correlated rows only
+        where a bench test gives several targets.
+    """
+    several = len(targets.apparatus) < len(targets)
+    rows = []
+    for correlation, percent in itertools.product((0.0, CORRELATED) if several else (0.0,), PERCENT):
+        log_weight = log_likelihood(points.predicted, points.covariance, *observed(percent, correlation))
+        weight = np.exp(log_weight - log_weight.max())
+        weight /= weight.sum()
+        row: dict[str, Any] = {"discrepancy_percent": percent, "discrepancy_correlation": correlation}
+        row |= {"information_bits": joint_bits(weight), "effective_points": 1 / float(weight @ weight)}
+        for k, name in enumerate(space.free):
+            row |= _marginal(name, points, k, weight, space, row["effective_points"])
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def _marginal(name, points, k, weight, space, effective):
+    """Interval and bits of one parameter."""
+    quantile = points.quantile[:, k]
+    order = np.argsort(quantile)
+    tails = np.array([(1 - CREDIBLE) / 2, (1 + CREDIBLE) / 2])
+    ends = np.interp(tails, np.cumsum(weight[order]), quantile[order])
+    edge = np.full((2, space.dimensions), 0.5)
+    edge[:, k] = ends
+    low, high = (space.low[k] + (space.high[k] - space.low[k]) * space.from_prior(edge)[:, k]).tolist()
+    share = np.bincount(np.minimum((quantile * BINS).astype(int), BINS - 1), weight, BINS)
+    filled = share[share > 0]
+    # a histogram of so many bins looks informative by chance
+    excess = (len(filled) - 1) / (2 * effective * math.log(2))
+    bits = max(0.0, float(filled @ np.log2(filled * BINS)) - excess)
+    return {f"{name}_low": low, f"{name}_high": high, f"{name}_bits": bits}
+
+
+def implausibility(points: Points, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """How many standard deviations the worst response lies from its measurement (C97).
+
+    Parameters
+    ----------
+    points : Points
+    mean, covariance : numpy.ndarray
+        Of `repose.studies.likelihood.observation`, (k,) and (k, k).
+
+    Returns
+    -------
+    numpy.ndarray, (n,)
+    """
+    variance = np.diagonal(points.covariance, axis1=1, axis2=2) + np.diagonal(covariance)
+    return np.sqrt((points.predicted - mean) ** 2 / variance).max(axis=1)
+
+
+def region(points: Points, space: ParameterSpace, implausible: np.ndarray) -> tuple[float, pd.DataFrame]:
+    """The region that is not implausible, and its projections on pairs of parameters.
+
+    Parameters
+    ----------
+    points : Points
+    space : ParameterSpace
+    implausible : numpy.ndarray, (n,)
+        Of `implausibility`.
+
+    Returns
+    -------
+    share : float
+        Of the prior that is not implausible.
+    projections : pandas.DataFrame
+        A row for each cell of each pair: the parameters `x` and `y`, the middle of the cell in their quantiles of the
+        prior, the least implausibility in it and the share of it that is not implausible.
+    """
+    kept = implausible < IMPLAUSIBLE
+    cell = np.minimum((points.quantile * CELLS).astype(int), CELLS - 1)
+    tables = []
+    for i, j in itertools.combinations(range(space.dimensions), 2):
+        number = cell[:, i] * CELLS + cell[:, j]
+        least = np.full(CELLS**2, np.inf)
+        np.minimum.at(least, number, implausible)
+        count = np.bincount(number, minlength=CELLS**2)
+        inside = np.bincount(number, kept, minlength=CELLS**2)
+        x, y = np.divmod(np.arange(CELLS**2), CELLS)
+        table = pd.DataFrame({"x": space.free[i], "y": space.free[j]}, index=range(CELLS**2))
+        table["x_quantile"], table["y_quantile"] = (x + 0.5) / CELLS, (y + 0.5) / CELLS
+        table["least_implausibility"], table["share"] = least, inside / np.maximum(count, 1)
+        tables.append(table)
+    columns = ["x", "y", "x_quantile", "y_quantile", "least_implausibility", "share"]
+    return float(kept.mean()), pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(
+        columns=columns
+    )
+
+
+def message(table: pd.DataFrame, share: float) -> str:
+    """The curve and the region in words.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Of `curve`.
+    share : float
+        Of `region`.
+
+    Returns
+    -------
+    str
+    """
+    lines = []
+    for correlation, own in table.groupby("discrepancy_correlation"):
+        told = [f"{row.discrepancy_percent:g} %: {row.information_bits:.2f}" for row in own.itertuples()]
+        lines.append(f"bits over the discrepancy, correlation {correlation:g}: {', '.join(told)}")
+    lines.append(
+        f"{100 * share:.0f} % of the prior is not implausible: no response lies {IMPLAUSIBLE:g} standard deviations or "
+        "more from its measurement"
+    )
+    return "\n".join(lines)
