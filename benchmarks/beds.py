@@ -17,7 +17,7 @@ def side_m(count):
     return float(np.sqrt(count / LAYERS * SPACING_M**2)) + 1e-3
 
 
-def bed(shape, count, time_step_s, settle_steps, threads=1, seed=1):
+def bed(shape, count, time_step_s, settle_steps, threads=1, seed=1, tension="keep"):
     """Simulation of `count` bodies of a `Shape` that fell from a loose lattice, randomly turned, into a box."""
     side = side_m(count)
     columns = int(np.ceil(np.sqrt(count / LAYERS)))
@@ -36,6 +36,7 @@ def bed(shape, count, time_step_s, settle_steps, threads=1, seed=1):
         upper=(side, side, SPACING_M * (LAYERS + 2)),
         walls=walls,
         threads=threads,
+        tension=tension,
     )
     rng = np.random.default_rng(seed)
     spacing = np.array([(side - 1e-3) / columns, (side - 1e-3) / columns, SPACING_M])

@@ -114,6 +114,20 @@ def test_berries_that_pass_through_each_other_are_named(apart_mm, broken):
         bounded._look_at_overlaps()
 
 
+@pytest.mark.parametrize(("height_mm", "broken"), [(0.5, False), (-0.5, True)])
+def test_a_berry_that_passes_through_a_wall_is_named(height_mm, broken):
+    """Half of a ball's diameter, 10 mm, is the bound: its centre in the plane."""
+    bounded = three_berries(position_m=(0.05, 0.0, 1e-3 * height_mm))
+    bounded.simulation.run_steps(1)
+    if broken:
+        with pytest.raises(
+            Unstable, match=r"berry 1 and the wall 'plate' overlap by 5\.[345]\d* mm.*after 0\.0001 s"
+        ):
+            bounded._look_at_overlaps()
+    else:
+        bounded._look_at_overlaps()
+
+
 def test_overlaps_of_clumps_are_those_of_their_spheres():
     mass = 1e-3
     spheres = [[-4e-3, 0, 0, 3e-3], [4e-3, 0, 0, 3e-3]]

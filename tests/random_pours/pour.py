@@ -15,12 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
-from repose.apparatus import bench
+from repose.apparatus import bench, names
 from repose.apparatus.bounds import Bounded
 from repose.apparatus.scene import longest_time_step
 from repose.config import checks
 from repose.config.loader import load
 from repose.core.parameters import PARAMETERS
+from repose.dem.laws import CONTACT_LAWS
 from repose.particle import berry as berries
 from repose.particle import build
 
@@ -38,9 +39,9 @@ FALLS = 40  # time of a pour, over that of a fall by a berry's length
 MANY, MANY_SHARE = 300, 0.01
 LONGEST_S = 60.0
 COLUMNS = [
-    *("number", "apparatus", "particle", "berries", "long_mm", "shear_modulus_pa", "e_gg", "e_gp", "tension"),
-    *("gravity_m_s2", "time_step_s", "share_of_limit", "steps", "status", "cpu_s", "energy_over_given"),
-    *("speed_over_fall", "overlap_over_extent", "reason"),
+    *("number", "apparatus", "particle", "berries", "long_mm", "shear_modulus_pa", "e_gg", "e_gp"),
+    *("contact_law", "tension", "gravity_m_s2", "time_step_s", "share_of_limit", "steps", "status", "cpu_s"),
+    *("energy_over_given", "speed_over_fall", "overlap_over_extent", "wall_overlap_over_extent", "reason"),
 ]
 
 
@@ -56,7 +57,7 @@ class Seen:
     """The largest energy, speed and overlap of a run, over what the bounds are measured by."""
 
     def __init__(self):
-        self.energy = self.speed = self.overlap = 0.0
+        self.energy = self.speed = self.overlap = self.wall_overlap = 0.0
         self.steps = 0
 
     def note(self, bounded):
@@ -71,10 +72,13 @@ class Seen:
         given = masses.sum() * (bounded.gravity * bounded.fall_m + 0.5 * bounded.speed_m_s**2)
         fall = math.sqrt(2.0 * bounded.gravity * bounded.fall_m) + bounded.speed_m_s
         pairs, overlaps = s.overlaps()
-        shares = overlaps / s.scales[pairs].min(axis=1) / bounded.thickness_m if len(pairs) else np.zeros(1)
+        shares = overlaps / s.scales[pairs].min(axis=1) / bounded.thickness_m
+        bodies, _, overlaps = s.wall_overlaps()
+        of_walls = overlaps / s.scales[bodies] / bounded.thickness_m
         self.energy = max(self.energy, float(energy / given) if given > 0.0 else 0.0)
         self.speed = max(self.speed, float(np.sqrt(np.square(s.velocities).sum(axis=1).max())) / fall)
-        self.overlap = max(self.overlap, float(shares.max()))
+        self.overlap = max(self.overlap, float(shares.max(initial=0.0)))
+        self.wall_overlap = max(self.wall_overlap, float(of_walls.max(initial=0.0)))
 
 
 def noting(seen):
@@ -102,7 +106,7 @@ def drawn(number, default, mean, particles):
     """Configuration, parameters, particle and berry of a random case."""
     rng = np.random.default_rng([13, number])
     config = copy.deepcopy(default)
-    apparatus, name = str(rng.choice(["funnel", "drum", "cylinder"])), str(rng.choice(list(PARTICLES)))
+    apparatus, name = str(rng.choice(list(SCENES))), str(rng.choice(list(PARTICLES)))
     long_mm = float(10 ** rng.uniform(math.log10(0.5), math.log10(50.0)))
     factor = long_mm / mean["long_mm"]
     berry = dict(mean) | {key: factor * mean[key] for key in ("long_mm", "major_mm", "minor_mm")}
@@ -111,6 +115,7 @@ def drawn(number, default, mean, particles):
     parameters |= {key: float(rng.uniform(0.05, 0.95)) for key in ("e_gg", "e_gp")}
     config["simulation"]["tension"] = str(rng.choice(["keep", "release", "cut"]))
     config["simulation"]["friction_limit"] = str(rng.choice(["elastic", "total"]))
+    config["simulation"]["contact_law"] = str(rng.choice(list(CONTACT_LAWS)))
     config["berry"]["size_distribution"] = PARTICLES[name].get("size_distribution", "none")
     particle = sized(particles[name], factor)
     limit = longest_time_step(config, parameters, particle, berry)
@@ -201,6 +206,7 @@ def poured(number, default, mean, particles, seen):
         "shear_modulus_pa": f"{berry['shear_modulus_pa']:.3g}",
         "e_gg": f"{parameters['e_gg']:.2f}",
         "e_gp": f"{parameters['e_gp']:.2f}",
+        "contact_law": config["simulation"]["contact_law"],
         "tension": config["simulation"]["tension"],
         "gravity_m_s2": f"{config['simulation']['gravity_m_s2']:.3g}",
         "time_step_s": f"{config['simulation']['time_step_s']:.3g}",
@@ -237,6 +243,7 @@ def poured(number, default, mean, particles, seen):
         "energy_over_given": f"{seen[-1].energy:.5g}",
         "speed_over_fall": f"{seen[-1].speed:.3g}",
         "overlap_over_extent": f"{seen[-1].overlap:.3g}",
+        "wall_overlap_over_extent": f"{seen[-1].wall_overlap:.3g}",
         "reason": reason,
     }
 
@@ -250,7 +257,7 @@ def of_one(config, parameters):
 def counted(rows):
     """Lines of a table: how the pours of each bench test and particle ended, and their extremes."""
     statuses = sorted({row["status"] for row in rows})
-    extremes = ("cpu_s", "energy_over_given", "speed_over_fall", "overlap_over_extent")
+    extremes = COLUMNS[COLUMNS.index("cpu_s") : -1]
     head = ["apparatus", "particle", "pours", *statuses, *(f"largest {name}" for name in extremes)]
     yield "| " + " | ".join(head) + " |"
     yield "|---|---|" + "--:|" * (len(head) - 2)
@@ -282,6 +289,7 @@ def main():
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--out", default=Path(__file__).with_name("pours.csv"), type=Path)
     args = parser.parse_args()
+    assert sorted(SCENES) == sorted(names()), "a scene for every bench test"
     done = {int(row["number"]) for row in read(args.out)}
     config = load("config/config.yaml")
     section = config["berry"]

@@ -1,13 +1,14 @@
 """Bounds that no pour breaks while its time step is short enough and its berries are stiff enough.
 
 A step that is too long feeds energy into contacts, and berries fly off; berries that are too soft pass through each
-other. Either may end in a pile that looks like one. So a run looks at its berries now and then, and ends with the
-status ``unstable`` where one of the bounds is broken:
+other and through walls. Either may end in a pile that looks like one. So a run looks at its berries now and then, and
+ends with the status ``unstable`` where one of the bounds is broken:
 
 - speed: `FASTEST` times that of a fall through the whole scene with the speed that berries or walls are given;
 - energy: motion and height of all berries together, which nothing but a moving wall can raise: at most what they have
   at the top of the scene with the speed that they are given, and `GAIN` of it more;
-- overlap: of two berries at most `DEEPEST` of the smallest extent of the smaller one.
+- overlap: of two berries at most `DEEPEST` of the smallest extent of the smaller one, of a berry and a wall at most as
+  much of the berry's.
 
 Looking changes nothing in the simulation.
 """
@@ -128,18 +129,32 @@ class Bounded:
             raise Unstable(f"berry {most} has {energies.max():.3g} J, {self._when('time step')}; {bound}")
 
     def _look_at_overlaps(self):
-        """Refuse berries that pass through each other."""
+        """Refuse berries that pass through each other or through walls."""
         simulation = self.simulation
         pairs, overlaps = simulation.overlaps()
-        if not len(pairs):
+        self._refuse_deepest(
+            overlaps,
+            simulation.scales[pairs].min(axis=1),
+            lambda k: f"berries {pairs[k, 0]} and {pairs[k, 1]}",
+        )
+        berries, walls, overlaps = simulation.wall_overlaps()
+        names = simulation.wall_set.names
+        self._refuse_deepest(
+            overlaps,
+            simulation.scales[berries],
+            lambda k: f"berry {berries[k]} and the wall {names[walls[k]]!r}",
+        )
+
+    def _refuse_deepest(self, overlaps, scales, which):
+        """Refuse overlaps too deep for berries of these scales; which(k): what it is that overlaps."""
+        if not len(overlaps):
             return
-        share = overlaps / simulation.scales[pairs].min(axis=1) / self.thickness_m
+        share = overlaps / scales / self.thickness_m
         worst = int(np.argmax(share))
         if share[worst] > DEEPEST:
-            which, depth = pairs[worst], 1e3 * overlaps[worst]
             bound = f"at most {100 * DEEPEST:g} % of the smallest extent is a contact"
             raise Unstable(
-                f"berries {which[0]} and {which[1]} overlap by {depth:.3g} mm, {self._when('modulus')}; {bound}"
+                f"{which(worst)} overlap by {1e3 * overlaps[worst]:.3g} mm, {self._when('modulus')}; {bound}"
             )
 
     def _when(self, cure):

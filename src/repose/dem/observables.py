@@ -10,6 +10,7 @@ from .kernels import clump_tile as ct
 from .kernels import state as st
 from .rotations import rotation_matrices
 from .wall_loads import WallLoad, wall_loads
+from .wall_overlaps import wall_overlaps
 
 
 class Observables:
@@ -163,16 +164,27 @@ class Observables:
         first, second = self._outer[self.pairs.first[:n]], self._outer[self.pairs.second[:n]]
         normals = st.contact_rows(self.pairs.data, n)[:, :3]
         spheres = self.pairs.spheres[:n].T if self._of_clumps else (None, None)
-        turn = rotation_matrices(self.quaternions)
-        reach = self._reach(turn, first, normals, spheres[0]) + self._reach(
-            turn, second, -normals, spheres[1]
-        )
+        reach = self._reach(first, normals, spheres[0]) + self._reach(second, -normals, spheres[1])
         apart = np.sum((self.positions[second] - self.positions[first]) * normals, axis=1)
         return np.column_stack([first, second]), reach - apart
 
-    def _reach(self, turn, body, direction, sphere):
+    def wall_overlaps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """How deep bodies overlap walls.
+
+        Returns
+        -------
+        bodies : ndarray (M,)
+            Index of the body, for each contact of a clump's sphere once.
+        walls : ndarray (M,)
+            Number of the wall in `wall_set.names`.
+        overlaps : ndarray (M,)
+            The overlaps [m], for meshes those of the last step.
+        """
+        return wall_overlaps(self)
+
+    def _reach(self, body, direction, sphere):
         """Extents (M,) of bodies, or of one sphere of each, along directions (M, 3) in space."""
-        local = np.einsum("nji,nj->ni", turn[body], direction)
+        local = np.einsum("nji,nj->ni", rotation_matrices(self.quaternions[body]), direction)
         reach = np.zeros(len(body))
         for number, shape in enumerate(self.shapes.values()):
             these = self.shape_ids[body] == number
