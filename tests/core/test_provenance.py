@@ -161,6 +161,21 @@ def test_another_processor_is_no_reason_to_refuse(tmp_path, monkeypatch):
     run("measure_runs", [first, pour(tmp_path / "b.json")], lambda: None)
 
 
+def test_the_processor_type_is_told_with_what_stands_in_for_another(tmp_path, monkeypatch):
+    told = tmp_path / "cpuinfo"
+    told.write_text(
+        "processor\t: 0\ncpu family\t: 26\nmodel\t\t: 2\nmodel name\t: AMD EPYC\n\nprocessor\t: 1\n"
+    )
+    monkeypatch.setattr(provenance, "CPU_INFO", told)
+    for name in provenance.FORCED_TYPES:
+        monkeypatch.delenv(name, raising=False)
+    assert provenance._processor() == "AMD EPYC, family 26, model 2"
+    monkeypatch.setenv("OPENBLAS_CORETYPE", "Haswell")
+    assert provenance._processor() == "AMD EPYC, family 26, model 2, OPENBLAS_CORETYPE=Haswell"
+    monkeypatch.setattr(provenance, "CPU_INFO", tmp_path / "none")
+    assert provenance._processor().endswith(", OPENBLAS_CORETYPE=Haswell")
+
+
 def test_the_verbs_write_it_and_a_verb_prints_it(tmp_path, capsys):
     config = str(places.root() / "config/quick.yaml")
     assert main(["design", "--config", config, "--out", str(tmp_path)]) == 0

@@ -17,6 +17,7 @@ and version, commit and processor type. These last ones tell apart, but are no r
 
 import hashlib
 import json
+import os
 import platform
 import subprocess
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -36,6 +37,9 @@ from repose.core.sources import engine_hash
 SIMULATING = ("pour", "heap", "drum", "shape_cell")
 # Files of these stages are rows of one table: they must have the same origin.
 RUNS = ("pour", "heap", "drum", "measure_runs")
+CPU_INFO = Path("/proc/cpuinfo")
+# With these set, numba compiles and numpy calculates as on another type of processor, with other last bits.
+FORCED_TYPES = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "OPENBLAS_CORETYPE")
 
 
 @dataclass
@@ -238,10 +242,17 @@ def _commit():
 
 
 def _processor():
-    """Name of the processor type."""
+    """Name, family and model of the processor type, and what compiles or calculates for another type."""
     try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+        lines = CPU_INFO.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         lines = []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()
+    told: dict[str, str] = {}
+    for line in lines:
+        key, _, value = line.partition(":")
+        told.setdefault(key.strip(), value.strip())
+    name = told.get("model name") or platform.processor() or platform.machine()
+    # a virtual machine may call several generations by one name
+    numbers = [f"{key.rpartition(' ')[2]} {told[key]}" for key in ("cpu family", "model") if key in told]
+    forced = [f"{key}={os.environ[key]}" for key in FORCED_TYPES if os.environ.get(key)]
+    return ", ".join([name, *numbers, *forced])
