@@ -9,6 +9,7 @@ import copy
 import csv
 import math
 import signal
+import sys
 import time
 import warnings
 from pathlib import Path
@@ -16,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from repose.apparatus import bench, names
-from repose.apparatus.bounds import Bounded
+from repose.apparatus.bounds import DEEPEST, FASTEST, Bounded
 from repose.apparatus.scene import longest_time_step
 from repose.config import checks
 from repose.config.loader import load
@@ -46,7 +47,7 @@ COLUMNS = [
 
 
 class TooLong(Exception):
-    """A pour took longer than `LONGEST_S`."""
+    """A pour took more than `LONGEST_S` of CPU time."""
 
 
 def _stop(*_):
@@ -133,6 +134,7 @@ def drawn(number, default, mean, particles):
     # the energy of a berry that falls by a ten thousandth of its length
     config["simulation"]["rest_energy_j"] = min(1e-3, 1e-4 * gravity * particle.mass_kg * 1e-3 * long_mm)
     config[apparatus] |= SCENES[apparatus](rng, long_mm, span_s, number_of)
+    config["measure"] |= {"views": 2, "mm_per_pixel": float(rng.uniform(0.02, 0.1) * long_mm)}
     return apparatus, name, share, config, parameters, particle, berry
 
 
@@ -224,17 +226,16 @@ def poured(number, default, mean, particles, seen):
         return row | {"status": "refused", "reason": "; ".join(faults)}
     seen.append(Seen())
     began = time.process_time()
-    signal.setitimer(signal.ITIMER_REAL, 20.0 * LONGEST_S)
     signal.setitimer(signal.ITIMER_PROF, LONGEST_S)
     try:
-        record = test.run(config, parameters, number, particle, berry).record
+        run = test.run(config, parameters, number, particle, berry)
+        record = test.measure(run.record, run.arrays, config, particle, berry)
         status, reason = record["status"], record["reason"]
     except TooLong:
         status, reason = "HANG", ""
     except Exception as error:
         status, reason = "CRASH", f"{type(error).__name__}: {error}"
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.setitimer(signal.ITIMER_PROF, 0.0)
     return row | {
         "steps": seen[-1].steps,
@@ -248,6 +249,22 @@ def poured(number, default, mean, particles, seen):
     }
 
 
+def violation(row):
+    """What is not as it should be with a pour, or nothing."""
+    if row["status"] in ("CRASH", "HANG"):
+        return row["status"]
+    if row["status"] in ("refused", "unstable"):
+        return ""
+    shares = [
+        float(row[name]) for name in ("speed_over_fall", "overlap_over_extent", "wall_overlap_over_extent")
+    ]
+    if not all(share <= bound for share, bound in zip(shares, (FASTEST, DEEPEST, DEEPEST), strict=True)):
+        return "exploded, and not called unstable"
+    if row["apparatus"] != "drum" and not float(row["energy_over_given"]) <= 1.0:
+        return "energy gained"
+    return ""
+
+
 def of_one(config, parameters):
     """A configuration whose parameters are one set."""
     fixed = {name: {"fixed": value} for name, value in parameters.items()}
@@ -258,7 +275,14 @@ def counted(rows):
     """Lines of a table: how the pours of each bench test and particle ended, and their extremes."""
     statuses = sorted({row["status"] for row in rows})
     extremes = COLUMNS[COLUMNS.index("cpu_s") : -1]
-    head = ["apparatus", "particle", "pours", *statuses, *(f"largest {name}" for name in extremes)]
+    head = [
+        "apparatus",
+        "particle",
+        "pours",
+        "violations",
+        *statuses,
+        *(f"largest {name}" for name in extremes),
+    ]
     yield "| " + " | ".join(head) + " |"
     yield "|---|---|" + "--:|" * (len(head) - 2)
     groups = [(a, p) for a in SCENES for p in PARTICLES] + [("all", "all")]
@@ -270,7 +294,8 @@ def counted(rows):
         ]
         counts = [sum(row["status"] == status for row in these) for status in statuses]
         largest = [max((float(row[name] or 0.0) for row in these), default=0.0) for name in extremes]
-        cells = [apparatus, particle, len(these), *counts, *(f"{value:.4g}" for value in largest)]
+        bad = sum(bool(violation(row)) for row in these)
+        cells = [apparatus, particle, len(these), bad, *counts, *(f"{value:.4g}" for value in largest)]
         yield "| " + " | ".join(map(str, cells)) + " |"
 
 
@@ -296,8 +321,7 @@ def main():
     table1 = "resources/published/table1.csv"
     mean = berries.of_files(section["sizes"], section["compression"], table1, section["density_kg_m3"])[1]
     particles = {name: build.of_settings(mean, section | own) for name, own in PARTICLES.items()}
-    for kind in (signal.SIGALRM, signal.SIGPROF):
-        signal.signal(kind, _stop)
+    signal.signal(signal.SIGPROF, _stop)
     warnings.simplefilter("ignore", RuntimeWarning)  # what overflows in an explosion
     seen = [Seen()]
     Bounded.look = noting(seen)
@@ -309,8 +333,12 @@ def main():
             if number not in done:
                 writer.writerow(poured(number, config, mean, particles, seen))
                 table.flush()
-    print("\n".join(counted(read(args.out))))
+    rows = read(args.out)
+    print("\n".join(counted(rows)))
+    bad = [f"{row['number']}: {violation(row)}" for row in rows if violation(row)]
+    print("\n".join(bad))
+    return int(bool(bad))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
