@@ -193,7 +193,46 @@ def _cylinder(rng, d, span_s, n):
     }
 
 
-SCENES = {"funnel": _funnel, "drum": _drum, "cylinder": _cylinder}
+def _discharge(rng, d, span_s, n):
+    """A closed funnel for berries of length d [mm] that fills for a quarter of a span of time, then opens."""
+    inlet = rng.uniform(6.0, 9.0)
+    return {
+        "berries": n,
+        "rate_per_s": 4.0 * n / span_s,
+        "open_from_s": 0.4 * span_s,
+        "longest_s": 0.6 * span_s,
+        "inlet_diameter_mm": inlet * d,
+        "outlet_diameter_mm": rng.uniform(1.5, 4.5) * d,
+        "rim_radius_mm": 0.05 * d,
+        "cone_angle_deg": float(rng.uniform(45.0, 80.0)),
+        "tube_length_mm": 0.0,
+        "collar_mm": rng.uniform(4.0, 10.0) * d,
+        "speed_m_s": float(rng.uniform(0.0, 1.0)),
+    }
+
+
+def _turning(rng, d, span_s, n):
+    """A drum for berries of length d [mm] that fills for a third of a span of time, then turns at the same speed."""
+    drum = _drum(rng, d, span_s, n)
+    shared = (
+        *("berries", "rate_per_s", "rotate_from_s", "outer_diameter_mm", "wall_thickness_mm", "length_mm"),
+        *("factory_height_mm", "record_s"),
+    )
+    return {key: drum[key] for key in shared} | {
+        "angular_velocity_rad_s": min(10.0, rng.uniform(1.0, 6.0) / (span_s / 3)),
+        "measure_from_s": 2 * span_s / 3,
+        "measure_until_s": span_s,
+    }
+
+
+SCENES = {
+    "funnel": _funnel,
+    "drum": _drum,
+    "cylinder": _cylinder,
+    "discharge": _discharge,
+    "turning": _turning,
+}
+STILL = ("funnel", "cylinder")  # no wall of these moves
 
 
 def poured(number, default, mean, particles, seen):
@@ -260,7 +299,7 @@ def violation(row):
     ]
     if not all(share <= bound for share, bound in zip(shares, (FASTEST, DEEPEST, DEEPEST), strict=True)):
         return "exploded, and not called unstable"
-    if row["apparatus"] != "drum" and not float(row["energy_over_given"]) <= 1.0:
+    if row["apparatus"] in STILL and not float(row["energy_over_given"]) <= 1.0:
         return "energy gained"
     return ""
 

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 BODY = "--berry results/berry/berry.json --particle results/berry/particle.json"
 
 
-def verbs(samples, solutions):
+def verbs(samples):
     """The command lines in the order in which the data flow; `{tables}` stands for the published tables."""
     yield "berry --table1 {tables}/table1.csv --out results/berry"
     yield "shape --berry results/berry/berry.json --out results/berry"
@@ -32,6 +32,7 @@ def verbs(samples, solutions):
     yield "sensitivity --network results/network/network.json --out results/sensitivity"
     yield "solutions --feasible results/miga/feasible.csv --out results/validation"
     heaps, table = "results/validation/heaps", "results/validation/solutions.csv"
+    solutions = len(Path(table).read_text().splitlines()) - 1
     yield from poured(heaps, table, "validation", solutions, 1)
     jobs = " ".join(f"{heaps}/{number:03d}.json" for number in range(1, solutions + 1))
     yield f"validate {jobs} --solutions {table} --dataset results/dataset.csv --out results/validation"
@@ -52,7 +53,7 @@ def main():
     """Run it; the first status that is not 0 ends it."""
     config = loader.load(ROOT / "config/quick.yaml", Path(__file__).with_name("tiny.yaml"))
     write_json("results/config.json", config)
-    for line in verbs(config["design"]["samples"], config["validation"]["solutions"]):
+    for line in verbs(config["design"]["samples"]):
         words = [word.format(tables=ROOT / "resources/published") for word in line.split()]
         status = cli.main([*words, "--config", "results/config.json"])
         if status:
