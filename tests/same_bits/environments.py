@@ -19,6 +19,10 @@ import pandas as pd
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 PLAIN = "plain"
+LARGEST_SCORE = 3.0  # mean difference of all runs over its standard error, of another type of processor
+LARGEST_APART = (
+    1e-6  # of a number of a table over the spread of its column, where the pours are the same bits
+)
 # In every file that says what made it; another Python or processor changes them and nothing else.
 MACHINE = re.compile(rb'\\?"(python|processor|numpy|numba)\\?": \\?"[^"\\]*\\?"')
 # Of one Python thread and one thread of linear algebra; the rest of the environment is the caller's.
@@ -165,8 +169,11 @@ def row(name, work, status):
     if not own.type:
         return f"| {own.what} | **{same}** | {', '.join(other[:8])} | |"
     apart = {file: share for file, share in spread_of(folder, plain).items() if share > 0.0}
-    words = ", ".join(f"{file} {share:.1e}" for file, share in apart.items())
-    return f"| {own.what} | {same} | {words} | {ensembles(folder, plain):.1f} |"
+    words, score = ", ".join(f"{file} {share:.1e}" for file, share in apart.items()), ensembles(folder, plain)
+    same_pours = not any(file.endswith(".npz") for file in other)
+    if score > LARGEST_SCORE or (same_pours and max(apart.values(), default=0.0) > LARGEST_APART):
+        same = f"**{same}**"
+    return f"| {own.what} | {same} | {words} | {score:.1f} |"
 
 
 def main():
