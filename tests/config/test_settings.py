@@ -8,6 +8,7 @@ import pytest
 
 from repose.config import checks, cost, loader
 from repose.config.schema import validator
+from repose.core import places
 from repose.core.errors import InputError
 from repose.core.seeds import pour_seeds
 
@@ -22,7 +23,7 @@ def _in_the_project(monkeypatch):
 
 @pytest.fixture
 def config():
-    return copy.deepcopy(loader.resolve(["config/config.yaml", "config/matched.yaml"]))
+    return copy.deepcopy(loader.resolve([*places.configs(), "config/matched.yaml"]))
 
 
 def put(config, key, value):
@@ -74,7 +75,7 @@ def test_every_key_is_explained():
 )
 def test_keys_of_earlier_configurations_are_told_where_they_went(given, told):
     with pytest.raises(InputError, match=told):
-        loader.resolve(["config/config.yaml"], given)
+        loader.resolve(places.configs(), given)
 
 
 def test_no_section_of_the_schema_allows_an_unknown_key_or_forgets_one():
@@ -276,7 +277,7 @@ def test_a_file_that_is_not_there():
 def test_files_and_command_line_lie_over_each_other(tmp_path):
     mine = tmp_path / "mine.yaml"
     mine.write_text("funnel: {seeds: 5, duration_s: 20}\nlabel: mine\n")
-    config = loader.resolve(["config/config.yaml", str(mine)], {"funnel": {"seeds": "6"}})
+    config = loader.resolve([*places.configs(), str(mine)], {"funnel": {"seeds": "6"}})
     assert (config["label"], config["funnel"]["seeds"], config["funnel"]["duration_s"]) == ("mine", 6, 20)
     assert config["funnel"]["berries"] == 500
 
@@ -284,7 +285,7 @@ def test_files_and_command_line_lie_over_each_other(tmp_path):
 def test_a_verb_reads_a_partial_file_as_the_workflow_does(tmp_path):
     mine = tmp_path / "mine.yaml"
     mine.write_text("funnel: {seeds: 5}\nparameters: {e_gg: {fixed: 0.3}}\n")
-    assert loader.load(mine) == loader.resolve(["config/config.yaml", mine])
+    assert loader.load(mine) == loader.resolve([*places.configs(), mine])
     with pytest.raises(InputError) as caught:
         loader.load(mine, tmp_path / "nowhere.yaml")
     assert "nowhere.yaml" in str(caught.value)
@@ -310,14 +311,14 @@ def test_a_fault_names_the_file_it_came_from(tmp_path):
     mine = tmp_path / "mine.yaml"
     mine.write_text("funnel: {seeds: 0}\n")
     with pytest.raises(InputError) as caught:
-        loader.resolve(["config/config.yaml", str(mine)])
+        loader.resolve([*places.configs(), str(mine)])
     assert caught.value.source == str(mine)
     with pytest.raises(InputError) as caught:
-        loader.resolve(["config/config.yaml"], {"funnel": {"seeds": "0"}})
+        loader.resolve(places.configs(), {"funnel": {"seeds": "0"}})
     assert caught.value.source == loader.COMMAND_LINE
     mine.write_text("targets: [{response: height_mm, value: null}]\n")
     with pytest.raises(InputError) as caught:
-        loader.resolve(["config/config.yaml", str(mine)])
+        loader.resolve([*places.configs(), str(mine)])
     assert all(fault.source == str(mine) for fault in caught.value.faults)
 
 
@@ -348,7 +349,7 @@ def test_work_counts_every_pour(config):
 
 def test_the_effective_model_is_the_reference_of_no_berry():
     """What matched.yaml changes is a cell of the shape study."""
-    config = loader.resolve(["config/config.yaml", "config/matched.yaml"])
+    config = loader.resolve([*places.configs(), "config/matched.yaml"])
     checks.check_inputs(config)
     study = config["shape_study"]
     assert config["berry"] == config["berry"] | study["particles"]["rough_spheres"]
@@ -360,7 +361,7 @@ def test_the_effective_model_is_the_reference_of_no_berry():
 def test_named_parts_of_the_shape_study_replace_those_of_the_default(tmp_path):
     mine = tmp_path / "mine.yaml"
     mine.write_text("shape_study: {sensitivities: {rate_20_per_s: {rate_per_s: 20.0}}}")
-    study = loader.resolve(["config/config.yaml", str(mine)])["shape_study"]
+    study = loader.resolve([*places.configs(), str(mine)])["shape_study"]
     assert study["sensitivities"] == {"rate_20_per_s": {"rate_per_s": 20.0}}
     assert len(study["fillings"]) > 1
 

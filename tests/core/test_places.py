@@ -6,8 +6,9 @@ import pytest
 
 from repose.config import loader
 from repose.core import places
+from repose.core.errors import InputError
 
-CONFIG = places.root() / "config" / "config.yaml"
+METHOD, CONFIG = (places.root() / "config" / name for name in ("method.yaml", "config.yaml"))
 
 
 @pytest.fixture
@@ -41,7 +42,7 @@ def test_a_file_that_nobody_has_keeps_its_name(folder):
 
 
 def test_the_default_configuration_holds_in_an_empty_folder(folder):
-    assert places.configs() == [CONFIG]
+    assert places.configs() == [METHOD, CONFIG]
     config = loader.resolve(places.configs())
     for path in (config["berry"]["sizes"], config["berry"]["compression"], config["validation"]["published"]):
         assert Path(path).is_absolute()
@@ -49,15 +50,20 @@ def test_the_default_configuration_holds_in_an_empty_folder(folder):
 
 
 @pytest.mark.parametrize("name", ["config/config.yaml", "config.yaml"])
-def test_a_folders_own_configuration_lies_over_the_default(folder, name):
+def test_a_folders_own_configuration_stands_in_place_of_the_programs(folder, name):
+    """It lies over what every crop shares; of the program's own crop it inherits nothing."""
     own = folder / name
     own.parent.mkdir(exist_ok=True)
     own.write_text("label: mine\n")
-    assert places.configs() == [CONFIG, Path(name)]
-    assert loader.resolve(places.configs())["label"] == "mine"
+    assert places.configs() == [METHOD, Path(name)]
+    with pytest.raises(InputError) as caught:
+        loader.resolve(places.configs())
+    told = {fault.key for fault in caught.value.faults}
+    assert {"berry.sizes", "parameters", "targets", "funnel.berries"} <= told
+    assert all(fault.source == name for fault in caught.value.faults)
 
 
 def test_in_the_programs_own_folder_there_is_one_configuration(monkeypatch):
     monkeypatch.chdir(places.root())
-    assert places.configs() == [Path("config/config.yaml")]
+    assert places.configs() == [Path("config/method.yaml"), Path("config/config.yaml")]
     assert loader.load("config/config.yaml")["berry"]["sizes"] == "resources/berries.csv"

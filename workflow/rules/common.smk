@@ -13,7 +13,7 @@ from repose.config import cost, loader, results_folder, stands_on
 from repose.core import places
 from repose.core.errors import InputError
 from repose.core.lock import take_folder
-from repose.core.published import published_count
+from repose.core.published import beside, published_count
 from repose.core.seeds import pour_seeds
 from repose.core.sources import engine_hash
 from repose.core.targets import Targets
@@ -86,8 +86,8 @@ def tell_plan(workflow):
 
 
 def published(table):
-    """Path of a published table: the working folder's, or the program's own."""
-    return str(places.find(f"resources/published/{table}"))
+    """Path of a table beside that of the published solutions, where there is one."""
+    return str(beside(config["validation"]["published"], table) or "") or []
 
 
 def sections(*names):

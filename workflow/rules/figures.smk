@@ -60,23 +60,6 @@ FIGURES = {
         },
         ("parameters", "targets"),
     ),
-    "figure15": (
-        "Figure 15",
-        {
-            "states": f"{RESULTS}/drum/drum_{DRUM_SEEDS[0]}.npz",
-            "particle": rules.shape.output.particle,
-        },
-        ("drum", "measure.mm_per_pixel"),
-    ),
-    "drum": (
-        "The drum over time",
-        {
-            "record": rules.drum.output.record,
-            "profile": rules.drum.output.profile,
-            "runs": rules.drum.output.runs,
-        },
-        ("drum",),
-    ),
     "convergence": (
         "Convergence of the search",
         {"history": rules.miga.output.history, "summary": rules.miga.output.summary},
@@ -110,6 +93,26 @@ FIGURES = {
     ),
 }
 
+if "drum" in config:
+    FIGURES |= {
+        "figure15": (
+            "Figure 15",
+            {
+                "states": f"{RESULTS}/drum/drum_{DRUM_SEEDS[0]}.npz",
+                "particle": rules.shape.output.particle,
+            },
+            ("drum", "measure.mm_per_pixel"),
+        ),
+        "drum": (
+            "The drum over time",
+            {
+                "record": rules.drum.output.record,
+                "profile": rules.drum.output.profile,
+                "runs": rules.drum.output.runs,
+            },
+            ("drum",),
+        ),
+    }
 if "funnel" not in BENCH_TESTS:
     for figure in OF_THE_FUNNEL:
         del FIGURES[figure]
@@ -117,6 +120,8 @@ if config["surrogate"] != "network":
     del FIGURES["figure10"]
 if not THEIRS:
     del FIGURES["published"], FIGURES["validation"][1]["published"]
+if not FIGURES["figure14"][1]["published"]:
+    del FIGURES["figure14"][1]["published"]
 
 
 rule rule_graph:

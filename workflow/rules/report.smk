@@ -33,8 +33,9 @@ TABLES = [
     ("Parameter sets found", rules.miga.output.feasible),
     ("Intervals of the sets found", rules.miga.output.intervals),
     ("Sets simulated again", rules.validate.output.table4),
-    ("The drum: angles and first slip", rules.drum.output.summary),
 ]
+if "drum" in config:
+    TABLES.append(("The drum: angles and first slip", rules.drum.output.summary))
 if config["surrogate"] == "network":
     TABLES.append(("Starts of the network", rules.network.output.starts))
 if THEIRS:
@@ -86,5 +87,4 @@ rule calibration:
         rules.validate.output,
         rules.measure.output if "funnel" in BENCH_TESTS else [],
         rules.film.output if "funnel" in BENCH_TESTS else [],
-        rules.drum.output,
-        rules.drum_film.output,
+        [*rules.drum.output, *rules.drum_film.output] if "drum" in config else [],

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from repose.cli.options import PUBLISHED
 from repose.cli.registry import Option
+from repose.core.published import beside
 
 if TYPE_CHECKING:
     from repose.config.reading import Origin
@@ -53,7 +53,7 @@ def berry_and_particle(
         checks.check_inputs(config, source)
         section = config["berry"]
         of_berry = berry.of_files(
-            section["sizes"], section["compression"], PUBLISHED / "table1.csv", *_material(section)
+            section["sizes"], section["compression"], _table1(config), *_material(section)
         )[1]
     else:
         of_berry = berry_files.read_berry(berry_json)
@@ -62,15 +62,13 @@ def berry_and_particle(
     return of_berry, build.of_settings(of_berry, config["berry"])
 
 
-def write_berry(config: Mapping[str, Any], table1: str | PathLike, out_dir: str | PathLike) -> None:
+def write_berry(config: Mapping[str, Any], out_dir: str | PathLike) -> None:
     """Write sizes and moduli of the configuration's berry, beside the published ones.
 
     Parameters
     ----------
     config : mapping
         The checked configuration.
-    table1 : path
-        Published sizes.
     out_dir : path
 
     Raises
@@ -81,7 +79,7 @@ def write_berry(config: Mapping[str, Any], table1: str | PathLike, out_dir: str 
     from repose.particle import berry
 
     section = config["berry"]
-    berry.run(section["sizes"], section["compression"], table1, out_dir, *_material(section))
+    berry.run(section["sizes"], section["compression"], _table1(config), out_dir, *_material(section))
 
 
 def write_particle(
@@ -109,6 +107,11 @@ def write_particle(
     from repose.particle import build
 
     return build.run(berry_json, config["berry"]["stl"], out_dir, **_how(config))
+
+
+def _table1(config):
+    """Published sizes of the configuration's crop, if there are some."""
+    return beside(config["validation"]["published"], "table1.csv")
 
 
 def _material(section):

@@ -3,12 +3,13 @@
 import argparse
 from pathlib import Path
 
-from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, SAMPLES, TABLE3
+from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, SAMPLES
 from repose.cli.registry import Family, Option
 from repose.config import loader
 from repose.config.definitions import definitions_of
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
+from repose.core.published import beside
 from repose.core.targets import Targets
 
 SUPPORT = Option("--dataset", help="dataset.csv; with it solutions beyond its samples carry a warning")
@@ -57,7 +58,7 @@ def network(args: argparse.Namespace) -> None:
     "invert the network with the multi-island genetic algorithm (Eq. 11-12)",
     example="--network results/network/network.json",
     out="results/miga",
-    options=[NETWORK, TABLE3, SUPPORT],
+    options=[NETWORK, SUPPORT],
 )
 def miga(args: argparse.Namespace) -> None:
     from repose.chain import invert
@@ -68,7 +69,7 @@ def miga(args: argparse.Namespace) -> None:
         ParameterSpace.of(config["parameters"]),
         Targets.of(config["targets"]),
         config["miga"],
-        args.table3,
+        beside(config["validation"]["published"], "table3.csv"),
         args.out,
         _support(args, config),
         definitions_of(config),

@@ -3,7 +3,7 @@
 import argparse
 
 from repose.cli.berries import write_berry, write_particle
-from repose.cli.options import BERRY, PUBLISHED
+from repose.cli.options import BERRY
 from repose.cli.registry import Family, Option
 from repose.config import loader
 from repose.core import places
@@ -19,9 +19,6 @@ family = Family()
     example="--axes 17.1 11.37 9.88 --mass-g 1.0 --density 840.47 --stl results/crop.stl",
     out="results/berry",
     options=[
-        Option(
-            "--table1", default=str(PUBLISHED / "table1.csv"), help="published statistics to compare with"
-        ),
         Option("--axes", type=float, nargs=3, metavar="MM", help="build a mesh instead: its three axes"),
         Option("--stl", help="the mesh file to build; with --axes and --mass-g"),
         Option(
@@ -41,7 +38,7 @@ def berry(args: argparse.Namespace) -> None:
     if args.axes or args.stl:
         _build(args)
     else:
-        write_berry(loader.load(args.config), args.table1, args.out)
+        write_berry(loader.load(args.config), args.out)
 
 
 def _build(args: argparse.Namespace) -> None:

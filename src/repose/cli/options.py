@@ -4,10 +4,7 @@ import argparse
 from collections.abc import Iterable, Mapping
 
 from repose.cli.registry import Option
-from repose.core import places
 from repose.core.errors import InputError
-
-PUBLISHED = places.find("resources/published")
 
 BERRY = Option("--berry", default="results/berry/berry.json", help="what the verb berry wrote")
 SAMPLES = Option("--samples", default="results/design/samples.csv", help="what the verb design wrote")
@@ -15,7 +12,6 @@ DATASET = Option("--dataset", default="results/dataset.csv", help="what the verb
 RUNS = Option("--runs", default="results/runs.csv", help="what the verb dataset wrote: single runs")
 NETWORK = Option("--network", default="results/network/network.json", help="what the verb network wrote")
 FEASIBLE = Option("--feasible", default="results/miga/feasible.csv", help="what the verb miga wrote")
-TABLE3 = Option("--table3", default=str(PUBLISHED / "table3.csv"), help="published intervals")
 JSON = Option("--json", action="store_true", help="print as JSON")
 
 

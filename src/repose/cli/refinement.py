@@ -3,11 +3,12 @@
 import argparse
 from pathlib import Path
 
-from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, TABLE3, file_options
+from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, file_options
 from repose.cli.registry import Family, Option
 from repose.config import loader
 from repose.config.definitions import definitions_of
 from repose.core.parameter_space import ParameterSpace
+from repose.core.published import beside
 from repose.core.targets import Targets
 
 ROUND = "results/refined/round_0"
@@ -42,7 +43,6 @@ def refine_data(args: argparse.Namespace) -> None:
         NETWORK.but(default=f"{NEXT_ROUND}/network/network.json", help="the refitted surrogate"),
         DATASET.but(default=f"{NEXT_ROUND}/data/dataset.csv", help="what it was fitted to"),
         Option("--near", default=f"{ROUND}/proposal.csv", help="the last proposal"),
-        TABLE3,
     ],
 )
 def refine_search(args: argparse.Namespace) -> None:
@@ -51,8 +51,9 @@ def refine_search(args: argparse.Namespace) -> None:
     config = loader.load(args.config)
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     files = (args.network, args.dataset, args.near)
+    table3 = beside(config["validation"]["published"], "table3.csv")
     defined = (definitions_of(config), args.config)
-    summary = refine_files.run_search(*files, space, targets, config, args.table3, args.out, *defined)
+    summary = refine_files.run_search(*files, space, targets, config, table3, args.out, *defined)
     print(summary["message"])
 
 

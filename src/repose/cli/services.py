@@ -30,10 +30,12 @@ def bench(args: argparse.Namespace) -> None:
     from repose.verification import speed
 
     config, particles = loader.load(args.config), {}
-    for name, changes in config["shape_study"]["particles"].items():
+    for name, changes in config.get("shape_study", {"particles": {"berry": {}}})["particles"].items():
         changed = shape_cells.changed(config, "berry", changes)
         berry_of, particles[name] = berry_and_particle(changed, args.config)
-    result = speed.run(config, particles, berry_of, published.representative())
+    result = speed.run(
+        config, particles, berry_of, published.representative(config["validation"]["published"])
+    )
     print(json.dumps(result, indent=1) if args.json else speed.message(result))
 
 

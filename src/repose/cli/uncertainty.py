@@ -1,12 +1,14 @@
 """Verbs for the uncertainty of the answer: noise, posterior, sensitivity."""
 
 import argparse
+from pathlib import Path
 
-from repose.cli.options import NETWORK, PUBLISHED, RUNS, chosen_files, file_options
+from repose.cli.options import NETWORK, RUNS, chosen_files, file_options
 from repose.cli.registry import Family
 from repose.config import loader
 from repose.config.definitions import definitions_of
 from repose.core.parameter_space import ParameterSpace
+from repose.core.published import beside
 from repose.core.targets import Targets
 
 POSTERIOR_FILES = {
@@ -15,7 +17,6 @@ POSTERIOR_FILES = {
     "dataset": "results/dataset.csv",
     "runs": "results/runs.csv",
     "feasible": "results/miga/feasible.csv",
-    "table3": str(PUBLISHED / "table3.csv"),
 }
 
 family = Family()
@@ -45,7 +46,8 @@ def posterior(args: argparse.Namespace) -> None:
 
     config = loader.load(args.config)
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
-    files = chosen_files(args, POSTERIOR_FILES)
+    files: dict[str, str | Path | None] = {**chosen_files(args, POSTERIOR_FILES)}
+    files["table3"] = beside(config["validation"]["published"], "table3.csv")
     defined = (definitions_of(config), args.config)
     summary = posterior.run(files, space, targets, config["posterior"], args.out, *defined)
     print(posterior.message(summary))

@@ -9,11 +9,10 @@ from repose.apparatus.settings import SimulationSettings
 from repose.config import results_folder
 from repose.config.reading import Origin, get, origin_of
 from repose.config.schema import input_errors, validator
-from repose.core import places
 from repose.core.errors import InputError, raise_together
 from repose.core.parameter_space import ParameterSpace, range_of
 from repose.core.parameters import PARAMETERS
-from repose.core.published import check_published, published_sets
+from repose.core.published import beside, check_published, published_sets
 from repose.core.responses import responses_of
 from repose.core.targets import Targets
 
@@ -114,7 +113,7 @@ def _mean_berry(config):
 
     section = config["berry"]
     material = section["density_kg_m3"], section["poisson_ratio"], section["shear_modulus_pa"]
-    table1 = places.find("resources/published/table1.csv")
+    table1 = beside(config["validation"]["published"], "table1.csv")
     return berry.of_files(section["sizes"], section["compression"], table1, *material)[1]
 
 

@@ -144,7 +144,8 @@ def work(
         ("published", theirs, validation["seeds"]),
     )
     total_s = sum(sets * (JOB_START_S + seeds * pour_s) for _, sets, seeds in pours)
-    total_s += config["drum"]["seeds"] * (JOB_START_S + runs_s("drum"))
+    if "drum" in config:
+        total_s += config["drum"]["seeds"] * (JOB_START_S + runs_s("drum"))
     sets = sum(sets for _, sets, _ in pours)
     for name in targets.apparatus:
         if name != "funnel":
@@ -205,17 +206,11 @@ def studies(config: Mapping[str, Any]) -> list[Study]:
     def pours(number: int, besides: str = "the calibration") -> str:
         return f"{number} pours, about {number * pour_s / 60:.0f} min on one core, besides {besides}"
 
-    refine, pool, shape = config["refine"], config["pool"], config["shape_study"]
+    refine, pool = config["refine"], config["pool"]
     a_round = refine["seeds"] + refine["neighbours"] * refine["neighbour_seeds"]
-    cells = len(shape["particles"]) * len(shape["main_fillings"]) * len(shape["tensions"])
     of_pool = pool["samples"] * pool["seeds"] + pool["fresh_samples"] * pool["fresh_seeds"]
-    further = config["second_responses"]["drum_samples"] * config["second_responses"]["drum_seeds"]
     of_calibration = sum(sets * seeds for _, sets, seeds in work(config)["pours"])
     no_pours = "no pours besides the calibration"
-    drums = f"{further} runs of the drum besides the calibration, about {further * run_s(config, 'drum') / 60:.0f} min"
-    joint = config["joint_targets"]["samples"] * config["joint_targets"]["seeds"]
-    joint_s = joint * sum(run_s(config, name) for name in names() if name != "funnel")
-    tests = f"{joint} runs of each further bench test besides the calibration, about {joint_s / 60:.0f} min"
     all_min = work(config)["total_s"] / 60
     targets = Targets.of(config["targets"])
     rows = [
@@ -235,13 +230,7 @@ def studies(config: Mapping[str, Any]) -> list[Study]:
             "Which further response of the pile tells most about the parameters.",
             no_pours,
         ),
-        Study("second_responses_drum", "The same with the responses of the drum.", drums),
-        Study("joint_targets", "Which few tests together narrow the parameters enough.", tests),
-        Study(
-            "shape_study",
-            "Which particle, tension and filling come nearest to the measured pile.",
-            f"at least {pours(cells * shape['seeds'])}",
-        ),
+        *_with_sections_of_their_own(config, pours),
         Study("pool", "More samples, for the comparisons.", pours(of_pool)),
         Study("compare_all", "Which part of the method pays: designs, surrogates, searches.", pours(of_pool)),
     ]
@@ -249,3 +238,22 @@ def studies(config: Mapping[str, Any]) -> list[Study]:
         sentence = "How much the definition of the angle of repose moves it, on the piles of the calibration."
         rows.append(Study("measurement_study", sentence, no_pours))
     return rows
+
+
+def _with_sections_of_their_own(config, pours):
+    """Studies whose section of the configuration may be absent."""
+    if "drum" in config:
+        runs = config["second_responses"]["drum_samples"] * config["second_responses"]["drum_seeds"]
+        minutes = runs * run_s(config, "drum") / 60
+        cost = f"{runs} runs of the drum besides the calibration, about {minutes:.0f} min"
+        yield Study("second_responses_drum", "The same with the responses of the drum.", cost)
+    if "joint_targets" in config:
+        joint = config["joint_targets"]["samples"] * config["joint_targets"]["seeds"]
+        minutes = joint * sum(run_s(config, name) for name in names() if name in config and name != "funnel") / 60
+        cost = f"{joint} runs of each further bench test besides the calibration, about {minutes:.0f} min"
+        yield Study("joint_targets", "Which few tests together narrow the parameters enough.", cost)
+    if "shape_study" in config:
+        shape = config["shape_study"]
+        cells = len(shape["particles"]) * len(shape["main_fillings"]) * len(shape["tensions"])
+        sentence = "Which particle, tension and filling come nearest to the measured pile."
+        yield Study("shape_study", sentence, f"at least {pours(cells * shape['seeds'])}")

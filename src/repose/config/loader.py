@@ -88,7 +88,7 @@ def _over_each_other(
     for path in files:
         _merge(config, read(path), origin, str(path))
     _merge(config, _values(overrides or {}), origin, COMMAND_LINE)
-    return _with_files_found(config), Origin(origin, str(files[0]) if files else "")
+    return _with_files_found(config), Origin(origin, str(files[-1]) if files else "")
 
 
 def _with_files_found(config):

@@ -119,14 +119,14 @@ def parse(text: str, name: str) -> Any:
 
 
 class Origin:
-    """Where each dotted key came from; a key that is nowhere belongs to the first file, one in a list to the list's.
+    """Where each dotted key came from; a key that is nowhere is wanted in the last file, one in a list in the list's.
 
     Parameters
     ----------
     origin : mapping of str to str
         Name of the file of each dotted key.
     default : str
-        Name of the first file.
+        Name of the last file.
     """
 
     def __init__(self, origin, default):

@@ -112,7 +112,7 @@ def input_errors(errors: Iterable[Any], config: Any, source: str | Origin) -> It
                 key = ".".join([*path, missing])
                 if missing not in error.instance and key not in meant:
                     allowed = f"{allowed_by(subschema([*path, missing]))}; the key is missing"
-                    yield InputError(origin_of(source, section), key, None, allowed)
+                    yield InputError(origin_of(source, key), key, None, allowed)
         else:
             allowed = allowed_by(subschema(path)) if path else "keys with values"
             yield InputError(origin_of(source, section), section, get(config, section), allowed)

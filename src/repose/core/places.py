@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1]
+METHOD_CONFIG = "config/method.yaml"
 DEFAULT_CONFIG = "config/config.yaml"
 
 
@@ -43,10 +44,8 @@ def configs() -> list[Path]:
     Returns
     -------
     list of Path
-        The program's default; then `config/config.yaml` or `config.yaml` of the working folder, if there is one.
+        What every crop shares; then the crop: `config/config.yaml` or `config.yaml` of the working folder, or where
+        there is none the program's own.
     """
-    default = find(DEFAULT_CONFIG)
     own = [path for path in (Path(DEFAULT_CONFIG), Path("config.yaml")) if path.is_file()][:1]
-    if own and own[0].resolve() == (root() / DEFAULT_CONFIG).resolve():
-        return own
-    return [root() / DEFAULT_CONFIG, *own] if own else [default]
+    return [find(METHOD_CONFIG), *(own or [root() / DEFAULT_CONFIG])]

@@ -3,8 +3,8 @@
 import math
 import os
 from collections.abc import Iterable
+from pathlib import Path
 
-from repose.core import places
 from repose.core.errors import InputError
 from repose.core.files import read_rows
 from repose.core.parameters import PARAMETERS, check_value
@@ -13,15 +13,40 @@ from repose.core.responses import Response
 MOST = 899  # their numbers in a study are 101 to 999
 
 
-def representative() -> dict[str, float]:
+def beside(path: str | os.PathLike | None, table: str) -> Path | None:
+    """Another published table of the same crop.
+
+    Parameters
+    ----------
+    path : path or None
+        The published table of solutions, if there is one.
+    table : str
+        Name of a file that may lie beside it: table1.csv holds sizes, table3.csv intervals of the parameters.
+
+    Returns
+    -------
+    Path or None
+        None where there is no such file.
+    """
+    found = None if path is None else Path(path).with_name(table)
+    return found if found and found.is_file() else None
+
+
+def representative(path: str | os.PathLike | None) -> dict[str, float]:
     """The six contact parameters of the published representative solution.
+
+    Parameters
+    ----------
+    path : path or None
+        The published table of solutions.
 
     Raises
     ------
     InputError
-        If the published table has no such solution.
+        If there is no table, or it has no such solution.
     """
-    path = places.find("resources/published/table4.csv")
+    if path is None:
+        raise InputError("configuration", "validation.published", None, "a table of published solutions")
     for row in read_rows(path, ("solution", *PARAMETERS)):
         if row["solution"] == "representative":
             return {name: float(row[name]) for name in PARAMETERS}

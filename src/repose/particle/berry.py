@@ -13,6 +13,8 @@ from repose.core.files import read_table, write_json, write_table
 from repose.particle import size_distribution
 from repose.particle.berry_files import SIZE_COLUMNS, read_compression, read_sizes
 
+TABLE1 = ("dimension", "maximum", "minimum", "mean")
+
 # One number, or a column of them.
 Numbers = Any
 
@@ -238,7 +240,7 @@ def measured_berry(
 def of_files(
     sizes_csv: str | PathLike,
     compression_csv: str | PathLike | None,
-    table1_csv: str | PathLike,
+    table1_csv: str | PathLike | None,
     density_kg_m3: float,
     poisson_ratio: float | None = None,
     shear_modulus_pa: float | None = None,
@@ -247,7 +249,9 @@ def of_files(
 
     Parameters
     ----------
-    sizes_csv, table1_csv : path
+    sizes_csv : path
+    table1_csv : path or None
+        Published sizes; not read where `sizes_csv` was measured.
     compression_csv : path or None
         Not read where both moduli are given.
     density_kg_m3 : float
@@ -267,7 +271,7 @@ def of_files(
     given = poisson_ratio is not None and shear_modulus_pa is not None
     sizes = read_sizes(sizes_csv)
     tests = None if given or compression_csv is None else read_compression(compression_csv)
-    published = read_table(table1_csv, ("dimension", "maximum", "minimum", "mean"))
+    published = pd.DataFrame(columns=TABLE1) if table1_csv is None else read_table(table1_csv, TABLE1)
     material = density_kg_m3, poisson_ratio, shear_modulus_pa
     return measured_berry(sizes, tests, published, *material, source=compression_csv)
 
@@ -275,7 +279,7 @@ def of_files(
 def run(
     sizes_csv: str | PathLike,
     compression_csv: str | PathLike | None,
-    table1_csv: str | PathLike,
+    table1_csv: str | PathLike | None,
     out_dir: str | PathLike,
     density_kg_m3: float,
     poisson_ratio: float | None = None,

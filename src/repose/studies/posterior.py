@@ -141,7 +141,7 @@ def infer(
 
 
 def run(
-    files: Mapping[str, str | os.PathLike],
+    files: Mapping[str, str | os.PathLike | None],
     space: ParameterSpace,
     targets: Targets,
     settings: Mapping[str, Any],
@@ -156,7 +156,7 @@ def run(
     Parameters
     ----------
     files : mapping
-        Paths of network, predictions, dataset, runs, feasible and table3.
+        Paths of network, predictions, dataset, runs, feasible and table3, which is None without published intervals.
     space : ParameterSpace
     targets : Targets
     settings : mapping
@@ -184,12 +184,11 @@ def run(
     require_targets(model, files["network"], targets, definitions or {}, source)
     support = Support.of_dataset(files["dataset"], space)
     feasible = read_table(files["feasible"], PARAMETERS)[list(PARAMETERS)]
-    published = read_table(files["table3"], ("parameter", "low", "high")).set_index("parameter")
     runs = noise.read_runs(files["runs"], targets)
-    beside = {
-        "published": published,
-        "miga": feasible.agg(["min", "max"]).T.set_axis(["low", "high"], axis=1),
-    }
+    beside = {"miga": feasible.agg(["min", "max"]).T.set_axis(["low", "high"], axis=1)}
+    if files["table3"] is not None:
+        published = read_table(files["table3"], ("parameter", "low", "high")).set_index("parameter")
+        beside = {"published": published, **beside}
     try:
         found = infer(model, support, runs, space, targets, settings, beside)
     except ValueError as error:

@@ -86,7 +86,7 @@ rule refine_search:
         "Searching near the last proposal for round {wildcards.round}"
     shell:
         "python -m repose refine_search --config {params.config:q} --network {input.network:q}"
-        " --dataset {input.dataset:q} --near {input.near:q} --table3 {input.table3:q} --out {params.folder:q}"
+        " --dataset {input.dataset:q} --near {input.near:q} --out {params.folder:q}"
         " > {log:q} 2>&1"
 
 

@@ -33,57 +33,58 @@ rule measure_responses:
         " --berry {input.berry:q} --particle {input.particle:q} --out {output.runs:q} > {log:q} 2>&1"
 
 
-use rule pour as drum_design_pour with:
-    output:
-        pours=f"{RESULTS}/responses/drum/{{sample}}.pours.json",
-        berries=f"{RESULTS}/responses/drum/{{sample}}.npz",
-    log:
-        f"{RESULTS}/logs/responses/drum/{{sample}}.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/responses/drum/{{sample}}.tsv"
-    resources:
-        mem_mb=growing(400),
-        runtime=growing(MINUTES_OF_RUNS),
-    params:
-        apparatus="drum",
-        purpose="drum_design",
-        seeds=config["second_responses"]["drum_seeds"],
-        depends=pouring_settings("drum") | sections("measure.mm_per_pixel"),
-    message:
-        "Turning the drum with sample {wildcards.sample}"
+if "drum" in config:
 
+    use rule pour as drum_design_pour with:
+        output:
+            pours=f"{RESULTS}/responses/drum/{{sample}}.pours.json",
+            berries=f"{RESULTS}/responses/drum/{{sample}}.npz",
+        log:
+            f"{RESULTS}/logs/responses/drum/{{sample}}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/responses/drum/{{sample}}.tsv"
+        resources:
+            mem_mb=growing(400),
+            runtime=growing(MINUTES_OF_RUNS),
+        params:
+            apparatus="drum",
+            purpose="drum_design",
+            seeds=config["second_responses"]["drum_seeds"],
+            depends=pouring_settings("drum") | sections("measure.mm_per_pixel"),
+        message:
+            "Turning the drum with sample {wildcards.sample}"
 
-use rule measure_runs as measure_drum_design_runs with:
-    input:
-        pours=rules.drum_design_pour.output.pours,
-        berries=rules.drum_design_pour.output.berries,
-        berry=rules.berry.output.berry,
-        particle=rules.shape.output.particle,
-    output:
-        result=f"{RESULTS}/responses/drum/{{sample}}.json",
-    log:
-        f"{RESULTS}/logs/responses/drum/{{sample}}_measured.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/responses/drum/{{sample}}_measured.tsv"
-    params:
-        depends=[],
-    message:
-        "Measuring the drum's runs of sample {wildcards.sample}"
+    use rule measure_runs as measure_drum_design_runs with:
+        input:
+            pours=rules.drum_design_pour.output.pours,
+            berries=rules.drum_design_pour.output.berries,
+            berry=rules.berry.output.berry,
+            particle=rules.shape.output.particle,
+        output:
+            result=f"{RESULTS}/responses/drum/{{sample}}.json",
+        log:
+            f"{RESULTS}/logs/responses/drum/{{sample}}_measured.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/responses/drum/{{sample}}_measured.tsv"
+        params:
+            depends=[],
+        message:
+            "Measuring the drum's runs of sample {wildcards.sample}"
 
-
-rule drum_design:
-    input:
-        expand(rules.measure_drum_design_runs.output.result, sample=DRUM_SAMPLES),
+    rule drum_design:
+        input:
+            expand(rules.measure_drum_design_runs.output.result, sample=DRUM_SAMPLES),
 
 
 # The same tables without and with the drum: a folder, and what is read beside the piles.
 SECOND_RESPONSES = {
     "second_responses": (f"{RESULTS}/responses", {}),
-    "second_responses_drum": (
+}
+if "drum" in config:
+    SECOND_RESPONSES["second_responses_drum"] = (
         f"{RESULTS}/responses/with_drum",
         {"drum": rules.drum_design.input, "drum_runs": rules.drum.output.runs},
-    ),
-}
+    )
 SECOND_TABLES = ("responses", "information", "narrowing", "ways", "order")
 
 
@@ -170,83 +171,83 @@ rule second_responses:
         rules.draw_second_responses.output,
 
 
-rule second_responses_drum:
-    input:
-        rules.second_responses_drum_tables.output,
-        rules.draw_second_responses_drum.output,
+if "drum" in config:
+
+    rule second_responses_drum:
+        input:
+            rules.second_responses_drum_tables.output,
+            rules.draw_second_responses_drum.output,
 
 
 # Several tests at once: other bench tests on a part of the design, `snakemake --cores 2 joint_targets`.
-FURTHER_RUNS = [RUN_FOLDERS[name] for name in names() if name != "funnel"]
-IN_TESTS = min(config["joint_targets"]["samples"], len(SAMPLES))
-JOINT_SAMPLES = [
-    SAMPLES[k * (len(SAMPLES) - 1) // max(1, IN_TESTS - 1)] for k in range(IN_TESTS)
-]
+if "joint_targets" in config:
+    FURTHER_RUNS = [RUN_FOLDERS[name] for name in names() if name != "funnel"]
+    IN_TESTS = min(config["joint_targets"]["samples"], len(SAMPLES))
+    JOINT_SAMPLES = [
+        SAMPLES[k * (len(SAMPLES) - 1) // max(1, IN_TESTS - 1)] for k in range(IN_TESTS)
+    ]
 
+    use rule pour as joint_pour with:
+        output:
+            pours=f"{RESULTS}/joint_targets/{{runs}}/{{sample}}.pours.json",
+            berries=f"{RESULTS}/joint_targets/{{runs}}/{{sample}}.npz",
+        log:
+            f"{RESULTS}/logs/joint_targets/{{runs}}/{{sample}}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/joint_targets/{{runs}}/{{sample}}.tsv"
+        params:
+            purpose="joint_targets",
+            seeds=config["joint_targets"]["seeds"],
+        message:
+            "Sample {wildcards.sample} in a further bench test, {wildcards.runs}"
 
-use rule pour as joint_pour with:
-    output:
-        pours=f"{RESULTS}/joint_targets/{{runs}}/{{sample}}.pours.json",
-        berries=f"{RESULTS}/joint_targets/{{runs}}/{{sample}}.npz",
-    log:
-        f"{RESULTS}/logs/joint_targets/{{runs}}/{{sample}}.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/joint_targets/{{runs}}/{{sample}}.tsv"
-    params:
-        purpose="joint_targets",
-        seeds=config["joint_targets"]["seeds"],
-    message:
-        "Sample {wildcards.sample} in a further bench test, {wildcards.runs}"
+    use rule measure_runs as measure_joint_runs with:
+        input:
+            pours=rules.joint_pour.output.pours,
+            berries=rules.joint_pour.output.berries,
+            berry=rules.berry.output.berry,
+            particle=rules.shape.output.particle,
+        output:
+            result=f"{RESULTS}/joint_targets/{{runs}}/{{sample}}.json",
+        log:
+            f"{RESULTS}/logs/joint_targets/{{runs}}/{{sample}}_measured.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/joint_targets/{{runs}}/{{sample}}_measured.tsv"
+        message:
+            "Measuring sample {wildcards.sample} in a further bench test, {wildcards.runs}"
 
-
-use rule measure_runs as measure_joint_runs with:
-    input:
-        pours=rules.joint_pour.output.pours,
-        berries=rules.joint_pour.output.berries,
-        berry=rules.berry.output.berry,
-        particle=rules.shape.output.particle,
-    output:
-        result=f"{RESULTS}/joint_targets/{{runs}}/{{sample}}.json",
-    log:
-        f"{RESULTS}/logs/joint_targets/{{runs}}/{{sample}}_measured.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/joint_targets/{{runs}}/{{sample}}_measured.tsv"
-    message:
-        "Measuring sample {wildcards.sample} in a further bench test, {wildcards.runs}"
-
-
-rule joint_targets:
-    input:
-        jobs=expand(
-            rules.measure_joint_runs.output.result,
-            runs=FURTHER_RUNS,
-            sample=JOINT_SAMPLES,
-        ),
-        runs=rules.measure_responses.output.runs,
-        dataset=rules.dataset.output.dataset,
-    output:
-        **{
-            name: f"{RESULTS}/joint_targets/{name}.csv"
-            for name in ("tests", "pairs", "sets", "coverage")
-        },
-        summary=f"{RESULTS}/joint_targets/joint.json",
-    log:
-        f"{RESULTS}/logs/joint_targets.log",
-    benchmark:
-        f"{RESULTS}/benchmarks/joint_targets.tsv"
-    threads: 1
-    resources:
-        mem_mb=growing(1500),
-        runtime=growing(60),
-    params:
-        config=CONFIG,
-        folder=folder,
-        jobs=folders_of_jobs,
-        depends=sections(
-            "parameters", "targets", "network", "second_responses", "joint_targets"
-        ),
-    message:
-        "Which few tests narrow the parameters enough"
-    shell:
-        "python -m repose joint_targets --config {params.config:q} --runs {input.runs:q} --dataset {input.dataset:q}"
-        " --jobs {params.jobs:q} --out {params.folder:q} > {log:q} 2>&1"
+    rule joint_targets:
+        input:
+            jobs=expand(
+                rules.measure_joint_runs.output.result,
+                runs=FURTHER_RUNS,
+                sample=JOINT_SAMPLES,
+            ),
+            runs=rules.measure_responses.output.runs,
+            dataset=rules.dataset.output.dataset,
+        output:
+            **{
+                name: f"{RESULTS}/joint_targets/{name}.csv"
+                for name in ("tests", "pairs", "sets", "coverage")
+            },
+            summary=f"{RESULTS}/joint_targets/joint.json",
+        log:
+            f"{RESULTS}/logs/joint_targets.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/joint_targets.tsv"
+        threads: 1
+        resources:
+            mem_mb=growing(1500),
+            runtime=growing(60),
+        params:
+            config=CONFIG,
+            folder=folder,
+            jobs=folders_of_jobs,
+            depends=sections(
+                "parameters", "targets", "network", "second_responses", "joint_targets"
+            ),
+        message:
+            "Which few tests narrow the parameters enough"
+        shell:
+            "python -m repose joint_targets --config {params.config:q} --runs {input.runs:q} --dataset {input.dataset:q}"
+            " --jobs {params.jobs:q} --out {params.folder:q} > {log:q} 2>&1"

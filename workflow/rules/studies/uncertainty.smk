@@ -55,7 +55,7 @@ rule posterior_tables:
     shell:
         "python -m repose posterior --config {params.config:q} --network {input.network:q}"
         " --predictions {input.predictions:q} --dataset {input.dataset:q} --runs {input.runs:q}"
-        " --feasible {input.feasible:q} --table3 {input.table3:q} --out {params.folder:q} > {log:q} 2>&1"
+        " --feasible {input.feasible:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 rule sensitivity_tables:

@@ -138,7 +138,7 @@ def corner(inputs: Inputs, config: Config) -> Figure:
     draws, table = read_table(inputs["draws"], PARAMETERS), read_table(inputs["posterior"], ("parameter",))
     cloud, summary = read_table(inputs["feasible"], PARAMETERS), read_json(inputs["summary"], ("predicted",))
     ranges, table = style.ranges_of(config), table.set_index("parameter")
-    space = ParameterSpace.of(config["parameters"])
+    space, published = ParameterSpace.of(config["parameters"]), "published_low" in table
     figure = style.new_figure(style.PAGE, style.PAGE)
     for panel, across, down in style.pairs_of_parameters(figure, space.free):
         low, high = ranges[across]
@@ -150,7 +150,8 @@ def corner(inputs: Inputs, config: Config) -> Figure:
         panel.set_ylim(low - 0.02 * (high - low), high + 0.02 * (high - low))
         _pair(panel, draws, across, down, ranges)
         panel.scatter(cloud[across], cloud[down], s=5, color=style.RED, lw=0, zorder=4)
-        panel.add_patch(_published_box(table, across, down))
+        if published:
+            panel.add_patch(_published_box(table, across, down))
     figure.text(
         0.47, 0.975, _account(summary, style.targets_of(config)), fontsize=7.5, va="top", linespacing=1.5
     )
@@ -166,7 +167,10 @@ def corner(inputs: Inputs, config: Config) -> Figure:
         "solutions of the search",
         "published intervals",
     ]
-    figure.legend(handles, labels, loc="upper left", bbox_to_anchor=(0.63, 0.80), fontsize=7.5)
+    shown = len(handles) if published else -1
+    figure.legend(
+        handles[:shown], labels[:shown], loc="upper left", bbox_to_anchor=(0.63, 0.80), fontsize=7.5
+    )
     return figure
 
 
@@ -177,7 +181,8 @@ def _marginal(
     panel.hist(values, bins=25, range=bounds, density=True, color=style.BLUE, alpha=0.35)
     panel.plot(*_prior_density(space, str(values.name)), color=style.GREY, lw=0.9, ls="--")
     row = table.loc[values.name]
-    panel.axvspan(row["published_low"], row["published_high"], fill=False, ec=style.BLACK, lw=0.9)
+    if "published_low" in row:
+        panel.axvspan(row["published_low"], row["published_high"], fill=False, ec=style.BLACK, lw=0.9)
     panel.set_title(f"{row['information_bits']:.2f} bits", fontsize=6.5, loc="center", pad=2)
     panel.set_yticks([])
     panel.spines["left"].set_visible(False)
@@ -265,7 +270,7 @@ def intervals(inputs: Inputs, config: Config) -> Figure:
     InputError
         If the table cannot be read.
     """
-    table = read_table(inputs["posterior"], ("parameter", "credible_low", "miga_low", "published_low"))
+    table = read_table(inputs["posterior"], ("parameter", "credible_low", "miga_low"))
     figure = style.new_figure(style.PAGE, 3.3)
     panel = figure.subplots()
     for k, row in table.iterrows():
@@ -280,6 +285,8 @@ def intervals(inputs: Inputs, config: Config) -> Figure:
             (("miga_low", "miga_high"), 0.0, style.RED, "solutions of the search"),
             (("published_low", "published_high"), -0.22, style.ORANGE, "published interval"),
         ):
+            if not set(ends) <= set(row.index):
+                continue
             x = place(*row[list(ends)].astype(float))
             panel.plot(x, [y + offset] * 2, "-|", color=colour, lw=3, ms=7, label=label if k == 0 else None)
         panel.plot(place(row["median"]), [y + 0.22], "o", ms=4.5, color="white", mec=style.BLUE, zorder=5)
