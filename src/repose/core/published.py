@@ -40,6 +40,11 @@ def representative(path: str | os.PathLike | None) -> dict[str, float]:
     path : path or None
         The published table of solutions.
 
+    Returns
+    -------
+    dict
+        By the parameters' names.
+
     Raises
     ------
     InputError

@@ -114,14 +114,12 @@ def _runs_by_mean(panel: Axes, ok: pd.DataFrame, column: str, colour: str) -> No
 
 
 def corner(inputs: Inputs, config: Config) -> Figure:
-    """Draws of the posterior for each free parameter and each pair, beside the search's solutions and the
-    published intervals.
+    """Draws of the posterior, alone and in pairs, beside the search's solutions and the published intervals.
 
     Parameters
     ----------
     inputs : mapping
-        Paths of ``draws``, ``posterior`` and ``summary``, of the verb posterior, and ``feasible``, of the
-        verb miga.
+        Paths of ``draws``, ``posterior`` and ``summary``, of the verb posterior, and ``feasible``, of miga.
     config : mapping
         The whole configuration.
 
@@ -167,10 +165,8 @@ def corner(inputs: Inputs, config: Config) -> Figure:
         "solutions of the search",
         "published intervals",
     ]
-    shown = len(handles) if published else -1
-    figure.legend(
-        handles[:shown], labels[:shown], loc="upper left", bbox_to_anchor=(0.63, 0.80), fontsize=7.5
-    )
+    shown = slice(4 if published else 3)
+    figure.legend(handles[shown], labels[shown], loc="upper left", bbox_to_anchor=(0.63, 0.8), fontsize=7.5)
     return figure
 
 
@@ -285,10 +281,9 @@ def intervals(inputs: Inputs, config: Config) -> Figure:
             (("miga_low", "miga_high"), 0.0, style.RED, "solutions of the search"),
             (("published_low", "published_high"), -0.22, style.ORANGE, "published interval"),
         ):
-            if not set(ends) <= set(row.index):
-                continue
-            x = place(*row[list(ends)].astype(float))
-            panel.plot(x, [y + offset] * 2, "-|", color=colour, lw=3, ms=7, label=label if k == 0 else None)
+            x = place(*row.reindex(ends).dropna().astype(float))
+            label = label if k == 0 and len(x) else None
+            panel.plot(x, [y + offset] * len(x), "-|", color=colour, lw=3, ms=7, label=label)
         panel.plot(place(row["median"]), [y + 0.22], "o", ms=4.5, color="white", mec=style.BLUE, zorder=5)
         text = f"{100 * row['width_ratio']:.0f} %   {row['information_bits']:.2f} bits"
         panel.text(1.03, y, text, fontsize=6.8, va="center")

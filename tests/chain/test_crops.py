@@ -1,0 +1,107 @@
+"""The worked crops: their folders are sound and know nothing of the goji berry; each runs end to end at small size."""
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+
+from repose.chain import card
+from repose.cli import main
+from repose.config import checks, loader
+from repose.core import places
+from repose.core.files import write_text
+from repose.core.published import published_sets
+
+CROPS = places.root() / "crops"
+NAMES = sorted(path.parent.name for path in CROPS.glob("*/config.yaml"))
+
+# A pour of a tenth of a second. The numbers mean nothing.
+SMALL = {
+    "label": "small",
+    "funnel": {"berries": 120, "duration_s": 0.9, "seeds": 1, "rest_motion_mm": 100},
+    "simulation": {"rest_energy_j": 1.0e-3},
+    "measure": {"views": 2, "mm_per_pixel": 0.1},
+    "network": {
+        "hidden": 2,
+        "starts": 1,
+        "epochs": 50,
+        "weights_from_errors": False,
+        "correlated_noise": False,
+    },
+    "miga": {"islands": 2, "population": 20, "rounds": 5, "generations": 5, "solutions": 10},
+    "validation": {"seeds": 1, "representative_seeds": 1},
+}
+
+
+def test_there_are_three_of_different_shape():
+    axes = {name: yaml.safe_load((CROPS / name / "config.yaml").read_text()) for name in NAMES}
+    assert set(axes) == {"maize", "soybean", "wheat"}
+    shapes = {}
+    for name in NAMES:
+        last = (CROPS / name / "sizes.csv").read_text().splitlines()[-1]
+        long, major, minor = map(float, last.split(","))
+        shapes[name] = long / major, major / minor
+    assert shapes["wheat"][0] > 2 > 1.5 > max(shapes["soybean"])
+    assert shapes["maize"][0] > 1.4 < shapes["maize"][1]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_crop_stands_on_its_own_numbers(name, monkeypatch):
+    """No section of the goji berry lies under it, and its README tells the source of each number."""
+    monkeypatch.chdir(CROPS / name)
+    config = loader.resolve(places.configs())
+    checks.check(config, name)
+    assert not {"drum", "cylinder", "shape_study"} & set(config)
+    assert config["berry"]["sizes"] == "sizes.csv"
+    assert len(published_sets(config["validation"]["published"])) == 1
+    told = Path("README.md").read_text()
+    target = config["targets"][0]
+    for value in (config["berry"]["density_kg_m3"], config["berry"]["poisson_ratio"], target["value"]):
+        assert f"{value:g}" in told or f"{value:.2f}" in told
+    assert "assumed" in told
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_its_card_is_there_and_whole(name):
+    found = card.read(CROPS / "cards" / f"{name}.json")
+    assert found["material"] == name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, capsys):
+    for path in (CROPS / name).rglob("*.*"):
+        if path.is_file():
+            write_text(tmp_path / path.relative_to(CROPS / name), path.read_text())
+    monkeypatch.chdir(tmp_path)
+    config = loader.resolve(places.configs(), SMALL)
+    checks.check_inputs(config, name)
+    loader.write_resolved(config, "results/config.json")
+
+    def do(*words):
+        assert main([*words, "--config", "results/config.json"]) in (0, None), words
+
+    def pour(samples, numbers, purpose, folder):
+        for number in numbers:
+            words = ["--samples", samples, "--sample", f"{number:03}", "--seeds", "1", "--purpose", purpose]
+            do("pour", "--apparatus", "funnel", *words, "--out", folder)
+            do("measure_runs", f"{folder}/{number:03}.pours.json", "--out", folder)
+
+    do("berry")
+    do("shape")
+    do("design")
+    pour("results/design/samples.csv", range(1, 13), "design", "results/heaps")
+    do("dataset", "results/heaps")
+    do("network")
+    do("miga")
+    do("solutions")
+    do("published_solutions")
+    pour("results/validation/solutions.csv", (1, 2), "validation", "results/validation/heaps")
+    published = "results/validation/published_solutions.csv"
+    pour(published, (101,), "validation", "results/validation/heaps")
+    do("validate", "results/validation/heaps")
+    do("material_card")
+    assert main(["card", "show", "results/card.json"]) in (0, None)
+    assert "mus_gg" in capsys.readouterr().out
+    assert json.loads(Path("results/card.json").read_text())["material"] == "small"
