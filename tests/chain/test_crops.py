@@ -22,13 +22,7 @@ SMALL = {
     "funnel": {"berries": 120, "duration_s": 0.9, "seeds": 1, "rest_motion_mm": 100},
     "simulation": {"rest_energy_j": 1.0e-3},
     "measure": {"views": 2, "mm_per_pixel": 0.1},
-    "network": {
-        "hidden": 2,
-        "starts": 1,
-        "epochs": 50,
-        "weights_from_errors": False,
-        "correlated_noise": False,
-    },
+    "network": {"hidden": 2, "starts": 1, "epochs": 50, "replicates": False},
     "miga": {"islands": 2, "population": 20, "rounds": 5, "generations": 5, "solutions": 10},
     "validation": {"seeds": 1, "representative_seeds": 1},
 }
