@@ -99,3 +99,18 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
     assert main(["card", "show", "results/card.json"]) in (0, None)
     assert "mus_gg" in capsys.readouterr().out
     assert json.loads(Path("results/card.json").read_text())["material"] == "small"
+
+
+@pytest.mark.parametrize(
+    ("words", "section"),
+    [
+        (["drum", "--seed", "1"], "drum"),
+        (["pour", "--apparatus", "drum", "--samples", "s.csv", "--sample", "1", "--seeds", "1"], "drum"),
+        (["shape_study", "a.csv", "--finalists", "f.csv"], "shape_study"),
+        (["joint_targets", "--jobs", "a"], "joint_targets"),
+    ],
+)
+def test_what_a_crop_has_no_section_for_is_refused_in_one_line(words, section, monkeypatch, capsys):
+    monkeypatch.chdir(CROPS / "wheat")
+    assert main(words) == 2
+    assert f"configuration: {section} is None; allowed: a section of this name" in capsys.readouterr().err

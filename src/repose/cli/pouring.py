@@ -9,6 +9,7 @@ from repose.cli.options import JSON
 from repose.cli.parameter_sets import PARAMETER_SET, SEED, STUDY_SEEDS, parameters, pour_seeds, run_seeds
 from repose.cli.registry import Family, Option
 from repose.config import loader
+from repose.config.reading import section
 from repose.core.errors import InputError
 from repose.core.files import json_text
 
@@ -102,6 +103,7 @@ def _job(args: argparse.Namespace, apparatus: str) -> _Job:
 
     test = bench(apparatus, "command line")
     config = loader.load(args.config)
+    section(config, apparatus)
     values = parameters(args.set, args.samples, args.sample, config["parameters"])
     seeds = pour_seeds(args, config["design"]["seed"], apparatus)
     step, end = SimulationSettings.of(config).time_step_s, test.duration_s(config)
@@ -161,6 +163,7 @@ def drum(args: argparse.Namespace) -> None:
     from repose.apparatus import bench, drum_tables
 
     config = loader.load(args.config)
+    section(config, "drum")
     values = parameters(args.set, args.samples, args.sample, config["parameters"])
     seeds = run_seeds(args.seed)
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)

@@ -7,6 +7,7 @@ from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import DATASET, RUNS, pairs
 from repose.cli.registry import Family, Option
 from repose.config import loader
+from repose.config.reading import section
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
@@ -87,7 +88,7 @@ def joint_targets(args: argparse.Namespace) -> None:
     from repose.studies import further_runs, joint_targets, responses_over_design
 
     config = loader.load(args.config)
-    settings = config["network"] | config["second_responses"] | config["joint_targets"]
+    settings = config["network"] | config["second_responses"] | section(config, "joint_targets")
     targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
     data = responses_over_design.read(args.runs, args.dataset, targets, config["measure"]["response"])
     table = read_table(args.dataset, ("sample", "status"))
@@ -117,7 +118,7 @@ def profiles(args: argparse.Namespace) -> None:
 
     config = loader.load(args.config)
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
-    settings = config["network"] | config["second_responses"] | config["joint_targets"]
+    settings = config["network"] | config["second_responses"] | section(config, "joint_targets")
     table = read_table(args.dataset, ("sample", *PARAMETERS, "status"))
     table = table[table["status"] == "ok"]
     runs = read_table(args.runs, ("sample", "seed", "status", *profiles.TWO_NUMBERS))

@@ -5,6 +5,7 @@ import argparse
 from repose.cli.options import BERRY, SAMPLES
 from repose.cli.registry import Family, Option
 from repose.config import loader
+from repose.config.reading import section
 
 family = Family()
 
@@ -23,6 +24,7 @@ def shape_cell(args: argparse.Namespace) -> None:
     from repose.studies import shape_cells, shape_study
 
     config = loader.load(args.config)
+    section(config, "shape_study")
     shape_cells.check(config, args.config)
     shape_study.run_cell(config, args.cell, args.berry, args.samples, args.out)
 
@@ -36,7 +38,9 @@ def shape_cell(args: argparse.Namespace) -> None:
 def shape_selection(args: argparse.Namespace) -> None:
     from repose.studies import shape_study
 
-    shape_study.run_selection(loader.load(args.config), args.cells, args.out)
+    config = loader.load(args.config)
+    section(config, "shape_study")
+    shape_study.run_selection(config, args.cells, args.out)
 
 
 @family.verb(
@@ -51,4 +55,6 @@ def shape_selection(args: argparse.Namespace) -> None:
 def shape_study(args: argparse.Namespace) -> None:
     from repose.studies import shape_study
 
-    shape_study.run_verdict(loader.load(args.config), args.cells, args.finalists, args.out)
+    config = loader.load(args.config)
+    section(config, "shape_study")
+    shape_study.run_verdict(config, args.cells, args.finalists, args.out)

@@ -249,7 +249,9 @@ def _with_sections_of_their_own(config, pours):
         yield Study("second_responses_drum", "The same with the responses of the drum.", cost)
     if "joint_targets" in config:
         joint = config["joint_targets"]["samples"] * config["joint_targets"]["seeds"]
-        minutes = joint * sum(run_s(config, name) for name in names() if name in config and name != "funnel") / 60
+        minutes = (
+            joint * sum(run_s(config, name) for name in names() if name in config and name != "funnel") / 60
+        )
         cost = f"{joint} runs of each further bench test besides the calibration, about {minutes:.0f} min"
         yield Study("joint_targets", "Which few tests together narrow the parameters enough.", cost)
     if "shape_study" in config:

@@ -2,6 +2,7 @@
 
 import os
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -181,3 +182,28 @@ def get(config: Any, key: str) -> Any:
     for step in key.split("."):
         config = config[int(step)] if isinstance(config, list) else config[step]
     return config
+
+
+def section(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    """A section that may be absent, where it is needed.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    name : str
+        Of the section.
+
+    Returns
+    -------
+    mapping
+
+    Raises
+    ------
+    InputError
+        If the configuration has no such section.
+    """
+    if name not in config:
+        allowed = "a section of this name, as in config/config.yaml; a crop's own configuration may lack it"
+        raise InputError("configuration", name, None, allowed)
+    return config[name]
