@@ -49,18 +49,23 @@ def test_the_default_configuration_holds_in_an_empty_folder(folder):
         assert Path(path).is_file()
 
 
-@pytest.mark.parametrize("name", ["config/config.yaml", "config.yaml"])
-def test_a_folders_own_configuration_stands_in_place_of_the_programs(folder, name):
-    """It lies over what every crop shares; of the program's own crop it inherits nothing."""
-    own = folder / name
-    own.parent.mkdir(exist_ok=True)
+def test_a_study_of_the_programs_crop_lies_over_it(folder):
+    own = folder / "config/config.yaml"
+    own.parent.mkdir()
     own.write_text("label: mine\n")
-    assert places.configs() == [METHOD, Path(name)]
+    assert places.configs() == [METHOD, CONFIG, Path("config/config.yaml")]
+    assert loader.resolve(places.configs())["label"] == "mine"
+
+
+def test_a_crops_configuration_stands_in_place_of_the_programs(folder):
+    """It lies over what every crop shares; of the program's own crop it inherits nothing."""
+    (folder / "config.yaml").write_text("label: mine\n")
+    assert places.configs() == [METHOD, Path("config.yaml")]
     with pytest.raises(InputError) as caught:
         loader.resolve(places.configs())
     told = {fault.key for fault in caught.value.faults}
     assert {"berry.sizes", "parameters", "targets", "funnel.berries"} <= told
-    assert all(fault.source == name for fault in caught.value.faults)
+    assert all(fault.source == "config.yaml" for fault in caught.value.faults)
 
 
 def test_in_the_programs_own_folder_there_is_one_configuration(monkeypatch):

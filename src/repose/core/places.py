@@ -44,8 +44,11 @@ def configs() -> list[Path]:
     Returns
     -------
     list of Path
-        What every crop shares; then the crop: `config/config.yaml` or `config.yaml` of the working folder, or where
-        there is none the program's own.
+        What every crop shares; then the crop: `config.yaml` of the working folder, or where there is none the
+        program's own, and over that the working folder's `config/config.yaml`.
     """
-    own = [path for path in (Path(DEFAULT_CONFIG), Path("config.yaml")) if path.is_file()][:1]
-    return [find(METHOD_CONFIG), *(own or [root() / DEFAULT_CONFIG])]
+    method, default, study = find(METHOD_CONFIG), root() / DEFAULT_CONFIG, Path(DEFAULT_CONFIG)
+    if study.is_file():
+        return [method, study] if study.resolve() == default.resolve() else [method, default, study]
+    crop = Path("config.yaml")
+    return [method, crop if crop.is_file() else default]
