@@ -63,7 +63,7 @@ def longest_job_s(config: Mapping[str, Any]) -> float:
     sections = [section for section in config.values() if isinstance(section, Mapping)]
     seeds = max(section[key] for section in sections for key in section if key.endswith(SEEDS))
     names = {"funnel", "drum", *Targets.of(config["targets"]).apparatus}
-    return JOB_START_S + seeds * max(run_s(config, name) for name in names)
+    return JOB_START_S + seeds * max(run_s(config, name) for name in names if name in config)
 
 
 def measured_berry_step_s(config: Mapping[str, Any], berry: Mapping[str, Any], particle: "Particle") -> float:
