@@ -131,7 +131,6 @@ class Answer:
         A check for each target.
     folder : Path
         Of the results.
-    files : Files
     within : mapping
         Probability, by the runs of the check alone, that the means of all responses lie within so many percent of
         their aims; None where it is not known.

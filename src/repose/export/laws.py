@@ -144,7 +144,17 @@ def damped_alone() -> str:
 
 
 def rolled(job: Job) -> str:
-    """The note of a program whose rolling resistance is a limited spring between two spheres."""
+    """The note of a program whose rolling resistance is a limited spring between two spheres.
+
+    Parameters
+    ----------
+    job : Job
+        What is exported; its mean lever [m] is told.
+
+    Returns
+    -------
+    str
+    """
     return (
         "rolling resistance is a spring with a limit against the relative rotation (model C of Ai et al. 2011, without "
         "damping or with); in the study a budget of each body (model A). Its coefficients here are those of the study "

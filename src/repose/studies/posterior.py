@@ -141,7 +141,7 @@ def infer(
 
 
 def run(
-    files: Mapping[str, str | os.PathLike | None],
+    files: Mapping[str, Any],
     space: ParameterSpace,
     targets: Targets,
     settings: Mapping[str, Any],

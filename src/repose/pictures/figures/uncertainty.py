@@ -282,8 +282,8 @@ def intervals(inputs: Inputs, config: Config) -> Figure:
             (("published_low", "published_high"), -0.22, style.ORANGE, "published interval"),
         ):
             x = place(*row.reindex(ends).dropna().astype(float))
-            label = label if k == 0 and len(x) else None
-            panel.plot(x, [y + offset] * len(x), "-|", color=colour, lw=3, ms=7, label=label)
+            named = label if k == 0 and len(x) else None
+            panel.plot(x, [y + offset] * len(x), "-|", color=colour, lw=3, ms=7, label=named)
         panel.plot(place(row["median"]), [y + 0.22], "o", ms=4.5, color="white", mec=style.BLUE, zorder=5)
         text = f"{100 * row['width_ratio']:.0f} %   {row['information_bits']:.2f} bits"
         panel.text(1.03, y, text, fontsize=6.8, va="center")

@@ -4,6 +4,7 @@ import os
 
 import pandas as pd
 
+from repose.chain.answer import WITHIN
 from repose.pictures.report import page
 from repose.pictures.report.study import Study
 from repose.studies.own_simulator import Calibration
@@ -29,6 +30,7 @@ def write(found: Calibration, out_path: str | os.PathLike) -> None:
         answer=found.values,
         row=pd.Series(row),
         chance=chance | {"all": found.probability["inside"]},
+        within={percent: found.probability[column] for percent, column in WITHIN.items()},
         posterior=found.posterior.parameters.set_index("parameter"),
         surrogate=found.model,
         feasible=found.solutions,

@@ -20,7 +20,6 @@ from repose.studies.own_simulator.study import OwnStudy
 from repose.studies.posterior import Posterior, infer
 from repose.surrogate.support import Support
 
-WITHIN_PERCENT = (1.0, 2.0)  # of all targets, beside the ranges
 SOLUTIONS, DISTANCE = 90, 0.02  # as `miga` of config.yaml
 
 
@@ -129,10 +128,8 @@ def calibrate(study: OwnStudy, runs: pd.DataFrame) -> Calibration:
     support = Support(space.values(observed.unit), low, high, space.names)
     posterior = infer(model, support, runs, space, targets, dict(study.posterior) | {"seed": study.seed}, {})
     probability = {
-        f"within_{percent:g}_percent": float(
-            Goal.of(targets, percent, space).probability(mean, covariance)[0]
-        )
-        for percent in WITHIN_PERCENT
+        column: float(Goal.of(targets, percent, space).probability(mean, covariance)[0])
+        for percent, column in WITHIN.items()
     }
     probability["inside"] = goal.inside(mean, covariance, targets)
     found = answer.Found(space.values(best)[0], mean[0], space.values(others), predicted, ())
