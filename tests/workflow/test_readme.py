@@ -34,7 +34,7 @@ def test_the_crop_that_readme_shows_is_planned():
     assert status == 0, told
     assert "measure_runs" in told
     assert "published_solutions" in told
-    assert "drum" not in told
+    assert "drum_run" not in told
 
 
 def test_a_study_is_checked_when_it_is_asked_for(tmp_path, monkeypatch):
