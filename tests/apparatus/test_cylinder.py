@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from repose.apparatus import bench, cylinder
 from repose.apparatus.job import run_once
-from repose.config import checks
+from repose.config import checks, loader
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.particle.build import ellipsoid_mesh, fit_particle
@@ -25,7 +24,7 @@ SMALL |= {"collar_mm": 60.0, "core_margin_mm": 5.0}
 
 def config(**keys):
     """The recommended configuration with some keys of its cylinder changed."""
-    whole = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
+    whole = loader.load(ROOT / "config" / "config.yaml")
     whole["cylinder"].update(keys)
     return whole
 

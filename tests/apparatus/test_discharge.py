@@ -4,11 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from repose.apparatus import bench, discharge
 from repose.apparatus.job import run_once
-from repose.config import checks
+from repose.config import checks, loader
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.particle.build import ellipsoid_mesh, fit_particle
@@ -26,7 +25,7 @@ SMALL = {"berries": 40, "rate_per_s": 150.0, "open_from_s": 0.8, "longest_s": 2.
 
 def config(**keys):
     """The recommended configuration with some keys of its lidded funnel changed."""
-    whole = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
+    whole = loader.load(ROOT / "config" / "config.yaml")
     whole["discharge"].update(keys)
     return whole
 

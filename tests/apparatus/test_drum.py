@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from PIL import Image
 
 from repose.apparatus import drum, drum_geometry, drum_rotation, drum_tables
 from repose.apparatus.job import measure_job, pour_job
+from repose.config import loader
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.measure import bed
@@ -29,7 +29,7 @@ SMALL |= {"rate_per_s": 150.0, "rotate_from_s": 1.4, "report_s": 2.0, "longest_r
 
 def config(**keys):
     """The recommended configuration with some keys of its drum changed."""
-    whole = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
+    whole = loader.load(ROOT / "config" / "config.yaml")
     whole["drum"].update(keys)
     return whole
 

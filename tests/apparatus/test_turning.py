@@ -4,11 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from repose.apparatus import bench, turning
 from repose.apparatus.job import run_once
-from repose.config import checks
+from repose.config import checks, loader
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.particle.build import ellipsoid_mesh, fit_particle
@@ -24,7 +23,7 @@ SMALL |= {"rate_per_s": 150.0, "rotate_from_s": 0.6, "measure_from_s": 1.2, "mea
 
 def config(**keys):
     """The recommended configuration with some keys of its turning drum changed."""
-    whole = yaml.safe_load((ROOT / "config" / "config.yaml").read_text())
+    whole = loader.load(ROOT / "config" / "config.yaml")
     whole["turning"].update(keys)
     return whole
 

@@ -156,7 +156,7 @@ REQUIRED = [
         for key, _ in leaves(validator().schema)
         if not key.startswith("targets.") and key != "simulation.contact_law"
     ),
-    *sections(validator().schema),
+    *(name for name in sections(validator().schema) if name in validator().schema["required"]),
 ]
 
 

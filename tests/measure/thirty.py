@@ -1,7 +1,21 @@
-"""The thirty photographs that the measurement is judged by: ten of each of three cameras, and the sheet alone."""
+"""The thirty photographs that the measurement is judged by: ten of each of three cameras, and the sheet alone.
 
+`python tests/measure/thirty.py --draw 0 1 2 3` measures thirty photographs of each draw and prints their errors as
+table rows; `--picture FILE` draws the figure of photographs that can and that cannot be measured.
+"""
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import cv2
+import matplotlib.pyplot as plt
 import numpy as np
-from rendered import CROPS, Scene
+from rendered import CROPS, Scene, photograph, truth
+
+from repose.measure import photographs
+from repose.measure.drawing import overlay
+from repose.measure.settings import MeasureSettings
 
 PALETTE = {  # walls and plates, blue first
     "white": (225, 228, 230),
@@ -18,13 +32,15 @@ CAMERAS = (  # size, focal length in widths, k1 and k2
 )
 
 
-def scenes(camera):
+def scenes(camera, draw=0):
     """Ten scenes of one of three cameras; conditions are drawn at random, each disturbance in about half of them.
 
     Parameters
     ----------
     camera : int
         From 0.
+    draw : int, optional
+        Another thirty for every number; the measurement was made with those of 0 in view.
 
     Returns
     -------
@@ -34,7 +50,7 @@ def scenes(camera):
     made = []
     for k in range(10):
         number = 10 * camera + k
-        rng = np.random.default_rng([2026, number])
+        rng = np.random.default_rng([2026, number, draw] if draw else [2026, number])
         crop = list(CROPS)[number % len(CROPS)]
         angle, height = rng.uniform(24, 40), rng.uniform(45, 70)
         width_mm = 2 * height / np.tan(np.radians(angle)) + 330
@@ -45,7 +61,7 @@ def scenes(camera):
         colours = [PALETTE[name] for name in rng.choice(list(PALETTE), 2)]
         made.append(
             Scene(
-                seed=number, crop=crop, angle=angle, height=height, wall=colours[0], ground=colours[1],
+                seed=1000 * draw + number, crop=crop, angle=angle, height=height, wall=colours[0], ground=colours[1],
                 texture=("plain", "cloth", "wood", "speckle")[number % 4],
                 position=(side, -away, height + np.tan(np.radians(rng.uniform(-2, 5))) * away),
                 aim=(0.5 * (half + 60 + left), 0, 60), rotation=(*rng.uniform(-4, 4, 2), rng.uniform(-15, 15)),
@@ -74,3 +90,149 @@ def sheet_alone(camera):
             )
         )  # fmt: skip
     return made
+
+
+def errors(folder, kept=range(30), of_the_sheet=8, draw=0):
+    """Angle and Height of some of the thirty minus the truth.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        The photographs are written here.
+    kept : container of int, optional
+        Numbers from 0 to 29.
+    of_the_sheet : int, optional
+        Photographs of the sheet alone, at most 8.
+    draw : int, optional
+        As of `scenes`.
+
+    Returns
+    -------
+    dict
+        By number: (angle [deg], Height [mm]), or the reason of a refusal.
+    """
+    missed = {}
+    for camera in range(3):
+        chosen = [scene for scene in scenes(camera, draw) if scene.seed % 1000 in kept]
+        alone = sheet_alone(camera)[:of_the_sheet] if chosen else []
+        paths = {scene.seed: folder / f"{scene.seed}.png" for scene in (*chosen, *alone)}
+        for scene in (*chosen, *alone):
+            cv2.imwrite(str(paths[scene.seed]), photograph(scene))
+        for crop in sorted({scene.crop for scene in chosen}):
+            same = [scene for scene in chosen if scene.crop == crop]
+            how = MeasureSettings(berry_height_mm=same[0].berry_mm)
+            found = photographs.measure_all(
+                [paths[one.seed] for one in same],
+                how,
+                photographs.Scale(),
+                [paths[one.seed] for one in alone],
+            )
+            for scene, one in zip(same, found, strict=True):
+                true, seen = truth(scene, how), one.measurement
+                missed[scene.seed % 1000] = (
+                    (seen.aor_deg - true.aor_deg, seen.height_mm - true.height_mm) if seen else one.refused
+                )
+    return missed
+
+
+SMALL = {  # a scene that is drawn in a second, and what goes wrong
+    "seed": 5,
+    "crop": "pea",
+    "angle": 28.0,
+    "height": 40.0,
+    "size": (1000, 750),
+    "focal": 950.0,
+    "position": (0.0, -520.0, 45.0),
+    "aim": (-60.0, 0.0, 50.0),
+    "sheet_left": -240.0,
+    "wall": PALETTE["white"],
+    "ground": PALETTE["blue"],
+}
+GOOD = (
+    ({}, "a plain wall"),
+    (
+        {
+            "rotation": (0.0, 0.0, 14.0),
+            "crop": "goji",
+            "height": 55.0,
+            "wall": PALETTE["green"],
+            "position": (0.0, -680.0, 60.0),
+            "angle": 33.0,
+            "sheet_left": -280.0,
+            "aim": (-80.0, 0.0, 50.0),
+        },
+        "tilted by 14°",
+    ),
+    (
+        {
+            "crop": "maize",
+            "texture": "cloth",
+            "ground": PALETTE["black"],
+            "loose": 12,
+            "uneven": 0.4,
+            "ruler": "standing",
+        },
+        "cloth, loose grains, a ruler",
+    ),
+    ({"crop": "wheat", "hand": 0.45, "shadow": 0.5, "wall": PALETTE["grey"]}, "the shadow of a hand"),
+)
+BAD = (
+    ({"aim": (-170.0, 0.0, 50.0), "focal": 1500.0}, "runs out of the picture"),
+    ({"sheet_left": -130.0}, "the sheet hides a part"),
+    ({"position": (0.0, -520.0, 190.0)}, "the crest from 17 degrees above"),
+    ({"wall": (60, 150, 95), "ground": (60, 150, 95), "texture": "speckle"}, "background is not plain"),
+)
+
+
+def measured(folder, scene, name="pile"):
+    """What came of the photograph of a scene, a `repose.measure.photographs.Photograph`."""
+    path = Path(folder) / f"{name}.png"
+    cv2.imwrite(str(path), photograph(scene))
+    how = MeasureSettings(berry_height_mm=scene.berry_mm)
+    return photographs.measure_all([path], how, photographs.Scale())[0]
+
+
+def picture(path):
+    """Draw four photographs that are measured, what was found in them, and four that are refused."""
+    canvas, axes = plt.subplots(3, 4, figsize=(12, 6.6), height_ratios=(3, 1.4, 3), layout="constrained")
+    with tempfile.TemporaryDirectory() as folder:
+        for column, (change, title) in enumerate(GOOD):
+            one = measured(folder, Scene(**SMALL | change))
+            axes[0, column].imshow(cv2.imread(str(one.path))[..., ::-1])
+            axes[0, column].set_title(title)
+            axes[1, column].imshow(overlay(one.view, one.measurement)[..., ::-1])
+            found = one.measurement
+            axes[1, column].set_title(f"{found.aor_deg:.1f}°, Height {found.height_mm:.1f} mm")
+        for column, (change, reason) in enumerate(BAD):
+            one = measured(folder, Scene(**SMALL | change))
+            axes[2, column].imshow(cv2.imread(str(one.path))[..., ::-1])
+            axes[2, column].set_title(f"refused: {reason}", fontsize=9)
+            if reason not in one.refused:
+                raise AssertionError(f"{reason}: {one.refused}")
+    for axis in axes.flat:
+        axis.set_axis_off()
+    canvas.savefig(path, dpi=90)
+
+
+def main():
+    """Print the errors of whole draws, or draw the figure."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("--draw", type=int, nargs="+", default=[])
+    parser.add_argument("--picture", type=Path)
+    asked = parser.parse_args()
+    if asked.picture:
+        picture(asked.picture)
+    for draw in asked.draw:
+        with tempfile.TemporaryDirectory() as folder:
+            missed = errors(Path(folder), draw=draw)
+        for number, one in sorted(missed.items()):
+            if isinstance(one, str):
+                print(f"  {number}: {one}")
+        found = np.array([one for one in missed.values() if not isinstance(one, str)])
+        mean, sd, most = found.mean(0), found.std(0, ddof=1), np.abs(found).max(0)
+        cells = [f"{mean[k]:+.2f} ± {sd[k] / len(found) ** 0.5:.2f} | {most[k]:.2f}" for k in range(2)]
+        print(" | ".join(["", str(draw), str(len(found)), *cells, ""]).strip(), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -314,11 +314,12 @@ def run(
 
 
 def _spread(sizes, published):
-    """Relative standard deviation and extremes of the equivalent diameter: of the sizes, or where they are a
-    reconstruction inferred from the published range."""
-    if not sizes.attrs["reconstruction"]:
+    """Relative standard deviation and extremes of the equivalent diameter: of the sizes, or inferred from the published
+    range where they are a reconstruction and there is such a range."""
+    rows = published.set_index("dimension")
+    if not sizes.attrs["reconstruction"] or "equivalent_diameter_mm" not in rows.index:
         return size_distribution.of_sizes(equivalent_diameter(*(sizes[column] for column in SIZE_COLUMNS)))
-    row = published.set_index("dimension").loc["equivalent_diameter_mm"]
+    row = rows.loc["equivalent_diameter_mm"]
     return size_distribution.of_range(row["maximum"], row["minimum"], row["mean"])
 
 
