@@ -106,19 +106,20 @@ def test_run_writes_what_it_returns(tmp_path):
 
 def test_run_with_one_seed_has_no_noise_correction_and_no_weights(tmp_path):
     paths = write_tables(tmp_path, seeds=1)
-    metrics = train.run(*paths, TARGETS, SETTINGS | {"weights_from_errors": True}, tmp_path / "out")
+    metrics = train.run(*paths, TARGETS, SETTINGS | {"replicates": True}, tmp_path / "out")
     ways = metrics["r2_three_ways"]["aor_deg"]
     assert ways["noise_corrected"] is None
     assert ways["single_runs"] == pytest.approx(ways["sample_means"])
-    assert metrics["weighted"] is False
+    assert metrics["noise_freedom"] is None
 
 
-def test_run_weighted_differs_from_unweighted(tmp_path):
+def test_a_run_with_replicates_knows_their_noise(tmp_path):
     paths = write_tables(tmp_path)
-    plain = train.run(*paths, TARGETS, SETTINGS, tmp_path / "a")
-    weighted = train.run(*paths, TARGETS, SETTINGS | {"weights_from_errors": True}, tmp_path / "b")
-    assert weighted["weighted"] is True
-    assert weighted["log_evidence"] != plain["log_evidence"]
+    metrics = train.run(*paths, TARGETS, SETTINGS | {"replicates": True, "prior": "inputs"}, tmp_path / "out")
+    assert metrics["noise_freedom"] == 3 * metrics["n_train"]
+    sd = np.sqrt(np.diagonal(metrics["noise_covariance"]))
+    known = np.concatenate([load(tmp_path / "out/network.json").noise_std_]) / sd
+    assert known == pytest.approx(1.0, abs=0.1)
 
 
 def test_too_few_samples_and_missing_columns_are_named(tmp_path):
@@ -155,7 +156,7 @@ def test_definitions_are_kept_and_others_are_refused(tmp_path):
 def test_one_target_is_trained_alone(tmp_path, name):
     dataset_csv, runs_csv = write_tables(tmp_path)
     one = Targets([target for target in TARGETS if target.name == name])
-    metrics = train.run(dataset_csv, runs_csv, one, SETTINGS | {"correlated_noise": True}, tmp_path / "out")
+    metrics = train.run(dataset_csv, runs_csv, one, SETTINGS | {"replicates": True}, tmp_path / "out")
     assert set(metrics["test"]) == set(metrics["r2_three_ways"]) == {name}
     assert np.shape(metrics["noise_covariance"]) == (1, 1)
     predictions = pd.read_csv(tmp_path / "out/predictions.csv")
@@ -173,9 +174,12 @@ def test_noise_of_different_bench_tests_is_independent_and_counts_by_their_runs(
     slip = {"response": "drum_slip_deg", "apparatus": "drum", "value": 31.0, "sd": 1.0, "repetitions": 5}
     first, second = shared.TARGETS
     targets = Targets.of([first, slip | {"range": [20.0, 40.0]}, second])
-    covariance = train.noise_covariance(pd.concat([pours, turns]), samples, targets)
+    found = train.Replicates.of(pd.concat([pours, turns]), samples, targets)
+    covariance = found.covariance
+    assert found.runs.tolist() == [4.0] * 400
+    assert found.freedom == pytest.approx((2 * 1200 + 400) / 3)
     assert covariance[[0, 1, 2], [1, 0, 1]].tolist() == [0.0, 0.0, 0.0]
     assert covariance[::2, ::2] == pytest.approx(np.array([[1.0, 1.0], [1.0, 4.0]]), rel=0.15)
     assert covariance[1, 1] == pytest.approx(2 * 9.0, rel=0.15)  # means of two runs beside means of four
     once = turns.drop_duplicates("sample")
-    assert train.noise_covariance(pd.concat([pours, once]), samples, targets) is None
+    assert train.Replicates.of(pd.concat([pours, once]), samples, targets) is None

@@ -170,20 +170,19 @@ def test_a_missing_key_is_told(config):
         checks.check(config, "my.yaml")
 
 
-def test_weights_need_standard_errors(config):
+def test_replicates_are_needed(config):
     config["funnel"]["seeds"] = 1
-    for key in ("weights_from_errors", "correlated_noise"):
-        config["network"] |= {"weights_from_errors": False, "correlated_noise": False, key: True}
-        with pytest.raises(InputError, match=rf"{key} is True; allowed: false where funnel\.seeds"):
-            checks.check(config)
+    config["network"]["replicates"] = True
+    with pytest.raises(InputError, match=r"replicates is True; allowed: false where funnel\.seeds is 1"):
+        checks.check(config)
 
 
-def test_weights_need_standard_errors_of_every_bench_test_of_the_targets(config):
-    config["drum"]["seeds"] = 3
-    config["network"]["weights_from_errors"] = True
+def test_replicates_are_needed_of_every_bench_test_of_the_targets(config):
+    config["drum"]["seeds"] = 1
+    config["network"]["replicates"] = True
     checks.check(config)
     config["targets"].append(config["targets"][0] | {"response": "drum_slip_deg", "apparatus": "drum"})
-    with pytest.raises(InputError, match=r"false where drum\.seeds is below 4"):
+    with pytest.raises(InputError, match=r"false where drum\.seeds is 1"):
         checks.check(config)
 
 

@@ -17,7 +17,6 @@ from repose.core.parameters import PARAMETERS
 from repose.studies import posterior
 from repose.surrogate import names
 from repose.surrogate.bayesian_bp import BayesianBP
-from repose.surrogate.samples import weights_from_errors
 
 # standard errors of the means 1 deg and 2 mm
 TARGETS = targets_of(sd_percent=20 / 3, aor_deg=30.0, height_mm=60.0)
@@ -119,7 +118,7 @@ def test_fixed_parameters_are_not_sampled():
 
 
 TRAINING = {"hidden": 3, "epochs": 200, "goal": 0.0, "starts": 3, "seed": 1, "split": [0.7, 0.15, 0.15]}
-TRAINING |= {"weights_from_errors": True, "correlated_noise": True, "prior": "inputs"}
+TRAINING |= {"replicates": True, "prior": "inputs"}
 
 
 @pytest.fixture(scope="module")
@@ -198,16 +197,15 @@ def test_other_responses_and_other_definitions_are_refused(study, tmp_path):
 def test_restored_network_has_the_error_bars_it_was_trained_with(study):
     table = pd.read_csv(study["dataset"])
     rows = train.split(60, [0.7, 0.15, 0.15], 1)["train"]
-    errors = table[["aor_se_deg", "height_se_mm"]].to_numpy()
     X, Y = table[list(PARAMETERS)].to_numpy(), table[["aor_deg", "height_mm"]].to_numpy()
     metrics = json.loads(study["metrics"].read_text())
     assert metrics["prior"] == "inputs"
     assert len(metrics["alpha"]) == 8
     covariance = np.array(metrics["noise_covariance"])
     assert covariance == pytest.approx(np.diag([0.25, 1.0]), abs=0.25)
-    precision = weights_from_errors(errors)[rows].mean(axis=1)
     trained = BayesianBP(hidden=3, epochs=200, goal=0.0, starts=3, seed=1, prior="inputs")
-    trained.fit(X[rows], Y[rows], precision=precision, noise_covariance=covariance)
+    noise = {"noise_covariance": covariance, "noise_freedom": metrics["noise_freedom"]}
+    trained.fit(X[rows], Y[rows], precision=table["n_seeds"].to_numpy()[rows], **noise)
     again = train.restore(*(study[key] for key in ("network", "predictions", "dataset")))
     for noise in (True, False):
         expected, found = (model.predict(X, return_std=True, noise=noise) for model in (trained, again))

@@ -221,7 +221,7 @@ CONFIG = {
         "starts": 2,
         "seed": 1,
         "split": [0.7, 0.15, 0.15],
-        "weights_from_errors": True,
+        "replicates": True,
     },
     "miga": {
         "islands": 2,

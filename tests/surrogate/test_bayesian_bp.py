@@ -116,6 +116,54 @@ def test_the_best_start_by_evidence_is_chosen_and_bad_starts_are_not(monkeypatch
     assert model.starts_[1]["mse"] < 0.1 * min(model.starts_[0]["mse"], model.starts_[2]["mse"])
 
 
+def test_a_start_keeps_its_largest_evidence_and_is_at_the_minimum_there(monkeypatch):
+    """The re-estimation of several alpha passes it: without patience the start ends far below."""
+    random = np.random.RandomState(3)
+    X = random.uniform(-1, 1, (60, 3))
+    y = X @ [1, 0.5, 0.2] + 0.2 * random.normal(size=60)
+    settings = {"hidden": 4, "starts": 1, "epochs": 300, "goal": 0.0, "prior": "inputs"}
+    kept = BayesianBP(**settings).fit(X, y)
+    assert kept.stop_reason_ == "evidence"
+    assert kept.starts_[0]["decrement"] < levenberg_marquardt.CONVERGED
+    monkeypatch.setattr(levenberg_marquardt, "NEAR", -1.0)  # no state is ever kept
+    gone_on = BayesianBP(**settings).fit(X, y)
+    assert kept.log_evidence_ > gone_on.log_evidence_ + 3
+
+
+def test_starts_that_have_not_converged_do_not_compete(monkeypatch):
+    honest = bayesian_bp.train_start
+    X, Y = noisy_data(40, 2)
+    settings = {"hidden": 3, "starts": 3, "epochs": 100, "goal": 0.0}
+    best = BayesianBP(**settings).fit(X, Y).best_start_
+    calls = []
+
+    def far_from_the_minimum(*arguments):
+        calls.append(1)
+        return honest(*arguments) | {"decrement": 1.0 if unconverged(len(calls) - 1) else 0.0}
+
+    monkeypatch.setattr(bayesian_bp, "train_start", far_from_the_minimum)
+    unconverged = best.__eq__
+    found = BayesianBP(**settings).fit(X, Y)
+    assert found.best_start_ != best
+    assert found.report()["converged_starts"] == 2
+    calls.clear()
+    unconverged = bool(1).__or__
+    found = BayesianBP(**settings).fit(X, Y)
+    assert (found.best_start_, found.converged_starts_) == (best, 0)
+
+
+def test_classes_at_the_cap_are_told(monkeypatch):
+    X, Y = noisy_data(60, 3)
+    settings = {"hidden": 3, "starts": 1, "epochs": 60, "goal": 0.0, "prior": "inputs"}
+    model = BayesianBP(**settings).describe("abcdef", ("y", "z"))
+    monkeypatch.setattr(levenberg_marquardt, "LARGEST_ALPHA", np.inf)
+    assert model.fit(X, Y).report()["at_cap"] == []
+    monkeypatch.setattr(levenberg_marquardt, "LARGEST_ALPHA", 1e-9)
+    names = [*(f"weights of {name}" for name in "abcdef"), "hidden biases", "output weights"]
+    assert model.fit(X, Y).report()["at_cap"] == names
+    assert model.start_rows()[0]["at_cap"] == 8
+
+
 def test_training_on_pure_noise_ends(monkeypatch):
     """Here mu falls for more than 320 steps and then has to rise: from 0 it could not."""
     honest, trials = levenberg_marquardt.residuals, []
@@ -126,6 +174,7 @@ def test_training_on_pure_noise_ends(monkeypatch):
         return honest(*arguments)
 
     monkeypatch.setattr(levenberg_marquardt, "residuals", counted)
+    monkeypatch.setattr(levenberg_marquardt, "PATIENCE", 10**6)
     random = np.random.RandomState(0)
     X, y = random.uniform(size=(60, 6)), random.normal(size=(60, 1))
     model = BayesianBP(hidden=8, starts=1, prior="layers", goal=0.0, seed=5).fit(X, y)

@@ -6,6 +6,7 @@ from known_responses import known_function, noisy_data
 
 from repose.surrogate import bayesian_bp, levenberg_marquardt, two_layer
 from repose.surrogate.bayesian_bp import BayesianBP
+from repose.surrogate.levenberg_marquardt import train_start
 
 
 def linear_features(x):
@@ -121,6 +122,34 @@ def test_noise_that_the_outputs_share_is_learned_unless_the_covariance_is_given(
         found.append(model.noise_std_)
     assert np.mean(gain) > 2 * np.std(gain, ddof=1) / np.sqrt(len(gain)) > 0
     np.testing.assert_allclose(np.mean(found, axis=0), (0.25, 0.5), rtol=0.2)
+
+
+def test_means_with_the_scatter_of_their_replicates_are_the_single_runs():
+    """Training, hyperparameters and evidence, with samples of one to four runs."""
+    random = np.random.RandomState(60)
+    x, w = random.uniform(0.1, 0.9, (25, 2)), random.normal(size=17)
+    runs = np.arange(25) % 4 + 1
+    owner = np.repeat(np.arange(25), runs)
+    t = 0.5 + 0.2 * np.sin(4 * x[owner]) + 0.05 * random.normal(size=(len(owner), 2))
+    means = np.array([t[owner == i].mean(axis=0) for i in range(25)])
+    settings = levenberg_marquardt.Settings(80, 0.0, 0.005, 0.1, 10.0, 1e10, 1e-7, "inputs")
+    single = train_start(w, x[owner], t, np.ones(t.shape), t.size, settings)
+    scatter = float(np.sum((t - means[owner]) ** 2)), float(t.size - means.size)
+    root = np.sqrt(np.column_stack([runs, runs]))
+    pooled = train_start(w, x, means, root, means.size, settings, scatter)
+    for key in ("w", "alpha", "beta", "gamma", "log_evidence"):
+        np.testing.assert_allclose(pooled[key], single[key], rtol=1e-5)
+    assert pooled["epochs"] == single["epochs"]
+
+
+def test_known_noise_is_kept_where_a_few_means_cannot_tell_it():
+    X, Y = noisy_data(20, 61, noise=(0.5, 1.0))
+    covariance = np.diag([0.25, 1.0]) + 0.25
+    model = BayesianBP(hidden=4, starts=2, goal=0.0, prior="inputs", epochs=200)
+    model.fit(X, Y, noise_covariance=covariance, noise_freedom=1e6)
+    np.testing.assert_allclose(model.noise_std_, np.sqrt(np.diagonal(covariance)), rtol=1e-3)
+    with pytest.raises(ValueError, match=r"noise_freedom is 3; allowed: from 0, and 0 without noise_cov"):
+        model.fit(X, Y, noise_freedom=3)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -23,7 +23,6 @@ from repose.core.targets import Targets
 from repose.core.variance import within_covariance
 from repose.surrogate.accuracy import r2
 from repose.surrogate.base import Surrogate, load, make
-from repose.surrogate.samples import weights_from_errors
 
 SPLITS = ("train", "validation", "test")
 FEWEST_SAMPLES = 12  # 8 to train, 1 to validate, 3 to test: below that no R2 means anything
@@ -51,6 +50,63 @@ class Training:
     starts: pd.DataFrame
 
 
+@dataclass(frozen=True)
+class Replicates:
+    """What the runs of one sample tell of the noise.
+
+    Attributes
+    ----------
+    runs : numpy.ndarray, (samples,)
+        Runs of each sample, its weight; with several bench tests in runs of the first one.
+    covariance : numpy.ndarray, (k, k)
+        Of a single run about its sample's mean. Responses of different bench tests are independent; each block counts
+        by the runs that a sample of its bench test has.
+    freedom : float
+        Degrees of freedom of the covariance, the mean over the responses.
+    """
+
+    runs: np.ndarray
+    covariance: np.ndarray
+    freedom: float
+
+    @classmethod
+    def of(cls, runs: pd.DataFrame, samples: Sequence[int], targets: Targets) -> Self | None:
+        """The replicates of some samples.
+
+        Parameters
+        ----------
+        runs : pandas.DataFrame
+            Single runs, with a column `apparatus` where they are of several bench tests.
+        samples : sequence of int
+        targets : Targets
+            The k responses.
+
+        Returns
+        -------
+        Replicates or None
+            None where the scatter of a bench test has no full rank.
+        """
+        ok = runs[(runs["status"] == "ok") & runs["sample"].isin(samples)]
+        covariance, freedom = np.zeros((len(targets), len(targets))), 0.0
+        weights = []
+        for apparatus in targets.apparatus:
+            own = ok[ok["apparatus"] == apparatus] if "apparatus" in ok else ok
+            columns = [k for k, one in enumerate(targets) if one.response.apparatus == apparatus]
+            block, count = within_covariance(own[[targets.names[k] for k in columns]], own["sample"])
+            if not (count > len(columns) and np.linalg.eigvalsh(block)[0] > 0):
+                return None
+            weights.append(own["sample"].value_counts().reindex(samples, fill_value=0).to_numpy(float))
+            share = weights[0].mean() / weights[-1].mean()
+            weights[-1] = weights[-1] * share
+            covariance[np.ix_(columns, columns)] = block * share
+            freedom += count * len(columns) / len(targets)
+        return cls(np.mean(weights, axis=0), covariance, float(freedom))
+
+    def arguments(self) -> dict[str, Any]:
+        """They as `repose.surrogate.base.Surrogate.fit` takes them."""
+        return {"precision": self.runs, "noise_covariance": self.covariance, "noise_freedom": self.freedom}
+
+
 def train(
     dataset: pd.DataFrame,
     runs: pd.DataFrame,
@@ -69,9 +125,8 @@ def train(
         Their responses are learned.
     settings : mapping
         `surrogate`, by default "network", and the section `network` of the configuration: the surrogate's own
-        settings, `seed`, `split` (three shares), and, both False unless given, `weights_from_errors` (weigh samples by
-        their standard errors) and `correlated_noise` (use the covariance of the responses within samples). Both are
-        left out where the samples have one run each.
+        settings, `seed`, `split` (three shares), and `replicates`, False unless given: whether the runs of one sample
+        tell the noise, see `Replicates`. They do not where they have no scatter of full rank.
     definitions : mapping, optional
         How the responses are defined, to be kept with the model.
     source : object
@@ -93,21 +148,19 @@ def train(
     errors = usable[list(targets.errors)].to_numpy(float)
     rows = rows_of(usable, settings["split"], settings["seed"])
 
-    weighted = bool(settings.get("weights_from_errors", False) and np.isfinite(errors).any(axis=0).all())
-    covariance = None
-    if settings.get("correlated_noise", False):
-        covariance = noise_covariance(runs, usable["sample"].iloc[rows["train"]], targets)
-    weight = precisions(errors, covariance is not None)[rows["train"]] if weighted else None
+    learned = usable["sample"].iloc[rows["train"]]
+    noise = Replicates.of(runs, learned, targets) if settings.get("replicates", False) else None
     model = make(settings.get("surrogate", "network"), settings)
-    model.describe(PARAMETERS, targets.names, definitions, usable["sample"].iloc[rows["train"]])
-    model.fit(X[rows["train"]], Y[rows["train"]], precision=weight, noise_covariance=covariance)
+    model.describe(PARAMETERS, targets.names, definitions, learned)
+    model.fit(X[rows["train"]], Y[rows["train"]], **({} if noise is None else noise.arguments()))
     P = model.predict(X)
 
     metrics: dict[str, Any] = {"n_samples": len(X), "left_out": len(dataset) - len(X)}
     metrics |= _accuracy(Y, P, targets.names, rows)
     metrics["r2_three_ways"] = _three_ways(usable, runs, Y, P, errors, rows["test"], targets.names)
-    metrics |= model.report() | {"weighted": weighted}
-    metrics["noise_covariance"] = None if covariance is None else covariance.tolist()
+    metrics |= model.report()
+    metrics["noise_covariance"] = None if noise is None else noise.covariance.tolist()
+    metrics["noise_freedom"] = None if noise is None else noise.freedom
     starts = model.start_rows()
     return Training(
         model,
@@ -162,6 +215,31 @@ def run(
     write_table(out / "predictions.csv", training.predictions)
     write_table(out / "starts.csv", training.starts)
     return training.metrics
+
+
+def message(metrics: Mapping[str, Any]) -> str:
+    """The training in words: its errors at unseen samples, and for a network what its starts came to.
+
+    Parameters
+    ----------
+    metrics : mapping
+        Of `Training`.
+
+    Returns
+    -------
+    str
+    """
+    responses = metrics["test"].items()
+    words = [f"{name}: R2 {one['r2']:.3f}, error {one['rmse']:.3g}" for name, one in responses if one["r2"]]
+    lines = [f"{metrics['n_test']} samples for the test: " + ", ".join(words)]
+    if "starts" in metrics:
+        lines.append(
+            f"{metrics['converged_starts']} of {metrics['starts']} starts converged; the data determine "
+            f"{metrics['gamma']:.1f} of {metrics['n_weights']} weights of the one that is kept"
+        )
+    if metrics.get("at_cap"):
+        lines.append(f"at the cap of their regularisation, so held at zero: {', '.join(metrics['at_cap'])}")
+    return "\n".join(lines)
 
 
 def restore(
@@ -279,58 +357,6 @@ def r2_noise_corrected(y: np.ndarray, predicted: np.ndarray, errors: np.ndarray)
     if not between > 0:
         return None
     return float(1 - (np.sum((y - predicted) ** 2) - noise) / between)
-
-
-def noise_covariance(runs: pd.DataFrame, samples: Sequence[int], targets: Targets) -> np.ndarray | None:
-    """Covariance of the noise of samples' means, up to a factor.
-
-    Parameters
-    ----------
-    runs : pandas.DataFrame
-        Single runs, with a column `apparatus` where they are of several bench tests.
-    samples : sequence of int
-        Those whose runs are used.
-    targets : Targets
-        The k responses.
-
-    Returns
-    -------
-    numpy.ndarray, (k, k), or None
-        Of single runs about their samples' means. Responses of different bench tests are independent; each block then
-        counts by the runs that a sample of its bench test has. None where a block has no full rank.
-    """
-    ok = runs[(runs["status"] == "ok") & runs["sample"].isin(samples)]
-    covariance, first = np.zeros((len(targets), len(targets))), None
-    for apparatus in targets.apparatus:
-        own = ok[ok["apparatus"] == apparatus] if "apparatus" in ok else ok
-        columns = [k for k, one in enumerate(targets) if one.response.apparatus == apparatus]
-        block, freedom = within_covariance(own[[targets.names[k] for k in columns]], own["sample"])
-        if not (freedom > len(columns) and np.linalg.eigvalsh(block)[0] > 0):
-            return None
-        seeds = len(own) / own["sample"].nunique()
-        first = seeds if first is None else first
-        covariance[np.ix_(columns, columns)] = block * (first / seeds)
-    return covariance
-
-
-def precisions(errors: np.ndarray, one_a_sample: bool) -> np.ndarray:
-    """Precisions of the samples from their standard errors.
-
-    Parameters
-    ----------
-    errors : numpy.ndarray, (samples, k)
-        Standard errors.
-    one_a_sample : bool
-        Whether all responses of a sample have the same.
-
-    Returns
-    -------
-    numpy.ndarray, (samples, k)
-    """
-    precision = weights_from_errors(errors)
-    if not one_a_sample:
-        return precision
-    return np.repeat(precision.mean(axis=1, keepdims=True), precision.shape[1], axis=1)
 
 
 def _accuracy(Y, P, names, rows):

@@ -49,7 +49,8 @@ def network(args: argparse.Namespace) -> None:
     config = loader.load(args.config)
     targets, definitions = Targets.of(config["targets"]), definitions_of(config)
     settings = config["network"] | {"surrogate": config["surrogate"]}
-    train.run(args.dataset, args.runs, targets, settings, args.out, definitions, args.config)
+    metrics = train.run(args.dataset, args.runs, targets, settings, args.out, definitions, args.config)
+    print(train.message(metrics))
 
 
 @family.verb(

@@ -223,14 +223,9 @@ def _seed_contradictions(config):
     targets = {target["apparatus"] for target in config["targets"]}
     for name in (test.name for test in _used(config) if test.name in targets):
         seeds = config[name]["seeds"]
-        if network["weights_from_errors"] and seeds < 4:
+        if network["replicates"] and seeds < 2:
             yield (
-                "network.weights_from_errors",
-                f"false where {name}.seeds is below 4: there are no standard errors to use",
-            )
-        if network["correlated_noise"] and seeds < 2:
-            yield (
-                "network.correlated_noise",
+                "network.replicates",
                 f"false where {name}.seeds is 1: runs of one sample cannot be compared",
             )
 

@@ -73,6 +73,7 @@ class Surrogate(ABC):
         *,
         precision: ArrayLike | None = None,
         noise_covariance: ArrayLike | None = None,
+        noise_freedom: float = 0.0,
     ) -> Self:
         """Learn from samples.
 
@@ -83,11 +84,14 @@ class Surrogate(ABC):
         Y : array (n, k)
             Their responses, means over seeds.
         precision : array (n,) or (n, k), optional
-            The noise variance of a value is one unknown number, divided by the value's precision. Only ratios matter;
-            `repose.surrogate.samples.weights_from_errors` makes them from standard errors.
+            The noise variance of a value is one unknown number, divided by the value's precision: for means over runs
+            their number. Without `noise_freedom` only ratios matter.
         noise_covariance : array (k, k), optional
             Covariance of the noise of the responses, up to a factor. `precision` is then the same for all responses
             of a sample.
+        noise_freedom : float, optional
+            Degrees of freedom from which replicates estimated `noise_covariance`, which then is that of one value of
+            precision 1. A surrogate may leave it.
 
         Returns
         -------

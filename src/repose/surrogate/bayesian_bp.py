@@ -7,8 +7,6 @@ Levenberg-Marquardt on a regularised sum of squares. It needs numpy alone::
     model = BayesianBP(hidden=6).fit(X, y)
     mean, std = model.predict(X_new, return_std=True)
 
-`repose.surrogate.sklearn_estimator.BayesianBPRegressor` is the same network as an estimator of scikit-learn.
-
 Sources of the lines, named where they are used
   (Eq. n)   the paper
   (FH n)    Foresee & Hagan 1997, Gauss-Newton approximation to Bayesian learning, step n of section 4
@@ -31,11 +29,11 @@ from numpy.typing import ArrayLike
 
 from repose.surrogate.base import Surrogate, register
 from repose.surrogate.evidence import of_each_weight, posterior_root
-from repose.surrogate.levenberg_marquardt import STATISTICS, Settings, train_start
-from repose.surrogate.samples import checked_points, checked_samples, independent_mixing
+from repose.surrogate.levenberg_marquardt import CONVERGED, STATISTICS, Settings, train_start
+from repose.surrogate.samples import checked_points, checked_samples, independent_mixing, pure_error
 from repose.surrogate.two_layer import (
     ARRAYS,
-    PRIORS,
+    class_names,
     evaluate,
     jacobian,
     mix_outputs,
@@ -52,7 +50,7 @@ FROM_SETTINGS = ("hidden", "epochs", "goal", "starts", "seed", "prior")
 
 @register("network")
 class BayesianBP(Surrogate):
-    """Two-layer network trained by Bayesian regularisation from several starts; the best by evidence is kept.
+    """Two-layer network trained by Bayesian regularisation from several starts; of the converged the best is kept.
 
     Parameters
     ----------
@@ -63,11 +61,9 @@ class BayesianBP(Surrogate):
     goal : float
         Mean squared error of the scaled outputs at which training stops.
     starts : int
-        Independent Nguyen-Widrow starts.
-    mu, mu_decrease, mu_increase, mu_max : float
-        Marquardt's damping.
-    min_gradient : float
-        Norm of the gradient of the objective at which a start has converged.
+        Independent Nguyen-Widrow starts. Where none has converged, the best of all is kept.
+    mu, mu_decrease, mu_increase, mu_max, min_gradient : float
+        Marquardt's damping, and the norm of the objective's gradient at which a start ends.
     scaled_range : (float, float)
         Interval onto which each input and output is mapped by its minimum and maximum in the training data.
     seed : int
@@ -84,17 +80,19 @@ class BayesianBP(Surrogate):
         Ends that are mapped to those of `scaled_range`.
     alpha_ : float, or array where there are several priors
     beta_, gamma_, log_evidence_ : float
-    epochs_, best_start_, n_residuals_ : int
+    epochs_, best_start_, converged_starts_, n_residuals_ : int
+    at_cap_ : list of str
+        Classes of weights whose alpha is the largest allowed.
     stop_reason_ : str
-        Of the start that was kept: goal, gradient, mu or epochs.
+        Of the start that was kept: goal, gradient, mu, evidence or epochs.
     noise_std_ : array (outputs,)
         Of a single value of precision 1, in units of y.
     posterior_root_ : array (N, N)
-        Its product with its transpose is the covariance of the weights.
+        A root of the covariance of the weights.
     starts_ : list of dict
         One for each start.
     training_ : dict
-        What the covariance of the weights is computed from: inputs and weights of the samples, noise covariance.
+        Samples and the covariance of their noise.
     """
 
     def __init__(
@@ -140,6 +138,7 @@ class BayesianBP(Surrogate):
         sample_weight: ArrayLike | None = None,
         precision: ArrayLike | None = None,
         noise_covariance: ArrayLike | None = None,
+        noise_freedom: float = 0.0,
     ) -> Self:
         """Train.
 
@@ -150,13 +149,14 @@ class BayesianBP(Surrogate):
         sample_weight : array (samples,), optional
             How often a sample counts, as in scikit-learn: 2 is the sample twice, 0 not at all.
         precision : array (samples,) or (samples, outputs), optional
-            The noise variance of a residual is 1 / (2 beta precision). Only ratios matter; log_evidence_ leaves out
-            their constant, sum log precision / 2.
+            The noise variance of a residual is 1 / (2 beta precision). log_evidence_ leaves out sum log precision / 2.
         noise_covariance : array (outputs, outputs), optional
             Of the noise of a sample's outputs, up to a factor. Outputs of one experiment share its noise; taken as
             independent, the shared part looks like a signal to be learned. With it the network is trained on
-            combinations of the outputs whose noises are independent (A35), and given back in units of y. `precision`
-            then is one number a sample.
+            combinations of the outputs whose noises are independent (A35). `precision` then is one number a sample.
+        noise_freedom : float, optional
+            Degrees of freedom with which replicates gave `noise_covariance`, then that of one value of precision 1.
+            Their scatter enters likelihood and evidence, so that the noise is not the network's guess alone.
 
         Returns
         -------
@@ -169,7 +169,7 @@ class BayesianBP(Surrogate):
             For a setting out of its limits, wrong shapes, values that are not finite, negative weights, precisions
             not above zero, a matrix that is no covariance, and when no start ends with a finite evidence.
         """
-        self._check_settings()
+        settings = self._checked_settings()
         X, Y, count, precision = checked_samples(X, y, sample_weight, precision)
         self.one_output_ = np.ndim(y) == 1
         self.input_min_, self.input_max_ = X.min(axis=0), X.max(axis=0)
@@ -179,14 +179,18 @@ class BayesianBP(Surrogate):
         t = scale(Y, self.output_min_, self.output_max_, self.scaled_range) @ mixing
 
         weight, n = count[:, None] * precision, float(count.sum() * t.shape[1])
+        replicates = pure_error(noise_covariance, noise_freedom, self._stretch(), mixing)
         self.training_ = {"inputs": X, "weight": weight, "noise_covariance": noise_covariance}
-        settings = Settings(**{field.name: getattr(self, field.name) for field in fields(Settings)})
         ends = []
         for k in range(self.starts):
             w = nguyen_widrow(x.shape[1], self.hidden, t.shape[1], self.scaled_range, (self.seed, k))
-            ends.append(train_start(w, x, t, np.sqrt(weight), n, self.hidden, settings))
+            ends.append(train_start(w, x, t, np.sqrt(weight), n, settings, replicates))
         self.starts_ = [{"start": k} | {key: end[key] for key in STATISTICS} for k, end in enumerate(ends)]
-        self.best_start_ = max(range(self.starts), key=lambda k: ends[k]["log_evidence"])
+        converged = [k for k, end in enumerate(ends) if end["decrement"] < CONVERGED]
+        self.converged_starts_ = len(converged)
+        self.best_start_ = max(converged or range(self.starts), key=lambda k: ends[k]["log_evidence"])
+        names = class_names(self.prior, self.inputs or range(X.shape[1]))
+        self.at_cap_ = [names[c] for c in ends[self.best_start_]["at_cap"]]
         self._keep(ends[self.best_start_], mixing)
         self.n_residuals_ = t.size
         return self
@@ -293,22 +297,19 @@ class BayesianBP(Surrogate):
         return float(np.mean(1 - (weight @ (Y - P) ** 2) / (weight @ (Y - mean) ** 2)))
 
     def report(self) -> dict[str, Any]:
-        """Evidence and end of the start that was kept, number of weights and of starts, prior."""
-        keys = ("gamma", "beta", "log_evidence", "epochs", "stop_reason", "best_start", "n_residuals")
-        found = {key: getattr(self, key + "_") for key in keys}
+        """Evidence and end of the start that was kept, classes of its weights at the cap, numbers of starts, prior."""
+        keys = ["gamma", "beta", "log_evidence", "epochs", "stop_reason", "best_start", "n_residuals"]
+        found = {key: getattr(self, key + "_") for key in [*keys, "converged_starts", "at_cap"]}
         found["n_weights"] = int(sum(w.size for w in (self.W1_, self.b1_, self.W2_, self.b2_)))
         found |= {"starts": self.starts, "prior": self.prior}
         return found | {"alpha": np.asarray(self.alpha_).tolist()}
 
     def start_rows(self) -> list[dict[str, Any]]:
         """Evidence and end of each start, and which was kept."""
+        alphas = [" ".join(f"{a:.6g}" for a in np.atleast_1d(start["alpha"])) for start in self.starts_]
         return [
-            start
-            | {
-                "alpha": " ".join(f"{a:.6g}" for a in np.atleast_1d(start["alpha"])),
-                "chosen": start["start"] == self.best_start_,
-            }
-            for start in self.starts_
+            start | {"alpha": alpha, "at_cap": len(start["at_cap"]), "chosen": k == self.best_start_}
+            for k, (start, alpha) in enumerate(zip(self.starts_, alphas, strict=True))
         ]
 
     def to_dict(self) -> dict[str, Any]:
@@ -382,15 +383,14 @@ class BayesianBP(Surrogate):
         """Scalings and weights, as `two_layer.evaluate` reads them."""
         return {key: getattr(self, key + "_") for key in ARRAYS} | {"scaled_range": self.scaled_range}
 
-    def _check_settings(self):
-        for name, least in (("hidden", 1), ("epochs", 1), ("starts", 1), ("goal", 0)):
-            if not getattr(self, name) >= least:
-                raise ValueError(f"{name} is {getattr(self, name)!r}; allowed: at least {least}")
-        if self.prior not in PRIORS:
-            raise ValueError(f"prior is {self.prior!r}; allowed: {', '.join(PRIORS)}")
+    def _checked_settings(self):
+        for name in ("hidden", "starts"):
+            if not getattr(self, name) >= 1:
+                raise ValueError(f"{name} is {getattr(self, name)!r}; allowed: at least 1")
         low, high = self.scaled_range
         if not low < high:
             raise ValueError(f"scaled_range is {self.scaled_range!r}; allowed: its first below its second")
+        return Settings(**{field.name: getattr(self, field.name) for field in fields(Settings)})
 
     def _stretch(self):
         """Units of y in one unit of a scaled output, (outputs,)."""

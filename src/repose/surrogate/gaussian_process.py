@@ -47,6 +47,7 @@ class GaussianProcess(Surrogate):
         *,
         precision: ArrayLike | None = None,
         noise_covariance: ArrayLike | None = None,
+        noise_freedom: float = 0.0,
     ) -> Self:
         """Learn from samples.
 
@@ -59,6 +60,8 @@ class GaussianProcess(Surrogate):
         noise_covariance : array, (k, k), optional
             Without it the responses are learned independently; with it, their combinations with independent
             noises (A35).
+        noise_freedom : float, optional
+            Not used: the noise is estimated with the other numbers.
 
         Returns
         -------

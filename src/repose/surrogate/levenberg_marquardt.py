@@ -7,19 +7,32 @@ Sources of the lines, named where they are used
 
 Notation: w all N weights, n residuals (samples times outputs), E_d and E_w plain sums of squares. The objective is
 F = beta E_d + alpha E_w. Weights may fall into classes c with an alpha_c each; then E_w and alpha are vectors.
+
+Where replicates are known, n and E_d hold their scatter about the samples' means as well: no weights can change it, but
+it tells beta. Likelihood and evidence are then those of the single runs.
+
+With several alpha the re-estimation (FH 2-3) passes the largest evidence and goes on: it takes no account of how the
+weights change with alpha, so small weights of the inputs and large ones of the outputs drift apart without end. Such a
+start ends when its evidence has not risen for `PATIENCE` epochs. The alpha and beta of the largest evidence are kept,
+and the weights go to the minimum of F with them.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from repose.surrogate.evidence import log_evidence, of_each_weight
-from repose.surrogate.two_layer import jacobian, unpack, weight_classes
+from repose.surrogate.two_layer import PRIORS, jacobian, unpack, weight_classes
 
-STATISTICS = ("log_evidence", "gamma", "alpha", "beta", "mse", "epochs", "stop_reason")
+STATISTICS = ("log_evidence", "gamma", "alpha", "beta", "mse", "epochs", "stop_reason", "decrement", "at_cap")
 LARGEST_ALPHA = 1e6  # weights of 0.0007 in scaled units: an input that has faded
 SMALLEST = 1e-30  # E_d of outputs that a network meets exactly
+PATIENCE = 60  # epochs without a larger evidence
+NEAR = 1.0  # F above its minimum, so nats, below which Laplace's approximation says something
+# F above its minimum at which a start has converged: the weights are 0.14 of a standard deviation from the best ones
+CONVERGED = 0.01
+DESCENT = 100  # most steps to the minimum of F with alpha and beta kept
 # mu is only ever multiplied, so from 0 it could not rise again. From any number above 0 it rises in time: it takes at
 # most one trial for each step that lowered it.
 SMALLEST_MU = float(np.finfo(float).tiny)
@@ -44,6 +57,25 @@ class Settings:
     min_gradient: float
     prior: str
 
+    def __post_init__(self) -> None:
+        for name, least in (("epochs", 1), ("goal", 0)):
+            if not getattr(self, name) >= least:
+                raise ValueError(f"{name} is {getattr(self, name)!r}; allowed: at least {least}")
+        if self.prior not in PRIORS:
+            raise ValueError(f"prior is {self.prior!r}; allowed: {', '.join(PRIORS)}")
+
+
+class _Data(NamedTuple):
+    """What a start is trained on, and how its weights fall into classes."""
+
+    x: np.ndarray
+    t: np.ndarray
+    root_weight: np.ndarray
+    n: float
+    pure_error: float
+    classes: list
+    size: np.ndarray
+
 
 @dataclass
 class _Point:
@@ -56,14 +88,39 @@ class _Point:
     Je: np.ndarray
 
 
+class _State(NamedTuple):
+    """Weights with the alpha, beta and gamma that the data ask for there."""
+
+    at: _Point
+    alpha: np.ndarray
+    of_weight: np.ndarray
+    beta: float
+    gamma: np.ndarray
+
+    def half_gradient(self):
+        return self.beta * self.at.Je + self.of_weight * self.at.w
+
+    def half_hessian(self):
+        return self.beta * self.at.JJ + np.diag(self.of_weight)
+
+    def decrement(self):
+        """How far F lies above the minimum of its quadratic model."""
+        g = self.half_gradient()
+        return float(g @ np.linalg.solve(self.half_hessian(), g))
+
+    def evidence(self, data):
+        Ed = self.at.Ed + data.pure_error
+        return log_evidence(self.alpha, self.beta, Ed, self.at.Ew, self.at.JJ, data.n, data.classes)
+
+
 def train_start(
     w: np.ndarray,
     x: np.ndarray,
     t: np.ndarray,
     root_weight: np.ndarray,
     n: float,
-    hidden: int,
     settings: Settings,
+    pure_error: tuple[float, float] = (0.0, 0.0),
 ) -> dict[str, Any]:
     """Train from the weights w (FH 1-4).
 
@@ -77,82 +134,117 @@ def train_start(
         Square root of each residual's weight.
     n : float
         Number of residuals; of weighted samples the sum of their counts.
-    hidden : int
-        Neurons of the hidden layer.
     settings : Settings
+    pure_error : (float, float), optional
+        Sum of squares of the replicates about their samples' means, scaled and weighted as the residuals, and how many
+        independent ones it has.
 
     Returns
     -------
     dict
-        `w`, `JJ` and `alpha_of_weight` (N,) at the end, and `STATISTICS`.
+        `w`, `JJ` and `alpha_of_weight` (N,) at the end, and `STATISTICS`: among them `decrement`, how far the
+        objective is above its minimum, and `at_cap`, the classes whose alpha is the largest allowed.
     """
+    hidden = (w.size - t.shape[1]) // (x.shape[1] + 1 + t.shape[1])
     classes = weight_classes(settings.prior, x.shape[1], hidden, t.shape[1])
     size = np.array([w[c].size for c in classes], dtype=float)
-    data = (x, t, root_weight)
-    # FH 0 sets alpha = 0, with which gamma is N and beta negative as soon as n < N; any small prior avoids it
-    alpha, beta, gamma, mu = np.full(len(classes), 0.01), 1.0, size, max(settings.mu, SMALLEST_MU)
-    alpha_of_weight = of_each_weight(alpha, classes, w.size)
-    at = _point(w, data, classes)
-    epoch, reason = 0, "epochs"
-    while epoch < settings.epochs:
-        half_gradient = beta * at.Je + alpha_of_weight * at.w
-        if at.Ed / n <= settings.goal:
-            reason = "goal"
-            break
-        if 2 * np.linalg.norm(half_gradient) < settings.min_gradient:
-            reason = "gradient"
-            break
-        candidate, mu = _step(at, half_gradient, alpha, alpha_of_weight, beta, mu, data, classes, settings)
-        if candidate is None:
-            reason = "mu"
-            break
-        mu = max(mu * settings.mu_decrease, SMALLEST_MU)
-        at = _point(candidate, data, classes)
-        alpha, gamma, beta = _re_estimate(at, alpha, alpha_of_weight, beta, n, size, classes)
-        alpha_of_weight = of_each_weight(alpha, classes, w.size)
-        epoch += 1
+    data = _Data(x, t, root_weight, n + pure_error[1], pure_error[0], classes, size)
+    state, epochs, reason = _train(w, data, n, settings)
     return {
-        "w": at.w,
-        "JJ": at.JJ,
-        "alpha_of_weight": alpha_of_weight,
-        "log_evidence": log_evidence(alpha, beta, at.Ed, at.Ew, at.JJ, n, classes),
-        "gamma": float(gamma.sum()),
-        "alpha": float(alpha[0]) if settings.prior == "one" else alpha,
-        "beta": float(beta),
-        "mse": at.Ed / n,
-        "epochs": epoch,
+        "w": state.at.w,
+        "JJ": state.at.JJ,
+        "alpha_of_weight": state.of_weight,
+        "log_evidence": state.evidence(data),
+        "gamma": float(state.gamma.sum()),
+        "alpha": float(state.alpha[0]) if settings.prior == "one" else state.alpha,
+        "beta": float(state.beta),
+        "mse": state.at.Ed / n,
+        "epochs": epochs,
         "stop_reason": reason,
+        "decrement": state.decrement(),
+        "at_cap": np.flatnonzero(state.alpha >= LARGEST_ALPHA).tolist(),
     }
 
 
-def _step(at, half_gradient, alpha, alpha_of_weight, beta, mu, data, classes, settings):
-    """Damp until F falls (HM94): the weights there, or None, and the mu that did it."""
+def _train(w, data, n, settings):
+    """State at the end, number of epochs, and why it is the end."""
+    # FH 0 sets alpha = 0, with which gamma is N and beta negative as soon as n < N; any small prior avoids it
+    alpha, mu = np.full(len(data.classes), 0.01), max(settings.mu, SMALLEST_MU)
+    of_weight = of_each_weight(alpha, data.classes, w.size)
+    state = _State(_point(w, data), alpha, of_weight, 1.0, data.size)
+    best, largest, since = None, -np.inf, 0
+    epoch, reason = 0, "epochs"
+    while epoch < settings.epochs:
+        if state.at.Ed / n <= settings.goal:
+            reason = "goal"
+            break
+        if 2 * np.linalg.norm(state.half_gradient()) < settings.min_gradient:
+            reason = "gradient"
+            break
+        candidate, mu = _step(state, mu, data, settings)
+        if candidate is None:
+            reason = "mu"
+            break
+        state = _re_estimated(_point(candidate, data), state, data)
+        epoch += 1
+        if len(data.classes) == 1:
+            continue
+        if state.decrement() < NEAR and (evidence := state.evidence(data)) > largest:
+            best, largest, since = state, evidence, epoch
+        if best is not None and epoch - since >= PATIENCE:
+            reason = "evidence"
+            break
+    return (state if best is None else _descend(best, data, settings)), epoch, reason
+
+
+def _descend(state, data, settings):
+    """The minimum of F with alpha and beta kept, and the gamma there."""
+    mu = max(settings.mu, SMALLEST_MU)
+    for _ in range(DESCENT):
+        if state.decrement() < CONVERGED / 100:
+            break
+        candidate, mu = _step(state, mu, data, settings)
+        if candidate is None:
+            break
+        state = state._replace(at=_point(candidate, data))
+    return state._replace(gamma=_gamma(state.at, state, data))
+
+
+def _step(state, mu, data, settings):
+    """Damp until F falls (HM94): the weights there, or None, and the next mu."""
+    alpha, beta, at, half_gradient = state.alpha, state.beta, state.at, state.half_gradient()
     identity = np.eye(at.w.size)
     while mu <= settings.mu_max:
-        damped = beta * at.JJ + (alpha_of_weight + mu) * identity
+        damped = beta * at.JJ + (state.of_weight + mu) * identity
         candidate = at.w - np.linalg.solve(damped, half_gradient)
-        e = residuals(candidate, *data)
-        if beta * (e @ e) + alpha @ _square_sums(candidate, classes) < beta * at.Ed + alpha @ at.Ew:
-            return candidate, mu
+        e = residuals(candidate, data.x, data.t, data.root_weight)
+        if beta * (e @ e) + alpha @ _square_sums(candidate, data.classes) < beta * at.Ed + alpha @ at.Ew:
+            return candidate, max(mu * settings.mu_decrease, SMALLEST_MU)
         mu *= settings.mu_increase
     return None, mu
 
 
-def _re_estimate(at, alpha, alpha_of_weight, beta, n, size, classes):
-    """alpha, gamma and beta that the data ask for at these weights."""
+def _gamma(at, state, data):
+    """Weights of each class that the data determine, at these weights with the state's alpha and beta."""
     # gamma = N - 2 alpha tr(H^-1), H = 2 beta J'J + 2 alpha I, class by class  (FH 2), (M92)
-    inverse = np.diagonal(np.linalg.inv(beta * at.JJ + alpha_of_weight * np.eye(at.w.size)))
-    gamma = size - alpha * np.array([inverse[c].sum() for c in classes])
+    inverse = np.diagonal(np.linalg.inv(state._replace(at=at).half_hessian()))
+    return data.size - state.alpha * np.array([inverse[c].sum() for c in data.classes])
+
+
+def _re_estimated(at, state, data):
+    """The state at new weights: alpha, gamma and beta that the data ask for there."""
+    gamma = _gamma(at, state, data)
     # (FH 3); gamma of a class that has faded may be lost in rounding
-    alpha = np.where(gamma > 0, gamma / (2 * np.maximum(at.Ew, SMALLEST)), alpha)
+    alpha = np.where(gamma > 0, gamma / (2 * np.maximum(at.Ew, SMALLEST)), state.alpha)
     alpha = np.minimum(alpha, LARGEST_ALPHA)
-    return alpha, gamma, (n - gamma.sum()) / (2 * max(at.Ed, SMALLEST))
+    beta = (data.n - gamma.sum()) / (2 * max(at.Ed + data.pure_error, SMALLEST))
+    return _State(at, alpha, of_each_weight(alpha, data.classes, at.w.size), beta, gamma)
 
 
-def _point(w, data, classes):
+def _point(w, data):
     """The linear model about w."""
-    e, J = linearise(w, *data)
-    return _Point(w, e @ e, _square_sums(w, classes), J.T @ J, J.T @ e)
+    e, J = linearise(w, data.x, data.t, data.root_weight)
+    return _Point(w, e @ e, _square_sums(w, data.classes), J.T @ J, J.T @ e)
 
 
 def _square_sums(w, classes):

@@ -57,6 +57,7 @@ class QuadraticSurface(Surrogate):
         *,
         precision: ArrayLike | None = None,
         noise_covariance: ArrayLike | None = None,
+        noise_freedom: float = 0.0,
     ) -> Self:
         """Learn from samples.
 
@@ -71,6 +72,8 @@ class QuadraticSurface(Surrogate):
         noise_covariance : array, (k, k), optional
             Checked and not used: all responses have the same terms, and then correlated noise does not change
             the coefficients (Z62).
+        noise_freedom : float, optional
+            Not used: the noise comes from the residuals.
 
         Returns
         -------

@@ -68,6 +68,40 @@ def independent_mixing(
     return np.linalg.inv(root).T * np.prod(np.diagonal(root)) ** (1 / len(root))
 
 
+def pure_error(
+    noise_covariance: ArrayLike | None, freedom: float, stretch: np.ndarray, mixing: np.ndarray
+) -> tuple[float, float]:
+    """Scatter of replicates about their samples' means, in mixed outputs of one variance.
+
+    Parameters
+    ----------
+    noise_covariance : array (outputs, outputs) or None
+        Of one value of precision 1, in units of y.
+    freedom : float
+        Its degrees of freedom; 0 where it is known up to a factor alone.
+    stretch : array (outputs,)
+        As in `independent_mixing`.
+    mixing : array (outputs, outputs)
+        What `independent_mixing` gave.
+
+    Returns
+    -------
+    sum_of_squares, residuals : float
+        Zeros without degrees of freedom.
+
+    Raises
+    ------
+    ValueError
+        For negative degrees of freedom, or without a covariance.
+    """
+    if freedom == 0:
+        return 0.0, 0.0
+    if noise_covariance is None or not freedom > 0:
+        raise ValueError(f"noise_freedom is {freedom!r}; allowed: from 0, and 0 without noise_covariance")
+    scaled = np.asarray(noise_covariance, dtype=float) / np.outer(stretch, stretch)
+    return float(freedom * np.trace(mixing.T @ scaled @ mixing)), float(freedom * len(mixing))
+
+
 def checked_samples(
     X: ArrayLike,
     y: ArrayLike,

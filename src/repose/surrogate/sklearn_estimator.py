@@ -19,9 +19,10 @@ class BayesianBPRegressor(RegressorMixin, BayesianBP, BaseEstimator):
         sample_weight: ArrayLike | None = None,
         precision: ArrayLike | None = None,
         noise_covariance: ArrayLike | None = None,
+        noise_freedom: float = 0.0,
     ) -> Self:
         X, y = validate_data(self, X, y, dtype=float, multi_output=True, y_numeric=True, ensure_min_samples=2)
-        return super().fit(X, y, sample_weight, precision, noise_covariance)
+        return super().fit(X, y, sample_weight, precision, noise_covariance, noise_freedom)
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
         check_is_fitted(self)

@@ -170,6 +170,26 @@ def weight_classes(prior: str, inputs: int, hidden: int, outputs: int) -> list[A
     return [*input_weights, w[first:second], w[second:]]
 
 
+def class_names(prior: str, inputs: Sequence[Any]) -> list[str]:
+    """Names of the classes of weights, in the order of `weight_classes`.
+
+    Parameters
+    ----------
+    prior : str
+        One of `PRIORS`.
+    inputs : sequence
+        Names of the inputs.
+
+    Returns
+    -------
+    list of str
+    """
+    if prior == "one":
+        return ["all weights"]
+    first = [f"weights of {name}" for name in inputs] if prior == "inputs" else ["weights of the inputs"]
+    return [*first, "hidden biases", "output weights"]
+
+
 def jacobian(w: np.ndarray, x: np.ndarray, outputs: int) -> tuple[np.ndarray, np.ndarray]:
     """Scaled outputs and their derivatives by the weights.
 

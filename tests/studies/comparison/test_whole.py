@@ -107,7 +107,7 @@ def target(name, value, half):
 
 def small(samples, repetitions=2):
     network = {"hidden": 3, "epochs": 60, "goal": 0.0, "starts": 2, "seed": 1, "prior": "inputs"}
-    network |= {"split": [0.7, 0.15, 0.15], "weights_from_errors": False, "correlated_noise": True}
+    network |= {"split": [0.7, 0.15, 0.15], "replicates": True}
     search = {"islands": 2, "population": 20, "rounds": 5, "generations": 10, "tournament": 3}
     search |= {"mutation_probability": 0.05, "mutation_amplitude": 0.1, "solutions": 10, "distance": 0.02}
     settings = {"samples": samples, "repetitions": repetitions, "local_starts": 2, "seed": 1}

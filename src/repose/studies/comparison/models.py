@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from repose.chain.train import precisions
 from repose.studies.comparison.early_stopping import EarlyStoppingBP
 from repose.studies.comparison.points import Points
 from repose.surrogate.base import Surrogate
@@ -23,7 +22,7 @@ Predict = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray | None]]
 
 TREES = 300
 ROUNDS = 300  # of boosting
-PUBLISHED = {"prior": "one", "goal": 1e-4, "weights_from_errors": False, "correlated_noise": False}
+PUBLISHED = {"prior": "one", "goal": 1e-4, "replicates": False}
 
 
 def configured_network(points: Points, settings: Settings, seed: int) -> Predict:
@@ -42,14 +41,9 @@ def configured_network(points: Points, settings: Settings, seed: int) -> Predict
     callable
         See `Predict`.
     """
-    covariance = points.covariance() if settings["correlated_noise"] else None
-    errors, precision = points.errors(), None
-    if settings["weights_from_errors"] and np.isfinite(errors).any() and points.counts().max() >= 4:
-        precision = precisions(errors, covariance is not None)
     network = BayesianBP.of({**settings, "seed": seed})
-    return _of_the_mean(
-        network.fit(points.X, points.means(), precision=precision, noise_covariance=covariance)
-    )
+    noise = points.replicates() if settings["replicates"] else {}
+    return _of_the_mean(network.fit(points.X, points.means(), **noise))
 
 
 def published_network(points: Points, settings: Settings, seed: int) -> Predict:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -64,6 +64,14 @@ class Points(NamedTuple):
         covariance, freedom = within_covariance(self.values[good], np.nonzero(good)[0])
         enough = freedom > self.responses and np.linalg.eigvalsh(covariance)[0] > 0
         return covariance if enough else None
+
+    def replicates(self) -> dict[str, Any]:
+        """What the runs tell of the noise, as `Surrogate.fit` takes it; nothing where there is no `covariance`."""
+        covariance, counts = self.covariance(), self.counts()
+        if covariance is None:
+            return {}
+        freedom = float(np.maximum(counts - 1, 0).sum())
+        return {"precision": counts, "noise_covariance": covariance, "noise_freedom": freedom}
 
     def simulations(self) -> int:
         """Number of runs, failed ones included."""

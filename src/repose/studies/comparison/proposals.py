@@ -169,7 +169,6 @@ def study_surrogate(
 
 def proposed(
     samples: Points,
-    covariance: np.ndarray,
     space: ParameterSpace,
     targets: Targets,
     settings: Mapping[str, Any],
@@ -181,8 +180,6 @@ def proposed(
     ----------
     samples : Points
         X (n, d): places in the ranges.
-    covariance : numpy.ndarray, (k, k)
-        Of a single run.
     space : ParameterSpace
     targets : Targets
     settings : mapping
@@ -200,12 +197,12 @@ def proposed(
     found = {"best_sample": (samples.X[objective.fitness(F, V).argmin()], 0)}
     surrogate = study_surrogate(samples, space, targets, section)
     everything = make(section.get("surrogate", "network"), section, "network.surrogate")
-    noise = covariance if section.get("correlated_noise", False) else None
+    noise = samples.replicates() if section.get("replicates", False) else {}
     models = {
         "linear": plane(samples.X, means),
         "quadratic": surface(samples.X, means, quadratic_terms),
         "network": lambda x: surrogate.predict(space.values(x)),
-        "network_all": everything.fit(samples.X, means, noise_covariance=noise).predict,
+        "network_all": everything.fit(samples.X, means, **noise).predict,
     }
     for name, model in models.items():
         found[name] = local_search(model, objective, space.dimensions, settings["local_starts"], random)

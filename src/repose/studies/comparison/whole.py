@@ -205,7 +205,7 @@ def compared(
                 else:
                     data = emulated(samples, truth, count, random)
                 about = {"data": kind, "samples": count, "repetition": repetition}
-                rows += _rows(about, data, samples.covariance, truth, space, targets, settings, random)
+                rows += _rows(about, data, truth, space, targets, settings, random)
     proposals = pd.DataFrame(rows)
     return _table(proposals, truth, targets, available), proposals
 
@@ -235,9 +235,9 @@ def run(
     return table
 
 
-def _rows(about, data, covariance, truth, space, targets, settings, random):
+def _rows(about, data, truth, space, targets, settings, random):
     """Rows of whole_proposals.csv of one set of data, one for each method."""
-    found = proposed(data, covariance, space, targets, settings, random)
+    found = proposed(data, space, targets, settings, random)
     objective = Objective.of(targets)
     for name, (place, evaluations) in found.items():
         row = {key: about[key] for key in ("data", "samples")} | {"method": name}
