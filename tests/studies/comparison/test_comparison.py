@@ -289,7 +289,10 @@ def of_many(count, seeds, k, seed):
 def test_comparisons_take_any_number_of_responses(k, monkeypatch, tmp_path):
     names = ("drum_slip_deg", "packing_percent", "height_mm", "discharge_s")[:k]
     sets = [of_many(30, 4, k, 1), of_many(40, 4, k, 2), of_many(10, 8, k, 3)]
-    quick = {"quadratic surface": models.quadratic_surface, "network": models.configured_network}
+    names_of_quick = ("quadratic surface", "network", "random forest", "gradient boosting")
+    quick = {name: models.MODELS[name] for name in names_of_quick}
+    monkeypatch.setattr(models, "TREES", 5)
+    monkeypatch.setattr(models, "ROUNDS", 5)
     monkeypatch.setattr(surrogates, "MODELS", quick)
     monkeypatch.setattr(surrogates, "BUDGETS", ())
     monkeypatch.setattr(sampling, "FITS", {"network": models.quadratic_surface})

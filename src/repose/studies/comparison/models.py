@@ -156,8 +156,9 @@ def random_forest(points: Points, settings: Settings, seed: int) -> Predict:
     from sklearn.ensemble import RandomForestRegressor
 
     forest = RandomForestRegressor(TREES, min_samples_leaf=2, max_features=0.5, random_state=seed)
-    forest.fit(points.X, points.means())
-    return lambda X: (forest.predict(X), None)
+    means = points.means()
+    forest.fit(points.X, means if means.shape[1] > 1 else means[:, 0])
+    return lambda X: (forest.predict(X).reshape(len(X), -1), None)
 
 
 def gradient_boosting(points: Points, settings: Settings, seed: int) -> Predict:
