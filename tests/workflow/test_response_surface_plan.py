@@ -5,7 +5,7 @@ import shutil
 
 import pandas as pd
 import pytest
-from plans import planned, snakemake
+from plans import as_ours, planned, snakemake
 from synthetic import SPACE, dataset
 
 from repose.config import loader
@@ -28,6 +28,7 @@ def poured(folder, step, folders=("heaps",)):
     dataset(table, 0.5).to_csv(folder / step / "dataset.csv", index=False)
     table.loc[:, ["sample"]].assign(status="ok").to_csv(folder / step / "runs.csv", index=False)
     (folder / step / "dataset_summary.json").touch()
+    as_ours(folder / step)
     return folder / step / "samples.csv", folder / step / "dataset.csv"
 
 

@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
-from plans import planned, snakemake
+from plans import as_ours, planned, snakemake
 from synthetic import SPACE, responses
 
 from repose.config import loader
@@ -34,6 +34,7 @@ def poured(folder, table, section, targets, seed):
     data.to_csv(folder / "dataset.csv", index=False)
     runs.to_csv(folder / "runs.csv", index=False)
     (folder / "dataset_summary.json").write_text("{}")
+    as_ours(folder)
 
 
 def test_batches_follow_until_they_suffice_and_a_kill_between_them_loses_nothing(finished):

@@ -5,7 +5,9 @@ import re
 import shutil
 
 import pytest
-from plans import ROOT, planned, snakemake
+from plans import ROOT, as_ours, planned, snakemake
+
+from repose.core.files import write_text
 
 pytestmark = pytest.mark.slow
 
@@ -217,14 +219,15 @@ def test_a_round_that_misses_is_followed_by_the_next_until_one_is_within_or_the_
     names += [f"heaps/{job}.{kind}" for job in (1001, 1002, 1101, 1102) for kind in ("npz", "json")]
     for name in [*names, "dataset.csv", "runs.csv", "dataset_summary.json", "round.csv", "verdict.json"]:
         (folder / name).touch()
+    as_ours(folder)
     for verdict, rules in (
         ({"outcome": "not within", "usable": 4}, REFIT | ROUND | END),
         ({"outcome": "within", "usable": 4}, END),
         ({"outcome": "no pile", "usable": 0}, END),
     ):
-        (folder / "verdict.json").write_text(json.dumps(verdict))
+        write_text(folder / "verdict.json", json.dumps(verdict))
         assert set(planned(project, *words, "--", "refined")) == rules, verdict
-    (folder / "verdict.json").write_text('{"outcome": "not within", "usable": 4}')
+    write_text(folder / "verdict.json", '{"outcome": "not within", "usable": 4}')
     assert set(planned(project, *words, "refine={rounds: 0}", "--", "refined")) == END
     shutil.rmtree(folder.parent)
 
@@ -242,6 +245,7 @@ def test_the_pool_is_a_target_of_its_own_and_grows_without_pouring_again(project
         path = project / line.split("\t")[0]
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
+    as_ours(project / "results/quick/pool")
     done = snakemake(project, "pool", "--touch", "--cores", "1", *words[1:])
     assert done.returncode == 0, done.stderr
     assert planned(project, *words[:-1], "pool={fresh_samples: 8}")["pool_pour"] == 3
