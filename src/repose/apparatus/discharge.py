@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from repose import dem
+from repose.apparatus import funnel_geometry
 from repose.apparatus.bench_test import BenchTest, Run, register
 from repose.apparatus.bounds import Bounded, Unstable
 from repose.apparatus.factory import Disc, fill
@@ -66,13 +67,8 @@ def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     key, allowed : str
         Dotted key, and what it may be.
     """
+    yield from funnel_geometry.contradictions(config, NAME)
     section = config[NAME]
-    inlet, outlet = section["inlet_diameter_mm"], section["outlet_diameter_mm"]
-    if outlet >= inlet:
-        yield f"{NAME}.outlet_diameter_mm", f"below {NAME}.inlet_diameter_mm, {inlet:g}"
-    wall = (inlet - outlet) / 4
-    if section["rim_radius_mm"] > wall:
-        yield f"{NAME}.rim_radius_mm", f"at most {wall:g}, or no cone is left between inlet and outlet"
     last = (section["berries"] - 1) / section["rate_per_s"]
     if last >= section["open_from_s"]:
         yield f"{NAME}.open_from_s", f"above {last:g}, when the last berry appears"

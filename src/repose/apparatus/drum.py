@@ -72,19 +72,12 @@ def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     key, allowed : str
         Dotted key, and what it may be.
     """
-    drum, step_s = config[NAME], SimulationSettings.of(config).time_step_s
-    radius = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"]
-    if radius <= 0:
-        yield "drum.wall_thickness_mm", f"below half of drum.outer_diameter_mm, {drum['outer_diameter_mm']:g}"
-    elif abs(drum["factory_height_mm"]) >= radius:
-        yield "drum.factory_height_mm", f"inside the drum, between -{radius:g} and {radius:g}"
-    last = (drum["berries"] - 1) / drum["rate_per_s"]
-    if last >= drum["rotate_from_s"]:
-        yield "drum.rotate_from_s", f"above {last:g}, when the last berry appears"
-    if drum["report_s"] < drum["rotate_from_s"]:
-        yield "drum.report_s", f"at least drum.rotate_from_s, {drum['rotate_from_s']:g}"
-    if drum["record_s"] < step_s:
-        yield "drum.record_s", f"at least simulation.time_step_s, {step_s:g}"
+    from repose.apparatus import drum_geometry
+
+    yield from drum_geometry.contradictions(config, NAME)
+    section = config[NAME]
+    if section["report_s"] < section["rotate_from_s"]:
+        yield f"{NAME}.report_s", f"at least {NAME}.rotate_from_s, {section['rotate_from_s']:g}"
 
 
 def misfits(

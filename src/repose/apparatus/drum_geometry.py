@@ -1,7 +1,7 @@
 """The inside of the drum: a cylinder between two flat caps."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +9,7 @@ import numpy as np
 
 from repose import dem
 from repose.apparatus.factory import Strip
+from repose.apparatus.settings import SimulationSettings
 
 if TYPE_CHECKING:
     from repose.dem import Cone, Plane
@@ -105,3 +106,32 @@ class Drum:
         """
         inside = np.hypot(centres_m[:, 0], centres_m[:, 2]) < self.radius_m
         return inside & (np.abs(centres_m[:, 1]) < 0.5 * self.length_m)
+
+
+def contradictions(config: Mapping[str, Any], section: str) -> Iterator[tuple[str, str]]:
+    """Keys of a drum without room, that turns before the last berry is there, or is recorded finer than the time steps.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    section : str
+        Name of the section that describes the drum.
+
+    Yields
+    ------
+    key, allowed : str
+        Dotted key, and what it may be.
+    """
+    drum, step_s = config[section], SimulationSettings.of(config).time_step_s
+    radius = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"]
+    if radius <= 0:
+        allowed = f"below half of {section}.outer_diameter_mm, {drum['outer_diameter_mm']:g}"
+        yield f"{section}.wall_thickness_mm", allowed
+    elif abs(drum["factory_height_mm"]) >= radius:
+        yield f"{section}.factory_height_mm", f"inside the drum, between -{radius:g} and {radius:g}"
+    last = (drum["berries"] - 1) / drum["rate_per_s"]
+    if last >= drum["rotate_from_s"]:
+        yield f"{section}.rotate_from_s", f"above {last:g}, when the last berry appears"
+    if drum["record_s"] < step_s:
+        yield f"{section}.record_s", f"at least simulation.time_step_s, {step_s:g}"

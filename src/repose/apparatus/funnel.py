@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from repose.apparatus import funnel_advice
+from repose.apparatus import funnel_advice, funnel_geometry
 from repose.apparatus.bench_test import BenchTest, Run, register
 from repose.apparatus.funnel_pour import NAME, build, pour, status_of
 from repose.apparatus.settings import SimulationSettings
@@ -82,15 +82,11 @@ def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     duration, window = funnel["duration_s"], funnel["rest_window_s"]
     if SimulationSettings.of(config).time_step_s > window / 2:
         yield "simulation.time_step_s", f"at most half of funnel.rest_window_s, {window:g}"
-    if outlet >= inlet:
-        yield "funnel.outlet_diameter_mm", f"below funnel.inlet_diameter_mm, {inlet:g}"
+    yield from funnel_geometry.contradictions(config, NAME)
     if funnel["factory_diameter_mm"] > inlet:
         yield "funnel.factory_diameter_mm", f"at most funnel.inlet_diameter_mm, {inlet:g}"
     if funnel["plate_diameter_mm"] < outlet:
         yield "funnel.plate_diameter_mm", f"at least funnel.outlet_diameter_mm, {outlet:g}"
-    wall = (inlet - outlet) / 4
-    if funnel["rim_radius_mm"] > wall:
-        yield "funnel.rim_radius_mm", f"at most {wall:g}, or no cone is left between inlet and outlet"
     if window >= duration:
         yield "funnel.rest_window_s", f"below funnel.duration_s, {duration:g}"
     last = (funnel["berries"] - 1) / funnel["rate_per_s"]

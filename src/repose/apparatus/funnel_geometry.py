@@ -1,7 +1,7 @@
 """The inner surfaces of a funnel."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -156,3 +156,27 @@ class Funnel:
             self._core_m, edge, material, ((0.0, 1.0), (0.0, 0.0)), self.outlet_height_m
         )
         return walls
+
+
+def contradictions(config: Mapping[str, Any], section: str) -> Iterator[tuple[str, str]]:
+    """Keys of a funnel that cannot be built.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    section : str
+        Name of the section that describes the funnel.
+
+    Yields
+    ------
+    key, allowed : str
+        Dotted key, and what it may be.
+    """
+    funnel = config[section]
+    inlet, outlet = funnel["inlet_diameter_mm"], funnel["outlet_diameter_mm"]
+    if outlet >= inlet:
+        yield f"{section}.outlet_diameter_mm", f"below {section}.inlet_diameter_mm, {inlet:g}"
+    wall = (inlet - outlet) / 4
+    if funnel["rim_radius_mm"] > wall:
+        yield f"{section}.rim_radius_mm", f"at most {wall:g}, or no cone is left between inlet and outlet"

@@ -46,21 +46,13 @@ def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     key, allowed : str
         Dotted key, and what it may be.
     """
-    section, step_s = config[NAME], SimulationSettings.of(config).time_step_s
-    radius = section["outer_diameter_mm"] / 2 - section["wall_thickness_mm"]
-    if radius <= 0:
-        allowed = f"below half of {NAME}.outer_diameter_mm, {section['outer_diameter_mm']:g}"
-        yield f"{NAME}.wall_thickness_mm", allowed
-    elif abs(section["factory_height_mm"]) >= radius:
-        yield f"{NAME}.factory_height_mm", f"inside the drum, between -{radius:g} and {radius:g}"
-    last = (section["berries"] - 1) / section["rate_per_s"]
-    if last >= section["rotate_from_s"]:
-        yield f"{NAME}.rotate_from_s", f"above {last:g}, when the last berry appears"
+    from repose.apparatus import drum_geometry
+
+    yield from drum_geometry.contradictions(config, NAME)
+    section = config[NAME]
     earliest = section["measure_from_s"] + section["record_s"]
     if section["measure_until_s"] < earliest:
         yield f"{NAME}.measure_until_s", f"at least {earliest:g}, or there is nothing to measure"
-    if section["record_s"] < step_s:
-        yield f"{NAME}.record_s", f"at least simulation.time_step_s, {step_s:g}"
 
 
 def misfits(config: Mapping[str, Any], axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
