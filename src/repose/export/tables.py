@@ -1,6 +1,6 @@
 """Where to type the calibrated grain in EDEM and in Rocky, programs with windows.
 
-The names of the fields are those of the programs' manuals; neither program was run here.
+The names of the fields are from memory of the programs' windows: no manual was at hand, and neither program was run.
 """
 
 from collections.abc import Iterable
