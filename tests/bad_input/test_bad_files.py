@@ -143,7 +143,6 @@ BERRY = json.loads((ROOT / "results/published/recommended/berry/berry.json").rea
 PARTICLE = json.loads((ROOT / "results/published/recommended/berry/particle.json").read_text())
 for about in BERRY, PARTICLE:
     about.pop("provenance")  # where it comes from, not what it is
-PARTICLE.pop("stacking")  # of an earlier version; nothing reads it
 BAD = ("text", None, [], {}, math.nan, math.inf, -1, 0, True, [1], "1")
 
 
