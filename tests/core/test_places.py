@@ -68,6 +68,35 @@ def test_a_crops_configuration_stands_in_place_of_the_programs(folder):
     assert all(fault.source == "config.yaml" for fault in caught.value.faults)
 
 
+def test_a_given_file_of_another_crop_lies_over_what_every_crop_shares(folder):
+    """It tells its grain; what it lacks is named, and no number of the program's own crop stands in for it."""
+    mine = folder / "wheat.yaml"
+    mine.write_text("label: wheat\nberry: {sizes: sizes.csv, density_kg_m3: 1250}\n")
+    assert loader.layers([mine]) == [METHOD, mine]
+    with pytest.raises(InputError) as caught:
+        loader.load(mine)
+    told = {fault.key for fault in caught.value.faults}
+    assert {"parameters", "targets", "funnel.berries", "wall", "measure.mm_per_pixel"} <= told
+    assert all(fault.source == str(mine) for fault in caught.value.faults)
+
+
+def test_a_given_file_without_a_grain_is_a_study_of_the_folders_crop(folder):
+    mine = folder / "mine.yaml"
+    mine.write_text("berry: {particle: ellipsoid, mass_g: null}\nfunnel: {seeds: 3}\n")
+    assert loader.layers([mine]) == [METHOD, CONFIG, mine]
+    mine.write_text("berry: {density_kg_m3: 900}\n")
+    assert loader.layers([CONFIG, mine]) == [METHOD, CONFIG, mine]  # the program's crop, asked for by name
+    (folder / "config.yaml").write_text("berry: {sizes: sizes.csv}\n")
+    assert loader.layers([mine]) == [METHOD, Path("config.yaml"), mine]
+
+
+def test_a_deployed_study_of_another_crop_inherits_nothing_of_the_programs(folder):
+    own = folder / "config/config.yaml"
+    own.parent.mkdir()
+    own.write_text("berry: {sizes: sizes.csv}\n")
+    assert loader.layers([]) == [METHOD, Path("config/config.yaml")]
+
+
 def test_in_the_programs_own_folder_there_is_one_configuration(monkeypatch):
     monkeypatch.chdir(places.root())
     assert places.configs() == [Path("config/method.yaml"), Path("config/config.yaml")]

@@ -53,7 +53,7 @@ def test_paths_with_blanks_quotes_and_a_command_in_them_are_one_path_each(tmp_pa
     shutil.copy(ROOT / "resources/berries.csv", folder / ODD)
     config = f"{{config}} {ODD}.yaml"
     (folder / config).write_text(f"berry: {{sizes: '{ODD.replace(chr(39), chr(39) * 2)}'}}\n")
-    done = run_snakemake(folder, ROOT / "Snakefile", "--configfile", config)
+    done = run_snakemake(folder, ROOT / "Snakefile", "--configfile", ROOT / "config/config.yaml", config)
     assert done.returncode == 0, done.stderr
     assert (folder / "results/figures/figure02.png").is_file()
     assert not list(tmp_path.rglob("PWNED"))

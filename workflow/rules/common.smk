@@ -42,7 +42,7 @@ for place in map(str, (workflow.main_snakefile, places.root())):
 def checked_config(workflow):
     """The configuration after every check, or one message and no work."""
     given = [places.find(as_typed(path)) for path in workflow.overwrite_configfiles]
-    files = [*places.configs(), *given]
+    files = or_one_message(loader.layers, given)
     return or_one_message(loader.resolve, files, workflow.config_settings.config)
 
 

@@ -28,7 +28,7 @@ def check(args: argparse.Namespace) -> None:
     from repose.config import cost
     from repose.strategies import cost as strategies
 
-    config = loader.resolve([*places.configs(), places.find(args.config)])
+    config = loader.resolve(loader.layers([places.find(args.config)]))
     berry, particle = berry_and_particle(config, args.config)
     print(f"{args.config}: {config['label']}, good; results go to {config['results_dir']}")
     for line in _about_the_grain(config, berry, particle):
@@ -85,7 +85,7 @@ def plan(args: argparse.Namespace) -> None:
     from repose.core.targets import Targets
     from repose.strategies import plan
 
-    config = loader.resolve([*places.configs(), places.find(args.config)])
+    config = loader.resolve(loader.layers([places.find(args.config)]))
     targets, folder = Targets.of(config["targets"]), Path(config["results_dir"])
     own = [path for path in (folder / "sequential/runs.csv", folder / "runs.csv") if path.is_file()]
     path = args.runs or next(iter(own), None)

@@ -16,6 +16,7 @@ from repose.core.files import write_text
 from repose.core.parameters import PARAMETERS
 
 FILES = {"berry": ("sizes", "compression", "stl"), "validation": ("published",)}
+CROP = ("sizes", "density_kg_m3", "stl")  # keys of `berry` that make a file a crop of its own
 COMMAND_LINE = "command line (--config)"
 # Replaced, not merged: who lists two fillings wants two, and a parameter that is fixed has no prior of another file.
 WHOLE = {f"shape_study.{key}" for key in ("particles", "fillings", "sensitivities")}
@@ -28,9 +29,9 @@ def load(*files: str | os.PathLike) -> dict[str, Any]:
     Parameters
     ----------
     *files : path
-        Each may hold only the keys that differ. They lie, one over the other, over the program's default and that of
-        the working folder. Looked for as `places.find` does. A complete one needs no default: the folder's own may be
-        edited while a workflow's jobs read `RESULTS/config.json`.
+        Each may hold only the keys that differ. They lie, one over the other, over the defaults (`layers`). Looked
+        for as `places.find` does. A complete one needs no default: the folder's own may be edited while a workflow's
+        jobs read `RESULTS/config.json`.
 
     Returns
     -------
@@ -47,9 +48,39 @@ def load(*files: str | os.PathLike) -> dict[str, Any]:
     given = [places.find(path) for path in files]
     config, source = _over_each_other(given)
     if lacks_keys(config):
-        config, source = _over_each_other([*places.configs(), *given])
+        config, source = _over_each_other(layers(given))
     provenance.note_config(config)
     return check(config, source)
+
+
+def layers(given: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
+    """The files of a configuration, each to be read over the one before it: the default ones, then those given.
+
+    Parameters
+    ----------
+    given : sequence of path
+
+    Returns
+    -------
+    list of path
+        The program's own crop is among the defaults only where no other file is a crop of its own. So a crop that lacks
+        a key is told so, and does not run with the number of another one.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read.
+    """
+    own = (places.root() / places.DEFAULT_CONFIG).resolve()
+    defaults = places.configs()
+    others = [path for path in defaults if path.resolve() != own]
+    return [*(others if any(_is_a_crop(read(path)) for path in (*others, *given)) else defaults), *given]
+
+
+def _is_a_crop(config):
+    """Whether a file tells a grain by what no default has: its sizes, its density, or a scan."""
+    grain = config.get("berry")
+    return isinstance(grain, dict) and any(grain.get(key) is not None for key in CROP)
 
 
 def resolve(files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
