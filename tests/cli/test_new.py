@@ -16,8 +16,20 @@ SIZES = "6.4,3.1,2.8\n6.0,3.0,2.7\n6.8,3.3,2.9\n"
 # A null of the template and what a user with wheat would write.
 FILLED = {
     "density_kg_m3: null": "density_kg_m3: 1350",
-    "poisson_ratio: null": "poisson_ratio: 0.3",
-    "shear_modulus_pa: null": "shear_modulus_pa: 1.0e+7",
+    "poisson_ratio: null # most": "poisson_ratio: 0.3 # most",
+    "shear_modulus_pa: null # E": "shear_modulus_pa: 1.0e+7 # E",
+    "  poisson_ratio: null\n  shear_modulus_pa: null\n": "  poisson_ratio: 0.3\n  shear_modulus_pa: 1.0e+9\n",
+    "berries: null": "berries: 400",
+    "rate_per_s: null": "rate_per_s: 200.0",
+    "duration_s: null": "duration_s: 4.0",
+    "inlet_diameter_mm: null": "inlet_diameter_mm: 80.0",
+    "outlet_diameter_mm: null": "outlet_diameter_mm: 25.0",
+    "cone_angle_deg: null": "cone_angle_deg: 60.0",
+    "outlet_height_mm: null": "outlet_height_mm: 30.0",
+    "plate_diameter_mm: null": "plate_diameter_mm: 300.0",
+    "factory_diameter_mm: null": "factory_diameter_mm: 60.0",
+    "factory_height_mm: null": "factory_height_mm: 6.0",
+    "mm_per_pixel: null": "mm_per_pixel: 0.2",
     "value: null": "value: 30.0",
     "sd: null": "sd: 1.0",
     "repetitions: null": "repetitions: 10",
@@ -55,7 +67,8 @@ def test_an_empty_folder_names_every_number_that_is_missing(folder, capsys):
     """Nothing is made up: the template holds no measurement."""
     assert main(["check", "--config", "config.yaml"]) == 2
     told = capsys.readouterr().err
-    for key in ("berry.density_kg_m3", "targets.0.value", "targets.0.sd", "targets.0.range"):
+    missing = ("berry.density_kg_m3", "wall.poisson_ratio", "funnel.berries", "measure.mm_per_pixel")
+    for key in (*missing, "targets.0.value", "targets.0.sd", "targets.0.range"):
         assert f"repose: error: config.yaml: {key} is" in told
 
 

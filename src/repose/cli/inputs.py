@@ -16,7 +16,7 @@ family = Family()
 
 @family.verb(
     "compute sphericity from sizes and moduli from compression tests (Eq. 1-4); or build a mesh from axes and mass",
-    example="--axes 17.1 11.37 9.88 --mass-g 1.0 --density 840.47 --stl results/crop.stl",
+    example="--axes 6.6 5.6 4.5 --mass-g 0.11 --density 1250 --stl results/crop.stl",
     out="results/berry",
     options=[
         Option("--axes", type=float, nargs=3, metavar="MM", help="build a mesh instead: its three axes"),

@@ -67,7 +67,7 @@ def warm_up(args: argparse.Namespace) -> None:
 
 @family.verb(
     "run a bench test with one parameter set and one or more seeds; save the runs for measure_runs",
-    example="--apparatus funnel --set mus_gg=0.642 --seed 1 --out results/try",
+    example="--apparatus funnel --set mus_gg=0.5 --seed 1 --out results/try",
     out="results/try",
     options=[APPARATUS, *POUR, KEEP],
 )
@@ -78,8 +78,8 @@ def pour(args: argparse.Namespace) -> None:
 
 
 @family.verb(
-    "pour berries through the funnel and measure the pile: pour and measure_runs in one verb",
-    example="--set e_gg=0.203 --set mus_gg=0.642 --seed 1 --out results/try --json",
+    "pour grains through the funnel and measure the pile: pour and measure_runs in one verb",
+    example="--set e_gg=0.3 --set mus_gg=0.5 --seed 1 --out results/try --json",
     out="results/try",
     options=[*POUR, JSON.but(help="print the result as JSON")],
 )
@@ -151,7 +151,7 @@ def measure_runs(args: argparse.Namespace) -> None:
 
 @family.verb(
     "fill a drum and turn it until the bed slips; one parameter set, one or more seeds",
-    example="--set mus_gg=0.642 --set mus_gp=0.483 --seed 1 --out results/try",
+    example="--set mus_gg=0.5 --set mus_gp=0.6 --seed 1 --out results/try",
     out="results/try",
     options=[
         *SIMULATION,

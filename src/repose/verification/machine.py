@@ -13,7 +13,8 @@ from .hertz import Solid, hertz_on_plane, rigid
 STEPS_PER_CONTACT = 1500  # time steps in the contact time of Hertz
 FLOOR = (0.0, 0.0, 0.0)
 UP = (0.0, 0.0, 1.0)
-BERRY_M = (0.01057, 0.005685, 0.00494)  # half the axes of a long berry
+# Half the axes and the density of a published fruit (Ji et al. 2026): a long body that is soft.
+BERRY_M = (0.01057, 0.005685, 0.00494)
 BERRY_DENSITY = 840.47
 BERRY = Material(4.3e4, 0.32)
 PVC = Material(1.12e9, 0.4)
