@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from repose.apparatus import drum, drum_geometry, drum_rotation, drum_tables
+from repose.apparatus import drum, drum_geometry, drum_rotation, drum_surface, drum_tables
 from repose.apparatus.job import measure_job, pour_job
 from repose.config import loader
 from repose.core.errors import InputError
@@ -154,14 +154,20 @@ def test_a_slip_with_no_berry_under_the_surface_has_no_profile():
     assert bed.depth_profile(nothing, nothing, 0.005).shape == (0, 4)
 
 
-def test_a_slip_without_a_surface_is_no_result(small_rotation):
+def test_a_slip_without_a_surface_is_no_result(small_rotation, monkeypatch):
     """Small berries under coarse pixels: the slip is found, its angles are not."""
     slipped = dataclasses.replace(small_rotation, slip=bed.Slip(0, 0, 1))
     assert drum.status_of(slipped, config(**SMALL)) == ("ok", "")
-    unseen = small_rotation.record | {"surface_deg": np.full(len(small_rotation.record["time_s"]), np.nan)}
-    status, reason = drum.status_of(dataclasses.replace(slipped, record=unseen), config(**SMALL))
-    assert status == "no_surface"
-    assert "measure.mm_per_pixel" in reason
+    monkeypatch.setattr(drum_rotation, "rotate", lambda *_: slipped)
+    run = drum.run(config(**SMALL), REPRESENTATIVE, 3, PARTICLE, BERRY)
+    measured = [
+        drum.measure(run.record, run.arrays, seen, PARTICLE, BERRY)
+        for seen in (config(**SMALL), config(**SMALL) | {"measure": {"mm_per_pixel": 50.0}})
+    ]
+    assert [one["status"] for one in measured] == ["ok", "no_surface"]
+    assert "50 mm a pixel (measure.mm_per_pixel)" in measured[1]["reason"]
+    assert measured[1]["drum_slip_deg"] is None
+    assert "before_surface_deg" not in measured[1]
 
 
 def test_a_small_bed_turns_with_the_drum_and_no_berry_leaves(small_rotation):
@@ -197,16 +203,16 @@ def test_a_job_writes_what_tables_and_film_read(tmp_path):
         "longest_rotation_s": 2.0,
         "settle_s": 1.0,
     }
-    results = drum_tables.run_job(
-        config(**keys), REPRESENTATIVE, [3], PARTICLE, BERRY, tmp_path, trajectory=True
-    )
+    results = drum_tables.run_job(config(**keys), REPRESENTATIVE, [3], PARTICLE, BERRY, tmp_path)
     run = results[0]["run"]
-    assert json.loads((tmp_path / "drum_3.json").read_text()) == results[0]
+    kept = json.loads((tmp_path / "drum_3.json").read_text())["run"]
+    assert kept == {key: run[key] for key in kept}
+    assert not any("surface" in key for key in kept)
     # the job of all bench tests gives the same, and its responses
     pours = pour_job(drum.BENCH, config(**keys), "004", REPRESENTATIVE, [3], PARTICLE, BERRY, tmp_path)
     job = measure_job(config(**keys), pours, PARTICLE, BERRY)
     (measured,) = job["runs"]
-    assert {key: measured[key] for key in run} == run
+    assert measured == run
     assert (measured["drum_slip_deg"], measured["drum_rest_deg"]) == (
         run["before_surface_deg"],
         run["after_surface_deg"],
@@ -215,32 +221,53 @@ def test_a_job_writes_what_tables_and_film_read(tmp_path):
     assert job["summary"]["drum_slip_deg"] == measured["drum_slip_deg"]
     assert run["status"] == "ok", run["reason"]
     assert run["after_time_s"] > run["before_time_s"] > 0
-    tables = drum_tables.run([tmp_path / "drum_3.json"], tmp_path)
+    tables = drum_tables.run([tmp_path / "drum_3.json"], config(**keys), PARTICLE, tmp_path)
+    record = tables["record"].set_index("time_s")["surface_deg"]
+    for state in drum_surface.STATES:
+        assert record[run[f"{state}_time_s"]] == run[f"{state}_surface_deg"]
     summary = tables["summary"].set_index("key")
     assert summary.loc["before_turned_deg", "mean"] == run["before_turned_deg"]
     assert np.isnan(summary.loc["before_turned_deg", "standard_error"])
     assert tables["profile"]["berries"].sum() > 20
     with np.load(tmp_path / "drum_3.npz") as arrays:
-        for state in drum_rotation.STATES:
+        for state in drum_surface.STATES:
             assert arrays[f"position_{state}"].shape == (60, 3)
     out = tmp_path / "drum.gif"
-    film.animate_drum(
-        tmp_path / "drum_3_trajectory.npz", PARTICLE, out, config(**keys)["drum"], frames=2, width=60
-    )
+    film.animate_drum(tmp_path / "drum_3.npz", PARTICLE, out, config(**keys)["drum"], frames=2, width=60)
     with Image.open(out) as shown:
         assert (shown.n_frames, shown.size) == (2, (60, 60))
 
 
+def saved(folder, seed, angle_deg, **record):
+    """Files of a run that never slipped, whose surface has a known angle."""
+    centres, quaternions = half_filled(angle_deg, 300, seed)
+    frames = {"position": np.array([centres] * 2), "quaternion": np.array([quaternions] * 2)}
+    states = {f"{key}_{state}": frames[key][0] for key in frames for state in ("start", "report")}
+    columns = {key: np.arange(2.0) for key in drum_rotation.RECORD}
+    np.savez(folder / f"drum_{seed}.npz", **frames, **states, **columns, scale=np.ones(300))
+    run = {"seed": seed, "status": "no_slip", "reason": ""} | record
+    (folder / f"drum_{seed}.json").write_text(json.dumps({"run": run}))
+    return folder / f"drum_{seed}.json"
+
+
 def test_means_have_standard_errors(tmp_path):
-    record = {key: np.zeros(2) for key in drum_rotation.RECORD}
-    for seed, angle in ((1, 40.0), (2, 44.0)):
-        run = {"seed": seed, "status": "ok", "before_surface_deg": angle}
-        (tmp_path / f"drum_{seed}.json").write_text(json.dumps({"run": run}))
-        np.savez(tmp_path / f"drum_{seed}.npz", profile=np.array([[2.5, 10.0 * seed, 1.0, 9.0]]), **record)
-    paths = [tmp_path / f"drum_{seed}.json" for seed in (1, 2)]
-    row = drum_tables.run(paths, tmp_path)["summary"].set_index("key").loc["before_surface_deg"]
+    paths = [saved(tmp_path, seed, 30.0, report_bed_deg=angle) for seed, angle in ((1, 40.0), (2, 44.0))]
+    whole = config()
+    row = drum_tables.run(paths, whole, PARTICLE, tmp_path)["summary"].set_index("key").loc["report_bed_deg"]
     assert (row["mean"], row["standard_error"], row["runs"]) == (42.0, 2.0, 2)
     with pytest.raises(InputError, match="each seed once"):
-        drum_tables.run([paths[0], paths[0]], tmp_path)
+        drum_tables.run([paths[0], paths[0]], whole, PARTICLE, tmp_path)
     with pytest.raises(InputError, match="repose drum"):
-        drum_tables.run([tmp_path / "nothing.json"], tmp_path)
+        drum_tables.run([tmp_path / "nothing.json"], whole, PARTICLE, tmp_path)
+
+
+def test_a_changed_definition_measures_the_frames_that_were_kept(tmp_path):
+    path = saved(tmp_path, 1, 30.0)
+    wide, narrow = (
+        drum_tables.run([path], config(fit_share=share), PARTICLE, tmp_path) for share in (0.9, 0.5)
+    )
+    for tables in (wide, narrow):
+        angle = tables["runs"].loc[0, "start_surface_deg"]
+        assert angle == pytest.approx(30.0, abs=3.0)
+        assert (tables["record"]["surface_deg"] == angle).all()
+    assert wide["runs"].loc[0, "start_surface_deg"] != narrow["runs"].loc[0, "start_surface_deg"]

@@ -28,20 +28,38 @@ def config(**keys):
     return whole
 
 
-def test_the_angle_is_the_mean_of_the_steady_part():
-    arrays = {"time_s": np.arange(5.0), "surface_deg": np.array([np.nan, 90.0, 90.0, 30.0, 34.0])}
-    own = config(measure_from_s=3.0)
-    assert turning.measure({"status": "ok"}, arrays, own, PARTICLE, BERRY)["turning_deg"] == 32.0
-    assert turning.measure({"status": "lost"}, arrays, own, PARTICLE, BERRY)["turning_deg"] is None
+def bed(angle_deg, count=400):
+    """Centres and orientations of berries below a line of known angle through the axis."""
+    rng = np.random.default_rng(4)
+    places = rng.uniform(-0.08, 0.08, (8 * count, 3))
+    below = places[:, 2] < np.tan(np.radians(angle_deg)) * places[:, 0]
+    inside = np.hypot(places[:, 0], places[:, 2]) < 0.08
+    return places[below & inside][:count], rng.normal(size=(count, 4))
+
+
+def test_the_angle_is_the_mean_over_the_frames_that_were_kept():
+    frames = [bed(angle) for angle in (20.0, 30.0)]
+    position, quaternion = (np.array([one[k] for one in frames], np.float32) for k in (0, 1))
+    arrays = {"position": position, "quaternion": quaternion, "scale": np.ones(400)}
+    single = [
+        turning.measure({"status": "ok"}, arrays | part, config(), PARTICLE, BERRY)["turning_deg"]
+        for part in ({"position": position[[k]], "quaternion": quaternion[[k]]} for k in (0, 1))
+    ]
+    assert single == pytest.approx([20.0, 30.0], abs=3.0)
+    both = turning.measure({"status": "ok"}, arrays, config(), PARTICLE, BERRY)
+    assert both["turning_deg"] == pytest.approx(np.mean(single), abs=1e-12)
+    assert turning.measure({"status": "lost"}, arrays, config(), PARTICLE, BERRY)["turning_deg"] is None
+    coarse = turning.measure(
+        {"status": "ok"}, arrays, config() | {"measure": {"mm_per_pixel": 60.0}}, PARTICLE, BERRY
+    )
+    assert (coarse["status"], coarse["turning_deg"]) == ("no_surface", None)
+    assert "60 mm a pixel" in coarse["reason"]
 
 
 def test_a_run_is_judged():
-    time_s, angles = np.array([1.0, 3.0, 4.0]), np.array([np.nan, 30.0, 31.0])
-    assert turning.status_of(True, time_s, angles, config())[0] == "ok"
-    assert turning.status_of(True, time_s, angles, config(), "why") == ("unstable", "why")
-    assert turning.status_of(False, time_s, angles, config())[0] == "lost"
-    assert turning.status_of(True, time_s, angles[::-1], config())[0] == "no_surface"
-    assert turning.status_of(True, np.zeros(0), np.zeros(0), config())[0] == "no_surface"
+    assert turning.status_of(True) == ("ok", "")
+    assert turning.status_of(True, "why") == ("unstable", "why")
+    assert turning.status_of(False)[0] == "lost"
 
 
 @pytest.mark.parametrize(

@@ -81,6 +81,8 @@ class BenchTest:
     advice : function
         ``advice(config, berry, particle, longest_step_s)`` yields sentences for who plans a study. berry is what the
         verb ``berry`` writes; longest_step_s(berry) is the longest time step [s] for such berries.
+    measured_by : tuple of str
+        Keys of its section that only `measure` reads: where they change nothing runs again.
     kept : tuple of str
         Arrays that every saved run must have.
     in_words : str
@@ -99,6 +101,7 @@ class BenchTest:
     contradictions: Callable[[Config], Iterator[tuple[str, str]]] = _nothing
     misfits: Callable[[Config, Sequence[float]], Iterator[tuple[str, str]]] = _nothing
     advice: Callable[..., Iterator[str]] = _nothing
+    measured_by: tuple[str, ...] = ()
     kept: tuple[str, ...] = ()
     in_words: str = ""
 

@@ -360,6 +360,7 @@ BENCH = register(
         duration_s=lambda config: config[NAME]["duration_s"],
         contradictions=contradictions,
         misfits=misfits,
+        measured_by=("core_margin_mm",),
         kept=("position", "quaternion", "scale"),
         in_words="bulk density {bulk_density_kg_m3:.0f} kg/m3, in the core {core_density_kg_m3:.0f}, "
         "{berries_in_cylinder} berries in the cylinder",

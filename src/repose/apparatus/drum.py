@@ -135,7 +135,7 @@ def build(
 
 
 def status_of(rotation: "Rotation", config: Mapping[str, Any]) -> tuple[str, str]:
-    """Status and reason of a run.
+    """Status and reason of a run, before it is measured.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def status_of(rotation: "Rotation", config: Mapping[str, Any]) -> tuple[str, str
     Returns
     -------
     status : str
-        One of `STATUSES`.
+        One of `STATUSES`, but ``no_surface``, which the measurement finds.
     reason : str
     """
     if rotation.unstable:
@@ -157,13 +157,6 @@ def status_of(rotation: "Rotation", config: Mapping[str, Any]) -> tuple[str, str
     if rotation.slip is None:
         fall, last = config[NAME]["slip_drop_deg"], rotation.record["time_s"][-1]
         return "no_slip", f"the bed's centre of mass never fell by {fall:g} degrees in {last:g} s"
-    seen = rotation.record["surface_deg"][[rotation.slip.begins, rotation.slip.ends]]
-    if not np.all(np.isfinite(seen)):
-        scale = config["measure"]["mm_per_pixel"]
-        return (
-            "no_surface",
-            f"the bed has no surface that {scale:g} mm a pixel (measure.mm_per_pixel) resolve",
-        )
     return "ok", ""
 
 
@@ -176,53 +169,50 @@ def run(
     interval_s: float | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Run:
-    """Fill, turn and measure once.
+    """Fill and turn once.
 
-    The surface is measured while the drum turns, since it tells nothing without all frames. The arrays are
-    the record, the motion by depth (``profile``, in mm, empty without a slip) and the states:
-    ``position_STATE`` (N, 3) [m], ``quaternion_STATE`` (N, 4) and ``turned_STATE_deg`` for start, report,
-    before and after.
+    The arrays are the columns of the record and the states: ``position_STATE`` (N, 3) [m], ``quaternion_STATE`` (N, 4)
+    and ``turned_STATE_deg`` for start, report, before and after.
 
     Parameters
     ----------
     config, parameters, seed, particle, berry, progress
         As in `BenchTest.run`.
     interval_s : float, optional
-        Not used: frames are those of the record.
+        Asks for frames; they are those of the record.
 
     Returns
     -------
     Run
     """
-    from repose.apparatus.drum_rotation import RECORD, rotate, slip_numbers
+    from repose.apparatus.drum_rotation import RECORD, rotate
 
     rotation = rotate(config, parameters, seed, particle, berry, progress)
     status, reason = status_of(rotation, config)
-    record = {
+    record: dict[str, Any] = {
         "seed": int(seed),
         "status": status,
         "reason": reason,
         "rotation_from_s": rotation.rotation_from_s,
     }
-    profile = np.zeros((0, 4))
     if status in ("ok", "no_slip"):
         for state, row in rotation.rows().items():
             record |= {f"{state}_{key}": float(rotation.record[key][row]) for key in RECORD}
     if status == "ok" and rotation.slip is not None:
-        scale = config["measure"]["mm_per_pixel"]
-        numbers, profile = slip_numbers(rotation, rotation.slip, config[NAME], particle, scale)
-        record |= numbers
-    position, quaternion = rotation.centres_m.astype(np.float32), rotation.quaternions.astype(np.float32)
-    arrays = {"profile": profile, "scale": rotation.scales, **rotation.record}
+        energy = rotation.record["energy_j"][rotation.slip.begins : rotation.slip.ends + 1]
+        record |= {
+            "bed_drop_deg": record["before_bed_deg"] - record["after_bed_deg"],
+            "slip_duration_s": record["after_time_s"] - record["before_time_s"],
+            "largest_energy_j": float(energy.max()),
+        }
+    position, quaternion = rotation.centres_m, rotation.quaternions
+    arrays = {"scale": rotation.scales, **rotation.record}
     for state, row in rotation.rows().items() if len(position) else ():
         arrays |= {f"position_{state}": position[row], f"quaternion_{state}": quaternion[row]}
         arrays[f"turned_{state}_deg"] = rotation.record["turned_deg"][row]
     if interval_s is None:
         return Run(record, arrays)
-    shown = {key: rotation.record[key] for key in ("time_s", "turned_deg")}
-    return Run(
-        record, arrays, {"position": position, "quaternion": quaternion, "scale": rotation.scales, **shown}
-    )
+    return Run(record, arrays, {"position": position, "quaternion": quaternion, **arrays})
 
 
 # --- measure --------------------------------------------------------------------------------------
@@ -235,7 +225,7 @@ def measure(
     particle: "Particle",
     berry: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The measured run: its record and the responses, which the record holds by other names.
+    """The measured run: what `repose.apparatus.drum_surface.of_run` finds, and the responses, which it names otherwise.
 
     Parameters
     ----------
@@ -246,8 +236,11 @@ def measure(
     -------
     dict
     """
-    ok = record["status"] == "ok"
-    return {**record, **{one.name: one.of(record) if ok else None for one in RESPONSES}}
+    from repose.apparatus import drum_surface
+
+    measured, _ = drum_surface.of_run(record, arrays, config, particle)
+    ok = measured["status"] == "ok"
+    return measured | {one.name: one.of(measured) if ok else None for one in RESPONSES}
 
 
 def longest_s(config: Mapping[str, Any]) -> float:
@@ -279,6 +272,7 @@ BENCH = register(
         duration_s=longest_s,
         contradictions=contradictions,
         misfits=misfits,
+        measured_by=("fit_share", "depth_bin_mm"),
         in_words="first slip after {before_time_s:.1f} s, {before_turned_deg:.1f} deg; "
         "surface {before_surface_deg:.1f} deg before, {after_surface_deg:.1f} deg after it",
     )

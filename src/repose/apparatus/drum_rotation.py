@@ -1,4 +1,4 @@
-"""The drum, simulated: filled, turned until its bed slips, and the slip measured."""
+"""The drum, simulated: filled, and turned until its bed slips."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -19,15 +19,12 @@ from repose.particle.size_distribution import of_pour
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
 
-STATES = ("start", "report", "before", "after")
-
 
 class _Row(NamedTuple):
     """One row of the record, see `Rotation.record`."""
 
     time_s: float
     turned_deg: float
-    surface_deg: float
     bed_deg: float
     energy_j: float
 
@@ -42,8 +39,8 @@ class Rotation:
     Attributes
     ----------
     record : dict
-        Columns (T,) of `RECORD`: time since the rotation began [s], angle by which the drum has turned, angle of the
-        bed's surface, angle of its centre of mass [degrees], mean energy of a berry in the drum's frame [J].
+        Columns (T,) of `RECORD`: time since the rotation began [s], angle by which the drum has turned and angle of the
+        bed's centre of mass [degrees], mean energy of a berry in the drum's frame [J].
     centres_m, quaternions, scales : numpy.ndarray
         Of the N berries at these times: (T, N, 3) [m], (T, N, 4); sizes (N,).
     slip : Slip or None
@@ -94,27 +91,11 @@ def set_rotation(simulation: "dem.Simulation", angular_velocity_rad_s: float) ->
 class _Watch:
     """Keeps the record of a drum that turns."""
 
-    def __init__(self, bounded, drum, particle, config):
-        self.bounded, self.drum, self.particle = bounded, drum, particle
+    def __init__(self, bounded, particle):
+        self.bounded, self.particle = bounded, particle
         self.simulation = bounded.simulation
-        self.fit_share = config["drum"]["fit_share"]
-        self.mm_per_pixel = config["measure"]["mm_per_pixel"]
         self.began_s = self.turned_rad = 0.0
         self.rows, self.centres, self.quaternions = [], [], []
-
-    def surface(self, row):
-        """`bed.Surface` at a row of the record."""
-        centres, quaternions = self.centres[row], self.quaternions[row]
-        radius_m = self.drum.radius_m
-        return bed.measure_surface(
-            centres,
-            quaternions,
-            self.particle,
-            radius_m,
-            self.mm_per_pixel,
-            self.fit_share,
-            self.simulation.scales,
-        )
 
     def keep(self):
         """Add the present state to the record."""
@@ -130,13 +111,9 @@ class _Watch:
             s.rolling_frame_rad_s,
             s.scales,
         )
-        try:
-            angle = self.surface(-1).angle_deg
-        except ValueError:
-            angle = math.nan
         time_s = s.time_s - self.began_s
         turned_deg, bed_deg = math.degrees(self.turned_rad), bed.bed_angle(s.positions)
-        self.rows.append(_Row(time_s, turned_deg, angle, bed_deg, energy))
+        self.rows.append(_Row(time_s, turned_deg, bed_deg, energy))
 
     def advance(self, steps):
         """Run, turn and keep."""
@@ -221,7 +198,7 @@ def rotate(
     speed = section["angular_velocity_rad_s"]
     bounded = Bounded(simulation, drum.radius_m, speed * drum.radius_m)
     calm, unstable, rest_energy, slip = settings.rest_energy_j, "", math.nan, None
-    watch = _Watch(bounded, drum, particle, config)
+    watch = _Watch(bounded, particle)
     try:
         fill(simulation, factory, section, seed, latest, bounded.run_to, scales)
         bounded.run_to(settings.steps(section["rotate_from_s"]))
@@ -278,52 +255,3 @@ def _until_slip(watch, section, calm, every, progress):
         record = watch.record()
         slip = bed.find_slip(record["bed_deg"], record["energy_j"], section["slip_drop_deg"], calm)
     return slip
-
-
-def slip_numbers(
-    rotation: Rotation, slip: bed.Slip, section: Mapping[str, Any], particle: "Particle", mm_per_pixel: float
-) -> tuple[dict[str, float | None], np.ndarray]:
-    """Numbers of a slip, and the motion by depth.
-
-    Parameters
-    ----------
-    rotation : Rotation
-    slip : repose.measure.bed.Slip
-    section : mapping
-        The section `drum` of the configuration.
-    particle : Particle
-    mm_per_pixel : float
-
-    Returns
-    -------
-    numbers : dict of float
-        None for motions where no berry lies under the part of the surface that is fitted.
-    profile : numpy.ndarray, (bins, 4)
-        Rows of `bed.depth_profile`, lengths in mm.
-    """
-    record = rotation.record
-    drum = Drum.of(section)
-    before = bed.measure_surface(
-        rotation.centres_m[slip.begins],
-        rotation.quaternions[slip.begins],
-        particle,
-        drum.radius_m,
-        mm_per_pixel,
-        section["fit_share"],
-        rotation.scales,
-    )
-    turned_rad = math.radians(record["turned_deg"][slip.ends] - record["turned_deg"][slip.begins])
-    depth, moved = bed.slip_displacement(
-        rotation.centres_m[slip.begins], rotation.centres_m[slip.ends], turned_rad, before
-    )
-    profile = bed.depth_profile(depth, moved, 1e-3 * section["depth_bin_mm"]) * (1e3, 1e3, 1e3, 1.0)
-    numbers = {
-        "surface_drop_deg": float(record["surface_deg"][slip.begins] - record["surface_deg"][slip.ends]),
-        "bed_drop_deg": float(record["bed_deg"][slip.begins] - record["bed_deg"][slip.ends]),
-        "slip_duration_s": float(record["time_s"][slip.ends] - record["time_s"][slip.begins]),
-        "largest_energy_j": float(record["energy_j"][slip.begins : slip.ends + 1].max()),
-        "moved_share": bed.moved_share(moved, particle),
-        "surface_moved_mm": float(profile[0, 1]) if len(profile) else None,
-        "wall_moved_mm": float(profile[-1, 1]) if len(profile) else None,
-    }
-    return numbers, profile

@@ -1,4 +1,4 @@
-"""The drum's validation: a file of each run, and the tables of all runs."""
+"""The drum's validation: a file of each run, and the tables of all runs, measured."""
 
 import time
 from collections.abc import Iterable, Mapping, Sequence
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from repose.apparatus import drum
+from repose.apparatus import drum, drum_surface
 from repose.apparatus.job import about_job, write_timings
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_npz, write_json, write_npz, write_table
@@ -50,9 +50,8 @@ def run_job(
     particle: "Particle",
     berry: Mapping[str, Any],
     out_dir: str | PathLike,
-    trajectory: bool = False,
 ) -> list[dict[str, Any]]:
-    """Turn the drum with each seed; write OUT/drum_SEED.json and OUT/drum_SEED.npz.
+    """Turn the drum with each seed; write OUT/drum_SEED.json, and OUT/drum_SEED.npz with every frame of the record.
 
     Parameters
     ----------
@@ -60,36 +59,42 @@ def run_job(
         Those of `repose.apparatus.bench_test.BenchTest.run`.
     seeds : iterable of int
     out_dir : path
-    trajectory : bool
-        Whether OUT/drum_SEED_trajectory.npz is written, too: every frame of the record.
 
     Returns
     -------
     list of dict
-        Contents of the JSON files. Each is written last, so a run whose file is there is complete.
+        Contents of the JSON files, but their runs are measured. Each file is written last, so a run whose file is there
+        is complete.
     """
     out, results = Path(out_dir), []
     for seed in seeds:
         began = time.perf_counter()
-        run = drum.run(config, parameters, seed, particle, berry, 0.0 if trajectory else None)
+        run = drum.run(config, parameters, seed, particle, berry, interval_s=0.0)
         write_timings(out, f"drum_{seed}", {str(seed): round(time.perf_counter() - began, 3)})
-        write_npz(out / f"drum_{seed}.npz", run.arrays)
-        if run.frames is not None:
-            write_npz(out / f"drum_{seed}_trajectory.npz", run.frames)
+        write_npz(out / f"drum_{seed}.npz", run.frames or {})
         about = about_job(drum.BENCH, config, seed, parameters)
-        result = {key: about[key] for key in ("parameters", "time_step_s")} | {"run": run.record}
-        write_json(out / f"drum_{seed}.json", result)
-        results.append(result)
+        result = {key: about[key] for key in ("parameters", "time_step_s")}
+        write_json(out / f"drum_{seed}.json", result | {"run": run.record})
+        results.append(result | {"run": drum.measure(run.record, run.arrays, config, particle, berry)})
     return results
 
 
-def run(json_paths: Sequence[str | PathLike], out_dir: str | PathLike) -> "dict[str, pd.DataFrame]":
-    """Write runs.csv, summary.csv, record.csv and profile.csv into out_dir; return the tables by name.
+def run(
+    json_paths: Sequence[str | PathLike],
+    config: Mapping[str, Any],
+    particle: "Particle",
+    out_dir: str | PathLike,
+) -> "dict[str, pd.DataFrame]":
+    """Measure runs; write runs.csv, summary.csv, record.csv and profile.csv into out_dir; return the tables by name.
 
     Parameters
     ----------
     json_paths : sequence of path
         Files of `run_job`, each with its .npz beside it.
+    config : mapping
+        The whole configuration.
+    particle : Particle
+        That was turned.
     out_dir : path
 
     Returns
@@ -107,11 +112,24 @@ def run(json_paths: Sequence[str | PathLike], out_dir: str | PathLike) -> "dict[
         one = read_json(path, {"run": dict}, WHAT)["run"]
         if one.get("seed") in found:
             raise InputError(path, "run.seed", one["seed"], "each seed once")
-        found[one["seed"]] = one, read_npz(path.with_suffix(".npz"), (*RECORD[1:], "profile"), WHAT)
+        frames = read_npz(path.with_suffix(".npz"), _needed(one), WHAT)
+        measured, profile = drum_surface.of_run(one, frames, config, particle)
+        angles = drum_surface.surface_angles(
+            frames["position"], frames["quaternion"], frames["scale"], config, particle
+        )
+        found[one["seed"]] = measured, frames | {"profile": profile, "surface_deg": angles}
     made = tables(list(found.values()))
     for name, content in made.items():
         write_table(Path(out_dir) / f"{name}.csv", content)
     return made
+
+
+def _needed(run):
+    """Arrays that the file of a run must have."""
+    states = {"ok": drum_surface.STATES, "no_slip": drum_surface.STATES[:2]}.get(run.get("status"), ())
+    of_states = (f"{kind}_{state}" for state in states for kind in ("position", "quaternion"))
+    kept = (key for key in RECORD[1:] if key != "surface_deg")
+    return (*kept, "position", "quaternion", "scale", *of_states)
 
 
 def tables(runs: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]]) -> "dict[str, pd.DataFrame]":
@@ -120,7 +138,7 @@ def tables(runs: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]]) -
     Parameters
     ----------
     runs : sequence of (record, arrays)
-        As `repose.apparatus.drum.run` gives them.
+        Measured runs; columns of the record, and ``profile``, of each.
 
     Returns
     -------

@@ -4,7 +4,6 @@ Vessel, filling and the line through the surface are those of `repose.apparatus.
 slips once. Here the drum turns faster, and the angle is the mean over a time in which the flow is steady.
 """
 
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -110,7 +109,7 @@ def run(
     interval_s: float | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Run:
-    """Fill the drum, turn it, and measure the surface while the flow is steady.
+    """Fill the drum, turn it, and keep the bed while the flow is steady.
 
     Parameters
     ----------
@@ -122,8 +121,8 @@ def run(
     Returns
     -------
     Run
-        Its arrays are ``time_s`` and ``surface_deg`` (T,), from the beginning of the rotation, the angle NaN before
-        `turning.measure_from_s`; and ``position`` (N, 3) [m], ``quaternion`` (N, 4), ``scale`` (N,) at the end.
+        Its arrays are ``time_s`` (T,), from the beginning of the rotation, not before `turning.measure_from_s`, and at
+        these times ``position`` (T, N, 3) [m] and ``quaternion`` (T, N, 4); and ``scale`` (N,).
     """
     from repose.apparatus.drum_geometry import Drum
     from repose.apparatus.drum_rotation import set_rotation
@@ -139,7 +138,9 @@ def run(
     speed = section["angular_velocity_rad_s"]
     bounded = Bounded(simulation, drum.radius_m, speed * drum.radius_m)
     filmed, unstable = Filmed(bounded, interval_s, progress), ""
-    rows: list[tuple[float, float]] = []
+    time_s: list[float] = []
+    centres: list[np.ndarray] = []
+    turns: list[np.ndarray] = []
     try:
         begin = settings.steps(section["rotate_from_s"])
         fill(simulation, factory, section, seed, begin, filmed.run_to, scales)
@@ -149,76 +150,44 @@ def run(
         for step in range(every, settings.steps(section["measure_until_s"]) + 1, every):
             filmed.run_to(begin + step)
             now = step * settings.time_step_s
-            steady = now >= section["measure_from_s"]
-            angle = _surface_deg(simulation, drum, particle, config) if steady else math.nan
-            rows.append((now, angle))
+            if now >= section["measure_from_s"]:
+                time_s.append(now)
+                centres.append(simulation.positions.astype(np.float32))
+                turns.append(simulation.quaternions.astype(np.float32))
         bounded.look()
     except Unstable as broken:
         unstable = str(broken)
     held = simulation.n_bodies == section["berries"] and drum.holds(simulation.positions).all()
-    time_s, angles = np.array(rows).reshape(-1, 2).T
-    status, reason = status_of(bool(held), time_s, angles, config, unstable)
+    status, reason = status_of(bool(held), unstable)
     arrays = {
-        "time_s": time_s,
-        "surface_deg": angles,
-        "position": simulation.positions.astype(np.float32),
-        "quaternion": simulation.quaternions.astype(np.float32),
+        "time_s": np.array(time_s),
+        "position": np.array(centres),
+        "quaternion": np.array(turns),
         "scale": simulation.scales.astype(np.float32),
     }
     return Run({"seed": int(seed), "status": status, "reason": reason}, arrays, filmed.frames())
 
 
-def _surface_deg(simulation, drum, particle, config):
-    """Angle of the surface now; NaN where the bed has none."""
-    from repose.measure import bed
-
-    try:
-        return bed.measure_surface(
-            simulation.positions,
-            simulation.quaternions,
-            particle,
-            drum.radius_m,
-            config["measure"]["mm_per_pixel"],
-            config[NAME]["fit_share"],
-            simulation.scales,
-        ).angle_deg
-    except ValueError:
-        return math.nan
-
-
-def status_of(
-    held: bool, time_s: np.ndarray, surface_deg: np.ndarray, config: Mapping[str, Any], unstable: str = ""
-) -> tuple[str, str]:
-    """Status and reason of a run.
+def status_of(held: bool, unstable: str = "") -> tuple[str, str]:
+    """Status and reason of a run, before it is measured.
 
     Parameters
     ----------
     held : bool
         Whether all berries are inside the drum.
-    time_s, surface_deg : numpy.ndarray, (T,)
-        The record.
-    config : mapping
-        The whole configuration.
     unstable : str, optional
         Which bound the run broke, see `repose.apparatus.bounds`; empty where it broke none.
 
     Returns
     -------
     status : str
-        One of `STATUSES`.
+        One of `STATUSES`, but ``no_surface``, which the measurement finds.
     reason : str
     """
     if unstable:
         return "unstable", unstable
     if not held:
         return "lost", "a berry is missing, or outside the drum"
-    steady = surface_deg[time_s >= config[NAME]["measure_from_s"]]
-    if not len(steady) or not np.isfinite(steady).all():
-        scale = config["measure"]["mm_per_pixel"]
-        return (
-            "no_surface",
-            f"the bed has no surface that {scale:g} mm a pixel (measure.mm_per_pixel) resolve",
-        )
     return "ok", ""
 
 
@@ -242,13 +211,18 @@ def measure(
     Returns
     -------
     dict
-        The angle is None where the run is not ok.
+        The angle is None where the run is not ok, or the bed has no surface.
     """
-    angle = None
-    if record["status"] == "ok":
-        steady = np.asarray(arrays["time_s"]) >= config[NAME]["measure_from_s"]
-        angle = float(np.asarray(arrays["surface_deg"])[steady].mean())
-    return {**record, "turning_deg": angle}
+    from repose.apparatus import drum_surface
+
+    if record["status"] != "ok":
+        return {**record, "turning_deg": None}
+    position, quaternion, scale = (np.asarray(arrays[key], float) for key in BENCH.kept)
+    angles = drum_surface.surface_angles(position, quaternion, scale, config, particle, NAME)
+    if not len(angles) or not np.isfinite(angles).all():
+        reason = drum_surface.no_surface(config)
+        return {**record, "status": "no_surface", "reason": reason, "turning_deg": None}
+    return {**record, "turning_deg": float(angles.mean())}
 
 
 BENCH = register(
@@ -264,7 +238,8 @@ BENCH = register(
         duration_s=lambda config: config[NAME]["rotate_from_s"] + config[NAME]["measure_until_s"],
         contradictions=contradictions,
         misfits=misfits,
-        kept=("time_s", "surface_deg"),
+        measured_by=("fit_share",),
+        kept=("position", "quaternion", "scale"),
         in_words="surface at {turning_deg:.1f} deg while the drum turns",
     )
 )

@@ -32,7 +32,7 @@ def figure(args: argparse.Namespace) -> None:
     example="results/try/heap_trajectory_1.npz --particle results/berry/particle.json",
     out="pour.gif",
     options=[
-        Option("trajectory", help=".npz file that `heap --trajectory` or `drum --trajectory` wrote"),
+        Option("trajectory", help=".npz file that `heap --trajectory` or `drum` wrote"),
         Option("--particle", required=True, help="particle.json of that run"),
         Option("--drum", action="store_true", help="the trajectory is that of a drum"),
     ],

@@ -150,13 +150,12 @@ def measure_runs(args: argparse.Namespace) -> None:
 
 
 @family.verb(
-    "fill a drum and turn it until the bed slips; one parameter set, one or more seeds",
+    "fill a drum and turn it until the bed slips; save the runs for drum_tables, say what is measured",
     example="--set mus_gg=0.5 --set mus_gp=0.6 --seed 1 --out results/try",
     out="results/try",
     options=[
         *SIMULATION,
-        Option("--trajectory", action="store_true", help="also write every frame of the record"),
-        JSON.but(help="print the results as JSON"),
+        JSON.but(help="print the measured runs as JSON"),
     ],
 )
 def drum(args: argparse.Namespace) -> None:
@@ -167,7 +166,7 @@ def drum(args: argparse.Namespace) -> None:
     values = parameters(args.set, args.samples, args.sample, config["parameters"])
     seeds = run_seeds(args.seed)
     berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
-    results = drum_tables.run_job(config, values, seeds, particle, berry_of, args.out, args.trajectory)
+    results = drum_tables.run_job(config, values, seeds, particle, berry_of, args.out)
     if args.json:
         print(json_text(results))
     else:
@@ -176,16 +175,18 @@ def drum(args: argparse.Namespace) -> None:
 
 
 @family.verb(
-    "make tables of the drum's runs: angles, first slip, slipping layer, with standard errors",
+    "measure the drum's runs and make tables: angles, first slip, slipping layer, with standard errors",
     example="results/drum/drum_*.json --out results/drum",
     out="results/drum",
-    config=False,
-    options=[Option("runs", nargs="+", help="JSON files that the verb drum wrote")],
+    options=[Option("runs", nargs="+", help="JSON files that the verb drum wrote"), *BERRY_AND_PARTICLE],
 )
 def drum_tables(args: argparse.Namespace) -> None:
     from repose.apparatus import drum_tables
 
-    drum_tables.run(args.runs, args.out)
+    config = loader.load(args.config)
+    section(config, "drum")
+    _, particle = berry_and_particle(config, args.config, args.berry, args.particle)
+    drum_tables.run(args.runs, config, particle, args.out)
 
 
 def told(run: Mapping[str, Any], words: str) -> str:

@@ -26,6 +26,7 @@ KEYS = {
     "miga": ("parameters", "targets", "miga"),
     "solutions": ("parameters", "targets", "validation.solutions"),
     "published_solutions": ("validation.published",),
+    "drum_tables": ("measure.mm_per_pixel", "drum.fit_share", "drum.depth_bin_mm"),
     "validate": ("parameters", "targets", "validation.published"),
 }
 # Names of the study and its folder are in no result.
@@ -50,7 +51,7 @@ def sections(config: Config, *names: str) -> dict[str, Any]:
 
 
 def pouring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
-    """What a run of a bench test reads, its measurement and the number of its seeds left out.
+    """What a run of a bench test reads; what only measures it and the number of its seeds are left out.
 
     Parameters
     ----------
@@ -62,7 +63,8 @@ def pouring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
     -------
     dict
     """
-    own = {key: value for key, value in config[apparatus].items() if key != "seeds"}
+    others = ("seeds", *bench(apparatus).measured_by)
+    own = {key: value for key, value in config[apparatus].items() if key not in others}
     return sections(config, "wall", "simulation", "design.seed") | {apparatus: own}
 
 
@@ -79,7 +81,9 @@ def measuring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
     -------
     dict
     """
-    return sections(config, "measure") | {"responses": [one.name for one in bench(apparatus).wanted(config)]}
+    test = bench(apparatus)
+    own = (f"{apparatus}.{key}" for key in test.measured_by)
+    return sections(config, "measure", *own) | {"responses": [one.name for one in test.wanted(config)]}
 
 
 def settings_of(
@@ -108,7 +112,7 @@ def settings_of(
     elif verb == "heap":
         chosen = pouring(config) | measuring(config)
     elif verb == "drum":
-        chosen = pouring(config, "drum") | sections(config, "measure.mm_per_pixel")
+        chosen = pouring(config, "drum")
     elif verb == "measure_runs":
         chosen = measuring(config, apparatus)
     elif verb == "shape_cell":  # the configuration is the cell's own

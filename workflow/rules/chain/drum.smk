@@ -1,4 +1,5 @@
-# The representative solution in a drum that turns until its bed slips: one job a seed, then tables and a film.
+# The representative solution in a drum that turns until its bed slips: one job a seed, then what is measured, tables and
+# a film.
 DRUM_SEEDS = pour_seeds(
     config["design"]["seed"], "drum", int(REPRESENTATIVE), config["drum"]["seeds"]
 )
@@ -16,8 +17,7 @@ rule drum_run:
         ready=ancient(rules.warm_up.output.ready),
     output:
         result=f"{RESULTS}/drum/drum_{{seed}}.json",
-        states=f"{RESULTS}/drum/drum_{{seed}}.npz",
-        trajectory=f"{RESULTS}/drum/drum_{{seed}}_trajectory.npz",
+        frames=f"{RESULTS}/drum/drum_{{seed}}.npz",
     log:
         f"{RESULTS}/logs/drum/{{seed}}.log",
     benchmark:
@@ -31,19 +31,21 @@ rule drum_run:
         config=CONFIG,
         folder=folder,
         sample=int(REPRESENTATIVE),
-        depends=pouring_settings("drum") | sections("measure.mm_per_pixel"),
+        depends=pouring_settings("drum"),
     message:
         "Turning the drum, seed {wildcards.seed}"
     shell:
         "python -m repose drum --config {params.config:q} --samples {input.samples:q} --sample {params.sample:q}"
         " --seed {wildcards.seed:q} --berry {input.berry:q} --particle {input.particle:q}"
-        " --trajectory --out {params.folder:q} > {log:q} 2>&1"
+        " --out {params.folder:q} > {log:q} 2>&1"
 
 
 rule drum:
     input:
         runs=expand(rules.drum_run.output.result, seed=DRUM_SEEDS),
-        states=expand(rules.drum_run.output.states, seed=DRUM_SEEDS),
+        frames=expand(rules.drum_run.output.frames, seed=DRUM_SEEDS),
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
     output:
         runs=f"{RESULTS}/drum/runs.csv",
         summary=f"{RESULTS}/drum/summary.csv",
@@ -58,16 +60,19 @@ rule drum:
         mem_mb=growing(150),
         runtime=growing(10),
     params:
+        config=CONFIG,
         folder=folder,
+        depends=sections("measure.mm_per_pixel", "drum.fit_share", "drum.depth_bin_mm"),
     message:
-        "Tables of the drum: angles, first slip, slipping layer"
+        "Measuring the drum's runs, and tables of the drum: angles, first slip, slipping layer"
     shell:
-        "python -m repose drum_tables {input.runs:q} --out {params.folder:q} > {log:q} 2>&1"
+        "python -m repose drum_tables {input.runs:q} --config {params.config:q} --berry {input.berry:q}"
+        " --particle {input.particle:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 rule drum_film:
     input:
-        trajectory=f"{RESULTS}/drum/drum_{DRUM_SEEDS[0]}_trajectory.npz",
+        frames=f"{RESULTS}/drum/drum_{DRUM_SEEDS[0]}.npz",
         particle=rules.shape.output.particle,
     output:
         f"{RESULTS}/drum/drum.gif",
@@ -85,5 +90,5 @@ rule drum_film:
     message:
         "Film of the drum"
     shell:
-        "python -m repose film {input.trajectory:q} --drum --config {params.config:q} --particle {input.particle:q}"
+        "python -m repose film {input.frames:q} --drum --config {params.config:q} --particle {input.particle:q}"
         " --out {output:q} > {log:q} 2>&1"

@@ -50,7 +50,7 @@ if "drum" in config:
             apparatus="drum",
             purpose="drum_design",
             seeds=config["second_responses"]["drum_seeds"],
-            depends=pouring_settings("drum") | sections("measure.mm_per_pixel"),
+            depends=pouring_settings("drum"),
         message:
             "Turning the drum with sample {wildcards.sample}"
 
@@ -67,7 +67,7 @@ if "drum" in config:
         benchmark:
             f"{RESULTS}/benchmarks/responses/drum/{{sample}}_measured.tsv"
         params:
-            depends=[],
+            depends=stands_on.measuring(config, "drum"),
         message:
             "Measuring the drum's runs of sample {wildcards.sample}"
 
