@@ -119,7 +119,7 @@ def settings_of(
         chosen = (
             pouring(config) | pouring(config, "cylinder") | sections(config, "berry", "measure", "targets")
         )
-        chosen |= sections(config, "validation.published")
+        chosen |= measuring(config, "cylinder") | sections(config, "validation.published")
     elif verb == "dataset":
         chosen = {"responses": [one["response"] for one in config["targets"]]}
     elif verb in KEYS:

@@ -62,7 +62,7 @@ rule drum:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("measure.mm_per_pixel", "drum.fit_share", "drum.depth_bin_mm"),
+        depends=stands_on.settings_of(config, "drum_tables"),
     message:
         "Measuring the drum's runs, and tables of the drum: angles, first slip, slipping layer"
     shell:

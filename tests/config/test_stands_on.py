@@ -1,0 +1,25 @@
+"""What a stage reads of the configuration: a changed definition is none of a run's, and one of its measurement's."""
+
+import copy
+from pathlib import Path
+
+import pytest
+
+from repose.apparatus import bench, names
+from repose.config import loader, stands_on
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("name", names())
+def test_what_only_the_measurement_reads_makes_no_run_again(name, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    config = loader.load("config/config.yaml")
+    keys = [f"measure.{key}" for key in config["measure"]]
+    keys += [f"{name}.{key}" for key in bench(name).measured_by]
+    for dotted in keys:
+        section, key = dotted.split(".")
+        changed = copy.deepcopy(config)
+        changed[section][key] = "another"
+        assert stands_on.pouring(changed, name) == stands_on.pouring(config, name)
+        assert stands_on.measuring(changed, name) != stands_on.measuring(config, name)
