@@ -64,7 +64,7 @@ rule drum:
         folder=folder,
         depends=stands_on.settings_of(config, "drum_tables"),
     message:
-        "Measuring the drum's runs, and tables of the drum: angles, first slip, slipping layer"
+        "Measuring the drum's runs: tables of angles, first slip, slipping layer"
     shell:
         "python -m repose drum_tables {input.runs:q} --config {params.config:q} --berry {input.berry:q}"
         " --particle {input.particle:q} --out {params.folder:q} > {log:q} 2>&1"
