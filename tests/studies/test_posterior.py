@@ -14,7 +14,8 @@ from repose.chain import train
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
-from repose.studies import posterior
+from repose.studies import implausibility, posterior
+from repose.studies.likelihood import observation
 from repose.surrogate import names
 from repose.surrogate.bayesian_bp import BayesianBP
 
@@ -112,6 +113,41 @@ def test_fixed_parameters_are_not_sampled():
         targets_of(drum_slip_deg=30.0), [{"mus_gp": 12.0}], space | {"e_gg": {"fixed": 0.5}}, steps=200
     )
     assert alone.summary["correlations"] == [[1.0]]
+
+
+def bits_on_a_grid(slopes, target, sd):
+    """Bits of one response 30 + slopes (u - 1/2), u uniform in the unit cube: convolution of six boxes, on a grid."""
+    step = 0.001
+    density = np.ones(1)
+    for slope in slopes:
+        density = np.convolve(density, np.ones(max(1, round(abs(slope) / step))))
+        density /= density.sum()
+    values = 30 + step * (np.arange(len(density)) - (len(density) - 1) / 2)
+    likelihood = np.exp(-0.5 * ((values - target) / sd) ** 2)
+    evidence = density @ likelihood
+    positive = likelihood > 0
+    weighted = density[positive] * likelihood[positive] / evidence
+    return float(weighted @ np.log2(likelihood[positive] / evidence))
+
+
+def test_sampler_and_weighted_points_have_the_bits_of_a_grid():
+    """Six parameters move one response, and the box cuts the posterior: nothing in it is normal."""
+    slopes = dict(zip(PARAMETERS, (5.0, 2.0, 5.0, -4.0, 0.5, -4.0), strict=True))
+    targets = targets_of(sd_percent=9.0, drum_slip_deg=31.0)
+    sd = math.hypot(float(targets.standard_error[0]), 0.02 * 31, 0.1)
+    exact = bits_on_a_grid(slopes.values(), 31.0, sd)
+    found = inferred(targets, [slopes], discrepancy_percent=2.0, steps=2000).summary
+    assert 0.003 < found["information_se_bits"] < 0.03
+    assert found["information_bits"] == pytest.approx(exact, abs=3 * found["information_se_bits"])
+    model, space = Linear(targets.names, [slopes], error=0.1), ParameterSpace.of(UNIT)
+    curve = implausibility.curve(
+        implausibility.Points(model, space),
+        space,
+        targets,
+        lambda percent, between: observation(targets, np.eye(1), percent, between),
+    )
+    own = curve.set_index("discrepancy_percent").loc[2.0, "information_bits"]
+    assert own == pytest.approx(exact, abs=0.01)
 
 
 # From files

@@ -21,44 +21,45 @@ def linear():
     def log_density(theta):
         return log_likelihood(theta @ A.T + c, np.zeros((len(theta), 2, 2)), mean, covariance)
 
-    chains, times = sampler.sample(log_density, 2, 24, 1200, 3)
-    return log_density, chains, times, truth, known
+    return log_density, sampler.sample(log_density, 2, 24, 1200, 3), truth, known
 
 
 def test_linear_model_has_its_closed_form_posterior(linear):
-    _, chains, times, truth, known = linear
-    draws, effective = chains.reshape(-1, 2), chains[:, :, 0].size / times.max()
+    log_density, chains, truth, known = linear
+    draws, effective = chains.points.reshape(-1, 2), chains.log_density.size / chains.times.max()
+    assert chains.log_density.ravel() == pytest.approx(log_density(draws))
     assert effective > 1000
     error = np.sqrt(np.diag(known) / effective)
     assert draws.mean(axis=0) == pytest.approx(truth, abs=4 * error.max())
     assert np.cov(draws.T) == pytest.approx(known, abs=5 * known.max() * math.sqrt(2 / effective))
-    assert (sampler.split_r_hat(chains) < 1.01).all()
+    assert (sampler.split_r_hat(chains.points) < 1.01).all()
 
 
 def test_information_of_the_linear_model(linear):
     """KL(normal || uniform on the cube) = -entropy, since the uniform density is one."""
-    log_density, chains, times, _, known = linear
-    draws = chains.reshape(-1, 2)
+    log_density, chains, _, known = linear
+    draws = chains.points.reshape(-1, 2)
     joint = -0.5 * np.log2((2 * math.pi * math.e) ** 2 * np.linalg.det(known))
-    found, error = sampler.joint_information_bits(log_density, draws, 1)
+    effective = chains.log_density.size / chains.density_time
+    found, error = sampler.joint_information_bits(log_density, chains.log_density.ravel(), effective, 2, 1)
     assert found == pytest.approx(joint, abs=0.03)
     assert error < 0.05
     for k in range(2):
         marginal = -0.5 * math.log2(2 * math.pi * math.e * known[k, k])
-        effective = draws[:, k].size / times[k]
+        effective = draws[:, k].size / chains.times[k]
         assert sampler.information_bits(draws[:, k], effective) == pytest.approx(marginal, abs=0.06)
 
 
 def test_prior_ends_at_its_bounds():
     """A slope of 3 over [0, 1]: a truncated exponential, mean 1 / (1 - e^-3) - 1 / 3."""
-    chains, _ = sampler.sample(lambda u: 3 * u[:, 0], 1, 16, 1500, 1)
+    chains = sampler.sample(lambda u: 3 * u[:, 0], 1, 16, 1500, 1).points
     assert chains.min() >= 0
     assert chains.max() <= 1
     assert chains.mean() == pytest.approx(1 / (1 - math.exp(-3)) - 1 / 3, abs=0.01)
 
 
 def test_same_seed_same_draws():
-    first, second, other = (sampler.sample(lambda u: -u[:, 0], 2, 16, 100, seed)[0] for seed in (1, 1, 2))
+    first, second, other = (sampler.sample(lambda u: -u[:, 0], 2, 16, 100, seed).points for seed in (1, 1, 2))
     assert np.array_equal(first, second)
     assert not np.array_equal(first, other)
 
@@ -101,7 +102,7 @@ def test_information_beyond_an_informative_prior():
     def from_prior(share):
         return stats.norm(0.5, 0.1).ppf(np.clip(share, 1e-9, 1 - 1e-9))
 
-    found, _ = sampler.joint_information_bits(likelihood, draws, 1, from_prior=from_prior)
+    found, _ = sampler.joint_information_bits(likelihood, likelihood(draws), 20_000, 1, 1, from_prior=from_prior)
     # between normals: ln(sd / sd') + (sd'^2 + shift^2) / (2 sd^2) - 1 / 2
     known = 0.5 * math.log(2) + (0.5 + 0.25) / 2 - 0.5
     assert found == pytest.approx(known / math.log(2), abs=0.02)

@@ -101,14 +101,18 @@ def infer(
     def log_density(unit):
         return likelihood(unit) + space.log_prior(unit)
 
-    chains, times = sample(
-        log_density, space.dimensions, settings["walkers"], settings["steps"], settings["seed"]
+    chains = sample(log_density, space.dimensions, settings["walkers"], settings["steps"], settings["seed"])
+    r_hat, effective = split_r_hat(chains.points), chains.log_density.size / chains.times
+    unit = chains.points.reshape(-1, space.dimensions)
+    # at random: draws at a regular distance in time may all be of one walker
+    rows = np.random.default_rng(settings["seed"]).permutation(len(unit))[:DRAWS_KEPT]
+    kept = unit[np.sort(rows)]
+    drawn = chains.log_density.ravel() - space.log_prior(unit)
+    independent = drawn.size / chains.density_time
+    bits = joint_information_bits(
+        likelihood, drawn, independent, space.dimensions, settings["seed"], from_prior=space.from_prior
     )
-    r_hat, effective = split_r_hat(chains), chains[:, :, 0].size / times
-    unit = chains.reshape(-1, space.dimensions)
-    kept = unit[np.linspace(0, len(unit) - 1, min(DRAWS_KEPT, len(unit))).astype(int)]
-    bits = joint_information_bits(likelihood, kept, settings["seed"], from_prior=space.from_prior)
-    table = _parameters(space, unit, r_hat, effective, times, beside)
+    table = _parameters(space, unit, r_hat, effective, chains.times, beside)
 
     X = space.values(kept)
     Y, std = model.predict(X, return_std=True, noise=False)

@@ -6,6 +6,7 @@ several independent ensembles are drawn, and R-hat compares these.
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -18,9 +19,31 @@ PRIOR_DRAWS = 2**15
 Density = Callable[[np.ndarray], np.ndarray]
 
 
+class Chains(NamedTuple):
+    """Draws of a density.
+
+    Attributes
+    ----------
+    points : numpy.ndarray, (ensembles, draws, d)
+        In order of time.
+    log_density : numpy.ndarray, (ensembles, draws)
+        There, as it was given.
+    times : numpy.ndarray, (d,)
+        Autocorrelation times in steps, means over the ensembles (Goodman & Weare 2010, Comm. App. Math. Comp. Sci. 5,
+        65).
+    density_time : float
+        That of the log density.
+    """
+
+    points: np.ndarray
+    log_density: np.ndarray
+    times: np.ndarray
+    density_time: float
+
+
 def sample(
     log_density: Density, dimensions: int, walkers: int, steps: int, seed: int, ensembles: int = ENSEMBLES
-) -> tuple[np.ndarray, np.ndarray]:
+) -> Chains:
     """Draw from a density in the unit cube.
 
     Walkers start anywhere in the cube; the first half of the steps is dropped.
@@ -40,11 +63,7 @@ def sample(
 
     Returns
     -------
-    chains : numpy.ndarray
-        Draws (ensembles, draws, d) in order of time.
-    times : numpy.ndarray
-        Autocorrelation times (d,) in steps, means over the ensembles (Goodman & Weare 2010, Comm. App. Math. Comp.
-        Sci. 5, 65).
+    Chains
     """
     import emcee
 
@@ -55,7 +74,7 @@ def sample(
             value[allowed] = log_density(points[allowed])
         return value
 
-    chains, times = [], []
+    chains, densities, times = [], [], []
     for k in range(ensembles):
         random = np.random.RandomState([seed, k])
         # not the snooker move: as of emcee 3.1.6 its acceptance has half the exponent, and draws are too narrow
@@ -64,9 +83,12 @@ def sample(
         sampler.random_state = random.get_state()
         sampler.run_mcmc(random.uniform(size=(walkers, dimensions)), steps)
         chain = sampler.get_chain(discard=int(BURN_IN * steps))
-        times.append(emcee.autocorr.integrated_time(chain, tol=0))
+        density = sampler.get_log_prob(discard=int(BURN_IN * steps))
+        times.append(emcee.autocorr.integrated_time(np.dstack([chain, density]), tol=0))
         chains.append(chain.reshape(-1, dimensions))
-    return np.array(chains), np.mean(times, axis=0)
+        densities.append(density.ravel())
+    time = np.mean(times, axis=0)
+    return Chains(np.array(chains), np.array(densities), time[:-1], float(time[-1]))
 
 
 def split_r_hat(chains: np.ndarray) -> np.ndarray:
@@ -130,7 +152,9 @@ def information_bits(draws: np.ndarray, effective: float) -> float:
 
 def joint_information_bits(
     log_likelihood: Density,
-    draws: np.ndarray,
+    drawn: np.ndarray,
+    effective: float,
+    dimensions: int,
     seed: int,
     prior_draws: int = PRIOR_DRAWS,
     from_prior: Density | None = None,
@@ -144,8 +168,12 @@ def joint_information_bits(
     ----------
     log_likelihood : callable
         log L (n,) of points (n, d) in the unit cube, without the prior.
-    draws : numpy.ndarray
-        Draws (n, d) of the posterior.
+    drawn : numpy.ndarray, (n,)
+        log L at draws of the posterior; all of them, for neighbours in time are alike.
+    effective : float
+        Number of independent draws that their mean is worth.
+    dimensions : int
+        d.
     seed : int
         Of the Sobol sequence.
     prior_draws : int
@@ -156,14 +184,16 @@ def joint_information_bits(
     Returns
     -------
     bits, error : float
-        The divergence and its standard error.
+        The divergence and its standard error, of both means.
     """
-    points = stats.qmc.Sobol(draws.shape[1], rng=seed).random(prior_draws)
+    points = stats.qmc.Sobol(dimensions, rng=seed).random(prior_draws)
     points = points if from_prior is None else from_prior(points)
     prior = np.concatenate(
         [log_likelihood(part) for part in np.array_split(points, max(1, prior_draws // 2048))]
     )
     likelihood = np.exp(prior - prior.max())
     evidence = prior.max() + math.log(likelihood.mean())
-    error = likelihood.std() / likelihood.mean() / math.sqrt(prior_draws)
-    return float((log_likelihood(draws).mean() - evidence) / math.log(2)), float(error / math.log(2))
+    error = math.hypot(
+        likelihood.std() / likelihood.mean() / math.sqrt(prior_draws), drawn.std() / math.sqrt(effective)
+    )
+    return float((drawn.mean() - evidence) / math.log(2)), float(error / math.log(2))
