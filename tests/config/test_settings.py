@@ -131,7 +131,7 @@ def test_no_section_of_the_schema_allows_an_unknown_key_or_forgets_one():
         ("measure.fit_from", 0.95, "berry or a number from 0 to 0.9"),
         ("measure.response", "slope", "flank or secant or steepest or whole"),
         ("measure.berry_height_mm", 0, "above 0 and up to 1000 or null"),
-        ("surrogate", "cubic", "network or gaussian_process or quadratic"),
+        ("surrogate", "cubic", "network or gaussian_process or network_ensemble or quadratic"),
         ("network.split", [0.7, 0.2, 0.2], "sum to 1"),
         ("network.split", [0.8, 0.2, 0.0], "above 0"),
         ("funnel.outlet_diameter_mm", 150.0, "below funnel.inlet_diameter_mm"),
@@ -220,6 +220,7 @@ def test_compression_tests_may_be_left_out_only_where_both_moduli_are_given(conf
     [
         ("berry.sizes", "nowhere.csv", "an existing file"),
         ("validation.published", "nowhere.csv", "an existing file"),
+        ("posterior.shape_study", "nowhere.csv", "an existing file"),
         ("simulation.time_step_s", 4e-4, "1/15 of the contact time"),
         ("simulation.time_step_s", 1e-3, "at most 0.000382"),
         ("funnel.outlet_diameter_mm", 9.0, "the size of a mean berry"),

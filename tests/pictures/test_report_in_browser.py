@@ -94,7 +94,7 @@ def test_javascript_predicts_what_python_predicts(opened, folder):
     found = opened.evaluate("X => X.map(networkPredictor(content.model))", X.tolist())
     mean, std = model.predict(X, return_std=True, noise=False)
     np.testing.assert_allclose([one["mean"] for one in found], mean, rtol=1e-6)
-    np.testing.assert_allclose([one["std"] for one in found], std, rtol=1e-6)
+    np.testing.assert_allclose([one["std"] for one in found], std, rtol=1e-4)  # the page has single precision
 
 
 def test_the_pile_is_drawn_turns_and_falls(opened):

@@ -3,12 +3,13 @@
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 from shared import targets_of
 
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
-from repose.studies import implausibility
+from repose.studies import discrepancy, implausibility
 from repose.studies.likelihood import observation
 
 SPACE = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS})
@@ -27,12 +28,20 @@ class Linear:
         return np.zeros((len(X), len(self.slopes), len(self.slopes)))
 
 
-def curve_of(model, targets):
+def observed(targets):
+    """From a stated discrepancy to the observation; responses that rise together over the design."""
+    runs = pd.DataFrame({"sample": [1, 2, 3]} | {name: [1.0, 2.0, 3.0] for name in targets.names})
+
+    def of(percent, between=0.0):
+        unknown = discrepancy.of_targets(targets, runs, percent, between)
+        return observation(targets, np.eye(len(targets)), unknown)
+
+    return of
+
+
+def curve_of(model, targets, study=None):
     points = implausibility.Points(model, SPACE)
-    correlation = np.eye(len(targets))
-    return points, implausibility.curve(
-        points, SPACE, targets, lambda percent, between: observation(targets, correlation, percent, between)
-    )
+    return points, implausibility.curve(points, SPACE, targets, observed(targets), study)
 
 
 def test_bits_and_interval_of_a_linear_response_are_those_of_the_normal_distribution():
@@ -61,10 +70,22 @@ def test_a_correlated_discrepancy_leaves_the_contrast_of_two_responses_sharp():
     assert bits.loc[10.0, 0.9] > bits.loc[10.0, 0.0] + 0.5
 
 
+def test_the_row_of_a_shape_study_is_that_of_the_same_discrepancy_stated():
+    targets = targets_of(aor_deg=30.0, height_mm=60.0)
+    _, table = curve_of(Linear(20.0, 40.0), targets, observed(targets)(5.0, 0.9))
+    stated = table[(table["discrepancy_percent"] == 5.0) & (table["discrepancy_correlation"] == 0.9)].iloc[0]
+    study = table.iloc[-1]
+    assert (study["evidence"], stated["evidence"]) == ("shape study", "stated")
+    assert study.drop("evidence").astype(float).to_numpy() == pytest.approx(
+        stated.drop("evidence").astype(float).to_numpy()
+    )
+    assert "with the discrepancy of the shape study, 5 %:" in implausibility.message(table, 0.5)
+
+
 def test_the_region_is_where_the_response_is_within_three_standard_deviations():
     targets = targets_of(height_mm=60.0)
     points = implausibility.Points(Linear(40.0), SPACE)
-    mean, covariance = observation(targets, np.eye(1), 2.0)
+    mean, covariance = observed(targets)(2.0)
     implausible = implausibility.implausibility(points, mean, covariance)
     share, table = implausibility.region(points, SPACE, implausible)
     half = 3 * math.sqrt(covariance[0, 0]) / 40

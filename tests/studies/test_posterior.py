@@ -22,7 +22,8 @@ from repose.surrogate.bayesian_bp import BayesianBP
 # standard errors of the means 1 deg and 2 mm
 TARGETS = targets_of(sd_percent=20 / 3, aor_deg=30.0, height_mm=60.0)
 UNIT = {name: [0.0, 1.0] for name in PARAMETERS}
-SETTINGS = {"discrepancy_percent": 2.0, "discrepancy_correlation": 0.0}
+SETTINGS = {"shape_study": None, "discrepancy_percent": 2.0, "discrepancy_correlation": 0.0}
+SETTINGS |= {"measured_correlation": "simulated"}
 SETTINGS |= {"walkers": 24, "steps": 1000, "seed": 1}
 
 
@@ -130,6 +131,7 @@ def bits_on_a_grid(slopes, target, sd):
     return float(weighted @ np.log2(likelihood[positive] / evidence))
 
 
+@pytest.mark.slow
 def test_sampler_and_weighted_points_have_the_bits_of_a_grid():
     """Six parameters move one response, and the box cuts the posterior: nothing in it is normal."""
     slopes = dict(zip(PARAMETERS, (5.0, 2.0, 5.0, -4.0, 0.5, -4.0), strict=True))
@@ -144,7 +146,7 @@ def test_sampler_and_weighted_points_have_the_bits_of_a_grid():
         implausibility.Points(model, space),
         space,
         targets,
-        lambda percent, between: observation(targets, np.eye(1), percent, between),
+        lambda percent, between: observation(targets, np.eye(1), np.array([[(percent / 100 * 31.0) ** 2]])),
     )
     own = curve.set_index("discrepancy_percent").loc[2.0, "information_bits"]
     assert own == pytest.approx(exact, abs=0.01)

@@ -102,7 +102,9 @@ def test_information_beyond_an_informative_prior():
     def from_prior(share):
         return stats.norm(0.5, 0.1).ppf(np.clip(share, 1e-9, 1 - 1e-9))
 
-    found, _ = sampler.joint_information_bits(likelihood, likelihood(draws), 20_000, 1, 1, from_prior=from_prior)
+    found, _ = sampler.joint_information_bits(
+        likelihood, likelihood(draws), 20_000, 1, 1, from_prior=from_prior
+    )
     # between normals: ln(sd / sd') + (sd'^2 + shift^2) / (2 sd^2) - 1 / 2
     known = 0.5 * math.log(2) + (0.5 + 0.25) / 2 - 0.5
     assert found == pytest.approx(known / math.log(2), abs=0.02)

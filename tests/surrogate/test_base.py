@@ -15,6 +15,8 @@ INPUTS = ("a", "b", "c")
 NOISE = np.array([0.2, 2.0, 0.02, 20.0])
 
 every = pytest.mark.parametrize("name", names())
+# an ensemble of one start is that network (test_network_ensemble.py)
+each_alone = pytest.mark.parametrize("name", [name for name in names() if name != "network_ensemble"])
 any_number = pytest.mark.parametrize("outputs", [1, 4])
 
 
@@ -48,8 +50,8 @@ def fitted():
     }
 
 
-def test_the_three_are_there():
-    assert names() == ("network", "gaussian_process", "quadratic")
+def test_the_four_are_there():
+    assert names() == ("network", "gaussian_process", "network_ensemble", "quadratic")
 
 
 @every
@@ -63,7 +65,7 @@ def test_it_finds_the_function_behind_noisy_samples(name, outputs):
     assert model.covariance(X).shape == (200, outputs, outputs)
 
 
-@every
+@each_alone
 def test_error_bars_of_the_mean_cover_the_truth(name):
     """90 % intervals at the same point for 40 data sets: as a whole they cover it about as often as they say."""
     X, inside = points(30, 1), []
@@ -148,7 +150,7 @@ def test_an_input_that_does_not_vary_tells_nothing(name):
     assert np.isfinite(model.covariance(X)).all()
 
 
-@every
+@each_alone
 def test_a_sample_of_little_precision_hardly_counts(name):
     X, Y = samples(60, noise=0.3)
     spoiled = Y.copy()
@@ -228,7 +230,8 @@ def test_a_surrogate_is_registered_once():
     with pytest.raises(ValueError, match="registered already, by QuadraticSurface"):
         base.register("quadratic")(Other)
     with pytest.raises(
-        InputError, match=r"surrogate is 'cubic'; allowed: one of gaussian_process, network, quadr"
+        InputError,
+        match=r"surrogate is 'cubic'; allowed: one of gaussian_process, network, network_ensemble, quadr",
     ):
         make("cubic", {})
 

@@ -18,6 +18,12 @@ def fitted():
     return BayesianBP(starts=6).fit(X, Y), X, Y
 
 
+def score(model, X, Y):
+    """R2 (Eq. 13), the mean over the outputs."""
+    pairs = zip(Y.reshape(len(X), -1).T, model.predict(X).reshape(len(X), -1).T, strict=True)
+    return np.mean([r2(y, predicted) for y, predicted in pairs])
+
+
 def test_jacobian_is_the_derivative_by_finite_differences():
     random = np.random.RandomState(1)
     x, w = random.uniform(0.1, 0.9, (7, 3)), random.normal(size=4 * 3 + 4 + 2 * 4 + 2)
@@ -57,8 +63,8 @@ def test_start_has_slopes_of_nguyen_and_widrow_and_kinks_inside_the_interval():
 def test_learns_a_known_function_through_noise(fitted):
     model, X, Y = fitted
     fresh = np.random.RandomState(9).uniform(-1, 1, (300, 6))
-    assert model.score(fresh, known_function(fresh)) > 0.97
-    assert model.score(X, Y) < 0.99  # it has not learnt the noise
+    assert score(model, fresh, known_function(fresh)) > 0.97
+    assert score(model, X, Y) < 0.99  # it has not learnt the noise
     assert 15 < model.gamma_ < 60
     assert model.stop_reason_ in ("mu", "gradient")
 
@@ -201,7 +207,7 @@ def test_fewer_residuals_than_weights_still_train():
     model = BayesianBP(starts=3).fit(X, Y)
     assert 0 < model.gamma_ < 40
     fresh = np.random.RandomState(9).uniform(-1, 1, (300, 6))
-    assert model.score(fresh, known_function(fresh)) > 0.6
+    assert score(model, fresh, known_function(fresh)) > 0.6
 
 
 def test_same_seed_same_network_and_starts_do_not_depend_on_their_number(fitted):
@@ -214,7 +220,6 @@ def test_one_output_is_returned_as_one_dimension():
     X, Y = noisy_data(40, 6)
     model = BayesianBP(starts=1, hidden=4, epochs=50).fit(X, Y[:, 0])
     assert model.predict(X).shape == (40,)
-    assert model.score(X, Y[:, 0]) == pytest.approx(r2(Y[:, 0], model.predict(X)))
 
 
 def test_weights_draw_the_fit_to_the_exact_samples():
@@ -224,8 +229,8 @@ def test_weights_draw_the_fit_to_the_exact_samples():
     errors[::2] = 2.0
     weight = np.where(errors > 1, 0.01, 1.0)
     fresh = np.random.RandomState(9).uniform(-1, 1, (300, 6))
-    plain = BayesianBP(starts=3).fit(X, Y).score(fresh, known_function(fresh))
-    weighted = BayesianBP(starts=3).fit(X, Y, precision=weight).score(fresh, known_function(fresh))
+    plain = score(BayesianBP(starts=3).fit(X, Y), fresh, known_function(fresh))
+    weighted = score(BayesianBP(starts=3).fit(X, Y, precision=weight), fresh, known_function(fresh))
     assert 1 - weighted < 0.5 * (1 - plain)
 
 
@@ -339,7 +344,7 @@ def test_a_prior_for_each_input_fades_those_without_effect():
     assert model.alpha_.shape == (8,)
     assert model.alpha_[2:6].min() > 30 * model.alpha_[:2].max()
     one = BayesianBP(hidden=5, starts=4, epochs=300, goal=0.0).fit(X, y)
-    assert 1 - model.score(fresh, truth) < 0.7 * (1 - one.score(fresh, truth))
+    assert 1 - score(model, fresh, truth) < 0.7 * (1 - score(one, fresh, truth))
 
 
 def test_scikit_learn_finds_nothing_to_object_to():

@@ -237,6 +237,8 @@ def message(metrics: Mapping[str, Any]) -> str:
             f"{metrics['converged_starts']} of {metrics['starts']} starts converged; the data determine "
             f"{metrics['gamma']:.1f} of {metrics['n_weights']} weights of the one that is kept"
         )
+    if "members" in metrics:
+        lines.append(f"{metrics['members']} networks predict; what they disagree about is in the error")
     if metrics.get("at_cap"):
         lines.append(f"at the cap of their regularisation, so held at zero: {', '.join(metrics['at_cap'])}")
     return "\n".join(lines)

@@ -54,7 +54,7 @@ def compare_whole(args: argparse.Namespace) -> None:
     config = loader.load(args.config)
     targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
     settings = config["compare_whole"]
-    settings |= {"network": config["network"] | {key: settings[key] for key in ("starts", "epochs")}}
+    settings |= {"network": _network(config) | {key: settings[key] for key in ("starts", "epochs")}}
     settings |= {"miga": config["miga"] | {"rounds": settings["rounds"]}}
     samples = whole.read_samples(args.dataset, args.runs, space, targets.names)
     table = whole.run(samples, space, targets, settings, args.out)
@@ -72,7 +72,7 @@ def compare_accuracy(args: argparse.Namespace) -> None:
     config = loader.load(args.config)
     names = Targets.of(config["targets"]).names
     sets = points.read_sets(chosen_files(args, POOL_FILES), names)
-    print(accuracy.message(accuracy.run(sets, names, config["network"], args.out)))
+    print(accuracy.message(accuracy.run(sets, names, _network(config), args.out)))
 
 
 @family.verb(
@@ -86,7 +86,7 @@ def compare_surrogates(args: argparse.Namespace) -> None:
     config = loader.load(args.config)
     names = Targets.of(config["targets"]).names
     sets = points.read_sets(chosen_files(args, POOL_FILES), names)
-    surrogates.run(sets, names, config["network"], config["pool"]["seed"], args.out)
+    surrogates.run(sets, names, _network(config), config["pool"]["seed"], args.out)
 
 
 @family.verb(
@@ -101,7 +101,7 @@ def compare_sampling(args: argparse.Namespace) -> None:
     names, space = Targets.of(config["targets"]).names, ParameterSpace.of(config["parameters"])
     sets = points.read_sets(chosen_files(args, POOL_FILES), names)
     seeds, seed = config["funnel"]["seeds"], config["pool"]["seed"]
-    sampling.run(sets, names, space, config["network"], seeds, seed, args.out)
+    sampling.run(sets, names, space, _network(config), seeds, seed, args.out)
 
 
 @family.verb(
@@ -114,3 +114,9 @@ def compare_all(args: argparse.Namespace) -> None:
     from repose.studies.comparison import summary
 
     print(f"{len(summary.run(chosen_files(args, COMPARED), args.out))} rows")
+
+
+def _network(config):
+    """Settings of the configured network, or of one where the surrogate is another."""
+    kind = config["surrogate"]
+    return config["network"] | {"surrogate": kind if kind.startswith("network") else "network"}

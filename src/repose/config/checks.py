@@ -101,7 +101,13 @@ def _faults(pairs, config, source):
 
 def _missing_files(config):
     """Files that the configuration names and that are not there."""
-    for key in ("berry.sizes", "berry.compression", "berry.stl", "validation.published"):
+    for key in (
+        "berry.sizes",
+        "berry.compression",
+        "berry.stl",
+        "validation.published",
+        "posterior.shape_study",
+    ):
         path = get(config, key)
         if path is not None and not Path(path).is_file():
             yield key, "an existing file, seen from the project's folder"

@@ -15,7 +15,11 @@ from repose.core import places, provenance
 from repose.core.files import write_text
 from repose.core.parameters import PARAMETERS
 
-FILES = {"berry": ("sizes", "compression", "stl"), "validation": ("published",)}
+FILES = {
+    "berry": ("sizes", "compression", "stl"),
+    "validation": ("published",),
+    "posterior": ("shape_study",),
+}
 CROP = ("sizes", "density_kg_m3", "stl")  # keys of `berry` that make a file a crop of its own
 COMMAND_LINE = "command line (--config)"
 # Replaced, not merged: who lists two fillings wants two, and a parameter that is fixed has no prior of another file.

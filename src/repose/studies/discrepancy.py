@@ -1,16 +1,92 @@
-"""What the simulator cannot do with any parameters: the covariance of its discrepancies, for responses nobody measured.
+"""What the simulator cannot do with any parameters: the covariance of its discrepancies.
 
-A share of each response's mean, but no less than a smallest one in the response's unit: two percent of a share of five
-percent would be half a berry. Within a bench test the discrepancies are correlated, for one wrong shape or filling
-moves all numbers of a pile at once. They have the signs with which the responses vary together over the design: a
-steeper pile is higher and narrower.
+Where a shape study was made it is the evidence. Its plausible models have the axes, mass, volume and packing of the
+measured berry, and differ in what nobody knows: surface, tension, filling, definition of the angle. Poured with the
+same parameters they make different piles, and the spread of these is the discrepancy (`of_shape_study`).
+
+Elsewhere it is stated: a share of each response's mean, but no less than a smallest one in the response's unit, since
+two percent of a share of five percent would be half a berry (`sizes`, `covariance`). Within a bench test the
+discrepancies are correlated, for one wrong shape or filling moves all numbers of a pile at once. They have the signs
+with which the responses vary together over the design: a steeper pile is higher and narrower.
 """
 
+import os
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+import pandas as pd
 
-from repose.core.responses import response
+from repose.core.errors import InputError
+from repose.core.files import read_table
+from repose.core.responses import derived, response
+from repose.core.targets import Targets
+
+FEWEST_MODELS = 5
+
+
+def of_targets(
+    targets: Targets, runs: pd.DataFrame, percent: float, correlation: float, study: np.ndarray | None = None
+) -> np.ndarray:
+    """Covariance S_d of the discrepancies of a study's targets.
+
+    Parameters
+    ----------
+    targets : Targets
+        The k targets; the stated share is of their values.
+    runs : pandas.DataFrame
+        Runs of the design, for the signs.
+    percent, correlation : float
+        As `sizes` and `covariance` take them, where nothing is known.
+    study : numpy.ndarray, (k, k), optional
+        Of `of_shape_study`; it takes the place of what is stated.
+
+    Returns
+    -------
+    numpy.ndarray, (k, k)
+    """
+    if study is not None:
+        return study
+    means = runs.groupby("sample")[list(targets.names)].mean().to_numpy()
+    return covariance(targets.names, sizes(targets.names, targets.value, percent, {}), means, correlation)
+
+
+def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> np.ndarray:
+    """Covariance of the responses over the plausible models of a shape study.
+
+    Parameters
+    ----------
+    combinations_csv : path
+        The table ``combinations.csv`` of the verb `shape_study`: a row for each particle, tension, filling and
+        definition of the angle; plausible are those that are `eligible`.
+    targets : Targets
+        The k targets.
+
+    Returns
+    -------
+    numpy.ndarray, (k, k)
+        In the responses' units.
+
+    Raises
+    ------
+    InputError
+        If the table cannot be read, lacks a target's response, or has fewer than `FEWEST_MODELS` plausible models.
+
+    Notes
+    -----
+    The pours of a combination are few. The mean square of its standard errors is taken off each variance; the
+    correlation is that of the differences as they are.
+    """
+    columns = [derived(name, "difference") for name in targets.names]
+    table = read_table(combinations_csv, ("eligible", *columns, *targets.errors))
+    plausible = table[table["eligible"].astype(bool)].dropna(subset=columns)
+    if len(plausible) < FEWEST_MODELS:
+        raise InputError(
+            combinations_csv, "eligible", len(plausible), f"at least {FEWEST_MODELS} combinations"
+        )
+    errors = plausible[list(targets.errors)].to_numpy(float)
+    raw = np.atleast_2d(np.cov(plausible[columns].to_numpy(float).T))
+    spread = np.sqrt(np.maximum(np.diag(raw) - np.nanmean(errors**2, axis=0), 0.0))
+    return raw / np.sqrt(np.outer(np.diag(raw), np.diag(raw))) * np.outer(spread, spread)
 
 
 def sizes(

@@ -31,7 +31,7 @@ IMPLAUSIBLE = 3.0  # (P94)
 CELLS = 16  # of a parameter in a projection on two
 
 Observation = Callable[[float, float], tuple[np.ndarray, np.ndarray]]
-"""From size (percent) and correlation of the discrepancy to `repose.studies.likelihood.observation`."""
+"""From size (percent) and correlation of a stated discrepancy to `repose.studies.likelihood.observation`."""
 
 
 class Points:
@@ -51,7 +51,13 @@ class Points:
         self.predicted, self.covariance = model.predict(self.values), model.covariance(self.values)
 
 
-def curve(points: Points, space: ParameterSpace, targets: Targets, observed: Observation) -> pd.DataFrame:
+def curve(
+    points: Points,
+    space: ParameterSpace,
+    targets: Targets,
+    observed: Observation,
+    study: tuple[np.ndarray, np.ndarray] | None = None,
+) -> pd.DataFrame:
     """Bits and intervals over the size of the discrepancy.
 
     Parameters
@@ -61,26 +67,46 @@ def curve(points: Points, space: ParameterSpace, targets: Targets, observed: Obs
     targets : Targets
     observed : callable
         See `Observation`.
+    study : (numpy.ndarray, numpy.ndarray), optional
+        `repose.studies.likelihood.observation` with the covariance of a shape study.
 
     Returns
     -------
     pandas.DataFrame
-        A row for each size and correlation: `discrepancy_percent`, `discrepancy_correlation`, `information_bits`,
-        `effective_points`, and of each free parameter the ends of its 95 % interval and its bits. Correlated rows only
-        where a bench test gives several targets.
+        A row for each size and correlation: `discrepancy_percent`, `discrepancy_correlation`, `evidence` ("stated"),
+        `information_bits`, `effective_points`, and of each free parameter the ends of its 95 % interval and its bits.
+        Correlated rows only where a bench test gives several targets. Last a row of the shape study, where there is
+        one, whose size is the root mean square over the targets.
     """
     several = len(targets.apparatus) < len(targets)
-    rows = []
-    for correlation, percent in itertools.product((0.0, CORRELATED) if several else (0.0,), PERCENT):
-        log_weight = log_likelihood(points.predicted, points.covariance, *observed(percent, correlation))
-        weight = np.exp(log_weight - log_weight.max())
-        weight /= weight.sum()
-        row: dict[str, Any] = {"discrepancy_percent": percent, "discrepancy_correlation": correlation}
-        row |= {"information_bits": joint_bits(weight), "effective_points": 1 / float(weight @ weight)}
-        for k, name in enumerate(space.free):
-            row |= _marginal(name, points, k, weight, space, row["effective_points"])
-        rows.append(row)
+    rows = [
+        {"discrepancy_percent": percent, "discrepancy_correlation": correlation, "evidence": "stated"}
+        | _bits(points, space, observed(percent, correlation))
+        for correlation, percent in itertools.product((0.0, CORRELATED) if several else (0.0,), PERCENT)
+    ]
+    if study is not None:
+        added = study[1] - observed(0.0, 0.0)[1]
+        share = np.sqrt(np.diag(added)) / targets.value
+        between = added / np.sqrt(np.outer(np.diag(added), np.diag(added)))
+        pairs = np.abs(between[np.triu_indices(len(between), 1)])
+        row = {"discrepancy_percent": 100 * math.sqrt(np.mean(share**2)), "evidence": "shape study"}
+        row |= {"discrepancy_correlation": float(pairs.mean()) if len(pairs) else 0.0}
+        rows.append(row | _bits(points, space, study))
     return pd.DataFrame(rows)
+
+
+def _bits(points, space, observation) -> dict[str, Any]:
+    """Joint bits, effective points, and interval and bits of each parameter."""
+    log_weight = log_likelihood(points.predicted, points.covariance, *observation)
+    weight = np.exp(log_weight - log_weight.max())
+    weight /= weight.sum()
+    row: dict[str, Any] = {
+        "information_bits": joint_bits(weight),
+        "effective_points": 1 / float(weight @ weight),
+    }
+    for k, name in enumerate(space.free):
+        row |= _marginal(name, points, k, weight, space, row["effective_points"])
+    return row
 
 
 def _marginal(name, points, k, weight, space, effective):
@@ -170,9 +196,14 @@ def message(table: pd.DataFrame, share: float) -> str:
     str
     """
     lines = []
-    for correlation, own in table.groupby("discrepancy_correlation"):
+    stated = table[table["evidence"] == "stated"]
+    for correlation, own in stated.groupby("discrepancy_correlation"):
         told = [f"{row.discrepancy_percent:g} %: {row.information_bits:.2f}" for row in own.itertuples()]
         lines.append(f"bits over the discrepancy, correlation {correlation:g}: {', '.join(told)}")
+    for row in table[table["evidence"] != "stated"].itertuples():
+        lines.append(
+            f"with the discrepancy of the shape study, {row.discrepancy_percent:.0f} %: {row.information_bits:.2f} bits"
+        )
     lines.append(
         f"{100 * share:.0f} % of the prior is not implausible: no response lies {IMPLAUSIBLE:g} standard deviations or "
         "more from its measurement"

@@ -5,13 +5,12 @@ The physical means of the k targets, y (k,), are taken as normal about the surro
     y ~ N(f(theta), S_y + S_d + S_w(theta))
 
     S_y
-        Of the physical means: sd / sqrt(repetitions) of each response. Responses of one bench test have the
-        correlation of simulated runs of one sample; responses of different bench tests are independent. S_y holds
-        the scatter from run to run, so the surrogate's noise term is left out.
+        Of the physical means: sd / sqrt(repetitions) of each response. Responses of one bench test are correlated,
+        as simulated runs of one sample are unless something else is known; responses of different bench tests are
+        independent. S_y holds the scatter from run to run, so the surrogate's noise term is left out.
     S_d
-        Discrepancy, what the model cannot do with any parameters: a share of each target, with one correlation
-        between responses of the same bench test (Kennedy & O'Hagan 2001, J. R. Stat. Soc. B 63, 425, with a
-        constant in place of a process).
+        Discrepancy, what the model cannot do with any parameters: `repose.studies.discrepancy` (Kennedy & O'Hagan
+        2001, J. R. Stat. Soc. B 63, 425, with a constant in place of a process).
     S_w
         Of the surrogate's prediction of the mean.
 
@@ -27,10 +26,7 @@ from repose.core.targets import Targets
 
 
 def observation(
-    targets: Targets,
-    correlation: np.ndarray,
-    discrepancy_percent: float,
-    discrepancy_correlation: float = 0.0,
+    targets: Targets, correlation: np.ndarray, discrepancy: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Physical means and the part of their covariance that does not depend on the parameters.
 
@@ -38,12 +34,10 @@ def observation(
     ----------
     targets : Targets
         The k targets.
-    correlation : numpy.ndarray
-        Correlations (k, k) of the responses from run to run.
-    discrepancy_percent : float
-        Standard deviation of the discrepancy, in percent of each physical mean.
-    discrepancy_correlation : float
-        Of the discrepancies of two responses of the same bench test.
+    correlation : numpy.ndarray, (k, k)
+        Correlations of the measured responses from pile to pile.
+    discrepancy : numpy.ndarray, (k, k)
+        Covariance S_d.
 
     Returns
     -------
@@ -60,12 +54,33 @@ def observation(
     correlation = np.asarray(correlation, dtype=float)
     if np.linalg.eigvalsh(correlation)[0] <= 0:
         raise ValueError(f"correlation is {correlation.tolist()}; allowed: a positive definite matrix")
-    mean, error = targets.value, targets.standard_error
+    error = targets.standard_error
+    return targets.value, np.outer(error, error) * correlation + discrepancy
+
+
+def measured_correlation(targets: Targets, simulated: np.ndarray, stated: float | str) -> np.ndarray:
+    """Correlation of the measured responses.
+
+    Parameters
+    ----------
+    targets : Targets
+        The k targets.
+    simulated : numpy.ndarray, (k, k)
+        Of simulated runs of one sample, measured as the configuration says.
+    stated : float or str
+        Of any two responses of one bench test, where the physical piles were measured in another way; or
+        ``simulated``.
+
+    Returns
+    -------
+    numpy.ndarray, (k, k)
+    """
+    if isinstance(stated, str):
+        return simulated
     bench = np.array([one.response.apparatus for one in targets])
-    alike = np.where(bench[:, None] == bench, discrepancy_correlation, 0.0)
-    np.fill_diagonal(alike, 1.0)
-    discrepancy = discrepancy_percent / 100 * mean
-    return mean, np.outer(error, error) * correlation + np.outer(discrepancy, discrepancy) * alike
+    found = np.where(bench[:, None] == bench, float(stated), 0.0)
+    np.fill_diagonal(found, 1.0)
+    return found
 
 
 def log_likelihood(

@@ -4,6 +4,7 @@ The prior is uniform on the range of each parameter, or normal and cut to the ra
 The likelihood is that of `repose.studies.likelihood`; `repose.studies.sampler` draws from the posterior.
 """
 
+import functools
 import math
 import os
 from collections.abc import Mapping
@@ -20,8 +21,8 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.responses import Definitions, derived
 from repose.core.targets import Targets
-from repose.studies import implausibility, noise
-from repose.studies.likelihood import log_likelihood, misfit, observation
+from repose.studies import discrepancy, implausibility, noise
+from repose.studies.likelihood import log_likelihood, measured_correlation, misfit, observation
 from repose.studies.sampler import information_bits, joint_information_bits, sample, split_r_hat
 from repose.studies.surrogates import require_targets
 from repose.surrogate.base import Predictor
@@ -61,6 +62,7 @@ def infer(
     targets: Targets,
     settings: Mapping[str, Any],
     beside: Mapping[str, pd.DataFrame],
+    study: np.ndarray | None = None,
 ) -> Posterior:
     """Sample the posterior and say what it determines.
 
@@ -77,9 +79,11 @@ def infer(
     targets : Targets
     settings : mapping
         The section `posterior` of the configuration: discrepancy_percent, discrepancy_correlation, walkers, steps,
-        seed.
+        seed; measured_correlation, by default that of simulated runs.
     beside : mapping
         Intervals of the parameters from elsewhere, by name: tables with the index parameter and columns low, high.
+    study : numpy.ndarray, (k, k), optional
+        Covariance of the discrepancies where a shape study is their evidence.
 
     Returns
     -------
@@ -90,9 +94,10 @@ def infer(
     ValueError
         If the runs are too few or too alike for a correlation.
     """
-    correlation, pairs = noise.within_correlation(runs, targets)
-    spread = settings["discrepancy_percent"]
-    mean, covariance = observation(targets, correlation, spread, settings["discrepancy_correlation"])
+    observed, pairs = _observed(runs, targets, settings)
+    assumed = settings["discrepancy_percent"], settings["discrepancy_correlation"]
+    unknown = discrepancy.of_targets(targets, runs, *assumed, study)
+    mean, covariance = observed(unknown)
 
     def likelihood(unit):
         X = space.values(unit)
@@ -122,8 +127,9 @@ def infer(
         draws[derived(response.name, f"{model.name}_se")] = std[:, k]
     summary = {
         "correlation": noise.told(pairs),
-        "physical_se": [math.sqrt(v) for v in np.diag(observation(targets, correlation, 0)[1])],
-        "discrepancy_sd": [float(v) for v in spread / 100 * mean],
+        "physical_se": [math.sqrt(v) for v in np.diag(covariance - unknown)],
+        "discrepancy_sd": [math.sqrt(v) for v in np.diag(unknown)],
+        "discrepancy_of": "stated" if study is None else "shape study",
         f"{model.name}_se": [float(v) for v in np.sqrt((std**2).mean(axis=0))],
         "predicted": {
             name: {"mean": float(Y[:, k].mean()), **_interval(Y[:, k])}
@@ -164,7 +170,7 @@ def run(
     space : ParameterSpace
     targets : Targets
     settings : mapping
-        As `infer` takes them.
+        As `infer` takes them, and shape_study, a table of `repose.studies.discrepancy.of_shape_study` or None.
     out_dir : path
     definitions : mapping, optional
         How the study defines its responses.
@@ -193,13 +199,15 @@ def run(
     if files["table3"] is not None:
         published = read_table(files["table3"], ("parameter", "low", "high")).set_index("parameter")
         beside = {"published": published, **beside}
+    evidence = settings.get("shape_study")
+    study = None if evidence is None else discrepancy.of_shape_study(evidence, targets)
     try:
-        found = infer(model, support, runs, space, targets, settings, beside)
+        found = infer(model, support, runs, space, targets, settings, beside, study)
     except ValueError as error:
         allowed = "enough runs a sample for the correlation of the responses"
         raise InputError(files["runs"], "runs", str(error), allowed) from None
     out = Path(out_dir)
-    told = _beside_the_posterior(model, space, targets, settings, runs, out)
+    told = _beside_the_posterior(model, space, targets, settings, runs, study, out)
     found.summary.update(told)
     write_table(out / "posterior.csv", found.parameters)
     write_table(out / "draws.csv", found.draws)
@@ -207,17 +215,27 @@ def run(
     return found.summary
 
 
-def _beside_the_posterior(model, space, targets, settings, runs, out):
+def _observed(runs, targets, settings):
+    """From the covariance of the discrepancies to the physical means and their covariance; pairs of correlations."""
+    simulated, pairs = noise.within_correlation(runs, targets)
+    stated = settings.get("measured_correlation", "simulated")
+    correlation = measured_correlation(targets, simulated, stated)
+    return functools.partial(observation, targets, correlation), pairs
+
+
+def _beside_the_posterior(model, space, targets, settings, runs, study, out):
     """Write discrepancy.csv and region.csv; what is said of them in the summary."""
-    correlation, _ = noise.within_correlation(runs, targets)
-
-    def observed(percent, between):
-        return observation(targets, correlation, percent, between)
-
+    observed, _ = _observed(runs, targets, settings)
     points = implausibility.Points(model, space)
-    table = implausibility.curve(points, space, targets, observed)
-    chosen = observed(settings["discrepancy_percent"], settings["discrepancy_correlation"])
-    share, projections = implausibility.region(points, space, implausibility.implausibility(points, *chosen))
+
+    def stated(percent, between):
+        return observed(discrepancy.of_targets(targets, runs, percent, between))
+
+    chosen = settings["discrepancy_percent"], settings["discrepancy_correlation"]
+    of_study = None if study is None else observed(study)
+    table = implausibility.curve(points, space, targets, stated, of_study)
+    excluded = implausibility.implausibility(points, *(of_study or stated(*chosen)))
+    share, projections = implausibility.region(points, space, excluded)
     write_table(out / "discrepancy.csv", table, float_format="%.6g")
     write_table(out / "region.csv", projections, float_format="%.6g")
     return {"not_implausible_share": share, "over_the_discrepancy": implausibility.message(table, share)}

@@ -185,26 +185,43 @@ class BayesianBP(Surrogate):
         for k in range(self.starts):
             w = nguyen_widrow(x.shape[1], self.hidden, t.shape[1], self.scaled_range, (self.seed, k))
             ends.append(train_start(w, x, t, np.sqrt(weight), n, settings, replicates))
+        self.ends_, self._mixing = ends, mixing
         self.starts_ = [{"start": k} | {key: end[key] for key in STATISTICS} for k, end in enumerate(ends)]
         converged = [k for k, end in enumerate(ends) if end["decrement"] < CONVERGED]
         self.converged_starts_ = len(converged)
         self.best_start_ = max(converged or range(self.starts), key=lambda k: ends[k]["log_evidence"])
         names = class_names(self.prior, self.inputs or range(X.shape[1]))
         self.at_cap_ = [names[c] for c in ends[self.best_start_]["at_cap"]]
-        self._keep(ends[self.best_start_], mixing)
+        self._keep(ends[self.best_start_])
         self.n_residuals_ = t.size
         return self
 
-    def _keep(self, best, mixing):
+    def of_start(self, k: int) -> Self:
+        """The network that start k of the `fit` ended with.
+
+        Parameters
+        ----------
+        k : int
+
+        Returns
+        -------
+        BayesianBP
+        """
+        other = copy.copy(self)
+        other._keep(self.ends_[k])
+        return other
+
+    def _keep(self, end):
         """Take over the end of a start, its outputs as they were before mixing."""
-        if best["log_evidence"] == -math.inf:
+        if end["log_evidence"] == -math.inf:
             raise ValueError(f"none of {self.starts} starts ended with a finite evidence")
-        w = mix_outputs(best["w"], np.linalg.inv(mixing), self.hidden)
-        self.W1_, self.b1_, self.W2_, self.b2_ = unpack(w, len(self.input_min_), self.hidden, len(mixing))
-        self.alpha_, self.beta_, self.gamma_ = best["alpha"], best["beta"], best["gamma"]
-        self.log_evidence_, self.epochs_ = best["log_evidence"], best["epochs"]
-        self.stop_reason_ = best["stop_reason"]
-        self._set_errors(posterior_root(best["alpha_of_weight"], self.beta_, best["JJ"]), mixing)
+        w = mix_outputs(end["w"], np.linalg.inv(self._mixing), self.hidden)
+        sizes = len(self.input_min_), self.hidden, len(self._mixing)
+        self.W1_, self.b1_, self.W2_, self.b2_ = unpack(w, *sizes)
+        self.alpha_, self.beta_, self.gamma_ = end["alpha"], end["beta"], end["gamma"]
+        self.log_evidence_, self.epochs_ = end["log_evidence"], end["epochs"]
+        self.stop_reason_ = end["stop_reason"]
+        self._set_errors(posterior_root(end["alpha_of_weight"], self.beta_, end["JJ"]), self._mixing)
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
         """Responses, and their standard deviations.
@@ -277,25 +294,6 @@ class BayesianBP(Surrogate):
         moved = copy.copy(self)
         moved.b2_ = self.b2_ + offset * (top - bottom) / width(self.output_min_, self.output_max_)
         return moved
-
-    def score(self, X: np.ndarray, y: ArrayLike, sample_weight: ArrayLike | None = None) -> float:
-        """Coefficient of determination R2 (Eq. 13), the mean over the outputs.
-
-        Parameters
-        ----------
-        X : array, (samples, inputs)
-        y : array, (samples,) or (samples, outputs)
-        sample_weight : array, (samples,), optional
-
-        Returns
-        -------
-        float
-        """
-        Y = np.asarray(y, dtype=float).reshape(len(X), -1)
-        P = np.asarray(self.predict(X)).reshape(len(X), -1)
-        weight = np.ones(len(Y)) if sample_weight is None else np.asarray(sample_weight, dtype=float)
-        mean = np.average(Y, axis=0, weights=weight)
-        return float(np.mean(1 - (weight @ (Y - P) ** 2) / (weight @ (Y - mean) ** 2)))
 
     def report(self) -> dict[str, Any]:
         """Evidence and end of the start that was kept, classes of its weights at the cap, numbers of starts, prior."""

@@ -17,7 +17,7 @@ from repose.surrogate.support import quadratic_terms
 RESPONSES = ("aor_deg", "height_mm")
 SPACE = ParameterSpace.of(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
 NETWORK = {"hidden": 3, "epochs": 60, "goal": 0.0, "split": [0.7, 0.15, 0.15], "starts": 2, "seed": 1}
-NETWORK |= {"prior": "inputs", "replicates": True}
+NETWORK |= {"surrogate": "network_ensemble", "prior": "inputs", "replicates": True}
 
 
 def truth(X):

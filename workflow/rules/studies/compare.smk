@@ -2,10 +2,10 @@
 COMPARISON = f"{RESULTS}/comparison"
 # What each comparison depends on besides the pours, and its tables.
 COMPARISONS = {
-    "accuracy": (("network",), ()),
-    "surrogates": (("network", "pool.seed"), ()),
+    "accuracy": (("network", "surrogate"), ()),
+    "surrogates": (("network", "surrogate", "pool.seed"), ()),
     "sampling": (
-        ("network", "pool.seed", "parameters", "funnel.seeds"),
+        ("network", "surrogate", "pool.seed", "parameters", "funnel.seeds"),
         ("emulator.json",),
     ),
 }

@@ -46,7 +46,9 @@ rule whole_tables:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("parameters", "targets", "network", "miga", "compare_whole"),
+        depends=sections(
+            "parameters", "targets", "network", "surrogate", "miga", "compare_whole"
+        ),
     message:
         "The method beside a response surface, for equal numbers of simulations"
     shell:

@@ -1,4 +1,4 @@
-// The network with its error: what repose.surrogate.bayesian_bp computes.
+// The networks with their error: what repose.surrogate.network_ensemble computes, for one network or several.
 "use strict";
 
 function unpacked(text, Kind) {
@@ -10,8 +10,20 @@ function width(low, high) {
 }
 
 // From a parameter set to {mean, std}, arrays of one number for each response; std is that of the mean, without noise.
-function networkPredictor(network) {
-  const root = unpacked(network.root, Float64Array);
+function networkPredictor(model) {
+  const members = model.members.map((one) => memberPredictor({ ...model, ...one }));
+  const average = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
+  return function (X) {
+    const found = members.map((predict) => predict(X));
+    const mean = found[0].mean.map((_, k) => average(found.map((one) => one.mean[k])));
+    const std = mean.map((value, k) => Math.sqrt(average(found.map((one) => one.std[k] ** 2 + (one.mean[k] - value) ** 2))));
+    return { mean, std };
+  };
+}
+
+// The same of one network.
+function memberPredictor(network) {
+  const root = unpacked(network.root, Float32Array);
   const [bottom, top] = network.scaled_range;
   const inputWidth = width(network.input_min, network.input_max);
   const stretch = width(network.output_min, network.output_max).map((value) => value / (top - bottom));

@@ -1,8 +1,8 @@
 """The surrogate for a page that holds no Python: what the page's sliders need to predict.
 
-A network is given whole, with the root of its weights' covariance; `network.js` computes with it what
-`repose.surrogate.bayesian_bp` does. Of another surrogate the page gets curves: one parameter moves through its range,
-the others stay at the answer.
+A network is given whole, with the root of its weights' covariance, and so is each one of an ensemble; `network.js`
+computes with them what `repose.surrogate.network_ensemble` does. Of another surrogate the page gets curves: one
+parameter moves through its range, the others stay at the answer.
 """
 
 import base64
@@ -13,9 +13,10 @@ import numpy as np
 from repose.core.parameter_space import ParameterSpace
 from repose.surrogate.base import Predictor
 from repose.surrogate.bayesian_bp import BayesianBP
-from repose.surrogate.two_layer import ARRAYS
+from repose.surrogate.network_ensemble import OF_EACH, NetworkEnsemble
 
 CURVE_POINTS = 41
+SHARED = ("input_min", "input_max", "output_min", "output_max", "scaled_range")
 
 
 def packed(array: np.ndarray, kind: str) -> str:
@@ -35,7 +36,7 @@ def packed(array: np.ndarray, kind: str) -> str:
     return base64.b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode()
 
 
-def is_whole(surrogate: Predictor) -> TypeGuard[BayesianBP]:
+def is_whole(surrogate: Predictor) -> TypeGuard[BayesianBP | NetworkEnsemble]:
     """Whether the page gets the surrogate itself, not curves.
 
     Parameters
@@ -46,7 +47,7 @@ def is_whole(surrogate: Predictor) -> TypeGuard[BayesianBP]:
     -------
     bool
     """
-    return isinstance(surrogate, BayesianBP)
+    return isinstance(surrogate, BayesianBP | NetworkEnsemble)
 
 
 def for_page(surrogate: Predictor, space: ParameterSpace, answer: np.ndarray) -> dict[str, Any]:
@@ -66,10 +67,14 @@ def for_page(surrogate: Predictor, space: ParameterSpace, answer: np.ndarray) ->
         With `kind`, ``network`` or ``curves``.
     """
     if is_whole(surrogate):
-        content = surrogate.to_dict()
-        return {key: content[key] for key in (*ARRAYS, "scaled_range")} | {
+        members = surrogate.members_ if isinstance(surrogate, NetworkEnsemble) else [surrogate]
+        contents = [one.to_dict() for one in members]
+        return {key: contents[0][key] for key in SHARED} | {
             "kind": "network",
-            "root": packed(surrogate.posterior_root_, "<f8"),
+            "members": [
+                {key: content[key] for key in OF_EACH} | {"root": packed(one.posterior_root_, "<f4")}
+                for one, content in zip(members, contents, strict=True)
+            ],
         }
     curves = {}
     for name, low, high in zip(space.free, space.low, space.high, strict=True):

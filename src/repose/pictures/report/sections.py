@@ -241,7 +241,10 @@ def other_parameters(study: Study) -> str:
     if study.surrogate is None:
         return ""
     if is_whole(study.surrogate):
-        how = "The network predicts the simulated means; its error is that of its Bayesian training."
+        how = (
+            "The network predicts the simulated means, or the mean of several networks does; the error is that of the "
+            "Bayesian training, with what the networks disagree about."
+        )
     else:
         how = (
             f"The surrogate ({study.surrogate.name}) was evaluated beforehand along each parameter through the answer: "

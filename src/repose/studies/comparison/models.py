@@ -13,6 +13,7 @@ from repose.studies.comparison.points import Points
 from repose.surrogate.base import Surrogate
 from repose.surrogate.bayesian_bp import BayesianBP
 from repose.surrogate.gaussian_process import GaussianProcess
+from repose.surrogate.network_ensemble import NetworkEnsemble
 from repose.surrogate.quadratic import QuadraticSurface
 
 Settings = Mapping[str, Any]
@@ -22,7 +23,7 @@ Predict = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray | None]]
 
 TREES = 300
 ROUNDS = 300  # of boosting
-PUBLISHED = {"prior": "one", "goal": 1e-4, "replicates": False}
+PUBLISHED = {"surrogate": "network", "prior": "one", "goal": 1e-4, "replicates": False}
 
 
 def configured_network(points: Points, settings: Settings, seed: int) -> Predict:
@@ -32,7 +33,7 @@ def configured_network(points: Points, settings: Settings, seed: int) -> Predict
     ----------
     points : Points
     settings : mapping
-        The configuration's section `network`.
+        The configuration's section `network`, with `surrogate`.
     seed : int
         Of the starts.
 
@@ -41,9 +42,31 @@ def configured_network(points: Points, settings: Settings, seed: int) -> Predict
     callable
         See `Predict`.
     """
-    network = BayesianBP.of({**settings, "seed": seed})
+    kind = NetworkEnsemble if settings.get("surrogate") == NetworkEnsemble.name else BayesianBP
     noise = points.replicates() if settings["replicates"] else {}
+    network = kind.of({**settings, "seed": seed})
     return _of_the_mean(network.fit(points.X, points.means(), **noise))
+
+
+def best_network(points: Points, settings: Settings, seed: int) -> Predict | None:
+    """The best network of an ensemble's starts alone.
+
+    Parameters
+    ----------
+    points : Points
+    settings : mapping
+        The configuration's section `network`, with `surrogate`.
+    seed : int
+        Of the starts.
+
+    Returns
+    -------
+    callable or None
+        See `Predict`; None where the configured network is no ensemble.
+    """
+    if settings.get("surrogate") != NetworkEnsemble.name:
+        return None
+    return configured_network(points, {**settings, "surrogate": BayesianBP.name}, seed)
 
 
 def published_network(points: Points, settings: Settings, seed: int) -> Predict:
@@ -190,6 +213,7 @@ def gradient_boosting(points: Points, settings: Settings, seed: int) -> Predict:
 
 MODELS: dict[str, Callable[[Points, Settings, int], Predict | None]] = {
     "network": configured_network,
+    "network, best start alone": best_network,
     "network, published prior": published_network,
     "network, unregularised": unregularised_network,
     "quadratic surface": quadratic_surface,

@@ -1,0 +1,162 @@
+"""The mean of the networks that several starts ended with, with the scatter among them in its errors.
+
+Starts of `repose.surrogate.bayesian_bp.BayesianBP` end at different networks, whose evidence hardly differs. The error
+bars of each are those about its own weights; what the networks disagree about is in none of them. Here the prediction
+is a mixture of the networks: its mean is the mean of their means, its covariance the mean of their covariances plus the
+covariance of their means. Nothing more is trained than for the best network alone.
+
+  (LPB17)  Lakshminarayanan, Pritzel & Blundell 2017, Simple and scalable predictive uncertainty estimation using deep
+           ensembles, Adv. Neural Inf. Process. Syst. 30: the moments of such a mixture
+"""
+
+import copy
+from collections.abc import Callable, Mapping
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from repose.surrogate.base import Surrogate, register
+from repose.surrogate.bayesian_bp import BayesianBP
+from repose.surrogate.levenberg_marquardt import CONVERGED
+from repose.surrogate.two_layer import response_function
+
+# Laplace's approximation of the evidence has errors of such a size; starts that stay further below found less.
+NATS = 50.0
+OF_EACH = ("W1", "b1", "W2", "b2")
+
+
+@register("network_ensemble")
+class NetworkEnsemble(Surrogate):
+    """Networks of all converged starts whose log evidence is near the largest; the best one comes first.
+
+    Parameters
+    ----------
+    network : BayesianBP
+        Untrained, with the settings of the training.
+
+    Attributes
+    ----------
+    members_ : list of BayesianBP
+    near_ : list of int
+        Numbers of their starts.
+    """
+
+    def __init__(self, network: BayesianBP) -> None:
+        self.members_ = [network]
+
+    @classmethod
+    def of(cls, settings: Mapping[str, Any]) -> Self:
+        """Networks with the settings that `BayesianBP.of` takes.
+
+        Parameters
+        ----------
+        settings : mapping
+            The section `network` of the configuration, with `seed`.
+
+        Returns
+        -------
+        NetworkEnsemble
+            Untrained.
+        """
+        return cls(BayesianBP.of(settings))
+
+    def fit(
+        self,
+        X: ArrayLike,
+        Y: ArrayLike,
+        *,
+        precision: ArrayLike | None = None,
+        noise_covariance: ArrayLike | None = None,
+        noise_freedom: float = 0.0,
+    ) -> Self:
+        best = self.members_[0]
+        best.inputs = self.inputs
+        best.fit(X, Y, None, precision, noise_covariance, noise_freedom)
+        self.near_ = [
+            start["start"]
+            for start in best.starts_
+            if start["decrement"] < CONVERGED and start["log_evidence"] >= best.log_evidence_ - NATS
+        ]
+        self.members_ = [best, *(best.of_start(k) for k in self.near_ if k != best.best_start_)]
+        return self
+
+    def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
+        mean = np.mean([one.predict(X) for one in self.members_], axis=0)
+        if not return_std:
+            return mean
+        variance = np.diagonal(self.covariance(X), axis1=1, axis2=2)
+        return mean, np.sqrt(variance + noise * np.mean([one.noise_std_**2 for one in self.members_], axis=0))
+
+    def covariance(self, X: ArrayLike) -> np.ndarray:
+        """Covariance of the mixture's means, without noise (LPB17).
+
+        Parameters
+        ----------
+        X : array, (n, d)
+
+        Returns
+        -------
+        numpy.ndarray, (n, k, k)
+        """
+        means = np.array([one.predict(X) for one in self.members_])
+        off = means - means.mean(axis=0)
+        own = np.mean([one.covariance(X) for one in self.members_], axis=0)
+        return own + np.einsum("mni,mnj->nij", off, off) / len(self.members_)
+
+    def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+        # The mean of networks is one network that has all their neurons.
+        return response_function(self._as_one(), low, high)
+
+    def shifted(self, offset: np.ndarray) -> Self:
+        moved = copy.copy(self)
+        moved.members_ = [one.shifted(offset) for one in self.members_]
+        return moved
+
+    def report(self) -> dict[str, Any]:
+        """The report of the best network, and how many networks there are."""
+        return self.members_[0].report() | {"members": len(self.members_)}
+
+    def start_rows(self) -> list[dict[str, Any]]:
+        """Rows of the best network, and which starts are members."""
+        return [row | {"member": row["start"] in self.near_} for row in self.members_[0].start_rows()]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The best network as its own file has it, and what differs in each other one."""
+        best, *others = self.members_
+        content = best.to_dict()
+        return content | {"others": [_what_differs(one.to_dict()) for one in others]}
+
+    @classmethod
+    def from_dict(cls, content: Mapping[str, Any]) -> Self:
+        """The networks of a `to_dict`.
+
+        Parameters
+        ----------
+        content : mapping
+
+        Returns
+        -------
+        NetworkEnsemble
+        """
+        model = cls(BayesianBP.from_dict(content))
+        for other in content["others"]:
+            whole = {**content, **other, "training": content["training"] | other["training"]}
+            model.members_.append(BayesianBP.from_dict(whole))
+        return model
+
+    def _as_one(self):
+        """Arrays of the network that has the neurons of all members."""
+        members = self.members_
+        return members[0].to_dict() | {
+            "W1": np.concatenate([one.W1_ for one in members]),
+            "b1": np.concatenate([one.b1_ for one in members]),
+            "W2": np.concatenate([one.W2_ for one in members], axis=1) / len(members),
+            "b2": np.mean([one.b2_ for one in members], axis=0),
+        }
+
+
+def _what_differs(content):
+    """Weights and their regularisation; scalings and samples are the same in all networks."""
+    found = {key: content[key] for key in OF_EACH}
+    return found | {"training": {key: content["training"][key] for key in ("alpha", "beta")}}

@@ -1,0 +1,68 @@
+"""The covariance of the discrepancies: as stated, and as a shape study shows it."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from shared import targets_of
+
+from repose.core.errors import InputError
+from repose.studies import discrepancy
+
+TARGETS = targets_of(aor_deg=30.0, height_mm=60.0)
+
+
+def design(*slopes):
+    """Runs of ten samples along one line; each response follows it with its slope."""
+    along = np.repeat(np.arange(10.0), 2)
+    table = pd.DataFrame({"sample": along, "aor_deg": slopes[0] * along, "height_mm": slopes[1] * along})
+    return table.assign(drum_slip_deg=along)
+
+
+def combinations(folder, differences, errors=(0.0, 0.0), eligible=True):
+    """A table of a shape study with these differences (n, 2)."""
+    table = pd.DataFrame(differences, columns=["aor_difference_deg", "height_difference_mm"])
+    table = table.assign(aor_se_deg=errors[0], height_se_mm=errors[1], eligible=eligible)
+    table.to_csv(folder / "combinations.csv", index=False)
+    return folder / "combinations.csv"
+
+
+def test_a_stated_one_is_a_share_of_each_target_and_correlated_within_a_bench_test():
+    targets = targets_of(aor_deg=30.0, height_mm=60.0, drum_slip_deg=40.0)
+    found = discrepancy.of_targets(targets, design(1.0, 2.0), 10.0, 0.9)
+    assert found == pytest.approx(np.array([[9, 16.2, 0], [16.2, 36, 0], [0, 0, 16]]))
+    opposite = discrepancy.of_targets(targets, design(1.0, -2.0), 10.0, 0.9)
+    assert opposite[0, 1] == pytest.approx(-16.2)
+
+
+def test_that_of_a_shape_study_is_the_spread_of_its_plausible_models(tmp_path):
+    """4000 models with a known covariance, measured with a known error; others are not plausible."""
+    random = np.random.default_rng(1)
+    known = np.array([[9.0, 12.0], [12.0, 25.0]])
+    models = random.multivariate_normal([-3, 5], known, 4000) + random.normal(size=(4000, 2)) * [0.5, 2.0]
+    far = random.normal(100, 50, (50, 2))
+    path = combinations(tmp_path, np.vstack([models, far]), (0.5, 2.0), np.arange(4050) < 4000)
+    found = discrepancy.of_shape_study(path, TARGETS)
+    assert np.sqrt(np.diag(found)) == pytest.approx([3, 5], rel=0.05)
+    raw = known + np.diag([0.25, 4.0])
+    assert found[0, 1] / np.sqrt(found[0, 0] * found[1, 1]) == pytest.approx(
+        12 / np.sqrt(raw[0, 0] * raw[1, 1]), abs=0.03
+    )
+    assert (discrepancy.of_targets(TARGETS, design(1, 1), 2.0, 0.0, found) == found).all()
+    height = discrepancy.of_shape_study(path, targets_of(height_mm=60.0))
+    assert height == pytest.approx(found[1:, 1:])
+
+
+def test_a_study_that_says_too_little_is_refused(tmp_path):
+    few = combinations(tmp_path, np.ones((6, 2)), eligible=[True] * 4 + [False] * 2)
+    with pytest.raises(InputError, match=r"combinations.csv: eligible is 4; allowed: at least 5"):
+        discrepancy.of_shape_study(few, TARGETS)
+    with pytest.raises(InputError, match="drum_slip_difference_deg"):
+        discrepancy.of_shape_study(few, targets_of(drum_slip_deg=40.0))
+
+
+def test_the_study_of_the_configuration_is_the_published_one():
+    root = Path(__file__).parents[2]
+    published = root / "results" / "published" / "shape_study" / "combinations.csv"
+    assert (root / "resources" / "shape_study.csv").read_bytes() == published.read_bytes()
