@@ -18,7 +18,7 @@ COLOURS = (
     style.ORANGE,
     style.PURPLE,
     style.GREY,
-    style.BERRY,
+    style.BLACK,
 )
 MARKERS = "osD^vP*X"
 LEAST_MISSED = 0.003  # of the explainable variance; an unbiased share may exceed one
