@@ -19,7 +19,8 @@ from numpy.typing import ArrayLike
 from repose.surrogate.base import Surrogate, register
 from repose.surrogate.bayesian_bp import BayesianBP
 from repose.surrogate.levenberg_marquardt import CONVERGED
-from repose.surrogate.two_layer import response_function
+from repose.surrogate.samples import checked_points
+from repose.surrogate.two_layer import response_function, scale, width
 
 # Laplace's approximation of the evidence has errors of such a size; starts that stay further below found less.
 NATS = 50.0
@@ -82,7 +83,7 @@ class NetworkEnsemble(Surrogate):
         return self
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
-        mean = np.mean([one.predict(X) for one in self.members_], axis=0)
+        mean = self._means(X).mean(axis=0)
         if not return_std:
             return mean
         variance = np.diagonal(self.covariance(X), axis1=1, axis2=2)
@@ -99,7 +100,7 @@ class NetworkEnsemble(Surrogate):
         -------
         numpy.ndarray, (n, k, k)
         """
-        means = np.array([one.predict(X) for one in self.members_])
+        means = self._means(X)
         off = means - means.mean(axis=0)
         own = np.mean([one.covariance(X) for one in self.members_], axis=0)
         return own + np.einsum("mni,mnj->nij", off, off) / len(self.members_)
@@ -145,14 +146,27 @@ class NetworkEnsemble(Surrogate):
             model.members_.append(BayesianBP.from_dict(whole))
         return model
 
+    def _means(self, X):
+        """Means (members, n, k) of all networks, in one pass through their hidden layers."""
+        first = self.members_[0]
+        X = checked_points(X, len(first.input_min_))
+        x = scale(X, first.input_min_, first.input_max_, first.scaled_range)
+        a = np.tanh(np.einsum("ni,mhi->mnh", x, self._stacked("W1")) + self._stacked("b1")[:, None])
+        y = np.einsum("mnh,mkh->mnk", a, self._stacked("W2")) + self._stacked("b2")[:, None]
+        low, high = first.scaled_range
+        return first.output_min_ + (y - low) / (high - low) * width(first.output_min_, first.output_max_)
+
+    def _stacked(self, key):
+        """One of the arrays of `OF_EACH` for all networks (members, ...)."""
+        return np.array([getattr(one, f"{key}_") for one in self.members_])
+
     def _as_one(self):
         """Arrays of the network that has the neurons of all members."""
-        members = self.members_
-        return members[0].to_dict() | {
-            "W1": np.concatenate([one.W1_ for one in members]),
-            "b1": np.concatenate([one.b1_ for one in members]),
-            "W2": np.concatenate([one.W2_ for one in members], axis=1) / len(members),
-            "b2": np.mean([one.b2_ for one in members], axis=0),
+        return self.members_[0].to_dict() | {
+            "W1": np.concatenate(self._stacked("W1")),
+            "b1": np.concatenate(self._stacked("b1")),
+            "W2": np.concatenate(self._stacked("W2"), axis=1) / len(self.members_),
+            "b2": self._stacked("b2").mean(axis=0),
         }
 
 
