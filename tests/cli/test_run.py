@@ -109,3 +109,36 @@ def test_the_list_leaves_out_what_a_crop_without_published_solutions_cannot_run(
     (tmp_path / "own.yaml").write_text("validation: {published: null}")
     assert main(["run", "--list", "--configfile", str(tmp_path / "own.yaml")]) == 0
     assert "measurement_study" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--configfile", "no_such.yaml"], "no_such.yaml: file is 'No such file or directory'"),
+        (["--configfile=config/quick.yaml", "--configfile=bad.yaml"], "bad.yaml: line 1 is"),
+        (["--config", "label"], "command line: --config is 'label'; allowed: KEY=VALUE"),
+        (["uncertainty", "-c", "many"], "command line: -c is 'many'; allowed: a number of cores, or all"),
+    ],
+)
+def test_words_that_snakemake_would_answer_with_a_traceback_are_refused(
+    words, told, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bad.yaml").write_text("a: [")
+    monkeypatch.setattr("snakemake.cli.main", lambda _words: pytest.fail("snakemake was called"))
+    assert main(["run", *words]) == 2
+    assert f"repose: error: {told}" in capsys.readouterr().err
+
+
+def test_a_target_that_nothing_makes_is_bad_input(monkeypatch, capsys):
+    from snakemake.exceptions import MissingRuleException, print_exception
+
+    def missing(_words):
+        print_exception(MissingRuleException("nonsense"))
+        raise SystemExit(1)
+
+    monkeypatch.setattr("snakemake.cli.main", missing)
+    assert main(["run", "nonsense", "-n"]) == 2
+    told = capsys.readouterr().err
+    assert "repose: error: command line: target is 'nonsense'; allowed: a target" in told
+    assert "MissingRuleException" not in told

@@ -63,6 +63,6 @@ def test_paths_with_blanks_quotes_and_a_command_in_them_are_one_path_each(tmp_pa
 def test_a_program_in_a_folder_with_braces_is_refused_before_any_work(tmp_path):
     (tmp_path / "{x}").symlink_to(ROOT)
     done = run_snakemake(tmp_path, tmp_path / "{x}/Snakefile")
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert "{x}/Snakefile; allowed: a folder without braces" in done.stderr
     assert not (tmp_path / "results").exists()

@@ -24,7 +24,7 @@ def test_a_second_workflow_stops_with_one_message_before_it_writes(project):
         done = snakemake(project, TARGET, *changed)
     finally:
         lock.close()
-    assert done.returncode == 1
+    assert done.returncode == 2
     assert done.stderr.splitlines()[-1].startswith("repose: error: results/quick: workflow is 'process ")
     assert done.stderr.splitlines()[-1].endswith("; allowed: one at a time; wait until it has ended")
     assert {path.name for path in folder.iterdir()} == {".lock", ".jobs"}
@@ -44,7 +44,7 @@ def test_where_snakemakes_records_are_lost_those_of_the_results_tell_what_to_mak
     assert told not in snakemake(project, "-n", *words, "--config", "funnel={seeds: 3}").stderr
     changed = (*words, "--config", "design={seed: 5}")
     assert told in snakemake(project, "-n", *changed).stderr
-    assert snakemake(project, *changed).returncode == 1
+    assert snakemake(project, *changed).returncode == 2
     assert snakemake(project, *changed, "--forceall").returncode == 0
     assert told not in snakemake(project, "-n", *changed).stderr
     assert (project / TARGET).read_text() != before
@@ -58,7 +58,7 @@ def test_a_result_that_was_damaged_or_edited_stops_the_workflow_and_is_named(pro
     path.write_text(good.replace("1", "2", 1))
     for more in ((), ("-n",)):
         done = snakemake(project, *words, *more)
-        assert done.returncode == 1
+        assert done.returncode == 2
         assert f"repose: error: {TARGET}: content is 'something else'; allowed: " in done.stderr
     path.unlink()
     assert snakemake(project, *words).returncode == 0
@@ -70,7 +70,7 @@ def test_somebodys_file_in_the_place_of_a_result_stops_the_workflow_and_stays(pr
     path.parent.mkdir(parents=True)
     path.write_text("mine")
     done = snakemake(project, "network", *QUICK)
-    assert done.returncode == 1
+    assert done.returncode == 2
     told = "repose: error: results/quick/network/network.json: file is 'there already'; allowed: a file that repose"
     assert told in done.stderr
     assert path.read_text() == "mine"
@@ -122,3 +122,12 @@ def test_a_file_that_a_killed_job_left_out_is_made_again(finished, lost, rule):
         assert planned(project, *words)[rule] == 1
     finally:
         path.write_bytes(content)
+
+
+def test_a_job_that_refuses_its_input_ends_the_workflow_as_the_verb_ends(finished):
+    """Last in this file: the results of the finished study are empty, and the job's own are removed."""
+    project, words = finished
+    made = "results/quick/validation/solutions.csv"
+    done = snakemake(project, "--cores", "1", *words, "--forcerun", "solutions", "--", made)
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith("repose: error: results/quick/miga/feasible.csv: ")

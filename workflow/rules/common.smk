@@ -11,7 +11,7 @@ from repose.apparatus import names
 from repose.chain import answer as answers
 from repose.config import cost, loader, results_folder, stands_on
 from repose.core import places
-from repose.core.errors import InputError
+from repose.core.errors import BAD_INPUT, InputError, tell
 from repose.core.lock import take_folder
 from repose.core.published import beside, published_count
 from repose.core.seeds import pour_seeds
@@ -24,19 +24,43 @@ from repose.studies import rounds, shape_cells
 shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; ")
 
 
+def refuse(fault):
+    """Tell a fault of the input as the verbs do, and end with their status: no work."""
+    tell(fault)
+    sys.exit(BAD_INPUT)
+
+
 def or_one_message(function, *arguments):
     """What a function gives, or one message and no work."""
     try:
         return function(*arguments)
-    except InputError as error:
-        sys.exit(f"repose: error: {error}")
+    except (InputError, OSError) as error:
+        refuse(error)
+
+
+def refuse_what_jobs_refused(workflow):
+    """End as the verbs do where each job that failed did so for a fault of its input, which its log tells last."""
+    failed = [
+        one
+        for job in workflow.scheduler.failed
+        for one in (job.jobs if job.is_group() else [job])
+    ]
+    told = {last_line(path) for job in failed for path in job.log}
+    if told and all(line.startswith("repose: error: ") for line in told):
+        refuse("\n".join(line.removeprefix("repose: error: ") for line in sorted(told)))
+
+
+def last_line(path):
+    """The last line of a log; empty where there is none."""
+    if not os.path.isfile(path):
+        return ""
+    with open(path, errors="replace") as log:
+        return ([""] + log.read().splitlines())[-1]
 
 
 for place in map(str, (workflow.main_snakefile, places.root())):
     if set("{}") & set(place):  # snakemake takes them for wildcards
-        sys.exit(
-            f"repose: error: the program lies in {place}; allowed: a folder without braces"
-        )
+        refuse(f"the program lies in {place}; allowed: a folder without braces")
 
 
 def checked_config(workflow):
@@ -117,8 +141,8 @@ def refuse_outdated(paths):
     ]
     found = stands_on.outdated(config, unknown)
     if found and not {"--forceall", "-F"} & set(sys.argv):
-        sys.exit(
-            f"repose: error: {found[0]} and {len(found) - 1} more results were made with other settings or by another"
+        refuse(
+            f"{found[0]} and {len(found) - 1} more results were made with other settings or by another"
             " engine, and the records of snakemake, which tell what to make again, are lost: add --forceall"
         )
 

@@ -32,7 +32,7 @@ from repose.cli import (
 )
 from repose.cli.registry import PROGRAM
 from repose.cli.stages import stage
-from repose.core.errors import InputError
+from repose.core.errors import BAD_INPUT, InputError, tell
 
 # The whole study first, then its steps in the order in which the data flows; so the help lists them.
 FAMILIES = (
@@ -92,9 +92,8 @@ def main(words: Sequence[str] | None = None) -> int:
         InputError,
         OSError,
     ) as error:  # the system's message names file and reason: no space, read-only, ...
-        for line in str(error).splitlines():
-            print(f"repose: error: {line}", file=sys.stderr)
-        return 2
+        tell(error)
+        return BAD_INPUT
 
 
 def parser() -> argparse.ArgumentParser:

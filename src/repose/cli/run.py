@@ -5,7 +5,7 @@ import contextlib
 import shlex
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from repose.cli.registry import Family
@@ -17,6 +17,7 @@ CORES_OPTIONS = ("-c", "--cores", "-j", "--jobs", "--profile", "--workflow-profi
 PROFILE_OPTIONS = ("--profile", "--workflow-profile")
 SNAKEFILE_OPTIONS = ("-s", "--snakefile")
 # Where one of them is given, snakemake says what it says by itself.
+CONFIG_VALUES = ("--config", "-C")
 PLAIN_OPTIONS = (
     *("-n", "--dry-run", "--dryrun", "-q", "--quiet", "-p", "--printshellcmds", "--verbose", "--debug-dag"),
     *("--logger", "--touch", "-t", "--lint", "--report", "--summary", "--detailed-summary", "--help", "-h"),
@@ -47,7 +48,9 @@ def run(args: argparse.Namespace) -> int:
     if LIST in args.rest:
         print(catalogue(args.rest))
         return 0
-    return uninterrupted(main, args.rest, [] if _given(args.rest, PLAIN_OPTIONS) else _display())
+    check_words(args.rest)
+    with missing_targets_told():
+        return uninterrupted(main, args.rest, [] if _given(args.rest, PLAIN_OPTIONS) else _display())
 
 
 def _display() -> list[str]:
@@ -100,6 +103,67 @@ def uninterrupted(main: Callable[[list[str]], object], words: list[str], display
     finally:
         signal.signal(signal.SIGINT, earlier)
     return 0
+
+
+def check_words(words: Sequence[str]) -> None:
+    """Refuse words that snakemake would answer with a traceback.
+
+    Parameters
+    ----------
+    words : sequence of str
+        What `repose run` was given.
+
+    Raises
+    ------
+    InputError
+        If a configuration cannot be read, a value of one has no name, or the number of cores is none.
+    """
+    from repose.config.reading import read
+
+    option = ""
+    for word in words:
+        value = word
+        if word.startswith("-"):
+            option, equals, value = word.partition("=")
+            if not equals:
+                continue
+        if option in CONFIG_OPTIONS and Path(value).suffix in CONFIG_SUFFIXES:
+            read(places.find(value))
+        elif option in CONFIG_VALUES and "=" not in value:
+            raise InputError("command line", option, value, "KEY=VALUE")
+        elif option in CORES_OPTIONS[:2] and value != "all" and not value.isdigit():
+            raise InputError("command line", option, value, "a number of cores, or all")
+
+
+@contextlib.contextmanager
+def missing_targets_told() -> Iterator[None]:
+    """Tell of a target that nothing makes as of any bad input.
+
+    Raises
+    ------
+    InputError
+        If snakemake ended since it has no rule for a target.
+    """
+    from snakemake.logging import logger
+
+    found: list[str] = []
+
+    def seen(record):
+        missing = getattr(record, "exception", None) == "MissingRuleException"
+        if missing:
+            found.append(record.getMessage().split("No rule to produce ")[-1].split(" (if you")[0])
+        return not missing
+
+    logger.addFilter(seen)
+    try:
+        yield
+    except SystemExit:
+        if not found:
+            raise
+        allowed = "a target that `repose run --list` names, a rule, or a file of the study"
+        raise InputError("command line", "target", found[0], allowed) from None
+    finally:
+        logger.removeFilter(seen)
 
 
 def _interrupt_jobs() -> None:

@@ -1,10 +1,13 @@
 """The exceptions: what a user's input can cause, and a pile without an angle."""
 
+import sys
 from collections.abc import Iterable
 
 from repose.dem.errors import InputError
 
-__all__ = ["InputError", "InputErrors", "NoFlankError", "raise_together"]
+__all__ = ["BAD_INPUT", "InputError", "InputErrors", "NoFlankError", "raise_together", "tell"]
+
+BAD_INPUT = 2  # exit status where the input is at fault, of a verb and of the workflow
 
 MOST_TOLD = 30  # a file of another program would be told key by key
 
@@ -56,3 +59,15 @@ def raise_together(faults: Iterable[InputError]) -> None:
     found = list({str(fault): fault for fault in faults}.values())
     if found:
         raise found[0] if len(found) == 1 else InputErrors(found)
+
+
+def tell(fault: object) -> None:
+    """Tell a fault of the input on stderr, a line each.
+
+    Parameters
+    ----------
+    fault : object
+        An exception, or its sentence.
+    """
+    for line in str(fault).splitlines():
+        print(f"repose: error: {line}", file=sys.stderr, flush=True)
