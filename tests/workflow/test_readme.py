@@ -41,7 +41,7 @@ def test_a_study_is_checked_when_it_is_asked_for(tmp_path, monkeypatch):
     monkeypatch.chdir(ROOT)
     (tmp_path / "mine.yaml").write_text("funnel: {inlet_diameter_mm: 60, factory_diameter_mm: 50}")
     status, told = dry_run("shape_study", "--configfile", str(tmp_path / "mine.yaml"))
-    assert status == 1
+    assert status == 2
     assert "shape_study.fillings.open_cone: funnel.factory_diameter_mm is 150.0" in told
 
 
