@@ -91,3 +91,16 @@ def test_a_file_too_large_for_a_repository_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(snapshot, "LARGEST_FILE", 5)
     with pytest.raises(InputError, match="at most 5 bytes"):
         snapshot.take(study(tmp_path), tmp_path / "published")
+
+
+def test_only_files_of_an_optional_study_change_the_hash_of_all_of_them(tmp_path):
+    results = study(tmp_path)
+    before = snapshot.of_optional_studies(results)
+    (results / "dataset.csv").write_text("another study")
+    (results / "logs/a.log").write_text("another log")
+    assert snapshot.of_optional_studies(results) == before
+    for name, text in (("noise/noise.csv", "noise"), ("comparison/accuracy.csv", "another comparison")):
+        write_text(results / name, text)
+        assert snapshot.of_optional_studies(results) != before
+        before = snapshot.of_optional_studies(results)
+    assert set(snapshot.CHAIN) < set(snapshot.KEPT)

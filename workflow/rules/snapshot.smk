@@ -4,6 +4,8 @@ rule snapshot:
     input:
         rules.calibration.input,
         rules.figures.input,
+        rules.page.output,
+        rules.card.output,
         table4=rules.validate.output.table4,
     output:
         files=f"{RESULTS}/snapshot.txt",
@@ -18,6 +20,7 @@ rule snapshot:
     params:
         results=lambda wildcards, input: os.path.dirname(os.path.dirname(input.table4)),
         folder=f"results/published/{config['label']}",
+        studies=lambda wildcards: snapshot.of_optional_studies(RESULTS),
     message:
         "Snapshot of tables and figures: {params.folder}"
     shell:

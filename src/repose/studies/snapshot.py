@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from repose.core import ledger
+from repose.core import ledger, provenance
 from repose.core.attached import BESIDE
 from repose.core.errors import InputError
 from repose.core.ledger import write_whole
@@ -33,6 +33,20 @@ KEPT = {
     "pool": ("*.csv", "*.json"),
     "comparison": ("*.csv", "*.json", "*.png"),
 }
+# Folders that every study fills: the workflow makes them before a snapshot. The others are those of optional studies.
+CHAIN = (
+    ".",
+    "berry",
+    "design",
+    "network",
+    "miga",
+    "validation",
+    "measure",
+    "figures",
+    "film",
+    "drum",
+    "posterior",
+)
 LARGEST_FILE = 5_000_000  # bytes
 
 
@@ -61,13 +75,7 @@ def take(results_dir: str | Path, out: str | Path) -> list[Path]:
         no snapshot wrote.
     """
     source, out = Path(results_dir), Path(out)
-    files = [
-        path
-        for folder, patterns in KEPT.items()
-        for p in patterns
-        for path in sorted((source / folder).glob(p))
-        if not path.name.endswith(BESIDE)  # they follow their files
-    ]
+    files = _kept(source, KEPT)
     beside = (path.with_name(f"{path.name}{BESIDE}") for path in files)
     files = list(dict.fromkeys([*files, *(path for path in beside if path.is_file())]))
     if not (source / "validation" / "table4.csv").is_file():
@@ -84,6 +92,37 @@ def take(results_dir: str | Path, out: str | Path) -> list[Path]:
         ledger.remove(out / name)
     _write(out / MANIFEST, _lines(names))
     return [out / name for name in names]
+
+
+def of_optional_studies(results_dir: str | Path) -> str:
+    """Hash of what a snapshot keeps of the optional studies: another one is a reason to take it anew.
+
+    Parameters
+    ----------
+    results_dir : path
+        Folder of a study.
+
+    Returns
+    -------
+    str
+        16 hexadecimal digits.
+    """
+    source = Path(results_dir)
+    files = _kept(source, (folder for folder in KEPT if folder not in CHAIN))
+    return provenance.hash_of(
+        {str(path.relative_to(source)): provenance.hash_of_file(path) for path in files}
+    )
+
+
+def _kept(source, folders):
+    """Files of some folders of a study that a snapshot keeps; the records beside them follow their files."""
+    return [
+        path
+        for folder in folders
+        for pattern in KEPT[folder]
+        for path in sorted((source / folder).glob(pattern))
+        if not path.name.endswith(BESIDE)
+    ]
 
 
 def _earlier(out):
