@@ -53,10 +53,11 @@ def make_up_pours():
 def made_up_pour(config, parameters, seed, particle, berry, interval_s=None, progress=None):
     """A cone whose angle follows the parameters and the seed."""
     from repose.apparatus import Run
+    from repose.core.parameters import PARAMETERS
 
     time.sleep(0.1)
     rng = np.random.default_rng(seed)
-    slope = 0.2 + 0.4 * sum(parameters.values()) / len(parameters) + 0.01 * rng.normal()
+    slope = 0.2 + 0.4 * sum(parameters[name] for name in PARAMETERS) / len(PARAMETERS) + 0.01 * rng.normal()
     share, turn = rng.uniform(size=400) ** (1 / 3), rng.uniform(0.0, 2.0 * np.pi, 400)
     radius = np.sqrt(rng.uniform(size=400)) * share * 0.1
     top = slope * 0.1
