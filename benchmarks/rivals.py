@@ -6,10 +6,11 @@ are those of the sources, or the package's own defaults:
   CMA-ES               one pour a trial, the sum of squared relative deviations; the answer is the mean of its
                        distribution (package cmaes)
   Optuna, GP and TPE   two pours a trial, the same sum; the answer is the best trial, as the package gives it
-  GrainLearning        its iterative Bayesian filter with the settings of its tutorials: Halton's points first, then a
-                       Gaussian mixture of two components with full covariances; effective sample size 30 %; one pour a
-                       sample; the answer is the mean of the posterior. 40 samples an iteration, so that 80 and 120
-                       pours are two and three iterations
+  GrainLearning        its iterative Bayesian filter: Halton's points first, then draws from a Gaussian mixture of two
+                       components with full covariances; effective sample size 30 %, covariance scaled by the targets,
+                       as its tutorials have them; one pour a sample; the answer is the mean of the posterior. 40
+                       samples an iteration, so that 80 and 120 pours are two and three iterations. Its tutorials
+                       draw slices of the mixture instead, which takes minutes an iteration with six parameters
   field's habit        `strategy: response_surface` with two and with three seeds and three factors: 70 and 105 pours
 
 Optuna and GrainLearning are no dependencies of repose. GrainLearning asks for a numpy before 2 and works with a later

@@ -24,7 +24,7 @@ from repose.strategies.sequential.goal import Goal
 SUCCESS = Path(__file__).with_name("success.csv")
 # Scatter of a pour in percent of the target, and correlation of two responses of one bench test: of the table's
 # simulator, and the default where nothing is measured.
-NOISE_PERCENT, CORRELATION = 5.0, 0.9
+NOISE_PERCENT, CORRELATION = 5.0, 0.8
 CERTAINTY = 0.9  # of the number of pours that the noise alone asks for
 BYTES_A_GRAIN = 62  # of a pour on the disk, measured
 TOLERANCES = (1.0, 2.0)  # percent, those of the table
