@@ -36,7 +36,7 @@ TABLES = [
 ]
 if "drum" in config:
     TABLES.append(("The drum: angles and first slip", rules.drum.output.summary))
-if config["surrogate"] == "network":
+if config["surrogate"].startswith("network"):
     TABLES.append(("Starts of the network", rules.network.output.starts))
 if THEIRS:
     TABLES.append(("Published sets in this simulator", rules.validate.output.published))
