@@ -87,13 +87,28 @@ def pour_ours(name, set_name, seed):
     limit, rolling, law = OURS[name]
     config = config | {"simulation": config["simulation"] | {"friction_limit": limit, "contact_law": law}}
     scene.ROLLING_LAW = rolling
-    values = dict(SETS[set_name])
-    if rolling == "spring":
-        values["mur_gg"] = rolling_coefficient(job, job.grains)
-        values["mur_gp"] = rolling_coefficient(job, job.on_wall)
+    values = their_rolling(set_name, job) if rolling == "spring" else SETS[set_name]
     poured = funnel_pour.pour(config, values, seed, particle, berry)
     turned = np.einsum("nij,mj->nmi", rotation_matrices(poured.quaternions), particle.spheres_m[:, :3])
     return poured.centres_m[:, None] + turned, funnel_pour.status_of(poured, config)[0]
+
+
+def their_rolling(set_name, job):
+    """The parameters with the coefficients of rolling that the decks hold."""
+    rolling = {
+        f"mur_{key}": rolling_coefficient(job, pair)
+        for key, pair in (("gg", job.grains), ("gp", job.on_wall))
+    }
+    return SETS[set_name] | rolling
+
+
+def commands_of(lmp):
+    """How the programs are started in the folder of a deck."""
+    return {
+        "liggghts": "liggghts -in in.pour -log none",
+        "lammps": f"{lmp} -in in.pour -log none",
+        "yade": "yade -n -x -j1 pour.py",
+    }
 
 
 def pour_theirs(program, set_name, seed, commands):
@@ -166,11 +181,7 @@ def pose(body, spheres):
 
 def pour(arguments):
     """Make the runs that are not there."""
-    commands = {
-        "liggghts": "liggghts -in in.pour -log none",
-        "lammps": f"{arguments.lmp} -in in.pour -log none",
-        "yade": "yade -n -x -j1 pour.py",
-    }
+    commands = commands_of(arguments.lmp)
     for seed in range(1, arguments.seeds + 1):
         for name in arguments.engines:
             for set_name in SETS:

@@ -26,8 +26,13 @@ _rows = Rows(tl.ROLLING)
 STIFFNESS, FRICTION = _rows.take_each(2)
 
 
+def undamped_tangent(a, b, contact, tension="keep"):
+    """The constants of Hertz and Mindlin's law without a dashpot along the tangent."""
+    return hertz_mindlin.constants(a, b, contact, tension) * (1.0, 1.0, 1.0, 0.0, 1.0)
+
+
 def body_damping(law, t, c, at, dt):
-    """Hertz and Mindlin's law; each contact is damped with the masses of its two bodies, whatever else touches."""
+    """Hertz and Mindlin's law; the masses of the two bodies damp each contact, along its normal only."""
     for k in range(L):
         t[tl.INVERSE_MASS + k] = t[tl.A + st.INVERSE_MASS * L + k] + t[tl.B + st.INVERSE_MASS * L + k]
     hertz_mindlin.contact_sizes(t)
@@ -72,7 +77,7 @@ def rolling_spring(law, t, c, at, dt):
 CONTACT_LAWS["body_damping"] = Law(
     name="body_damping",
     options=BodyDamping,
-    constants=hertz_mindlin.constants,
+    constants=undamped_tangent,
     n_constants=5,
     n_rows=hertz_mindlin.LAW.n_rows,
     n_state=hertz_mindlin.LAW.n_state,

@@ -1,11 +1,13 @@
 """Decks of other programs: they hold the study's numbers, and what stands for a law of ours does what ours does."""
 
 import ast
+import importlib
 import math
 import re
 import shutil
 import subprocess
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +25,7 @@ from repose.export.lammps import contact_words
 from repose.export.liggghts import LEAST_RESTITUTION, prime
 from repose.particle.particle import Particle
 
+ROOT = Path(__file__).resolve().parents[2]
 CONFIG = str(find("config/quick.yaml"))
 MM = 1e-3
 BERRY = {"shear_modulus_pa": 43004.8, "poisson_ratio": 0.32, "density_kg_m3": 840.47}
@@ -133,6 +136,24 @@ def test_yade_gets_the_numbers(job):
     assert np.array(values["SPHERES"]) == pytest.approx(job.spheres_m)
     assert values["MASS"] == pytest.approx(job.mass_kg)
     assert np.array(values["RINGS"]) == pytest.approx(surface.profile(job.funnel))
+
+
+def test_no_deck_has_a_dashpot_along_the_tangent(job):
+    # where the program has one, Coulomb's limit does not hold it
+    files = {program: export.PROGRAMS[program](job) for program in ("liggghts", "lammps", "yade")}
+    laws = re.findall(r"model hertz .*", files["liggghts"]["in.pour"])
+    assert len(laws) == 3
+    assert all(law.endswith("tangential_damping off") for law in laws)
+    dashpots = re.findall(r"tangential mindlin \S+ (\S+)", files["lammps"]["in.pour"])
+    assert dashpots == ["0"] * 3
+    assert "betas=by_pair(0.0, 0.0)" in files["yade"]["pour.py"]
+
+
+def test_liggghts_takes_the_facets_around_the_funnel_as_one_face(job):
+    angle = re.search(
+        r"curvature (\S+) curvature_tolerant yes", export.PROGRAMS["liggghts"](job)["in.pour"]
+    ).group(1)
+    assert 360 / surface.AROUND < float(angle) < surface.ARC_DEG / 2
 
 
 @pytest.mark.parametrize("particle", [THREE, SKEW], ids=["three", "skew"])
@@ -259,6 +280,24 @@ RUNS = {
     "lammps": ("lmp", ["lmp", "-in", "in.pour"], "pile.dump"),
     "yade": ("yade", ["yade", "-n", "-x", "-j1", "pour.py"], "pile.csv"),
 }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("program", RUNS)
+def test_a_grazing_impact_keeps_coulombs_law(config, program, monkeypatch):
+    name, command, _ = RUNS[program]
+    if shutil.which(name) is None:
+        pytest.skip(f"{name} is not installed")
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    one_contact = importlib.import_module("one_contact")
+    case = one_contact.CASES["grazes the plate, across"]
+    config = config | {"simulation": config["simulation"] | {"tension": "release"}}
+    job = export.make(config, ParameterSpace.of(config["parameters"]).centre, THREE, BERRY)
+    _, velocities = one_contact.theirs(program, job, case, 4e-5, " ".join(command))
+    change = velocities[0] - case.velocities[0]
+    # it slides nearly all the time, only first the spring winds up; and the plate only pushes
+    share = -change[1] / change[2] / job.on_wall.static_friction
+    assert 0.85 < share < 1.01
 
 
 @pytest.mark.slow

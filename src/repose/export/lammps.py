@@ -12,6 +12,7 @@ from repose.export.laws import (
     rolling_coefficient,
     rolling_stiffness,
     skin_m,
+    undamped_tangent,
 )
 from repose.export.template import filled
 
@@ -80,13 +81,11 @@ def contact_words(job: Job, pair: Pair) -> str:
     """
     poisson = job.grain.poisson_ratio
     young = 2.0 * (1.0 - poisson**2) * pair.effective_young_pa
-    # the dashpot along the tangent goes with the root of the tangential stiffness
-    damping = math.sqrt(4.0 * pair.effective_shear_pa / pair.effective_young_pa)
     stiffness = rolling_stiffness(pair) / pair.effective_radius_m**2
     rolling_damping = ROLLING_DAMPING * math.sqrt(stiffness * job.mass_kg)
     words = (
         f"hertz/material {young:.8g} {equivalent_restitution(pair, 1e-6):.8g} {poisson:.8g} "
-        f"tangential mindlin {8.0 * pair.effective_shear_pa:.8g} {damping:.8g} {pair.static_friction:.8g} "
+        f"tangential mindlin {8.0 * pair.effective_shear_pa:.8g} 0 {pair.static_friction:.8g} "
         "damping coeff_restitution "
         f"rolling sds {stiffness:.8g} {rolling_damping:.8g} {rolling_coefficient(job, pair):.8g}"
     )
@@ -143,7 +142,13 @@ def _tube(job, law):
 
 def _told(job):
     """What LAMMPS does otherwise."""
-    told = [rolled(job), damped_alone(), *limited_friction(job), "the edge of the outlet is sharp"]
+    told = [
+        rolled(job),
+        damped_alone(),
+        undamped_tangent(),
+        *limited_friction(job),
+        "the edge of the outlet is sharp",
+    ]
     if job.tension == "release":
         told.append(
             "the second number of hertz/material is the restitution that gives the study's damping; with limit_damping "

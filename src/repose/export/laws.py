@@ -143,6 +143,14 @@ def damped_alone() -> str:
     )
 
 
+def undamped_tangent() -> str:
+    """The note of a program whose tangential dashpot does not go with Coulomb's limit, so that the deck has none."""
+    return (
+        "no dashpot along the tangent; in the study Coulomb's limit holds it too. In LIGGGHTS and YADE it comes on "
+        "top of that limit, in LAMMPS it winds up the spring: a grazing impact had 1.7 times the friction, or a sixth"
+    )
+
+
 def rolled(job: Job) -> str:
     """The note of a program whose rolling resistance is a limited spring between two spheres.
 

@@ -11,8 +11,9 @@ from repose.export.laws import (
     rolled,
     rolling_coefficient,
     skin_m,
+    undamped_tangent,
 )
-from repose.export.surface import stl
+from repose.export.surface import AROUND, stl
 from repose.export.template import filled
 
 # LIGGGHTS refuses a coefficient of restitution below this one.
@@ -51,6 +52,7 @@ def deck(job: Job) -> dict[str, str]:
         mus_gp=job.on_wall.static_friction,
         mur_gg=rolling_coefficient(job, job.grains),
         mur_gp=rolling_coefficient(job, job.on_wall),
+        fold=1.1 * 360.0 / AROUND,
         limit_force="off" if job.tension == "keep" else "on",
         time_step=job.time_step_s,
         gravity=job.gravity_m_s2,
@@ -93,7 +95,7 @@ def prime(seed: int) -> int:
 
 def _told(job):
     """What LIGGGHTS does otherwise."""
-    told = [rolled(job), damped_alone(), *limited_friction(job)]
+    told = [rolled(job), damped_alone(), undamped_tangent(), *limited_friction(job)]
     if job.tension == "release":
         told.append(
             "coefficientRestitution is the number that gives the study's damping; with limitForce an impact then "

@@ -11,6 +11,7 @@ from repose.export.laws import (
     limited_friction,
     rolled,
     rolling_coefficient,
+    undamped_tangent,
 )
 from repose.export.surface import stl
 from repose.export.template import filled
@@ -77,6 +78,7 @@ def _told(job):
         "this driver was neither compiled nor run by those who wrote it",
         rolled(job),
         damped_alone(),
+        undamped_tangent(),
         *limited_friction(job),
         "grains turn by three random angles, so not all orientations are alike",
     ]

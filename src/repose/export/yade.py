@@ -5,7 +5,15 @@ import math
 import numpy as np
 
 from repose.export.job import Job
-from repose.export.laws import damped_alone, differences, limited_friction, rolled, rolling_stiffness, skin_m
+from repose.export.laws import (
+    damped_alone,
+    differences,
+    limited_friction,
+    rolled,
+    rolling_stiffness,
+    skin_m,
+    undamped_tangent,
+)
 from repose.export.surface import AROUND, profile
 from repose.export.template import filled
 
@@ -110,6 +118,7 @@ def _told(job):
     told = [
         rolled(job),
         damped_alone(),
+        undamped_tangent(),
         *limited_friction(job),
         "on a facet YADE takes two thirds of a sphere's radius as the effective one: contacts with walls are softer by "
         "18 %",
