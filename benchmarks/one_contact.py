@@ -10,21 +10,16 @@ laws and with those of the others (`peer_laws.py`).
 
 import argparse
 import math
-import shlex
-import subprocess
-import tempfile
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import one_pile
 import pandas as pd
 from scipy.spatial.transform import Rotation
 
-from repose import dem, export
+from repose import dem
 from repose.apparatus.scene import berry_simulation
 
-HERE = Path(__file__).resolve().parent
 SET = "calibrated"
 # On the plate at no overlap, the long axis level: the middle sphere is the largest one.
 FLAT_M = 5.5165e-3
@@ -94,19 +89,13 @@ def ours(name, case, step_s):
     return made.positions, made.velocities
 
 
-def theirs(program, job, case, step_s, command):
+def theirs(name, job, case, step_s, commands):
     """Centres (N, 3) and their velocities after a case with an exported deck."""
+    program, _ = one_pile.DECKS[name]
     job = replace(job, gravity_m_s2=case.gravity, time_step_s=step_s, duration_s=case.seconds)
-    with tempfile.TemporaryDirectory() as folder:
-        deck = export.write(job, program, folder)[0]
-        deck.write_text(EDITS[program](deck.read_text(), job, case, Path(folder)))
-        done = subprocess.run(
-            shlex.split(command), cwd=folder, capture_output=True, text=True, errors="replace"
-        )
-        file = Path(folder) / ("pile.csv" if program == "yade" else "pile.dump")
-        if not file.exists():
-            raise RuntimeError(f"{program}: {done.stdout[-900:]} {done.stderr[-600:]}")
-        table = one_pile.read_pile(file)
+    table = one_pile.run_deck(
+        name, job, commands, lambda text, folder: EDITS[program](text, job, case, folder)
+    )
     # the first sphere of a grain lies in its centre
     first = table.iloc[:: len(job.spheres_m)]
     return first[["x", "y", "z"]].to_numpy(), first[["vx", "vy", "vz"]].to_numpy()
@@ -199,7 +188,7 @@ def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("engines", nargs="*", default=[*one_pile.OURS, *one_pile.PEERS])
+    parser.add_argument("engines", nargs="*", default=[*one_pile.OURS, *one_pile.DECKS])
     parser.add_argument("--cases", nargs="*", default=list(CASES))
     parser.add_argument("--step", type=float, default=one_pile.TIME_STEP_S, help="time step in s")
     parser.add_argument("--lmp", default="lmp", help="LAMMPS, with its path")
@@ -213,7 +202,7 @@ def main():
             if name in one_pile.OURS:
                 found = ours(name, case, arguments.step)
             else:
-                found = theirs(name, job, case, arguments.step, commands[name])
+                found = theirs(name, job, case, arguments.step, commands)
             row[key] = " ".join(f"{value:.4g}" for value in result(case, *found))
         rows.append(row)
         print(row, flush=True)

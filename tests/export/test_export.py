@@ -293,7 +293,7 @@ def test_a_grazing_impact_keeps_coulombs_law(config, program, monkeypatch):
     case = one_contact.CASES["grazes the plate, across"]
     config = config | {"simulation": config["simulation"] | {"tension": "release"}}
     job = export.make(config, ParameterSpace.of(config["parameters"]).centre, THREE, BERRY)
-    _, velocities = one_contact.theirs(program, job, case, 4e-5, " ".join(command))
+    _, velocities = one_contact.theirs(program, job, case, 4e-5, {program: " ".join(command)})
     change = velocities[0] - case.velocities[0]
     # it slides nearly all the time, only first the spring winds up; and the plate only pushes
     share = -change[1] / change[2] / job.on_wall.static_friction

@@ -17,9 +17,6 @@ from repose.export.laws import (
 from repose.export.surface import AROUND, profile
 from repose.export.template import filled
 
-# A sphere on a facet has for YADE two thirds of its radius as the effective one, and this mean radius over its own.
-MEAN_OVER_RADIUS = 1.5
-
 
 def deck(job: Job) -> dict[str, str]:
     """The files of a YADE run.
@@ -122,8 +119,7 @@ def _told(job):
         *limited_friction(job),
         "on a facet YADE takes two thirds of a sphere's radius as the effective one: contacts with walls are softer by "
         "18 %",
-        "the funnel's contacts roll with the coefficient of the grains times 1.5; the plate's are set right every 10 "
-        "steps",
+        "a contact with a wall rolls in its first step with the coefficient of the grains",
     ]
     if job.tension == "keep":
         told.append("the normal force never pulls, damped as if it could")
