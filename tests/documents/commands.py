@@ -1,0 +1,175 @@
+"""Run the commands that stand in the documents, as they stand there.
+
+`python tests/documents/commands.py` runs the quick ones, `--all` all that this machine can, and PAGE... those of some
+pages alone. `commands.yaml` says of each command which it is, and why one is not run.
+
+A command is an indented line that begins with one of PROGRAMS. A fenced block behind "Save this as `NAME`" is written
+to that file. The commands of a page run in one shell, one after another, in a folder of their own: an empty one, or a
+copy of the checkout with a small configuration, which the pages that are `in: checkout` share.
+"""
+
+import argparse
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import yaml
+
+ROOT = Path(__file__).parents[2]
+TABLE = Path(__file__).with_name("commands.yaml")
+PROGRAMS = (
+    *(
+        "repose",
+        "python",
+        "python3",
+        "snakemake",
+        "snakedeploy",
+        "pytest",
+        "pip",
+        "cp",
+        "cd",
+        "mkdir",
+        "export",
+    ),
+    *("docker", "apptainer", "apt-get", "tests/cluster/run.sh", "npm", "npx"),
+)
+DOCUMENTS = (
+    "*.md",
+    *(f"{folder}/**/*.md" for folder in ("benchmarks", "config", "crops", "docs", "examples")),
+)
+DOCUMENTS += ("resources/*.md", "src/**/*.md", "tests/**/*.md")
+INDENTED = re.compile(r"^ {4,}(\S.*)$")
+NOT_FEASIBLE = 3  # status of a run that met no target, as a small one may
+SAVED = re.compile(r"[Ss]ave this as `([^`]+)`")
+# Sections of config/quick.yaml that make the studies small; .test/config/config.yaml makes the calibration small.
+STUDIES = (
+    *(
+        "posterior",
+        "sensitivity",
+        "compare_search",
+        "compare_whole",
+        "second_responses",
+        "joint_targets",
+        "refine",
+    ),
+    *("response_surface", "sequential", "pool", "shape_study", "cylinder", "discharge", "turning"),
+)
+
+
+def pages() -> list[str]:
+    """Documents of the project that a reader may take commands from."""
+    found = {path for pattern in DOCUMENTS for path in ROOT.glob(pattern)}
+    return sorted(str(path.relative_to(ROOT)) for path in found)
+
+
+def steps(text: str) -> Iterator[tuple[str, str]]:
+    """What a page tells to do, in its order: ("heading", line), ("command", line), or (name of a file, its content)."""
+    name, fence, prose, blank = "", None, "", False
+    lines = iter(text.splitlines())
+    for line in lines:
+        if line.startswith("```"):
+            if fence is None:
+                saved = SAVED.findall(prose)
+                name, fence = (saved[-1] if saved else ""), []
+            else:
+                if name:
+                    yield name, "".join(f"{one}\n" for one in fence)
+                fence, prose = None, ""
+        elif fence is not None:
+            fence.append(line)
+        elif found := INDENTED.match(line):
+            command = found[1]
+            while command.endswith("\\"):
+                command = f"{command[:-1].rstrip()} {next(lines).strip()}"
+            if command.split()[0] in PROGRAMS:
+                yield "command", re.sub(r"\s+# .*", "", command)
+        elif line.startswith("#"):
+            yield "heading", line
+        elif line.strip():
+            prose = line if blank else f"{prose} {line}"
+        blank = not line.strip()
+
+
+def kind(entry: dict, command: str) -> str:
+    """Whether a command is `quick`, `full` or `left_out`; KeyError where the table does not tell."""
+    for name in ("quick", "full", "left_out"):
+        if command in (entry.get(name) or ()):
+            return name
+    raise KeyError(command)
+
+
+def script(page: str, entry: dict, everything: bool) -> str:
+    """The shell script of a page: files and commands in their order; empty where there is nothing to run."""
+    chosen = ("quick", "full") if everything else ("quick",)
+    lines, commands = [], 0
+    for what, text in steps((ROOT / page).read_text()):
+        if what == "heading":
+            lines += ['cd "$page"'] if entry.get("sections") == "apart" else []
+        elif what != "command":
+            lines.append(f"mkdir -p {Path(what).parent}; cat > {what} <<'END_OF_FILE'\n{text}END_OF_FILE")
+        elif kind(entry, text) in chosen:
+            lines += [f"echo {shlex.quote('+ ' + text)}", f"{text} || test $? -eq {NOT_FEASIBLE}"]
+            commands += 1
+    if not commands:
+        return ""
+    before = entry.get("before", "") if everything else ""
+    return "\n".join(["set -eo pipefail", "page=$PWD", before, *lines, ""])
+
+
+def checkout(folder: Path) -> Path:
+    """A copy of the checkout whose configuration is small."""
+    left = shutil.ignore_patterns(
+        ".git", ".venv", ".snakemake", ".*_cache", "__pycache__", "_build", "results", ".repose"
+    )
+    shutil.copytree(ROOT, folder, ignore=left)
+    shutil.copytree(ROOT / "results/published", folder / "results/published")
+    quick = yaml.safe_load((ROOT / "config/quick.yaml").read_text())
+    small = yaml.safe_load((ROOT / ".test/config/config.yaml").read_text())
+    content = {name: quick[name] for name in STUDIES} | small
+    (folder / "config/config.yaml").write_text(yaml.safe_dump(content))
+    return folder
+
+
+def run(page: str, text: str, folder: Path) -> float:
+    """Run a page's script; seconds that it took. SystemExit where a command fails."""
+    began = time.perf_counter()
+    env = os.environ | {
+        "CHECKOUT": str(ROOT),
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
+        "PYTHONPATH": str(ROOT / "src"),
+    }
+    done = subprocess.run(["bash", "-c", text], cwd=folder, env=env, capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(f"{page}: status {done.returncode}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}")
+    return time.perf_counter() - began
+
+
+def main() -> None:
+    words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    words.add_argument("pages", nargs="*", metavar="PAGE", help="such as docs/howto.md (all of the table)")
+    words.add_argument("--all", action="store_true", help="not the quick commands alone")
+    args = words.parse_args()
+    table = yaml.safe_load(TABLE.read_text())
+    with tempfile.TemporaryDirectory() as place:
+        shared = None
+        for number, (page, entry) in enumerate(table.items()):
+            text = script(page, entry, args.all) if not args.pages or page in args.pages else ""
+            if not text:
+                continue
+            if entry.get("in") == "checkout":
+                folder = shared = shared or checkout(Path(place) / "checkout")
+            else:
+                folder = Path(place) / str(number)
+                folder.mkdir()
+            print(f"{page}: {run(page, text, folder):.0f} s", flush=True)
+
+
+if __name__ == "__main__":
+    main()

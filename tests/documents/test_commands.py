@@ -1,0 +1,60 @@
+"""Every command of the documents is known to the script that runs them, and the quick ones run."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import commands
+import pytest
+import yaml
+
+TABLE = yaml.safe_load(commands.TABLE.read_text())
+KINDS = ("quick", "full", "left_out")
+
+
+def told(page):
+    """The commands that stand on a page."""
+    return {text for what, text in commands.steps((commands.ROOT / page).read_text()) if what == "command"}
+
+
+@pytest.mark.parametrize("page", sorted({*commands.pages(), *TABLE}))
+def test_the_table_holds_the_commands_of_the_page_and_no_others(page):
+    known = [text for name in KINDS for text in TABLE.get(page, {}).get(name) or ()]
+    assert sorted(known) == sorted(told(page))
+
+
+def test_what_is_left_out_has_its_reason():
+    assert all(reason for entry in TABLE.values() for reason in (entry.get("left_out") or {}).values())
+
+
+PAGE = """# A
+
+Save this as `a/b.txt`.
+
+```text
+one
+```
+
+    cp a/b.txt c \\
+        d  # why
+
+    no: command
+"""
+
+
+def test_files_and_commands_of_a_page_come_in_their_order():
+    expected = [("heading", "# A"), ("a/b.txt", "one\n"), ("command", "cp a/b.txt c d")]
+    assert list(commands.steps(PAGE)) == expected
+
+
+@pytest.mark.slow
+def test_the_quick_commands_run():
+    script = Path(commands.__file__)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "README.md" in done.stdout
+
+
+def test_a_command_that_fails_is_named_with_its_page(tmp_path):
+    with pytest.raises(SystemExit, match=r"page\.md: status 3\d*"):
+        commands.run("page.md", "set -e\nexit 31", tmp_path)
