@@ -155,6 +155,9 @@ def main() -> None:
     words = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     words.add_argument("pages", nargs="*", metavar="PAGE", help="such as docs/howto.md (all of the table)")
     words.add_argument("--all", action="store_true", help="not the quick commands alone")
+    words.add_argument(
+        "--draw", action="store_true", help="with --all: put the pictures of a page where it shows them"
+    )
     args = words.parse_args()
     table = yaml.safe_load(TABLE.read_text())
     with tempfile.TemporaryDirectory() as place:
@@ -169,6 +172,11 @@ def main() -> None:
                 folder = Path(place) / str(number)
                 folder.mkdir()
             print(f"{page}: {run(page, text, folder):.0f} s", flush=True)
+            for shown, made in (entry.get("pictures") or {}).items() if args.all else ():
+                if args.draw:
+                    shutil.copy(folder / made, ROOT / shown)
+                elif not (folder / made).is_file():
+                    sys.exit(f"{page}: no {made} was made, which it shows as {shown}")
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """Every command of the documents is known to the script that runs them, and the quick ones run."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -45,6 +46,16 @@ one
 def test_files_and_commands_of_a_page_come_in_their_order():
     expected = [("heading", "# A"), ("a/b.txt", "one\n"), ("command", "cp a/b.txt c d")]
     assert list(commands.steps(PAGE)) == expected
+
+
+@pytest.mark.parametrize("page", [page for page, entry in TABLE.items() if "pictures" in entry])
+def test_every_picture_of_such_a_page_is_made_by_its_commands(page):
+    shown = re.findall(r"!\[[^]]*\]\(([^)]+)\)", (commands.ROOT / page).read_text())
+    paths = {
+        str((commands.ROOT / page).parent.joinpath(one).resolve().relative_to(commands.ROOT)) for one in shown
+    }
+    assert paths == set(TABLE[page]["pictures"])
+    assert all((commands.ROOT / path).is_file() for path in paths)
 
 
 @pytest.mark.slow
