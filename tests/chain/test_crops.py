@@ -6,10 +6,12 @@ from pathlib import Path
 import pytest
 import yaml
 
+from repose.chain import card
 from repose.cli import main
 from repose.config import checks, loader
 from repose.core import places
 from repose.core.files import write_text
+from repose.core.parameter_space import range_of
 from repose.core.published import published_sets
 
 CROPS = places.root() / "crops"
@@ -54,6 +56,19 @@ def test_a_crop_stands_on_its_own_numbers(name, monkeypatch):
     for value in (config["berry"]["density_kg_m3"], config["berry"]["poisson_ratio"], target["value"]):
         assert f"{value:g}" in told or f"{value:.2f}" in told
     assert "assumed" in told
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_its_card_is_that_of_its_configuration(name, monkeypatch):
+    monkeypatch.chdir(CROPS / name)
+    config = loader.resolve(places.configs())
+    shown = card.read(CROPS / "cards" / f"{name}.json")
+    assert shown["material"] == name
+    assert [test["measured"] for test in shown["tests"]] == [target["value"] for target in config["targets"]]
+    for parameter, entry in config["parameters"].items():
+        low, high = range_of(parameter, entry)
+        assert low <= shown["parameters"][parameter]["value"] <= high
+    assert shown["grain"]["density_kg_m3"] == config["berry"]["density_kg_m3"]
 
 
 @pytest.mark.slow

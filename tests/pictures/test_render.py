@@ -1,6 +1,7 @@
 """The software renderer: known outlines, what hides what, shadows, the funnel, memory, animations."""
 
 import tracemalloc
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,8 +11,7 @@ from repose.core.errors import InputError
 from repose.dem.rotations import rotation_matrices
 from repose.dem.tessellation import tessellate
 from repose.particle import build
-from repose.pictures import film, raster
-from repose.pictures.render import render_pile
+from repose.pictures import film, raster, render
 from repose.pictures.scenery import Frustum, funnel_walls, look_at, outline
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0, 0.0]])
@@ -34,6 +34,9 @@ def particle_of(semi_axes_mm):
 BERRY = particle_of([[10.57, 5.685, 4.94]])
 BARREL = particle_of([[7.399, 0.940, 0.940], [3.171, 4.745, 4.000]])
 BALL = particle_of([[6.0, 6.0, 6.0]])
+
+
+render_pile = partial(render.render_pile, colour="#c2200b")  # red, which nothing else in a picture is
 
 
 def reddish(picture):
@@ -107,6 +110,15 @@ def test_a_ball_has_the_outline_of_its_perspective():
     distance = np.linalg.norm(camera.eye_m - centre[0])
     radius_px = camera.focal_px * np.tan(np.arcsin(0.006 / distance))
     assert np.sqrt(reddish(picture).sum() / np.pi) == pytest.approx(radius_px, rel=0.02)
+
+
+def test_grains_have_the_colour_that_they_are_given():
+    centre, frame = np.array([[0.0, 0.0, 0.006]]), np.array([[-0.01, -0.01, 0.0], [0.01, 0.01, 0.012]])
+    shares = {}
+    for colour in ("#20c020", "#2020c0"):
+        picture = render.render_pile(centre, UPRIGHT, BALL, 0, 0, 60, 60, frame_m=frame, colour=colour)
+        shares[colour] = picture[25:35, 25:35].reshape(-1, 3).mean(axis=0).argmax()
+    assert list(shares.values()) == [1, 2]
 
 
 def test_a_long_axis_along_the_view_shows_the_short_ones():

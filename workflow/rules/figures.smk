@@ -8,7 +8,7 @@ FIGURES = {
     "figure05": (
         "Figure 5",
         {"heap": rules.measure.input.heap, "particle": rules.shape.output.particle},
-        ("funnel",),
+        ("funnel", "colour"),
     ),
     "figure06": (
         "Figure 6",
@@ -39,7 +39,7 @@ FIGURES = {
             "trajectory": rules.trajectory.output.trajectory,
             "particle": rules.shape.output.particle,
         },
-        ("funnel",),
+        ("funnel", "colour"),
     ),
     "figure09": ("Figure 9", {"dot": f"{RESULTS}/figures/figure09.dot"}, ()),
     "figure10": ("Figure 10", {"network": rules.network.output.network}, ()),
@@ -101,7 +101,7 @@ if "drum" in config:
                 "states": f"{RESULTS}/drum/drum_{DRUM_SEEDS[0]}.npz",
                 "particle": rules.shape.output.particle,
             },
-            ("drum", "measure.mm_per_pixel"),
+            ("drum", "measure.mm_per_pixel", "colour"),
         ),
         "drum": (
             "The drum over time",

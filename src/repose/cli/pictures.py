@@ -44,11 +44,12 @@ def film(args: argparse.Namespace) -> None:
     config, particle = loader.load(args.config), Particle.load(args.particle)
     frames = SMALL_FILM if config["small_run"] else FILM
     if args.drum:
-        film.animate_drum(args.trajectory, particle, args.out, config["drum"], frames=frames)
+        film.animate_drum(
+            args.trajectory, particle, args.out, config["drum"], frames=frames, colour=config["colour"]
+        )
         return
-    film.animate_pour(
-        args.trajectory, particle, args.out, scenery.funnel_walls(config["funnel"]), frames=frames
-    )
+    walls = scenery.funnel_walls(config["funnel"])
+    film.animate_pour(args.trajectory, particle, args.out, walls, frames=frames, colour=config["colour"])
 
 
 @family.verb(

@@ -55,10 +55,8 @@ class Bodies:
 
     Attributes
     ----------
-    points : numpy.ndarray, (S, V, 3)
-        Points of each shape in m.
     normals : numpy.ndarray, (S, V, 3)
-        Unit normals at these points.
+        Unit normals at the points of each shape.
     triangles : numpy.ndarray of int, (T, 3)
         Numbers of their points, the same for all shapes.
     shape_ids : numpy.ndarray of int, (N,)
@@ -69,21 +67,14 @@ class Bodies:
         Points of each body in the world, in m.
     owner : numpy.ndarray of int, (N,)
         The body to which a part belongs; itself for a body of one part.
-    middle : numpy.ndarray, (N,)
-        Place of the part along the body's long axis, -1 to 1.
-    share : numpy.ndarray, (N,)
-        Half length of the part over that of the body.
     """
 
-    points: np.ndarray
     normals: np.ndarray
     triangles: np.ndarray
     shape_ids: np.ndarray
     turn: np.ndarray
     vertices: np.ndarray
     owner: np.ndarray
-    middle: np.ndarray
-    share: np.ndarray
 
 
 class _Ball:
@@ -127,8 +118,7 @@ def place_bodies(
     """
     if any(_spheres(shape) is not None for shape in shapes):
         return _place_parts(centres, quaternions, shapes, shape_ids, scales)
-    whole = np.arange(len(centres)), np.zeros(len(centres)), np.ones(len(centres))
-    return _tessellated(centres, quaternions, shapes, shape_ids, scales, whole)
+    return _tessellated(centres, quaternions, shapes, shape_ids, scales, np.arange(len(centres)))
 
 
 def _spheres(shape: Drawable) -> np.ndarray | None:
@@ -150,19 +140,15 @@ def _place_parts(
     for kind, shape in enumerate(shapes):
         members, spheres = np.flatnonzero(shape_ids == kind), _spheres(shape)
         if spheres is None:
-            sizes, ids = scales[members], np.full(len(members), kind)
-            parts.append((centres[members], sizes, ids, members, 0.0 * sizes, 0.0 * sizes + 1.0))
+            parts.append((centres[members], scales[members], np.full(len(members), kind), members))
             continue
         own = np.tile(spheres, (len(members), 1))
         owner = np.repeat(members, len(spheres))
         places = centres[owner] + scales[owner, None] * np.einsum("nij,nj->ni", turn[owner], own[:, :3])
-        length = (np.abs(spheres[:, 0]) + spheres[:, 3]).max()
-        ids = np.full(len(owner), len(shapes))
-        parts.append((places, scales[owner] * own[:, 3], ids, owner, own[:, 0] / length, own[:, 3] / length))
-    places, sizes, ids, owner, middle, share = (np.concatenate(column) for column in zip(*parts, strict=True))
+        parts.append((places, scales[owner] * own[:, 3], np.full(len(owner), len(shapes)), owner))
+    places, sizes, ids, owner = (np.concatenate(column) for column in zip(*parts, strict=True))
     drawn = [_Ball() if _spheres(shape) is not None else shape for shape in shapes] + [_Ball()]
-    whole = owner, middle, share
-    return _tessellated(places, quaternions[owner], drawn, ids, sizes, whole)
+    return _tessellated(places, quaternions[owner], drawn, ids, sizes, owner)
 
 
 def _tessellated(
@@ -171,12 +157,12 @@ def _tessellated(
     shapes: Sequence[Drawable],
     shape_ids: np.ndarray,
     scales: np.ndarray,
-    whole: tuple[np.ndarray, np.ndarray, np.ndarray],
+    owner: np.ndarray,
 ) -> Bodies:
-    """`Bodies` of convex parts; whole: the last three fields."""
+    """`Bodies` of convex parts."""
     tessellated = [tessellate(shape) for shape in shapes]
     points, normals = (np.array([one[k] for one in tessellated]) for k in range(2))
     triangles = tessellated[0][2]
     turn = rotation_matrices(quaternions)
     vertices = np.einsum("nij,nvj->nvi", turn, scales[:, None, None] * points[shape_ids])
-    return Bodies(points, normals, triangles, shape_ids, turn, centres[:, None, :] + vertices, *whole)
+    return Bodies(normals, triangles, shape_ids, turn, centres[:, None, :] + vertices, owner)

@@ -15,6 +15,7 @@ from repose.pictures.backdrop import DrumInside
 from repose.pictures.bodies import Drawable
 from repose.pictures.render import render_bodies, render_pile
 from repose.pictures.scenery import Frustum, outline, setting_of
+from repose.pictures.shading import GRAIN
 
 LAST_S = 1.6  # the last picture is shown this long
 KEYS = ("time_s", "position", "quaternion")
@@ -33,6 +34,7 @@ def animate_pour(
     elevation_deg: float = 10.0,
     azimuth_deg: float = 20.0,
     max_bytes: int = 3_000_000,
+    colour: str = GRAIN,
 ) -> None:
     """Write a short endless animation of a pour.
 
@@ -57,6 +59,8 @@ def animate_pour(
         Direction from which the camera looks.
     max_bytes : int
         Colours are reduced until the file is no larger.
+    colour : str
+        Of the grains, as #rrggbb.
 
     Raises
     ------
@@ -74,7 +78,9 @@ def animate_pour(
     frame = np.concatenate([frame, [[0, 0, frame[:, 2].max() + 2 * reach]]])
     view = (elevation_deg, azimuth_deg, width, height, walls)
     pictures = [
-        render_pile(positions[k], quaternions[k], particle, *view, frame_m=frame, scales=scales)
+        render_pile(
+            positions[k], quaternions[k], particle, *view, frame_m=frame, scales=scales, colour=colour
+        )
         for k in _spread(times, frames)
     ]
     _write_within(pictures, frame_s, out_path, max_bytes)
@@ -141,6 +147,7 @@ def animate_drum(
     frame_s: float = 0.12,
     width: int = 380,
     max_bytes: int = 3_900_000,
+    colour: str = GRAIN,
 ) -> None:
     """Write a short endless animation of a drum that turns, seen along its axis with its rim, whose marks turn with it.
 
@@ -150,7 +157,7 @@ def animate_drum(
         An .npz file as that of `animate_pour`, with turned_deg (T,) besides.
     section : mapping
         The configuration's `drum`.
-    particle, out_path, frames, frame_s, width, max_bytes
+    particle, out_path, frames, frame_s, width, max_bytes, colour
         See `animate_pour`; the picture is a square.
 
     Raises
@@ -165,7 +172,12 @@ def animate_drum(
     pictures = []
     for k in _spread(times, frames):
         inside = drum_inside(section, angles_rad[k])
-        look: dict[str, Any] = {"frame_m": inside.outline(), "backdrop": inside, "scales": scales}
+        look: dict[str, Any] = {
+            "frame_m": inside.outline(),
+            "backdrop": inside,
+            "scales": scales,
+            "colour": colour,
+        }
         pictures.append(render_pile(positions[k], quaternions[k], particle, 0.0, -90.0, width, width, **look))
     _write_within(pictures, frame_s, out_path, max_bytes)
 

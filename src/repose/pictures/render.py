@@ -40,19 +40,22 @@ def render_pile(
     backdrop: Backdrop | None = None,
     field_of_view_deg: float = FIELD_OF_VIEW_DEG,
     scales: np.ndarray | None = None,
+    colour: str = shading.GRAIN,
 ) -> np.ndarray:
-    """A shaded picture of berries of one shape.
+    """A shaded picture of grains of one shape.
 
     Parameters
     ----------
     centres_m, quaternions, scales, elevation_deg, azimuth_deg, width, height, frame_m, supersample, field_of_view_deg
         See `render_bodies`.
+    colour : str
+        Of the grains, as #rrggbb.
     particle : Particle or Shape
         The shape of all of them.
     walls : sequence of Frustum, optional
         Drawn translucent.
     backdrop : Backdrop, optional
-        What stands behind the berries instead of a plate at z = 0.
+        What stands behind the grains instead of a plate at z = 0.
 
     Returns
     -------
@@ -61,7 +64,7 @@ def render_pile(
     """
     setting = Setting(None if backdrop else 0.0, frusta=tuple(walls or ()), backdrop=backdrop)
     view = (elevation_deg, azimuth_deg, width, height, frame_m, supersample, field_of_view_deg)
-    return render_bodies(centres_m, quaternions, [particle], None, scales, setting, *view)
+    return render_bodies(centres_m, quaternions, [particle], None, scales, setting, *view, colour)
 
 
 def render_bodies(
@@ -78,6 +81,7 @@ def render_bodies(
     frame_m: np.ndarray | None = None,
     supersample: int = 2,
     field_of_view_deg: float = FIELD_OF_VIEW_DEG,
+    colour: str = shading.GRAIN,
 ) -> np.ndarray:
     """A shaded picture of bodies of several shapes and sizes. The same input gives the same picture.
 
@@ -88,7 +92,7 @@ def render_bodies(
     quaternions : numpy.ndarray
         (N, 4), w, x, y, z, body to world.
     shapes : sequence of Shape or Particle
-        Convex or of spheres; the first is drawn as a berry, each of the others in a colour of its own.
+        Convex or of spheres; each of another colour.
     shape_ids : numpy.ndarray, optional
         (N,), place of a body's shape in that sequence; by default the first.
     scales : numpy.ndarray, optional
@@ -105,6 +109,8 @@ def render_bodies(
         Rays along each side of a pixel.
     field_of_view_deg : float
         Of the camera.
+    colour : str
+        Of the first shape, as #rrggbb.
 
     Returns
     -------
@@ -125,8 +131,8 @@ def render_bodies(
     bodies = place_bodies(centres, np.asarray(quaternions, float)[shown], shapes, kinds, sizes)
     view = look(camera, bodies, setting)
     lit, sky = shading.light_and_sky(camera, bodies, view, largest)
-    skins = shading.skins_of(shown[bodies.owner], kinds[bodies.owner], len(centres_m), len(shapes))
-    return shading.paint(camera, view, skins, lit, sky, frame, setting, supersample)
+    tints = shading.tints_of(shown[bodies.owner], kinds[bodies.owner], len(centres_m), len(shapes), colour)
+    return shading.paint(camera, view, tints, lit, sky, frame, setting, supersample)
 
 
 def render_simulation(simulation: Simulation, **view: Any) -> np.ndarray:

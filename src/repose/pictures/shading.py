@@ -1,8 +1,7 @@
-"""Light and colours of a picture: soft shadow, ambient occlusion, skins of the berries, plate, walls of glass."""
+"""Light and colours of a picture: soft shadow, ambient occlusion, grains, plate, walls of glass."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import maximum_filter
@@ -15,56 +14,42 @@ from repose.pictures.view import View
 BACKGROUND = np.array([0.975, 0.977, 0.980])
 PLATE = np.array([0.835, 0.842, 0.850])
 FUNNEL = np.array([0.40, 0.50, 0.58])
-SKIN = np.array([0.76, 0.125, 0.045])
-CALYX = np.array([0.33, 0.19, 0.055])
-OTHER_SKINS = np.array([[0.80, 0.66, 0.42], [0.30, 0.42, 0.56], [0.45, 0.52, 0.26]])  # second shape and on
+GRAIN = "#cca86b"  # of a grain whose colour nobody tells
+OTHERS = np.array([[0.30, 0.42, 0.56], [0.45, 0.52, 0.26], [0.76, 0.125, 0.045]])  # second shape and on
 PANEL_SHARE = 0.93  # of the plate's brightness
 LIGHT = np.array([0.42, -0.38, 0.82]) / np.linalg.norm([0.42, -0.38, 0.82])  # in the camera's heading, z up
 
 
-@dataclass(frozen=True)
-class Skins:
-    """Colours of N bodies or parts.
-
-    Attributes
-    ----------
-    tint : numpy.ndarray, (N, 3)
-        Red, green and blue, 0 to 1 or a little beyond.
-    berry : numpy.ndarray of bool, (N,)
-        Whether it has a calyx and darker tips.
-    """
-
-    tint: np.ndarray
-    berry: np.ndarray
-
-
-def skins_of(body: np.ndarray, shape: np.ndarray, count: int, shapes: int) -> Skins:
-    """Colours of bodies; no two are alike.
+def tints_of(body: np.ndarray, shape: np.ndarray, count: int, shapes: int, colour: str = GRAIN) -> np.ndarray:
+    """Colours of N bodies or parts; no two bodies are alike.
 
     Parameters
     ----------
     body : numpy.ndarray of int, (N,)
         Number of the body; parts of one body have the same.
     shape : numpy.ndarray of int, (N,)
-        Number of its shape; the first is the berry with its calyx.
+        Number of its shape.
     count, shapes : int
         Numbers of all bodies, and of shapes.
+    colour : str, optional
+        Of the first shape, as #rrggbb.
 
     Returns
     -------
-    Skins
+    numpy.ndarray, (N, 3)
+        Red, green and blue, 0 to 1 or a little beyond.
     """
-    colours = np.array([SKIN, *(OTHER_SKINS[k % len(OTHER_SKINS)] for k in range(shapes - 1))])
+    first = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
+    colours = np.array([first, *(OTHERS[k % len(OTHERS)] for k in range(shapes - 1))])
     ripeness, shade = np.random.RandomState(2026).uniform(-1, 1, (2, count))
     tint = colours[shape] * (1 + 0.16 * shade[body, None])
-    tint += np.array([0.045, 0.050, 0.004]) * ripeness[body, None]
-    return Skins(tint, shape == 0)
+    return tint + np.array([0.045, 0.050, 0.004]) * ripeness[body, None]
 
 
 def paint(
     camera: Camera,
     view: View,
-    skins: Skins,
+    tints: np.ndarray,
     lit: np.ndarray,
     sky: np.ndarray,
     frame: np.ndarray,
@@ -79,8 +64,8 @@ def paint(
         That sees it.
     view : View
         What each pixel shows.
-    skins : Skins
-        Colours of the bodies.
+    tints : numpy.ndarray, (N, 3)
+        Colours of the bodies, as `tints_of` gives them.
     lit, sky : numpy.ndarray, (H, W)
         What `light_and_sky` gave.
     frame : numpy.ndarray, (P, 3)
@@ -102,7 +87,7 @@ def paint(
         band, rays = view.rows(rows), camera.rays(rows)
         image = np.broadcast_to(BACKGROUND, rays.shape).copy()
         _paint_flat(image, camera, band, rays, lit[rows], sky[rows], frame, setting.backdrop)
-        _paint_bodies(image, camera, band, rays, lit[rows], sky[rows], skins)
+        _paint_bodies(image, camera, band, rays, lit[rows], sky[rows], tints)
         _blend_walls(image, setting.frusta, order, camera, rays, band.depth)
         fine = np.clip(image, 0, 1).reshape(-1, supersample, width, supersample, 3)
         picture[rows.start // supersample :][: len(fine)] = np.round(255 * fine.mean(axis=(1, 3)))
@@ -159,15 +144,11 @@ def _paint_bodies(
     rays: np.ndarray,
     lit: np.ndarray,
     sky: np.ndarray,
-    skins: Skins,
+    tints: np.ndarray,
 ) -> None:
     """Paint what shows a body."""
     hit = view.hit
-    part, along = view.body[hit], view.along[hit]
-    berry = skins.berry[part, None]
-    calyx = np.clip((along - 0.955) / 0.03, 0, 1)[:, None] * berry
-    tip = 1 - 0.25 * np.clip((np.abs(along) - 0.7) / 0.3, 0, 1)[:, None] ** 2 * berry
-    colour = np.clip(skins.tint[part] * tip * (1 - calyx) + CALYX * calyx, 0, 1)
+    colour = np.clip(tints[view.body[hit]], 0, 1)
     sight = rays[hit] / np.linalg.norm(rays[hit], axis=1, keepdims=True)
     towards = _light_axes(camera)[2]
     image[hit] = _shade_bodies(colour, view.normal[hit], sight, towards, lit[hit], sky[hit])
@@ -189,10 +170,8 @@ def _shade_bodies(
     gloss = (0.42 * shine**60 + 0.085 * shine**9) * lit
     rim = np.clip(1 + np.sum(normal * sight, axis=1), 0, 1) ** 3 * 0.10
     ambient = (0.26 + 0.24 * (0.5 + 0.5 * normal[:, 2])) * sky
-    glow = 0.10 * sky  # light that went through neighbouring flesh keeps the gaps warm
-    base = colour * (0.93 * diffuse + ambient)[:, None] + colour**0.8 * glow[:, None] * np.array(
-        [1.0, 0.35, 0.2]
-    )
+    glow = 0.10 * sky  # light that neighbours throw on each other has their colour and keeps the gaps warm
+    base = colour * (0.93 * diffuse + ambient)[:, None] + colour * glow[:, None]
     return base + (gloss + rim * sky)[:, None]
 
 

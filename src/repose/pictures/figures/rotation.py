@@ -93,6 +93,7 @@ def _side_view(
         backdrop=inside,
         field_of_view_deg=TELEPHOTO_DEG,
         scales=scales,
+        colour=config["colour"],
     )
     camera = look_at(inside.outline(), PIXELS, PIXELS, 0.0, -90.0, field_of_view_deg=TELEPHOTO_DEG)
     surface = bed.measure_surface(

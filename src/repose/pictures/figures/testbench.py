@@ -66,6 +66,7 @@ def simulated_pile(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figu
         height=PILE_PIXELS // 2,
         frame_m=frame,
         scales=scales,
+        colour=config["colour"],
     )
     figure = style.new_figure(style.PAGE, style.PAGE / 2)
     figure.get_layout_engine().set(w_pad=0, h_pad=0)
@@ -73,7 +74,7 @@ def simulated_pile(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figu
     panel.imshow(picture, aspect="auto")
     panel.axis("off")
     count = int(in_pile.sum())
-    style.note(panel, f"{len(centres)} berries poured, {count} in the pile", x=0.02, y=0.96, fontsize=8)
+    style.note(panel, f"{len(centres)} grains poured, {count} in the pile", x=0.02, y=0.96, fontsize=8)
     return figure
 
 
@@ -153,7 +154,7 @@ def apparatus(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     figure = style.new_figure(width, (width - 0.5) * (high - low) / (right - left) + 0.55)
     panel = figure.subplots()
     if {"trajectory", "particle"} <= inputs.keys():
-        _berries(panel, inputs)
+        _grains(panel, inputs, config["colour"])
     for wall in walls:
         for side in (-1, 1):
             radii = [side * 1e3 * wall.r_low_m, side * 1e3 * wall.r_high_m]
@@ -248,8 +249,8 @@ def _dimensions(
     )
 
 
-def _berries(panel: Axes, inputs: Mapping[str, Any]) -> None:
-    """Side view of the berries amid a pour, each with its true outline, the nearest drawn last."""
+def _grains(panel: Axes, inputs: Mapping[str, Any], colour: str) -> None:
+    """Side view of the grains amid a pour, each with its true outline, the nearest drawn last."""
     particle = build.Particle.load(inputs["particle"])
     record = read_npz(inputs["trajectory"], ("time_s", "position", "quaternion"), "the trajectory of a pour")
     frame = int(np.argmin(np.abs(record["time_s"] - SNAPSHOT_S)))
@@ -264,10 +265,10 @@ def _berries(panel: Axes, inputs: Mapping[str, Any]) -> None:
     )[0]
     collection = PolyCollection(
         1e3 * outline,
-        facecolors=style.BERRY,
-        edgecolors="#6B150B",
+        facecolors=colour,
+        edgecolors=style.BLACK,
         linewidths=0.25,
         zorder=2.5,
     )
     panel.add_collection(collection)
-    panel.set_title(f"simulated pour at {time_s:.3g} s, {here.sum()} berries", fontsize=7)
+    panel.set_title(f"simulated pour at {time_s:.3g} s, {here.sum()} grains", fontsize=7)

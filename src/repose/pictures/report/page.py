@@ -89,7 +89,8 @@ def content(study: Study) -> dict[str, Any]:
     }
     if "trajectory" in study.files:
         particle = Particle.load(study.files["particle"])
-        found["pour"] = scene.for_page(study.files["trajectory"], particle, study.config["funnel"])
+        pour = scene.for_page(study.files["trajectory"], particle, study.config["funnel"])
+        found["pour"] = pour | {"colour": study.config["colour"]}
     return found
 
 

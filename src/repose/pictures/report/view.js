@@ -23,7 +23,7 @@ function pourView(canvas, pour) {
   bodies.frustumCulled = false;
   for (let n = 0; n < pour.count; n++) {
     const shade = ((n * 37) % 100) / 100; // neighbours differ, so that single bodies are seen
-    bodies.setColorAt(n, new THREE.Color().setHSL(0.03 + 0.04 * shade, 0.62, 0.38 + 0.16 * shade));
+    bodies.setColorAt(n, new THREE.Color(pour.colour).offsetHSL(0.02 * shade - 0.01, 0, 0.16 * shade - 0.08));
   }
   scene.add(bodies);
   const plate = new THREE.Mesh(
