@@ -16,6 +16,7 @@ CONFIG = {
     },
     "berry": {"spheres": 14, "surface": "smooth"},
     "small_run": False,
+    "colour": "#c2200b",
     "parameters": RANGES,
     "design": {"method": "optimal"},
     "funnel": {
