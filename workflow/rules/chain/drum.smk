@@ -57,7 +57,7 @@ rule drum:
         f"{RESULTS}/benchmarks/drum.tsv"
     threads: 1
     resources:
-        mem_mb=growing(150),
+        mem_mb=growing(350),
         runtime=growing(10),
     params:
         config=CONFIG,

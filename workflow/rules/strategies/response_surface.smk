@@ -13,7 +13,7 @@ rule response_design:
         f"{RESULTS}/benchmarks/response_surface/design.tsv"
     threads: 1
     resources:
-        mem_mb=growing(300),
+        mem_mb=growing(250),
         runtime=growing(10),
     params:
         config=CONFIG,
@@ -98,7 +98,7 @@ checkpoint response_screening:
         f"{RESULTS}/benchmarks/response_surface/screening.tsv"
     threads: 1
     resources:
-        mem_mb=growing(300),
+        mem_mb=growing(250),
         runtime=growing(10),
     params:
         config=CONFIG,
@@ -124,7 +124,7 @@ checkpoint response_ascent:
         f"{RESULTS}/benchmarks/response_surface/ascent.tsv"
     threads: 1
     resources:
-        mem_mb=growing(300),
+        mem_mb=growing(250),
         runtime=growing(10),
     params:
         config=CONFIG,
@@ -154,7 +154,7 @@ checkpoint response_surface_fit:
         f"{RESULTS}/benchmarks/response_surface/surface.tsv"
     threads: 1
     resources:
-        mem_mb=growing(300),
+        mem_mb=growing(250),
         runtime=growing(10),
     params:
         config=CONFIG,
@@ -190,7 +190,7 @@ rule response_check:
         f"{RESULTS}/benchmarks/response_surface/check.tsv"
     threads: 1
     resources:
-        mem_mb=growing(300),
+        mem_mb=growing(250),
         runtime=growing(10),
     params:
         config=CONFIG,

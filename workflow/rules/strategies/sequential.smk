@@ -101,7 +101,7 @@ checkpoint sequential_batch:
         f"{RESULTS}/benchmarks/sequential/{{batch}}_advice.tsv"
     threads: 1
     resources:
-        mem_mb=growing(500),
+        mem_mb=growing(350),
         runtime=growing(60),
     params:
         config=CONFIG,
@@ -149,7 +149,7 @@ rule sequential_check:
         f"{RESULTS}/benchmarks/sequential/check.tsv"
     threads: 1
     resources:
-        mem_mb=growing(500),
+        mem_mb=growing(350),
         runtime=growing(10),
     params:
         config=CONFIG,

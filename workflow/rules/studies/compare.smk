@@ -1,17 +1,18 @@
 # Parts of the method beside their alternatives, on request: `snakemake --cores 2 compare`. See docs/comparison.md.
 COMPARISON = f"{RESULTS}/comparison"
-# What each comparison depends on besides the pours, and its tables.
+# What each comparison depends on besides the pours, its tables, and its memory in MB.
 COMPARISONS = {
-    "accuracy": (("network", "surrogate"), ()),
-    "surrogates": (("network", "surrogate", "pool.seed"), ()),
+    "accuracy": (("network", "surrogate"), (), 200),
+    "surrogates": (("network", "surrogate", "pool.seed"), (), 250),
     "sampling": (
         ("network", "surrogate", "pool.seed", "parameters", "funnel.seeds"),
         ("emulator.json",),
+        400,
     ),
 }
 
 
-for comparison, (depends, more) in COMPARISONS.items():
+for comparison, (depends, more, memory_mb) in COMPARISONS.items():
 
     rule:
         name:
@@ -32,7 +33,7 @@ for comparison, (depends, more) in COMPARISONS.items():
             f"{RESULTS}/benchmarks/compare_{comparison}.tsv"
         threads: 1
         resources:
-            mem_mb=growing(1000),
+            mem_mb=growing(memory_mb),
             runtime=growing(240),
         params:
             config=CONFIG,
@@ -102,7 +103,7 @@ rule comparison_table:
         f"{RESULTS}/benchmarks/comparison_table.tsv"
     threads: 1
     resources:
-        mem_mb=growing(500),
+        mem_mb=growing(100),
         runtime=growing(10),
     params:
         folder=folder,

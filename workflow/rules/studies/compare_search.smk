@@ -41,7 +41,7 @@ rule whole_tables:
         f"{RESULTS}/benchmarks/whole_tables.tsv"
     threads: 1
     resources:
-        mem_mb=growing(1500),
+        mem_mb=growing(250),
         runtime=growing(240),
     params:
         config=CONFIG,

@@ -23,7 +23,7 @@ rule measurement_study:
         f"{RESULTS}/benchmarks/measurement_study.tsv"
     threads: 1
     resources:
-        mem_mb=growing(600),
+        mem_mb=growing(350),
         runtime=growing(60),
     params:
         config=CONFIG,

@@ -21,7 +21,7 @@ rule pool_design:
         f"{RESULTS}/benchmarks/pool/design.tsv"
     threads: 1
     resources:
-        mem_mb=growing(500),
+        mem_mb=growing(250),
         runtime=growing(60),
     params:
         config=CONFIG,

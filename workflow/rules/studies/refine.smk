@@ -70,7 +70,7 @@ rule refine_search:
         round=r"[1-9]\d?",
     threads: 1
     resources:
-        mem_mb=growing(500),
+        mem_mb=growing(300),
         runtime=growing(30),
     params:
         config=CONFIG,

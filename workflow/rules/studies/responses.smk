@@ -21,7 +21,7 @@ rule measure_responses:
         f"{RESULTS}/benchmarks/measure_responses.tsv"
     threads: 1
     resources:
-        mem_mb=growing(500),
+        mem_mb=growing(350),
         runtime=growing(60),
     params:
         config=CONFIG,
@@ -106,7 +106,7 @@ for study, (where, more) in SECOND_RESPONSES.items():
             f"{RESULTS}/benchmarks/{study}.tsv"
         threads: 1
         resources:
-            mem_mb=growing(1500),
+            mem_mb=growing(350),
             runtime=growing(60),
         params:
             config=CONFIG,
