@@ -46,6 +46,14 @@ def test_the_time_goes_with_what_was_measured(config):
     assert cost.run_s(config, "funnel", 3e-7) == pytest.approx(3 * cost.run_s(config, "funnel", 1e-7))
 
 
+def test_a_study_takes_its_runs_and_a_rest(config):
+    del config["drum"]
+    config["design"]["samples"], config["funnel"]["seeds"] = 30, 4
+    config["validation"] |= {"published": None, "solutions": 1, "seeds": 8, "representative_seeds": 16}
+    work = cost.work(config, 1e-7)
+    assert work["total_s"] == pytest.approx(cost.REST_S + 32 * cost.JOB_START_S + 144 * work["pour_s"])
+
+
 def test_the_longest_job_has_the_most_seeds_of_the_slowest_bench_test(config):
     config["refine"]["seeds"] = 100
     slowest = max(cost.run_s(config, name) for name in ("funnel", "drum"))

@@ -7,6 +7,7 @@ verbs, so that help and parsing load none of them.
 import argparse
 import os
 import sys
+import textwrap
 from collections.abc import Sequence
 from contextlib import nullcontext
 
@@ -34,28 +35,22 @@ from repose.cli.registry import PROGRAM
 from repose.cli.stages import stage
 from repose.core.errors import BAD_INPUT, InputError, tell
 
-# The whole study first, then its steps in the order in which the data flows; so the help lists them.
-FAMILIES = (
-    new,
-    checking,
-    run,
-    inputs,
-    pouring,
-    shapes,
-    measuring,
-    calibration,
-    cards,
-    exporting,
-    uncertainty,
-    responses,
-    refinement,
-    strategies,
-    own_simulator,
-    comparison,
-    pictures,
-    services,
-)
+# Groups of the help, each with its families in the order in which the data flows; EVERYDAY verbs stand before them.
+GROUPS = {
+    "steps of the method, which `repose run` takes by itself": (
+        inputs,
+        pouring,
+        measuring,
+        calibration,
+        cards,
+    ),
+    "other strategies, and your own simulator": (strategies, own_simulator),
+    "studies, each a target of `repose run`": (uncertainty, refinement, responses, shapes, comparison),
+    "pictures, tests, records": (pictures, services),
+}
+FAMILIES = (new, checking, run, exporting, *(module for group in GROUPS.values() for module in group))
 VERBS = {verb.name: verb for module in FAMILIES for verb in module.family.verbs}
+EVERYDAY = ("new", "marker", "measure", "check", "plan", "run", "card", "export")
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -100,11 +95,29 @@ def parser() -> argparse.ArgumentParser:
     """The parser of all verbs."""
     top = argparse.ArgumentParser(
         prog=PROGRAM,
-        description="Calibrates the contact parameters of a discrete element model from a pile of berries. "
-        "Each verb is one step of the method; `repose run` runs them all in order.",
-        epilog=f"example: {PROGRAM} heap --set mus_gg=0.6 --seed 1 --out results/try",
+        description="Calibrates the contact parameters of a discrete element model from a pile of grains. "
+        "`repose run` runs a whole study; VERB --help explains a verb.",
+        epilog=_verbs_in_groups(),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    subparsers = top.add_subparsers(title="verbs", metavar="VERB", required=True)
+    subparsers = top.add_subparsers(title="verbs", metavar="VERB", required=True, help="one of those below")
     for verb in VERBS.values():
         verb.add_to(subparsers)
     return top
+
+
+def _verbs_in_groups():
+    """Every verb with its summary, the everyday ones first, and an example."""
+    groups = {"every day": EVERYDAY}
+    for title, modules in GROUPS.items():
+        names = [verb.name for module in modules for verb in module.family.verbs]
+        groups[title] = [name for name in names if name not in EVERYDAY]
+    lines = []
+    for title, names in groups.items():
+        lines += [f"{title}:", *(_listed(VERBS[name]) for name in names), ""]
+    return "\n".join([*lines, f"example: {PROGRAM} check --config config/paper.yaml"])
+
+
+def _listed(verb):
+    """A verb and its summary, side by side."""
+    return textwrap.fill(verb.summary, 100, initial_indent=f"    {verb.name:20} ", subsequent_indent=25 * " ")

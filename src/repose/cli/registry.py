@@ -74,7 +74,6 @@ class Verb(NamedTuple):
         """
         parser = subparsers.add_parser(
             self.name,
-            help=self.summary,
             description=f"{self.summary[0].upper()}{self.summary[1:]}.",
             epilog=f"example: {PROGRAM} {self.name} {self.example}".rstrip(),
         )

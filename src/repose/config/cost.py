@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 SECONDS_A_BERRY_STEP = 8e-8
 SECONDS_A_VIEW = 0.01
 JOB_START_S = 2.5  # of a pour's job and of its measurement's
+REST_S = 120.0  # of a study besides its runs: posterior, figures, film and report, and snakemake itself
 # The pour that is timed: simulated time [s], and steps of a berry that take about a second.
 TIMED_S, TIMED_STEPS = 1.5, 2.0e7
 FEWEST_TIMED = 20
@@ -143,7 +144,7 @@ def work(
         ("validation", validation["solutions"], validation["seeds"]),
         ("published", theirs, validation["seeds"]),
     )
-    total_s = sum(sets * (JOB_START_S + seeds * pour_s) for _, sets, seeds in pours)
+    total_s = REST_S + sum(sets * (JOB_START_S + seeds * pour_s) for _, sets, seeds in pours)
     if "drum" in config:
         total_s += config["drum"]["seeds"] * (JOB_START_S + runs_s("drum"))
     sets = sum(sets for _, sets, _ in pours)
