@@ -105,6 +105,13 @@ def test_the_list_names_targets_of_the_workflow_with_their_cost(capsys):
     assert {"response_surface", "sequential", "measurement_study"} <= set(named)
 
 
+def test_the_list_tells_which_strategy_a_configuration_cannot_take(monkeypatch, capsys):
+    """A crop with two free parameters has too few for a Box-Behnken design."""
+    monkeypatch.chdir(places.root() / "crops/wheat")
+    assert main(["run", "--list"]) == 0
+    assert "not with this configuration: response_surface.surface; allowed: " in capsys.readouterr().out
+
+
 def test_the_list_leaves_out_what_a_crop_without_published_solutions_cannot_run(tmp_path, capsys):
     (tmp_path / "own.yaml").write_text("validation: {published: null}")
     assert main(["run", "--list", "--configfile", str(tmp_path / "own.yaml")]) == 0

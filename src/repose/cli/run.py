@@ -188,7 +188,6 @@ def catalogue(words: list[str]) -> str:
     str
     """
     from repose.config import cost, loader
-    from repose.strategies import cost as strategies
 
     given = [word.partition("=")[2] or word for word in words]
     files = [word for word in given if Path(word).suffix in CONFIG_SUFFIXES]
@@ -196,18 +195,25 @@ def catalogue(words: list[str]) -> str:
     calibration, *others = cost.studies(config)
     rows = [calibration]
     for target, sentence in STRATEGIES.items():
-        pours = strategies.pours({**config, "strategy": target})
-        minutes = cost.work(config, pours=pours)["total_s"] / 60
-        number = sum(sets * seeds for _, sets, seeds in pours or ())
-        rows.append(
-            cost.Study(
-                target, sentence, f"at most {number} pours, about {minutes:.0f} min on one core, by itself"
-            )
-        )
+        rows.append(cost.Study(target, sentence, _cost_of({**config, "strategy": target})))
     lines = [f"  {study.target:18} {study.sentence}\n{'':21}{study.cost}" for study in [*rows, *others]]
     return "\n".join(
         [f"repose run TARGET; without one, all of calibration. Studies of {config['label']}:", *lines]
     )
+
+
+def _cost_of(config):
+    """What the strategy of a configuration costs, in words; or why the configuration cannot take it."""
+    from repose.config import cost
+    from repose.config.checks import strategy_contradictions
+    from repose.strategies import cost as strategies
+
+    for key, allowed in strategy_contradictions(config):
+        return f"not with this configuration: {key}; allowed: {allowed}"
+    pours = strategies.pours(config)
+    minutes = cost.work(config, pours=pours)["total_s"] / 60
+    number = sum(sets * seeds for _, sets, seeds in pours or ())
+    return f"at most {number} pours, about {minutes:.0f} min on one core, by itself"
 
 
 def snakemake_words(words: list[str]) -> list[str]:

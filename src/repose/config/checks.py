@@ -1,6 +1,6 @@
 """Checks of the keys of a configuration against each other and against the files that they name."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -178,7 +178,7 @@ def _contradictions(config):
         yield "network.split", "three shares that sum to 1, those of training and test above 0"
     yield from _surrogate_contradictions(config)
     yield from _seed_contradictions(config)
-    yield from _strategy_contradictions(config)
+    yield from strategy_contradictions(config)
     refine = config["refine"]
     if refine["seeds"] > LARGEST_BLOCKS * refine["block"]:
         yield "refine.block", f"at least refine.seeds / {LARGEST_BLOCKS}"
@@ -198,8 +198,19 @@ def _surrogate_contradictions(config):
         yield "surrogate", f"{allowed} {needed}"
 
 
-def _strategy_contradictions(config):
-    """A sequential start beyond its budget or without repeats; a response surface of too few factors or runs."""
+def strategy_contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """A sequential start beyond its budget or without repeats; a response surface of too few factors or runs.
+
+    Parameters
+    ----------
+    config : mapping
+        Whose values are allowed, each by itself.
+
+    Yields
+    ------
+    tuple of (str, str)
+        Dotted key, and what is allowed.
+    """
     if config["strategy"] == "sequential":
         section, responses = config["sequential"], len(config["targets"])
         repeats = section["start_samples"] * (section["seeds"] - 1)
