@@ -8,9 +8,10 @@ import pytest
 from shared import targets_of
 
 from repose.core.errors import InputError
-from repose.studies import discrepancy
+from repose.studies import discrepancy, own_simulator
 
 TARGETS = targets_of(aor_deg=30.0, height_mm=60.0)
+OWN = {"slope": 30.0, "time": 4.0}
 
 
 def design(*slopes):
@@ -66,3 +67,18 @@ def test_the_study_of_the_configuration_is_the_published_one():
     root = Path(__file__).parents[2]
     published = root / "results" / "published" / "shape_study" / "combinations.csv"
     assert (root / "resources" / "shape_study.csv").read_bytes() == published.read_bytes()
+
+
+def test_responses_of_a_simulator_that_only_its_user_knows_have_a_discrepancy():
+    own = own_simulator.study_of(
+        {
+            "simulator": "mine",
+            "label": "own",
+            "seed": 1,
+            "parameters": {"friction": [0.2, 0.8]},
+            "targets": {name: {"value": value, "sd": 1.0, "repetitions": 5} for name, value in OWN.items()},
+        }
+    ).targets
+    runs = pd.DataFrame({"sample": [1, 2, 3], "slope": [29.0, 30.0, 31.0], "time": [3.0, 4.0, 5.0]})
+    found = discrepancy.of_targets(own, runs, 10.0, 0.5)
+    assert found == pytest.approx(np.array([[9.0, 0.5 * 3.0 * 0.4], [0.5 * 3.0 * 0.4, 0.16]]))

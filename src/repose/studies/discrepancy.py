@@ -47,7 +47,10 @@ def of_targets(
     if study is not None:
         return study
     means = runs.groupby("sample")[list(targets.names)].mean().to_numpy()
-    return covariance(targets.names, sizes(targets.names, targets.value, percent, {}), means, correlation)
+    apparatus = [
+        one.apparatus for one in targets.responses
+    ]  # those of a user's own simulator are known to no one else
+    return covariance(targets.names, percent / 100 * np.abs(targets.value), means, correlation, apparatus)
 
 
 def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> np.ndarray:
@@ -121,7 +124,13 @@ def sizes(
     return np.array(found)
 
 
-def covariance(names: Sequence[str], sd: np.ndarray, means: np.ndarray, correlation: float) -> np.ndarray:
+def covariance(
+    names: Sequence[str],
+    sd: np.ndarray,
+    means: np.ndarray,
+    correlation: float,
+    apparatus: Sequence[str] | None = None,
+) -> np.ndarray:
     """Covariance S_d of the discrepancies.
 
     Parameters
@@ -134,6 +143,8 @@ def covariance(names: Sequence[str], sd: np.ndarray, means: np.ndarray, correlat
         Means of the samples, for the signs; NaN where a sample has no run.
     correlation : float
         Of two responses of one bench test, without its sign; from 0 to below 1.
+    apparatus : sequence of str, (k,), optional
+        The bench test of each response; by default as it is registered.
 
     Returns
     -------
@@ -141,7 +152,8 @@ def covariance(names: Sequence[str], sd: np.ndarray, means: np.ndarray, correlat
         Discrepancies of different bench tests are independent.
     """
     found = np.diag(sd**2)
-    apparatus = [response(name).apparatus for name in names]
+    if apparatus is None:
+        apparatus = [response(name).apparatus for name in names]
     for test in dict.fromkeys(apparatus):
         rows = np.flatnonzero([one == test for one in apparatus])
         along = _signs(means[:, rows]) * sd[rows]
