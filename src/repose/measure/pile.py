@@ -22,7 +22,7 @@ from repose.core.errors import InputError, NoFlankError
 from repose.measure.angles import DEFINITIONS, measure_sides
 from repose.measure.profile_points import FLANK_RULES
 from repose.measure.results import Angle, Measurement, PileResult
-from repose.measure.segmentation import Segmentation, require_upright, segment, upper_edge
+from repose.measure.segmentation import SMALLEST, Segmentation, require_upright, segment, upper_edge
 from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import (
     ConvexBody,
@@ -299,6 +299,9 @@ def pile_views(
     def views():
         for shown in polygons:
             image = paint(shown, scale, frame(shown, scale))
+            if min(image.shape) < SMALLEST:
+                size = f"{image.shape[1]} by {image.shape[0]} pixels of {scale:g} mm (measure.mm_per_pixel)"
+                raise NoFlankError(f"the pile's picture has {size}; a flank needs {SMALLEST} by {SMALLEST}")
             yield segment(image, settings.largest_pile_only, base_row=image.shape[0] - 0.5)
 
     return height_m, views()

@@ -14,6 +14,7 @@ from repose.core.errors import InputError, NoFlankError
 # Simulations run side by side, one a core: OpenCV's own threads would only fight over them.
 cv2.setNumThreads(1)
 
+SMALLEST = 20  # pixels that a picture has at least, each way
 HIGHEST_CENTROID = 0.55  # over the base, relative to the height of the pile; a rectangle has 0.5
 
 
@@ -126,8 +127,9 @@ def checked(image: np.ndarray) -> np.ndarray:
     image = np.asarray(image)
     if image.dtype != np.uint8:
         raise InputError("picture", "pixel type", str(image.dtype), "uint8")
-    if not (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)) or min(image.shape[:2]) < 20:
-        raise InputError("picture", "shape", image.shape, "(H, W) or (H, W, 3), at least 20 by 20 pixels")
+    if not (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)) or min(image.shape[:2]) < SMALLEST:
+        allowed = f"(H, W) or (H, W, 3), at least {SMALLEST} by {SMALLEST} pixels"
+        raise InputError("picture", "shape", image.shape, allowed)
     if (
         image.ndim == 3
         and np.array_equal(image[..., 0], image[..., 1])

@@ -237,7 +237,7 @@ if "joint_targets" in config:
             f"{RESULTS}/benchmarks/joint_targets.tsv"
         threads: 1
         resources:
-            mem_mb=growing(1500),
+            mem_mb=growing(1150),
             runtime=growing(60),
         params:
             config=CONFIG,
