@@ -15,20 +15,19 @@ BODY = "--berry results/berry/berry.json --particle results/berry/particle.json"
 
 
 def verbs(samples):
-    """The command lines in the order in which the data flow; `{tables}` stands for the published tables."""
-    yield "berry --table1 {tables}/table1.csv --out results/berry"
+    """The command lines in the order in which the data flow."""
+    yield "berry --out results/berry"
     yield "shape --berry results/berry/berry.json --out results/berry"
     yield "design --out results/design"
     yield from poured("results/heaps", "results/design/samples.csv", "design", samples, 2)
     yield "dataset results/heaps --samples results/design/samples.csv --out results"
     yield "network --dataset results/dataset.csv --runs results/runs.csv --out results/network"
-    miga = "miga --network results/network/network.json --table3 {tables}/table3.csv"
-    yield f"{miga} --dataset results/dataset.csv --out results/miga"
+    yield "miga --network results/network/network.json --dataset results/dataset.csv --out results/miga"
     posterior = (
         "posterior --network results/network/network.json --predictions results/network/predictions.csv"
     )
     posterior += " --dataset results/dataset.csv --runs results/runs.csv --feasible results/miga/feasible.csv"
-    yield f"{posterior} --table3 {{tables}}/table3.csv --out results/posterior"
+    yield f"{posterior} --out results/posterior"
     yield "sensitivity --network results/network/network.json --out results/sensitivity"
     yield "solutions --feasible results/miga/feasible.csv --out results/validation"
     heaps, table = "results/validation/heaps", "results/validation/solutions.csv"
@@ -54,8 +53,7 @@ def main():
     config = loader.load(ROOT / "config/quick.yaml", Path(__file__).with_name("tiny.yaml"))
     write_json("results/config.json", config)
     for line in verbs(config["design"]["samples"]):
-        words = [word.format(tables=ROOT / "resources/published") for word in line.split()]
-        status = cli.main([*words, "--config", "results/config.json"])
+        status = cli.main([*line.split(), "--config", "results/config.json"])
         if status:
             print(line, file=sys.stderr)
             return status
