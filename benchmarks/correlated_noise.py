@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from sample_weights import weights_from_errors
 
 from repose.config import loader
 from repose.core.parameters import PARAMETERS
@@ -18,7 +19,6 @@ from repose.core.targets import Targets
 from repose.core.variance import within_covariance
 from repose.surrogate.accuracy import r2
 from repose.surrogate.bayesian_bp import BayesianBP
-from repose.surrogate.samples import weights_from_errors
 
 TRAINING_SHARE = 0.7
 STARTS, EPOCHS = 4, 400

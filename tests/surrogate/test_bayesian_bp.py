@@ -8,7 +8,6 @@ from known_responses import known_function, noisy_data
 from repose.surrogate import bayesian_bp, evidence, levenberg_marquardt, load, two_layer
 from repose.surrogate.accuracy import r2
 from repose.surrogate.bayesian_bp import BayesianBP
-from repose.surrogate.samples import weights_from_errors
 from repose.surrogate.sklearn_estimator import BayesianBPRegressor
 
 
@@ -258,13 +257,6 @@ def test_of_precisions_only_ratios_matter():
     np.testing.assert_allclose(one.predict(X), other.predict(X), rtol=1e-4)
     assert one.gamma_ == pytest.approx(other.gamma_, rel=1e-2)
     assert one.beta_ == pytest.approx(7 * other.beta_, rel=1e-2)
-
-
-def test_weights_from_errors_by_hand():
-    weight = weights_from_errors(np.array([[1.0], [1.0], [3.0], [np.nan]]))
-    # median of 1, 1, 9, 9 is 5: variances 6, 6, 14, 14
-    expected = np.array([1 / 6, 1 / 6, 1 / 14, 1 / 14])
-    np.testing.assert_allclose(weight[:, 0], expected / expected.mean())
 
 
 @pytest.mark.parametrize(

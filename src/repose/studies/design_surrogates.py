@@ -13,7 +13,6 @@ from repose.studies.responses_over_design import (
     surrogate_covariance,
 )
 from repose.surrogate import make
-from repose.surrogate.samples import weights_from_errors
 
 NOISY = 0.5  # a response with less signal than this share of its noise is not modelled
 WORST_R2 = 0.2  # nor is one whose surrogate explains less
@@ -38,9 +37,7 @@ def fitted(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> Predict:
         From parameter sets (n, 6) to the response (n,).
     """
     there = np.isfinite(known.mean)
-    error = known.error[there][:, None]
-    weight = weights_from_errors(error) if np.ptp(error) > 0 else None
-    model = make(settings["surrogate"], settings).fit(X[there], known.mean[there][:, None], precision=weight)
+    model = make(settings["surrogate"], settings).fit(X[there], known.mean[there][:, None])
     return lambda points: model.predict(points)[:, 0]
 
 

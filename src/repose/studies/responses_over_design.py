@@ -17,7 +17,6 @@ from repose.core.targets import Targets
 from repose.measure import further_responses
 from repose.surrogate.accuracy import r2
 from repose.surrogate.bayesian_bp import BayesianBP
-from repose.surrogate.samples import weights_from_errors
 
 FEWEST_SAMPLES = 12
 EPOCHS = 300  # of the surrogates, most
@@ -301,10 +300,7 @@ def trained(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> Bayesia
         seed=settings["seed"],
         prior="inputs",
     )
-    weight = None
-    if np.ptp(known.error[there]) > 0:
-        weight = weights_from_errors(known.error[there][:, None])[:, 0]
-    return model.fit(X[there], known.mean[there], precision=weight)
+    return model.fit(X[there], known.mean[there])
 
 
 def left_out(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> np.ndarray:

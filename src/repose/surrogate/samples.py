@@ -8,27 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 
-def weights_from_errors(errors: np.ndarray) -> np.ndarray:
-    """Precisions of mean one from standard errors, for `Surrogate.fit`.
-
-    A sample's variance about the surrogate is its own se^2 plus what the surrogate cannot follow, taken as large as
-    the median se^2. The sum also keeps a standard error that is small by luck, out of few seeds, from ruling. A sample
-    without a standard error (a single seed) counts as the noisiest.
-
-    Parameters
-    ----------
-    errors : array (samples, outputs)
-        Standard errors of the samples' means; NaN where there is none.
-
-    Returns
-    -------
-    numpy.ndarray, (samples, outputs)
-    """
-    known = np.where(np.isfinite(errors), errors, np.nanmax(errors, axis=0))
-    variance = known**2 + np.median(known**2, axis=0)
-    return (1 / variance) / np.mean(1 / variance, axis=0)
-
-
 def independent_mixing(
     noise_covariance: ArrayLike | None, stretch: np.ndarray, precision: np.ndarray
 ) -> np.ndarray:

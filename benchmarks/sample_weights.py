@@ -1,0 +1,72 @@
+"""Do the samples' own standard errors, as weights of the fit, buy accuracy?
+
+python benchmarks/sample_weights.py --results results
+
+Draws of 60 and of 110 points of the pool, and the main design; one network and a Gaussian process are fitted to the
+means with weights from the errors, with the numbers of runs as weights, and without weights. Judged at the fresh
+points: share of the explainable variance, and its difference paired by draw.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+
+from repose.studies.comparison import points, scores
+from repose.surrogate.bayesian_bp import BayesianBP
+from repose.surrogate.gaussian_process import GaussianProcess
+
+DRAWS = {60: 8, 110: 6}
+WAYS = ("errors", "runs", "none")
+
+
+def weights_from_errors(errors):
+    """Precisions of mean one from standard errors (samples, outputs).
+
+    A sample's variance about the surrogate is its own se^2 plus what the surrogate cannot follow, taken as large as the
+    median se^2. The sum also keeps a standard error that is small by luck, out of few seeds, from ruling. A sample
+    without a standard error counts as the noisiest.
+    """
+    known = np.where(np.isfinite(errors), errors, np.nanmax(errors, axis=0))
+    variance = known**2 + np.median(known**2, axis=0)
+    return (1 / variance) / np.mean(1 / variance, axis=0)
+
+
+def trial(training, fresh):
+    """Share of the explainable variance by model and way of weighing."""
+    weights = weights_from_errors(training.known_errors())[:, 0], training.counts().astype(float), None
+    found = {}
+    for way, weight in zip(WAYS, weights, strict=True):
+        network = BayesianBP(hidden=12, epochs=400, goal=0.0, starts=3, prior="inputs")
+        for model in (network, GaussianProcess()):
+            mean = model.fit(training.X, training.means(), precision=weight).predict(fresh.X)
+            one = scores.accuracy(fresh.means()[:, 0], fresh.known_errors()[:, 0], mean[:, 0])
+            found[model.name, way] = one["explainable"]
+    return found
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--results", type=Path, required=True, help="folder of a study with its pool")
+    parser.add_argument("--response", default="height_mm")
+    args = parser.parse_args()
+    parts = (("main", ""), ("pool", "pool/"), ("fresh", "pool/fresh_"))
+    files = {f"{k}_{t}": args.results / f"{at}{t}.csv" for k, at in parts for t in ("dataset", "runs")}
+    main_design, pool, fresh = points.read_sets(files, [args.response])
+    random = np.random.default_rng(5)
+    sets = {
+        f"pool, {count}": [pool.take(random.choice(len(pool.X), count, replace=False)) for _ in range(draws)]
+        for count, draws in DRAWS.items()
+    } | {f"main design, {len(main_design.X)}": [main_design]}
+    print("| trained on | model | errors | runs | none | errors less runs |\n|---|---|---|---|---|---|")
+    for name, drawn in sets.items():
+        trials = [trial(one, fresh) for one in drawn]
+        for model in (BayesianBP.name, GaussianProcess.name):
+            share = {way: np.array([one[model, way] for one in trials]) for way in WAYS}
+            gain, error = scores.mean_and_error(share["errors"] - share["runs"])
+            means = " | ".join(f"{share[way].mean():.3f}" for way in WAYS)
+            print(f"| {name} | {model} | {means} | {gain:+.3f} ± {error:.3f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
