@@ -10,7 +10,7 @@ from matplotlib.text import Text
 from repose.core.parameters import PARAMETERS
 from repose.core.responses import derived
 from repose.core.targets import Targets
-from repose.pictures.figures import refinement, style, uncertainty
+from repose.pictures.figures import discrepancy, refinement, style, uncertainty
 from repose.studies import noise
 
 NAMES = ("drum_slip_deg", "aor_deg", "height_mm", "base_radius_mm")
@@ -58,6 +58,28 @@ def test_noise(count, tmp_path):
     panels, texts = drawn(uncertainty.noise_floor, inputs, config)
     assert panels == count + 2
     assert "slip (deg)" in texts
+
+
+@pytest.mark.parametrize(("correlations", "study"), [((0.0,), False), ((0.0, 0.9), True)])
+def test_the_curve_over_the_discrepancy(correlations, study, tmp_path):
+    rows = [
+        {
+            "discrepancy_percent": p,
+            "discrepancy_correlation": c,
+            "evidence": "stated",
+            "information_bits": 1 / (1 + p),
+        }
+        for c in correlations
+        for p in (0.0, 5.0, 10.0)
+    ]
+    rows += [rows[-1] | {"discrepancy_percent": 13.0, "evidence": "shape study"}] * study
+    ends = {f"{name}_{end}": value for name in FREE for end, value in (("low", 0.25), ("high", 0.55))}
+    inputs = {"discrepancy": write(tmp_path, "discrepancy", pd.DataFrame(rows).assign(**ends))}
+    panels, texts = drawn(discrepancy.over_the_discrepancy, inputs, config_of(2))
+    assert panels == 1 + len(FREE)
+    assert "stated, independent" in texts
+    assert ("stated, correlation 0.9" in texts) == (len(correlations) > 1)
+    assert style.parameter_label("e_gg") not in texts
 
 
 @pytest.mark.parametrize("count", [1, 4])

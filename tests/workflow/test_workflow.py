@@ -160,7 +160,8 @@ def test_the_study_of_the_measurement_takes_the_piles_that_are_there(finished):
 def test_uncertainty_is_a_target_of_its_own(finished):
     project, words = finished
     own = ("noise_tables", "sensitivity_tables")  # the posterior's tables belong to every study
-    drawn = ("draw_noise", "draw_corner", "draw_intervals", "draw_sobol", "draw_main_effects")
+    drawn = ("draw_noise", "draw_corner", "draw_intervals", "draw_discrepancy", "draw_sobol")
+    drawn = (*drawn, "draw_main_effects")
     jobs = planned(project, *words, "--", "uncertainty")
     # of the finished study only empty files are there, so nothing before the tables has to run
     assert set(jobs) == {*own, "posterior_tables", *drawn, "uncertainty", "total"}

@@ -18,6 +18,7 @@ from repose.core.files import write_table
 from repose.measure import pile, saved_pours
 from repose.measure.angles import DEFINITIONS, measure_sides
 from repose.particle.particle import Particle
+from repose.studies.pour_correlation import correlations
 
 # Name in the tables: what differs from the configuration's measurement, and the definition.
 VARIANTS: dict[str, tuple[dict[str, Any], str]] = {
@@ -47,7 +48,7 @@ def tables_of(
     settings: pile.MeasureSettings,
     shapes: int = 8,
 ) -> dict[str, pd.DataFrame]:
-    """The tables ``noise``, ``correlation`` and ``bias``.
+    """The tables ``noise``, ``correlation``, ``pour_correlation`` and ``bias``.
 
     Parameters
     ----------
@@ -68,6 +69,7 @@ def tables_of(
     return {
         "noise": noise_table(piles, fixed),
         "correlation": correlation_table(piles),
+        "pour_correlation": correlations(piles),
         "bias": bias_table(particle, settings, shapes),
     }
 
@@ -81,7 +83,7 @@ def run(
     out_dir: str | Path,
     shapes: int = 8,
 ) -> dict[str, pd.DataFrame]:
-    """Write piles.csv, noise.csv, correlation.csv and bias.csv into out_dir; return the last three tables.
+    """Write piles.csv and the tables of `tables_of` into out_dir; return these tables.
 
     Parameters
     ----------

@@ -281,7 +281,7 @@ def message(summary: Mapping[str, Any]) -> str:
     bits, error = summary["information_bits"], summary["information_se_bits"]
     distance = math.sqrt(fit["squared_distance"])
     lines.append(
-        f"together {bits:.1f} ± {error:.1f} bits; the best draw misses the targets by {distance:.2f} standard "
+        f"together {bits:.2f} ± {error:.2f} bits; the best draw misses the targets by {distance:.2f} standard "
         f"deviations (p = {fit['p_value']:.2g}); {100 * summary['thin_share']:.0f} % of the draws lie where samples "
         "are thin"
     )

@@ -17,7 +17,7 @@ KEPT = {
     "miga": ("*.csv", "*.json"),
     "validation": ("*.csv",),
     "measure": ("*.json", "*.png"),
-    "measurement_study": ("noise.csv", "correlation.csv", "bias.csv"),
+    "measurement_study": ("noise.csv", "correlation.csv", "pour_correlation.csv", "bias.csv"),
     "figures": ("*.png",),
     "film": ("*.gif",),
     "shape": ("*.csv", "*.json", "*.png"),

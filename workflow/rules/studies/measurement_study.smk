@@ -15,6 +15,7 @@ rule measurement_study:
         piles=f"{RESULTS}/measurement_study/piles.csv",
         noise=f"{RESULTS}/measurement_study/noise.csv",
         correlation=f"{RESULTS}/measurement_study/correlation.csv",
+        pour_correlation=f"{RESULTS}/measurement_study/pour_correlation.csv",
         bias=f"{RESULTS}/measurement_study/bias.csv",
     log:
         f"{RESULTS}/logs/measurement_study.log",

@@ -109,6 +109,11 @@ UNCERTAINTY_FIGURES = {
         "Credible intervals",
         {"posterior": rules.posterior_tables.output.posterior},
     ),
+    "discrepancy": (
+        "posterior",
+        "Discrepancy",
+        {"discrepancy": rules.posterior_tables.output.discrepancy},
+    ),
     "sobol": (
         "sensitivity",
         "Sobol indices",
@@ -176,6 +181,7 @@ rule posterior:
         rules.posterior_tables.output,
         rules.draw_corner.output,
         rules.draw_intervals.output,
+        rules.draw_discrepancy.output,
 
 
 rule sensitivity:

@@ -1,0 +1,80 @@
+"""What the measurements tell, over the size of the simulator's discrepancy."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from repose.core.files import read_table
+from repose.core.parameter_space import ParameterSpace
+
+from . import style
+
+COLUMNS = ("discrepancy_percent", "discrepancy_correlation", "evidence", "information_bits")
+
+
+def over_the_discrepancy(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
+    """Bits, and the 95 % interval of each free parameter; stated discrepancies as curves, a shape study as a mark.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Path of ``discrepancy``, of the verb posterior.
+    config : mapping
+        The whole configuration.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A panel of the bits, and one for each free parameter below it.
+
+    Raises
+    ------
+    InputError
+        If the table cannot be read.
+    """
+    names = ParameterSpace.of(config["parameters"]).free
+    ends = [f"{name}_{end}" for name in names for end in ("low", "high")]
+    table = read_table(inputs["discrepancy"], (*COLUMNS, *ends))
+    stated, study = table[table["evidence"] == "stated"], table[table["evidence"] != "stated"]
+    rows = -(-len(names) // 3)
+    figure = style.new_figure(style.PAGE, 2.3 + 1.55 * rows)
+    above, below = figure.subfigures(2, 1, height_ratios=[2.3, 1.55 * rows])
+    bits = above.subplots()
+    for k, (correlation, own) in enumerate(stated.groupby("discrepancy_correlation")):
+        label = f"stated, correlation {correlation:g}" if correlation else "stated, independent"
+        bits.plot(own["discrepancy_percent"], own["information_bits"], label=label, **style.series(k))
+    bits.plot(
+        study["discrepancy_percent"],
+        study["information_bits"],
+        "D",
+        color=style.RED,
+        label="of the shape study",
+    )
+    bits.set(ylabel="information (bits)", xlabel="discrepancy (% of each target)", ylim=(0, None))
+    bits.grid(True)
+    bits.legend()
+    panels = below.subplots(rows, 3, squeeze=False).ravel()
+    ranges = style.ranges_of(config)
+    for panel, name in zip(panels, names, strict=False):
+        _intervals(panel, name, stated, study)
+        panel.set(ylabel=style.parameter_label(name), ylim=ranges[name])
+    for panel in panels[len(names) :]:
+        panel.set_axis_off()
+    for panel in panels[max(0, len(names) - 3) : len(names)]:
+        panel.set_xlabel("discrepancy (%)")
+    return figure
+
+
+def _intervals(panel: Axes, name: str, stated: pd.DataFrame, study: pd.DataFrame) -> None:
+    """The 95 % interval of one parameter: a band for each stated correlation, a bar for the shape study."""
+    for k, (_, own) in enumerate(stated.groupby("discrepancy_correlation")):
+        low, high, look = own[f"{name}_low"], own[f"{name}_high"], style.series(k)
+        panel.fill_between(own["discrepancy_percent"], low, high, color=look["color"], alpha=0.18, lw=0)
+        for end in (low, high):
+            panel.plot(own["discrepancy_percent"], end, lw=1.1, **look)
+    for row in study.to_dict("records"):
+        at = row["discrepancy_percent"]
+        panel.plot([at, at], [row[f"{name}_low"], row[f"{name}_high"]], "-_", color=style.RED, lw=1.4, ms=6)
