@@ -73,11 +73,17 @@ def test_the_curve_over_the_discrepancy(correlations, study, tmp_path):
         for p in (0.0, 5.0, 10.0)
     ]
     rows += [rows[-1] | {"discrepancy_percent": 13.0, "evidence": "shape study"}] * study
+    points = [300.0] * study + [5000.0] * (len(rows) - study)
     ends = {f"{name}_{end}": value for name in FREE for end, value in (("low", 0.25), ("high", 0.55))}
-    inputs = {"discrepancy": write(tmp_path, "discrepancy", pd.DataFrame(rows).assign(**ends))}
+    inputs = {
+        "discrepancy": write(
+            tmp_path, "discrepancy", pd.DataFrame(rows).assign(effective_points=points, **ends)
+        )
+    }
     panels, texts = drawn(discrepancy.over_the_discrepancy, inputs, config_of(2))
     assert panels == 1 + len(FREE)
     assert "stated, independent" in texts
+    assert ("fewer than 400 effective points" in texts) == study
     assert ("stated, correlation 0.9" in texts) == (len(correlations) > 1)
     assert style.parameter_label("e_gg") not in texts
 

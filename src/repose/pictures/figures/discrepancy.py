@@ -12,7 +12,14 @@ from repose.core.parameter_space import ParameterSpace
 
 from . import style
 
-COLUMNS = ("discrepancy_percent", "discrepancy_correlation", "evidence", "information_bits")
+COLUMNS = (
+    "discrepancy_percent",
+    "discrepancy_correlation",
+    "evidence",
+    "information_bits",
+    "effective_points",
+)
+FEW = 400  # effective points, below which a row is a rough estimate
 
 
 def over_the_discrepancy(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
@@ -53,6 +60,17 @@ def over_the_discrepancy(inputs: Mapping[str, str], config: Mapping[str, Any]) -
         color=style.RED,
         label="of the shape study",
     )
+    rough = stated[stated["effective_points"] < FEW]
+    if len(rough):
+        rough_label = f"fewer than {FEW} effective points"
+        bits.plot(
+            rough["discrepancy_percent"],
+            rough["information_bits"],
+            "o",
+            mfc="white",
+            mec=style.GREY,
+            label=rough_label,
+        )
     bits.set(ylabel="information (bits)", xlabel="discrepancy (% of each target)", ylim=(0, None))
     bits.grid(True)
     bits.legend()
