@@ -38,24 +38,24 @@ class Case:
     told: str = "speed"  # or "way"
 
 
-ONE = (0.0, 0.0, 0.0)
+ZERO = (0.0, 0.0, 0.0)
 CASES = {
-    "falls flat on the plate": Case(((0, 0, FLAT_M + 2e-4),), (ONE,), ((0, 0, -0.5),)),
+    "falls flat on the plate": Case(((0, 0, FLAT_M + 2e-4),), (ZERO,), ((0, 0, -0.5),)),
     "falls on its end": Case(((0, 0, 0.01091),), ((0, ACROSS, 0),), ((0, 0, -0.5),)),
     "falls aslant": Case(((0, 0, 0.0094),), ((0, ACROSS / 2, 0),), ((0, 0, -0.5),)),
-    "grazes the plate, along its axis": Case(((0, 0, FLAT_M + 2e-4),), (ONE,), ((1.5, 0, -0.4),)),
-    "grazes the plate, across": Case(((0, 0, FLAT_M + 2e-4),), (ONE,), ((0, 1.5, -0.4),)),
-    "slides along its axis": Case(((0, 0, FLAT_M),), (ONE,), ((0.3, 0, 0),), 9.81, 0.5, "way"),
-    "rolls across its axis": Case(((0, 0, FLAT_M),), (ONE,), ((0, 0.3, 0),), 9.81, 1.0, "way"),
-    "stands aslant and falls over": Case(((0, 0, 0.0093),), ((0, ACROSS / 2, 0),), (ONE,), 9.81, 1.0, "way"),
+    "grazes the plate, along its axis": Case(((0, 0, FLAT_M + 2e-4),), (ZERO,), ((1.5, 0, -0.4),)),
+    "grazes the plate, across": Case(((0, 0, FLAT_M + 2e-4),), (ZERO,), ((0, 1.5, -0.4),)),
+    "slides along its axis": Case(((0, 0, FLAT_M),), (ZERO,), ((0.3, 0, 0),), 9.81, 0.5, "way"),
+    "rolls across its axis": Case(((0, 0, FLAT_M),), (ZERO,), ((0, 0.3, 0),), 9.81, 1.0, "way"),
+    "stands aslant and falls over": Case(((0, 0, 0.0093),), ((0, ACROSS / 2, 0),), (ZERO,), 9.81, 1.0, "way"),
     "hits a grain, side by side": Case(
-        ((0, 0, 0.05), (0, 0.0113, 0.05)), (ONE, ONE), ((0, 0.5, 0), ONE)
+        ((0, 0, 0.05), (0, 0.0113, 0.05)), (ZERO, ZERO), ((0, 0.5, 0), ZERO)
     ),
     "hits a grain, crosswise": Case(
-        ((0, 0, 0.05), (0, 0.0113, 0.05)), (ONE, (0, ACROSS, 0)), ((0, 0.5, 0), ONE)
+        ((0, 0, 0.05), (0, 0.0113, 0.05)), (ZERO, (0, ACROSS, 0)), ((0, 0.5, 0), ZERO)
     ),
     "hits a grain's end": Case(
-        ((0, 0, 0.05), (0.008, 0.0113, 0.05)), (ONE, ONE), ((0, 0.5, 0), ONE)
+        ((0, 0, 0.05), (0.008, 0.0113, 0.05)), (ZERO, ZERO), ((0, 0.5, 0), ZERO)
     ),
 }  # fmt: skip
 
@@ -146,7 +146,7 @@ def edit_lammps(text, job, case, folder):
             f"create_atoms 0 single {words(place)} mol grain {7000 + k} rotate {words((math.degrees(angle), *axis))} "
             "units box"
         )
-        bodies.append(f"{k} {words((job.mass_kg, *place, *moments, *velocity, *ONE))} 0 0 0")
+        bodies.append(f"{k} {words((job.mass_kg, *place, *moments, *velocity, *ZERO))} 0 0 0")
     (folder / "bodies.txt").write_text("\n".join(bodies) + "\n")
     lines.append("fix move all rigid/small molecule infile bodies.txt gravity gravity")
     start, end = text.index("fix             move"), text.index("compute         energy")

@@ -61,7 +61,8 @@ OURS = {
     "repose, all laws as theirs": ("total", "spring", "body_damping"),
 }
 PEERS = ("liggghts", "lammps", "yade")
-# The same decks with the dashpot along the tangent that the programs have and the decks leave out.
+# The same decks with the dashpot along the tangent that the programs have and the decks leave out. LAMMPS takes it as a
+# share of the normal one: the root of the stiffnesses' ratio, 4 G* / E*.
 DASHPOTS = {
     "liggghts": (" tangential_damping off", ""),
     "lammps": (r"(tangential mindlin \S+) 0 ", r"\1 0.9 "),
