@@ -8,9 +8,10 @@ import pytest
 from made_up_report import ANSWER, made_up_study
 from shared import TARGETS
 
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
-from repose.pictures.report import page
-from repose.surrogate import load
+from repose.pictures.report import page, prediction
+from repose.surrogate import load, make
 
 pytestmark = pytest.mark.slow
 
@@ -95,6 +96,20 @@ def test_javascript_predicts_what_python_predicts(opened, folder):
     mean, std = model.predict(X, return_std=True, noise=False)
     np.testing.assert_allclose([one["mean"] for one in found], mean, rtol=1e-6)
     np.testing.assert_allclose([one["std"] for one in found], std, rtol=1e-4)  # the page has single precision
+
+
+def test_javascript_predicts_what_several_networks_predict(opened):
+    random = np.random.default_rng(3)
+    X = random.uniform(size=(40, len(PARAMETERS)))
+    Y = np.column_stack([X[:, 0] + X[:, 1] ** 2, X[:, 2]]) + random.normal(0, 0.1, (40, 2))
+    model = make("network_ensemble", {"hidden": 3, "starts": 4, "epochs": 100, "goal": 0.0}).fit(X, Y)
+    assert len(model.members_) > 1
+    space = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS})
+    content = prediction.for_page(model, space, X[0])
+    found = opened.evaluate("([model, X]) => X.map(networkPredictor(model))", [content, X[:10].tolist()])
+    mean, std = model.predict(X[:10], return_std=True, noise=False)
+    np.testing.assert_allclose([one["mean"] for one in found], mean, rtol=1e-6)
+    np.testing.assert_allclose([one["std"] for one in found], std, rtol=1e-4)
 
 
 def test_the_pile_is_drawn_turns_and_falls(opened):
