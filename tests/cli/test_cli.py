@@ -1,5 +1,6 @@
 """The command line: each verb explains itself, a fault of the input ends in one line."""
 
+import io
 import json
 import os
 import re
@@ -247,3 +248,14 @@ def test_a_missing_file_is_named(tmp_path, capsys):
 
 def test_figure_refuses_an_unknown_name(tmp_path, capsys):
     assert "figure99" in error_of(capsys, "figure", "figure99", "--out", str(tmp_path / "x.png"))
+
+
+def test_a_locale_without_a_letter_does_not_end_a_verb(monkeypatch):
+    def provenance(_args):
+        print("1 ± 0.1 µm")
+
+    printed = io.BytesIO()
+    monkeypatch.setitem(VERBS, "provenance", VERBS["provenance"]._replace(run=provenance))
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(printed, encoding="ascii"))
+    assert main(["provenance", "a_file"]) == 0
+    assert printed.getvalue() == rb"1 \xb1 0.1 \xb5m" + b"\n"

@@ -5,6 +5,7 @@ verbs, so that help and parsing load none of them.
 """
 
 import argparse
+import io
 import os
 import sys
 import textwrap
@@ -68,6 +69,8 @@ def main(words: Sequence[str] | None = None) -> int:
     int
         The exit status: 0; 1 where a verification misses; 2 where the input is at fault.
     """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # a locale that has no ± is no reason to end
     args, rest = parser().parse_known_args(words)
     verb = VERBS[args.verb]
     if verb.passes_on:
