@@ -40,6 +40,7 @@ from repose.studies.comparison.models import configured_network
 from repose.studies.comparison.proposals import local_search
 
 BUDGETS = (80, 120)
+TABLE = Path("benchmarks/hidden_truths.csv")
 TOLERANCE = 1.0  # percent
 NETWORK = {"starts": 5, "epochs": 300}  # fewer than config.yaml's, for time
 FIRST_SEED = 3000  # sets of other seeds were looked at while the strategy was made
@@ -172,7 +173,7 @@ def main():
     parser.add_argument("--responses", nargs="+", default=["height_mm"])
     parser.add_argument("--truths", type=int, nargs=2, default=[0, 40], metavar=("FROM", "TO"))
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
-    parser.add_argument("--out", type=Path, default=Path("benchmarks/hidden_truths.csv"))
+    parser.add_argument("--out", type=Path, default=TABLE)
     args = parser.parse_args()
 
     columns = ["responses", "method", "truth", "pours", "error_percent", "probability"]
@@ -186,7 +187,8 @@ def main():
         rows = of_truth(number, simulator, args.responses, space, config, methods)
         table = pd.concat([table, pd.DataFrame(rows, columns=columns)], ignore_index=True)
         table.to_csv(args.out, index=False, float_format="%.4g")
-    success(table).to_csv(plan.SUCCESS, index=False, float_format="%.4f")
+    if args.out == TABLE:  # what `repose plan` reads belongs to the table that is kept
+        success(table).to_csv(plan.SUCCESS, index=False, float_format="%.4f")
     print(summary(table))
 
 
