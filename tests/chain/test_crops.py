@@ -58,7 +58,7 @@ def test_a_crop_stands_on_its_own_numbers(name, monkeypatch):
     assert "assumed" in told
 
 
-@pytest.mark.parametrize("name", sorted(path.stem for path in (CROPS / "cards").glob("*.json")))
+@pytest.mark.parametrize("name", NAMES)
 def test_its_card_is_that_of_its_configuration(name, monkeypatch):
     monkeypatch.chdir(CROPS / name)
     config = loader.resolve(places.configs())
