@@ -87,6 +87,23 @@ def test_a_linear_spring_is_as_stiff_as_hertz_at_its_secant_and_swings_half_a_pe
     assert linear_spring.contact_time(GOJI, GOJI, mass, radius, 1.0) == pytest.approx(half_a_period)
 
 
+@pytest.mark.parametrize("tension", ["keep", "release", "cut"])
+@pytest.mark.parametrize("law", list(CONTACT_LAWS.values()), ids=list(CONTACT_LAWS))
+def test_a_contact_beyond_the_edge_of_a_disc_has_no_force(law, tension):
+    """The linear spring gave 0 times infinity there, and where a contact may pull, berries lost their places."""
+    lanes, at = st.LANES, st.NORMAL + 3 * st.LANES
+    tile, kept = np.zeros(tl.LAW + law.n_rows * lanes), np.zeros(at + law.n_state * lanes)
+    for number, value in enumerate(law.constants(GOJI, GOJI, Contact(0.5, 0.3, 0.0), tension)):
+        tile[tl.LAW + number * lanes :][:lanes] = value
+    given = {tl.GAP: tl.BEYOND, tl.RADIUS: 3e-3, tl.INVERSE_MASS: 1e3, tl.A + 5 * lanes: -0.1}
+    for row, value in given.items():
+        tile[row:][:lanes] = value
+    kept[st.NORMAL + 2 * lanes :][:lanes] = -1.0
+    law.kernel(law.make_options(tension=tension), tile, kept, at, 1e-6)
+    np.testing.assert_array_equal(tile[tl.TO_A :][: 3 * lanes], 0.0)
+    np.testing.assert_array_equal(tile[tl.PUSH :][:lanes], 0.0)
+
+
 def test_effective_moduli_by_hand():
     """E = 2.6 and 4.8 MPa: 1/E* = 0.91/2.6 + 0.96/4.8, 1/G* = 1.7/1 + 1.8/2, both 1/MPa."""
     young, shear = effective_moduli(Material(1e6, 0.3), Material(2e6, 0.2))

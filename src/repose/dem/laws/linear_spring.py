@@ -132,10 +132,12 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
     slip(t, c, spring, dt)
     for k in range(L):
         gap = t[tl.GAP + k]
-        touching = 1.0 if gap < 0.0 else 0.0
+        touching, overlap = (
+            (1.0, -gap) if gap < 0.0 else (0.0, 0.0)
+        )  # beyond a disc's edge the gap is infinite
         stiffness = touching * t[STIFFNESS + k] * t[tl.RADIUS + k]
         viscous = math.sqrt(stiffness) * rsqrt(t[tl.INVERSE_MASS + k])
-        elastic = -stiffness * gap * touching
+        elastic = stiffness * overlap
         damped = elastic + t[DAMPING + k] * viscous * t[tl.VN + k]
         fn, limit = normal_forces(elastic, damped, law.tension, law.friction_limit)
         ratio = t[TANGENTIAL_RATIO + k]
