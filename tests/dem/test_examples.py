@@ -79,9 +79,9 @@ def test_scale_and_second_shape_are_seen(box):
         simulation.add(shape, (0.0, 0.0, 0.05), scale=scale)
         frame = np.array([made["lower"], made["upper"]])
         picture = render_simulation(simulation, width=120, height=120, frame_m=frame).astype(int)
-        red = picture[..., 0] > picture[..., 1] + 60
+        sandy = picture[..., 0] > picture[..., 2] + 60  # the first shape; the second is blue
         sizes.append((picture.max(axis=-1) - picture.min(axis=-1) > 20).sum())
-        assert red.any() == (shape == "berry")
+        assert sandy.any() == (shape == "berry")
     assert sizes[1] / sizes[0] == pytest.approx(4.0, rel=0.15)
 
 

@@ -22,6 +22,7 @@ def write(folder, rng):
     _representations(folder)
     _comparisons(folder)
     _rounds(folder)
+    _discrepancy(folder)
 
 
 def _pool_comparisons(folder):
@@ -194,6 +195,18 @@ def _comparisons(folder):
         for k, way in enumerate(("loose", "drum"))
     ]
     pd.DataFrame(ways).to_csv(folder / "ways.csv", index=False)
+
+
+def _discrepancy(folder):
+    """Bits and intervals over a stated discrepancy, independent and correlated, and of a shape study."""
+    stated = [(percent, correlation, "stated") for correlation in (0.0, 0.9) for percent in (0.0, 2.0, 10.0)]
+    columns = ["discrepancy_percent", "discrepancy_correlation", "evidence"]
+    table = pd.DataFrame([*stated, (13.0, 0.8, "shape study")], columns=columns)
+    table["information_bits"] = 3.0 / (1.0 + table["discrepancy_percent"])
+    table["effective_points"] = np.where(table["discrepancy_percent"] > 0.0, 5000.0, 200.0)
+    for name in PARAMETERS:
+        table[f"{name}_low"], table[f"{name}_high"] = 0.2, 0.3
+    table.to_csv(folder / "discrepancy.csv", index=False)
 
 
 def _rounds(folder):
