@@ -116,7 +116,7 @@ if "drum" in config:
 if "funnel" not in BENCH_TESTS:
     for figure in OF_THE_FUNNEL:
         del FIGURES[figure]
-if config["surrogate"] != "network":
+if config["surrogate"] not in ("network", "network_ensemble"):
     del FIGURES["figure10"]
 if not THEIRS:
     del FIGURES["published"], FIGURES["validation"][1]["published"]

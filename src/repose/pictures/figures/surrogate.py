@@ -22,6 +22,8 @@ SPLITS = (("train", style.BLUE, "o"), ("validation", style.ORANGE, "s"), ("test"
 def network_structure(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 10: nodes and connections; line width is the weight's size, colour its sign.
 
+    Of several networks the one of the largest evidence is drawn, which comes first in their file.
+
     Parameters
     ----------
     inputs : mapping
