@@ -332,8 +332,8 @@ def test_seeds_are_stable_distinct_and_fresh_for_validation():
     assert len(set(design + fresh)) == len(design) + len(fresh)
     assert pour_seeds(2027, "design", 1, 1) != pour_seeds(2026, "design", 1, 1)
     assert pour_seeds(2026, "design", 1, 2, "drum") != pour_seeds(2026, "design", 1, 2)
-    # streams of the drum alone say so by their purpose
-    assert pour_seeds(2026, "drum_design", 1, 2, "drum") == pour_seeds(2026, "drum_design", 1, 2)
+    # the stream of the drum alone says so by its purpose
+    assert pour_seeds(2026, "drum", 1, 2, "drum") == pour_seeds(2026, "drum", 1, 2)
 
 
 def test_work_counts_every_pour(config):

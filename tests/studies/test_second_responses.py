@@ -16,7 +16,7 @@ from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.measure import further_responses
 from repose.pictures.figures import second_look, style
-from repose.studies import information, response_sets, responses_over_design, second_responses
+from repose.studies import further_runs, information, response_sets, responses_over_design, second_responses
 
 SPACE = ParameterSpace.of(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
 
@@ -183,22 +183,19 @@ def study(tmp_path_factory):
     runs["height_mm"] = 50 + 20 * place[:, 1] + random.normal(0, 1.0, 120)
     runs["packing_percent"] = 50 + 20 * place[:, 2] + random.normal(0, 1.0, 120)
     runs.to_csv(folder / "runs.csv", index=False)
-    drum = []
+    drum = folder / "drum_runs"
+    drum.mkdir()
     for k in range(0, 40, 2):
-        drum.append(folder / f"{k + 1:03d}.json")
-        slip = 40 + 10 * table["e_gp"][k]
-        run = {"status": "ok", "drum_slip_deg": slip, "drum_rest_deg": slip - 5}
-        drum[-1].write_text(json.dumps({"apparatus": "drum", "sample": k + 1, "runs": [run]}))
-    repeated = pd.DataFrame({"status": "ok", "before_surface_deg": [44.0, 45.0, 46.0]})
-    repeated["after_surface_deg"] = repeated["before_surface_deg"] - [5.5, 5, 4.5]
-    repeated.to_csv(folder / "drum_runs.csv", index=False)
-    files = (folder / "runs.csv", folder / "dataset.csv")
-    return files, (drum, folder / "drum_runs.csv")
+        slips = 40 + 10 * table["e_gp"][k] + random.normal(0, 1, 2)
+        made = [{"status": "ok", "drum_slip_deg": slip, "drum_rest_deg": slip - 5} for slip in slips]
+        job = {"apparatus": "drum", "sample": k + 1, "runs": made}
+        (drum / f"{k + 1:03d}.json").write_text(json.dumps(job))
+    return (folder / "runs.csv", folder / "dataset.csv"), drum
 
 
 def test_study_finds_the_response_that_tells_something_new(study, tmp_path):
     files, drum = study
-    data = responses_over_design.read(*files, TARGETS, "secant", *drum)
+    data = further_runs.read(*files, TARGETS, "secant", [drum])
     assert "packing" in second_responses.run(data, TARGETS, SPACE, SETTINGS, tmp_path)
     summary = json.loads((tmp_path / "responses.json").read_text())
     assert summary["modelled"][:3] == ["aor_deg", "height_mm", "packing_percent"]
@@ -305,10 +302,10 @@ def test_work_that_is_not_said_is_asked_for(study):
 
 
 def test_drum_of_another_design_and_a_target_out_of_reach_are_refused(study, tmp_path):
-    files, (_, drum_runs) = study
+    files, _ = study
     (tmp_path / "999.json").write_text(json.dumps({"apparatus": "drum", "sample": 999, "runs": []}))
     with pytest.raises(InputError, match="999"):
-        responses_over_design.read(*files, TARGETS, "secant", [tmp_path / "999.json"], drum_runs)
+        further_runs.read(*files, TARGETS, "secant", [tmp_path])
     far = Targets.of([target("aor_deg", 80, 81), HEIGHT])
     data = responses_over_design.read(*files, far, "secant")
     with pytest.raises(InputError, match="feasible points"):

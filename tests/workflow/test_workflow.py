@@ -168,14 +168,14 @@ def test_uncertainty_is_a_target_of_its_own(finished):
     assert not {*own, *drawn} & set(planned(project, *words, "--forceall"))
 
 
-def test_comparisons_are_targets_of_their_own_and_the_drum_is_asked_for_by_name(finished):
+def test_comparisons_are_targets_of_their_own_and_other_bench_tests_are_asked_for_by_name(finished):
     project, words = finished
     jobs = planned(project, *words, "--", "compare_search", "compare_whole", "second_responses")
     own = {"search_tables", "whole_tables", "measure_responses", "second_responses_tables"}
     drawn = {"draw_search", "draw_whole", "draw_second_responses"}
     assert set(jobs) == own | drawn | {"compare_search", "compare_whole", "second_responses", "total"}
-    with_drum = planned(project, *words, "--", "second_responses_drum")
-    assert (with_drum["drum_design_pour"], with_drum["measure_drum_design_runs"]) == (12, 12)
+    more = planned(project, *words, "--", "second_responses_benches")
+    assert more["joint_pour"] == more["measure_joint_runs"] == 4 * 12, "all 12 samples in four bench tests"
     assert not own & set(planned(project, *words, "--forceall"))
 
 

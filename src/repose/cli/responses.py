@@ -14,6 +14,14 @@ from repose.core.targets import Targets
 
 family = Family()
 
+RESPONSES = RUNS.but(default="results/responses/runs.csv", help="what measure_responses wrote")
+JOBS = Option(
+    "--jobs",
+    nargs="+",
+    default=[],
+    help="folders that measure_runs wrote into, of other bench tests with samples of the same design",
+)
+
 
 @family.verb(
     "measure further responses of saved pours: profile, packing, loose berries, discharge time",
@@ -39,10 +47,9 @@ def measure_responses(args: argparse.Namespace) -> None:
     example="--runs results/responses/runs.csv --dataset results/dataset.csv",
     out="results/responses",
     options=[
-        RUNS.but(default="results/responses/runs.csv", help="what measure_responses wrote"),
+        RESPONSES,
         DATASET,
-        Option("--drum", nargs="+", help="files of measure_runs, of samples in the drum: it is judged, too"),
-        Option("--drum-runs", default="results/drum/runs.csv", help="what the verb drum_tables wrote"),
+        JOBS,
         Option(
             "--discrepancy",
             action="append",
@@ -53,17 +60,14 @@ def measure_responses(args: argparse.Namespace) -> None:
     ],
 )
 def second_responses(args: argparse.Namespace) -> None:
-    from repose.studies import responses_over_design, second_responses
+    from repose.studies import further_runs, second_responses
 
     config = loader.load(args.config)
     settings = config["second_responses"] | {key: config["network"][key] for key in ("hidden", "epochs")}
     settings |= {"discrepancy_percent": config["posterior"]["discrepancy_percent"]}
     own = pairs(args.discrepancy, "--discrepancy")
     targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
-    definition = config["measure"]["response"]
-    data = responses_over_design.read(
-        args.runs, args.dataset, targets, definition, args.drum or (), args.drum_runs
-    )
+    data = further_runs.read(args.runs, args.dataset, targets, config["measure"]["response"], args.jobs)
     settings["discrepancies"] = {name: _percent(name, text, data.known) for name, text in own.items()}
     print(second_responses.run(data, targets, space, settings, args.out))
 
@@ -72,29 +76,15 @@ def second_responses(args: argparse.Namespace) -> None:
     "tell which few tests narrow the parameters enough: the pile, other bench tests, direct tests of a parameter",
     example="--runs results/responses/runs.csv --jobs results/joint_targets/discharge_runs",
     out="results/joint_targets",
-    options=[
-        RUNS.but(default="results/responses/runs.csv", help="what measure_responses wrote"),
-        DATASET,
-        Option(
-            "--jobs",
-            nargs="+",
-            default=[],
-            help="folders that measure_runs wrote into, of other bench tests with samples of the same design",
-        ),
-    ],
+    options=[RESPONSES, DATASET, JOBS],
 )
 def joint_targets(args: argparse.Namespace) -> None:
-    from repose.core.files import read_table
-    from repose.studies import further_runs, joint_targets, responses_over_design
+    from repose.studies import further_runs, joint_targets
 
     config = loader.load(args.config)
     settings = config["network"] | config["second_responses"] | section(config, "joint_targets")
     targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
-    data = responses_over_design.read(args.runs, args.dataset, targets, config["measure"]["response"])
-    table = read_table(args.dataset, ("sample", "status"))
-    samples = table.loc[table["status"] == "ok", "sample"].to_numpy()
-    jobs = further_runs.read_jobs(further_runs.jobs_in(args.jobs), samples)
-    data = further_runs.with_jobs(data, samples, jobs)
+    data = further_runs.read(args.runs, args.dataset, targets, config["measure"]["response"], args.jobs)
     print(joint_targets.run(data, targets, space, settings, args.out))
 
 

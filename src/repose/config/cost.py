@@ -243,11 +243,6 @@ def studies(config: Mapping[str, Any]) -> list[Study]:
 
 def _with_sections_of_their_own(config, pours):
     """Studies whose section of the configuration may be absent."""
-    if "drum" in config:
-        runs = config["second_responses"]["drum_samples"] * config["second_responses"]["drum_seeds"]
-        minutes = runs * run_s(config, "drum") / 60
-        cost = f"{runs} runs of the drum besides the calibration, about {minutes:.0f} min"
-        yield Study("second_responses_drum", "The same with the responses of the drum.", cost)
     if "joint_targets" in config:
         joint = config["joint_targets"]["samples"] * config["joint_targets"]["seeds"]
         minutes = (
@@ -255,6 +250,8 @@ def _with_sections_of_their_own(config, pours):
         )
         cost = f"{joint} runs of each further bench test besides the calibration, about {minutes:.0f} min"
         yield Study("joint_targets", "Which few tests together narrow the parameters enough.", cost)
+        sentence = "Which further response, of the pile or another bench test, tells most a minute of work."
+        yield Study("second_responses_benches", sentence, f"the runs of joint_targets: {cost}")
     if "shape_study" in config:
         shape = config["shape_study"]
         cells = len(shape["particles"]) * len(shape["main_fillings"]) * len(shape["tensions"])

@@ -10,7 +10,6 @@ PURPOSES = {
     "shape_published": 3,
     "shape_sensitivity": 4,
     "shape_design": 5,
-    "drum_design": 9,
     "refine": 8,
     "pool": 6,
     "fresh": 7,
@@ -24,8 +23,8 @@ PURPOSES = {
 
 # The first bench test: its seeds and its files carry no name of a bench test.
 UNNAMED = "funnel"
-# Streams of the drum alone: their name tells the bench test.
-OF_THE_DRUM = ("drum", "drum_design")
+# The stream of the drum alone: its name tells the bench test.
+OF_THE_DRUM = "drum"
 
 
 def pour_seeds(study_seed: int, purpose: str, number: int, count: int, apparatus: str = UNNAMED) -> list[int]:
@@ -51,7 +50,7 @@ def pour_seeds(study_seed: int, purpose: str, number: int, count: int, apparatus
     """
     import numpy as np
 
-    named = apparatus == UNNAMED or purpose in OF_THE_DRUM
+    named = apparatus == UNNAMED or purpose == OF_THE_DRUM
     own = [] if named else [zlib.crc32(apparatus.encode())]
     state = np.random.SeedSequence([study_seed, PURPOSES[purpose], number, *own]).generate_state(count)
     return [int(seed) for seed in state]

@@ -8,9 +8,11 @@ import pandas as pd
 
 from repose.apparatus import bench
 from repose.core.errors import InputError
-from repose.core.files import read_json
+from repose.core.files import read_json, read_table
 from repose.core.responses import response
+from repose.core.targets import Targets
 from repose.measure import further_responses
+from repose.studies import responses_over_design
 from repose.studies.responses_over_design import Data, over_design
 
 JOB = "a job of a bench test, measured by the verb measure_runs"
@@ -118,3 +120,34 @@ def with_jobs(
                 raise InputError(source, response(name).name, str(error), allowed) from None
         runs.append(table)
     return Data(data.X, known, pd.concat(runs, ignore_index=True))
+
+
+def read(
+    runs_csv: str | Path,
+    dataset_csv: str | Path,
+    targets: Targets,
+    definition: str,
+    folders: Iterable[str | Path] = (),
+) -> Data:
+    """The responses of the pile, and of other bench tests that were run with samples of the same design.
+
+    Parameters
+    ----------
+    runs_csv, dataset_csv, targets, definition
+        As `responses_over_design.read` takes them.
+    folders : iterable of path, optional
+        What the verb measure_runs wrote into, of other bench tests.
+
+    Returns
+    -------
+    Data
+
+    Raises
+    ------
+    InputError
+        As `responses_over_design.read`, `jobs_in`, `read_jobs` and `with_jobs`.
+    """
+    data = responses_over_design.read(runs_csv, dataset_csv, targets, definition)
+    table = read_table(dataset_csv, ("sample", "status"))
+    samples = table.loc[table["status"] == "ok", "sample"].to_numpy()
+    return with_jobs(data, samples, read_jobs(jobs_in(folders), samples))

@@ -21,6 +21,10 @@ WAYS = {
     LOOSE: "loose berries, counted",
     PACKING: "packing, with a balance",
     STOPWATCH: "time of the pour",
+    "drum": "drum, its first slip",
+    "turning": "drum, turning steadily",
+    "discharge": "funnel filled first, then opened",
+    "cylinder": "measuring cylinder, bulk density",
 }
 
 
@@ -97,7 +101,8 @@ def ways_of(names: Sequence[str], base: Sequence[str]) -> dict[str, tuple[str, .
     Returns
     -------
     dict of tuple of str
-        By a name of `WAYS`, or that of another bench test. What the outline in the photographs gives is one way.
+        By a name of `OF_THE_PILE` or ``profile``, or that of another bench test. What the outline in the photographs
+        gives is one way.
     """
     found: dict[str, list[str]] = {}
     for name in names:

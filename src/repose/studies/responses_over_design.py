@@ -1,7 +1,7 @@
 """Responses over the samples of a design: means, errors, noise, and one network for each response."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,7 +10,7 @@ import pandas as pd
 
 from repose.core import variance
 from repose.core.errors import InputError
-from repose.core.files import read_json, read_table
+from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS
 from repose.core.responses import response
 from repose.core.targets import Targets
@@ -20,9 +20,6 @@ from repose.surrogate.bayesian_bp import BayesianBP
 
 FEWEST_SAMPLES = 12
 EPOCHS = 300  # of the surrogates, most
-# Columns of the drum's table of runs that hold its responses.
-DRUM_COLUMNS = {"drum_slip_deg": "before_surface_deg", "drum_rest_deg": "after_surface_deg"}
-DRUM_JOB = "a job of the drum, measured by the verb measure_runs"
 
 
 class Known(NamedTuple):
@@ -108,96 +105,8 @@ def _means(values, groups, samples, within):
     return mean, np.where(count > 0, np.sqrt(within / np.maximum(count, 1)), np.nan), count
 
 
-def drum_over_design(
-    jobs: Mapping[int, Sequence[Mapping[str, float]]], repeated: pd.DataFrame, samples: np.ndarray
-) -> dict[str, Known]:
-    """The responses of the drum over the design, by name.
-
-    Parameters
-    ----------
-    jobs : mapping
-        Good runs of each sample that was run in the drum: its responses by name.
-    repeated : pandas.DataFrame
-        Good runs of one parameter set with several seeds, for the scatter from run to run; with the columns of
-        `DRUM_COLUMNS`.
-    samples : numpy.ndarray, (m,)
-        Order of the result.
-
-    Returns
-    -------
-    dict of Known
-    """
-    found = {}
-    for name, column in DRUM_COLUMNS.items():
-        within = float(repeated[column].var(ddof=1))
-        values = np.array([run[name] for good in jobs.values() for run in good])
-        groups = np.array([sample for sample, good in jobs.items() for _ in good])
-        mean, error, count = _means(values, groups, samples, within)
-        spread = max(0.0, float(np.nanvar(mean, ddof=1)) - float(np.nanmean(error**2)))
-        row = {
-            "mean": float(np.nanmean(mean)),
-            "sd_within": math.sqrt(within),
-            "sd_between": math.sqrt(spread),
-            "signal_to_noise": math.sqrt(spread / within),
-            "icc": spread / (spread + within),
-            "samples": int((count > 0).sum()),
-            "runs": int(count.sum()),
-        }
-        found[name] = Known(mean, error, row)
-    return found
-
-
-def read_drum(
-    samples_json: Iterable[str | Path], runs_csv: str | Path, samples: np.ndarray
-) -> dict[str, Known]:
-    """`drum_over_design` of files.
-
-    Parameters
-    ----------
-    samples_json : iterable of path
-        Files of the verb measure_runs: jobs of the drum.
-    runs_csv : path
-        Table of runs of the verb drum_tables.
-    samples : numpy.ndarray of int
-        Numbers of the samples.
-
-    Returns
-    -------
-    dict of Known
-
-    Raises
-    ------
-    InputError
-        If a file is bad or of another sample, or the table has fewer than two good runs.
-    """
-    repeated = read_table(runs_csv, ("status", *DRUM_COLUMNS.values()))
-    repeated = repeated[repeated["status"] == "ok"]
-    if len(repeated) < 2:
-        raise InputError(runs_csv, "good runs", len(repeated), "2 or more, for the scatter from run to run")
-    jobs = {}
-    for path in samples_json:
-        job = read_json(path, {"sample": int, "apparatus": str, "runs": list}, DRUM_JOB)
-        if job["apparatus"] != "drum":
-            raise InputError(path, "apparatus", job["apparatus"], "drum")
-        if job["sample"] not in samples:
-            raise InputError(path, "sample", job["sample"], "a sample of the design")
-        try:
-            good = [run for run in job["runs"] if run["status"] == "ok"]
-            jobs[job["sample"]] = [{name: float(run[name]) for name in DRUM_COLUMNS} for run in good]
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(path, "runs", str(error), DRUM_JOB) from error
-    return drum_over_design(jobs, repeated, samples)
-
-
-def read(
-    runs_csv: str | Path,
-    dataset_csv: str | Path,
-    targets: Targets,
-    definition: str,
-    drum: Iterable[str | Path] = (),
-    drum_runs: str | Path | None = None,
-) -> Data:
-    """The study's data.
+def read(runs_csv: str | Path, dataset_csv: str | Path, targets: Targets, definition: str) -> Data:
+    """The study's data, of the pile alone.
 
     Parameters
     ----------
@@ -207,10 +116,6 @@ def read(
     targets : Targets
     definition : str
         `measure.response` of the configuration.
-    drum : iterable of path
-        Files of the verb measure_runs, jobs of the drum, to judge it as well.
-    drum_runs : path, optional
-        The table of runs of the verb drum_tables; needed with ``drum``.
 
     Returns
     -------
@@ -220,8 +125,6 @@ def read(
     ------
     InputError
         If a file is bad, fewer than 12 samples can be used, or too few samples have two runs.
-    ValueError
-        If ``drum`` names files and ``drum_runs`` is None.
     """
     table = read_table(dataset_csv, ("sample", *PARAMETERS, "status"))
     table = table[table["status"] == "ok"]
@@ -237,12 +140,6 @@ def read(
         known = {name: over_design(runs[name].to_numpy(float), groups, samples) for name in names}
     except ValueError as error:
         raise InputError(runs_csv, "runs", str(error), "two or more of most samples") from None
-    drum = list(drum)
-    if drum:
-        if drum_runs is None:
-            raise ValueError("drum_runs is None; allowed: the table of runs, where drum names files")
-        of_drum = read_drum(drum, drum_runs, samples)
-        known |= {name: one for name, one in of_drum.items() if name not in known}
     return Data(table[list(PARAMETERS)].to_numpy(float), known, runs)
 
 

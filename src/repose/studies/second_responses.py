@@ -1,7 +1,7 @@
 """What to measure next: how far a further response narrows the posterior of the parameters.
 
 A few numbers do not determine six parameters. For the targets and for each further response r
-(`further_responses.offered`, and the drum's where it was turned):
+(`further_responses.offered`, and those of other bench tests that were run with samples of the design):
 
 signal to noise
     sd between samples over the sd of a run about its sample's mean (`repose.core.variance`)
@@ -329,7 +329,7 @@ def run(
     Parameters
     ----------
     data : Data
-        From `responses_over_design.read`.
+        From `further_runs.read`.
     targets, space, settings
         As in `study`.
     out_dir : path

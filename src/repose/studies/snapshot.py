@@ -22,7 +22,7 @@ KEPT = {
     "film": ("*.gif",),
     "shape": ("*.csv", "*.json", "*.png"),
     "drum": ("*.csv", "*.gif"),
-    "responses/with_drum": ("*.csv", "*.json", "*.png"),
+    "responses/with_benches": ("*.csv", "*.json", "*.png"),
     "refined": ("*.csv", "*.json", "*.png", "round_*/round.csv", "round_*/network/metrics.json"),
     "response_surface": ("*.png", "*/*.csv", "*/*.json"),
     "sequential": ("*.csv", "*.json", "*.png", "*/*.csv", "*/*.json"),

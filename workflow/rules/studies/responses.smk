@@ -1,9 +1,5 @@
-# What to measure next. Targets of their own: `snakemake --cores 2 second_responses`, and with the drum on a part of
-# the design, `second_responses_drum`.
-IN_DRUM = min(config["second_responses"]["drum_samples"], len(SAMPLES))
-DRUM_SAMPLES = [
-    SAMPLES[k * (len(SAMPLES) - 1) // max(1, IN_DRUM - 1)] for k in range(IN_DRUM)
-]
+# What to measure next, on the piles that are there: `snakemake --cores 2 second_responses`. With other bench tests, on a
+# part of the design: `second_responses_benches` ranks what each gives, `joint_targets` looks for the best few of them.
 
 
 rule measure_responses:
@@ -33,57 +29,57 @@ rule measure_responses:
         " --berry {input.berry:q} --particle {input.particle:q} --out {output.runs:q} > {log:q} 2>&1"
 
 
-if "drum" in config:
+if "joint_targets" in config:
+    FURTHER_RUNS = [RUN_FOLDERS[name] for name in names() if name != "funnel"]
+    IN_TESTS = min(config["joint_targets"]["samples"], len(SAMPLES))
+    JOINT_SAMPLES = [
+        SAMPLES[k * (len(SAMPLES) - 1) // max(1, IN_TESTS - 1)] for k in range(IN_TESTS)
+    ]
 
-    use rule pour as drum_design_pour with:
+    use rule pour as joint_pour with:
         output:
-            pours=f"{RESULTS}/responses/drum/{{sample}}.pours.json",
-            berries=f"{RESULTS}/responses/drum/{{sample}}.npz",
+            pours=f"{RESULTS}/joint_targets/{{runs}}/{{sample}}.pours.json",
+            berries=f"{RESULTS}/joint_targets/{{runs}}/{{sample}}.npz",
         log:
-            f"{RESULTS}/logs/responses/drum/{{sample}}.log",
+            f"{RESULTS}/logs/joint_targets/{{runs}}/{{sample}}.log",
         benchmark:
-            f"{RESULTS}/benchmarks/responses/drum/{{sample}}.tsv"
-        resources:
-            mem_mb=growing(400),
-            runtime=growing(MINUTES_OF_RUNS),
+            f"{RESULTS}/benchmarks/joint_targets/{{runs}}/{{sample}}.tsv"
         params:
-            apparatus="drum",
-            purpose="drum_design",
-            seeds=config["second_responses"]["drum_seeds"],
-            depends=pouring_settings("drum"),
+            purpose="joint_targets",
+            seeds=config["joint_targets"]["seeds"],
         message:
-            "Turning the drum with sample {wildcards.sample}"
+            "Sample {wildcards.sample} in a further bench test, {wildcards.runs}"
 
-    use rule measure_runs as measure_drum_design_runs with:
+    use rule measure_runs as measure_joint_runs with:
         input:
-            pours=rules.drum_design_pour.output.pours,
-            berries=rules.drum_design_pour.output.berries,
+            pours=rules.joint_pour.output.pours,
+            berries=rules.joint_pour.output.berries,
             berry=rules.berry.output.berry,
             particle=rules.shape.output.particle,
         output:
-            result=f"{RESULTS}/responses/drum/{{sample}}.json",
+            result=f"{RESULTS}/joint_targets/{{runs}}/{{sample}}.json",
         log:
-            f"{RESULTS}/logs/responses/drum/{{sample}}_measured.log",
+            f"{RESULTS}/logs/joint_targets/{{runs}}/{{sample}}_measured.log",
         benchmark:
-            f"{RESULTS}/benchmarks/responses/drum/{{sample}}_measured.tsv"
-        params:
-            depends=stands_on.measuring(config, "drum"),
+            f"{RESULTS}/benchmarks/joint_targets/{{runs}}/{{sample}}_measured.tsv"
         message:
-            "Measuring the drum's runs of sample {wildcards.sample}"
+            "Measuring sample {wildcards.sample} in a further bench test, {wildcards.runs}"
 
-    rule drum_design:
-        input:
-            expand(rules.measure_drum_design_runs.output.result, sample=DRUM_SAMPLES),
+    JOINT_RUNS = expand(
+        rules.measure_joint_runs.output.result,
+        runs=FURTHER_RUNS,
+        sample=JOINT_SAMPLES,
+    )
 
 
-# The same tables without and with the drum: a folder, and what is read beside the piles.
+# The same tables without and with the other bench tests: a folder, and what is read beside the piles.
 SECOND_RESPONSES = {
     "second_responses": (f"{RESULTS}/responses", {}),
 }
-if "drum" in config:
-    SECOND_RESPONSES["second_responses_drum"] = (
-        f"{RESULTS}/responses/with_drum",
-        {"drum": rules.drum_design.input, "drum_runs": rules.drum.output.runs},
+if "joint_targets" in config:
+    SECOND_RESPONSES["second_responses_benches"] = (
+        f"{RESULTS}/responses/with_benches",
+        {"jobs": JOINT_RUNS},
     )
 SECOND_TABLES = ("responses", "information", "narrowing", "ways", "order")
 
@@ -111,9 +107,9 @@ for study, (where, more) in SECOND_RESPONSES.items():
         params:
             config=CONFIG,
             folder=folder,
-            drum=lambda wildcards, input: (
-                ["--drum", *input.drum, "--drum-runs", input.drum_runs]
-                if hasattr(input, "drum")
+            jobs=lambda wildcards, input: (
+                ["--jobs", *folders_of_jobs(wildcards, input)]
+                if hasattr(input, "jobs")
                 else []
             ),
             depends=sections(
@@ -128,7 +124,7 @@ for study, (where, more) in SECOND_RESPONSES.items():
             "How far further responses narrow the posterior"
         shell:
             "python -m repose second_responses --config {params.config:q} --runs {input.runs:q}"
-            " --dataset {input.dataset:q} {params.drum:q} --out {params.folder:q} > {log:q} 2>&1"
+            " --dataset {input.dataset:q} {params.jobs:q} --out {params.folder:q} > {log:q} 2>&1"
 
     rule:
         name:
@@ -171,58 +167,19 @@ rule second_responses:
         rules.draw_second_responses.output,
 
 
-if "drum" in config:
-
-    rule second_responses_drum:
-        input:
-            rules.second_responses_drum_tables.output,
-            rules.draw_second_responses_drum.output,
-
-
-# Several tests at once: other bench tests on a part of the design, `snakemake --cores 2 joint_targets`.
 if "joint_targets" in config:
-    FURTHER_RUNS = [RUN_FOLDERS[name] for name in names() if name != "funnel"]
-    IN_TESTS = min(config["joint_targets"]["samples"], len(SAMPLES))
-    JOINT_SAMPLES = [
-        SAMPLES[k * (len(SAMPLES) - 1) // max(1, IN_TESTS - 1)] for k in range(IN_TESTS)
-    ]
 
-    use rule pour as joint_pour with:
-        output:
-            pours=f"{RESULTS}/joint_targets/{{runs}}/{{sample}}.pours.json",
-            berries=f"{RESULTS}/joint_targets/{{runs}}/{{sample}}.npz",
-        log:
-            f"{RESULTS}/logs/joint_targets/{{runs}}/{{sample}}.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/joint_targets/{{runs}}/{{sample}}.tsv"
-        params:
-            purpose="joint_targets",
-            seeds=config["joint_targets"]["seeds"],
-        message:
-            "Sample {wildcards.sample} in a further bench test, {wildcards.runs}"
-
-    use rule measure_runs as measure_joint_runs with:
+    rule second_responses_benches:
         input:
-            pours=rules.joint_pour.output.pours,
-            berries=rules.joint_pour.output.berries,
-            berry=rules.berry.output.berry,
-            particle=rules.shape.output.particle,
-        output:
-            result=f"{RESULTS}/joint_targets/{{runs}}/{{sample}}.json",
-        log:
-            f"{RESULTS}/logs/joint_targets/{{runs}}/{{sample}}_measured.log",
-        benchmark:
-            f"{RESULTS}/benchmarks/joint_targets/{{runs}}/{{sample}}_measured.tsv"
-        message:
-            "Measuring sample {wildcards.sample} in a further bench test, {wildcards.runs}"
+            rules.second_responses_benches_tables.output,
+            rules.draw_second_responses_benches.output,
+
+
+if "joint_targets" in config:
 
     rule joint_targets:
         input:
-            jobs=expand(
-                rules.measure_joint_runs.output.result,
-                runs=FURTHER_RUNS,
-                sample=JOINT_SAMPLES,
-            ),
+            jobs=JOINT_RUNS,
             runs=rules.measure_responses.output.runs,
             dataset=rules.dataset.output.dataset,
         output:

@@ -30,7 +30,7 @@ def what_to_measure_next(inputs: Mapping[str, str], config: Mapping[str, Any]) -
     Returns
     -------
     matplotlib.figure.Figure
-        Bits and bits a minute above, widths below; each of them for an exact simulator and with a discrepancy.
+        Bits and bits a minute above, widths below; every panel for an exact simulator and with a discrepancy.
 
     Raises
     ------
@@ -47,15 +47,13 @@ def what_to_measure_next(inputs: Mapping[str, str], config: Mapping[str, Any]) -
     order = sorted(single, key=lambda name: first.loc[name, "gain_bits"])
     order = [*[name for name in TOGETHER if name in first.index][::-1], *order]
     ways = read_table(inputs["ways"], ("discrepancy_percent", "way", "minutes", "bits_a_minute"))
-    figure = style.new_figure(style.PAGE, 1.6 + 0.5 * (len(order) + 1))
-    (bars, work), maps = figure.subplots(2, 2)
+    figure = style.new_figure(style.PAGE, 1.6 + 0.45 * (len(order) + 1))
+    places = figure.add_gridspec(2, 2, height_ratios=(1.2, 1))
+    bars, work, widths = (figure.add_subplot(place) for place in (places[0, 0], places[0, 1], places[1, :]))
     _bars(bars, information, order, percents, known)
     bars.set_xlabel(f"bits gained beside {base_name}")
     _work(work, ways, percents)
-    for panel, letter, percent in zip(maps, "cd", percents, strict=False):
-        _map(panel, narrowing[narrowing["discrepancy_percent"] == percent], order, base_name)
-        title = f"{letter}   95 % interval over that of\n     {base_name} alone,\n     {_case(percent)}"
-        panel.set_title(title, fontweight="bold")
+    _map(widths, narrowing, order, base_name, percents)
     base = first.loc[base_name]
     text = f"{base_name} alone:\n{base['bits']:.1f} ± {base['bits_se']:.1f} bits"
     style.note(bars, text, x=0.98, y=0.98, ha="right")
@@ -65,6 +63,11 @@ def what_to_measure_next(inputs: Mapping[str, str], config: Mapping[str, Any]) -
 def _case(percent):
     """A discrepancy in words."""
     return "the simulator exact" if percent == 0 else f"{percent:g} % discrepancy"
+
+
+def _short(percent):
+    """A discrepancy in a word."""
+    return "exact" if percent == 0 else f"{percent:g} %"
 
 
 def _work(panel, ways, percents):
@@ -111,28 +114,39 @@ def _bars(panel, information, order, percents, known):
     panel.set_title("a", fontweight="bold")
 
 
-def _map(panel, narrowing, order, base):
-    """Widths of the intervals over those with the base alone; in the lowest row, those of the base over the prior's."""
+def _map(panel, narrowing, order, base, percents):
+    """Widths of the intervals over those with the base alone, a column of each parameter for each discrepancy.
+
+    In the last row, those of the base over the prior's.
+    """
     parameters = [name for name in PARAMETERS if name in set(narrowing["parameter"])]
-    rows = [*order, base]
-    tables = narrowing.pivot(index="set", columns="parameter", values=["over_base", "width_ratio"])
-    ratio = tables["over_base"].loc[rows, parameters].astype(float)
-    width = tables["width_ratio"].loc[rows, parameters]
+    rows, each = [*order, base], len(percents)
+    columns = [(name, percent) for name in parameters for percent in percents]
+    tables = narrowing.pivot(
+        index="set", columns=["parameter", "discrepancy_percent"], values=["over_base", "width_ratio"]
+    )
+    ratio = tables["over_base"].loc[rows, columns].to_numpy(float)
+    shown = ratio.copy()
+    shown[-1] = tables["width_ratio"].loc[base, columns]
     panel.imshow(ratio, cmap="YlGnBu_r", vmin=0.3, vmax=1.0, aspect="auto", origin="lower")
-    for i, name in enumerate(rows):
-        for j, parameter in enumerate(parameters):
-            shown = width if name == base else ratio
-            panel.text(
-                j,
-                i,
-                f"{shown.loc[name, parameter]:.2f}",
-                ha="center",
-                va="center",
-                fontsize=6,
-                color="white" if ratio.loc[name, parameter] < 0.6 else style.BLACK,
-                fontstyle="italic" if name == base else "normal",
-            )
-    panel.set_xticks(range(len(parameters)), [SYMBOLS[name] for name in parameters], fontsize=7.5)
+    for i, j in np.ndindex(shown.shape):
+        panel.text(
+            j,
+            i,
+            f"{shown[i, j]:.2f}",
+            ha="center",
+            va="center",
+            fontsize=6,
+            color="white" if ratio[i, j] < 0.6 else style.BLACK,
+            fontstyle="italic" if i == len(order) else "normal",
+        )
+    for k in range(1, len(parameters)):
+        panel.axvline(each * k - 0.5, color="white", lw=3)
+    symbols = [f"\n{SYMBOLS[name]}" for name in parameters]
+    panel.set_xticks(each * np.arange(len(parameters)) + (each - 1) / 2, symbols, fontsize=7.5)
+    cases = [_short(percent) for _, percent in columns]
+    panel.set_xticks(range(len(columns)), cases, fontsize=6, minor=True)
     labels = [TOGETHER.get(name) or response(name).label for name in order]
-    panel.set_yticks(range(len(rows)), [*labels, f"{base},\nover the prior"], fontsize=6)
-    panel.tick_params(length=0)
+    panel.set_yticks(range(len(rows)), [*labels, f"{base} alone,\nover the prior"], fontsize=6)
+    panel.tick_params(which="both", length=0)
+    panel.set_title(f"c   95 % interval over that of {base} alone", fontweight="bold")
