@@ -44,6 +44,14 @@ def test_the_margin_is_the_way_to_the_nearer_end_of_the_range(simulated, met, ma
     assert found.met is met
     assert found.checks[0].margin == margin
     assert ("NOT met" in str(found)) is not met
+    assert ("which do NOT meet the targets:" in str(found)) is not met
+    told = (
+        "Targets met"
+        if met
+        else "Targets NOT met: the prediction meets them, the simulation misses aor_deg by"
+    )
+    assert str(found).splitlines()[-1].startswith(told)
+    assert met or f"aor_deg by {-margin:g} deg. What helps: `repose run refined`" in found.verdict
     assert all(name in str(found) for name in PARAMETERS)
     assert found.within == {1.0: 0.25, 2.0: 0.75}
     assert "by these runs alone: within 1 %: 0.25, within 2 %: 0.75" in str(found)
@@ -54,6 +62,7 @@ def test_a_prediction_outside_the_targets_is_no_answer_even_where_the_simulation
     assert not found.met
     assert "No feasible solution" in str(found)
     assert "nearest parameters" in str(found)
+    assert found.verdict.startswith("Targets NOT met: no parameters are predicted to meet them.")
 
 
 def test_failed_runs_have_no_number(tmp_path):
@@ -61,6 +70,7 @@ def test_failed_runs_have_no_number(tmp_path):
     assert not found.met
     assert found.checks[0].margin is None
     assert "no number" in str(found)
+    assert "misses aor_deg, which has no number." in found.verdict
     assert found.within == {1.0: None, 2.0: None}
     assert "how near the means are to their targets is not known" in str(found)
 

@@ -44,9 +44,9 @@ def main():
     words.add_argument(
         "--sample-s", type=float, default=11.0, help="time of a sample, where no run is given (11)"
     )
-    words.add_argument("--start-s", type=float, default=5.0, help="start of a cluster job (5)")
+    words.add_argument("--start-s", type=float, default=2.7, help="start of a cluster job (2.7)")
     words.add_argument(
-        "--inner-s", type=float, default=0.6, help="what a workflow's job costs in a cluster job (0.6)"
+        "--inner-s", type=float, default=2.7, help="start of one job of the workflow in it (2.7)"
     )
     words.add_argument("--submitted-per-s", type=float, default=2.0, help="jobs submitted in a second (2)")
     args = words.parse_args()

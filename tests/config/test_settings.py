@@ -284,6 +284,16 @@ def test_files_and_command_line_lie_over_each_other(tmp_path):
     assert config["funnel"]["berries"] == 500
 
 
+def test_a_job_of_a_cluster_does_not_check_the_inputs_again(monkeypatch):
+    def slow(*_):
+        raise AssertionError("the inputs were checked")
+
+    monkeypatch.setattr("repose.config.checks.check_inputs", slow)
+    assert loader.resolve(places.configs(), inputs=False)["label"]
+    with pytest.raises(AssertionError):
+        loader.resolve(places.configs())
+
+
 def test_a_verb_reads_a_partial_file_as_the_workflow_does(tmp_path):
     mine = tmp_path / "mine.yaml"
     mine.write_text("funnel: {seeds: 5}\nparameters: {e_gg: {fixed: 0.3}}\n")

@@ -25,6 +25,7 @@ def poured(walls, contact, count, lattice, **keywords):
     return s
 
 
+@pytest.mark.slow
 def test_a_resting_pile_weighs_on_its_walls_what_it_weighs():
     places = itertools.product((-0.012, 0.012), (-0.012, 0.012), np.arange(0.012, 0.3, 0.0225))
     s = poured(STEEP, Contact(0.2, 0.5, 0.05), 24, places)

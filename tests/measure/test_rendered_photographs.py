@@ -117,13 +117,6 @@ def test_a_deep_shadow_at_the_foot_changes_nothing(tmp_path):
     assert deep.aor_deg == pytest.approx(light.aor_deg, abs=0.5)
 
 
-def test_one_of_the_thirty(tmp_path):
-    """Number 10: a lens that distorts, a tilt of 10 degrees, a wall of another colour than the plate."""
-    ((angle, height),) = thirty.errors(tmp_path, [10], 4).values()
-    assert abs(angle) < 0.7
-    assert abs(height) < 1.0
-
-
 @pytest.mark.slow
 def test_all_thirty(tmp_path):
     missed = thirty.errors(tmp_path)

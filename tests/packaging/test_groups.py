@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 TESTS = Path(__file__).parents[1]
 FILES = (
     "apparatus/test_a",
@@ -17,6 +19,7 @@ FILES = (
 )
 
 
+@pytest.mark.slow
 def test_tests_of_the_same_kernels_run_on_one_worker(tmp_path):
     for name in FILES:
         path = tmp_path / "tests" / f"{name}.py"

@@ -47,6 +47,7 @@ def found(study, table):
     return own_simulator.calibrate(study, own_simulator.checked_runs(study, table))
 
 
+@pytest.mark.slow
 def test_the_start_fills_the_ranges_and_repeats_each_sample(study):
     table = own_simulator.first_runs(study)
     assert (table.groupby("sample").size() == 2).all()

@@ -18,7 +18,7 @@ from repose.core.seeds import pour_seeds
 from repose.core.sources import engine_hash
 from repose.core.targets import Targets
 from repose.dem.cache import source_hash
-from repose.studies import rounds, shape_cells, snapshot
+from repose.studies import rounds, shape_cells, snapshot, verdict
 
 # The verbs run under the Python that runs snakemake, whether its environment is activated or not.
 shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; ")
@@ -64,10 +64,14 @@ for place in map(str, (workflow.main_snakefile, places.root())):
 
 
 def checked_config(workflow):
-    """The configuration after every check, or one message and no work."""
+    """The configuration after every check, or one message and no work.
+
+    A job of a cluster starts a snakemake of its own, after the first one has checked the inputs.
+    """
     given = [places.find(as_typed(path)) for path in workflow.overwrite_configfiles]
     files = or_one_message(loader.layers, given)
-    return or_one_message(loader.resolve, files, workflow.config_settings.config)
+    values = workflow.config_settings.config
+    return or_one_message(loader.resolve, files, values, workflow.is_main_process)
 
 
 def as_typed(path):

@@ -23,7 +23,7 @@ class Files(NamedTuple):
     summary, check, solutions : str
         Answer, its simulation beside the targets, all parameter sets that were found.
     advice : str
-        What to do where the targets are not met.
+        What helps where the prediction meets the targets and the simulation does not.
     """
 
     rule: str
@@ -43,12 +43,12 @@ FILES = {
     "published": Files(
         "validate",
         *("miga/summary.json", "validation/representative.csv", "miga/feasible.csv"),
-        "pour nearer to the answer: target `refined`",
+        "`repose run refined`, which pours near the answer; or more samples, or more seeds for each",
     ),
     "response_surface": _of_strategy(
-        "response_check", "response_surface/check", "change response_surface.reach or .most_factors"
+        "response_check", "response_surface/check", "another response_surface.reach or .most_factors"
     ),
-    "sequential": _of_strategy("sequential_check", "sequential", "raise sequential.most_pours"),
+    "sequential": _of_strategy("sequential_check", "sequential", "a larger sequential.most_pours"),
 }
 CARD = "card.json"
 WITHIN = {percent: f"within_{percent:g}_percent" for percent in PERCENT}
@@ -99,6 +99,13 @@ class Check:
         if self.simulated is None:
             return None
         return min(self.simulated - self.low, self.high - self.simulated)
+
+    @property
+    def miss(self) -> str:
+        """By how much the simulation misses the range, in words."""
+        if self.margin is None:
+            return f"{self.response}, which has no number"
+        return f"{self.response} by {-self.margin:.2g} {self.unit}"
 
     def __str__(self) -> str:
         wanted = f"target {self.low:g} to {self.high:g} {self.unit}"
@@ -152,21 +159,36 @@ class Answer:
         """Whether the search found a feasible solution and its simulation meets every target."""
         return self.feasible and all(check.met for check in self.checks)
 
+    @property
+    def verdict(self) -> str:
+        """Whether the simulation meets the targets; where it does not, by how much, and what helps."""
+        if self.met:
+            return "Targets met by the simulation."
+        if not self.feasible:
+            helps = f"wider parameters or targets; {self.files.advice}"
+            return f"Targets NOT met: no parameters are predicted to meet them. What helps: {helps}."
+        missed = ", ".join(check.miss for check in self.checks if not check.met)
+        return (
+            f"Targets NOT met: the prediction meets them, the simulation misses {missed}. "
+            f"What helps: {self.files.advice}."
+        )
+
     def __str__(self) -> str:
         head = f"{self.label}: the calibrated parameters"
         if not self.feasible:
             head = f"{self.label}: {self.message}\nThe nearest parameters"
-        rows = [f"  {name:7} {value:.4g}  {LABELS[name]}" for name, value in self.parameters.items()]
+        elif not self.met:
+            head += ", which do NOT meet the targets"
+        rows = parameters_in_words(self.parameters)
         checks = [f"  {check}" for check in self.checks]
         checks.append(f"  {probability_in_words(self.within)}")
-        advice = "" if self.met else f"\nWiden parameters or targets, or {self.files.advice}."
-        return (
-            "\n".join([f"{head}:", *rows, "Simulated again with fresh seeds:", *checks])
-            + advice
-            + f"\nTables: {(self.folder / self.files.check).parent}; "
+        tables = (
+            f"Tables: {(self.folder / self.files.check).parent}; "
             f"all solutions: {self.folder / self.files.solutions}; "
             f"after the whole study the report: {self.folder / REPORT}, and the material card: {self.folder / CARD}"
         )
+        told = [f"{head}:", *rows, "Simulated again with fresh seeds:", *checks, tables, self.verdict]
+        return "\n".join(told)
 
 
 def read(config: Mapping[str, Any], strategy: str = "published") -> Answer:
@@ -242,6 +264,20 @@ def read_files(
             percent: _number(rows[targets.names[0]], column, check_csv) for percent, column in WITHIN.items()
         },
     )
+
+
+def parameters_in_words(parameters: Mapping[str, float]) -> list[str]:
+    """A line for each parameter: its name, value and meaning.
+
+    Parameters
+    ----------
+    parameters : mapping of str to float
+
+    Returns
+    -------
+    list of str
+    """
+    return [f"  {name:7} {value:.4g}  {LABELS[name]}" for name, value in parameters.items()]
 
 
 def probability_in_words(within: Mapping[float, float | None]) -> str:

@@ -87,7 +87,9 @@ def _is_a_crop(config):
     return isinstance(grain, dict) and any(grain.get(key) is not None for key in CROP)
 
 
-def resolve(files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
+def resolve(
+    files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None, inputs: bool = True
+) -> dict[str, Any]:
     """A workflow's configuration: later files over earlier ones, the command line over all of them; checked.
 
     Parameters
@@ -96,6 +98,8 @@ def resolve(files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | N
         The first complete; the others may hold only some keys.
     overrides : mapping, optional
         Nested; its texts are read as YAML values.
+    inputs : bool, optional
+        Whether the files that it names are checked as well, and its berry is built, which takes seconds.
 
     Returns
     -------
@@ -110,7 +114,8 @@ def resolve(files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | N
 
     config, source = _over_each_other(files, overrides)
     check(config, source)
-    check_inputs(config, source)
+    if inputs:
+        check_inputs(config, source)
     return config
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from repose.chain.answer import parameters_in_words
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_table, write_json, write_table
 from repose.core.parameter_sets import read_samples
@@ -290,6 +291,39 @@ def run_tables(
     }
     write_json(Path(out_dir) / "summary.json", summary)
     return summary
+
+
+def in_words(summary_json: str | os.PathLike, label: str) -> str:
+    """What a finished refinement came to, as the end of a run tells it.
+
+    Parameters
+    ----------
+    summary_json : path
+        Of `run_tables`.
+    label : str
+        Of the study.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    InputError
+        If the file is missing or bad.
+    """
+    keys = {"met": bool, "why": str, "solution": dict, "claim": str, "pours": int}
+    summary = read_json(summary_json, keys, "what the verb refine_tables wrote")
+    met = "Refined: targets met" if summary["met"] else "Refined: targets NOT met"
+    return "\n".join(
+        [
+            f"{label}: the refined parameters:",
+            *parameters_in_words(summary["solution"]),
+            f"Simulated: {summary['claim']}",
+            f"Tables: {Path(summary_json).parent}; pours of all rounds: {summary['pours']}",
+            f"{met}; {summary['why']}.",
+        ]
+    )
 
 
 def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
