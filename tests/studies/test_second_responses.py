@@ -98,6 +98,20 @@ def test_information_of_a_linear_response_is_that_of_its_normal_posterior():
     assert both == pytest.approx(bits(0.05) + bits(0.02), abs=0.05)
 
 
+def test_weights_and_bits_are_those_of_the_normal_density():
+    random = np.random.default_rng(4)
+    unit = random.uniform(size=(300, 6))
+    covariance = np.array([[1.0, 0.5, 0.2], [0.5, 2.0, -0.3], [0.2, -0.3, 0.5]]) * 0.01
+    prior, observed = information.Prior(unit, unit[:, :3]), np.array([0.2, 0.5, 0.9])
+    density = stats.multivariate_normal(observed[[0, 2]], covariance[np.ix_([0, 2], [0, 2])])
+    expected = density.pdf(unit[:, [0, 2]])
+    expected /= expected.sum()
+    weight = prior.weights(observed, [0, 2], covariance)
+    assert weight == pytest.approx(expected)
+    assert information.joint_bits(weight) == pytest.approx(stats.entropy(expected, np.full(300, 1 / 300), 2))
+    assert information.joint_bits(np.array([1.0, 0.0, 1e-300, 0.0])) == 2.0
+
+
 def test_shared_noise_is_told_apart():
     """Two responses of one parameter each, noises of correlation 0.99: their difference is exact."""
     unit = stats.qmc.Sobol(6, rng=1).random(2**15)

@@ -15,6 +15,7 @@ from repose.core.parameter_space import ParameterSpace
 
 CREDIBLE = 0.95
 BINS = 40
+NEGLIGIBLE = 1e-20  # weight of a point that adds nothing: a million of them add less than 1e-12 bits
 
 
 def places_of(space: ParameterSpace, quantile: np.ndarray) -> np.ndarray:
@@ -108,11 +109,7 @@ class Prior:
         -------
         numpy.ndarray, (n,)
         """
-        root = np.linalg.cholesky(covariance[np.ix_(columns, columns)])
-        off = np.linalg.solve(root, (observed[columns] - self.predicted[:, columns]).T)
-        log_weight = -0.5 * (off**2).sum(axis=0)
-        weight = np.exp(log_weight - log_weight.max())
-        return weight / weight.sum()
+        return Likelihood(self, columns, covariance).weights(observed)
 
     def posterior(
         self, observed: np.ndarray, columns: Sequence[int], covariance: np.ndarray
@@ -130,6 +127,21 @@ class Prior:
 
         Returns
         -------
+        tuple
+            As of `told`.
+        """
+        return self.told(self.weights(observed, columns, covariance))
+
+    def told(self, weight: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, float]:
+        """What weighted points tell.
+
+        Parameters
+        ----------
+        weight : numpy.ndarray, (n,)
+            Posterior probability of each point.
+
+        Returns
+        -------
         bits : float
             Kullback-Leibler divergence of the joint posterior from the prior.
         parameter_bits, widths : numpy.ndarray, (d,)
@@ -138,7 +150,6 @@ class Prior:
         effective : float
             Effective number of points.
         """
-        weight = self.weights(observed, columns, covariance)
         effective = 1 / (weight**2).sum()
         bits = []
         for k in range(self.place.shape[1]):
@@ -169,6 +180,41 @@ class Prior:
         return np.array(found).T
 
 
+class Likelihood:
+    """Of some responses at all points of a prior; made once, for many observations.
+
+    Parameters
+    ----------
+    prior : Prior
+    columns : sequence of int
+        Responses that are observed.
+    covariance : numpy.ndarray, (k, k)
+        Of all responses.
+    """
+
+    def __init__(self, prior: Prior, columns: Sequence[int], covariance: np.ndarray):
+        self.columns = list(columns)
+        self.root = np.linalg.cholesky(covariance[np.ix_(columns, columns)])
+        self.predicted = np.linalg.solve(self.root, prior.predicted[:, self.columns].T)
+
+    def weights(self, observed: np.ndarray) -> np.ndarray:
+        """Posterior probability of each point.
+
+        Parameters
+        ----------
+        observed : numpy.ndarray, (k,)
+            All responses.
+
+        Returns
+        -------
+        numpy.ndarray, (n,)
+        """
+        off = self.predicted - np.linalg.solve(self.root, observed[self.columns])[:, None]
+        log_weight = -0.5 * np.einsum("kn,kn->n", off, off)
+        weight = np.exp(log_weight - log_weight.max())
+        return weight / weight.sum()
+
+
 def joint_bits(weight: np.ndarray) -> float:
     """Kullback-Leibler divergence of weighted points from equal weights.
 
@@ -181,8 +227,8 @@ def joint_bits(weight: np.ndarray) -> float:
     float
         Bits.
     """
-    positive = weight[weight > 0]
-    return float(positive @ np.log2(positive * len(weight)))
+    heavy = weight[weight > NEGLIGIBLE]
+    return float(heavy @ np.log2(heavy * len(weight)))
 
 
 def averaged(
@@ -208,9 +254,9 @@ def averaged(
         ``bits``, ``bits_se``; ``parameter_bits``, ``widths``, ``widths_se``, each (d,); ``effective``, the least
         effective number of points; ``all``, the joint bits (t,) of every truth.
     """
-    root = np.linalg.cholesky(covariance)
+    root, likelihood = np.linalg.cholesky(covariance), Likelihood(prior, columns, covariance)
     found = [
-        prior.posterior(prior.predicted[row] + root @ error, columns, covariance)
+        prior.told(likelihood.weights(prior.predicted[row] + root @ error))
         for row, error in zip(truths, errors, strict=True)
     ]
     joint, bits, widths, effective = (np.array([one[i] for one in found]) for i in range(4))
@@ -255,7 +301,8 @@ def in_order(
     observed = prior.predicted[truths] + errors @ root.T
 
     def bits(columns):
-        return np.mean([joint_bits(prior.weights(y, columns, covariance)) for y in observed])
+        likelihood = Likelihood(prior, columns, covariance)
+        return np.mean([joint_bits(likelihood.weights(y)) for y in observed])
 
     names = list(names)
     columns = [names.index(name) for name in base]
