@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from repose.apparatus.settings import SimulationSettings
 from repose.chain.answer import Answer, Check
+from repose.config.definitions import described
 from repose.core import provenance
 from repose.core.errors import InputError, raise_together
 from repose.core.files import read_json, read_table, write_json
@@ -69,11 +70,13 @@ def make(
         "wall": {key: config["wall"][key] for key in ("shear_modulus_pa", "poisson_ratio")},
         "laws": laws(config),
     }
-    return assembled(about, answer, space, targets, feasible, posterior)
+    tests = {one.name: described(config, one.response, berry) for one in targets}
+    return assembled(about, tests, answer, space, targets, feasible, posterior)
 
 
 def assembled(
     about: Mapping[str, Any],
+    tests: Mapping[str, Mapping[str, Any]],
     answer: Answer,
     space: ParameterSpace,
     targets: Targets,
@@ -86,6 +89,8 @@ def assembled(
     ----------
     about : mapping
         What was simulated: grain, wall and laws, or the name of another simulator.
+    tests : mapping
+        For each response its ``definition`` and its ``bench``, as `repose.config.definitions.described`.
     answer : Answer
     space : ParameterSpace
     targets : Targets
@@ -119,7 +124,10 @@ def assembled(
             one: {other: round(float(correlations.loc[one, other]), 4) for other in space.free}
             for one in space.free
         },
-        "tests": [_test(check, target, about) for check, target in _paired(answer.checks, targets)],
+        "tests": [
+            _test(check, target, about) | dict(tests[target.name])
+            for check, target in _paired(answer.checks, targets)
+        ],
         "met": answer.met if simulated or "simulator" not in about else None,
         "within": {f"{percent:g} %": chance for percent, chance in answer.within.items()},
         "made_by": _made_by(),
