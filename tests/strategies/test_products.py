@@ -60,7 +60,7 @@ def test_a_target_out_of_reach_is_no_success(tmp_path):
     found = of_files(tmp_path, configuration(targets, SPACE, sequential=SECTION))
     assert not found.feasible
     assert "No feasible solution" in str(found)
-    assert "raise sequential.most_pours" in str(found)
+    assert "a larger sequential.most_pours" in str(found)
 
 
 def test_the_sets_found_meet_the_targets(study):
