@@ -7,13 +7,14 @@ from repose.apparatus import bench, bench_tests
 from repose.config import stands_on
 from repose.config.reading import get
 from repose.core.responses import Definitions, Response, derived
+from repose.core.targets import Targets
 
 CHOSEN = "measure.response"  # names the definition of a response that has several
 GRAIN = "berry_height_mm"
 
 
 def definitions_of(config: Mapping[str, Any]) -> Definitions:
-    """Definitions of the responses of a configuration's bench tests.
+    """Definitions of the responses of the bench tests that a study is calibrated by.
 
     Parameters
     ----------
@@ -22,12 +23,14 @@ def definitions_of(config: Mapping[str, Any]) -> Definitions:
     Returns
     -------
     mapping
-        For each response the keys that define it, with their values.
+        For each response the keys that define it, with their values. Those of other bench tests are left out: the
+        study's files do not change with them.
     """
+    used = Targets.of(config["targets"]).apparatus
     return {
         one.name: {key: get(config, key) for key in one.definition}
         for test in bench_tests()
-        if test.name in config
+        if test.name in used
         for one in test.responses
     }
 
