@@ -18,8 +18,8 @@ from . import style
 COLUMNS = ("x", "y", "x_quantile", "y_quantile", "least_implausibility", "share")
 LIMIT = 3.0  # implausible from here on
 # Below and above the diagonal: column, label, colours, and the value of the last colour.
-LEAST = ("least_implausibility", "minimum implausibility", "viridis_r", 2 * LIMIT)
-DEPTH = ("share", "optical depth: share of the cell that is not implausible", "cividis", 1.0)
+LEAST = ("least_implausibility", "below the diagonal: minimum implausibility", "viridis_r", LIMIT)
+DEPTH = ("share", "above: optical depth, the share of a cell that is not implausible", "cividis", 1.0)
 
 
 def not_excluded(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
