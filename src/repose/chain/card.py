@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 SCHEMA_PATH = Path(__file__).with_name("card.schema.json")
 POSTERIOR, RANGE = "central 95 % of the posterior", "range of the parameter sets found"
 WHAT = "a material card"
+GRAIN = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "poisson_ratio")
+WALL = ("shear_modulus_pa", "poisson_ratio")
 TENSION = {
     "keep": "the damped force may pull at the end of an impact",
     "release": "the force never pulls, damped so that the restitution is as set",
@@ -67,7 +69,7 @@ def make(
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     about = {
         "grain": _grain(config, berry, particle),
-        "wall": {key: config["wall"][key] for key in ("shear_modulus_pa", "poisson_ratio")},
+        "wall": {key: config["wall"][key] for key in WALL},
         "laws": laws(config),
     }
     tests = {one.name: described(config, one.response, berry) for one in targets}
@@ -182,8 +184,7 @@ def _grain(config, berry, particle):
         "mean_axes_mm": [berry[key] for key in ("long_mm", "major_mm", "minor_mm")],
         "measured": int(berry["n"]),
         "relative_spread": 0.0 if alike else float(berry["scale_sd"]),
-        **{key: berry[key] for key in ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa")},
-        "poisson_ratio": berry["poisson_ratio"],
+        **{key: berry[key] for key in GRAIN},
         "shape": particle.kind,
         "volume_mm3": _rounded(1e9 * particle.volume_m3),
         "mass_g": _rounded(1e3 * particle.mass_kg),

@@ -204,7 +204,7 @@ def write(found: Calibration, out_dir: str | os.PathLike) -> dict[str, Any]:
     write_json(out / "posterior.json", found.posterior.summary)
     write_json(out / "summary.json", found.summary)
     about = {"simulator": study.simulator, "probability": found.probability}
-    tests = {
+    tests: dict[str, dict[str, Any]] = {
         name: {"definition": {"name": study.definitions.get(name), "settings": {}}, "bench": None}
         for name in study.targets.names
     }
