@@ -2,11 +2,14 @@
 
 python benchmarks/hidden_truths.py --truths 0 40
     python benchmarks/hidden_truths.py --truths 0 40 --responses aor_deg height_mm
+    python benchmarks/hidden_truths.py --truths 0 20 --emulator networks --out benchmarks/hidden_truths_networks.csv
 
 The simulator is emulated: a Gaussian process (Matern 5/2) fitted to the poured points of a pool is the truth, and a
-pour scatters about it as the pool's pours do. A hidden parameter set is drawn from the ranges; its mean responses are
-the targets. The error of an answer is the largest deviation of its true mean responses from the targets, in percent of
-them. Each hidden set is told by its number alone, so a run that was stopped goes on where it was.
+pour scatters about it as the pool's pours do. The strategy's own model is such a process, too; `--emulator networks`
+takes a truth of another family, the mean of several networks fitted to the same points. A hidden parameter set is
+drawn from the ranges; its mean responses are the targets. The error of an answer is the largest deviation of its true
+mean responses from the targets, in percent of them. Each hidden set is told by its number alone, so a run that was
+stopped goes on where it was.
 
   sequential            `strategy: sequential`; its answer after each batch, with the probability that it states
   GP on one hypercube   the same model and the same answer from one Latin hypercube, two pours a sample
@@ -50,7 +53,8 @@ NOWHERE = np.empty((0, 6))
 class Simulator:
     """The emulated simulator, with random numbers of its own for each use."""
 
-    def __init__(self, folder, names, space):
+    def __init__(self, folder, names, space, settings):
+        """`settings` of networks for the mean; without them it is a Gaussian process."""
         read = [
             points.read(folder / f"{part}dataset.csv", folder / f"{part}runs.csv", names)
             for part in ("", "fresh_")
@@ -58,7 +62,11 @@ class Simulator:
         poured = points.joined([one._replace(X=space.unit(one.X)) for one in read])
         covariance = poured.covariance()
         errors = np.sqrt(np.diagonal(covariance) / poured.counts()[:, None])
-        self.mean = with_process(poured, errors, covariance, _matern, 1).mean
+        if settings:
+            networks = configured_network(poured, settings, 1)
+            self.mean = lambda unit: networks(unit)[0]
+        else:
+            self.mean = with_process(poured, errors, covariance, _matern, 1).mean
         self.noise = scaling_noise(poured, covariance)
 
     def pour(self, unit, pours, random):
@@ -171,16 +179,22 @@ def main():
     parser.add_argument("--pool", type=Path, default=Path("results/published/recommended/pool"))
     parser.add_argument("--config", default="config/config.yaml")
     parser.add_argument("--responses", nargs="+", default=["height_mm"])
+    parser.add_argument("--emulator", choices=("process", "networks"), default="process")
     parser.add_argument("--truths", type=int, nargs=2, default=[0, 40], metavar=("FROM", "TO"))
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
     parser.add_argument("--out", type=Path, default=TABLE)
     args = parser.parse_args()
+    if args.emulator != "process" and args.out == TABLE:
+        parser.error(
+            f"--emulator {args.emulator}: --out is the table of the Gaussian process; allowed: another file"
+        )
 
     columns = ["responses", "method", "truth", "pours", "error_percent", "probability"]
     table = pd.read_csv(args.out) if args.out.exists() else pd.DataFrame(columns=columns)
     config = loader.load(args.config)
     space = ParameterSpace.of(config["parameters"])
-    simulator = Simulator(args.pool, args.responses, space)
+    networks = config["network"] | {"surrogate": "network_ensemble"}
+    simulator = Simulator(args.pool, args.responses, space, networks if args.emulator == "networks" else None)
     for number in range(*args.truths):
         done = table[(table["truth"] == number) & (table["responses"] == len(args.responses))]["method"]
         methods = [one for one in args.methods if one not in set(done)]

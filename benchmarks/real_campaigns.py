@@ -18,7 +18,8 @@ refine
     three refits, 64 seeds of each proposal, and 2 of each neighbour. It is right if the loop says so: the mean of 64
     fresh seeds within 1 % of the target, with a standard error below 0.7 %.
 
-Every campaign that was begun is in the table, with whatever came out.
+Every campaign that was begun is in the table, with whatever came out. The table's record of provenance names what the
+campaigns' own files stand on; `--campaigns` without a number makes the table anew from finished campaigns.
 """
 
 import argparse
@@ -31,6 +32,8 @@ import pandas as pd
 from repose.chain import dataset
 from repose.cli import main as repose
 from repose.config import loader
+from repose.core import provenance
+from repose.core.files import read_table, write_table
 from repose.studies import rounds
 
 RECOMMENDED = Path("results/published/recommended")
@@ -168,13 +171,21 @@ def refine(folder, number):
     return table.to_dict("records")
 
 
+def collect(folder, kind):
+    """Write one table of all campaigns, with the record of what their answers stand on."""
+    tables = sorted(folder.glob(f"{kind}_?/campaign.csv"))
+    answers = [path.with_name({"sequential": "check.csv", "refine": "rounds.csv"}[kind]) for path in tables]
+    with provenance.stage(f"{kind}_campaigns", answers, lambda config, _: config):
+        write_table(folder / f"{kind}.csv", pd.concat([read_table(path) for path in tables]))
+
+
 def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("kind", choices=("sequential", "refine"))
     parser.add_argument("--out", type=Path, default=Path("results/real"))
-    parser.add_argument("--campaigns", type=int, nargs="+", default=range(CAMPAIGNS))
+    parser.add_argument("--campaigns", type=int, nargs="*", default=range(CAMPAIGNS))
     args = parser.parse_args()
     for number in args.campaigns:
         folder = args.out / f"{args.kind}_{number}"
@@ -182,10 +193,9 @@ def main():
         began = time.process_time()
         found = {"sequential": sequential, "refine": refine}[args.kind](folder, number)
         table = pd.DataFrame(found if isinstance(found, list) else [found])
-        table.to_csv(folder / "campaign.csv", index=False, float_format="%.5g")
+        write_table(folder / "campaign.csv", table, float_format="%.5g")
         print(table.to_string(), f"{time.process_time() - began:.0f} s of CPU", sep="\n", flush=True)
-    every = [pd.read_csv(file) for file in sorted(args.out.glob(f"{args.kind}_?/campaign.csv"))]
-    pd.concat(every).to_csv(args.out / f"{args.kind}_campaigns.csv", index=False)
+    collect(args.out, args.kind)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Do the samples' own standard errors, as weights of the fit, buy accuracy?
 
-python benchmarks/sample_weights.py --results results
+    python benchmarks/sample_weights.py --out results/published/studies/sample_weights.csv
 
 Draws of 60 and of 110 points of the pool, and the main design; one network and a Gaussian process are fitted to the
 means with weights from the errors, with the numbers of runs as weights, and without weights. Judged at the fresh
@@ -11,7 +11,10 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
+from repose.core import provenance
+from repose.core.files import write_table
 from repose.studies.comparison import points, scores
 from repose.surrogate.bayesian_bp import BayesianBP
 from repose.surrogate.gaussian_process import GaussianProcess
@@ -45,27 +48,43 @@ def trial(training, fresh):
     return found
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--results", type=Path, required=True, help="folder of a study with its pool")
-    parser.add_argument("--response", default="height_mm")
-    args = parser.parse_args()
-    parts = (("main", ""), ("pool", "pool/"), ("fresh", "pool/fresh_"))
-    files = {f"{k}_{t}": args.results / f"{at}{t}.csv" for k, at in parts for t in ("dataset", "runs")}
-    main_design, pool, fresh = points.read_sets(files, [args.response])
+def compared(files, response):
+    """Rows of the table: mean share of each way of weighing, and the first two paired."""
+    main_design, pool, fresh = points.read_sets(files, [response])
     random = np.random.default_rng(5)
     sets = {
         f"pool, {count}": [pool.take(random.choice(len(pool.X), count, replace=False)) for _ in range(draws)]
         for count, draws in DRAWS.items()
     } | {f"main design, {len(main_design.X)}": [main_design]}
-    print("| trained on | model | errors | runs | none | errors less runs |\n|---|---|---|---|---|---|")
     for name, drawn in sets.items():
         trials = [trial(one, fresh) for one in drawn]
         for model in (BayesianBP.name, GaussianProcess.name):
             share = {way: np.array([one[model, way] for one in trials]) for way in WAYS}
             gain, error = scores.mean_and_error(share["errors"] - share["runs"])
-            means = " | ".join(f"{share[way].mean():.3f}" for way in WAYS)
-            print(f"| {name} | {model} | {means} | {gain:+.3f} ± {error:.3f} |", flush=True)
+            means = {way: share[way].mean() for way in WAYS}
+            row = {"trained_on": name, "draws": len(drawn), "model": model} | means
+            yield row | {"errors_less_runs": gain, "errors_less_runs_se": error}
+
+
+def main():
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--results",
+        type=Path,
+        default=Path("results/published/recommended"),
+        help="folder of a study with its pool",
+    )
+    parser.add_argument("--response", default="height_mm")
+    parser.add_argument("--out", required=True, help="CSV file with a row for each training set and model")
+    args = parser.parse_args()
+    parts = (("main", ""), ("pool", "pool/"), ("fresh", "pool/fresh_"))
+    files = {f"{k}_{t}": args.results / f"{at}{t}.csv" for k, at in parts for t in ("dataset", "runs")}
+    with provenance.stage("sample_weights", list(files.values()), lambda config, _: config):
+        table = pd.DataFrame(compared(files, args.response))
+        write_table(args.out, table, float_format="%.4f")
+    print(table.to_string(index=False, float_format="%.3f"))
 
 
 if __name__ == "__main__":

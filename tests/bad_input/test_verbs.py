@@ -233,6 +233,27 @@ def test_values_of_options(words, refused):
     refused(*words)
 
 
+CARD = Path(__file__).parents[2] / "crops/cards/wheat.json"
+
+
+def test_a_card_and_a_configuration_of_two_studies(refused):
+    """Wheat's friction with another crop's density would be a deck of no grain."""
+    words = ["export", "--to=edem", f"--card={CARD}"]
+    told = refused(*words, "--config=config/config.yaml")
+    assert f"{CARD}: material is 'wheat'; allowed: recommended, as in config/config.yaml" in told
+    for key in ("grain.density_kg_m3", "grain.shear_modulus_pa", "grain.mean_axes_mm", "wall.poisson_ratio"):
+        assert key in told
+    assert "--config is None" in refused(*words)
+
+
+def test_a_card_of_another_simulator_is_not_exported(refused, tmp_path):
+    card = json.loads(CARD.read_text())
+    keep = {key: value for key, value in card.items() if key not in ("grain", "wall", "laws")}
+    chance = {"within_1_percent": 0.5, "within_2_percent": 0.5, "inside": 0.5}
+    (tmp_path / "card.json").write_text(json.dumps(keep | {"simulator": "EDEM", "probability": chance}))
+    assert "simulator is 'EDEM'" in refused("export", "--to=edem", "--card=card.json")
+
+
 def test_arrays_of_another_kind(refused, tmp_path):
     """A .npz file with arrays, but none of a pour."""
     np.savez(tmp_path / "a.npz", x=np.ones(3))

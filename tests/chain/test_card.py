@@ -8,11 +8,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from repose.chain import answer, card
+from repose.chain import answer, card, card_words
 from repose.cli import main
 from repose.config import loader
+from repose.config.definitions import described
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
+from repose.core.responses import response
 from repose.particle.berry_files import read_berry
 from repose.particle.particle import Particle
 
@@ -117,6 +119,25 @@ def test_the_laws_are_told_by_the_laws_that_the_study_chose(config):
     assert set(told) == set(other) == {"normal", "tangential", "rolling", "end of an impact"}
 
 
+def test_each_test_tells_its_definition_and_how_the_bench_test_is_done(config, solutions):
+    height = made(config, solutions)["tests"][0]
+    assert height["definition"]["name"] == "Height"
+    assert height["bench"]["berries"] == 500
+    assert height["bench"]["outlet_diameter_mm"] == 32.0
+    assert "seeds" not in height["bench"]
+    config["targets"] = [config["targets"][0] | {"response": "aor_deg", "value": 30.0, "range": [29.0, 31.0]}]
+    config["measure"] |= {"response": "flank", "fit_from": 0.2}
+    angle = described(config, response("aor_deg"), read_berry(STUDY / "berry/berry.json"))["definition"]
+    assert angle["name"] == "angle, flank"
+    assert (angle["settings"]["fit_from"], angle["settings"]["fit_to"]) == (0.2, 0.8)
+    # Eq. 1 of the mean axes, where the configuration has no height of a grain
+    assert angle["settings"]["berry_height_mm"] == pytest.approx((21.14 * 11.37 * 9.88) ** (1 / 3), rel=1e-3)
+    config["measure"]["response"] = "secant"
+    secant = described(config, response("aor_deg"), {})["definition"]
+    assert secant["name"] == "angle, secant"
+    assert "fit_from" not in secant["settings"]
+
+
 def test_a_card_that_is_none_is_refused_with_every_fault(config, solutions):
     bad = made(config, solutions)
     bad["grain"]["density_kg_m3"] = -1
@@ -130,6 +151,8 @@ def test_a_card_that_is_none_is_refused_with_every_fault(config, solutions):
 def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, capsys):
     one = made(config, solutions)
     config["simulation"]["tension"] = "keep"
+    config["funnel"]["outlet_diameter_mm"] = 40.0
+    config["measure"]["views"] = 6
     other = made(config, solutions.assign(e_gg=solutions["e_gg"] + 0.5), simulated=None)
     for name, content in (("one", one), ("other", other)):
         (tmp_path / f"{name}.json").write_text(json.dumps(content))
@@ -138,6 +161,12 @@ def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, c
     assert [line.split()[0] for line in lines if line.endswith("intervals apart")] == ["e_gg"]
     assert any("Another law, end of an impact" in line for line in lines)
     assert any("no number" in line for line in lines)
+    assert "Another funnel: outlet_diameter_mm 32 | 40." in lines
+    assert "height_mm is measured with other settings: views 18 | 6." in lines
+    other["tests"][0]["definition"]["name"] = "angle, secant"
+    assert any(
+        "Another definition of height_mm" in line for line in card_words.compared(one, other).splitlines()
+    )
 
 
 def test_a_card_in_words_tells_answer_and_tests(config, solutions, tmp_path, capsys):
@@ -149,6 +178,8 @@ def test_a_card_in_words_tells_answer_and_tests(config, solutions, tmp_path, cap
     assert "all within 1 %: probability 0.25" in text
     assert "all within 2 %: probability unknown" in text
     assert "fixed" in text
+    assert "definition: Height; views 18, mm_per_pixel 0.25, largest_pile_only yes" in text
+    assert "funnel: berries 500, rate_per_s 30" in text
 
 
 def test_the_verb_writes_a_card_that_can_be_read(monkeypatch, tmp_path):

@@ -9,10 +9,12 @@ import yaml
 from repose.chain import card
 from repose.cli import main
 from repose.config import checks, loader
+from repose.config.definitions import described
 from repose.core import places
 from repose.core.files import write_text
 from repose.core.parameter_space import range_of
 from repose.core.published import published_sets
+from repose.core.responses import response
 
 CROPS = places.root() / "crops"
 NAMES = sorted(path.parent.name for path in CROPS.glob("*/config.yaml"))
@@ -69,6 +71,10 @@ def test_its_card_is_that_of_its_configuration(name, monkeypatch):
         low, high = range_of(parameter, entry)
         assert low <= shown["parameters"][parameter]["value"] <= high
     assert shown["grain"]["density_kg_m3"] == config["berry"]["density_kg_m3"]
+    axes = dict(zip(("long_mm", "major_mm", "minor_mm"), shown["grain"]["mean_axes_mm"], strict=True))
+    for test in shown["tests"]:
+        told = described(config, response(test["response"]), axes)
+        assert {key: test[key] for key in told} == told
 
 
 @pytest.mark.slow

@@ -259,3 +259,28 @@ def test_a_locale_without_a_letter_does_not_end_a_verb(monkeypatch):
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(printed, encoding="ascii"))
     assert main(["provenance", "a_file"]) == 0
     assert printed.getvalue() == rb"1 \xb1 0.1 \xb5m" + b"\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "own", "told"),
+    [
+        (["design"], None, True),
+        (["design", "--config=small.yaml"], None, True),
+        (["design", "--config=config/paper.yaml"], None, False),
+        (["design"], "config.yaml", False),
+        (["design", "--config=own.yaml"], None, False),
+    ],
+)
+def test_a_folder_without_a_configuration_is_told_whose_crop_it_gets(
+    words, own, told, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    Path("small.yaml").write_text("design: {samples: 20, method: lhsdesign}")
+    Path("own.yaml").write_text((ROOT / "tests/bad_input/own.yaml").read_text())
+    if own:
+        Path(own).write_text((ROOT / "crops/wheat/config.yaml").read_text())
+        Path("sizes.csv").write_text((ROOT / "crops/wheat/sizes.csv").read_text())
+        words = [*words, f"--config={own}"]
+    monkeypatch.setattr("repose.chain.design.run", lambda *_: None)
+    assert main(words) == 0
+    assert ("program's own crop" in capsys.readouterr().err) is told

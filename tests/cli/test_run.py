@@ -149,3 +149,9 @@ def test_a_target_that_nothing_makes_is_bad_input(monkeypatch, capsys):
     told = capsys.readouterr().err
     assert "repose: error: command line: target is 'nonsense'; allowed: a target" in told
     assert "MissingRuleException" not in told
+
+
+def test_configurations_are_told_from_targets():
+    words = ["results/card.json", "--configfile", "mine.yaml", "more.json", "page", "--cores", "2"]
+    assert run.configurations(words) == ["mine.yaml", "more.json"]
+    assert run.configurations(["--configfile=mine.yaml", "-n"]) == ["mine.yaml"]

@@ -1,5 +1,8 @@
 """What the program remembers of the files that it wrote."""
 
+import errno
+import os
+
 import pytest
 
 from repose.core import files, ledger
@@ -41,3 +44,13 @@ def test_somebodys_file_of_the_ledgers_name_is_left_alone(tmp_path, content):
     with pytest.raises(InputError, match="content is 'something else'"):
         files.write_json(tmp_path / "a.json", {})
     assert (tmp_path / ledger.LEDGER).read_text() == content
+
+
+def test_a_full_disk_is_told_with_the_file_that_did_not_fit(folder):
+    def full(handle):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    before = (folder / "a.json").read_bytes()
+    with pytest.raises(OSError, match=r"No space left on device: '.*a\.json'"):
+        ledger.write_whole(folder / "a.json", full)
+    assert (folder / "a.json").read_bytes() == before

@@ -176,6 +176,12 @@ def test_the_processor_type_is_told_with_what_stands_in_for_another(tmp_path, mo
     assert provenance._processor().endswith(", OPENBLAS_CORETYPE=Haswell")
 
 
+def test_the_version_is_that_of_the_code_that_runs(monkeypatch):
+    """Not that of an installation, which may be another one, or none."""
+    monkeypatch.setattr(provenance, "__version__", "9.9")
+    assert provenance.machine.__wrapped__()["repose"] == "9.9"
+
+
 def test_the_verbs_write_it_and_a_verb_prints_it(tmp_path, capsys):
     config = str(places.root() / "config/quick.yaml")
     assert main(["design", "--config", config, "--out", str(tmp_path)]) == 0

@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import json
 import math
 import re
 import shutil
@@ -14,6 +15,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from repose import export
+from repose.chain import card
 from repose.cli import exporting, main
 from repose.config import loader
 from repose.core.errors import InputError
@@ -273,6 +275,27 @@ def test_the_verb_writes_a_deck(monkeypatch, tmp_path, capsys):
     assert "mu_s 0.41" in (tmp_path / "deck" / "pour.py").read_text()
     assert (asked["particle"], asked["spheres"]) == ("multisphere", 5)
     assert tuple(export.PROGRAMS) == exporting.PROGRAMS
+
+
+def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, capsys):
+    """A card of another study is refused, and so is one whose grain the configuration no longer makes."""
+    shown = json.loads((ROOT / "crops/cards/wheat.json").read_text())
+    config = loader.load(CONFIG)
+    (tmp_path / "config.json").write_text(json.dumps(config))
+    wall = {key: config["wall"][key] for key in card.WALL}
+    shown |= {"material": config["label"], "wall": wall, "laws": card.laws(config)}
+    shown["tests"][0]["bench"] = config["funnel"]
+    (tmp_path / "card.json").write_text(json.dumps(shown))
+    axes = dict(zip(("long_mm", "major_mm", "minor_mm"), shown["grain"]["mean_axes_mm"], strict=True))
+    berry = axes | {key: shown["grain"][key] for key in card.GRAIN}
+    monkeypatch.setattr("repose.cli.berries.berry_and_particle", lambda *_: (berry, THREE))
+    words = ["export", "--to", "edem", "--card", str(tmp_path / "card.json"), "--out", str(tmp_path / "deck")]
+    assert main(words) == 0
+    value = shown["parameters"]["mus_gg"]["value"]
+    assert f"{value:.6g}" in (tmp_path / "deck" / "edem.md").read_text()
+    berry["density_kg_m3"] = 841.0
+    assert main(words) == 2
+    assert "grain.density_kg_m3 is 1250.0; allowed: 841.0" in capsys.readouterr().err
 
 
 RUNS = {

@@ -7,6 +7,7 @@ was finished may be made again. What happened is written to tests/faults/table.m
 import argparse
 import base64
 import json
+import math
 import os
 import random
 import re
@@ -31,6 +32,7 @@ PARTS = ("Snakefile", "config", "profiles", "resources", "workflow")
 # NAME.PROCESS.part is what a job that was killed had begun to write, and nothing reads it.
 APART = ("logs", "benchmarks", "timings")
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
+MORE_FILES = 25  # a kill comes after fewer: kills fall on all stages, on a busy machine, too
 FORCED = ("design", "pour", "measure_runs", "network", "solutions")
 # A file of each kind for truncation and flipped bits; the last three are the program's and snakemake's own.
 DAMAGED = (
@@ -167,7 +169,7 @@ def compared(study, wanted):
     return found == wanted
 
 
-def kills(place, jobs, wanted, targets, longest_s, count, rng, table):
+def kills(place, jobs, wanted, targets, count, rng, table):
     """Kill a workflow or one of its jobs at random moments, again and again, until the study is finished; repeat."""
     done = number = 0
     while done < count:
@@ -179,7 +181,8 @@ def kills(place, jobs, wanted, targets, longest_s, count, rng, table):
             forced = (FORCED[rng.randrange(len(FORCED))],) if rng.random() < 0.3 else ()
             main, job_only = study.start(*forced), rng.random() < 0.4
             one = SIGNALS[done % 3]
-            victim = _kill(study, main, one, job_only, rng.uniform(0.0, longest_s)) if done < count else None
+            moment = rng.randrange(MORE_FILES), rng.uniform(0.0, 1.0)
+            victim = _kill(study, main, one, job_only, *moment) if done < count else None
             status = ended(os.waitpid(main, 0)[1])
             now = study.finished()
             # once a rule was forced, what stands on it is made anew, but no pour
@@ -206,13 +209,16 @@ def kills(place, jobs, wanted, targets, longest_s, count, rng, table):
             shutil.rmtree(study.folder)
 
 
-def _kill(study, main, one, job_only, after_s):
-    """Send a signal to a job or to the workflow after some time; the victim, None where the workflow ended before."""
-    end = time.monotonic() + after_s
+def _kill(study, main, one, job_only, more, after_s):
+    """Send a signal once so many files more are finished; the victim, None where the workflow ended before."""
+    records, end = study.folder / ".snakemake/metadata", math.inf
+    wanted = len(list(records.glob("*"))) + more
     while True:
         if os.waitid(os.P_PID, main, os.WEXITED | os.WNOHANG | os.WNOWAIT):
             return None
         jobs = study.jobs.running()
+        if end == math.inf and len(list(records.glob("*"))) >= wanted:
+            end = time.monotonic() + after_s
         if time.monotonic() >= end and (jobs or not job_only):
             break
         time.sleep(0.01)
@@ -277,14 +283,8 @@ def changes(place, jobs, finished, wanted, table):
     table.add(
         "a second workflow meanwhile", words, f"{refused}; the first {status}", compared(study, wanted), []
     )
-    target = {
-        "response": "height_mm",
-        "apparatus": "funnel",
-        "value": 60.0,
-        "sd": 3.0,
-        "repetitions": 5,
-        "range": [55.0, 65.0],
-    }
+    target = {"response": "height_mm", "apparatus": "funnel", "value": 60.0, "sd": 3.0}
+    target |= {"repetitions": 5, "range": [55.0, 65.0]}
     for name, sections, poured in (
         ("one seed more", {"funnel": {"seeds": 2}}, 12),
         ("another target", {"targets": [target]}, 0),
@@ -359,9 +359,8 @@ def main():
     words.add_argument("--real-pours", action="store_true", help="with the engine, which costs minutes more")
     given = words.parse_args()
     rng, table = random.Random(given.seed), Table()
-    signal.signal(
-        signal.SIGINT, signal.default_int_handler
-    )  # a shell lets what runs in the background ignore it
+    # a shell lets what runs in the background ignore it
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     forked.load_all()
     if not given.real_pours:
         forked.make_up_pours()
@@ -384,7 +383,7 @@ def main():
             if given.only in (None, "no_room"):
                 no_room(place, jobs, wanted, targets, table)
             if given.only in (None, "kills"):
-                kills(place, jobs, wanted, targets, took / 3.0, given.kills, rng, table)
+                kills(place, jobs, wanted, targets, given.kills, rng, table)
         finally:
             jobs.close()
     Path(given.out).write_text(table.text())

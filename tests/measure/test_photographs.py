@@ -18,7 +18,7 @@ PILE = [(60, 299), (300, 140), (540, 299)]
 
 def photograph(path, corners=PILE, background=220):
     """A dark polygon on a light background."""
-    picture = np.full((300, 600), background, np.uint8) if np.isscalar(background) else background.copy()
+    picture = np.full((320, 600), background, np.uint8) if np.isscalar(background) else background.copy()
     cv2.fillPoly(picture, [np.array(corners)], 40)
     path.write_bytes(cv2.imencode(".png", picture)[1].tobytes())
     return path.read_bytes()
@@ -73,7 +73,7 @@ def test_our_own_picture_is_not_replaced_by_its_overlay(tmp_path, capsys):
     assert "another folder than that of the photographs" in measure(capsys, *words)[1]
 
 
-STRIPES = np.where(np.arange(600) // 60 % 2, 220, 90).astype(np.uint8) * np.ones((300, 1), np.uint8)
+STRIPES = np.where(np.arange(600) // 60 % 2, 220, 90).astype(np.uint8) * np.ones((320, 1), np.uint8)
 
 
 @pytest.mark.parametrize(
@@ -82,6 +82,7 @@ STRIPES = np.where(np.arange(600) // 60 % 2, 220, 90).astype(np.uint8) * np.ones
         ([(60, 20), (300, 180), (540, 20)], 220, "upside down"),
         ([(60, 0), (300, 160), (540, 0)], 220, "at the top: its crest is not seen"),
         ([(60, 299), (250, 0), (350, 0), (540, 299)], 220, "at the top: its crest is not seen"),
+        ([(60, 400), (300, 140), (540, 400)], 220, "at the bottom: its foot is not seen"),
         ([(-200, 299), (300, 140), (800, 299)], 220, "sideways, or the background is not plain"),
         ([(300, 150), (300, 150)], 220, ""),
         (PILE, STRIPES, ""),

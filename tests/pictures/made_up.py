@@ -155,7 +155,7 @@ def inputs_of(name, inputs):
         files["published"] = "table4"
     if name == "noise":
         files["runs"] = "noise_runs"
-    if name == "corner":
+    if name in ("corner", "region"):
         files["summary"] = "posterior_summary"
     if name == "approach":
         files["summary"] = "refined_summary"

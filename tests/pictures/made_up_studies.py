@@ -23,6 +23,7 @@ def write(folder, rng):
     _comparisons(folder)
     _rounds(folder)
     _discrepancy(folder)
+    _region(folder)
 
 
 def _pool_comparisons(folder):
@@ -115,7 +116,7 @@ def _uncertainty(folder, rng):
         "largest_r_hat": 1.2,
     }
     predicted = {name: {"mean": 30.0, "low": 29.0, "high": 31.0} for name in ("aor_deg", "height_mm")}
-    summary |= {"least_effective_draws": 90.0, "predicted": predicted}
+    summary |= {"least_effective_draws": 90.0, "predicted": predicted, "not_implausible_share": 0.5}
     (folder / "posterior_summary.json").write_text(json.dumps(summary))
     sobol = [
         {"response": response, "parameter": name, "first": 0.15, "first_low": 0.1, "first_high": 0.2}
@@ -207,6 +208,14 @@ def _discrepancy(folder):
     for name in PARAMETERS:
         table[f"{name}_low"], table[f"{name}_high"] = 0.2, 0.3
     table.to_csv(folder / "discrepancy.csv", index=False)
+
+
+def _region(folder):
+    """Projections of a region that is all of every pair."""
+    pairs = pd.DataFrame(itertools.combinations(PARAMETERS, 2), columns=["x", "y"])
+    cells = pd.DataFrame(itertools.product((0.25, 0.75), repeat=2), columns=["x_quantile", "y_quantile"])
+    table = pairs.merge(cells, how="cross").assign(least_implausibility=1.0, share=1.0)
+    table.to_csv(folder / "region.csv", index=False)
 
 
 def _rounds(folder):

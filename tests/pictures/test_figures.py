@@ -55,8 +55,11 @@ def small(monkeypatch):
 DRAWN = sorted(set(figures.FIGURES) - OF_A_STRATEGY)
 
 
+SLOW = [pytest.param(name, marks=pytest.mark.slow) if name == "region" else name for name in DRAWN]
+
+
 @pytest.mark.usefixtures("small")
-@pytest.mark.parametrize("name", DRAWN)
+@pytest.mark.parametrize("name", SLOW)
 def test_every_figure_is_drawn(name, inputs, tmp_path):
     figures.draw(name, inputs_of(name, inputs), tmp_path / "it.png", CONFIG)
     width, height = size_of(tmp_path / "it.png")

@@ -1,17 +1,19 @@
 """Figures of noise, posterior, sensitivity and refinement for one target and for four, with a fixed parameter."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.text import Text
 
+from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.responses import derived
 from repose.core.targets import Targets
-from repose.pictures.figures import discrepancy, refinement, style, uncertainty
-from repose.studies import noise
+from repose.pictures.figures import discrepancy, refinement, region, style, uncertainty
+from repose.studies import implausibility, noise
 
 NAMES = ("drum_slip_deg", "aor_deg", "height_mm", "base_radius_mm")
 FREE = PARAMETERS[1:]
@@ -86,6 +88,34 @@ def test_the_curve_over_the_discrepancy(correlations, study, tmp_path):
     assert ("fewer than 400 effective points" in texts) == study
     assert ("stated, correlation 0.9" in texts) == (len(correlations) > 1)
     assert style.parameter_label("e_gg") not in texts
+
+
+def test_the_region_has_its_parameters_on_the_right_axes(tmp_path):
+    config = config_of(1)
+    space = ParameterSpace.of(config["parameters"])
+    quantile = np.random.default_rng(1).random((20_000, space.dimensions))
+    # what the first free parameter, with a prior, has below its median is excluded
+    share, table = implausibility.region(
+        SimpleNamespace(quantile=quantile), space, np.where(quantile[:, 0] < 0.5, 4.0, 1.0)
+    )
+    inputs = {"region": write(tmp_path, "region", table)}
+    inputs["summary"] = write_json(tmp_path, "summary", {"not_implausible_share": share})
+    figure = region.not_excluded(inputs, config)
+    d = len(FREE)
+    panels = np.array(figure.axes[: d * d]).reshape(d, d)
+    assert sum(panel.axison for panel in panels.flat) == d * (d - 1)
+    depth, least = (panels[place].collections[0] for place in ((0, 1), (1, 0)))
+    rows, columns = depth.get_array(), least.get_array()
+    half = implausibility.CELLS // 2
+    assert (rows[:half] == 0).all()
+    assert (rows[half:] == 1).all()
+    assert (columns[:, :half] == 4).all()
+    assert (columns[:, half:] == 1).all()
+    # cells of equal probability: narrow about the middle of the prior
+    widths = np.diff(least.get_coordinates()[0, :, 0])
+    assert widths[half] < 0.3 * widths[0]
+    assert widths.sum() == pytest.approx(0.4)
+    assert np.asarray(np.diff(depth.get_coordinates()[0, :, 0])) == pytest.approx(0.4 / implausibility.CELLS)
 
 
 @pytest.mark.parametrize("count", [1, 4])

@@ -93,6 +93,7 @@ def test_the_products_are_those_of_a_run(found, tmp_path, capsys):
     made = calibration.write(found, tmp_path)
     assert card.read(tmp_path / "card.json")["simulator"] == "EDEM 2024"
     assert made["met"] is None
+    assert {test["bench"] for test in made["tests"]} == {None}
     assert set(made["parameters"]) == {"friction", "rolling", "restitution"}
     assert main(["card", "show", str(tmp_path / "card.json")]) == 0
     assert "not simulated again" in capsys.readouterr().out

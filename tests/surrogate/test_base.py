@@ -250,6 +250,10 @@ def test_load_names_what_is_wrong(tmp_path, fitted):
         ({"surrogate": "network"}, "input_min"),
         ({"training": None}, "quadratic"),
         ({"outputs": 3}, "outputs"),
+        ({"samples": ["a", "b"]}, "samples"),
+        ({"samples": [1, 1]}, "samples"),
+        ({"samples": [1.5]}, "samples"),
+        ({"samples": [float("inf")]}, "samples"),
     ):
         (tmp_path / "bad.json").write_text(json.dumps(good | change))
         with pytest.raises(InputError, match=text):

@@ -1,3 +1,4 @@
+import json
 import subprocess
 import sys
 
@@ -5,6 +6,7 @@ import numpy as np
 import pytest
 from known_responses import known_function, noisy_data
 
+from repose.core.errors import InputError
 from repose.surrogate import bayesian_bp, evidence, levenberg_marquardt, load, two_layer
 from repose.surrogate.accuracy import r2
 from repose.surrogate.bayesian_bp import BayesianBP
@@ -357,6 +359,15 @@ def test_scikit_learn_finds_nothing_to_object_to():
 )
 def test_scikit_learn_is_not_imported_and_may_be_missing(code):
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("samples", [[7], list(range(1000))])
+def test_a_file_with_more_or_fewer_samples_than_inputs_is_refused(fitted, tmp_path, samples):
+    path = tmp_path / "network.json"
+    fitted[0].save(path)
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"samples": samples}))
+    with pytest.raises(InputError, match=f"{len(samples)} samples of"):
+        load(path)
 
 
 def test_json_and_folded_function_are_the_same_network(fitted, tmp_path):

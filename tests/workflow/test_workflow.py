@@ -161,7 +161,7 @@ def test_uncertainty_is_a_target_of_its_own(finished):
     project, words = finished
     own = ("noise_tables", "sensitivity_tables")  # the posterior's tables belong to every study
     drawn = ("draw_noise", "draw_corner", "draw_intervals", "draw_discrepancy", "draw_sobol")
-    drawn = (*drawn, "draw_main_effects")
+    drawn = (*drawn, "draw_main_effects", "draw_region")
     jobs = planned(project, *words, "--", "uncertainty")
     # of the finished study only empty files are there, so nothing before the tables has to run
     assert set(jobs) == {*own, "posterior_tables", *drawn, "uncertainty", "total"}

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from repose.apparatus.settings import SimulationSettings
 from repose.chain.answer import Answer, Check
+from repose.config.definitions import described
 from repose.core import provenance
 from repose.core.errors import InputError, raise_together
 from repose.core.files import read_json, read_table, write_json
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 SCHEMA_PATH = Path(__file__).with_name("card.schema.json")
 POSTERIOR, RANGE = "central 95 % of the posterior", "range of the parameter sets found"
 WHAT = "a material card"
+GRAIN = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "poisson_ratio")
+WALL = ("shear_modulus_pa", "poisson_ratio")
 TENSION = {
     "keep": "the damped force may pull at the end of an impact",
     "release": "the force never pulls, damped so that the restitution is as set",
@@ -66,14 +69,16 @@ def make(
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     about = {
         "grain": _grain(config, berry, particle),
-        "wall": {key: config["wall"][key] for key in ("shear_modulus_pa", "poisson_ratio")},
+        "wall": {key: config["wall"][key] for key in WALL},
         "laws": laws(config),
     }
-    return assembled(about, answer, space, targets, feasible, posterior)
+    tests = {one.name: described(config, one.response, berry) for one in targets}
+    return assembled(about, tests, answer, space, targets, feasible, posterior)
 
 
 def assembled(
     about: Mapping[str, Any],
+    tests: Mapping[str, Mapping[str, Any]],
     answer: Answer,
     space: ParameterSpace,
     targets: Targets,
@@ -86,6 +91,8 @@ def assembled(
     ----------
     about : mapping
         What was simulated: grain, wall and laws, or the name of another simulator.
+    tests : mapping
+        For each response its ``definition`` and its ``bench``, as `repose.config.definitions.described`.
     answer : Answer
     space : ParameterSpace
     targets : Targets
@@ -119,7 +126,10 @@ def assembled(
             one: {other: round(float(correlations.loc[one, other]), 4) for other in space.free}
             for one in space.free
         },
-        "tests": [_test(check, target, about) for check, target in _paired(answer.checks, targets)],
+        "tests": [
+            _test(check, target, about) | dict(tests[target.name])
+            for check, target in _paired(answer.checks, targets)
+        ],
         "met": answer.met if simulated or "simulator" not in about else None,
         "within": {f"{percent:g} %": chance for percent, chance in answer.within.items()},
         "made_by": _made_by(),
@@ -174,8 +184,7 @@ def _grain(config, berry, particle):
         "mean_axes_mm": [berry[key] for key in ("long_mm", "major_mm", "minor_mm")],
         "measured": int(berry["n"]),
         "relative_spread": 0.0 if alike else float(berry["scale_sd"]),
-        **{key: berry[key] for key in ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa")},
-        "poisson_ratio": berry["poisson_ratio"],
+        **{key: berry[key] for key in GRAIN},
         "shape": particle.kind,
         "volume_mm3": _rounded(1e9 * particle.volume_m3),
         "mass_g": _rounded(1e3 * particle.mass_kg),

@@ -30,11 +30,12 @@ def in_words(card: Mapping[str, Any]) -> str:
             "correlations of 0.5 and more: "
             + ("; ".join(f"{a}, {b} {value:+.2f}" for value, a, b in strong) or "none"),
             "tests:",
-            *(f"  {_test_in_words(test)}" for test in card["tests"]),
+            *(f"  {line}" for test in card["tests"] for line in _test_in_words(test)),
             *(
                 f"  all within {key}: probability {_chance(value)}"
                 for key, value in card.get("within", {}).items()
             ),
+            *(f"  {name}: {_settings(bench)}" for name, bench in _benches(card).items()),
             f"made by repose {made['version']}, commit {made['commit']}, configuration {made['configuration']}, "
             f"engine {made['engine']}, seed {made['seed']}",
         ]
@@ -104,10 +105,36 @@ def _differences(one, other):
         pair = [of.get(name, "none") for of in laws]
         if pair[0] != pair[1]:
             yield f"Another law, {name}: {pair[0]} | {pair[1]}. The same parameters would give other piles."
+    yield from _other_tests(one, other)
     if one["interval"] != other["interval"]:
         yield f"The intervals differ in kind: {one['interval']} | {other['interval']}."
     if one["made_by"]["engine"] != other["made_by"]["engine"]:
         yield "Another version of the simulator made each of them."
+
+
+def _other_tests(one, other):
+    """Sentences on responses that are not defined alike, and on bench tests that are not done alike."""
+    tests = [{test["response"]: test["definition"] for test in card["tests"]} for card in (one, other)]
+    for name in (name for name in tests[0] if name in tests[1]):
+        pair = [of[name] for of in tests]
+        names = [of["name"] or "not told" for of in pair]
+        if names[0] != names[1]:
+            yield f"Another definition of {name}: {names[0]} | {names[1]}. Their numbers must not be compared."
+        elif pair[0] != pair[1]:
+            yield f"{name} is measured with other settings: {_unlike(*(of['settings'] for of in pair))}."
+    benches = [_benches(card) for card in (one, other)]
+    for name in (name for name in benches[0] if name in benches[1]):
+        if benches[0][name] != benches[1][name]:
+            yield f"Another {name}: {_unlike(benches[0][name], benches[1][name])}."
+
+
+def _unlike(one, other):
+    """Keys whose values differ, with both."""
+    keys = dict.fromkeys([*one, *other])
+    told = [
+        (key, *(_plain(of.get(key)) for of in (one, other))) for key in keys if one.get(key) != other.get(key)
+    ]
+    return "; ".join(f"{key} {mine} | {theirs}" for key, mine, theirs in told)
 
 
 def _apart(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
@@ -134,14 +161,27 @@ def _simulated(test):
 
 
 def _test_in_words(test):
-    """One test."""
+    """One test, and what its response is."""
     error = "" if test["standard_error"] is None else f" +- {test['standard_error']:.2g}"
     simulated = "no number" if test["simulated"] is None else f"{test['simulated']:.4g}{error} {test['unit']}"
-    return (
+    yield (
         f"{test['response']} ({test['apparatus']}): measured {test['measured']:.4g} (sd {test['sd']:.2g}, "
         f"{test['repetitions']} repetitions), target {test['low']:g} to {test['high']:g}, simulated {simulated} "
         f"(runs: {test['runs']}): {MET[test['met']]}"
     )
+    definition = test["definition"]
+    name, settings = definition["name"] or "not told", _settings(definition["settings"])
+    yield f"  definition: {name}" + (f"; {settings}" if settings else "")
+
+
+def _settings(section):
+    """Keys with their values."""
+    return ", ".join(f"{key} {_plain(value)}" for key, value in section.items())
+
+
+def _benches(card):
+    """Settings of each bench test that is told, by its name."""
+    return {test["apparatus"]: test["bench"] for test in card["tests"] if test["bench"] is not None}
 
 
 def _chance(value):
@@ -158,4 +198,6 @@ def _plain(value: Any) -> str:
     """A value of a table."""
     if isinstance(value, Sequence) and not isinstance(value, str):
         return " x ".join(f"{one:.4g}" for one in value)
-    return value if isinstance(value, str) else f"{value:.4g}"
+    if isinstance(value, bool) or value is None:
+        return {True: "yes", False: "no", None: "none"}[value]
+    return f"{value:.4g}" if isinstance(value, int | float) else str(value)

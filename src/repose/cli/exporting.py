@@ -1,10 +1,9 @@
 """The verb that writes the answer as input of other simulation programs."""
 
 import argparse
-from typing import Any
 
 from repose.cli.parameter_sets import PARAMETER_SET, parameters
-from repose.cli.registry import Family, Option
+from repose.cli.registry import CONFIG, Family, Option
 from repose.config import loader
 from repose.core.errors import InputError
 
@@ -19,7 +18,12 @@ family = Family()
     "write the calibrated grain and its pour as a deck of another program, or a table of what to type there",
     example="--to yade --card results/card.json --config results/config.json --out results/export/yade",
     out="results/export",
+    config=False,
     options=[
+        CONFIG.but(
+            default=None,
+            help="the study's configuration (that beside the card; without a card config/config.yaml)",
+        ),
         Option("--to", required=True, choices=PROGRAMS, help="the program"),
         Option("--card", help="card.json of the finished study: its parameters"),
         *PARAMETER_SET,
@@ -34,10 +38,16 @@ family = Family()
 )
 def export(args: argparse.Namespace) -> None:
     from repose import export
+    from repose.chain import card_study
     from repose.cli.berries import berry_and_particle
 
-    config = loader.load(args.config)
-    values = _values(args, config)
+    config = None if args.config is None else loader.load(args.config)
+    _check_source(args)
+    found = None if args.card is None else card_study.read(args.card)
+    if config is None:
+        beside = None if found is None else card_study.configuration_beside(args.card)
+        args.config = CONFIG.keywords["default"] if beside is None else str(beside)
+        config = loader.load(args.config)
     if args.seed < 0:
         raise InputError("command line", "--seed", args.seed, "a whole number from 0")
     section = config["berry"]
@@ -47,20 +57,19 @@ def export(args: argparse.Namespace) -> None:
         chosen = SPHERES if args.spheres is None else args.spheres
         config["berry"] = section | {"particle": "multisphere", "spheres": chosen, "surface": "smooth"}
     berry, particle = berry_and_particle(config, args.config)
+    if found is None:
+        values = parameters(args.set, args.samples, args.sample, config["parameters"])
+    else:
+        card_study.require_one_study(found, args.card, config, args.config, berry)
+        values = {name: row["value"] for name, row in found["parameters"].items()}
     job = export.make(config, values, particle, berry, args.seed)
     for path in export.write(job, args.to, args.out):
         print(path)
 
 
-def _values(args: argparse.Namespace, config: dict[str, Any]) -> dict[str, float]:
-    """The six parameters: the card's, or those of the options."""
-    from repose.chain import card
-
+def _check_source(args: argparse.Namespace) -> None:
+    """One source of the six parameters: a card, or the options that name them."""
     given = bool(args.set) or args.samples is not None
     if (args.card is not None) == given:
         allowed = "one of --card, --set and --samples: the parameters"
         raise InputError("command line", "export", args.card, allowed)
-    if args.card is None:
-        return parameters(args.set, args.samples, args.sample, config["parameters"])
-    found = card.read(args.card)
-    return {name: row["value"] for name, row in found["parameters"].items()}

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from repose.cli.registry import Family
+from repose.cli.stages import tell_of_own_crop
 from repose.core import places
 from repose.core.errors import InputError
 
@@ -49,6 +50,7 @@ def run(args: argparse.Namespace) -> int:
         print(catalogue(args.rest))
         return 0
     check_words(args.rest)
+    tell_of_own_crop(*configurations(args.rest))
     with missing_targets_told():
         return uninterrupted(main, args.rest, [] if _given(args.rest, PLAIN_OPTIONS) else _display())
 
@@ -120,6 +122,8 @@ def check_words(words: Sequence[str]) -> None:
     """
     from repose.config.reading import read
 
+    for path in configurations(words):
+        read(places.find(path))
     option = ""
     for word in words:
         value = word
@@ -127,9 +131,7 @@ def check_words(words: Sequence[str]) -> None:
             option, equals, value = word.partition("=")
             if not equals:
                 continue
-        if option in CONFIG_OPTIONS and Path(value).suffix in CONFIG_SUFFIXES:
-            read(places.find(value))
-        elif option in CONFIG_VALUES and "=" not in value:
+        if option in CONFIG_VALUES and "=" not in value:
             raise InputError("command line", option, value, "KEY=VALUE")
         elif option in CORES_OPTIONS[:2] and value != "all" and not value.isdigit():
             raise InputError("command line", option, value, "a number of cores, or all")
@@ -175,6 +177,28 @@ def _interrupt_jobs() -> None:
             job.send_signal(signal.SIGINT)
 
 
+def configurations(words: Sequence[str]) -> list[str]:
+    """Files of configurations among the words.
+
+    Parameters
+    ----------
+    words : sequence of str
+        What `repose run` was given.
+
+    Returns
+    -------
+    list of str
+    """
+    found, option = [], ""
+    for word in words:
+        value = word
+        if word.startswith("-"):
+            option, _, value = word.partition("=")
+        if option in CONFIG_OPTIONS and Path(value).suffix in CONFIG_SUFFIXES:
+            found.append(value)
+    return found
+
+
 def catalogue(words: list[str]) -> str:
     """The studies, each with a sentence and its cost in the configuration that the words name.
 
@@ -189,9 +213,7 @@ def catalogue(words: list[str]) -> str:
     """
     from repose.config import cost, loader
 
-    given = [word.partition("=")[2] or word for word in words]
-    files = [word for word in given if Path(word).suffix in CONFIG_SUFFIXES]
-    config = loader.load(*files)
+    config = loader.load(*configurations(words))
     calibration, *others = cost.studies(config)
     rows = [calibration]
     for target, sentence in STRATEGIES.items():

@@ -1,12 +1,13 @@
 """A verb as a stage: the files that its options name, and what it reads of the configuration."""
 
 import argparse
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from repose.core import provenance
+from repose.core import places, provenance
 from repose.core.lock import joined_folder
 
 # Options that name no input. A parameter set of a table of samples is written into the results themselves; cards of
@@ -17,6 +18,8 @@ NOT_READ = ("config", "out", "overlay", "stl", "verb", "sample", "samples", "res
 @contextmanager
 def stage(args: argparse.Namespace) -> Iterator[None]:
     """Run a verb as a stage; where its configuration is that of a folder of results, hold the folder meanwhile.
+
+    When it is done, it says so where the program's own crop stood in for the user's (`tell_of_own_crop`).
 
     Parameters
     ----------
@@ -43,6 +46,27 @@ def stage(args: argparse.Namespace) -> Iterator[None]:
     apparatus = getattr(args, "apparatus", None)
     with joined_folder(folder), provenance.stage(args.verb, files_of(args), settings_of, apparatus):
         yield
+    if getattr(args, "config", None) is not None:
+        tell_of_own_crop(args.config)
+
+
+def tell_of_own_crop(*files: str) -> None:
+    """Say so on stderr where the program's own crop stands in for a configuration that the folder lacks.
+
+    Parameters
+    ----------
+    *files : path
+        Configurations that were given.
+    """
+    from repose.config import loader
+    from repose.config.reading import read
+
+    own = loader.own_crop_under(*files)
+    if own is not None and not any("simulator" in read(places.find(path)) for path in files):
+        print(
+            f"repose: note: this folder has no config.yaml; what nobody gave is that of the program's own crop, {own}",
+            file=sys.stderr,
+        )
 
 
 def files_of(args: argparse.Namespace) -> Iterator[Path]:

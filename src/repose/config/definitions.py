@@ -1,15 +1,20 @@
-"""How a configuration defines the responses."""
+"""How a configuration defines the responses, and how it makes what they are measured on."""
 
 from collections.abc import Mapping
 from typing import Any
 
-from repose.apparatus import bench_tests
+from repose.apparatus import bench, bench_tests
+from repose.config import stands_on
 from repose.config.reading import get
-from repose.core.responses import Definitions
+from repose.core.responses import Definitions, Response, derived
+from repose.core.targets import Targets
+
+CHOSEN = "measure.response"  # names the definition of a response that has several
+GRAIN = "berry_height_mm"
 
 
 def definitions_of(config: Mapping[str, Any]) -> Definitions:
-    """Definitions of the responses of a configuration's bench tests.
+    """Definitions of the responses of the bench tests that a study is calibrated by.
 
     Parameters
     ----------
@@ -18,11 +23,47 @@ def definitions_of(config: Mapping[str, Any]) -> Definitions:
     Returns
     -------
     mapping
-        For each response the keys that define it, with their values.
+        For each response the keys that define it, with their values. Those of other bench tests are left out: the
+        study's files do not change with them.
     """
+    used = Targets.of(config["targets"]).apparatus
     return {
         one.name: {key: get(config, key) for key in one.definition}
         for test in bench_tests()
-        if test.name in config
+        if test.name in used
         for one in test.responses
+    }
+
+
+def described(config: Mapping[str, Any], response: Response, berry: Mapping[str, Any]) -> dict[str, Any]:
+    """What a response is, and how the bench test is done that gives it.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    response : Response
+    berry : mapping
+        What the verb ``berry`` writes: the height of a grain where the configuration has none.
+
+    Returns
+    -------
+    dict
+        ``definition``: its ``name``, and ``settings``, the keys that it reads. ``bench``: the keys of the bench test's
+        section that a run reads. Units stand in the keys.
+    """
+    from repose.measure.settings import MeasureSettings
+
+    one, test = response, bench(response.apparatus)
+    if CHOSEN in one.definition:
+        own = {other.name: other for other in test.responses}
+        one = own[derived(one.name, get(config, CHOSEN))]
+    settings = {key.rpartition(".")[2]: get(config, key) for key in one.definition}
+    if GRAIN in settings:
+        height = MeasureSettings.of(config["measure"], berry).berry_height_mm
+        settings[GRAIN] = None if height is None else float(f"{height:.6g}")
+    section = stands_on.pouring(config, test.name)[test.name]
+    return {
+        "definition": {"name": one.label, "settings": settings},
+        "bench": {key: section[key] for key in test.section_schema()["properties"] if key in section},
     }

@@ -81,6 +81,35 @@ def layers(given: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
     return [*(others if any(_is_a_crop(read(path)) for path in (*others, *given)) else defaults), *given]
 
 
+def own_crop_under(*files: str | os.PathLike) -> Path | None:
+    """The program's own crop, where a configuration stands on it in a folder that has none.
+
+    Parameters
+    ----------
+    *files : path
+        As for `load`.
+
+    Returns
+    -------
+    Path or None
+        None where the working folder has a configuration or is the program's, or the files need no default.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read.
+    """
+    from repose.config.schema import lacks_keys
+
+    own = places.root() / places.DEFAULT_CONFIG
+    if places.configs()[-1] != own:
+        return None
+    given = [places.find(path) for path in files]
+    if given and own not in given and not lacks_keys(_over_each_other(given)[0]):
+        return None
+    return own if own in (*given, *layers(given)) else None
+
+
 def _is_a_crop(config):
     """Whether a file tells a grain by what no default has: its sizes, its density, or a scan."""
     grain = config.get("berry")

@@ -37,7 +37,7 @@ def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> N
     InputError
         If there is something else of this name.
     OSError
-        If the file cannot be written; the earlier one is still there.
+        If the file cannot be written; it names the file, and the earlier one is still there.
     """
     path = Path(path)
     check_replaceable(path)
@@ -47,7 +47,12 @@ def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> N
         handle.flush()
         _note(path, _hash(handle.name))
 
-    write_in_one_move(path, write_and_note)
+    try:
+        write_in_one_move(path, write_and_note)
+    except OSError as error:
+        if error.filename is None:  # a disk that is full does not say for which file
+            error.filename = str(path)
+        raise
 
 
 def check_replaceable(path: str | os.PathLike) -> None:

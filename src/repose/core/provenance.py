@@ -29,6 +29,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from repose import __version__
 from repose.core import attached
 from repose.core.errors import InputError
 from repose.core.places import PACKAGE
@@ -215,7 +216,7 @@ def machine() -> dict[str, str | None]:
     from importlib import metadata  # costs time at start-up that the help of a verb should not pay
 
     return {
-        "repose": metadata.version("repose-dem"),
+        "repose": __version__,
         "commit": _commit(),
         "processor": _processor(),
         "python": platform.python_version(),

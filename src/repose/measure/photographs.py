@@ -256,7 +256,7 @@ def measure_plain(path: Path, how: MeasureSettings, scale: Scale) -> Photograph:
         one.pile = segment(image, how.largest_pile_only, base)
         require_upright(one.pile.mask)
         if base is None:
-            _require_no_shadow(one.pile, how)
+            _require_foot(one.pile, how)
         one.measurement = _measured(one, how)
     except NoFlankError as error:
         one.refused = error.reason
@@ -322,8 +322,13 @@ def _require_whole(mask, hidden):
         raise NoFlankError("the pile runs out of the picture, or the sheet hides a part of it")
 
 
-def _require_no_shadow(pile, how):
-    """Refuse a base that is a shadow, or the near rim of a pile seen from above: it is narrower than the pile."""
+def _require_foot(pile, how):
+    """Refuse a base that is not seen, and one that is narrower than the pile: a shadow, or a rim seen from above."""
+    if pile.mask[-1].any():
+        raise NoFlankError(
+            "the pile runs out of the picture at the bottom: its foot is not seen; "
+            "--base-row tells the row of the plate"
+        )
     widths = pile.mask.sum(axis=1, dtype=int)
     rows = np.flatnonzero(widths)
     widest = rows[np.flatnonzero(widths[rows] >= 0.99 * widths.max())[-1]]

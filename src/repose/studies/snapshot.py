@@ -27,7 +27,7 @@ KEPT = {
     "response_surface": ("*.png", "*/*.csv", "*/*.json"),
     "sequential": ("*.csv", "*.json", "*.png", "*/*.csv", "*/*.json"),
     "noise": ("*.csv", "*.json", "*.png"),
-    "posterior": ("posterior.csv", "discrepancy.csv", "*.json", "*.png"),
+    "posterior": ("posterior.csv", "discrepancy.csv", "region.csv", "*.json", "*.png"),
     "sensitivity": ("*.csv", "*.png"),
     "responses": ("*.csv", "*.json", "*.png"),
     "pool": ("*.csv", "*.json"),

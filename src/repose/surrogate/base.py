@@ -375,12 +375,13 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
     content = read_json(path, KEYS, "a surrogate's JSON file")
     kind = _kind(content["surrogate"], path)
     try:
+        samples = content.get("samples", [])
+        if len(set(samples)) < len(samples) or any(type(sample) is not int for sample in samples):
+            raise ValueError(f"samples {samples}")
         model = kind.from_dict(content)
-    except (KeyError, ValueError, TypeError) as error:
+        model.describe(content["inputs"], content["outputs"], content.get("definitions"), samples)
+    except (LookupError, ValueError, TypeError, ArithmeticError) as error:
         raise InputError(path, kind.name, repr(error), "as `save` of this surrogate writes it") from error
-    model.describe(
-        content["inputs"], content["outputs"], content.get("definitions"), content.get("samples", ())
-    )
     if outputs is not None and model.outputs != tuple(outputs):
         raise InputError(path, "outputs", list(model.outputs), f"the targets {', '.join(outputs)}")
     return model

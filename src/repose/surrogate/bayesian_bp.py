@@ -350,6 +350,8 @@ class BayesianBP(Surrogate):
         The Hessian is a sum over the samples; its last bits depend on their order.
         """
         order = np.argsort(samples)
+        if len(order) != len(self.training_["inputs"]):
+            raise ValueError(f"{len(order)} samples of {len(self.training_['inputs'])} inputs")
         X, weight = self.training_["inputs"][order], self.training_["weight"][order]
         mixing = independent_mixing(self.training_["noise_covariance"], self._stretch(), weight)
         w = mix_outputs(self._weights(), mixing, self.hidden)

@@ -14,7 +14,7 @@ rule miga:
         f"{RESULTS}/benchmarks/miga.tsv"
     threads: 1
     resources:
-        mem_mb=growing(200),
+        mem_mb=growing(250),
         runtime=growing(30),
     params:
         config=CONFIG,

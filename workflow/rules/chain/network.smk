@@ -13,7 +13,7 @@ rule network:
         f"{RESULTS}/benchmarks/network.tsv"
     threads: 1
     resources:
-        mem_mb=growing(150),
+        mem_mb=growing(200),
         runtime=growing(60),
     params:
         config=CONFIG,

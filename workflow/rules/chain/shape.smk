@@ -12,7 +12,7 @@ rule shape:
         f"{RESULTS}/benchmarks/shape.tsv"
     threads: 1
     resources:
-        mem_mb=growing(500),
+        mem_mb=growing(550),
         runtime=growing(10),
     params:
         config=CONFIG,

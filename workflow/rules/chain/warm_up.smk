@@ -14,7 +14,7 @@ rule warm_up:
         f"{RESULTS}/benchmarks/warm_up.tsv"
     threads: 1
     resources:
-        mem_mb=growing(850),
+        mem_mb=growing(1000),
         runtime=growing(20),
     params:
         config=CONFIG,

@@ -14,7 +14,7 @@ rule sequential_start:
         f"{RESULTS}/benchmarks/sequential/start.tsv"
     threads: 1
     resources:
-        mem_mb=growing(300),
+        mem_mb=growing(400),
         runtime=growing(10),
     params:
         config=CONFIG,

@@ -114,6 +114,14 @@ UNCERTAINTY_FIGURES = {
         "Discrepancy",
         {"discrepancy": rules.posterior_tables.output.discrepancy},
     ),
+    "region": (
+        "posterior",
+        "Region that is not excluded",
+        {
+            "region": rules.posterior_tables.output.region,
+            "summary": rules.posterior_tables.output.summary,
+        },
+    ),
     "sobol": (
         "sensitivity",
         "Sobol indices",
@@ -182,6 +190,7 @@ rule posterior:
         rules.draw_corner.output,
         rules.draw_intervals.output,
         rules.draw_discrepancy.output,
+        rules.draw_region.output,
 
 
 rule sensitivity:

@@ -204,8 +204,13 @@ def write(found: Calibration, out_dir: str | os.PathLike) -> dict[str, Any]:
     write_json(out / "posterior.json", found.posterior.summary)
     write_json(out / "summary.json", found.summary)
     about = {"simulator": study.simulator, "probability": found.probability}
+    tests: dict[str, dict[str, Any]] = {
+        name: {"definition": {"name": study.definitions.get(name), "settings": {}}, "bench": None}
+        for name in study.targets.names
+    }
     made = card.assembled(
         about,
+        tests,
         as_answer(found, out),
         study.space,
         study.targets,
