@@ -81,7 +81,6 @@ def _about_the_grain(config, berry, particle) -> Iterator[str]:
     ],
 )
 def plan(args: argparse.Namespace) -> None:
-    from repose.config import cost
     from repose.core.targets import Targets
     from repose.strategies import plan
 
@@ -99,40 +98,46 @@ def plan(args: argparse.Namespace) -> None:
             f"the noise alone: {needed} pours at one parameter set, to know its means within {tolerance:g} % with "
             f"probability {plan.CERTAINTY:g}"
         )
-    measured = _berry_step_s(config, *berry_and_particle(config, args.config))
+    print("probability that the answer of strategy: sequential lies within 1 % and 2 % of all targets:")
+    print(f"{'pours':>7} {'1 %':>12} {'2 %':>12}")
+    for row in found.budgets.to_dict("records"):
+        shares = (f"within_{one:g}_percent" for one in plan.TOLERANCES)
+        chances = " ".join(f"{row[name]:>5.2f} ± {row[f'{name}_se']:.2f}" for name in shares)
+        print(f"{row['pours']:>7} {chances}")
+    print("from hidden truths with six free parameters, docs/sequential.md", flush=True)
+    berry = berry_and_particle(config, args.config)
+    print(*_costs(config, found.budgets["pours"], _berry_step_s(config, *berry)), sep="\n")
+
+
+def _costs(config, budgets, measured) -> Iterator[str]:
+    """A table of what each strategy takes, the configured one marked."""
+    from repose.config import cost
+    from repose.strategies import cost as strategies
+    from repose.strategies import plan
+
     section = config["sequential"]
-    print("strategy: sequential; probability that the answer lies within 1 % and 2 % of all targets:")
-    print(f"{'pours':>7} {'1 %':>6} {'2 %':>6} {'core-minutes':>13} {'disk':>8}")
-    for row in found.budgets.itertuples():
-        samples = -(-row.pours // section["seeds"])
-        steps = (("batches", samples, section["seeds"]), ("check", 1, section["checks"]))
-        total_s = cost.work(config, measured, steps)["total_s"]
-        disk_mb = plan.disk_mb(config, row.pours + section["checks"])
-        print(
-            f"{row.pours:>7} {row.within_1_percent:>6.2f} {row.within_2_percent:>6.2f} {total_s / 60:>13.1f} "
-            f"{disk_mb:>5.1f} MB"
-        )
-    whole = cost.work(config, measured)
-    pours = sum(sets * seeds for _, sets, seeds in whole["pours"])
-    print(f"  with {section['checks']} more pours of the answer as a check in the last two columns")
-    minutes, disk_mb = whole["total_s"] / 60, plan.disk_mb(config, pours)
-    print(f"strategy: published, {pours} pours, {minutes:.0f} core-minutes, {disk_mb:.0f} MB")
-    print(
-        "probabilities: from hidden truths with six free parameters, docs/sequential.md; minutes: as measured now"
-    )
+    seeds, check = section["seeds"], ("check", 1, section["checks"])
+    rows = [("sequential", (("batches", -(-pours // seeds), seeds), check)) for pours in budgets]
+    rows += [("response_surface", strategies.response_surface(config)), ("published", None)]
+    yield f"{'strategy':>18} {'pours':>12} {'core-minutes':>13} {'disk':>8}"
+    for name, steps in rows:
+        work = cost.work(config, measured, steps)
+        counts = [sets * seeds for _, sets, seeds in work["pours"]]
+        # the probabilities are for the pours before the plus
+        pours = f"{counts[0]} + {counts[1]}" if name == "sequential" else f"{sum(counts)}"
+        mark = "*" if name == config["strategy"] else ""
+        disk_mb = plan.disk_mb(config, sum(counts))
+        yield f"{mark + name:>18} {pours:>12} {work['total_s'] / 60:>13.1f} {disk_mb:>5.1f} MB"
+    yield "* as configured; + the check of the answer; response_surface: at most; minutes: as measured now"
 
 
 def _berry_step_s(config, berry, particle):
-    """Time of a step of a grain on this machine, with a word where the engine must be compiled first."""
+    """Time of a step of a grain on this machine, with a word on what takes a minute or two the first time."""
     from repose.config import cost
 
-    _tell_of_compiling()
+    print(
+        "timing a small pour; the first with such a grain compiles the engine, a minute or two of a core",
+        file=sys.stderr,
+        flush=True,
+    )
     return cost.measured_berry_step_s(config, berry, particle)
-
-
-def _tell_of_compiling():
-    """A word where the first pour on a machine compiles the engine."""
-    from repose.dem import cache
-
-    if not any(Path(cache.folder()).rglob("*.nbi")):
-        print("compiling the engine, once: a minute or two", file=sys.stderr, flush=True)
