@@ -1,9 +1,13 @@
 """The verb that checks a configuration and says what a run of it needs."""
 
 import argparse
+import contextlib
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from repose.cli.berries import berry_and_particle
 from repose.cli.registry import Family, Option
@@ -11,8 +15,13 @@ from repose.config import loader
 from repose.core import places
 from repose.core.errors import InputError
 
+if TYPE_CHECKING:
+    from repose.dem.time_steps import Limit
+
 # Volumes of particle and mesh that differ by less are the same to a pile.
 LARGEST_VOLUME_CHANGE = 0.05
+TICK_S = 1.0
+FAR = 1.5  # a time step that could be so much longer is worth a word
 
 family = Family()
 
@@ -25,12 +34,16 @@ family = Family()
 def check(args: argparse.Namespace) -> None:
     if args.cores < 1:
         raise InputError("command line", "--cores", args.cores, "at least 1")
-    from repose.config import cost
+    from repose.config import computed, cost
+    from repose.config.reading import get
     from repose.strategies import cost as strategies
 
     config = loader.resolve(loader.layers([places.find(args.config)]))
     berry, particle = berry_and_particle(config, args.config)
     print(f"{args.config}: {config['label']}, good; results go to {config['results_dir']}")
+    numbers = [f"{one.key} {get(config, one.key)}" for one in computed.asked(loader.unchecked(args.config))]
+    if numbers:
+        print(f"computed, since they are auto or not given: {', '.join(numbers)}")
     for line in _about_the_grain(config, berry, particle):
         print(line)
     measured = _berry_step_s(config, berry, particle)
@@ -48,13 +61,12 @@ def _about_the_grain(config, berry, particle) -> Iterator[str]:
     """Sentences on time step and particle, and those of the bench tests."""
     from repose.apparatus import bench_tests
     from repose.apparatus.settings import SimulationSettings
-    from repose.config import checks
+    from repose.config import computed
 
     def longest(berry):
-        return checks.longest_step(config, particle, berry)
+        return computed.longest_step(config, particle, berry)
 
-    step = SimulationSettings.of(config).time_step_s
-    yield f"time step: simulation.time_step_s is {step:g} s, {longest(berry).allowed}"
+    yield about_step(SimulationSettings.of(config).time_step_s, longest(berry))
     for test in bench_tests():
         yield from test.advice(config, berry, particle, lambda other: longest(other).time_step_s)
     section = config["berry"]
@@ -68,6 +80,28 @@ def _about_the_grain(config, berry, particle) -> Iterator[str]:
     if section["stl"] is not None and section["mass_g"] is not None:
         mass_g = 1e3 * particle.mass_kg
         yield f"mass: WARNING: berry.mass_g is not used beside berry.stl, whose grain has {mass_g:.3g} g"
+
+
+def about_step(step_s: float, limit: "Limit") -> str:
+    """How long the time step may be, and what a longer one saves.
+
+    Parameters
+    ----------
+    step_s : float
+        Of the configuration [s].
+    limit : repose.dem.time_steps.Limit
+
+    Returns
+    -------
+    str
+    """
+    from repose.config import computed
+
+    advised = computed.advised_step_s(limit.time_step_s)
+    saved = (
+        f"; with {advised:g} a run takes {step_s / advised:.2g} of the time" if advised > FAR * step_s else ""
+    )
+    return f"time step: simulation.time_step_s is {step_s:g} s, {limit.allowed}{saved}"
 
 
 @family.verb(
@@ -135,9 +169,41 @@ def _berry_step_s(config, berry, particle):
     """Time of a step of a grain on this machine, with a word on what takes a minute or two the first time."""
     from repose.config import cost
 
-    print(
-        "timing a small pour; the first with such a grain compiles the engine, a minute or two of a core",
-        file=sys.stderr,
-        flush=True,
+    sentence = (
+        "timing a small pour; the first with such a grain compiles the engine, a minute or two of a core"
     )
-    return cost.measured_berry_step_s(config, berry, particle)
+    with seconds_told(sentence):
+        return cost.measured_berry_step_s(config, berry, particle)
+
+
+@contextlib.contextmanager
+def seconds_told(sentence: str) -> Iterator[None]:
+    """Tell a sentence on stderr, and on a terminal the seconds as they pass.
+
+    Parameters
+    ----------
+    sentence : str
+
+    Yields
+    ------
+    None
+    """
+    terminal = sys.stderr.isatty()
+    done = threading.Event()
+
+    def tick():
+        began = time.monotonic()
+        while not done.wait(TICK_S):
+            print(f"\r{sentence}; {time.monotonic() - began:.0f} s", end="", file=sys.stderr, flush=True)
+
+    print(sentence, end="" if terminal else "\n", file=sys.stderr, flush=True)
+    ticker = threading.Thread(target=tick, daemon=True)
+    if terminal:
+        ticker.start()
+    try:
+        yield
+    finally:
+        done.set()
+        if terminal:
+            ticker.join()
+            print(file=sys.stderr, flush=True)
