@@ -166,6 +166,12 @@ def test_a_mistyped_key_is_told_with_the_one_that_was_meant(config):
         checks.check(config, "my.yaml")
 
 
+def test_a_mistyped_section_is_told_once(config):
+    config["refin"] = config.pop("refine")
+    with pytest.raises(InputError, match=r"^my.yaml: refin is \{.*did you mean refine\?$"):
+        checks.check(config, "my.yaml")
+
+
 def test_a_missing_key_is_told(config):
     del config["miga"]["distance"]
     with pytest.raises(InputError, match=r"my.yaml: miga\.distance is null; .*the key is missing"):

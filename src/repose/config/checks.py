@@ -8,7 +8,7 @@ from repose.apparatus.settings import SimulationSettings
 from repose.config import computed, results_folder
 from repose.config.contradictions import rules, used_tests
 from repose.config.reading import Origin, get, owner_of
-from repose.config.schema import input_errors, validator
+from repose.config.schema import input_errors, missing_keys, validator
 from repose.core.errors import InputError, YamlError, raise_together
 from repose.core.published import beside, check_published
 from repose.core.targets import Targets
@@ -121,8 +121,10 @@ class _Checks:
 
     def __init__(self, config: dict[str, Any], source: str | Origin) -> None:
         self.config, self.source = config, source
-        self.faults: list[InputError] = list(input_errors(validator().iter_errors(config), config, source))
-        self.unknown = {fault.key for fault in self.faults}  # keys whose values cannot be used
+        errors = list(validator().iter_errors(config))
+        self.faults: list[InputError] = list(input_errors(errors, config, source))
+        # keys whose values cannot be used; one that is only mistyped is missing all the same
+        self.unknown = {fault.key for fault in self.faults} | missing_keys(errors)
         self.asked: set[tuple[str, ...]] = set()  # rules, by what they read
         self.mean: dict[str, Any] | None = None
         self.particle: Particle | None = None

@@ -126,6 +126,27 @@ def input_errors(errors: Iterable[Any], config: Any, source: str | Origin) -> It
             yield YamlError(origin_of(source, section), section, get(config, section), allowed)
 
 
+def missing_keys(errors: Iterable[Any]) -> set[str]:
+    """Keys that a configuration must have and has not, among faults found by the schema.
+
+    Parameters
+    ----------
+    errors : iterable of jsonschema.ValidationError
+
+    Returns
+    -------
+    set of str
+        Dotted.
+    """
+    return {
+        ".".join([*map(str, error.absolute_path), key])
+        for error in errors
+        if error.validator == "required"
+        for key in error.validator_value
+        if key not in error.instance
+    }
+
+
 def subschema(path: Sequence[str]) -> dict[str, Any]:
     """The schema of a key, references followed.
 
