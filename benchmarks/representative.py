@@ -1,6 +1,6 @@
 """How near the targets an answer really is: least objective beside least expected loss, in campaigns of known truth.
 
-    python benchmarks/representative.py --out results/published/campaigns/representative.csv
+    python benchmarks/representative.py --campaigns 40 --out results/published/campaigns/representative.csv
 
 A Gaussian process of the pool's samples is the truth, and its runs scatter as the pool's do. Each campaign pours as
 many samples and seeds as the configuration has (a Sobol sequence) from this truth, trains the surrogate and searches.

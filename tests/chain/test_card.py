@@ -138,6 +138,11 @@ def test_each_test_tells_its_definition_and_how_the_bench_test_is_done(config, s
     assert "fit_from" not in secant["settings"]
 
 
+def test_a_card_that_is_not_there_is_told_so(capsys):
+    assert main(["card", "show", "nowhere.json"]) == 2
+    assert "nowhere.json: file is 'No such file or directory'; allowed: " in capsys.readouterr().err
+
+
 def test_a_card_that_is_none_is_refused_with_every_fault(config, solutions):
     bad = made(config, solutions)
     bad["grain"]["density_kg_m3"] = -1

@@ -3,6 +3,7 @@
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 import yaml
@@ -21,15 +22,11 @@ FILLED = {
     "  poisson_ratio: null\n  shear_modulus_pa: null\n": "  poisson_ratio: 0.3\n  shear_modulus_pa: 1.0e+9\n",
     "berries: null": "berries: 400",
     "rate_per_s: null": "rate_per_s: 200.0",
-    "duration_s: null": "duration_s: 4.0",
     "inlet_diameter_mm: null": "inlet_diameter_mm: 80.0",
     "outlet_diameter_mm: null": "outlet_diameter_mm: 25.0",
     "cone_angle_deg: null": "cone_angle_deg: 60.0",
     "outlet_height_mm: null": "outlet_height_mm: 30.0",
     "plate_diameter_mm: null": "plate_diameter_mm: 300.0",
-    "factory_diameter_mm: null": "factory_diameter_mm: 60.0",
-    "factory_height_mm: null": "factory_height_mm: 6.0",
-    "mm_per_pixel: null": "mm_per_pixel: 0.2",
     "value: null": "value: 30.0",
     "sd: null": "sd: 1.0",
     "repetitions: null": "repetitions: 10",
@@ -64,12 +61,44 @@ def test_it_holds_what_a_user_needs(folder):
 
 
 def test_an_empty_folder_names_every_number_that_is_missing(folder, capsys):
-    """Nothing is made up: the template holds no measurement."""
+    """Nothing is made up: the template holds no measurement. All of it is told at once, as YAML has it."""
     assert main(["check", "--config", "config.yaml"]) == 2
     told = capsys.readouterr().err
-    missing = ("berry.density_kg_m3", "wall.poisson_ratio", "funnel.berries", "measure.mm_per_pixel")
-    for key in (*missing, "targets.0.value", "targets.0.sd", "targets.0.range"):
-        assert f"repose: error: config.yaml: {key} is" in told
+    nulls = [
+        line.split(":")[0].strip()
+        for line in Path("config.yaml").read_text().splitlines()
+        if ": null" in line
+    ]
+    for key in {*nulls, "range"}:
+        assert re.search(
+            rf"^repose: error: config\.yaml: [a-z0-9.]+\.{key} is \[?null", told, re.MULTILINE
+        ), key
+    moduli = "allowed: a number; or a table of compression tests in berry.compression"
+    for key in ("berry.poisson_ratio", "berry.shear_modulus_pa"):
+        assert f"config.yaml: {key} is null; {moduli}" in told
+    assert "sizes.csv: rows is 0; allowed: at least 2 berries" in told
+    assert not re.search("None|method.yaml", told)
+
+
+@pytest.mark.parametrize("key", ["poisson_ratio", "shear_modulus_pa"])
+def test_a_modulus_that_is_left_out_is_missing_in_the_users_file(folder, capsys, key):
+    filled(folder)
+    lines = (folder / "config.yaml").read_text().splitlines()
+    place = next(k for k, line in enumerate(lines) if line.startswith(f"  {key}:"))
+    (folder / "config.yaml").write_text("\n".join(lines[:place] + lines[place + 1 :]))
+    assert main(["check", "--config", "config.yaml"]) == 2
+    assert f"repose: error: config.yaml: berry.{key} is null" in capsys.readouterr().err
+
+
+def test_a_time_step_is_judged_while_other_keys_are_missing(folder, capsys):
+    """It needs the grain and the walls, not the funnel."""
+    filled(folder)
+    text = (folder / "config.yaml").read_text().replace("berries: 400", "berries: null")
+    (folder / "config.yaml").write_text(text + "\nsimulation: {time_step_s: 1.0e-3}\n")
+    assert main(["check", "--config", "config.yaml"]) == 2
+    told = capsys.readouterr().err
+    assert "config.yaml: funnel.berries is null" in told
+    assert "config.yaml: simulation.time_step_s is 0.001; allowed: at most" in told
 
 
 def test_a_folder_that_exists_is_left_alone(folder, monkeypatch, capsys):
@@ -88,6 +117,17 @@ def test_its_configuration_is_one_of_wheat_alone(folder):
     assert config["berry"]["compression"] is None
     assert not {"drum", "cylinder", "shape_study"} & set(config)
     assert [target["response"] for target in config["targets"]] == ["height_mm"]
+    assert (config["design"]["samples"], config["network"]["split"]) == (30, [0.85, 0.0, 0.15])
+
+
+def test_the_list_of_studies_needs_no_complete_configuration(folder, capsys):
+    assert main(["run", "--list"]) == 0
+    told = capsys.readouterr()
+    assert told.err == ""
+    assert "once config.yaml is complete" in told.out
+    named = {line.split()[0] for line in told.out.splitlines() if line.startswith("  ") and line[2] != " "}
+    assert {"calibration", "sequential", "uncertainty"} <= named
+    assert not {"shape_study", "measurement_study"} & named
 
 
 def test_its_keys_are_keys_of_the_schema_and_each_is_explained(folder):
@@ -108,7 +148,7 @@ def test_a_dry_run_in_it_plans_the_whole_study_and_no_published_set(folder):
     done = subprocess.run(words, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     plan = done.stdout + done.stderr
-    assert re.search(r"^pour +150$", plan, re.MULTILINE)
+    assert re.search(r"^pour +30$", plan, re.MULTILINE)
     assert re.search(r"^card +1$", plan, re.MULTILINE)
     assert "published_solutions" not in plan
     assert not (folder / "results").exists()

@@ -124,6 +124,10 @@ def test_the_list_leaves_out_what_a_crop_without_published_solutions_cannot_run(
         (["--configfile", "no_such.yaml"], "no_such.yaml: file is 'No such file or directory'"),
         (["--configfile=config/quick.yaml", "--configfile=bad.yaml"], "bad.yaml: line 1 is"),
         (["--config", "label"], "command line: --config is 'label'; allowed: KEY=VALUE"),
+        (
+            ["--config", "label=a", "uncertainty"],
+            "command line: --config is 'uncertainty'; allowed: KEY=VALUE; a target goes before",
+        ),
         (["uncertainty", "-c", "many"], "command line: -c is 'many'; allowed: a number of cores, or all"),
     ],
 )

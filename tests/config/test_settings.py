@@ -166,16 +166,22 @@ def test_a_mistyped_key_is_told_with_the_one_that_was_meant(config):
         checks.check(config, "my.yaml")
 
 
+def test_a_mistyped_section_is_told_once(config):
+    config["refin"] = config.pop("refine")
+    with pytest.raises(InputError, match=r"^my.yaml: refin is \{.*did you mean refine\?$"):
+        checks.check(config, "my.yaml")
+
+
 def test_a_missing_key_is_told(config):
     del config["miga"]["distance"]
-    with pytest.raises(InputError, match=r"my.yaml: miga\.distance is None; .*the key is missing"):
+    with pytest.raises(InputError, match=r"my.yaml: miga\.distance is null; .*the key is missing"):
         checks.check(config, "my.yaml")
 
 
 def test_replicates_are_needed(config):
     config["funnel"]["seeds"] = 1
     config["network"]["replicates"] = True
-    with pytest.raises(InputError, match=r"replicates is True; allowed: false where funnel\.seeds is 1"):
+    with pytest.raises(InputError, match=r"replicates is true; allowed: false where funnel\.seeds is 1"):
         checks.check(config)
 
 
@@ -209,7 +215,9 @@ def test_a_proposal_is_cut_into_a_hundred_blocks_at_most(config):
 
 def test_compression_tests_may_be_left_out_only_where_both_moduli_are_given(config):
     config["berry"] |= {"compression": None, "poisson_ratio": 0.3}
-    with pytest.raises(InputError, match=r"berry\.compression"):
+    with pytest.raises(
+        InputError, match=r"berry\.shear_modulus_pa is null; .* compression tests in berry\.compression"
+    ):
         checks.check(config)
     config["berry"]["shear_modulus_pa"] = 4e4
     checks.check_inputs(checks.check(config))

@@ -76,7 +76,7 @@ def test_a_given_file_of_another_crop_lies_over_what_every_crop_shares(folder):
     with pytest.raises(InputError) as caught:
         loader.load(mine)
     told = {fault.key for fault in caught.value.faults}
-    assert {"parameters", "targets", "funnel.berries", "wall", "measure.mm_per_pixel"} <= told
+    assert {"parameters", "targets", "funnel.berries", "wall", "funnel.plate_diameter_mm"} <= told
     assert all(fault.source == str(mine) for fault in caught.value.faults)
 
 

@@ -6,9 +6,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.stats import norm
+from scipy.stats import beta, norm
 from synthetic import SPACE, TARGETS, configuration
 
+from repose.cli import checking, main
+from repose.config import cost, loader
 from repose.core.errors import InputError
 from repose.core.targets import Targets
 from repose.strategies import plan
@@ -51,6 +53,42 @@ def test_half_the_noise_asks_for_a_quarter_of_the_pours():
     one, half = (plan.plan(CONFIG, runs_of(sd / k)).budgets for k in (1, 2))
     assert half["pours"].to_numpy() / one["pours"].to_numpy() == pytest.approx(0.25, abs=0.03)
     assert (half["within_1_percent"] == one["within_1_percent"]).all()
+
+
+def test_a_share_has_the_standard_error_of_a_beta_distribution_also_at_its_ends():
+    shares, trials = pd.Series([0.0, 0.6, 1.0]), pd.Series([40, 40, 80])
+    by_hand = [beta(1, 41).std(), beta(25, 17).std(), beta(81, 1).std()]
+    assert plan.share_error(shares, trials).to_numpy() == pytest.approx(by_hand, rel=1e-12)
+
+
+SLOW = [pytest.param(name, marks=pytest.mark.slow) for name in ("published", "sequential")]
+
+
+@pytest.mark.parametrize("strategy", ["response_surface", *SLOW])
+def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the_probabilities(
+    strategy, tmp_path, monkeypatch, capsys
+):
+    def timed(*_):
+        assert "probability that the answer" in capsys.readouterr().out
+        return 1e-7
+
+    monkeypatch.setattr(checking, "berry_and_particle", lambda *_: (None, None))
+    monkeypatch.setattr(cost, "measured_berry_step_s", timed)
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"strategy: {strategy}\nresults_dir: {tmp_path}/results\n")
+    assert main(["plan", "--config", str(path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    marked = [line.split() for line in lines if line.split()[0] == f"*{strategy}"]
+    config = loader.load(ROOT / "config/config.yaml")
+    section, budgets = config["response_surface"], pd.read_csv(plan.SUCCESS).query("responses == 1")["pours"]
+    sets = section["screening_runs"] + section["steps"] + 1 + 24 + section["centres"] + section["checks"]
+    pours = {
+        "published": [sum(sets * seeds for _, sets, seeds in cost.work(config)["pours"])],
+        "response_surface": [sets * section["seeds"]],
+        "sequential": budgets.to_list(),
+    }
+    assert [int(row[1]) for row in marked] == pours[strategy]
+    assert lines[-1].startswith("* as configured")
 
 
 def test_runs_that_do_not_tell_the_noise_are_named():

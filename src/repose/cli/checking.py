@@ -1,9 +1,13 @@
 """The verb that checks a configuration and says what a run of it needs."""
 
 import argparse
+import contextlib
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from repose.cli.berries import berry_and_particle
 from repose.cli.registry import Family, Option
@@ -11,8 +15,13 @@ from repose.config import loader
 from repose.core import places
 from repose.core.errors import InputError
 
+if TYPE_CHECKING:
+    from repose.dem.time_steps import Limit
+
 # Volumes of particle and mesh that differ by less are the same to a pile.
 LARGEST_VOLUME_CHANGE = 0.05
+TICK_S = 1.0
+FAR = 1.5  # a time step that could be so much longer is worth a word
 
 family = Family()
 
@@ -25,12 +34,16 @@ family = Family()
 def check(args: argparse.Namespace) -> None:
     if args.cores < 1:
         raise InputError("command line", "--cores", args.cores, "at least 1")
-    from repose.config import cost
+    from repose.config import computed, cost
+    from repose.config.reading import get
     from repose.strategies import cost as strategies
 
     config = loader.resolve(loader.layers([places.find(args.config)]))
     berry, particle = berry_and_particle(config, args.config)
     print(f"{args.config}: {config['label']}, good; results go to {config['results_dir']}")
+    numbers = [f"{one.key} {get(config, one.key)}" for one in computed.asked(loader.unchecked(args.config))]
+    if numbers:
+        print(f"computed, since they are auto or not given: {', '.join(numbers)}")
     for line in _about_the_grain(config, berry, particle):
         print(line)
     measured = _berry_step_s(config, berry, particle)
@@ -48,13 +61,12 @@ def _about_the_grain(config, berry, particle) -> Iterator[str]:
     """Sentences on time step and particle, and those of the bench tests."""
     from repose.apparatus import bench_tests
     from repose.apparatus.settings import SimulationSettings
-    from repose.config import checks
+    from repose.config import computed
 
     def longest(berry):
-        return checks.longest_step(config, particle, berry)
+        return computed.longest_step(config, particle, berry)
 
-    step = SimulationSettings.of(config).time_step_s
-    yield f"time step: simulation.time_step_s is {step:g} s, {longest(berry).allowed}"
+    yield about_step(SimulationSettings.of(config).time_step_s, longest(berry))
     for test in bench_tests():
         yield from test.advice(config, berry, particle, lambda other: longest(other).time_step_s)
     section = config["berry"]
@@ -70,6 +82,28 @@ def _about_the_grain(config, berry, particle) -> Iterator[str]:
         yield f"mass: WARNING: berry.mass_g is not used beside berry.stl, whose grain has {mass_g:.3g} g"
 
 
+def about_step(step_s: float, limit: "Limit") -> str:
+    """How long the time step may be, and what a longer one saves.
+
+    Parameters
+    ----------
+    step_s : float
+        Of the configuration [s].
+    limit : repose.dem.time_steps.Limit
+
+    Returns
+    -------
+    str
+    """
+    from repose.config import computed
+
+    advised = computed.advised_step_s(limit.time_step_s)
+    saved = (
+        f"; with {advised:g} a run takes {step_s / advised:.2g} of the time" if advised > FAR * step_s else ""
+    )
+    return f"time step: simulation.time_step_s is {step_s:g} s, {limit.allowed}{saved}"
+
+
 @family.verb(
     "before any pour: how many pours the noise asks for, and how probable success is with a budget",
     example="--config config/fast.yaml",
@@ -81,7 +115,6 @@ def _about_the_grain(config, berry, particle) -> Iterator[str]:
     ],
 )
 def plan(args: argparse.Namespace) -> None:
-    from repose.config import cost
     from repose.core.targets import Targets
     from repose.strategies import plan
 
@@ -99,40 +132,78 @@ def plan(args: argparse.Namespace) -> None:
             f"the noise alone: {needed} pours at one parameter set, to know its means within {tolerance:g} % with "
             f"probability {plan.CERTAINTY:g}"
         )
-    measured = _berry_step_s(config, *berry_and_particle(config, args.config))
+    print("probability that the answer of strategy: sequential lies within 1 % and 2 % of all targets:")
+    print(f"{'pours':>7} {'1 %':>12} {'2 %':>12}")
+    for row in found.budgets.to_dict("records"):
+        shares = (f"within_{one:g}_percent" for one in plan.TOLERANCES)
+        chances = " ".join(f"{row[name]:>5.2f} ± {row[f'{name}_se']:.2f}" for name in shares)
+        print(f"{row['pours']:>7} {chances}")
+    print("from hidden truths with six free parameters, docs/sequential.md", flush=True)
+    berry = berry_and_particle(config, args.config)
+    print(*_costs(config, found.budgets["pours"], _berry_step_s(config, *berry)), sep="\n")
+
+
+def _costs(config, budgets, measured) -> Iterator[str]:
+    """A table of what each strategy takes, the configured one marked."""
+    from repose.config import cost
+    from repose.strategies import cost as strategies
+    from repose.strategies import plan
+
     section = config["sequential"]
-    print("strategy: sequential; probability that the answer lies within 1 % and 2 % of all targets:")
-    print(f"{'pours':>7} {'1 %':>6} {'2 %':>6} {'core-minutes':>13} {'disk':>8}")
-    for row in found.budgets.itertuples():
-        samples = -(-row.pours // section["seeds"])
-        steps = (("batches", samples, section["seeds"]), ("check", 1, section["checks"]))
-        total_s = cost.work(config, measured, steps)["total_s"]
-        disk_mb = plan.disk_mb(config, row.pours + section["checks"])
-        print(
-            f"{row.pours:>7} {row.within_1_percent:>6.2f} {row.within_2_percent:>6.2f} {total_s / 60:>13.1f} "
-            f"{disk_mb:>5.1f} MB"
-        )
-    whole = cost.work(config, measured)
-    pours = sum(sets * seeds for _, sets, seeds in whole["pours"])
-    print(f"  with {section['checks']} more pours of the answer as a check in the last two columns")
-    minutes, disk_mb = whole["total_s"] / 60, plan.disk_mb(config, pours)
-    print(f"strategy: published, {pours} pours, {minutes:.0f} core-minutes, {disk_mb:.0f} MB")
-    print(
-        "probabilities: from hidden truths with six free parameters, docs/sequential.md; minutes: as measured now"
-    )
+    seeds, check = section["seeds"], ("check", 1, section["checks"])
+    rows = [("sequential", (("batches", -(-pours // seeds), seeds), check)) for pours in budgets]
+    rows += [("response_surface", strategies.response_surface(config)), ("published", None)]
+    yield f"{'strategy':>18} {'pours':>12} {'core-minutes':>13} {'disk':>8}"
+    for name, steps in rows:
+        work = cost.work(config, measured, steps)
+        counts = [sets * seeds for _, sets, seeds in work["pours"]]
+        # the probabilities are for the pours before the plus
+        pours = f"{counts[0]} + {counts[1]}" if name == "sequential" else f"{sum(counts)}"
+        mark = "*" if name == config["strategy"] else ""
+        disk_mb = plan.disk_mb(config, sum(counts))
+        yield f"{mark + name:>18} {pours:>12} {work['total_s'] / 60:>13.1f} {disk_mb:>5.1f} MB"
+    yield "* as configured; + the check of the answer; response_surface: at most; minutes: as measured now"
 
 
 def _berry_step_s(config, berry, particle):
-    """Time of a step of a grain on this machine, with a word where the engine must be compiled first."""
+    """Time of a step of a grain on this machine, with a word on what takes a minute or two the first time."""
     from repose.config import cost
 
-    _tell_of_compiling()
-    return cost.measured_berry_step_s(config, berry, particle)
+    sentence = (
+        "timing a small pour; the first with such a grain compiles the engine, a minute or two of a core"
+    )
+    with seconds_told(sentence):
+        return cost.measured_berry_step_s(config, berry, particle)
 
 
-def _tell_of_compiling():
-    """A word where the first pour on a machine compiles the engine."""
-    from repose.dem import cache
+@contextlib.contextmanager
+def seconds_told(sentence: str) -> Iterator[None]:
+    """Tell a sentence on stderr, and on a terminal the seconds as they pass.
 
-    if not any(Path(cache.folder()).rglob("*.nbi")):
-        print("compiling the engine, once: a minute or two", file=sys.stderr, flush=True)
+    Parameters
+    ----------
+    sentence : str
+
+    Yields
+    ------
+    None
+    """
+    terminal = sys.stderr.isatty()
+    done = threading.Event()
+
+    def tick():
+        began = time.monotonic()
+        while not done.wait(TICK_S):
+            print(f"\r{sentence}; {time.monotonic() - began:.0f} s", end="", file=sys.stderr, flush=True)
+
+    print(sentence, end="" if terminal else "\n", file=sys.stderr, flush=True)
+    ticker = threading.Thread(target=tick, daemon=True)
+    if terminal:
+        ticker.start()
+    try:
+        yield
+    finally:
+        done.set()
+        if terminal:
+            ticker.join()
+            print(file=sys.stderr, flush=True)

@@ -3,7 +3,7 @@
 import argparse
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import BERRY, JSON
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 # From a microscope's pixel to a heap of a hall [mm].
 SCALES = (1e-3, 100.0)
 MOST_LEVEL_DEG = 25.0
+SIZES = "sizes.csv"  # of a crop's folder
 
 family = Family()
 
@@ -46,7 +47,9 @@ family = Family()
             "--base-row", type=float, help="row of the plate in pixels from the top, where no sheet tells it"
         ),
         Option(
-            "--grain-mm", type=float, help="height of a grain, for the secant (from the sizes of --config)"
+            "--grain-mm",
+            type=float,
+            help="height of a grain, for the secant (from the sizes of --config or sizes.csv)",
         ),
         Option(
             "--config", help="the study for which it is measured: its definition of the angle (the line fit)"
@@ -119,22 +122,23 @@ def _scale(args: argparse.Namespace) -> "Scale":
 
 
 def _settings(args: argparse.Namespace) -> "MeasureSettings":
-    """How photographs are measured: outside a study the angle of repose is the line fit."""
+    """How photographs are measured: outside a study the angle of repose is the line fit, the grain the folder's."""
     from repose.measure.settings import MeasureSettings
 
     if args.grain_mm is not None and not 0.1 <= args.grain_mm <= 1000:
         raise InputError("command line", "--grain-mm", args.grain_mm, "a number from 0.1 to 1000")
-    if args.config is None:
-        return MeasureSettings(berry_height_mm=args.grain_mm)
-    config = loader.load(args.config)
-    section = dict(config["measure"])
+    section: dict[str, Any] = {"berry_height_mm": None}
+    sizes_csv = Path(SIZES) if Path(SIZES).is_file() else None
+    if args.config is not None:
+        config = loader.load(args.config)
+        section, sizes_csv = dict(config["measure"]), config["berry"]["sizes"]
     if args.grain_mm is not None:
         section["berry_height_mm"] = args.grain_mm
-    if section["berry_height_mm"] is not None:
+    if section["berry_height_mm"] is not None or sizes_csv is None:
         return MeasureSettings.of(section, {})
     from repose.particle import berry
 
-    sizes = berry.read_sizes(config["berry"]["sizes"])
+    sizes = berry.read_sizes(sizes_csv)
     return MeasureSettings.of(section, {column: float(sizes[column].mean()) for column in berry.SIZE_COLUMNS})
 
 

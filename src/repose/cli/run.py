@@ -24,10 +24,7 @@ PLAIN_OPTIONS = (
     *("--logger", "--touch", "-t", "--lint", "--report", "--summary", "--detailed-summary", "--help", "-h"),
 )
 LIST = "--list"
-STRATEGIES = {
-    "response_surface": "Another way to calibrate: screening, steepest ascent, a quadratic surface.",
-    "sequential": "Another way to calibrate: few pours, each where it says most.",
-}
+STRATEGIES = ("response_surface", "sequential")
 CONFIG_SUFFIXES = (".yaml", ".yml", ".json")
 
 family = Family()
@@ -132,7 +129,7 @@ def check_words(words: Sequence[str]) -> None:
             if not equals:
                 continue
         if option in CONFIG_VALUES and "=" not in value:
-            raise InputError("command line", option, value, "KEY=VALUE")
+            raise InputError("command line", option, value, "KEY=VALUE; a target goes before the options")
         elif option in CORES_OPTIONS[:2] and value != "all" and not value.isdigit():
             raise InputError("command line", option, value, "a number of cores, or all")
 
@@ -213,21 +210,29 @@ def catalogue(words: list[str]) -> str:
     """
     from repose.config import cost, loader
 
-    config = loader.load(*configurations(words))
-    calibration, *others = cost.studies(config)
-    rows = [calibration]
-    for target, sentence in STRATEGIES.items():
-        rows.append(cost.Study(target, sentence, _cost_of({**config, "strategy": target})))
-    lines = [f"  {study.target:18} {study.sentence}\n{'':21}{study.cost}" for study in [*rows, *others]]
+    files = configurations(words)
+    config = loader.unchecked(*files)  # what cannot be read is told
+    try:
+        config = loader.load(*files)
+        costs = cost.costs(config)
+        costs |= {target: _cost_of({**config, "strategy": target}) for target in STRATEGIES}
+    except InputError:
+        incomplete = ", ".join(files) or "config.yaml"
+        costs = dict.fromkeys(
+            cost.SENTENCES, f"cost: once {incomplete} is complete; `repose check` names what is missing"
+        )
+    lines = [
+        f"  {target:18} {cost.SENTENCES[target]}\n{'':21}{costs[target]}" for target in cost.offered(config)
+    ]
     return "\n".join(
-        [f"repose run TARGET; without one, all of calibration. Studies of {config['label']}:", *lines]
+        [f"repose run TARGET; without one, all of calibration. Studies of {config.get('label')}:", *lines]
     )
 
 
 def _cost_of(config):
     """What the strategy of a configuration costs, in words; or why the configuration cannot take it."""
     from repose.config import cost
-    from repose.config.checks import strategy_contradictions
+    from repose.config.contradictions import strategy_contradictions
     from repose.strategies import cost as strategies
 
     for key, allowed in strategy_contradictions(config):

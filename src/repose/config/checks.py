@@ -1,36 +1,41 @@
-"""Checks of the keys of a configuration against each other and against the files that they name."""
+"""Checks of a configuration: all that is wrong with it, or with the files that it names, is told at once."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from repose.apparatus import bench_tests, names
 from repose.apparatus.settings import SimulationSettings
-from repose.config import results_folder
-from repose.config.reading import Origin, get, origin_of
-from repose.config.schema import input_errors, validator
-from repose.core.errors import InputError, raise_together
-from repose.core.parameter_space import ParameterSpace, range_of
-from repose.core.parameters import PARAMETERS
-from repose.core.published import beside, check_published, published_sets
-from repose.core.responses import responses_of
+from repose.config import computed, results_folder
+from repose.config.contradictions import rules, used_tests
+from repose.config.reading import Origin, get, owner_of
+from repose.config.schema import input_errors, missing_keys, validator
+from repose.core.errors import InputError, YamlError, raise_together
+from repose.core.published import beside, check_published
 from repose.core.targets import Targets
 
 if TYPE_CHECKING:
-    from repose.dem.time_steps import Limit
     from repose.particle.particle import Particle
 
-LARGEST_BLOCKS = 100  # of a refined proposal's pours: jobs of a round have three digits
+NAMED_FILES = (
+    *("berry.sizes", "berry.compression", "berry.stl"),
+    *("validation.published", "posterior.shape_study"),
+)
+# What the mean grain is made of, and what a time step must go with besides.
+GRAIN = ("berry", "validation.published")
+STEP = ("simulation", "wall", "parameters", "validation.published")
+
+Result = TypeVar("Result")
 
 
 def check(config: dict[str, Any], source: str | Origin = "configuration") -> dict[str, Any]:
-    """Check a configuration by its schema and by the rules between keys.
+    """Check a configuration of numbers by its schema and by the rules between keys.
 
     Keys of the file's inputs are left to `check_inputs`.
 
     Parameters
     ----------
     config : dict
+        Without `auto`.
     source : str or Origin, optional
         Name of the file, for the message.
 
@@ -42,10 +47,12 @@ def check(config: dict[str, Any], source: str | Origin = "configuration") -> dic
     Raises
     ------
     InputError
-        For all faults at once; contradictions are looked for where each key alone is right.
+        For all faults at once; a rule is asked where each key that it reads is right by itself.
     """
-    raise_together(input_errors(validator().iter_errors(config), config, source))
-    raise_together(_faults(_contradictions(config), config, source))
+    checks = _Checks(config, source)
+    checks.add((one.key, "a number; `auto` is for the file of a study") for one in computed.asked(config))
+    checks.ask_rules()
+    raise_together(checks.faults)
     return config
 
 
@@ -65,52 +72,142 @@ def check_inputs(config: dict[str, Any], source: str | Origin = "configuration")
     InputError
         For all faults at once.
     """
-    raise_together(
-        [
-            *_faults(results_folder.taken(config["results_dir"]), config, source),
-            *_faults(_missing_files(config), config, source),
+    checks = _Checks(config, source)
+    checks.read_files()
+    checks.make_grain()
+    checks.fit_together()
+    raise_together(checks.faults)
+
+
+def complete(config: dict[str, Any], source: str | Origin, inputs: bool = True) -> dict[str, Any]:
+    """Compute what is `auto` in a configuration, and check it by all that `check` and `check_inputs` ask.
+
+    Parameters
+    ----------
+    config : dict
+    source : str or Origin
+        Name of the file, for the message.
+    inputs : bool, optional
+        Whether the files that it names are checked; without it they are only read where a key that is `auto` needs it.
+
+    Returns
+    -------
+    dict
+        The same where nothing is `auto`.
+
+    Raises
+    ------
+    InputError
+        For all faults at once.
+    """
+    checks = _Checks(config, source)
+    asked = computed.asked(config)
+    checks.unknown |= {one.key for one in asked}
+    checks.ask_rules()
+    if inputs:
+        checks.read_files()
+    if inputs or any(one.needs_grain for one in asked):
+        checks.make_grain()
+    checks.compute(asked)
+    checks.ask_rules()
+    if inputs:
+        checks.fit_together()
+    raise_together(checks.faults)
+    return checks.config
+
+
+class _Checks:
+    """The faults of a configuration. A check is made where what it reads is known, and nothing is wrong with it."""
+
+    def __init__(self, config: dict[str, Any], source: str | Origin) -> None:
+        self.config, self.source = config, source
+        errors = list(validator().iter_errors(config))
+        self.faults: list[InputError] = list(input_errors(errors, config, source))
+        # keys whose values cannot be used; one that is only mistyped is missing all the same
+        self.unknown = {fault.key for fault in self.faults} | missing_keys(errors)
+        self.asked: set[tuple[str, ...]] = set()  # rules, by what they read
+        self.mean: dict[str, Any] | None = None
+        self.particle: Particle | None = None
+
+    def may_read(self, *keys: str) -> bool:
+        """Whether keys and sections hold what can be used."""
+        return not any(_overlap(key, unknown) for key in keys for unknown in self.unknown)
+
+    def add(self, pairs: Iterable[tuple[str, str]]) -> None:
+        """Add pairs (dotted key, what is allowed)."""
+        for key, allowed in pairs:
+            self.faults.append(YamlError(owner_of(self.source, key), key, get(self.config, key), allowed))
+            self.unknown.add(key)
+
+    def found(self, key: str, function: Callable[..., Result], *arguments: Any) -> Result | None:
+        """What a function gives; where it refuses, None, a fault more, and the key cannot be used."""
+        try:
+            return function(*arguments)
+        except InputError as fault:
+            self.faults.append(fault)
+            self.unknown.add(key)
+            return None
+
+    def ask_rules(self) -> None:
+        """Ask each rule that can be asked by now, once."""
+        if not isinstance(self.config, dict):
+            return
+        ready = [
+            rule for rule in rules(self.config) if rule.reads not in self.asked and self.may_read(*rule.reads)
         ]
-    )
-    from repose.particle import build
+        for rule in ready:
+            self.asked.add(rule.reads)
+            self.add(rule.faults(self.config))
 
-    faults: list[InputError] = []
-    mean = _found(faults, _mean_berry, config)
-    responses = Targets.of(config["targets"]).responses
-    _found(faults, check_published, config["validation"]["published"], responses)
-    if mean is not None:
-        faults += _faults(_misfits(config, mean), config, source)
-        particle = _found(faults, build.of_settings, mean, config["berry"])
-        if particle is not None and not faults:
-            faults += _faults(_unstable(config, particle, mean), config, source)
-    raise_together(faults)
+    def read_files(self) -> None:
+        """Look for the files, and read those that no other check reads."""
+        from repose.particle.berry_files import read_sizes
+
+        if self.may_read("results_dir"):
+            self.add(results_folder.taken(self.config["results_dir"]))
+        for key in filter(self.may_read, NAMED_FILES):
+            path = get(self.config, key)
+            if path is not None and not Path(path).is_file():
+                self.add([(key, "an existing file, seen from the project's folder")])
+        if self.may_read("berry.sizes"):
+            self.found("berry.sizes", read_sizes, self.config["berry"]["sizes"])
+        if self.may_read("validation.published", "targets"):
+            published = self.config["validation"]["published"]
+            responses = Targets.of(self.config["targets"]).responses
+            self.found("validation.published", check_published, published, responses)
+
+    def make_grain(self) -> None:
+        """Make the mean berry and its particle."""
+        from repose.particle import build
+
+        if self.may_read(*GRAIN):
+            self.mean = self.found("berry", _mean_berry, self.config)
+        if self.mean is not None:
+            self.particle = self.found("berry", build.of_settings, self.mean, self.config["berry"])
+
+    def compute(self, asked: Iterable[computed.Computed]) -> None:
+        """Put numbers in place of each `auto` whose number follows from what is known."""
+        for one in asked:
+            if self.may_read(*one.reads) and not (one.needs_grain and self.particle is None):
+                value = one.of(self.config, self.mean, self.particle)
+                self.config = computed.filled(self.config, one.key, value)
+                self.unknown.discard(one.key)
+
+    def fit_together(self) -> None:
+        """Look whether the grain goes with the bench tests and the time step."""
+        if self.mean is not None:
+            for test in used_tests(self.config):
+                if self.may_read(test.name):
+                    self.add(test.misfits(self.config, computed.axes_mm(self.mean)))
+        if self.mean is not None and self.particle is not None and self.may_read(*STEP):
+            limit = computed.longest_step(self.config, self.particle, self.mean)
+            if SimulationSettings.of(self.config).time_step_s > limit.time_step_s:
+                self.add([("simulation.time_step_s", limit.allowed)])
 
 
-def _found(faults, function, *arguments):
-    """What a function gives, or None and one fault more."""
-    try:
-        return function(*arguments)
-    except InputError as fault:
-        faults.append(fault)
-        return None
-
-
-def _faults(pairs, config, source):
-    """Pairs (dotted key, what is allowed) as faults."""
-    return [InputError(origin_of(source, key), key, get(config, key), allowed) for key, allowed in pairs]
-
-
-def _missing_files(config):
-    """Files that the configuration names and that are not there."""
-    for key in (
-        "berry.sizes",
-        "berry.compression",
-        "berry.stl",
-        "validation.published",
-        "posterior.shape_study",
-    ):
-        path = get(config, key)
-        if path is not None and not Path(path).is_file():
-            yield key, "an existing file, seen from the project's folder"
+def _overlap(key, other):
+    """Whether one dotted key is the other one or lies in it."""
+    return f"{key}.".startswith(f"{other}.") or f"{other}.".startswith(f"{key}.")
 
 
 def _mean_berry(config):
@@ -121,170 +218,3 @@ def _mean_berry(config):
     material = section["density_kg_m3"], section["poisson_ratio"], section["shear_modulus_pa"]
     table1 = beside(config["validation"]["published"], "table1.csv")
     return berry.of_files(section["sizes"], section["compression"], table1, *material)[1]
-
-
-def _misfits(config, mean):
-    """Where the mean berry does not go with a bench test."""
-    from repose.particle import berry
-
-    for test in _used(config):
-        yield from test.misfits(config, [mean[column] for column in berry.SIZE_COLUMNS])
-
-
-def longest_step(config: Mapping[str, Any], particle: "Particle", mean: Mapping[str, Any]) -> "Limit":
-    """The longest time step that the engine takes for every set of parameters of a study and its published table.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    particle : Particle
-    mean : mapping
-        What the verb ``berry`` writes.
-
-    Returns
-    -------
-    repose.dem.time_steps.Limit
-    """
-    from repose.apparatus.scene import longest_time_step
-
-    sets = [{name: range_of(name, config["parameters"][name])[0] for name in PARAMETERS}]
-    sets += published_sets(config["validation"]["published"])
-    lowest = {name: min(one[name] for one in sets) for name in PARAMETERS}
-    return longest_time_step(config, lowest, particle, mean)
-
-
-def _unstable(config, particle, mean):
-    """A time step that the engine would refuse."""
-    limit = longest_step(config, particle, mean)
-    if SimulationSettings.of(config).time_step_s > limit.time_step_s:
-        yield "simulation.time_step_s", limit.allowed
-
-
-def _contradictions(config):
-    """Pairs (dotted key, what is allowed) where a value does not go with another one."""
-    yield from _fit_contradictions(config)
-    yield from _target_contradictions(config)
-    for test in _used(config):
-        yield from test.contradictions(config)
-    yield from results_folder.contradictions(config["results_dir"])
-    berry, network = config["berry"], config["network"]
-    if berry["compression"] is None and None in (berry["poisson_ratio"], berry["shear_modulus_pa"]):
-        yield (
-            "berry.compression",
-            "a path of a file, unless poisson_ratio and shear_modulus_pa are both given",
-        )
-    if abs(sum(network["split"]) - 1) > 1e-6 or network["split"][0] == 0 or network["split"][2] == 0:
-        yield "network.split", "three shares that sum to 1, those of training and test above 0"
-    yield from _surrogate_contradictions(config)
-    yield from _seed_contradictions(config)
-    yield from strategy_contradictions(config)
-    refine = config["refine"]
-    if refine["seeds"] > LARGEST_BLOCKS * refine["block"]:
-        yield "refine.block", f"at least refine.seeds / {LARGEST_BLOCKS}"
-    if refine["neighbours"] == 1:
-        yield "refine.neighbours", "0 or at least 2: they fill a Latin hypercube"
-    if config["miga"]["tournament"] > config["miga"]["population"]:
-        yield "miga.tournament", f"at most miga.population, {config['miga']['population']}"
-
-
-def _surrogate_contradictions(config):
-    """Too few samples for a quadratic surface: a constant, linear terms, squares and products, and one sample more."""
-    free = ParameterSpace.of(config["parameters"]).dimensions
-    needed = (free + 1) * (free + 2) // 2 + 1
-    training = int(config["network"]["split"][0] * config["design"]["samples"] + 1e-9)
-    if config["surrogate"] == "quadratic" and training < needed:
-        allowed = "network or gaussian_process where design.samples times the first of network.split is below"
-        yield "surrogate", f"{allowed} {needed}"
-
-
-def strategy_contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """A sequential start beyond its budget or without repeats; a response surface of too few factors or runs.
-
-    Parameters
-    ----------
-    config : mapping
-        Whose values are allowed, each by itself.
-
-    Yields
-    ------
-    tuple of (str, str)
-        Dotted key, and what is allowed.
-    """
-    if config["strategy"] == "sequential":
-        section, responses = config["sequential"], len(config["targets"])
-        repeats = section["start_samples"] * (section["seeds"] - 1)
-        if repeats <= responses:
-            yield "sequential.seeds", "at least 2: pours of one sample tell the noise"
-        if section["start_samples"] * section["seeds"] > section["most_pours"]:
-            yield "sequential.most_pours", "at least sequential.start_samples times sequential.seeds"
-    if config["strategy"] != "response_surface":
-        return
-    section, free = config["response_surface"], ParameterSpace.of(config["parameters"]).dimensions
-    name = section["surface"]
-    fewest, centres = (3, 3) if name == "box_behnken" else (2, 1)
-    if free < fewest:
-        yield "response_surface.surface", f"a design for {free} free parameters; {name} needs {fewest}"
-    if section["most_factors"] < fewest:
-        yield "response_surface.most_factors", f"at least {fewest} where surface is {name}"
-    if section["screening_runs"] < free + 2:
-        yield "response_surface.screening_runs", f"at least {free + 2} for {free} free parameters"
-    if section["centres"] < centres:
-        yield "response_surface.centres", f"at least {centres} where surface is {name}"
-
-
-def _seed_contradictions(config):
-    """Too few runs of a sample, in a bench test of the targets, for what the training wants to know of them."""
-    network = config["network"]
-    targets = {target["apparatus"] for target in config["targets"]}
-    for name in (test.name for test in _used(config) if test.name in targets):
-        seeds = config[name]["seeds"]
-        if network["replicates"] and seeds < 2:
-            yield (
-                "network.replicates",
-                f"false where {name}.seeds is 1: runs of one sample cannot be compared",
-            )
-
-
-def _target_contradictions(config):
-    """Targets that no bench test gives, given twice, or outside of their own range."""
-    seen = set()
-    for k, target in enumerate(config["targets"]):
-        key = f"targets.{k}"
-        known = responses_of(target["apparatus"])
-        if not known:
-            yield f"{key}.apparatus", f"one of {', '.join(names())}"
-            continue
-        if target["apparatus"] not in config:
-            yield f"{key}.apparatus", "a bench test that has a section of its name in the configuration"
-        given = [one.name for one in known]
-        if target["response"] not in given:
-            yield f"{key}.response", f"one of {', '.join(given)}, the responses of {target['apparatus']}"
-            continue
-        if target["response"] in seen:
-            yield f"{key}.response", "each response once"
-        seen.add(target["response"])
-        limits = known[given.index(target["response"])]
-        low, high = target["range"]
-        if low < limits.low or high > limits.high:
-            yield f"{key}.range", f"a pair [low, high] from {limits.low:g} to {limits.high:g}"
-            continue
-        if not limits.low <= target["value"] <= limits.high:
-            yield f"{key}.value", f"from {limits.low:g} to {limits.high:g}"
-        aimed = "aim" if "aim" in target else "value"
-        if not low <= target[aimed] <= high:
-            yield f"{key}.{aimed}", f"inside {key}.range, {low:g} to {high:g}"
-
-
-def _fit_contradictions(config):
-    """A part of the flank that is too short for a line."""
-    start, end = config["measure"]["fit_from"], config["measure"]["fit_to"]
-    if start == end == "berry":
-        yield "measure.fit_to", "a number from 0.1 to 1, as measure.fit_from is berry"
-    elif "berry" not in (start, end) and end < start + 0.1:
-        yield "measure.fit_to", f"at least 0.1 above measure.fit_from, {start:g}"
-
-
-def _used(config):
-    """Bench tests that have a section in the configuration."""
-    return [test for test in bench_tests() if test.name in config]

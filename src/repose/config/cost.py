@@ -3,10 +3,11 @@
 import math
 import time
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from repose.apparatus import bench, names
 from repose.apparatus.settings import SimulationSettings
+from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.published import published_count
 from repose.core.targets import Targets
@@ -19,8 +20,9 @@ SECONDS_A_BERRY_STEP = 8e-8
 SECONDS_A_VIEW = 0.01
 JOB_START_S = 2.5  # of a pour's job and of its measurement's
 REST_S = 120.0  # of a study besides its runs: posterior, figures, film and report, and snakemake itself
-# The pour that is timed: simulated time [s], and steps of a berry that take about a second.
-TIMED_S, TIMED_STEPS = 1.5, 2.0e7
+# The pour that is timed: simulated time [s], and steps of a berry that take half a second.
+TIMED_S, TIMED_STEPS = 1.5, 1.0e7
+REPEATS = 3  # the least of them: other programs only slow a pour down
 FEWEST_TIMED = 20
 SEEDS = ("seeds", "checks")  # the ends of keys that tell how often a parameter set runs
 # Purpose, number of parameter sets, seeds of each.
@@ -68,7 +70,7 @@ def longest_job_s(config: Mapping[str, Any]) -> float:
 
 
 def measured_berry_step_s(config: Mapping[str, Any], berry: Mapping[str, Any], particle: "Particle") -> float:
-    """Time of a step of one grain in a pile on a core of this machine, measured with a small pour of about a second.
+    """Time of a step of one grain in a pile on a core of this machine, measured with small pours of about a second.
 
     Parameters
     ----------
@@ -96,10 +98,13 @@ def measured_berry_step_s(config: Mapping[str, Any], berry: Mapping[str, Any], p
     }
     small = {**config, "funnel": {**config["funnel"], **pour}}
     values = ParameterSpace.of(config["parameters"]).centre
-    began, began_cpu = time.perf_counter(), time.process_time()
-    poured = funnel.pour(small, values, 1, particle, berry)
-    share = (time.process_time() - began_cpu) / (time.perf_counter() - began)
-    return 1e-6 * min(1.0, share) * poured.us_per_step / grains
+    found = []
+    for _ in range(REPEATS):
+        began, began_cpu = time.perf_counter(), time.process_time()
+        poured = funnel.pour(small, values, 1, particle, berry)
+        share = (time.process_time() - began_cpu) / (time.perf_counter() - began)
+        found.append(1e-6 * min(1.0, share) * poured.us_per_step / grains)
+    return min(found)
 
 
 def work(
@@ -173,87 +178,90 @@ def job_s(config: Mapping[str, Any], name: str, runs: int) -> float:
     return JOB_START_S + (runs * run_s(config, name) if runs else 0.0)
 
 
-class Study(NamedTuple):
-    """What can be asked of `repose run`.
+SENTENCES = {
+    "calibration": "The method from the sizes to the check: which contact parameters give the measured pile.",
+    "response_surface": "Another way to calibrate: screening, steepest ascent, a quadratic surface.",
+    "sequential": "Another way to calibrate: few pours, each where it says most.",
+    "uncertainty": "How sure the answer is: noise, posterior and sensitivity.",
+    "refined": "More pours near the answer, until it meets the targets.",
+    "second_responses": "Which further response of the pile tells most about the parameters.",
+    "joint_targets": "Which few tests together narrow the parameters enough.",
+    "second_responses_benches": "Which further response, of any bench test, tells most per minute of work.",
+    "shape_study": "Which particle, tension and filling come nearest to the measured pile.",
+    "pool": "More samples, for the comparisons.",
+    "compare_all": "Which part of the method pays: designs, surrogates, searches.",
+    "measurement_study": "How much the definition of the angle of repose moves it, on the piles of the calibration.",
+}
+NEEDED = {
+    "joint_targets": "joint_targets",
+    "second_responses_benches": "joint_targets",
+    "shape_study": "shape_study",
+}
 
-    Attributes
-    ----------
-    target : str
-    sentence : str
-        What it finds.
-    cost : str
-        In words: pours, and their time on one core.
-    """
 
-    target: str
-    sentence: str
-    cost: str
-
-
-def studies(config: Mapping[str, Any]) -> list[Study]:
-    """The studies of a workflow.
+def offered(config: Mapping[str, Any]) -> list[str]:
+    """Targets of `repose run`.
 
     Parameters
     ----------
     config : mapping
+        May lack keys: then the target whose table of published solutions nobody can read is left out.
 
     Returns
     -------
-    list of Study
-        The calibration first. Times are of pours; they leave out what uses the surrogate alone, seconds to minutes.
+    list of str
+        Those whose section of the configuration is there; the calibration first.
     """
-    pour_s = work(config)["pour_s"]
+    try:
+        responses = Targets.of(config["targets"]).responses
+        theirs = published_count(config["validation"]["published"], responses)
+    except (InputError, LookupError, TypeError):
+        theirs = 0
+    absent = {target for target, section in NEEDED.items() if section not in config}
+    return [one for one in SENTENCES if one not in absent and (theirs or one != "measurement_study")]
 
-    def pours(number: int, besides: str = "the calibration") -> str:
-        return f"{number} pours, about {number * pour_s / 60:.0f} min on one core, besides {besides}"
+
+def costs(config: Mapping[str, Any]) -> dict[str, str]:
+    """What the studies of a workflow cost besides the calibration, in words: pours, and their time on one core.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+
+    Returns
+    -------
+    dict of str
+        By target; the strategies are left out. Times are of pours; what uses the surrogate alone, seconds to minutes,
+        is left out.
+    """
+    of_all = work(config)
+    pour_s = of_all["pour_s"]
+
+    def pours(number: int) -> str:
+        return f"{number} pours, about {number * pour_s / 60:.0f} min on one core, besides the calibration"
 
     refine, pool = config["refine"], config["pool"]
     a_round = refine["seeds"] + refine["neighbours"] * refine["neighbour_seeds"]
-    of_pool = pool["samples"] * pool["seeds"] + pool["fresh_samples"] * pool["fresh_seeds"]
-    of_calibration = sum(sets * seeds for _, sets, seeds in work(config)["pours"])
-    no_pours = "no pours besides the calibration"
-    all_min = work(config)["total_s"] / 60
-    targets = Targets.of(config["targets"])
-    rows = [
-        Study(
-            "calibration",
-            "The method from the sizes to the check: which contact parameters give the measured pile.",
-            f"{of_calibration} pours and the other bench tests, about {all_min:.0f} min on one core",
-        ),
-        Study("uncertainty", "How sure the answer is: noise, posterior and sensitivity.", no_pours),
-        Study(
-            "refined",
-            "More pours near the answer, until it meets the targets.",
-            f"at most {pours(refine['rounds'] * a_round)}",
-        ),
-        Study(
-            "second_responses",
-            "Which further response of the pile tells most about the parameters.",
-            no_pours,
-        ),
-        *_with_sections_of_their_own(config, pours),
-        Study("pool", "More samples, for the comparisons.", pours(of_pool)),
-        Study("compare_all", "Which part of the method pays: designs, surrogates, searches.", pours(of_pool)),
-    ]
-    if published_count(config["validation"]["published"], targets.responses):
-        sentence = "How much the definition of the angle of repose moves it, on the piles of the calibration."
-        rows.append(Study("measurement_study", sentence, no_pours))
-    return rows
-
-
-def _with_sections_of_their_own(config, pours):
-    """Studies whose section of the configuration may be absent."""
+    of_pool = pours(pool["samples"] * pool["seeds"] + pool["fresh_samples"] * pool["fresh_seeds"])
+    of_calibration = sum(sets * seeds for _, sets, seeds in of_all["pours"])
+    all_min = of_all["total_s"] / 60
+    found = dict.fromkeys(offered(config), "no pours besides the calibration") | {
+        "calibration": f"{of_calibration} pours and the other bench tests, about {all_min:.0f} min on one core",
+        "refined": f"at most {pours(refine['rounds'] * a_round)}",
+        "pool": of_pool,
+        "compare_all": of_pool,
+    }
     if "joint_targets" in config:
         joint = config["joint_targets"]["samples"] * config["joint_targets"]["seeds"]
-        minutes = (
-            joint * sum(run_s(config, name) for name in names() if name in config and name != "funnel") / 60
+        others = [name for name in names() if name in config and name != "funnel"]
+        minutes = joint * sum(run_s(config, name) for name in others) / 60
+        found["joint_targets"] = (
+            f"{joint} runs of each further bench test besides the calibration, about {minutes:.0f} min"
         )
-        cost = f"{joint} runs of each further bench test besides the calibration, about {minutes:.0f} min"
-        yield Study("joint_targets", "Which few tests together narrow the parameters enough.", cost)
-        sentence = "Which further response, of the pile or another bench test, tells most a minute of work."
-        yield Study("second_responses_benches", sentence, f"the runs of joint_targets: {cost}")
+        found["second_responses_benches"] = f"the runs of joint_targets: {found['joint_targets']}"
     if "shape_study" in config:
         shape = config["shape_study"]
         cells = len(shape["particles"]) * len(shape["main_fillings"]) * len(shape["tensions"])
-        sentence = "Which particle, tension and filling come nearest to the measured pile."
-        yield Study("shape_study", sentence, f"at least {pours(cells * shape['seeds'])}")
+        found["shape_study"] = f"at least {pours(cells * shape['seeds'])}"
+    return found

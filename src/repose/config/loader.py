@@ -28,7 +28,7 @@ WHOLE |= {f"parameters.{name}" for name in PARAMETERS}
 
 
 def load(*files: str | os.PathLike) -> dict[str, Any]:
-    """A study's configuration as the workflow reads it, checked by `check`.
+    """A study's configuration as the workflow reads it: what is `auto` computed, and checked.
 
     Parameters
     ----------
@@ -46,15 +46,40 @@ def load(*files: str | os.PathLike) -> dict[str, Any]:
     InputError
         If a file cannot be read, or a value is not allowed. It names the file that the bad value came from.
     """
-    from repose.config.checks import check  # here and below: the help of a verb loads none of it
+    from repose.config.checks import complete  # here and below: the help of a verb loads none of it
+
+    config, source = _unchecked(files)
+    config = complete(config, source, inputs=False)
+    provenance.note_config(config)
+    return config
+
+
+def unchecked(*files: str | os.PathLike) -> dict[str, Any]:
+    """The same as its files have it: with what is `auto`, and with values that are not allowed.
+
+    Parameters
+    ----------
+    *files : path
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read.
+    """
+    return _unchecked(files)[0]
+
+
+def _unchecked(files):
+    """The configuration of files over the defaults, and where each key came from."""
     from repose.config.schema import lacks_keys
 
     given = [places.find(path) for path in files]
     config, source = _over_each_other(given)
-    if lacks_keys(config):
-        config, source = _over_each_other(layers(given))
-    provenance.note_config(config)
-    return check(config, source)
+    return _over_each_other(layers(given)) if lacks_keys(config) else (config, source)
 
 
 def layers(given: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
@@ -119,7 +144,7 @@ def _is_a_crop(config):
 def resolve(
     files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None, inputs: bool = True
 ) -> dict[str, Any]:
-    """A workflow's configuration: later files over earlier ones, the command line over all of them; checked.
+    """A workflow's configuration: later files over earlier ones, the command line over all; computed, checked.
 
     Parameters
     ----------
@@ -139,13 +164,9 @@ def resolve(
     InputError
         If a file cannot be read, or a value is not allowed. It names the file that the bad value came from.
     """
-    from repose.config.checks import check, check_inputs
+    from repose.config.checks import complete
 
-    config, source = _over_each_other(files, overrides)
-    check(config, source)
-    if inputs:
-        check_inputs(config, source)
-    return config
+    return complete(*_over_each_other(files, overrides), inputs)
 
 
 def _over_each_other(
@@ -157,7 +178,9 @@ def _over_each_other(
     for path in files:
         _merge(config, read(path), origin, str(path))
     _merge(config, _values(overrides or {}), origin, COMMAND_LINE)
-    return _with_files_found(config), Origin(origin, str(files[-1]) if files else "")
+    return _with_files_found(config), Origin(
+        origin, str(files[-1]) if files else "", str(places.find(places.METHOD_CONFIG))
+    )
 
 
 def _with_files_found(config):

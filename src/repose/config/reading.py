@@ -128,10 +128,12 @@ class Origin:
         Name of the file of each dotted key.
     default : str
         Name of the last file.
+    shared : str, optional
+        Name of the file that every crop shares, which no user writes.
     """
 
-    def __init__(self, origin, default):
-        self.origin, self.default = origin, default
+    def __init__(self, origin, default, shared=""):
+        self.origin, self.default, self.shared = origin, default, shared
 
     def of(self, key: str) -> str:
         """Name of the file that holds a key.
@@ -148,6 +150,42 @@ class Origin:
         of_list = key.split(".")
         place = next((k for k, step in enumerate(of_list) if step.isdigit()), len(of_list))
         return self.origin.get(".".join(of_list[:place]), self.default)
+
+    def owner(self, key: str) -> str:
+        """Name of the file of the user's that a key belongs in, where it is missing or a default does not do.
+
+        Parameters
+        ----------
+        key : str
+            Dotted.
+
+        Returns
+        -------
+        str
+            That of the key, or else of the innermost section around it that a file besides the shared one has.
+        """
+        steps = key.split(".")
+        for k in range(len(steps), 0, -1):
+            name = self.origin.get(".".join(steps[:k]), self.shared)
+            if name != self.shared:
+                return name
+        return self.default
+
+
+def owner_of(source: "str | Origin", key: str) -> str:
+    """Name of the file of the user's that a key belongs in.
+
+    Parameters
+    ----------
+    source : str or Origin
+    key : str
+        Dotted.
+
+    Returns
+    -------
+    str
+    """
+    return source.owner(key) if isinstance(source, Origin) else source
 
 
 def origin_of(source: "str | Origin", key: str) -> str:

@@ -14,8 +14,9 @@ from typing import Any
 import yaml
 
 from repose.apparatus import bench, names
-from repose.config.reading import Origin, get, origin_of
-from repose.core.errors import InputError
+from repose.config.computed import AUTO, COMPUTED
+from repose.config.reading import Origin, get, origin_of, owner_of
+from repose.core.errors import InputError, YamlError
 
 SCHEMA_PATH = Path(__file__).with_name("schema.yaml")
 SHARED = ("time_step_s", "gravity_m_s2", "tension", "friction_limit", "rest_energy_j")
@@ -46,6 +47,13 @@ def _validator(apparatus):
     )
     schema = yaml.safe_load(SCHEMA_PATH.read_text(encoding="utf-8"))
     schema["properties"] |= {name: bench(name).section_schema() for name in apparatus}
+    for key in (one.key for one in COMPUTED):
+        section, name = key.split(".")
+        keys = schema["properties"][section]["properties"]
+        keys[name] = {
+            "anyOf": [{"const": AUTO}, keys[name]],
+            "description": f"{AUTO}, or {allowed_by(keys[name])}",
+        }
     return jsonschema.validators.extend(base, {"increasing": _not_increasing}, type_checker=types)(schema)
 
 
@@ -105,17 +113,38 @@ def input_errors(errors: Iterable[Any], config: Any, source: str | Origin) -> It
                 meant |= {".".join([*path, *near])}
                 hint = f"did you mean {near[0]}?" if near else f"keys here: {', '.join(known)}"
                 allowed = MOVED.get(key, f"no such key; {hint}")
-                yield InputError(origin_of(source, key), key, error.instance[extra], allowed)
+                yield YamlError(origin_of(source, key), key, error.instance[extra], allowed)
         elif error.validator == "required":
             # the schema tells each missing key alone, but not which one; `raise_together` tells each of these once
             for missing in error.validator_value:
                 key = ".".join([*path, missing])
                 if missing not in error.instance and key not in meant:
                     allowed = f"{allowed_by(subschema([*path, missing]))}; the key is missing"
-                    yield InputError(origin_of(source, key), key, None, allowed)
+                    yield YamlError(owner_of(source, key), key, None, allowed)
         else:
             allowed = allowed_by(subschema(path)) if path else "keys with values"
-            yield InputError(origin_of(source, section), section, get(config, section), allowed)
+            yield YamlError(origin_of(source, section), section, get(config, section), allowed)
+
+
+def missing_keys(errors: Iterable[Any]) -> set[str]:
+    """Keys that a configuration must have and has not, among faults found by the schema.
+
+    Parameters
+    ----------
+    errors : iterable of jsonschema.ValidationError
+
+    Returns
+    -------
+    set of str
+        Dotted.
+    """
+    return {
+        ".".join([*map(str, error.absolute_path), key])
+        for error in errors
+        if error.validator == "required"
+        for key in error.validator_value
+        if key not in error.instance
+    }
 
 
 def subschema(path: Sequence[str]) -> dict[str, Any]:

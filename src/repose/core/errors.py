@@ -5,11 +5,25 @@ from collections.abc import Iterable
 
 from repose.dem.errors import InputError
 
-__all__ = ["BAD_INPUT", "InputError", "InputErrors", "NoFlankError", "raise_together", "tell"]
+__all__ = ["BAD_INPUT", "InputError", "InputErrors", "NoFlankError", "YamlError", "raise_together", "tell"]
 
 BAD_INPUT = 2  # exit status where the input is at fault, of a verb and of the workflow
 
 MOST_TOLD = 30  # a file of another program would be told key by key
+
+
+class YamlError(InputError):
+    """A fault of a file in YAML: null, true and false are told as they are written there.
+
+    Parameters
+    ----------
+    source, key, value, allowed
+        As of `InputError`.
+    """
+
+    def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
+        super().__init__(source, key, value, allowed)
+        self.args = (f"{source}: {key} is {_in_yaml(value)}; allowed: {allowed}",)
 
 
 class InputErrors(InputError):
@@ -71,3 +85,11 @@ def tell(fault: object) -> None:
     """
     for line in str(fault).splitlines():
         print(f"repose: error: {line}", file=sys.stderr, flush=True)
+
+
+def _in_yaml(value):
+    """A value as YAML has it; texts in quotes."""
+    if isinstance(value, list) and not any(isinstance(one, list | dict) for one in value):
+        return f"[{', '.join(map(_in_yaml, value))}]"
+    words = ("null", None), ("true", True), ("false", False)
+    return next((word for word, one in words if one is value), repr(value))

@@ -299,6 +299,8 @@ def read_json(
     """
     try:
         content = json.loads(Path(path).read_bytes().decode("utf-8-sig"))
+    except OSError as error:
+        raise InputError(path, "file", error.strerror, what) from error
     except (*UNREADABLE, RecursionError) as error:
         raise InputError(path, "content", str(error), what) from error
     if not isinstance(content, dict):

@@ -43,8 +43,9 @@ class Plan(NamedTuple):
         For each tolerance in percent the pours at one parameter set after which the noise alone leaves all means known
         so well, with probability `CERTAINTY`.
     budgets : pandas.DataFrame
-        pours, within_1_percent and within_2_percent: probabilities that the answer of the sequential strategy is so
-        near to all targets.
+        pours; within_1_percent and within_2_percent, probabilities that the answer of the sequential strategy is so
+        near to all targets; within_1_percent_se and within_2_percent_se, their standard errors from the number of
+        hidden parameter sets.
     """
 
     noise_percent: np.ndarray
@@ -83,8 +84,29 @@ def plan(config: Mapping[str, Any], runs: pd.DataFrame | None = None, source: ob
     table = table[table["responses"] == min(len(targets), table["responses"].max())]
     factor = (percent.max() / NOISE_PERCENT) ** 2
     budgets = table.assign(pours=np.ceil(factor * table["pours"]).astype(int))
-    columns = ["pours", "within_1_percent", "within_2_percent"]
+    shares = [f"within_{one:g}_percent" for one in TOLERANCES]
+    for name in shares:
+        budgets[f"{name}_se"] = share_error(budgets[name], budgets["truths"])
+    columns = ["pours", *shares, *(f"{name}_se" for name in shares)]
     return Plan(percent, runs is not None, needed, budgets[columns].reset_index(drop=True))
+
+
+def share_error(share: pd.Series, trials: pd.Series) -> pd.Series:
+    """Standard error of a probability that is known as a share of trials, also where all or none succeeded.
+
+    Parameters
+    ----------
+    share : pandas.Series
+    trials : pandas.Series
+        Their number.
+
+    Returns
+    -------
+    pandas.Series
+        Standard deviation of the beta distribution that the trials leave of a uniform prior.
+    """
+    middle = (share * trials + 1) / (trials + 2)
+    return np.sqrt(middle * (1 - middle) / (trials + 3))
 
 
 def default_noise(targets: Targets) -> np.ndarray:

@@ -1,0 +1,230 @@
+"""Numbers that follow from others: a key that is `auto` gets its own when the configuration is resolved.
+
+Only files that a user writes hold `auto`. What a study writes, its record of provenance included, holds numbers.
+"""
+
+import copy
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from repose.config.reading import get
+from repose.core.parameter_space import range_of
+from repose.core.parameters import PARAMETERS
+from repose.core.published import published_sets
+
+if TYPE_CHECKING:
+    from repose.dem.time_steps import Limit
+    from repose.particle.particle import Particle
+
+AUTO = "auto"
+PIXELS_A_GRAIN = 32  # of a simulated pile's pictures, over the grain's equivalent diameter
+PIXELS_MM = (0.02, 5.0)  # what measure.mm_per_pixel may be
+STEP_SHARE = 0.9  # of the longest time step: an edit that shortens it a little asks for no other
+REST_S = 1.5  # from the last grain on the pile until the pile rests
+# Shares (training, validation, test): only a network needs samples that tell it when to stop.
+SPLITS = {"network": [0.70, 0.15, 0.15], "network_ensemble": [0.70, 0.15, 0.15]}
+SPLIT_WITHOUT_NETWORK = [0.85, 0.0, 0.15]
+
+Config = Mapping[str, Any]
+
+
+class Computed(NamedTuple):
+    """A key that may be `auto`.
+
+    Attributes
+    ----------
+    key : str
+        Dotted.
+    reads : tuple of str
+        Dotted keys or sections that its number follows from.
+    of : function
+        ``of(config, berry, particle)`` gives the number. berry is what the verb ``berry`` writes; both are None where
+        the number does not follow from the grain.
+    """
+
+    key: str
+    reads: tuple[str, ...]
+    of: Callable[[Config, Any, Any], Any]
+
+    @property
+    def needs_grain(self) -> bool:
+        """Whether the number follows from the grain."""
+        return "berry" in self.reads
+
+
+def asked(config: Config) -> list[Computed]:
+    """The keys of a configuration that are `auto`.
+
+    Parameters
+    ----------
+    config : mapping
+        May lack keys, and hold values that are not allowed.
+
+    Returns
+    -------
+    list of Computed
+        In an order in which each can be computed.
+    """
+    return [one for one in COMPUTED if _value(config, one.key) == AUTO]
+
+
+def filled(config: Config, key: str, value: Any) -> dict[str, Any]:
+    """A copy of a configuration with a number in place of `auto`.
+
+    Parameters
+    ----------
+    config : mapping
+    key : str
+        Dotted.
+    value : object
+
+    Returns
+    -------
+    dict
+    """
+    copied = copy.deepcopy(dict(config))
+    section, name = key.split(".")
+    copied[section][name] = value
+    return copied
+
+
+def longest_step(config: Config, particle: "Particle", mean: Mapping[str, Any]) -> "Limit":
+    """The longest time step that the engine takes for every set of parameters of a study and its published table.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration; its time step is not read.
+    particle : Particle
+    mean : mapping
+        What the verb ``berry`` writes.
+
+    Returns
+    -------
+    repose.dem.time_steps.Limit
+    """
+    from repose.apparatus.scene import longest_time_step
+
+    sets = [{name: range_of(name, config["parameters"][name])[0] for name in PARAMETERS}]
+    sets += published_sets(config["validation"]["published"])
+    lowest = {name: min(one[name] for one in sets) for name in PARAMETERS}
+    return longest_time_step(config, lowest, particle, mean)
+
+
+def advised_step_s(longest_s: float) -> float:
+    """The time step to take.
+
+    Parameters
+    ----------
+    longest_s : float
+        The longest one that the engine takes [s].
+
+    Returns
+    -------
+    float
+        `STEP_SHARE` of it [s]: two digits, rounded down.
+    """
+    unit = 10.0 ** (math.floor(math.log10(STEP_SHARE * longest_s)) - 1)
+    return float(f"{math.floor(STEP_SHARE * longest_s / unit) * unit:.2g}")
+
+
+def axes_mm(berry: Mapping[str, Any]) -> Sequence[float]:
+    """Axes of the mean grain.
+
+    Parameters
+    ----------
+    berry : mapping
+        What the verb ``berry`` writes.
+
+    Returns
+    -------
+    sequence of float, (3,)
+        In mm, the longest first.
+    """
+    return [berry[name] for name in ("long_mm", "major_mm", "minor_mm")]
+
+
+def _value(config, key):
+    """Value of a key; None where there is none."""
+    try:
+        return get(config, key)
+    except (LookupError, TypeError, ValueError):
+        return None
+
+
+def _diameter_mm(berry):
+    """Equivalent diameter of the mean grain (Eq. 1)."""
+    return math.prod(axes_mm(berry)) ** (1 / 3)
+
+
+def _mm_per_pixel(_config, berry, _particle):
+    """So many pixels that a grain is round in the picture."""
+    low, high = PIXELS_MM
+    return min(max(float(f"{_diameter_mm(berry) / PIXELS_A_GRAIN:.2g}"), low), high)
+
+
+def _factory_height_mm(_config, berry, _particle):
+    """A grain's width above the funnel."""
+    return float(f"{_diameter_mm(berry):.2g}")
+
+
+def _factory_diameter_mm(config, berry, _particle):
+    """The inlet's disc but half a grain all around."""
+    inlet = config["funnel"]["inlet_diameter_mm"]
+    return float(f"{max(inlet - max(axes_mm(berry)), 0.5 * inlet):.3g}")
+
+
+def _duration_s(config, berry, particle):
+    """Until all grains are poured and have run out, have fallen, and lie.
+
+    Notes
+    -----
+    Grains run out of an opening D at 0.58 rho_b sqrt(g) (D - 1.4 d)^2.5 in mass (Beverloo), so a pour that is faster
+    than this lasts as long as the running out. Where the opening is too narrow for this law the rate of pouring counts.
+    """
+    from repose.apparatus.funnel_advice import PACKING
+    from repose.apparatus.funnel_geometry import Funnel
+
+    funnel, gravity = config["funnel"], config["simulation"]["gravity_m_s2"]
+    opening = 1e-3 * (funnel["outlet_diameter_mm"] - 1.4 * _diameter_mm(berry))
+    bulk = PACKING * berry["density_kg_m3"]
+    running = 0.58 * bulk * math.sqrt(gravity) * max(opening, 0.0) ** 2.5 / particle.mass_kg
+    rate = min(funnel["rate_per_s"], running or math.inf)
+    fall = math.sqrt(2 * Funnel.of(funnel).inlet_height_m / gravity)
+    return math.ceil(10 * (funnel["berries"] / rate + fall + REST_S)) / 10
+
+
+def _time_step_s(config, berry, particle):
+    """As long as the engine takes, but for a margin."""
+    return advised_step_s(longest_step(config, particle, berry).time_step_s)
+
+
+def _split(config, _berry, _particle):
+    """The shares of the surrogate."""
+    return list(SPLITS.get(config["surrogate"], SPLIT_WITHOUT_NETWORK))
+
+
+_OF_THE_FUNNEL = tuple(
+    f"funnel.{key}"
+    for key in (
+        *("berries", "rate_per_s", "inlet_diameter_mm", "outlet_diameter_mm", "cone_angle_deg"),
+        *("tube_length_mm", "rim_radius_mm", "outlet_height_mm"),
+    )
+)
+_OF_THE_SIMULATION = tuple(
+    f"simulation.{key}"
+    for key in ("gravity_m_s2", "tension", "friction_limit", "rest_energy_j", "contact_law")
+)
+COMPUTED = (
+    Computed("network.split", ("surrogate",), _split),
+    Computed("measure.mm_per_pixel", ("berry",), _mm_per_pixel),
+    Computed("funnel.factory_height_mm", ("berry",), _factory_height_mm),
+    Computed("funnel.factory_diameter_mm", ("berry", "funnel.inlet_diameter_mm"), _factory_diameter_mm),
+    Computed("funnel.duration_s", ("berry", *_OF_THE_FUNNEL, *_OF_THE_SIMULATION), _duration_s),
+    Computed(
+        "simulation.time_step_s",
+        ("berry", "wall", "parameters", "validation.published", *_OF_THE_SIMULATION),
+        _time_step_s,
+    ),
+)

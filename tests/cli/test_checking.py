@@ -1,0 +1,71 @@
+"""What `repose check` says of a time step, of numbers that it computed, and while the engine is compiled."""
+
+import sys
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from repose.cli import checking
+from repose.config import computed, cost
+from repose.dem.time_steps import Limit
+
+
+@pytest.mark.parametrize(
+    ("step_s", "told"),
+    [
+        (4.0e-6, "; with 3.6e-05 a run takes 0.11 of the time"),  # 0.9 of 4.09e-5 is 3.681e-5
+        (3.0e-5, ""),
+    ],
+)
+def test_a_time_step_far_below_the_longest_is_told_with_what_a_longer_one_saves(step_s, told):
+    limit = Limit(4.09e-5, "as a pile has it")
+    assert checking.about_step(step_s, limit).endswith(f"at most 4.09e-05, as a pile has it{told}")
+
+
+@pytest.mark.parametrize("longest_s", [1.0e-3, 3.3e-5, 9.99e-7, 2.0e-6 / 0.9])
+def test_the_advised_step_has_two_digits_and_is_allowed(longest_s):
+    step = computed.advised_step_s(longest_s)
+    assert step == float(f"{step:.2g}")
+    assert 0.8 * longest_s < step <= computed.STEP_SHARE * longest_s * (1 + 1e-12)
+
+
+def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):
+    """Three pours; another program slowed two of them."""
+    took = iter([90.0, 50.0, 70.0])
+
+    def pour(*_):
+        time.sleep(0.02)
+        return SimpleNamespace(us_per_step=next(took))
+
+    monkeypatch.setattr("repose.apparatus.funnel.pour", pour)
+    monkeypatch.setattr(time, "process_time", time.perf_counter)  # all of the time is its own
+    grains = cost.FEWEST_TIMED
+    ranges: dict = dict.fromkeys(("e_gg", "e_gp"), (0.1, 0.5))
+    ranges |= dict.fromkeys(("mus_gg", "mur_gg", "mus_gp", "mur_gp"), (0.1, 0.3))
+    config = {
+        "simulation": {
+            "time_step_s": 1e-5,
+            "gravity_m_s2": 9.81,
+            "tension": "release",
+            "friction_limit": "elastic",
+            "rest_energy_j": 1e-9,
+        },
+        "funnel": {"berries": grains},
+        "parameters": ranges,
+    }
+    assert cost.measured_berry_step_s(config, {}, None) == pytest.approx(50e-6 / grains, rel=0.05)
+
+
+def test_a_terminal_shows_the_seconds_of_the_compilation(monkeypatch, capsys):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(checking, "TICK_S", 0.01)
+    with checking.seconds_told("compiling"):
+        time.sleep(0.1)
+    assert "\rcompiling; 0 s" in capsys.readouterr().err
+
+
+def test_a_log_gets_one_line(capsys):
+    with checking.seconds_told("compiling"):
+        pass
+    assert capsys.readouterr().err == "compiling\n"

@@ -1,0 +1,115 @@
+"""Keys that are `auto`: their numbers, and where they stand afterwards."""
+
+import copy
+import json
+
+import pytest
+
+from repose.config import checks, computed, loader
+from repose.core import places
+from repose.core.errors import InputError
+
+CROPS = places.root() / "crops"
+KEYS = [one.key for one in computed.COMPUTED]
+
+
+def put(config, key, value):
+    section, name = key.split(".")
+    config[section][name] = value
+
+
+@pytest.fixture(scope="module")
+def by_hand():
+    """A worked crop with numbers that its author chose."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(CROPS / "soybean")
+        return loader.load("config.yaml")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch, by_hand):
+    """The folder of the same crop without them."""
+    config = copy.deepcopy(by_hand)
+    config["validation"]["published"] = None
+    for key in KEYS:
+        section, name = key.split(".")
+        del config[section][name]
+    (tmp_path / "config.yaml").write_text(json.dumps(config))
+    (tmp_path / "sizes.csv").write_bytes((CROPS / "soybean/sizes.csv").read_bytes())
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_what_is_left_out_is_near_what_an_author_chose(folder, by_hand):
+    config = loader.resolve(places.configs())
+    assert config == loader.load("config.yaml")
+    assert config["network"]["split"] == by_hand["network"]["split"]
+    for key in KEYS[1:]:
+        section, name = key.split(".")
+        assert config[section][name] == pytest.approx(by_hand[section][name], rel=0.35), key
+    assert json.loads(json.dumps(config)) == config
+    assert not computed.asked(config)
+
+
+def test_the_time_step_is_nine_tenths_of_the_longest(folder):
+    """Known answer: the longest one of the refusal, two digits."""
+    step = loader.load("config.yaml")["simulation"]["time_step_s"]
+    (folder / "more.yaml").write_text("simulation: {time_step_s: 1.0e-2}")
+    with pytest.raises(InputError, match=r"simulation\.time_step_s is 0\.01") as caught:
+        loader.resolve([*places.configs(), "more.yaml"])
+    longest = float(caught.value.allowed.removeprefix("at most ").split(",")[0])
+    assert 0.85 * longest < step <= 0.9 * longest
+    assert step == float(f"{step:.2g}")
+
+
+@pytest.mark.parametrize(
+    ("changes", "lasts_s"),
+    [
+        # 300 grains at 100 a second; a fall of 80 mm, and 1.5 s to rest
+        ({"rate_per_s": 100.0}, 3.0 + 0.13 + 1.5),
+        # poured at once, grains of 5.48 mm and 0.108 g run out: 0.58 * 750 kg/m3 * sqrt(g) * (25 mm - 1.4 d)^2.5
+        ({"rate_per_s": 1e4}, 0.60 + 0.13 + 1.5),
+    ],
+)
+def test_a_pour_lasts_until_the_grains_lie(folder, changes, lasts_s):
+    (folder / "more.yaml").write_text(json.dumps({"funnel": changes}))
+    config = loader.load("more.yaml")
+    assert config["funnel"]["duration_s"] == pytest.approx(lasts_s + 0.05, abs=0.06)
+
+
+def test_numbers_that_are_given_stay(folder):
+    (folder / "more.yaml").write_text("measure: {mm_per_pixel: 0.3}\nnetwork: {split: [0.7, 0.1, 0.2]}\n")
+    config = loader.load("more.yaml")
+    assert config["measure"]["mm_per_pixel"] == 0.3
+    assert config["network"]["split"] == [0.7, 0.1, 0.2]
+
+
+def test_a_network_stops_by_samples_of_its_own(folder):
+    (folder / "more.yaml").write_text("surrogate: network\n")
+    assert loader.load("more.yaml")["network"]["split"] == [0.70, 0.15, 0.15]
+
+
+@pytest.mark.parametrize("key", KEYS)
+@pytest.mark.parametrize("value", [-1, "automatic", None, True, [], float("inf")])
+def test_another_word_or_number_is_refused(by_hand, key, value):
+    config = copy.deepcopy(by_hand)
+    put(config, key, value)
+    with pytest.raises(InputError) as caught:
+        checks.check(config, "mine.yaml")
+    assert caught.value.key == key
+    assert caught.value.allowed.startswith("auto, or ")
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_a_study_that_runs_has_numbers(by_hand, key):
+    config = copy.deepcopy(by_hand)
+    put(config, key, "auto")
+    with pytest.raises(InputError, match=f"{key} is 'auto'; allowed: a number"):
+        checks.check(config, "config.json")
+
+
+def test_what_cannot_be_computed_is_told_by_its_cause(folder, capsys):
+    (folder / "sizes.csv").unlink()
+    with pytest.raises(InputError) as caught:
+        loader.load("config.yaml")
+    assert str(caught.value) == "sizes.csv: file is None; allowed: an existing CSV file"
