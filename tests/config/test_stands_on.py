@@ -23,3 +23,16 @@ def test_what_only_the_measurement_reads_makes_no_run_again(name, monkeypatch):
         changed[section][key] = "another"
         assert stands_on.pouring(changed, name) == stands_on.pouring(config, name)
         assert stands_on.measuring(changed, name) != stands_on.measuring(config, name)
+
+
+@pytest.mark.parametrize("name", names())
+def test_another_order_of_the_keys_is_the_same_text(name, monkeypatch):
+    def turned(value):
+        return {key: turned(value[key]) for key in reversed(value)} if isinstance(value, dict) else value
+
+    monkeypatch.chdir(ROOT)
+    config = loader.load("config/config.yaml")
+    other = turned(config)
+    for what in (stands_on.pouring, stands_on.measuring):
+        assert str(what(other, name)) == str(what(config, name))
+    assert str(stands_on.sections(other, "berry", "miga")) == str(stands_on.sections(config, "berry", "miga"))

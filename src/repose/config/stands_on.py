@@ -47,7 +47,15 @@ def sections(config: Config, *names: str) -> dict[str, Any]:
     dict
         By name.
     """
-    return {name: functools.reduce(lambda part, key: part[key], name.split("."), config) for name in names}
+    return {
+        name: _in_order(functools.reduce(lambda part, key: part[key], name.split("."), config))
+        for name in names
+    }
+
+
+def _in_order(value):
+    """With the keys of all mappings in the alphabet's order: snakemake compares texts, and files give any order."""
+    return {key: _in_order(value[key]) for key in sorted(value)} if isinstance(value, dict) else value
 
 
 def pouring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
@@ -64,7 +72,7 @@ def pouring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
     dict
     """
     others = ("seeds", *bench(apparatus).measured_by)
-    own = {key: value for key, value in config[apparatus].items() if key not in others}
+    own = {key: value for key, value in _in_order(config[apparatus]).items() if key not in others}
     return sections(config, "wall", "simulation", "design.seed") | {apparatus: own}
 
 
