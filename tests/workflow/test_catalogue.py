@@ -1,7 +1,9 @@
 """What the Snakemake catalogue asks of a workflow: files by their names, a test study, deployment as a module."""
 
 import json
+import re
 import shutil
+import subprocess
 
 import pytest
 import yaml
@@ -49,3 +51,35 @@ def test_a_deployed_module_runs_and_says_what_it_runs_with(tmp_path):
     assert done.returncode == 0, done.stderr
     assert json.loads((tmp_path / "results/config.json").read_text())["label"] == "deployed"
     assert (tmp_path / "results/berry/berry.json").is_file()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not shutil.which("snakedeploy"), reason="needs snakedeploy: pip install snakedeploy")
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="needs the repository")
+def test_the_real_snakedeploy_brings_a_workflow_that_plans_the_whole_study(tmp_path, monkeypatch):
+    """From an empty folder, as the catalogue says it. Git takes a clone of this repository for the one on the net."""
+    hosted = tmp_path / "hosted" / "owner" / "repose"
+    subprocess.run(["git", "clone", "-q", "--bare", str(ROOT), str(hosted)], check=True)
+    head = subprocess.run(
+        ["git", "rev-parse", "HEAD"], cwd=ROOT, check=True, capture_output=True, text=True
+    ).stdout
+    subprocess.run(["git", "tag", "tested", head.strip()], cwd=hosted, check=True)
+    redirected = {
+        "GIT_CONFIG_COUNT": "1",
+        "GIT_CONFIG_KEY_0": f"url.file://{tmp_path}/hosted/.insteadOf",
+        "GIT_CONFIG_VALUE_0": "https://github.com/",
+        "XDG_CACHE_HOME": str(tmp_path / "cache"),
+    }
+    for name, value in redirected.items():
+        monkeypatch.setenv(name, value)
+    words = ["snakedeploy", "deploy-workflow", "https://github.com/owner/repose", "study", "--tag", "tested"]
+    subprocess.run(words, cwd=tmp_path, check=True)
+    study = tmp_path / "study"
+    assert (study / "config/config.yaml").read_bytes() == (ROOT / "config/config.yaml").read_bytes()
+    assert (
+        'github("owner/repose", path="workflow/Snakefile", tag="tested")'
+        in (study / "workflow/Snakefile").read_text()
+    )
+    done = snakemake(study, "-n", "--cores", "1", "--quiet", "rules")
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"^pour +150$", done.stdout + done.stderr, re.MULTILINE)

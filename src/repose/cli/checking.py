@@ -151,6 +151,7 @@ def _costs(config, budgets, measured) -> Iterator[str]:
 
     section = config["sequential"]
     seeds, check = section["seeds"], ("check", 1, section["checks"])
+    rows: list[tuple[str, cost.Pours | None]]
     rows = [("sequential", (("batches", -(-pours // seeds), seeds), check)) for pours in budgets]
     rows += [("response_surface", strategies.response_surface(config)), ("published", None)]
     yield f"{'strategy':>18} {'pours':>12} {'core-minutes':>13} {'disk':>8}"
