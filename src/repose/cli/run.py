@@ -222,7 +222,7 @@ def catalogue(words: list[str]) -> str:
             cost.SENTENCES, f"cost: once {incomplete} is complete; `repose check` names what is missing"
         )
     lines = [
-        f"  {target:18} {cost.SENTENCES[target]}\n{'':21}{costs[target]}" for target in cost.offered(config)
+        f"  {target:24} {cost.SENTENCES[target]}\n{'':27}{costs[target]}" for target in cost.offered(config)
     ]
     return "\n".join(
         [f"repose run TARGET; without one, all of calibration. Studies of {config.get('label')}:", *lines]
