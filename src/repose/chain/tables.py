@@ -14,7 +14,9 @@ from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS, check_value
 from repose.core.targets import Targets
 
-AGREEMENT = 1e-6  # of a mean with the mean of its runs, relative to the mean
+AGREEMENT = (
+    1e-6  # of a mean, or a standard error, with that of its runs: relative, and absolute where it is below 1
+)
 
 
 def read_dataset(dataset_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
@@ -71,7 +73,8 @@ def read_runs(
     ------
     InputError
         If the file cannot be read, a run stands there twice, an ok run has no response or one beyond the response's
-        limits, or the runs are not those of the samples: other samples, other numbers of ok runs, or other means.
+        limits, or the runs are not those of the samples: other samples, other numbers of ok runs, other means or other
+        standard errors.
     """
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
     several = "apparatus" in runs
@@ -88,23 +91,30 @@ def read_runs(
 
 
 def _check_means(runs, dataset, targets, runs_csv, dataset_csv):
-    """Refuse runs whose numbers or means are not those of the samples."""
+    """Refuse runs whose numbers, means or standard errors are not those of the samples."""
     ok = runs[runs["status"] == "ok"].groupby("sample")
-    of_runs = ok[list(targets.names)].mean().reindex(dataset["sample"])
     count = ok.size().reindex(dataset["sample"], fill_value=0)
     for sample, n, n_seeds in zip(dataset["sample"], count, dataset["n_seeds"], strict=True):
         if n != n_seeds:
             allowed = f"{n_seeds:g}, the n_seeds of this sample in {dataset_csv}"
             raise InputError(f"{runs_csv}, sample {sample}", "ok runs", int(n), allowed)
     usable = (dataset["status"] == "ok").to_numpy()
-    for name in targets.names:
-        told, found = dataset[name].to_numpy(float)[usable], of_runs[name].to_numpy(float)[usable]
-        wrong = ~(np.abs(found - told) <= AGREEMENT * np.maximum(1.0, np.abs(told)))
-        if wrong.any():
-            k = int(wrong.argmax())
-            sample = dataset["sample"][usable].iloc[k]
-            allowed = f"{told[k]:.6g}, its mean in {dataset_csv}"
-            raise InputError(f"{runs_csv}, sample {sample}", f"mean of {name}", float(found[k]), allowed)
+    responses = ok[list(targets.names)]
+    for what, columns, of_runs in (
+        ("mean", targets.names, responses.mean()),
+        ("standard error", targets.errors, responses.sem()),
+    ):
+        for name, column in zip(targets.names, columns, strict=True):
+            told = dataset[column].to_numpy(float)[usable]
+            found = of_runs[name].reindex(dataset["sample"]).to_numpy(float)[usable]
+            alike = np.isclose(found, told, rtol=AGREEMENT, atol=AGREEMENT, equal_nan=True)
+            if not alike.all():
+                k = int((~alike).argmax())
+                sample = dataset["sample"][usable].iloc[k]
+                allowed = f"{told[k]:.6g}, its {what} in {dataset_csv}"
+                raise InputError(
+                    f"{runs_csv}, sample {sample}", f"{what} of {name}", float(found[k]), allowed
+                )
 
 
 def _check_responses(table, targets, path):
