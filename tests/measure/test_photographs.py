@@ -123,6 +123,18 @@ def test_a_shadow_at_the_foot_is_refused_unless_the_plate_is_known(tmp_path, cap
     assert measured(capsys, *words, "--base-row", "299.5")[1]["height_mm"] == pytest.approx(80, abs=0.5)
 
 
+@pytest.mark.parametrize("tone", [60, 130])
+@pytest.mark.parametrize("beyond", [-40, 0, 30])
+def test_a_shadow_wider_than_the_pile_is_told_by_its_colour(tmp_path, capsys, tone, beyond):
+    picture = np.full((340, 600, 3), 220, np.uint8)
+    cv2.rectangle(picture, (60 - beyond, 300), (540 + beyond, 318), (tone, tone, tone), -1)
+    cv2.fillPoly(picture, [np.array(PILE)], (40, 40, 110))
+    (tmp_path / "pile.png").write_bytes(cv2.imencode(".png", picture)[1].tobytes())
+    words = (tmp_path / "pile.png", "--mm-per-pixel", "0.5")
+    assert "below its grains, with the colour of the background: a shadow" in measure(capsys, *words)[1]
+    assert measured(capsys, *words, "--base-row", "299.5")[1]["height_mm"] == pytest.approx(80, abs=0.5)
+
+
 def test_a_level_length_gives_the_scale_and_turns_the_photograph(tmp_path, capsys):
     upright = np.full((400, 700), 220, np.uint8)
     cv2.fillPoly(upright, [np.array([(100, 300), (350, 140), (600, 300)])], 40)

@@ -127,7 +127,7 @@ def _content(path):
 
 
 def spread_of(folder, plain):
-    """The largest difference of a number of each table, over the spread of its column."""
+    """The largest difference of a number of each table, over the spread of its column; its size where all are equal."""
     found = {}
     for path in sorted((plain / "results").rglob("*.csv")):
         name = str(path.relative_to(plain / "results"))
@@ -136,7 +136,8 @@ def spread_of(folder, plain):
             found[name] = np.inf
             continue
         numbers = first.select_dtypes("number").columns
-        scale = np.maximum(first[numbers].std(ddof=0).fillna(0.0), 1e-12)
+        spread, size = first[numbers].std(ddof=0).fillna(0.0), first[numbers].abs().max().fillna(0.0)
+        scale = spread.where(spread > 1e-12 * size, size).replace(0.0, 1.0)
         apart = (first[numbers] - second[numbers]).abs() / scale
         found[name] = float(apart.max().max()) if len(numbers) and len(first) else 0.0
     return found

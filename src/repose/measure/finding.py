@@ -22,6 +22,7 @@ DARK = 14.0  # tones: noise of darker pixels has no colour
 SIDES = 0.25  # share of the width, on either side, that shows mostly background
 STANDS_OUT = 30.0  # difference of colours that texture does not reach
 ROUNDS = 4  # of GrabCut
+FINE_PX = 1200  # longer side of a view in which colours are compared, at least
 SHADOW_DARKEST = 1.6  # logarithm of the share of light that a shadow takes at most
 ITS_OWN_COLOUR = 22.0  # a shadow's colour lies nearer to that of the background
 
@@ -143,6 +144,31 @@ def faint_share(image: np.ndarray, hidden: np.ndarray, pile: Segmentation, reach
     return float((difference < FAINT).mean())
 
 
+def shadow_below(image: np.ndarray, mask: np.ndarray) -> int:
+    """Lowest rows of a pile that mostly have the background's colour and are only darker.
+
+    Parameters
+    ----------
+    image : numpy.ndarray of uint8, (H, W, 3)
+        Upright, blue first.
+    mask : numpy.ndarray of uint8, (H, W)
+        1 where the pile is.
+
+    Returns
+    -------
+    int
+        0 where the grains themselves have the background's colour, as in a grey picture: nothing can be told there.
+    """
+    every = max(1, max(mask.shape) // FINE_PX)
+    colours, mask = features(np.ascontiguousarray(image[::every, ::every])), mask[::every, ::every]
+    edge = max(2, mask.shape[1] // 20)  # a shadow may be wider than the pile
+    behind = np.median(np.hstack([colours[:, :edge], colours[:, -edge:]]), axis=1, keepdims=True)
+    shadow = _of_a_shadow(mask, colours - behind)
+    rows = np.flatnonzero(mask.any(axis=1))
+    grains = np.flatnonzero(2 * shadow[rows].sum(axis=1) < mask[rows].sum(axis=1, dtype=int))
+    return every * int(rows.size - 1 - grains[-1]) if grains.size else 0
+
+
 def features(image: np.ndarray) -> np.ndarray:
     """Two ratios of the channels and the brightness, as logarithms.
 
@@ -236,18 +262,21 @@ def _grab(colours, start):
 
 def _without_shadow(mask, difference):
     """The mask without what has the background's colour and is darker, unless the pile itself is like that."""
+    shadow = _of_a_shadow(mask, difference)
+    shadow = cv2.morphologyEx(shadow.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    return np.where(shadow > 0, 0, mask).astype(np.uint8)
+
+
+def _of_a_shadow(mask, difference):
+    """Where the mask has the background's colour and is darker; nowhere if the upper part of the pile is like that."""
     distance = np.sqrt((difference[..., :2] ** 2).sum(-1))
     darker = -difference[..., 2] / BRIGHTNESS_GAIN
     shadow = (mask > 0) & (distance < ITS_OWN_COLOUR) & (darker > 0.08) & (darker < SHADOW_DARKEST)
     rows = np.flatnonzero(mask.any(axis=1))
-    if rows.size == 0:
-        return mask
-    upper = np.zeros(mask.shape, bool)
-    upper[rows[0] : rows[0] + (2 * rows.size) // 3] = True
+    upper = slice(rows[0], rows[0] + (2 * rows.size) // 3) if rows.size else slice(0)
     if shadow[upper].sum() > 0.12 * mask[upper].sum():
-        return mask
-    shadow = cv2.morphologyEx(shadow.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-    return np.where(shadow > 0, 0, mask).astype(np.uint8)
+        return np.zeros(mask.shape, bool)
+    return shadow
 
 
 def _without_floating(mask, gap_px):

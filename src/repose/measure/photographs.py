@@ -25,6 +25,7 @@ FAINT_SHARE = 0.2
 LARGEST_DIFFERENCE_DEG = 10.0  # of the two sides
 USUAL_GRAINS = 8  # in the height of a pile, where the height of a grain is not known
 LOWEST_FOOT = 0.6  # of a grain's height: of the widest row over the lowest
+LARGEST_SHADOW = 0.3  # of a grain's height: what lies below the grains and has the background's colour
 
 
 @dataclass(frozen=True)
@@ -256,7 +257,7 @@ def measure_plain(path: Path, how: MeasureSettings, scale: Scale) -> Photograph:
         one.pile = segment(image, how.largest_pile_only, base)
         require_upright(one.pile.mask)
         if base is None:
-            _require_foot(one.pile, how)
+            _require_foot(image, one.pile, how)
         one.measurement = _measured(one, how)
     except NoFlankError as error:
         one.refused = error.reason
@@ -322,8 +323,8 @@ def _require_whole(mask, hidden):
         raise NoFlankError("the pile runs out of the picture, or the sheet hides a part of it")
 
 
-def _require_foot(pile, how):
-    """Refuse a base that is not seen, and one that is narrower than the pile: a shadow, or a rim seen from above."""
+def _require_foot(image, pile, how):
+    """Refuse a base that is not seen, or is none: a shadow, or the near rim of a pile that is seen from above."""
     if pile.mask[-1].any():
         raise NoFlankError(
             "the pile runs out of the picture at the bottom: its foot is not seen; "
@@ -332,13 +333,16 @@ def _require_foot(pile, how):
     widths = pile.mask.sum(axis=1, dtype=int)
     rows = np.flatnonzero(widths)
     widest = rows[np.flatnonzero(widths[rows] >= 0.99 * widths.max())[-1]]
-    below_mm = (rows[-1] - widest) * how.mm_per_pixel
-    grain_mm = how.berry_height_mm or rows.size * how.mm_per_pixel / USUAL_GRAINS
-    if below_mm > LOWEST_FOOT * grain_mm:
-        raise NoFlankError(
-            f"its lowest row lies {below_mm:.1f} mm below its widest one: a shadow at the foot, or the camera looks "
-            "down on it; --base-row tells the row of the plate, the printed sheet makes it known"
-        )
+    grain = (how.berry_height_mm or rows.size * how.mm_per_pixel / USUAL_GRAINS) / how.mm_per_pixel
+    for below, most, what in (
+        (finding.shadow_below(image, pile.mask), LARGEST_SHADOW, "grains, with the colour of the background"),
+        (rows[-1] - widest, LOWEST_FOOT, "widest row"),
+    ):
+        if below > most * grain:
+            raise NoFlankError(
+                f"its lowest row lies {below * how.mm_per_pixel:.1f} mm below its {what}: a shadow at the foot, or the "
+                "camera looks down on it; --base-row tells the row of the plate, the printed sheet makes it known"
+            )
 
 
 def _levelled(image, level_deg, base_row):
