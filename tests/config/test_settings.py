@@ -250,7 +250,9 @@ def test_headers_of_the_named_tables_are_checked(config):
         checks.check_inputs(config)
     config["berry"]["sizes"] = "resources/berries.csv"
     config["validation"]["published"] = "resources/berries.csv"
-    with pytest.raises(InputError, match=r"berries\.csv: solution is None; allowed: columns solution"):
+    with pytest.raises(
+        InputError, match=r"berries\.csv: column solution is 'missing'; allowed: columns solution"
+    ):
         checks.check_inputs(config)
 
 

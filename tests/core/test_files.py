@@ -75,7 +75,8 @@ def test_missing_parts_are_told_with_what_there_should_be(tmp_path):
     files.write_table(tmp_path / "table.csv", TABLE)
     for read in (files.read_table, files.read_rows):
         with pytest.raises(
-            InputError, match=r"table\.csv: height_mm is None; allowed: columns sample, height_mm"
+            InputError,
+            match=r"table\.csv: column height_mm is 'missing'; allowed: columns sample, height_mm; found: sample",
         ):
             read(tmp_path / "table.csv", ("sample", "height_mm"))
     files.write_json(tmp_path / "a.json", {"runs": {}, "sample": 3})

@@ -21,6 +21,7 @@ DOC = (Path(__file__).parents[2] / "docs/own_simulator.md").read_text()
 BLOCKS = dict(re.findall(r"```(yaml|python)\n(.*?)```", DOC, re.DOTALL)[:2])
 QUICK = {"posterior": {"walkers": 32, "steps": 100}}
 CONTENT = yaml.safe_load(BLOCKS["yaml"]) | QUICK
+SINGLE = CONTENT | {"sequential": {"start_samples": 32, "seeds": 1}}
 FREE = ["friction", "rolling"]
 
 
@@ -133,6 +134,86 @@ def test_failed_runs_are_known_as_such(study, table):
     assert observed.counts.tolist() == [1] + [2] * 14
 
 
+def noise_of(study, table):
+    return own_simulator.noise_of(
+        study, calibration.observed_of(study, own_simulator.checked_runs(study, table))[0]
+    )
+
+
+def test_a_fixed_parameter_needs_no_column(study, table, tmp_path):
+    runs = own_simulator.checked_runs(study, table.drop(columns="restitution"))
+    assert (runs["restitution"] == 0.4).all()
+    new, record = tmp_path / "new.csv", tmp_path / "runs.csv"
+    for part in (table[:6], table[6:].drop(columns="restitution")):
+        part.to_csv(new, index=False)
+        told = own_simulator.tell(study, new, record)
+    assert (told["restitution"] == 0.4).all()
+    assert len(told) == len(table)
+
+
+def test_single_runs_tell_the_noise_roughly_and_warn(study):
+    """A Latin hypercube of 32, each run once; the noise is 2 % of the responses."""
+    single = own_simulator.first_runs(own_simulator.study_of(SINGLE))
+    exact, noisy = (simulate(single, noise=noise, seed=3)[["angle_deg", "time_s"]] for noise in (0.0, 0.02))
+    found = noise_of(study, single.join(noisy))
+    true = 0.02 * np.sqrt((exact**2).mean().to_numpy())
+    assert np.sqrt(np.diagonal(found.covariance)) == pytest.approx(true, rel=0.35)
+    assert found.covariance[0, 1] == 0
+    assert "angle_deg 0." in found.warning
+    assert "Simulate some parameter sets twice" in found.warning
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("samples", "low", "high"), [(16, 0.3, 1.3), (32, 0.8, 1.2)])
+def test_how_rough_the_estimate_is(samples, low, high):
+    """The numbers of docs/own_simulator.md: estimated over true noise, eight seeds, both responses."""
+    study = own_simulator.study_of(CONTENT | {"sequential": {"start_samples": samples, "seeds": 1}})
+    single = own_simulator.first_runs(study)
+    true = 0.02 * np.sqrt((simulate(single, noise=0.0)[["angle_deg", "time_s"]] ** 2).mean().to_numpy())
+    ratios = [
+        np.sqrt(np.diagonal(noise_of(study, simulate(single, 0.02, seed)).covariance)) / true
+        for seed in range(8)
+    ]
+    assert low < np.min(ratios) <= np.max(ratios) < high
+
+
+def test_noise_that_is_told_stands_in_for_replicates_and_not_beside_them(study, table):
+    told = own_simulator.study_of(changed("targets.angle_deg.noise_sd", 0.7))
+    single = noise_of(told, table[::2])
+    assert single.covariance[0, 0] == pytest.approx(0.49)
+    assert single.sources == {"angle_deg": "noise_sd", "time_s": "estimated from single runs"}
+    both = noise_of(told, table)
+    assert both.covariance == pytest.approx(noise_of(study, table).covariance)
+    assert both.warning is None
+
+
+def test_too_few_single_runs_are_refused_with_the_ways_out(study, table):
+    with pytest.raises(InputError, match=r"is 0; allowed: at least 3: .*noise_sd .* at least 8 samples"):
+        noise_of(study, table[:14:2])
+    alike = table.assign(angle_deg=table.groupby("sample")["angle_deg"].transform("first"))
+    alike["time_s"] += np.linspace(0, 1e-7, len(alike))  # no row twice
+    with pytest.raises(InputError, match="all alike"):
+        noise_of(study, alike)
+
+
+@pytest.mark.slow
+def test_single_runs_are_calibrated_with_a_warning(tmp_path, capsys):
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(SINGLE))
+    table = simulate(own_simulator.first_runs(own_simulator.study_of(SINGLE)), noise=0.02)
+    table.drop(columns=["restitution", "sample", "run"]).to_csv(tmp_path / "results.csv", index=False)
+    words = [str(tmp_path / "results.csv"), "--config", str(tmp_path / "own.yaml"), "--out", str(tmp_path)]
+    assert main(["calibrate", *words]) == 0
+    assert "WARNING: too few replicates" in capsys.readouterr().err
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["noise"]["time_s"]["from"] == "estimated from single runs"
+    # 0.593, 0.093 without noise; the targets are 30 degrees and 4 s
+    assert summary["representative"]["friction"] == pytest.approx(0.59, abs=0.05)
+    assert "too few replicates" in (tmp_path / "report.html").read_text()
+    asked = ["--runs", str(tmp_path / "results.csv"), "--config", str(tmp_path / "own.yaml")]
+    assert main(["ask", *asked, "--out", str(tmp_path / "next.csv")]) == 0
+    assert "WARNING: too few replicates" in capsys.readouterr().err
+
+
 def without(name):
     return lambda table: table.drop(columns=name)
 
@@ -147,8 +228,11 @@ def cell(row, name, value):
 
 
 BAD = {
-    "no parameter": (without("friction"), "friction"),
-    "no response": (without("time_s"), "time_s"),
+    "no parameter": (
+        without("friction"),
+        "column friction is 'missing'; allowed: .*; found: sample, run, rolling",
+    ),
+    "no response": (without("time_s"), "column time_s is 'missing'"),
     "no number": (cell(3, "angle_deg", "steep"), "row 4: angle_deg is 'steep'; allowed: a finite number"),
     "nan": (
         cell(3, "angle_deg", np.nan),
@@ -159,10 +243,6 @@ BAD = {
     "out of range": (cell(2, "friction", 0.9), "row 3: friction is 0.9; allowed: from 0.2 to 0.8, its range"),
     "not as fixed": (cell(2, "restitution", 0.5), "row 3: restitution is 0.5; allowed: 0.4, as it is fixed"),
     "few samples": (lambda table: table[:6], "samples with a good run is 3; allowed: at least 4"),
-    "no replicates": (
-        lambda table: table[::2],
-        "runs beyond the first of a sample is 0; allowed: at least 3",
-    ),
     "no rows": (lambda table: table[:0], "rows is 0"),
     "an id twice": (
         cell(2, "sample", 1),
@@ -219,7 +299,8 @@ def changed(key, value):
         ("targets.time_s.unit", 3, "text of one line"),
         ("targets.time_s", 3, "a section of keys"),
         ("simulator", "", "text of one line"),
-        ("sequential", {"seeds": 1}, "an integer from 2"),
+        ("targets.time_s.noise_sd", 0, "targets.time_s.noise_sd is 0; allowed: a number from"),
+        ("sequential", {"seeds": 0}, "an integer from 1"),
         ("sequential", {"pours": 1}, "no such key"),
         ("sequential", {"most_runs": 31}, "at least sequential.start_samples times"),
     ],

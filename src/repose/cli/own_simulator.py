@@ -1,6 +1,7 @@
 """Verbs for a simulator of the user's own: what to simulate, and what its runs say."""
 
 import argparse
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,6 +43,12 @@ def write_start(args: argparse.Namespace) -> None:
     print(f"{path}: {len(table)} runs of {table['sample'].nunique()} samples to simulate")
 
 
+def _warn(words: str | None) -> None:
+    """A warning on stderr, where there is one."""
+    if words is not None:
+        print(f"repose: WARNING: {words}", file=sys.stderr)
+
+
 @family.verb(
     "own simulator: add a table of runs to the record of all runs",
     example=f"new_runs.csv --config own.yaml --out {FOLDER}/runs.csv",
@@ -67,11 +74,13 @@ def ask(args: argparse.Namespace) -> None:
     from repose.core.files import write_table
     from repose.strategies.sequential.files import WHY
     from repose.studies import own_simulator
+    from repose.studies.own_simulator import calibration
 
     study = _study(args)
     known = own_simulator.read_runs(args.runs, study)
     advice, table = own_simulator.ask(study, known)
     write_table(args.out, table)
+    _warn(own_simulator.noise_of(study, calibration.observed_of(study, known)[0]).warning)
     print(
         f"{len(known)} runs; the best point lies within {study.sequential['tolerance_percent']:g} % of all targets "
         f"with probability {advice.probability:.2f}"
@@ -99,5 +108,6 @@ def calibrate(args: argparse.Namespace) -> int:
     calibration.write(found, args.out)
     own.write(found, Path(args.out) / "report.html")
     print(calibration.in_words(found))
+    _warn(found.summary["warning"])
     print(f"Tables, material card and report: {args.out}")
     return 0 if found.summary["feasible"] else NOT_FEASIBLE

@@ -370,7 +370,8 @@ def check_columns(path: object, table: Iterable[str], columns: Iterable[str]) ->
     columns = tuple(columns)
     for column in columns:
         if column not in table:
-            raise InputError(path, column, None, f"columns {', '.join(columns)}")
+            allowed = f"columns {', '.join(columns)}; found: {', '.join(map(str, table))}"
+            raise InputError(path, f"column {column}", "missing", allowed)
 
 
 def _plain(value: Any) -> Any:

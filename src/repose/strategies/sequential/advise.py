@@ -77,6 +77,7 @@ def advise(
     section: Mapping[str, Any],
     poured: int,
     random: np.random.Generator,
+    noise: np.ndarray | None = None,
 ) -> Advice:
     """The next batch, or the answer.
 
@@ -92,6 +93,8 @@ def advise(
     poured : int
         Pours so far, failed ones included.
     random : numpy.random.Generator
+    noise : numpy.ndarray, (k, k), optional
+        As `Kriging` takes it.
 
     Returns
     -------
@@ -102,7 +105,7 @@ def advise(
     ValueError
         If the pours do not tell the noise, or there are fewer than two samples.
     """
-    model = Kriging(observed)
+    model = Kriging(observed, noise)
     points, scores = ranked(model, goal, observed.unit, failed, random)
     answer = points[scores.argmax()]
     mean, covariance = model.predict(answer[None])

@@ -101,6 +101,8 @@ class Kriging:
     Parameters
     ----------
     observed : Observed
+    noise : numpy.ndarray, (k, k), optional
+        Covariance of a single pour, where it is known otherwise; by default that of the pours of each sample.
 
     Raises
     ------
@@ -116,10 +118,10 @@ class Kriging:
     approximation of their posterior, whose prior is that of (H24); predictions are those of the mixture.
     """
 
-    def __init__(self, observed: Observed):
+    def __init__(self, observed: Observed, noise: np.ndarray | None = None):
         if len(observed.unit) < 2:
             raise ValueError(f"{len(observed.unit)} samples; allowed: at least 2")
-        self.noise = observed.noise()
+        self.noise = observed.noise() if noise is None else noise
         self._mixing = _independent(observed, self.noise)
         self._unmixing = np.linalg.inv(self._mixing)
         self._unit = observed.unit

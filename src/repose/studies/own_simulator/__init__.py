@@ -10,6 +10,7 @@ Any simulator and any responses will do: parameters and targets are columns of t
 """
 
 from repose.studies.own_simulator.calibration import Calibration, ask, calibrate
+from repose.studies.own_simulator.noise import noise_of
 from repose.studies.own_simulator.runs import checked_runs, first_runs, read_runs, tell
 from repose.studies.own_simulator.study import OwnStudy, read_study, study_of
 
@@ -20,6 +21,7 @@ __all__ = [
     "calibrate",
     "checked_runs",
     "first_runs",
+    "noise_of",
     "read_runs",
     "read_study",
     "study_of",

@@ -9,18 +9,19 @@ import pandas as pd
 
 from repose.chain import card
 from repose.chain.answer import WITHIN, Answer, Check
-from repose.core.errors import InputError
 from repose.core.files import write_json, write_table
 from repose.strategies import answer
 from repose.strategies.sequential.advise import Advice, advise, alternatives, ranked
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, Observed, SpaceKriging
+from repose.studies.own_simulator.noise import noise_of
 from repose.studies.own_simulator.runs import OK, runs_of_points
 from repose.studies.own_simulator.study import OwnStudy
 from repose.studies.posterior import Posterior, infer
 from repose.surrogate.support import Support
 
 SOLUTIONS, DISTANCE = 90, 0.02  # as `miga` of config.yaml
+FREEDOM = 4  # runs beyond the first of a sample that a correlation of two responses takes
 
 
 class Calibration(NamedTuple):
@@ -79,12 +80,10 @@ def ask(study: OwnStudy, runs: pd.DataFrame) -> tuple[Advice, pd.DataFrame]:
         If the runs do not tell the noise.
     """
     observed, failed = observed_of(study, runs)
+    noise = noise_of(study, observed).covariance
     goal = Goal.of(study.targets, study.sequential["tolerance_percent"], study.space)
     random = np.random.default_rng([study.seed, len(runs)])
-    try:
-        advice = advise(observed, failed, goal, study.sequential, len(runs), random)
-    except ValueError as error:
-        raise InputError("runs", "replicates", str(error), "enough to tell the noise") from None
+    advice = advise(observed, failed, goal, study.sequential, len(runs), random, noise)
     numbers = pd.to_numeric(runs["sample"], errors="coerce")
     first = int(numbers.max()) + 1 if numbers.notna().all() else runs["sample"].nunique() + 1
     points = advice.answer[None] if advice.stop else advice.batch
@@ -111,10 +110,8 @@ def calibrate(study: OwnStudy, runs: pd.DataFrame) -> Calibration:
     """
     space, targets = study.space, study.targets
     observed, failed = observed_of(study, runs)
-    try:
-        model = SpaceKriging(Kriging(observed), space)
-    except ValueError as error:
-        raise InputError("runs", "replicates", str(error), "enough to tell the noise") from None
+    noise = noise_of(study, observed)
+    model = SpaceKriging(Kriging(observed, noise.covariance), space)
     goal = Goal.of(targets, study.sequential["tolerance_percent"], space)
     random = np.random.default_rng([study.seed, len(runs)])
     points, scores = ranked(model.model, goal, observed.unit, failed, random)
@@ -126,7 +123,10 @@ def calibrate(study: OwnStudy, runs: pd.DataFrame) -> Calibration:
     samples = _samples(study, runs)
     low, high = space.complete(np.array([space.low, space.high]))
     support = Support(space.values(observed.unit), low, high, space.names)
-    posterior = infer(model, support, runs, space, targets, dict(study.posterior) | {"seed": study.seed}, {})
+    settings = dict(study.posterior) | {"seed": study.seed}
+    if observed.freedom < FREEDOM:
+        settings |= {"measured_correlation": 0.0}
+    posterior = infer(model, support, runs, space, targets, settings, {})
     probability = {
         column: float(Goal.of(targets, percent, space).probability(mean, covariance)[0])
         for percent, column in WITHIN.items()
@@ -150,8 +150,13 @@ def calibrate(study: OwnStudy, runs: pd.DataFrame) -> Calibration:
         "failed_runs": int((runs["status"] != OK).sum()),
         "samples": len(samples),
         "needed": goal.needed(model.model.noise, study.sequential["probability"]),
+        "noise": {
+            name: {"sd": float(sd), "from": noise.sources[name]}
+            for name, sd in zip(targets.names, np.sqrt(np.diagonal(noise.covariance)), strict=True)
+        },
+        "warning": noise.warning,
         "definitions": dict(study.definitions),
-        "steps": _steps(study, runs, samples, probability),
+        "steps": _steps(study, runs, samples, probability, noise.warning),
     }
     given = (found.values, mean[0], errors, probability, solutions, posterior, summary)
     return Calibration(study, runs, samples, model, *given)
@@ -293,12 +298,14 @@ def _samples(study, runs):
     return table.reset_index()
 
 
-def _steps(study, runs, samples, probability):
+def _steps(study, runs, samples, probability, warning):
     """How the answer was found, in sentences."""
     failed = int((runs["status"] != OK).sum())
     return [
         f"Simulation in {study.simulator}: {len(runs)} runs of {len(samples)} parameter sets, {failed} failed.",
-        "Model: kriging of the samples' means with their known errors.",
+        "Model: kriging of the samples' means with their known errors."
+        if warning is None
+        else f"Model: kriging. Warning: {warning}",
         f"Answer: the set that lies within {study.sequential['tolerance_percent']:g} % of all targets most probably; "
         f"within 1 % with probability {probability['within_1_percent']:.2f}, "
         f"within 2 % with {probability['within_2_percent']:.2f}.",

@@ -94,9 +94,9 @@ def checked_runs(
     ----------
     study : OwnStudy
     rows : pandas.DataFrame or sequence of mapping
-        A row for each run: the parameters and the responses of the targets. Rows with the same parameters are
-        replicates. ``sample``, ``run`` and ``status`` may be there. A run whose status is not ``ok`` failed; its
-        responses are not read.
+        A row for each run: the parameters and the responses of the targets. A column of a fixed parameter may be
+        missing. Rows with the same parameters are replicates. ``sample``, ``run`` and ``status`` may be there. A run
+        whose status is not ``ok`` failed; its responses are not read.
     source : object, optional
         Where the table stands, for the error.
     enough : bool, optional
@@ -112,13 +112,14 @@ def checked_runs(
     ------
     InputError
         For a missing column; a cell that is no finite number; a parameter outside its range; one sample with two sets
-        of parameters, or two samples with one; a run or a row that is there twice; too few good samples or replicates.
+        of parameters, or two samples with one; a run or a row that is there twice; too few good samples.
     """
     if isinstance(rows, pd.DataFrame):
         rows = rows.to_dict("records")
     if not rows:
         raise InputError(source, "rows", 0, "a header and a row for each run")
     space, names = study.space, study.targets.names
+    rows = _with_fixed(rows, space)
     check_columns(source, rows[0], (*space.names, *names))
     found = [_checked_row(row, study, f"{source}, row {k}") for k, row in enumerate(rows, start=1)]
     table = pd.DataFrame(found)
@@ -149,7 +150,7 @@ def tell(study: OwnStudy, new: str | os.PathLike, record: str | os.PathLike) -> 
     InputError
         As `read_runs`; the record stays as it was.
     """
-    rows = read_rows(new, what="a CSV file of runs")
+    rows = _with_fixed(read_rows(new, what="a CSV file of runs"), study.space)
     checked_runs(study, rows, new, enough=False)
     before = read_rows(record, what="a CSV file of runs") if Path(record).exists() else []
     table = checked_runs(study, [*before, *rows], f"{record} with {new}", enough=False)
@@ -217,15 +218,17 @@ def _number_samples(table, rows, space, source):
 
 
 def _require_enough(table, study, source):
-    """Refuse too few good samples, or replicates that do not tell the noise."""
-    ok, responses = table[table["status"] == OK], len(study.targets)
-    samples, fewest = ok["sample"].nunique(), study.space.dimensions + 2
+    """Refuse too few good samples."""
+    samples, fewest = table[table["status"] == OK]["sample"].nunique(), study.space.dimensions + 2
     if samples < fewest:
         allowed = f"at least {fewest}, two more than the free parameters"
         raise InputError(source, "samples with a good run", samples, allowed)
-    if len(ok) - samples <= responses:
-        allowed = f"at least {responses + 1}: replicates, rows with the same parameters, tell the noise"
-        raise InputError(source, "runs beyond the first of a sample", len(ok) - samples, allowed)
+
+
+def _with_fixed(rows, space):
+    """The rows; a fixed parameter that has no column gets one."""
+    missing = {name: value for name, value in space.fixed.items() if rows and name not in rows[0]}
+    return [missing | dict(row) for row in rows]
 
 
 def _refuse_twice(table, rows, source):

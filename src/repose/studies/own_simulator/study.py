@@ -17,7 +17,7 @@ NEEDED = ("simulator", "label", "seed", "parameters", "targets")
 # Each number with its default, smallest and largest value; an integer default asks for an integer.
 SEQUENTIAL = {
     "start_samples": (16, 2, 10_000),
-    "seeds": (2, 2, 1000),
+    "seeds": (2, 1, 1000),
     "batch": (8, 1, 1000),
     "tolerance_percent": (1.0, 0.01, 50.0),
     "probability": (0.7, 0.05, 0.99),
@@ -29,7 +29,7 @@ POSTERIOR = {
     "walkers": (128, 32, 10_000),
     "steps": (400, 100, 1_000_000),
 }
-TARGET = ("value", "sd", "repetitions", "range", "unit", "definition")
+TARGET = ("value", "sd", "repetitions", "range", "unit", "definition", "noise_sd")
 RANGE_PERCENT = 2.0  # of the value, to each side, where no range is given
 
 
@@ -46,6 +46,8 @@ class OwnStudy:
     targets : Targets
     definitions : mapping of str to str
         How each response is defined, where it is said.
+    noise_sd : mapping of str to float
+        Standard deviation of a single run of the simulator, where it is said.
     sequential, posterior : mapping
         As the sections of these names of a whole configuration.
     """
@@ -56,6 +58,7 @@ class OwnStudy:
     space: ParameterSpace
     targets: Targets
     definitions: Mapping[str, str]
+    noise_sd: Mapping[str, float]
     sequential: Mapping[str, Any]
     posterior: Mapping[str, Any]
 
@@ -101,8 +104,8 @@ def study_of(content: Mapping[str, Any], source: object = "study") -> OwnStudy:
     ----------
     content : mapping
         ``simulator``, ``label``, ``seed``, ``parameters`` (as in `ParameterSpace.of`, with any names) and ``targets``:
-        for each response ``value``, ``sd`` and ``repetitions``, perhaps ``range``, ``unit`` and ``definition``. The
-        sections ``sequential`` and ``posterior`` may hold the keys that differ from the default.
+        for each response ``value``, ``sd`` and ``repetitions``, perhaps ``range``, ``unit``, ``definition`` and
+        ``noise_sd``. The sections ``sequential`` and ``posterior`` may hold the keys that differ from the default.
     source : object, optional
         Where it stands, for the error.
 
@@ -145,6 +148,7 @@ def study_of(content: Mapping[str, Any], source: object = "study") -> OwnStudy:
         space=space,
         targets=Targets(targets),
         definitions={name: one["definition"] for name, one in sections[1].items() if "definition" in one},
+        noise_sd={name: one["noise_sd"] for name, one in sections[1].items() if "noise_sd" in one},
         sequential=_section(content, "sequential", SEQUENTIAL, source),
         posterior=_section(content, "posterior", POSTERIOR, source),
     )
@@ -185,6 +189,8 @@ def _target(name, given, source):
     for text in ("unit", "definition"):
         if text in given:
             _text(given[text], source, f"{key}.{text}")
+    if "noise_sd" in given:
+        _number(given["noise_sd"], source, f"{key}.noise_sd", 1e-9 * abs(value), largest)
     unit = given.get("unit", "")
     return Target(
         Response(name, unit, name, name, "own", -math.inf), value, sd, repetitions, low, high, value

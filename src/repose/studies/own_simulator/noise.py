@@ -1,0 +1,132 @@
+"""The noise of a single run of the user's simulator: of replicates, as told, or as far as single runs tell it.
+
+Without replicates only the scatter about a smooth surface is left: a Gaussian process whose errors have one unknown
+variance, the nugget (Rasmussen & Williams 2006, section 2.2). A rough surface without noise fits few runs as well as
+a smooth one with noise. So the variance is averaged over what the runs do not tell apart.
+"""
+
+import warnings
+from typing import NamedTuple
+
+import numpy as np
+
+from repose.core.errors import InputError
+from repose.strategies.sequential.kriging import Observed
+from repose.studies.own_simulator.study import OwnStudy
+
+REPLICATES, TOLD, ESTIMATED = "replicates", "noise_sd", "estimated from single runs"
+RUNS_PER_PARAMETER = 4  # single runs at least, for an estimate
+SHARES = np.geomspace(
+    1e-4, 1.0, 9
+)  # of the variance over the runs that may be noise, each as probable before
+LENGTHS = (0.3, 30.0)  # of the surface, in ranges of a parameter: shorter waves cannot be told from noise
+
+
+class Noise(NamedTuple):
+    """The noise of a single run.
+
+    Attributes
+    ----------
+    covariance : numpy.ndarray, (k, k)
+        Of the responses about their means.
+    sources : dict of str
+        For each response `REPLICATES`, `TOLD` or `ESTIMATED`.
+    """
+
+    covariance: np.ndarray
+    sources: dict[str, str]
+
+    @property
+    def warning(self) -> str | None:
+        """What the lack of replicates costs, in words; None where there are enough."""
+        told = [
+            f"{name} {sd:.2g} ({source})"
+            for (name, source), sd in zip(
+                self.sources.items(), np.sqrt(np.diagonal(self.covariance)), strict=True
+            )
+        ]
+        if REPLICATES in self.sources.values():
+            return None
+        return (
+            "too few replicates to tell the noise of a run; taken as standard deviations: "
+            f"{', '.join(told)}. Intervals and probabilities are as good as these "
+            "numbers, and the noise of two responses is taken as independent. "
+            "Simulate some parameter sets twice, or give targets.NAME.noise_sd."
+        )
+
+
+def noise_of(study: OwnStudy, observed: Observed, source: object = "runs") -> Noise:
+    """The noise of a single run.
+
+    Parameters
+    ----------
+    study : OwnStudy
+    observed : Observed
+        Samples with a good run.
+    source : object, optional
+        Where the runs stand, for the error.
+
+    Returns
+    -------
+    Noise
+
+    Raises
+    ------
+    InputError
+        If the replicates are all alike, or neither they nor `noise_sd` nor enough single runs tell it.
+    """
+    names = study.targets.names
+    if observed.freedom > len(names):
+        try:
+            return Noise(observed.noise(), dict.fromkeys(names, REPLICATES))
+        except ValueError as error:
+            raise InputError(source, "replicates", str(error), "runs with other random numbers") from None
+    fewest = RUNS_PER_PARAMETER * study.space.dimensions
+    if set(names) - set(study.noise_sd) and len(observed.unit) < fewest:
+        allowed = (
+            f"at least {len(names) + 1}: replicates, rows with the same parameters, tell the noise; or "
+            f"targets.NAME.noise_sd for each response; or at least {fewest} samples, for an estimate of it"
+        )
+        raise InputError(source, "runs beyond the first of a sample", observed.freedom, allowed)
+    sources = {name: TOLD if name in study.noise_sd else ESTIMATED for name in names}
+    variances = [
+        study.noise_sd[name] ** 2
+        if name in study.noise_sd
+        else nugget(observed.unit, observed.means[:, k], 1.0 / observed.counts)
+        for k, name in enumerate(names)
+    ]
+    return Noise(np.diag(variances), sources)
+
+
+def nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
+    """Variance of a single run about a smooth surface.
+
+    Parameters
+    ----------
+    unit : numpy.ndarray, (n, d)
+        Samples in the unit cube.
+    means : numpy.ndarray, (n,)
+        Mean of each.
+    shares : numpy.ndarray, (n,)
+        Variance of that mean, in variances of a single run.
+
+    Returns
+    -------
+    float
+        Its mean over `SHARES` of the variance of the means, weighted with the evidence of each.
+    """
+    from sklearn.gaussian_process import GaussianProcessRegressor
+    from sklearn.gaussian_process.kernels import ConstantKernel, Matern
+
+    scale = max(float(means.std()), 1e-9 * float(np.abs(means).max()), 1e-300)
+    value = (means - means.mean()) / scale
+    lengths = np.ones(unit.shape[1])
+    kernel = ConstantKernel(1.0, (1e-3, 1e3)) * Matern(lengths, LENGTHS, nu=2.5)
+    evidence = []
+    with warnings.catch_warnings():  # a length at its bound is a parameter without effect
+        warnings.simplefilter("ignore")
+        for share in SHARES:
+            model = GaussianProcessRegressor(kernel, alpha=share * shares).fit(unit, value)
+            evidence.append(model.log_marginal_likelihood_value_)
+    weights = np.exp(np.array(evidence) - max(evidence))
+    return float(weights @ SHARES / weights.sum()) * scale**2
