@@ -45,5 +45,5 @@ def test_published_solutions_count_where_they_have_a_target(tmp_path):
     assert published_count(path, (angle,)) == 0
     assert published_count(None, (height,)) == 0
     path.write_text("solution,e_gg\n")
-    with pytest.raises(InputError, match=r"table4\.csv: mus_gg is None"):
+    with pytest.raises(InputError, match=r"table4\.csv: column mus_gg is 'missing'"):
         published_count(path, (height,))
