@@ -134,7 +134,10 @@ def test_check_tells_the_number_of_pours(capsys):
         (["--seeds", "0"], ["--seeds is 0"]),
         (["--sample", "3"], ["--sample is 3", "together with --samples"]),
         (["--samples", "nowhere.csv", "--sample", "1"], ["nowhere.csv"]),
-        (["--samples", "resources/berries.csv", "--sample", "1"], ["berries.csv: column sample is 'missing'"]),
+        (
+            ["--samples", "resources/berries.csv", "--sample", "1"],
+            ["berries.csv: column sample is 'missing'"],
+        ),
         (["--trajectory", "0"], ["--trajectory is 0.0"]),
         (["--particle", "nowhere.json"], ["nowhere.json"]),
         (["--berry", "nowhere.json"], ["nowhere.json"]),
