@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from repose.__main__ import main
-from repose.cli import EVERYDAY, FAMILIES, VERBS, parser
+from repose.cli import EVERYDAY, FAMILIES, VERBS, checking, parser
 from repose.core.parameters import PARAMETERS
 from repose.dem.kernels.engine import advance
 from repose.measure.angles import MEAN_KEYS
@@ -262,6 +262,17 @@ def test_a_locale_without_a_letter_does_not_end_a_verb(monkeypatch):
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(printed, encoding="ascii"))
     assert main(["provenance", "a_file"]) == 0
     assert printed.getvalue() == rb"1 \xb1 0.1 \xb5m" + b"\n"
+
+
+@pytest.mark.parametrize(
+    ("sd", "piles", "warned"), [(0, 10, "sd is 0"), (1.0, 2, "repetitions is 2"), (1.0, 3, None)]
+)
+def test_check_warns_of_piles_that_tell_no_scatter(sd, piles, warned):
+    target = {"response": "aor_deg", "apparatus": "funnel", "sd": sd, "repetitions": piles}
+    lines = list(checking._about_the_targets({"targets": [target]}))
+    assert len(lines) == (warned is not None)
+    if warned:
+        assert f"aor_deg: WARNING: {warned}" in lines[0]
 
 
 @pytest.mark.parametrize(

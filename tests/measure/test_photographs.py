@@ -167,6 +167,21 @@ def test_the_mean_of_several_is_a_target_that_a_study_reads(tmp_path, capsys):
     assert (config["measure"]["response"], config["measure"]["berry_height_mm"]) == ("flank", 8)
 
 
+def test_one_photograph_tells_no_scatter(tmp_path, capsys):
+    photograph(tmp_path / "p.png", PILE)
+    record, _ = measured(capsys, tmp_path / "p.png", "--mm-per-pixel", "0.4", "--grain-mm", "8")
+    assert {row["sd"] for row in record["summary"]} == {None}
+    with pytest.raises(InputError) as refused:
+        loader.load(ROOT / "config/quick.yaml", tmp_path / "out/targets.yaml")
+    for key in ("targets.0.sd is null", "targets.0.range is [null, null]", "targets.1.sd is null"):
+        assert key in str(refused.value)
+    words = ["measure", str(tmp_path / "p.png"), "--mm-per-pixel", "0.4", "--out", str(tmp_path / "again")]
+    assert main(words) == 0
+    told = capsys.readouterr().out
+    assert "one pile tells no scatter" in told
+    assert "mm, not known, 1" in told
+
+
 def test_a_photograph_of_many_pixels_is_reduced(tmp_path, capsys):
     picture = np.full((3000, 6000), 220, np.uint8)
     cv2.fillPoly(picture, [10 * np.array(PILE)], 40)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 # Volumes of particle and mesh that differ by less are the same to a pile.
 LARGEST_VOLUME_CHANGE = 0.05
+FEWEST_PILES = 3  # a standard deviation of fewer is a guess
 TICK_S = 1.0
 FAR = 1.5  # a time step that could be so much longer is worth a word
 
@@ -44,7 +45,7 @@ def check(args: argparse.Namespace) -> None:
     numbers = [f"{one.key} {get(config, one.key)}" for one in computed.asked(loader.unchecked(args.config))]
     if numbers:
         print(f"computed, since they are auto or not given: {', '.join(numbers)}")
-    for line in _about_the_grain(config, berry, particle):
+    for line in (*_about_the_grain(config, berry, particle), *_about_the_targets(config)):
         print(line)
     measured = _berry_step_s(config, berry, particle)
     work = cost.work(config, measured, strategies.pours(config))
@@ -102,6 +103,22 @@ def about_step(step_s: float, limit: "Limit") -> str:
         f"; with {advised:g} a run takes {step_s / advised:.2g} of the time" if advised > FAR * step_s else ""
     )
     return f"time step: simulation.time_step_s is {step_s:g} s, {limit.allowed}{saved}"
+
+
+def _about_the_targets(config) -> Iterator[str]:
+    """Warnings of measurements that cannot tell their scatter."""
+    for one in config["targets"]:
+        name, piles = one["response"], one["repetitions"]
+        if piles < FEWEST_PILES:
+            yield (
+                f"{name}: WARNING: repetitions is {piles}; fewer than {FEWEST_PILES} hardly tell how piles scatter, "
+                "and all intervals stand on that: measure more piles"
+            )
+        if one["sd"] == 0:
+            yield (
+                f"{name}: WARNING: sd is 0, as if every pile were the same; the intervals are too narrow: give the "
+                "standard deviation of the measured piles"
+            )
 
 
 @family.verb(

@@ -95,7 +95,8 @@ def targets(made: Tables, how: MeasureSettings) -> str:
 
     Notes
     -----
-    The range is the mean and its standard error to each side, at least 1 % of the mean.
+    The range is the mean and its standard error to each side, at least 1 % of the mean. One pile tells no scatter: its
+    standard deviation and range are null, and a study that takes them is refused until somebody fills them in.
     """
     grain = "" if how.berry_height_mm is None else f", berry_height_mm: {how.berry_height_mm:.6g}"
     lines = [
@@ -105,13 +106,16 @@ def targets(made: Tables, how: MeasureSettings) -> str:
     lines.append("targets:")
     for row in made.summary[made.summary["response"].isin(MEANT)].itertuples():
         reach = max(row.sd / math.sqrt(row.repetitions), 0.01 * row.value)
+        single = math.isnan(row.sd)
         lines += [
             f"  - response: {row.response}",
             "    apparatus: funnel",
             f"    value: {row.value:.3f}",
-            f"    sd: {row.sd:.3f}",
+            "    sd: null # one pile tells no scatter" if single else f"    sd: {row.sd:.3f}",
             f"    repetitions: {row.repetitions}",
-            f"    range: [{row.value - reach:.3f}, {row.value + reach:.3f}]",
+            "    range: [null, null] # what counts as met"
+            if single
+            else f"    range: [{row.value - reach:.3f}, {row.value + reach:.3f}]",
         ]
     return "\n".join(lines) + "\n"
 
@@ -168,10 +172,15 @@ def told(found: Sequence[Photograph], made: Tables, how: MeasureSettings, out: P
     for name, column, unit in rows:
         if column in by_name.index:
             row = by_name.loc[column]
+            sd = "not known" if math.isnan(row.sd) else f"{row.sd:.2f}"
             mark = "  <- angle of repose" if name == how.response else ""
-            lines.append(f"{name:>10}: {row.value:.2f} {unit}, {row.sd:.2f}, {row.repetitions:.0f}{mark}")
+            lines.append(f"{name:>10}: {row.value:.2f} {unit}, {sd}, {row.repetitions:.0f}{mark}")
     grain = "not known" if how.berry_height_mm is None else f"{how.berry_height_mm:.2f} mm"
     lines.append(f"height of a grain: {grain}")
+    if made.summary["sd"].isna().any():
+        lines.append(
+            "one pile tells no scatter: photograph more piles, or fill in sd and range in targets.yaml yourself"
+        )
     lines += sorted({f"note: {one.note}" for one in found if one.note})
     lines.append(f"look at the overlays in {out}; the targets of a study: {out / 'targets.yaml'}")
     return "\n".join(lines)

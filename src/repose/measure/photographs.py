@@ -373,7 +373,7 @@ def _stated_focal(path, long_side):
 
 
 def mean_of(values: Sequence[float]) -> tuple[float, float, int]:
-    """Mean, standard deviation of one (n - 1) and number; the deviation of a single one is 0.
+    """Mean, standard deviation of one (n - 1) and number; the deviation of a single one is unknown, NaN.
 
     Parameters
     ----------
@@ -387,5 +387,9 @@ def mean_of(values: Sequence[float]) -> tuple[float, float, int]:
     """
     number = len(values)
     mean = math.fsum(values) / number
-    sd = math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (number - 1)) if number > 1 else 0.0
+    sd = (
+        math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (number - 1))
+        if number > 1
+        else math.nan
+    )
     return mean, sd, number
