@@ -268,19 +268,6 @@ def test_seeds_are_stable_distinct_and_fresh_for_validation():
     assert pour_seeds(2026, "drum", 1, 2, "drum") == pour_seeds(2026, "drum", 1, 2)
 
 
-def test_work_counts_every_pour(config):
-    work = cost.work(config)
-    solutions = (("representative", 1, 32), ("validation", 5, 16), ("published", 6, 16))
-    assert work["pours"] == (("design", 150, 6), *solutions)
-    config["simulation"]["time_step_s"] /= 2
-    assert cost.work(config)["total_s"] > 1.7 * work["total_s"]
-    config["simulation"]["time_step_s"] *= 2
-    slip = {"response": "drum_slip_deg", "apparatus": "drum", "value": 40, "sd": 1, "repetitions": 3}
-    config["targets"].append(slip | {"range": [35, 45]})
-    runs = (150 + 1 + 5 + 6) * config["drum"]["seeds"]
-    assert cost.work(config)["total_s"] > work["total_s"] + runs * cost.run_s(config, "drum")
-
-
 def test_the_effective_model_is_the_reference_of_no_berry():
     """What matched.yaml changes is a cell of the shape study."""
     config = loader.resolve([*places.configs(), "config/matched.yaml"])
