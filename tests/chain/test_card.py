@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from repose.chain import answer, card, card_words
+from repose.chain.chance import PERCENT
 from repose.cli import main
 from repose.config import loader
 from repose.config.definitions import described
@@ -41,15 +42,15 @@ def solutions():
     return table
 
 
-def made(config, solutions, posterior=None, simulated=66.0):
+def made(config, solutions, posterior=None, simulated=66.0, runs=32, within=0.5):
     """The card of a study with an answer of its own."""
     target = config["targets"][0]
     check = answer.Check(
-        *("height_mm", "mm", simulated, 0.4, 32, "ok"),
+        *("height_mm", "mm", simulated, 0.4, runs, "ok"),
         *(target["value"], target["sd"], *target["range"]),
     )
     values = dict.fromkeys(PARAMETERS, 0.3)
-    found = answer.Answer("wheat", values, True, "", (check,), Path("results"), {1.0: 0.25, 2.0: None})
+    found = answer.Answer("wheat", values, True, "", (check,), Path("results"), {1.0: 0.25, 2.0: within})
     berry = read_berry(STUDY / "berry/berry.json")
     particle = Particle.of_record(record_of_an_ellipsoid())
     return card.make(config, found, berry, particle, solutions, posterior)
@@ -153,6 +154,34 @@ def test_a_card_that_is_none_is_refused_with_every_fault(config, solutions):
     assert "'laws' is a required property" in str(caught.value)
 
 
+def test_a_card_tells_how_near_it_is_wherever_its_runs_tell_it(config, solutions):
+    card.check(made(config, solutions, runs=1, within=None), "card")
+    with pytest.raises(InputError, match=r"mine: within\.2 % is None; allowed: .* as each test has 2 runs"):
+        card.check(made(config, solutions, runs=2, within=None), "mine")
+
+
+CARDS = sorted([*(ROOT / "results/published").rglob("card.json"), *(ROOT / "crops/cards").glob("*.json")])
+
+
+@pytest.mark.parametrize("path", CARDS, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_a_published_card_is_whole(path):
+    """Every published test was run more than once, so each card tells how near its piles are to the targets."""
+    found = card.read(path)
+    assert all(test["runs"] >= 2 for test in found["tests"])
+    assert None not in found["within"].values()
+    assert found["within"].keys() == {f"{percent:g} %" for percent in PERCENT}
+
+
+def test_a_check_of_before_the_probabilities_is_refused(monkeypatch, tmp_path, capsys):
+    """It once made a published card that knew nothing, beside a report that knew it."""
+    monkeypatch.chdir(ROOT)
+    table = pd.read_csv(STUDY / "validation/representative.csv")
+    table.drop(columns=["within_1_percent", "within_2_percent"]).to_csv(tmp_path / "old.csv", index=False)
+    config = loader.load("config/config.yaml")
+    with pytest.raises(InputError, match=r"old\.csv: column within_1_percent is 'missing'"):
+        answer.read_files(config, STUDY / "miga/summary.json", tmp_path / "old.csv")
+
+
 def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, capsys):
     one = made(config, solutions)
     config["simulation"]["tension"] = "keep"
@@ -175,13 +204,15 @@ def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, c
 
 
 def test_a_card_in_words_tells_answer_and_tests(config, solutions, tmp_path, capsys):
-    (tmp_path / "card.json").write_text(json.dumps(made(config, solutions, simulated=80.0)))
+    (tmp_path / "card.json").write_text(
+        json.dumps(made(config, solutions, simulated=80.0, runs=1, within=None))
+    )
     assert main(["card", "show", str(tmp_path / "card.json")]) == 0
     text = capsys.readouterr().out
     assert "wheat; targets NOT met" in text
     assert "mus_gg, mur_gg -1.00" in text
     assert "all within 1 %: probability 0.25" in text
-    assert "all within 2 %: probability unknown" in text
+    assert "all within 2 %: probability not known, as it takes two good runs of each bench test" in text
     assert "fixed" in text
     assert "definition: Height; views 18, mm_per_pixel 0.25, largest_pile_only yes" in text
     assert "funnel: berries 500, rate_per_s 30" in text

@@ -52,7 +52,8 @@ FILES = {
 }
 CARD = "card.json"
 WITHIN = {percent: f"within_{percent:g}_percent" for percent in PERCENT}
-COLUMNS = ("response", "simulated", "simulated_se", "n_seeds", "status")
+# A table of before these probabilities lacks their columns, and an answer out of it would say that nothing is known.
+COLUMNS = ("response", "simulated", "simulated_se", "n_seeds", "status", *WITHIN.values())
 REPORT = "report.html"
 # Exit status of a run that ended without a feasible solution.
 NOT_FEASIBLE = 3

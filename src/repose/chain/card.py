@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 SCHEMA_PATH = Path(__file__).with_name("card.schema.json")
 POSTERIOR, RANGE = "central 95 % of the posterior", "range of the parameter sets found"
 WHAT = "a material card"
+OK, FEWEST_RUNS = (
+    "ok",
+    2,
+)  # good runs of each bench test that tell how probable it is that the targets are met
 GRAIN = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "poisson_ratio")
 WALL = ("shear_modulus_pa", "poisson_ratio")
 TENSION = {
@@ -299,7 +303,7 @@ def _validator():
 
 
 def check(card: Mapping[str, Any], source: object) -> None:
-    """Refuse what is no card.
+    """Refuse what is no card, and one that does not tell what its runs tell.
 
     Parameters
     ----------
@@ -322,6 +326,11 @@ def check(card: Mapping[str, Any], source: object) -> None:
         )
         for error in faults
     )
+    runs = min(test["runs"] if test["status"] == OK else 0 for test in card["tests"])
+    unknown = [percent for percent, chance in card["within"].items() if chance is None]
+    if unknown and runs >= FEWEST_RUNS:
+        allowed = f"{WHAT}: a probability, as each test has {FEWEST_RUNS} runs or more"
+        raise InputError(source, f"within.{unknown[0]}", None, allowed)
 
 
 def read(path: str | PathLike) -> dict[str, Any]:

@@ -31,10 +31,7 @@ def in_words(card: Mapping[str, Any]) -> str:
             + ("; ".join(f"{a}, {b} {value:+.2f}" for value, a, b in strong) or "none"),
             "tests:",
             *(f"  {line}" for test in card["tests"] for line in _test_in_words(test)),
-            *(
-                f"  all within {key}: probability {_chance(value)}"
-                for key, value in card.get("within", {}).items()
-            ),
+            *(f"  all within {key}: probability {_chance(value)}" for key, value in card["within"].items()),
             *(f"  {name}: {_settings(bench)}" for name, bench in _benches(card).items()),
             f"made by repose {made['version']}, commit {made['commit']}, configuration {made['configuration']}, "
             f"engine {made['engine']}, seed {made['seed']}",
@@ -186,7 +183,7 @@ def _benches(card):
 
 def _chance(value):
     """A probability."""
-    return "unknown" if value is None else f"{value:.2f}"
+    return "not known, as it takes two good runs of each bench test" if value is None else f"{value:.2f}"
 
 
 def _moduli(part):
