@@ -59,7 +59,7 @@ def case(rng, particles):
 
 
 def refused_by_check(config, particle, berry):
-    return [key for key, _ in checks._unstable(config, particle, berry)] == ["simulation.time_step_s"]
+    return [key for key, _ in checks.unstable(config, particle, berry)] == ["simulation.time_step_s"]
 
 
 def refused_by_pours(config, parameters, particle, berry):

@@ -259,7 +259,7 @@ def poured(number, default, mean, particles, seen):
         f"{key}: {allowed}" for key, allowed in (*test.contradictions(config), *test.misfits(config, axes))
     ]
     faults += [
-        f"{key}: {allowed}" for key, allowed in checks._unstable(of_one(config, parameters), particle, berry)
+        f"{key}: {allowed}" for key, allowed in checks.unstable(of_one(config, parameters), particle, berry)
     ]
     if faults:
         return row | {"status": "refused", "reason": "; ".join(faults)}

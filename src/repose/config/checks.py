@@ -1,6 +1,6 @@
 """Checks of a configuration: all that is wrong with it, or with the files that it names, is told at once."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -116,6 +116,29 @@ def complete(config: dict[str, Any], source: str | Origin, inputs: bool = True) 
     return checks.config
 
 
+def unstable(
+    config: Mapping[str, Any], particle: "Particle", mean: Mapping[str, Any]
+) -> Iterator[tuple[str, str]]:
+    """A time step that the engine would refuse.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+    particle : Particle
+    mean : mapping
+        What the verb ``berry`` writes.
+
+    Yields
+    ------
+    tuple of (str, str)
+        Dotted key, and what is allowed.
+    """
+    limit = computed.longest_step(config, particle, mean)
+    if SimulationSettings.of(config).time_step_s > limit.time_step_s:
+        yield "simulation.time_step_s", limit.allowed
+
+
 class _Checks:
     """The faults of a configuration. A check is made where what it reads is known, and nothing is wrong with it."""
 
@@ -200,9 +223,7 @@ class _Checks:
                 if self.may_read(test.name):
                     self.add(test.misfits(self.config, computed.axes_mm(self.mean)))
         if self.mean is not None and self.particle is not None and self.may_read(*STEP):
-            limit = computed.longest_step(self.config, self.particle, self.mean)
-            if SimulationSettings.of(self.config).time_step_s > limit.time_step_s:
-                self.add([("simulation.time_step_s", limit.allowed)])
+            self.add(unstable(self.config, self.particle, self.mean))
 
 
 def _overlap(key, other):
