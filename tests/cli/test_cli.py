@@ -209,7 +209,7 @@ def test_heap_takes_a_row_of_a_table_and_the_studys_seeds(short_config, tmp_path
 
 
 def test_measure_prints_the_angles_of_a_drawn_pile_and_writes_the_overlay(tmp_path, capsys):
-    picture = np.full((400, 900), 230, np.uint8)
+    picture = np.full((420, 900), 230, np.uint8)
     height = 200
     half = round(height / np.tan(np.radians(30)))
     triangle = np.array([[450 - half, 399], [450 + half, 399], [450, 399 - height]])
