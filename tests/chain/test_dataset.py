@@ -126,7 +126,7 @@ def test_bad_tables_of_samples_are_named(study):
     folder, paths = study
     samples = pd.read_csv(folder / "samples.csv")
     samples.drop(columns="mur_gp").to_csv(folder / "short.csv", index=False)
-    with pytest.raises(InputError, match=r"short.csv: mur_gp"):
+    with pytest.raises(InputError, match=r"short.csv: column mur_gp"):
         write(folder / "short.csv", paths, folder)
     pd.concat([samples, samples]).to_csv(folder / "twice.csv", index=False)
     with pytest.raises(InputError, match=r"twice.csv: sample is 1; allowed: each sample once"):

@@ -163,7 +163,7 @@ def test_a_target_outside_its_box_and_a_bad_table_are_named(tmp_path):
     with pytest.raises(InputError, match=r"aor_deg is 40.*\[29.0, 32.0\]"):
         invert.run(network_json, SPACE, targets(40), SETTINGS, table3, tmp_path)
     table3.write_text("variable,low\n")
-    with pytest.raises(InputError, match=r"table3.csv: parameter"):
+    with pytest.raises(InputError, match=r"table3.csv: column parameter"):
         invert.run(network_json, SPACE, TARGETS, SETTINGS, table3, tmp_path)
 
 

@@ -127,7 +127,7 @@ def test_too_few_samples_and_missing_columns_are_named(tmp_path):
     with pytest.raises(InputError, match=r"usable samples is 11; allowed: at least 12"):
         train.run(*paths, TARGETS, SETTINGS, tmp_path)
     pd.read_csv(paths[0]).drop(columns="mus_gp").to_csv(paths[0], index=False)
-    with pytest.raises(InputError, match=r"dataset.csv: mus_gp"):
+    with pytest.raises(InputError, match=r"dataset.csv: column mus_gp"):
         train.run(*paths, TARGETS, SETTINGS, tmp_path)
 
 

@@ -182,7 +182,7 @@ def test_the_lines_of_the_overlay_are_those_of_the_response(saved):
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("008.pours.json", None, "008.pours.json: content"),
+        ("008.pours.json", None, "008.pours.json: file is "),
         ("007.json", "{}", "007.json: pours is None"),
         ("009.pours.json", '{"pours": []}', r"009.pours.json: pours is \[\]"),
         ("009.pours.json", '{"pours": [{"seed": 1, "status": "fine"}]}', "status is 'fine'"),
