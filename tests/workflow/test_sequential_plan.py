@@ -27,10 +27,10 @@ def poured(folder, table, section, targets, seed):
     every = table.loc[table.index.repeat(section["seeds"])].reset_index(drop=True)
     runs = every[["sample"]].assign(seed=np.arange(len(every)), status="ok")
     runs[list(targets.names)] = responses(every, 4.0, seed)
-    means = runs.groupby("sample")[list(targets.names)].mean().to_numpy()
+    of_sample = runs.groupby("sample")[list(targets.names)]
     data = table.assign(status="ok", reason="", n_seeds=section["seeds"])
-    data[list(targets.names)] = means
-    data[list(targets.errors)] = 0.1
+    data[list(targets.names)] = of_sample.mean().to_numpy()
+    data[list(targets.errors)] = of_sample.sem().to_numpy()
     data.to_csv(folder / "dataset.csv", index=False)
     runs.to_csv(folder / "runs.csv", index=False)
     (folder / "dataset_summary.json").write_text("{}")
