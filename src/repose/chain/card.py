@@ -28,10 +28,8 @@ if TYPE_CHECKING:
 SCHEMA_PATH = Path(__file__).with_name("card.schema.json")
 POSTERIOR, RANGE = "central 95 % of the posterior", "range of the parameter sets found"
 WHAT = "a material card"
-OK, FEWEST_RUNS = (
-    "ok",
-    2,
-)  # good runs of each bench test that tell how probable it is that the targets are met
+OK = "ok"
+FEWEST_RUNS = 2  # good ones of each bench test, to tell how probable it is that the targets are met
 GRAIN = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "poisson_ratio")
 WALL = ("shear_modulus_pa", "poisson_ratio")
 TENSION = {

@@ -14,9 +14,8 @@ from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS, check_value
 from repose.core.targets import Targets
 
-AGREEMENT = (
-    1e-6  # of a mean, or a standard error, with that of its runs: relative, and absolute where it is below 1
-)
+# Of a mean, or a standard error, with that of its runs: relative, and absolute where it is below 1.
+AGREEMENT = 1e-6
 
 
 def read_dataset(dataset_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
