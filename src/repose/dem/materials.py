@@ -47,6 +47,10 @@ class Contact:
         Coefficient mu_s of Coulomb's limit, 0 or more.
     rolling_friction : float
         Coefficient mu_r of the rolling resistance, 0 or more.
+    twisting_friction : float, optional
+        Coefficient of the resistance against spin about the normal, 0 or more: the torque is at most this, times the
+        normal force, times the radius of the contact circle. By default 3 pi / 16 mu_s, that of a Hertz contact whose
+        whole circle slides (Johnson 1985, section 7.2). Only laws that tell this spin from rolling use it.
 
     Raises
     ------
@@ -57,11 +61,14 @@ class Contact:
     restitution: float
     static_friction: float
     rolling_friction: float
+    twisting_friction: float | None = None
 
     def __post_init__(self):
         number("restitution", self.restitution, "above 0, at most 1", lambda e: 0.0 < e <= 1.0)
         not_negative("static_friction", self.static_friction)
         not_negative("rolling_friction", self.rolling_friction)
+        if self.twisting_friction is not None:
+            not_negative("twisting_friction", self.twisting_friction)
 
 
 def effective_moduli(a: Material, b: Material) -> tuple[float, float]:

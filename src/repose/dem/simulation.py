@@ -18,7 +18,7 @@ from .kernels import features, parallel
 from .kernels import state as st
 from .kernels import tile as tl
 from .kernels.body_tile import TILE_ROWS
-from .laws import CONTACT_LAWS, FRICTION_LIMITS, ROLLING_LAWS, TENSIONS
+from .laws import CONTACT_LAWS, COULOMB, FRICTION_LIMITS, ROLLING_LAWS, TENSIONS
 from .materials import Contact, Material
 from .mesh_wall import Mesh
 from .motion import Motion
@@ -57,13 +57,16 @@ class Simulation(Observables):
         the restitution asked for. "release" ends the contact when the force vanishes, with a damping that gives the
         restitution asked for all the same. "cut" ends it too and keeps the damping of "keep", so that bodies leave
         faster than asked for.
-    friction_limit : {"elastic", "total"}
+    friction_limit : {"elastic", "total"}, optional
         Which normal force limits friction and rolling resistance: its elastic part, or the size of all of it, damping
-        included. A sliding impact gives a tangential impulse of mu (1 + e) m V with "elastic" where the contact may
-        pull, and with "total" where it may not.
+        included. By default "elastic" where the contact may pull and "total" where it may not: only these pairs obey
+        Coulomb's law, by which a sliding impact has a tangential impulse of mu (1 + e) m V. The others are for
+        comparisons with programs that have them.
     contact_law, rolling_law : str
         Names of force laws, see `repose.dem.laws`. "budget" resists each body's angular velocity in space by
-        mu_r F_n R, R the distance of the contact from the centre of mass; so angular momentum is not kept.
+        mu_r F_n R, R the distance of the contact from the centre of mass, spin about the normal included; so angular
+        momentum is not kept, and where walls turn `rolling_frame_rad_s` must be set. "epsd" resists the rotation of
+        one body against the other and keeps it.
     largest_scale : float
         The largest scale that `add` will be given.
     threads : int
@@ -95,7 +98,7 @@ class Simulation(Observables):
         walls: Mapping[str, Wall] | None = None,
         gravity_m_s2: ArrayLike = (0.0, 0.0, -9.81),
         tension: str = "keep",
-        friction_limit: str = "elastic",
+        friction_limit: str | None = None,
         contact_law: str = "hertz_mindlin",
         rolling_law: str = "budget",
         largest_scale: float = 1.0,
@@ -126,7 +129,7 @@ class Simulation(Observables):
         parts = 0 if self._of_clumps else max(len(shape.semi_axes_m) for shape in self.shapes.values())
         self._make_arrays(parts)
         several = len(self._numbers.of_bodies) > 1
-        laws = self.contact_law, self.rolling_law, tension, friction_limit
+        laws = self.contact_law, self.rolling_law, tension, self.friction_limit
         self.physics = st.Physics(
             parts=parts,
             gravity=vector("gravity_m_s2", gravity_m_s2),
@@ -141,9 +144,13 @@ class Simulation(Observables):
         )
         self.threads = threads
 
-    def _choose_laws(self, contact_law: str, rolling_law: str, tension: str, friction_limit: str) -> None:
+    def _choose_laws(
+        self, contact_law: str, rolling_law: str, tension: str, friction_limit: str | None
+    ) -> None:
         """Keep the force laws of these names and their options, or ValueError."""
         chosen("tension", tension, TENSIONS)
+        if friction_limit is None:
+            friction_limit = COULOMB[tension]
         chosen("friction_limit", friction_limit, FRICTION_LIMITS)
         self.tension, self.friction_limit = tension, friction_limit
         self.contact_law = chosen("contact_law", contact_law, CONTACT_LAWS)

@@ -7,6 +7,7 @@ from repose.core.errors import InputError
 
 from . import (
     convergence,
+    coulomb,
     energy,
     impacts,
     oblique,
@@ -29,6 +30,8 @@ CASES = {
     "chung6": spinning.plane_spins,
     "chung7": spinning.equal_spheres,
     "chung8": spinning.unequal_spheres,
+    "coulomb": coulomb.sliding_hits,
+    "loop": coulomb.closed_loop,
     "rolling": rolling.slip_to_roll,
     "slope": rolling.coulomb_slope,
     "rest": resting.berry_at_rest,

@@ -1,6 +1,8 @@
 """What a case of the verification suite gives back: results beside references, and the data of one plot."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 CLOSED = "closed form"
 DIGITISED = "digitised, Chung & Ooi (2011)"
@@ -244,12 +246,20 @@ class Effort:
         Runs of each time step in the convergence case.
     pile : tuple or None
         What these runs need: configuration, particle, moduli; None for no runs.
+    laws : mapping
+        The force laws of every case: tension, contact_law and rolling_law of `repose.dem.Simulation`.
     """
 
     hits: int = 10_000
     berries: int = 400
     seeds: int = 2
     pile: tuple | None = None
+    laws: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def tension(self) -> str:
+        """How a contact ends."""
+        return self.laws.get("tension", "keep")
 
 
 FULL = Effort()

@@ -24,7 +24,7 @@ SPHERE_M = 0.00667  # radius of a sphere of the berry's volume
 REFUSED = "refused by the simulator"
 
 
-def restitution_at(step_s: float) -> tuple[float, float]:
+def restitution_at(step_s: float, **laws: str) -> tuple[float, float]:
     """Restitution of two spheres of a berry's volume that meet at 1.4 m/s.
 
     The impact begins at `PHASES` places within a time step, evenly spread.
@@ -33,6 +33,8 @@ def restitution_at(step_s: float) -> tuple[float, float]:
     ----------
     step_s : float
         Time step in seconds.
+    **laws : str
+        Of the `Simulation`.
 
     Returns
     -------
@@ -46,7 +48,8 @@ def restitution_at(step_s: float) -> tuple[float, float]:
     """
     found = []
     for phase in np.arange(PHASES) / PHASES:
-        simulation = berry_simulation(Contact(ASKED, 0.0, 0.0), step_s, capacity=2, axes=(SPHERE_M,) * 3)
+        contact, axes = Contact(ASKED, 0.0, 0.0), (SPHERE_M,) * 3
+        simulation = berry_simulation(contact, step_s, capacity=2, axes=axes, **laws)
         simulation.add("berry", (-0.0068 - 0.7 * phase * step_s, 0.0, 0.0), velocity_m_s=(0.7, 0.0, 0.0))
         simulation.add("berry", (0.0068, 0.0, 0.0), velocity_m_s=(-0.7, 0.0, 0.0))
         simulation.run_steps(round(0.1 / step_s))
@@ -111,7 +114,7 @@ def time_steps(effort: Effort) -> Result:
     for step in TIME_STEPS_S:
         at = f"time step {step:.3g} s" + (" (recommended)" if step == RECOMMENDED_S else "")
         try:
-            bounces.append((step, *restitution_at(step)))
+            bounces.append((step, *restitution_at(step, **effort.laws)))
             rows.append(
                 reported(
                     f"{at}: restitution",

@@ -26,7 +26,7 @@ MUCH = 1.05  # a throw that gains more than this ratio is counted
 SPACING, LANE = 0.2, 12  # distance of isolated impacts [m] and how many of them lie in a row
 
 
-def cloud_momentum(_effort: Effort) -> Result:
+def cloud_momentum(effort: Effort) -> Result:
     """A cloud of 64 berries that fly together, collide and fly apart keeps its momentum and angular momentum.
 
     Returns
@@ -36,7 +36,7 @@ def cloud_momentum(_effort: Effort) -> Result:
     """
     rng = np.random.default_rng(5)
     simulation = berry_simulation(
-        Contact(0.4, 0.5, 0.0), 1e-4, capacity=64, lower=(-0.3, -0.3, -0.3), upper=(0.3, 0.3, 0.3)
+        Contact(0.4, 0.5, 0.0), 1e-4, capacity=64, lower=(-0.3, -0.3, -0.3), upper=(0.3, 0.3, 0.3), **effort.laws
     )
     axis = 0.03 * (np.arange(4) - 1.5)
     for x in axis:
@@ -104,7 +104,11 @@ def _ratios(simulation: Simulation, checks: int, steps: int) -> tuple[np.ndarray
 
 
 def pair_hits(
-    rng: np.random.Generator, contact: Contact, axes: tuple[float, float, float] = BERRY_M, step: float = STEP
+    rng: np.random.Generator,
+    contact: Contact,
+    axes: tuple[float, float, float] = BERRY_M,
+    step: float = STEP,
+    **laws: str,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Energy after collisions of isolated pairs of ellipsoids, over the energy before.
 
@@ -120,6 +124,8 @@ def pair_hits(
         Semi-axes in m.
     step : float, optional
         Time step in seconds.
+    **laws : str
+        Of the `Simulation`.
 
     Returns
     -------
@@ -137,6 +143,7 @@ def pair_hits(
         axes=axes,
         lower=(-SPACING, -SPACING, -SPACING),
         upper=(edge, edge, SPACING),
+        **laws,
     )
     for k in range(n):
         middle = SPACING * np.array([k // LANE, k % LANE, 0.0])
@@ -159,7 +166,9 @@ def pair_hits(
     return most[apart], ((energies[0::2] + energies[1::2]) / start)[apart]
 
 
-def funnel_hits(rng: np.random.Generator, contact: Contact, kind: str) -> tuple[np.ndarray, np.ndarray]:
+def funnel_hits(
+    rng: np.random.Generator, contact: Contact, kind: str, **laws: str
+) -> tuple[np.ndarray, np.ndarray]:
     """Energy of one berry thrown at a funnel from inside, over its energy before.
 
     Parameters
@@ -170,6 +179,8 @@ def funnel_hits(rng: np.random.Generator, contact: Contact, kind: str) -> tuple[
         Of the berry with the funnel.
     kind : str
         What it is thrown at: "cone", "rim" or "tube".
+    **laws : str
+        Of the `Simulation`.
 
     Returns
     -------
@@ -185,6 +196,7 @@ def funnel_hits(rng: np.random.Generator, contact: Contact, kind: str) -> tuple[
         upper=(0.1, 0.1, 0.3),
         exit_height_m=0.1,
         curved_walls_above_m=0.099,
+        **laws,
     )
     bottom = funnel.outlet_height_m + funnel.tube_length_m
     if kind == "cone":
@@ -196,7 +208,9 @@ def funnel_hits(rng: np.random.Generator, contact: Contact, kind: str) -> tuple[
     return _ratios(simulation, 10, 100)
 
 
-def shell_hits(rng: np.random.Generator, contact: Contact, _kind: str) -> tuple[np.ndarray, np.ndarray]:
+def shell_hits(
+    rng: np.random.Generator, contact: Contact, _kind: str, **laws: str
+) -> tuple[np.ndarray, np.ndarray]:
     """Energy of berries in a row along a drum, each thrown at the shell, over their energy before.
 
     Parameters
@@ -205,6 +219,8 @@ def shell_hits(rng: np.random.Generator, contact: Contact, _kind: str) -> tuple[
         Of places, orientations, velocities and spins.
     contact : Contact
         Of a berry with the shell.
+    **laws : str
+        Of the `Simulation`.
 
     Returns
     -------
@@ -220,6 +236,7 @@ def shell_hits(rng: np.random.Generator, contact: Contact, _kind: str) -> tuple[
         walls={"shell": Cylinder((-spacing, 0.0, 0.0), (1.0, 0.0, 0.0), length + spacing, radius, "wall")},
         lower=(-spacing, -radius, -radius),
         upper=(length, radius, radius),
+        **laws,
     )
     for k in range(n):
         place = np.array([k * spacing, *rng.uniform(-0.01, 0.01, 2)])
@@ -231,7 +248,7 @@ def shell_hits(rng: np.random.Generator, contact: Contact, _kind: str) -> tuple[
 
 
 KINDS = {
-    "pairs": lambda rng, contact, _kind: pair_hits(rng, contact),
+    "pairs": lambda rng, contact, _kind, **laws: pair_hits(rng, contact, **laws),
     "cone": funnel_hits,
     "rim": funnel_hits,
     "tube": funnel_hits,
@@ -259,7 +276,7 @@ def energy_of_hits(effort: Effort) -> Result:
         ends: list[np.ndarray] = []
         while sum(int(np.count_nonzero(end < HIT)) for end in ends) < effort.hits:
             contact = Contact(rng.uniform(0.1, 0.6), rng.uniform(0.2, 0.8), 0.0)
-            highest, last = throw(rng, contact, kind)
+            highest, last = throw(rng, contact, kind, **effort.laws)
             peaks.append(highest)
             ends.append(last)
         most, final = np.concatenate(peaks), np.concatenate(ends)
@@ -302,7 +319,7 @@ def elastic_impacts(effort: Effort) -> Result:
         rng = np.random.default_rng(17)
         final: list[np.ndarray] = []
         while sum(len(ratios) for ratios in final) < effort.hits:
-            final.append(pair_hits(rng, frictionless(), axes, step)[1])
+            final.append(pair_hits(rng, frictionless(), axes, step, **effort.laws)[1])
         change = 100.0 * (np.concatenate(final) - 1.0)
         if name == "spheres":
             worst = 0.01 * np.abs(change).max()
@@ -317,7 +334,7 @@ def elastic_impacts(effort: Effort) -> Result:
         curves.append(Curve(name, ordered, np.linspace(0.0, 1.0, len(ordered)), line=True))
     for kind in ("cone", "rim"):
         rng = np.random.default_rng([17, len(kind)])
-        ends = np.concatenate([funnel_hits(rng, frictionless(), kind)[1] for _ in range(effort.hits)])
+        ends = np.concatenate([funnel_hits(rng, frictionless(), kind, **effort.laws)[1] for _ in range(effort.hits)])
         gain, share = 100.0 * (ends.max() - 1.0), 100.0 * float(np.mean(ends > MUCH))
         rows.append(reported(f"berries at the {kind}: largest gain of energy", "%", gain, WALL_NOTE))
         rows.append(reported(f"berries at the {kind}: throws that gain more than 5 %", "%", share, WALL_NOTE))

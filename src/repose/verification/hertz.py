@@ -96,7 +96,9 @@ class Hertz:
         factor = 0.8 * math.sqrt(math.pi) * math.gamma(0.4) / math.gamma(0.9)
         return factor * self.overlap_m / self.speed
 
-    def history(self, restitution: float, count: int = 400) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def history(
+        self, restitution: float, count: int = 400, tension: str = "keep"
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The damped impact from its differential equation (Tsuji 1992).
 
         m* d2(delta)/dt2 = -F, F = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) b sqrt(S m*) d(delta)/dt, S = 2 E*
@@ -108,13 +110,15 @@ class Hertz:
             Of the contact, above 0 and at most 1.
         count : int, optional
             Number of times.
+        tension : {"keep", "release"}, optional
+            Whether the contact lasts until the overlap ends, or until the force vanishes.
 
         Returns
         -------
         time, overlap, force : numpy.ndarray, (count,)
             Seconds since the contact began, m, and the normal force in N.
         """
-        damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(restitution) * math.sqrt(15.0 / 8.0)
+        damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(restitution, tension) * math.sqrt(15.0 / 8.0)
 
         def force(x: np.ndarray, v: np.ndarray) -> np.ndarray:
             x = np.maximum(x, 0.0)
@@ -124,7 +128,8 @@ class Hertz:
             return state[1], -force(state[0], state[1])
 
         def leaves(_t: float, state: np.ndarray) -> float:
-            return state[0]
+            pressed = force(state[0], state[1]) if tension == "release" else 1.0
+            return min(state[0], pressed) if state[1] < 0.0 else 1.0
 
         leaves.terminal, leaves.direction = True, -1  # type: ignore[attr-defined]  # so scipy wants it
         found = solve_ivp(

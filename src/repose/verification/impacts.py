@@ -23,7 +23,7 @@ STILL = (0.0, 0.0, 0.0)
 
 
 def pair_history(
-    solid: Solid, radius_m: float, speed_m_s: float
+    solid: Solid, radius_m: float, speed_m_s: float, **laws: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Elastic impact of two equal spheres, head-on, each with half the speed of approach.
 
@@ -35,6 +35,8 @@ def pair_history(
         Of both spheres.
     speed_m_s : float
         Of approach.
+    **laws : str
+        Of the `Simulation`.
 
     Returns
     -------
@@ -52,6 +54,7 @@ def pair_history(
         ((half, 0.0, 0.0), (-half, 0.0, 0.0)),
         (STILL, STILL),
         step,
+        **laws,
     )
     mass = solid.sphere_mass(radius_m)
     return _history(
@@ -67,7 +70,7 @@ def pair_history(
 
 
 def plane_history(
-    solid: Solid, radius_m: float, speed_m_s: float, restitution: float = 1.0
+    solid: Solid, radius_m: float, speed_m_s: float, restitution: float = 1.0, **laws: str
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Impact of a sphere on a rigid plane, along its normal and without friction.
 
@@ -81,13 +84,17 @@ def plane_history(
         Of approach.
     restitution : float, optional
         Of the contact.
+    **laws : str
+        Of the `Simulation`.
 
     Returns
     -------
     time, overlap, force : numpy.ndarray, (steps,)
         Seconds since the contact began, m, and the normal force in N, at the time steps in contact.
     """
-    simulation, steps = sphere_over_plane(solid, radius_m, frictionless(restitution), (0.0, 0.0, -speed_m_s))
+    simulation, steps = sphere_over_plane(
+        solid, radius_m, frictionless(restitution), (0.0, 0.0, -speed_m_s), **laws
+    )
     step = hertz_on_plane(solid, radius_m, speed_m_s).duration_s / STEPS_PER_CONTACT
     return _history(
         simulation,
@@ -171,7 +178,7 @@ def _elastic(title: str, compared: str, cases: Sequence[tuple], published: Mappi
     return Result(title, compared, rows, panels)
 
 
-def two_spheres(_effort: Effort) -> Result:
+def two_spheres(effort: Effort) -> Result:
     """Test 1: two equal spheres of radius 10 mm, head-on at 10 m/s each, elastic.
 
     Returns
@@ -185,7 +192,7 @@ def two_spheres(_effort: Effort) -> Result:
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 1.
     """
     cases = [
-        (solid, hertz_of_pair(solid, 0.01, 20.0), pair_history(solid, 0.01, 20.0))
+        (solid, hertz_of_pair(solid, 0.01, 20.0), pair_history(solid, 0.01, 20.0, **effort.laws))
         for solid in (GLASS, LIMESTONE)
     ]
     return _elastic(
@@ -196,7 +203,7 @@ def two_spheres(_effort: Effort) -> Result:
     )
 
 
-def sphere_on_plane(_effort: Effort) -> Result:
+def sphere_on_plane(effort: Effort) -> Result:
     """Test 2: a sphere of radius 0.1 m on a rigid plane at 0.2 m/s, elastic.
 
     Returns
@@ -210,7 +217,7 @@ def sphere_on_plane(_effort: Effort) -> Result:
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 2.
     """
     cases = [
-        (solid, hertz_on_plane(solid, 0.1, 0.2), plane_history(solid, 0.1, 0.2))
+        (solid, hertz_on_plane(solid, 0.1, 0.2), plane_history(solid, 0.1, 0.2, **effort.laws))
         for solid in (ALUMINIUM_ALLOY, MAGNESIUM_ALLOY)
     ]
     return _elastic(
@@ -221,7 +228,7 @@ def sphere_on_plane(_effort: Effort) -> Result:
     )
 
 
-def damped_impact(_effort: Effort) -> Result:
+def damped_impact(effort: Effort) -> Result:
     """Test 3: restitution out for restitution in, a sphere of radius 2.5 mm on a rigid plane at 3.9 m/s.
 
     Returns
@@ -237,7 +244,7 @@ def damped_impact(_effort: Effort) -> Result:
     asked = np.linspace(0.2, 1.0, 9)
     rows, curves = [], [Curve("restitution out = in", asked, asked, reference=True)]
     for solid in (ALUMINIUM_OXIDE, CAST_IRON):
-        left = np.array([_restitution(solid, e) for e in asked])
+        left = np.array([_restitution(solid, e, **effort.laws) for e in asked])
         rows += [
             close(f"{solid.name}: restitution at {e:.1f}", "", out, e)
             for e, out in zip(asked, left, strict=True)
@@ -246,8 +253,8 @@ def damped_impact(_effort: Effort) -> Result:
     hertz = hertz_on_plane(ALUMINIUM_OXIDE, 0.0025, 3.9)
     forces = []
     for e in (0.2, 0.6, 1.0):
-        t, _x, f = hertz.history(e)
-        time, _overlap, force = plane_history(ALUMINIUM_OXIDE, 0.0025, 3.9, e)
+        t, _x, f = hertz.history(e, tension=effort.tension)
+        time, _overlap, force = plane_history(ALUMINIUM_OXIDE, 0.0025, 3.9, e, **effort.laws)
         rows.append(
             close(
                 f"aluminium oxide: peak force at e {e:.1f}", "kN", 1e-3 * force.max(), 1e-3 * f.max(),
@@ -268,8 +275,9 @@ def damped_impact(_effort: Effort) -> Result:
     )
 
 
-def _restitution(solid: Solid, restitution: float) -> float:
+def _restitution(solid: Solid, restitution: float, **laws: str) -> float:
     """Restitution that the simulator gives where one is asked for, in the third test."""
-    simulation, steps = sphere_over_plane(solid, 0.0025, Contact(restitution, 0.0, 0.0), (0.0, 0.0, -3.9))
+    contact = Contact(restitution, 0.0, 0.0)
+    simulation, steps = sphere_over_plane(solid, 0.0025, contact, (0.0, 0.0, -3.9), **laws)
     simulation.run_steps(steps)
     return simulation.velocities[0, 2] / 3.9

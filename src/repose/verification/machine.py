@@ -26,8 +26,7 @@ def sphere_over_plane(
     contact: Contact,
     velocity_m_s: Sequence[float],
     spin_rad_s: Sequence[float] = (0.0, 0.0, 0.0),
-    tension: str = "keep",
-    friction_limit: str = "elastic",
+    **laws: str,
 ) -> tuple[Simulation, int]:
     """A sphere just above a rigid plane, without gravity.
 
@@ -43,8 +42,8 @@ def sphere_over_plane(
         Towards the plane, z negative.
     spin_rad_s : sequence of float, (3,), optional
         Angular velocity.
-    tension, friction_limit : str, optional
-        How the contact ends, and what limits friction, see `Simulation`.
+    **laws : str
+        Of the `Simulation`.
 
     Returns
     -------
@@ -65,8 +64,7 @@ def sphere_over_plane(
         upper=(box, box, box),
         walls={"floor": Plane(FLOOR, UP, "wall")},
         gravity_m_s2=(0.0, 0.0, 0.0),
-        tension=tension,
-        friction_limit=friction_limit,
+        **laws,
     )
     gap = 3.5 * step * hertz.speed
     simulation.add(
@@ -75,7 +73,7 @@ def sphere_over_plane(
         velocity_m_s=velocity_m_s,
         angular_velocity_rad_s=spin_rad_s,
     )
-    return simulation, steps_of_impact(contact.restitution, tension)
+    return simulation, steps_of_impact(contact.restitution, laws.get("tension", "keep"))
 
 
 def steps_of_impact(restitution: float, tension: str = "keep") -> int:
@@ -104,8 +102,7 @@ def spheres(
     velocities_m_s: Sequence[Sequence[float]],
     spins_rad_s: Sequence[Sequence[float]],
     step_s: float,
-    tension: str = "keep",
-    friction_limit: str = "elastic",
+    **laws: str,
 ) -> Simulation:
     """Two spheres in space, without gravity, each of its own solid and radius.
 
@@ -121,8 +118,8 @@ def spheres(
         Of the two centres; the last are angular velocities.
     step_s : float
         Time step in seconds.
-    tension, friction_limit : str, optional
-        How the contact ends, and what limits friction, see `Simulation`.
+    **laws : str
+        Of the `Simulation`.
 
     Returns
     -------
@@ -140,8 +137,7 @@ def spheres(
         lower=(-reach, -reach, -reach),
         upper=(reach, reach, reach),
         gravity_m_s2=(0.0, 0.0, 0.0),
-        tension=tension,
-        friction_limit=friction_limit,
+        **laws,
     )
     for name, place, velocity, spin in zip(names, places_m, velocities_m_s, spins_rad_s, strict=True):
         simulation.add(name, place, velocity_m_s=velocity, angular_velocity_rad_s=spin)

@@ -34,7 +34,7 @@ TEST_4 = {
 }
 SPRING_NOTE = "F_t = S_t delta_t (ours) and an incremental spring differ near sticking; not asserted"
 ARM_NOTE = "the lever arm is R - delta / 2, not R: the contact lies in the middle of the overlap"
-LAW = "mu times the elastic force times R - delta / 2, integrated by scipy over the impact"
+LAW = "mu times the limiting force times R - delta / 2, integrated by scipy over the impact"
 SLIDES = 1.25  # how far beyond the limit of sliding a case counts as gross sliding
 
 
@@ -44,7 +44,7 @@ def impact(
     contact: Contact,
     velocity_m_s: Sequence[float],
     spin_rad_s: Sequence[float],
-    **choices: str,
+    **laws: str,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Motion of a sphere after an impact on the rigid plane.
 
@@ -60,15 +60,15 @@ def impact(
         Before the impact; z negative.
     spin_rad_s : sequence of float, (3,)
         Angular velocity before the impact.
-    **choices
-        Of the contact law: tension and friction_limit, see `Simulation`.
+    **laws : str
+        Of the `Simulation`.
 
     Returns
     -------
     velocity, spin : numpy.ndarray, (3,)
         After the impact, m/s and rad/s.
     """
-    simulation, steps = sphere_over_plane(solid, radius_m, contact, velocity_m_s, spin_rad_s, **choices)
+    simulation, steps = sphere_over_plane(solid, radius_m, contact, velocity_m_s, spin_rad_s, **laws)
     simulation.run_steps(steps)
     return simulation.velocities[0].copy(), simulation.angular_velocities[0].copy()
 
@@ -91,11 +91,11 @@ def sliding_impulse(contact: Contact, normal_m_s: Any) -> Any:
     return contact.static_friction * (1.0 + contact.restitution) * normal_m_s
 
 
-def sliding_spin(contact: Contact, hertz: Hertz, radius_m: float) -> float:
+def sliding_spin(contact: Contact, hertz: Hertz, radius_m: float, tension: str = "keep") -> float:
     """Change of spin in gross sliding by the law that the engine solves.
 
-    It is mu times the integral of F (R - delta / 2) / I, F the elastic part of the damped impact's force: the
-    contact lies in the middle of the overlap.
+    It is mu times the integral of F (R - delta / 2) / I: the contact lies in the middle of the overlap. F is the elastic
+    part of the damped impact's force where the contact may pull, all of it where it may not.
 
     Parameters
     ----------
@@ -105,14 +105,18 @@ def sliding_spin(contact: Contact, hertz: Hertz, radius_m: float) -> float:
         Elastic impact of the same sphere on the plane.
     radius_m : float
         Of the sphere.
+    tension : {"keep", "release"}, optional
+        How the contact ends.
 
     Returns
     -------
     float
         Size of the change in rad/s.
     """
-    time, overlap, _ = hertz.history(contact.restitution, 4000)
-    push = contact.static_friction * hertz.force_n * (np.maximum(overlap, 0.0) / hertz.overlap_m) ** 1.5
+    time, overlap, force = hertz.history(contact.restitution, 4000, tension)
+    if tension == "keep":
+        force = hertz.force_n * (np.maximum(overlap, 0.0) / hertz.overlap_m) ** 1.5
+    push = contact.static_friction * force
     return 2.5 * trapezoid(push * (radius_m - 0.5 * overlap), time) / (hertz.mass * radius_m**2)
 
 
@@ -123,6 +127,7 @@ def sliding_rows(
     radius_m: float,
     found: tuple[float, float],
     before: tuple[float, float],
+    tension: str = "keep",
 ) -> list[Row]:
     """Gross sliding beside rigid bodies and the engine's lever arm.
 
@@ -138,6 +143,8 @@ def sliding_rows(
         Of the sphere.
     found, before : tuple of float, (2,)
         Tangential velocity [m/s] and spin [rad/s] after and before the impact.
+    tension : {"keep", "release"}, optional
+        How the contact ends.
 
     Returns
     -------
@@ -151,12 +158,12 @@ def sliding_rows(
     moved, spun = sign * (velocity - before[0]), -sign * (spin - before[1])
     return [
         close(f"{at}: change of tangential velocity", "m/s", moved, rigid),
-        close(f"{at}: change of spin", "rad/s", spun, sliding_spin(contact, hertz, radius_m), LAW),
+        close(f"{at}: change of spin", "rad/s", spun, sliding_spin(contact, hertz, radius_m, tension), LAW),
         close(f"{at}: change of spin", "rad/s", spun, 2.5 * rigid / radius_m, known=ARM_NOTE),
     ]
 
 
-def angles(_effort: Effort) -> Result:
+def angles(effort: Effort) -> Result:
     """Test 4: aluminium oxide, radius 2.5 mm, 3.9 m/s at angles of 5 to 85 degrees from the normal.
 
     Returns
@@ -174,7 +181,7 @@ def angles(_effort: Effort) -> Result:
     for angle in degrees:
         tangential = speed * math.sin(math.radians(angle))
         normal = speed * math.cos(math.radians(angle))
-        v, w = impact(ALUMINIUM_OXIDE, radius, contact, (tangential, 0.0, -normal), STILL)
+        v, w = impact(ALUMINIUM_OXIDE, radius, contact, (tangential, 0.0, -normal), STILL, **effort.laws)
         # the published sense of rotation is the opposite of ours
         kept.append(v[0] / tangential)
         spins.append(-w[1])
@@ -228,7 +235,7 @@ def _over_angle(
     )
 
 
-def tangential_speeds(_effort: Effort) -> Result:
+def tangential_speeds(effort: Effort) -> Result:
     """Test 5: radius 10 um, normal 5 m/s, e 1, mu 0.3, tangential velocities of 0.5 to 25 m/s; steel and
     polyethylene.
 
@@ -247,13 +254,13 @@ def tangential_speeds(_effort: Effort) -> Result:
     for solid in (STEEL, POLYETHYLENE):
         after, turning = [], []
         for u in incoming:
-            v, w = impact(solid, radius, contact, (u, 0.0, -normal), STILL)
+            v, w = impact(solid, radius, contact, (u, 0.0, -normal), STILL, **effort.laws)
             after.append((v[0] - w[1] * radius) / (0.3 * normal))
             turning.append(-w[1] * radius / (0.3 * normal))
             if u in (13.5, 25.0):
                 hertz = hertz_on_plane(solid, radius, normal)
                 found = (v[0], w[1])
-                rows += sliding_rows(f"{solid.name}, {u:g} m/s", contact, hertz, radius, found, (u, 0.0))
+                rows += sliding_rows(f"{solid.name}, {u:g} m/s", contact, hertz, radius, found, (u, 0.0), effort.tension)
         surface.append(Curve(f"{solid.name}, repose", incoming / (0.3 * normal), after))
         spins.append(Curve(f"{solid.name}, repose", incoming / (0.3 * normal), turning))
     sliding = np.array([7.0, 17.0])

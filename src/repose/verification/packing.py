@@ -1,6 +1,8 @@
 """Packings at rest: equal spheres in a hexagonal lattice, and berries poured into a box."""
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +32,7 @@ SOURCES = (
 )
 
 
-def hexagonal_packing(_effort: Effort) -> Result:
+def hexagonal_packing(effort: Effort) -> Result:
     """Rows of spheres without friction between a floor and walls settle into their lattice and stay.
 
     Returns
@@ -60,6 +62,7 @@ def hexagonal_packing(_effort: Effort) -> Result:
         upper=(width, 0.02, 0.12),
         walls=walls,
         gravity_m_s2=(0.0, 0.0, -GRAVITY),
+        **effort.laws,
     )
     places = []
     for row in range(rows_of):
@@ -128,7 +131,7 @@ def poured_packing(effort: Effort) -> Result:
     for name, contact, (fractions, numbers), source in cases:
         fraction, number, energy = np.zeros(BOXES), np.zeros(BOXES), np.zeros(BOXES)
         for box in range(BOXES):
-            simulation, side = _pour(effort.berries, contact, seed=29 + box)
+            simulation, side = _pour(effort.berries, contact, 29 + box, effort.laws)
             heights, profile = solid_fraction_profile(simulation, side)
             top = _top(simulation)
             fraction[box] = profile[(heights > MARGIN) & (heights < top - MARGIN)].mean()
@@ -159,7 +162,7 @@ def poured_packing(effort: Effort) -> Result:
     )
 
 
-def _pour(n: int, contact: Contact, seed: int) -> tuple[Simulation, float]:
+def _pour(n: int, contact: Contact, seed: int, laws: Mapping[str, Any]) -> tuple[Simulation, float]:
     """A box of berries at rest: all let fall at once from a loose lattice, in random orientations."""
     rng = np.random.default_rng(seed)
     columns = max(2, round((n / 3.5) ** (1.0 / 3.0)))
@@ -183,6 +186,7 @@ def _pour(n: int, contact: Contact, seed: int) -> tuple[Simulation, float]:
         upper=(side, side, pitch * (levels + 1)),
         walls=walls,
         gravity_m_s2=(0.0, 0.0, -GRAVITY),
+        **laws,
     )
     for k in range(n):
         level, cell = divmod(k, columns**2)

@@ -1,7 +1,8 @@
 """A berry on a plane under gravity: at rest, and rocking."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from scipy.special import ellipe, ellipk
@@ -76,7 +77,7 @@ def elliptic_overlap(mass: float, radii: Sequence[float], young: float) -> float
     return 1.5 * mass * GRAVITY / (math.pi * a * b * young) * b * ellipk(m)
 
 
-def berry_at_rest(_effort: Effort) -> Result:
+def berry_at_rest(effort: Effort) -> Result:
     """A berry lies on a plate, each of its axes vertical in turn, at the overlap of its curvature.
 
     Returns
@@ -100,6 +101,7 @@ def berry_at_rest(_effort: Effort) -> Result:
             1e-4,
             walls={"floor": Plane(FLOOR, UP, "wall")},
             gravity_m_s2=(0.0, 0.0, -GRAVITY),
+            **effort.laws,
         )
         mass = simulation.shapes["berry"].mass_kg
         expected = resting_overlap(mass, math.sqrt(radii[0] * radii[1]), BERRY)
@@ -145,7 +147,7 @@ def rocking_period(a: float, c: float) -> float:
     return 2.0 * math.pi * math.sqrt(((a * a + c * c) / 5.0 + c * c) / (GRAVITY * (a * a / c - c)))
 
 
-def rocking(_effort: Effort) -> Result:
+def rocking(effort: Effort) -> Result:
     """A berry tilted by a degree from its flat rest rocks with the period of theory, about either level axis.
 
     Returns
@@ -156,7 +158,7 @@ def rocking(_effort: Effort) -> Result:
     rows, curves = [], []
     for name, level, about in (("about the middle axis", 0, 1), ("about the long axis", 1, 0)):
         period = rocking_period(BERRY_M[level], BERRY_M[2])
-        time, tilt = _rocking_history(level, about, 3.0 * period)
+        time, tilt = _rocking_history(level, about, 3.0 * period, effort.laws)
         rows.append(close(f"period {name}", "s", period_of(time, tilt), period))
         cut = time < 2.0 * period
         fine = np.linspace(0.0, 2.0, 300)
@@ -171,7 +173,9 @@ def rocking(_effort: Effort) -> Result:
     )
 
 
-def _rocking_history(level: int, about: int, duration_s: float) -> np.ndarray:
+def _rocking_history(
+    level: int, about: int, duration_s: float, laws: Mapping[str, Any]
+) -> np.ndarray:
     """Time and tilt [deg] about a body axis of a berry released at one degree."""
     step, start = 2e-5, math.radians(1.0)
     simulation = berry_simulation(
@@ -180,6 +184,7 @@ def _rocking_history(level: int, about: int, duration_s: float) -> np.ndarray:
         walls={"floor": Plane(FLOOR, UP, "wall")},
         material=STIFF,
         gravity_m_s2=(0.0, 0.0, -GRAVITY),
+        **laws,
     )
     mass = simulation.shapes["berry"].mass_kg
     height = math.hypot(BERRY_M[2] * math.cos(start), BERRY_M[level] * math.sin(start))

@@ -327,7 +327,7 @@ def restitution_of_hits(effort: Effort) -> Result:
         for on_plane, partner in ((False, "pairs"), (True, "plane")):
             curves = [Curve("found = asked", ASKED, ASKED, reference=True)]
             for name, shape in particles().items():
-                thrown = [hits(shape, e, stiffer, on_plane, count) for e in ASKED]
+                thrown = [hits(shape, e, stiffer, on_plane, count, **effort.laws) for e in ASKED]
                 found = [of_one.restitution for of_one in thrown]
                 rows += [
                     _row(f"{limit}, {partner}, {name}: restitution at {e:.1f}", values, e, stiffer > 1.0)

@@ -13,7 +13,7 @@ from .resting import GRAVITY, STIFF, resting_overlap
 RADIUS = 0.006
 
 
-def sphere_on_floor(contact: Contact, speed_m_s: float, spin_rad_s: float) -> Simulation:
+def sphere_on_floor(contact: Contact, speed_m_s: float, spin_rad_s: float, **laws: str) -> Simulation:
     """A stiff sphere at its resting overlap, moving along x and spinning about y.
 
     Parameters
@@ -24,6 +24,8 @@ def sphere_on_floor(contact: Contact, speed_m_s: float, spin_rad_s: float) -> Si
         Along x.
     spin_rad_s : float
         About y.
+    **laws : str
+        Of the `Simulation`.
 
     Returns
     -------
@@ -41,6 +43,7 @@ def sphere_on_floor(contact: Contact, speed_m_s: float, spin_rad_s: float) -> Si
         upper=(1.0, 0.1, 0.1),
         walls={"floor": Plane(FLOOR, UP, "wall")},
         gravity_m_s2=(0.0, 0.0, -GRAVITY),
+        **laws,
     )
     height = RADIUS - resting_overlap(shape.mass_kg, RADIUS, STIFF)
     simulation.add(
@@ -63,7 +66,7 @@ def _track(simulation: Simulation, steps: int, every: int) -> np.ndarray:
     return np.array(found).T
 
 
-def slip_to_roll(_effort: Effort) -> Result:
+def slip_to_roll(effort: Effort) -> Result:
     """A sphere that begins sliding ends rolling with 5/7 of its speed, and a rolling one is slowed by 5/7 mu_r g.
 
     Returns
@@ -72,7 +75,7 @@ def slip_to_roll(_effort: Effort) -> Result:
         Speed, spin and deceleration beside the closed forms.
     """
     start, friction = 0.5, 0.4
-    time, speed, rim = _track(sphere_on_floor(Contact(0.3, friction, 0.0), start, 0.0), 6000, 150)
+    time, speed, rim = _track(sphere_on_floor(Contact(0.3, friction, 0.0), start, 0.0, **effort.laws), 6000, 150)
     until = 2.0 * start / (7.0 * friction * GRAVITY)
     line = np.array([0.0, until, time[-1]])
     rows = [
@@ -86,7 +89,7 @@ def slip_to_roll(_effort: Effort) -> Result:
         ),
     ]
     rolling = 0.05
-    simulation = sphere_on_floor(Contact(0.3, 0.8, rolling), 0.3, 0.3 / RADIUS)
+    simulation = sphere_on_floor(Contact(0.3, 0.8, rolling), 0.3, 0.3 / RADIUS, **effort.laws)
     t, v, _ = _track(simulation, 20000, 500)
     slope = 5.0 / 7.0 * rolling * GRAVITY
     rows.append(close("deceleration by the rolling torque", "m/s2", (v[0] - v[-1]) / (t[-1] - t[0]), slope))
@@ -115,7 +118,7 @@ def slip_to_roll(_effort: Effort) -> Result:
     )
 
 
-def slope_acceleration(angle_deg: float, friction: float) -> float:
+def slope_acceleration(angle_deg: float, friction: float, **laws: str) -> float:
     """Acceleration of a berry that cannot roll, lying on a slope.
 
     Parameters
@@ -124,6 +127,8 @@ def slope_acceleration(angle_deg: float, friction: float) -> float:
         Of the slope.
     friction : float
         Coefficient of static friction.
+    **laws : str
+        Of the `Simulation`.
 
     Returns
     -------
@@ -139,6 +144,7 @@ def slope_acceleration(angle_deg: float, friction: float) -> float:
         material=STIFF,
         gravity_m_s2=down,
         upper=(0.5, 0.1, 0.1),
+        **laws,
     )
     simulation.add("berry", (0.0, 0.0, BERRY_M[2]))
     simulation.run_steps(3000)
@@ -147,7 +153,7 @@ def slope_acceleration(angle_deg: float, friction: float) -> float:
     return (simulation.velocities[0, 0] - before) / 0.1
 
 
-def coulomb_slope(_effort: Effort) -> Result:
+def coulomb_slope(effort: Effort) -> Result:
     """A berry on a slope sticks below the angle of friction and slides above it.
 
     Returns
@@ -158,7 +164,7 @@ def coulomb_slope(_effort: Effort) -> Result:
     friction = 0.5
     limit = math.degrees(math.atan(friction))
     angles = np.array([10.0, 20.0, limit - 0.5, limit + 0.5, 30.0, 35.0, 45.0])
-    found = np.array([slope_acceleration(angle, friction) for angle in angles])
+    found = np.array([slope_acceleration(angle, friction, **effort.laws) for angle in angles])
     fine = np.linspace(5.0, 50.0, 200)
 
     def exact(angle: float | np.ndarray) -> np.ndarray:

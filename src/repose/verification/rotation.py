@@ -53,7 +53,7 @@ def euler_solution(
     return np.array([first * cn, second * sn, third * dn]), 4.0 * ellipk(modulus) / rate
 
 
-def free_rotation(_effort: Effort) -> Result:
+def free_rotation(effort: Effort) -> Result:
     """A tumbling berry in space keeps its angular momentum and energy, and turns as Euler's equations say.
 
     Returns
@@ -62,7 +62,7 @@ def free_rotation(_effort: Effort) -> Result:
         Angular velocity beside `euler_solution`; drift of angular momentum and energy beside 0.
     """
     step, every, first, third = 2e-5, 50, 8.0, 25.0
-    simulation = berry_simulation(frictionless(), step)
+    simulation = berry_simulation(frictionless(), step, **effort.laws)
     inertia = simulation.shapes["berry"].inertia_kg_m2
     simulation.add("berry", (0.0, 0.0, 0.0), angular_velocity_rad_s=(first, 0.0, third))
     momentum, energy = simulation.angular_momenta[0], simulation.kinetic_energies()[0]

@@ -3,8 +3,6 @@
 What a sphere loses and gains while it slides is in `repose.verification.oblique`.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 
 from repose.dem import Contact
@@ -16,16 +14,15 @@ from .oblique import impact, sliding_impulse, sliding_rows
 
 ALUMINIUM = Solid("aluminium", 70e9, 0.33, 2700.0)
 NYLON = Solid("nylon", 2.5e9, 0.40, 1000.0)
-RELEASED = {"tension": "release", "friction_limit": "total"}
 SPINS = np.array([0.175, 0.5, 1.0, 1.75, 2.5, 3.5, 4.5, 6.0, 9.0, 13.0, 17.0, 21.0])
 SLIDING = [7, 9, 11]  # places of the spins that slide through the whole impact
 SPIN_CONTACT, SPIN_RADIUS, SPIN_NORMAL = Contact(0.5, 0.4, 0.0), 0.1, 0.2
 
 
-def _plane_spins(solid: Solid, spins: np.ndarray, **choices: str) -> tuple[np.ndarray, np.ndarray]:
+def _plane_spins(solid: Solid, spins: np.ndarray, **laws: str) -> tuple[np.ndarray, np.ndarray]:
     """Tangential velocity and spin after test 6's impacts, each (len(spins),)."""
     found = [
-        impact(solid, SPIN_RADIUS, SPIN_CONTACT, (0.0, 0.0, -SPIN_NORMAL), (0.0, float(w), 0.0), **choices)
+        impact(solid, SPIN_RADIUS, SPIN_CONTACT, (0.0, 0.0, -SPIN_NORMAL), (0.0, float(w), 0.0), **laws)
         for w in spins
     ]
     return np.array([v[0] for v, _ in found]), np.array([w[1] for _, w in found])
@@ -37,7 +34,7 @@ def _pair_spins(
     sense: float = 1.0,
     radius: float = SPIN_RADIUS,
     factor: float = 1.0,
-    **choices: str,
+    **laws: str,
 ) -> tuple[np.ndarray, np.ndarray]:
     """The same for two spheres: of the first, which is above; the second spins with `sense` times the first's spin.
 
@@ -59,37 +56,23 @@ def _pair_spins(
             ((0.0, 0.0, -SPIN_NORMAL), (0.0, 0.0, moves)),
             ((0.0, w, 0.0), (0.0, sense * w if factor == 1.0 else 0.0, 0.0)),
             step,
-            **choices,
+            **laws,
         )
-        tension = choices.get("tension", "keep")
+        tension = laws.get("tension", "keep")
         simulation.run_steps(2 * steps_of_impact(SPIN_CONTACT.restitution, tension))
         tangential.append(simulation.velocities[0, 0])
         turning.append(simulation.angular_velocities[0, 1])
     return np.array(tangential), np.array(turning)
 
 
-def _released_rows(solid: Solid, spins_after: Callable[..., tuple[np.ndarray, np.ndarray]]) -> list[Row]:
-    """Rows of impacts that end when the force vanishes, friction limited by all of it, beside rigid bodies.
-
-    spins_after: gives velocities and spins after the impacts at some spins before.
-    """
-    spins = SPINS[SLIDING]
-    rigid, rows = sliding_impulse(SPIN_CONTACT, SPIN_NORMAL), []
-    for before, velocity, spin in zip(spins, *spins_after(solid, spins, **RELEASED), strict=True):
-        at = f"{solid.name}, {before:g} rad/s, released"
-        rows.append(close(f"{at}: change of tangential velocity", "m/s", abs(velocity), rigid))
-        rows.append(close(f"{at}: change of spin", "rad/s", before - spin, 2.5 * rigid / SPIN_RADIUS))
-    return rows
-
-
-def _spin_rows(solid: Solid, tangential: np.ndarray, turning: np.ndarray) -> list[Row]:
+def _spin_rows(solid: Solid, tangential: np.ndarray, turning: np.ndarray, tension: str) -> list[Row]:
     """Rows of the spins that slide through the whole impact."""
     hertz = hertz_on_plane(solid, SPIN_RADIUS, SPIN_NORMAL)
     rows = []
     for k in SLIDING:
         at = f"{solid.name}, {SPINS[k]:g} rad/s"
         found, before = (tangential[k], turning[k]), (0.0, SPINS[k])
-        rows += sliding_rows(at, SPIN_CONTACT, hertz, SPIN_RADIUS, found, before)
+        rows += sliding_rows(at, SPIN_CONTACT, hertz, SPIN_RADIUS, found, before, tension)
     return rows
 
 
@@ -107,7 +90,7 @@ def _spin_panels(velocities: tuple[Curve, ...], spins: tuple[Curve, ...]) -> lis
     ]
 
 
-def plane_spins(_effort: Effort) -> Result:
+def plane_spins(effort: Effort) -> Result:
     """Test 6: radius 0.1 m, 0.2 m/s, e 0.5, mu 0.4, spins 0.175 to 21 rad/s; aluminium and nylon.
 
     Returns
@@ -121,8 +104,8 @@ def plane_spins(_effort: Effort) -> Result:
     """
     rows, velocities, spins = [], [], []
     for solid in (ALUMINIUM, NYLON):
-        v, w = _plane_spins(solid, SPINS)
-        rows += _released_rows(solid, _plane_spins) + _spin_rows(solid, v, w)
+        v, w = _plane_spins(solid, SPINS, **effort.laws)
+        rows += _spin_rows(solid, v, w, effort.tension)
         velocities.append(Curve(f"{solid.name}, repose", SPINS, v))
         spins.append(Curve(f"{solid.name}, repose", SPINS, w))
     return Result(
@@ -133,7 +116,7 @@ def plane_spins(_effort: Effort) -> Result:
     )
 
 
-def equal_spheres(_effort: Effort) -> Result:
+def equal_spheres(effort: Effort) -> Result:
     """Test 7: two equal spheres of test 6's materials, each 0.2 m/s, spins of the same and of opposite sense.
 
     With one sense of rotation, as vectors, the surfaces move against each other and the contact point stays: each
@@ -150,11 +133,11 @@ def equal_spheres(_effort: Effort) -> Result:
     """
     rows, velocities, spins = [], [], []
     for solid in (ALUMINIUM, NYLON):
-        v, w = _pair_spins(solid, SPINS)
-        rows += _released_rows(solid, _pair_spins) + _spin_rows(solid, v, w)
+        v, w = _pair_spins(solid, SPINS, **effort.laws)
+        rows += _spin_rows(solid, v, w, effort.tension)
         velocities.append(Curve(f"{solid.name}, repose", SPINS, v))
         spins.append(Curve(f"{solid.name}, repose", SPINS, w))
-        v, w = _pair_spins(solid, SPINS[[3, -1]], sense=-1.0)
+        v, w = _pair_spins(solid, SPINS[[3, -1]], sense=-1.0, **effort.laws)
         rows.append(
             close(
                 f"{solid.name}: tangential velocity, opposite spin vectors",
@@ -173,7 +156,7 @@ def equal_spheres(_effort: Effort) -> Result:
     )
 
 
-def unequal_spheres(_effort: Effort) -> Result:
+def unequal_spheres(effort: Effort) -> Result:
     """Test 8: spheres of radii 0.1 and 0.5 m, the second 1000 times stiffer and denser: test 6 again.
 
     Returns
@@ -187,8 +170,8 @@ def unequal_spheres(_effort: Effort) -> Result:
     """
     rows, velocities, spins = [], [], []
     for solid in (ALUMINIUM, NYLON):
-        v, w = _pair_spins(solid, SPINS, radius=0.5, factor=1000.0)
-        plane_v, plane_w = _plane_spins(solid, SPINS)
+        v, w = _pair_spins(solid, SPINS, radius=0.5, factor=1000.0, **effort.laws)
+        plane_v, plane_w = _plane_spins(solid, SPINS, **effort.laws)
         source = "test 6, same simulator"
         for k in (1, 3, 5, 8, 11):
             at = f"{solid.name}, {SPINS[k]:g} rad/s"

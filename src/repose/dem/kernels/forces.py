@@ -183,9 +183,10 @@ def wall_tile(bodies, contacts, walls, physics, first_wall, base, n, t):
         return
     for lane in range(L):
         k = base + lane
-        vx = vy = vz = 0.0
+        vx = vy = vz = ox = oy = oz = 0.0
         if k < n:
             wall = first_wall + contacts.wall[k]
+            ox, oy, oz = walls.motion[wall, 3], walls.motion[wall, 4], walls.motion[wall, 5]
             if physics.mixed_walls:
                 lane_laws(t, lane, physics, bodies.kind[contacts.body[k]], walls.material[wall])
             x = t[tl.A + lane] + t[tl.RA + lane]
@@ -195,6 +196,10 @@ def wall_tile(bodies, contacts, walls, physics, first_wall, base, n, t):
         t[tl.B + st.VELOCITY * L + lane] = vx
         t[tl.B + (st.VELOCITY + 1) * L + lane] = vy
         t[tl.B + (st.VELOCITY + 2) * L + lane] = vz
+        # for laws of rolling; the arm of a wall is zero, so its contact's velocity is that above
+        t[tl.B + st.ANGULAR_VELOCITY * L + lane] = ox
+        t[tl.B + (st.ANGULAR_VELOCITY + 1) * L + lane] = oy
+        t[tl.B + (st.ANGULAR_VELOCITY + 2) * L + lane] = oz
 
 
 @inlined

@@ -20,6 +20,8 @@ TENSIONS = {"keep": KEEP, "release": RELEASE, "cut": CUT}
 # Which normal force limits friction and rolling: its elastic part, or the size of all of it, damping included.
 ELASTIC, TOTAL = range(2)
 FRICTION_LIMITS = {"elastic": ELASTIC, "total": TOTAL}
+# The limit with which a sliding impact changes the tangential velocity by mu_s (1 + e) V_n (`tangential`).
+COULOMB = {"keep": "elastic", "release": "total", "cut": "total"}
 
 _INLINED: Any = INLINED
 _KERNELS: dict[type, Callable] = {}
@@ -70,22 +72,22 @@ class Law:
     def __post_init__(self) -> None:
         _KERNELS[self.options] = self.kernel
 
-    def make_options(self, tension: str = "keep", friction_limit: str = "elastic") -> Any:
+    def make_options(self, tension: str = "keep", friction_limit: str | None = None) -> Any:
         """The options that the kernel gets.
 
         Parameters
         ----------
         tension : {"keep", "release", "cut"}
             How a contact ends, see `Simulation`.
-        friction_limit : {"elastic", "total"}
-            Which normal force limits friction and rolling, see `Simulation`.
+        friction_limit : {"elastic", "total"}, optional
+            Which normal force limits friction and rolling, see `Simulation`; by default that of `COULOMB`.
 
         Returns
         -------
         namedtuple
             An instance of `options`, with numbers for the names.
         """
-        return self.options(TENSIONS[tension], FRICTION_LIMITS[friction_limit])
+        return self.options(TENSIONS[tension], FRICTION_LIMITS[friction_limit or COULOMB[tension]])
 
 
 def contact_forces(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:

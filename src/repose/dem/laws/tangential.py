@@ -4,10 +4,10 @@ The spring is the path of the contact point of A over that of B in the tangent p
 (Cundall and Strack 1979). It follows the plane as this tilts: its part along the present normal is dropped. When both
 bodies turn together about the normal, the spring does not turn with them.
 
-The normal force in Coulomb's limit is the elastic one, as in EDEM's Hertz-Mindlin contact. Where the damped force may
-pull, its dashpot adds nothing over a whole impact, so a sliding impact changes the tangential velocity by
-mu_s (1 + e) V_n, as of rigid bodies. The other choice is the size of the damped force, as in LIGGGHTS and LAMMPS: where
-it may not pull, that one gives mu_s (1 + e) V_n.
+Coulomb's limit takes the normal force that makes a sliding impact change the tangential velocity by mu_s (1 + e) V_n,
+as of rigid bodies (`law.COULOMB`). Where the damped force may pull, its dashpot adds nothing over a whole impact, so
+that is the elastic force, as in EDEM's Hertz-Mindlin contact. Where it may not pull it is the size of all of the force,
+as in LIGGGHTS and LAMMPS; then the limit holds at every moment too.
 """
 
 import math

@@ -1,0 +1,127 @@
+"""Rolling resistance as a spring and dashpot between two bodies, model C of Ai et al., and one against twisting.
+
+With the relative angular velocity w, its part w_n along the normal and w_r across it, the lever R and the contact
+circle a = sqrt(R* delta):
+
+    M_r = -k_r theta_r - c_r w_r,     |k_r theta_r| <= mu_r F_c R,       k_r = 2.25 k_n mu_r^2 R^2,  k_n = 2 E* a
+    M_n = -k_t theta_n,               |M_n| <= mu_t F_c a,               k_t = 4 G* a^3,  mu_t = 3 pi / 16 mu_s
+
+theta is the path of w as long as the two touch. The dashpot c_r = 2 eta sqrt(I k_r), eta 0.3, ends where the spring
+slides; I is the moment of both bodies about the contact, 1/I = 1/(1.4 m_a r_a^2) + 1/(1.4 m_b r_b^2), as of spheres.
+R = r_a r_b / (r_a + r_b), r the distance of the contact from a centre; r_a where B is a wall. F_c is the normal force
+that limits friction. The torque on B is the opposite of that on A, so angular momentum is kept; and a wall that turns
+takes the bodies along. For two equal spheres R is half of what the law `budget` takes as the lever of either.
+
+References
+----------
+Ai, Chen, Rotter and Ooi, Powder Technol. 206 (2011) 269, model C. Marshall, J. Comput. Phys. 228 (2009) 1541: the
+twisting spring, half the tangential stiffness times a^2. Johnson, Contact Mechanics (1985), section 7.2: its limit.
+"""
+
+import math
+from collections import namedtuple
+from typing import Any
+
+import numpy as np
+
+from ..kernels import state as st
+from ..kernels import tile as tl
+from ..kernels.jit import inlined
+from ..kernels.rows import Rows
+from ..materials import Contact, Material, effective_moduli
+from .law import Law
+
+L = st.LANES
+ETA = 0.3  # damping ratio of rolling (Ai et al. 2011)
+SPHERE = 1.4  # moment of a sphere about a point of its surface over m r^2
+HERTZ_TWIST = 3.0 * math.pi / 16.0
+TINY = 1e-60  # keeps a root from 0
+
+Epsd = namedtuple("Epsd", "tension friction_limit")
+
+_rows = Rows(tl.ROLLING)
+ROLLING_FRICTION, TWISTING_FRICTION, NORMAL_STIFFNESS, TWISTING_STIFFNESS = _rows.take_each(4)
+
+_state = Rows()
+ROLLED = _state.take(3)  # k_r theta_r [N m]
+TWISTED = _state.take()  # M_n [N m]
+
+
+def constants(a: Material, b: Material, contact: Contact, _tension: str = "keep") -> np.ndarray:
+    """mu_r, mu_t, 2 E* and 4 G* of two materials (4,)."""
+    young, shear = effective_moduli(a, b)
+    twist = contact.twisting_friction
+    if twist is None:
+        twist = HERTZ_TWIST * contact.static_friction
+    return np.array([contact.rolling_friction, twist, 2.0 * young, 4.0 * shear])
+
+
+@inlined
+def lever(x: float, y: float, z: float) -> float:
+    """Length of an arm; a wall's, which is none, counts as endless."""
+    square = x * x + y * y + z * z
+    return math.sqrt(square) if square > 0.0 else 1e30
+
+
+def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
+    """The torques of each lane on both bodies, as `law.rolling_resistance` asks for them."""
+    for k in range(L):
+        nx, ny, nz = c[st.NORMAL + k], c[st.NORMAL + L + k], c[st.NORMAL + 2 * L + k]
+        gap = t[tl.GAP + k]
+        touching, overlap = (1.0, -gap) if gap < 0.0 else (0.0, 0.0)
+        circle = math.sqrt(t[tl.RADIUS + k] * overlap)
+        push, friction = t[tl.PUSH + k], t[ROLLING_FRICTION + k]
+        r_a = lever(t[tl.RA + k], t[tl.RA + L + k], t[tl.RA + 2 * L + k])
+        r_b = lever(t[tl.RB + k], t[tl.RB + L + k], t[tl.RB + 2 * L + k])
+        arm = 1.0 / (1.0 / r_a + 1.0 / r_b)
+        mobility = t[tl.A + st.INVERSE_MASS * L + k] / (r_a * r_a) + t[
+            tl.B + st.INVERSE_MASS * L + k
+        ] / (r_b * r_b)
+        first, second = tl.A + st.ANGULAR_VELOCITY * L + k, tl.B + st.ANGULAR_VELOCITY * L + k
+        wx = t[first] - t[second]
+        wy = t[first + L] - t[second + L]
+        wz = t[first + 2 * L] - t[second + 2 * L]
+        spin = wx * nx + wy * ny + wz * nz
+        wx, wy, wz = wx - spin * nx, wy - spin * ny, wz - spin * nz
+        stiffness = 2.25 * t[NORMAL_STIFFNESS + k] * circle * friction * friction * arm * arm
+        x, y, z = c[at + k], c[at + L + k], c[at + 2 * L + k]
+        along = x * nx + y * ny + z * nz
+        x = x - along * nx + stiffness * dt * wx
+        y = y - along * ny + stiffness * dt * wy
+        z = z - along * nz + stiffness * dt * wz
+        most = friction * push * arm
+        held = touching * min(1.0, most / math.sqrt(x * x + y * y + z * z + TINY))
+        x, y, z = held * x, held * y, held * z
+        c[at + k], c[at + L + k], c[at + 2 * L + k] = st.alive(x), st.alive(y), st.alive(z)
+        dashpot = 2.0 * ETA * math.sqrt(SPHERE * stiffness / (mobility + TINY)) if held == 1.0 else 0.0
+        twist = c[at + 3 * L + k] + t[TWISTING_STIFFNESS + k] * circle * circle * circle * dt * spin
+        limit = touching * t[TWISTING_FRICTION + k] * push * circle
+        twist = st.alive(max(-limit, min(limit, twist)))
+        c[at + 3 * L + k] = twist
+        x += dashpot * wx + twist * nx
+        y += dashpot * wy + twist * ny
+        z += dashpot * wz + twist * nz
+        t[tl.TO_A + 3 * L + k] -= x
+        t[tl.TO_A + 4 * L + k] -= y
+        t[tl.TO_A + 5 * L + k] -= z
+        t[tl.TO_B + 3 * L + k] += x
+        t[tl.TO_B + 4 * L + k] += y
+        t[tl.TO_B + 5 * L + k] += z
+        t[tl.TO_A + st.ROLL * L + k] = 0.0
+        t[tl.TO_B + st.ROLL * L + k] = 0.0
+
+
+LAW = Law(
+    name="epsd",
+    options=Epsd,
+    constants=constants,
+    n_constants=4,
+    n_rows=_rows.count,
+    n_state=_state.count,
+    kernel=kernel,
+    words={
+        "rolling": "elastic-plastic spring and dashpot against the rotation of one body relative to the other (model C "
+        "of Ai et al. 2011), at most mu_r times {limit} times the reduced lever; spin about the normal is resisted by at "
+        "most 3 pi / 16 mu_s times {limit} times the radius of the contact circle"
+    },
+)

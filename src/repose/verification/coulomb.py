@@ -1,0 +1,156 @@
+"""Coulomb's law over a whole impact, and the energy of a closed path of a contact that does not slip."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from repose.dem import Clump, Contact, Material, Motion, Plane, Shape, Simulation, time_steps
+
+from .case import CLOSED, Curve, Effort, Panel, Result, at_most, close
+from .machine import BERRY, BERRY_DENSITY, BERRY_M, FLOOR, PVC, UP, steps_of_impact
+from .oblique import sliding_impulse
+from .restitution import STIFFER, particles
+
+ASKED = np.array([0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9])
+FRICTION, NORMAL_M_S = 0.3, 0.5
+SLIDES = 10.0  # tangential velocity over that which the impact takes
+STEPS_PER_CONTACT = 1500
+
+# The path of physics of a soft contact: overlap at which the slide begins, the slide, and how much deeper it is pressed.
+LOW_M, SLIDE_M, DEEPER_M = 2e-4, 2e-4, 8e-4
+SPEED_M_S, STEP_S = 0.01, 5e-5
+HEAVY = 1e9  # density of a body that nothing moves, over a berry's
+
+
+def lowest_under_centre(shape: Shape | Clump) -> np.ndarray:
+    """Quaternion with which the point of a body that touches a floor first lies under its centre of mass."""
+    if not isinstance(shape, Clump):
+        return np.array([1.0, 0.0, 0.0, 0.0])
+    centres, radii = shape.spheres_m[:, :3], shape.spheres_m[:, 3]
+    tip = centres[np.argmax(np.linalg.norm(centres, axis=1) + radii)]
+    down = -np.array(UP)
+    tip = tip / max(np.linalg.norm(tip), 1e-300)
+    # half-way rotation from the tip's direction to down; about x where the tip points up
+    w, xyz = 1.0 + tip @ down, np.cross(tip, down)
+    return np.array([w, *xyz]) if w > 1e-9 else np.array([0.0, 1.0, 0.0, 0.0])
+
+
+def sliding_loss(shape: Shape | Clump, contact: Contact, **laws: str) -> float:
+    """Tangential velocity that a body loses in a stiff impact on a floor in which it slides throughout [m/s]."""
+    berry, wall = (Material(STIFFER * m.shear_modulus_pa, m.poisson_ratio) for m in (BERRY, PVC))
+    kinds: Any = {"body": shape}
+
+    def made(step_s: float) -> Simulation:
+        return Simulation(
+            kinds,
+            {"berry": berry, "wall": wall},
+            {("berry", "berry"): contact, ("berry", "wall"): contact},
+            step_s,
+            capacity=1,
+            lower=(-0.1, -0.1, -0.1),
+            upper=(0.1, 0.1, 0.1),
+            walls={"floor": Plane(FLOOR, UP, "wall")},
+            gravity_m_s2=(0.0, 0.0, 0.0),
+            **laws,
+        )
+
+    hit = time_steps.impact(made(1e-15).scene, shape, shape, NORMAL_M_S).time_step_s
+    step = hit * time_steps.STEPS_PER_CONTACT / STEPS_PER_CONTACT
+    simulation = made(step)
+    turn = lowest_under_centre(shape)
+    reach = (
+        float(np.max(np.linalg.norm(shape.spheres_m[:, :3], axis=1) + shape.spheres_m[:, 3]))
+        if isinstance(shape, Clump)
+        else float(shape.half_extents_m[2])
+    )
+    along = SLIDES * 3.5 * sliding_impulse(contact, NORMAL_M_S)
+    place = (0.0, 0.0, reach + 3.5 * step * NORMAL_M_S)
+    simulation.add("body", place, turn, (along, 0.0, -NORMAL_M_S))
+    # a pair of equal bodies, whose contact time sets the step, is less stiff than a body on a floor
+    simulation.run_steps(3 * steps_of_impact(contact.restitution, laws.get("tension", "keep")))
+    return along - float(simulation.velocities[0, 0])
+
+
+def sliding_hits(effort: Effort) -> Result:
+    """A body that slides through a hit loses mu (1 + e) V: sphere, smooth body and clumps, e from .05 to .9.
+
+    Returns
+    -------
+    Result
+        The loss over mu (1 + e) V beside 1, for each body and restitution.
+    """
+    rows, curves = [], [Curve("mu (1 + e) V", ASKED, np.ones(len(ASKED)), reference=True)]
+    for name, body in particles().items():
+        shares = []
+        for e in ASKED:
+            contact = Contact(float(e), FRICTION, 0.0)
+            shares.append(sliding_loss(body, contact, **effort.laws) / sliding_impulse(contact, NORMAL_M_S))
+            rows.append(close(f"{name}, e {e:g}: tangential velocity lost over mu (1 + e) V", "", shares[-1], 1.0))
+        curves.append(Curve(name, ASKED, np.array(shares)))
+    panel = Panel("restitution asked for", "velocity lost over mu (1 + e) V", tuple(curves))
+    return Result(
+        "Coulomb's law over a sliding hit",
+        f"stiff bodies on a floor, mu {FRICTION:g}, {NORMAL_M_S:g} m/s along the normal",
+        rows,
+        [panel],
+    )
+
+
+def loop_work(forward: bool, **laws: str) -> float:
+    """Work that a floor does on a body that nothing moves, over a closed path without slip [J].
+
+    Forward the floor rises to a small overlap, slides, rises further, slides back and sinks. The reverse path is the
+    same with the two heights at which it slides exchanged.
+    """
+    shape = Shape.ellipsoid(BERRY_M, HEAVY * BERRY_DENSITY, "berry")
+    contact = Contact(1.0, 100.0, 0.0)
+    top = BERRY_M[2]
+    simulation = Simulation(
+        {"berry": shape},
+        {"berry": BERRY, "wall": PVC},
+        {("berry", "berry"): contact, ("berry", "wall"): contact},
+        STEP_S,
+        capacity=1,
+        lower=(-0.1, -0.1, -0.1),
+        upper=(0.1, 0.1, 0.1),
+        walls={"floor": Plane((0.0, 0.0, -top - 1e-6), UP, "wall")},
+        gravity_m_s2=(0.0, 0.0, 0.0),
+        **laws,
+    )
+    simulation.add("berry", (0.0, 0.0, 0.0))
+    slide, press = (SLIDE_M, 0.0, 0.0), (0.0, 0.0, DEEPER_M)
+    first = (slide, press) if forward else (press, slide)
+    back = tuple(tuple(-x for x in leg) for leg in first)
+    start = (0.0, 0.0, LOW_M + 1e-6)
+    work, force = 0.0, np.zeros(3)
+    for leg in (start, *first, *back, tuple(-x for x in start)):
+        way = np.array(leg)
+        steps = math.ceil(np.linalg.norm(way) / (SPEED_M_S * STEP_S))
+        simulation.set_motion("floor", Motion(way / (steps * STEP_S)))
+        for _ in range(steps):
+            simulation.run_steps(1)
+            now = -simulation.wall_loads()["floor"].force_n
+            work += float(0.5 * (force + now) @ way) / steps
+            force = now
+    return work
+
+
+def closed_loop(effort: Effort) -> Result:
+    """A contact led over a closed path without slip gives no energy: slide, press, slide back, unload.
+
+    Returns
+    -------
+    Result
+        Energy that comes out more than went in, forward and reverse, beside 0.
+    """
+    rows = []
+    for way, forward in (("slide, press, slide back, unload", True), ("press, slide, unload, slide back", False)):
+        gained = -1e6 * loop_work(forward, **effort.laws)
+        rows.append(at_most(f"{way}: energy gained", "uJ", gained, 0.02, CLOSED + ": a path gives none"))
+    return Result(
+        "A closed path of a contact",
+        f"a soft berry, no slip: overlap {1e3 * LOW_M:g} mm, slide {1e3 * SLIDE_M:g} mm, "
+        f"pressed {1e3 * DEEPER_M:g} mm deeper",
+        rows,
+    )
