@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from repose.dem import time_steps
     from repose.particle.particle import Particle
 
-ROLLING_LAW = "budget"
-
 
 def berry_simulation(
     config: Mapping[str, Any],
@@ -66,10 +64,7 @@ def berry_simulation(
         settings.time_step_s,
         capacity=capacity,
         gravity_m_s2=(0.0, 0.0, -settings.gravity_m_s2),
-        tension=settings.tension,
-        friction_limit=settings.friction_limit,
-        contact_law=settings.contact_law,
-        rolling_law=ROLLING_LAW,
+        **settings.laws,
         **scene,
     )
 

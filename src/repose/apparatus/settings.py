@@ -17,20 +17,20 @@ class SimulationSettings:
         Acceleration along -z [m/s2].
     tension : str
         How the normal force ends an impact; see `repose.dem.Simulation`.
-    friction_limit : str
-        Which normal force limits friction and rolling resistance; see `repose.dem.Simulation`.
     rest_energy_j : float
         A bed is at rest when its mean kinetic energy of a berry is below this [J].
     contact_law : str
         Name of the contact law, one of `repose.dem.laws.CONTACT_LAWS`; the configuration need not name it.
+    rolling_law : str
+        The same of the rolling resistance, one of `repose.dem.laws.ROLLING_LAWS`.
     """
 
     time_step_s: float
     gravity_m_s2: float
     tension: str
-    friction_limit: str
     rest_energy_j: float
     contact_law: str = "hertz_mindlin"
+    rolling_law: str = "budget"
 
     @classmethod
     def of(cls, config: Mapping[str, Any]) -> "SimulationSettings":
@@ -46,6 +46,11 @@ class SimulationSettings:
         SimulationSettings
         """
         return cls(**config["simulation"])
+
+    @property
+    def laws(self) -> dict[str, str]:
+        """The force laws, as `repose.dem.Simulation` takes them."""
+        return {"tension": self.tension, "contact_law": self.contact_law, "rolling_law": self.rolling_law}
 
     def steps(self, seconds: float) -> int:
         """Number of time steps of a duration, to the nearest one.

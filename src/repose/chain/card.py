@@ -35,7 +35,6 @@ WALL = ("shear_modulus_pa", "poisson_ratio")
 TENSION = {
     "keep": "the damped force may pull at the end of an impact",
     "release": "the force never pulls, damped so that the restitution is as set",
-    "cut": "the force never pulls, damped as if it could",
 }
 LIMIT = {"elastic": "the elastic part of the normal force", "total": "the size of the damped normal force"}
 
@@ -150,12 +149,11 @@ def laws(config: Mapping[str, Any]) -> dict[str, str]:
     -------
     dict of str
     """
-    from repose.apparatus.scene import ROLLING_LAW
-    from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
+    from repose.dem.laws import CONTACT_LAWS, COULOMB, ROLLING_LAWS
 
     settings = SimulationSettings.of(config)
-    limit = LIMIT[settings.friction_limit]
-    words = {**CONTACT_LAWS[settings.contact_law].words, **ROLLING_LAWS[ROLLING_LAW].words}
+    limit = LIMIT[COULOMB[settings.tension]]
+    words = {**CONTACT_LAWS[settings.contact_law].words, **ROLLING_LAWS[settings.rolling_law].words}
     told = {direction: text.format(limit=limit) for direction, text in words.items()}
     return told | {"end of an impact": TENSION[settings.tension]}
 

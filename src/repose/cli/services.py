@@ -60,15 +60,17 @@ def verify(args: argparse.Namespace) -> int:
 
     names = args.case or (list(verification.CASES) if args.all else None)
     pile = None
+    config = loader.load(args.config)
+    laws = SimulationSettings.of(config).laws
+    print("laws: " + ", ".join(laws.values()), flush=True)
     if names and set(names) & set(verification.EXPENSIVE):
-        config = loader.load(args.config)
         berry_of, particle = berry_and_particle(config, args.config)
         pile = (config, particle, berry_of)
-    effort = verification.Effort(hits=args.hits, seeds=args.seeds, pile=pile)
+    effort = verification.Effort(hits=args.hits, seeds=args.seeds, pile=pile, laws=laws)
     results = verification.run(
         names, effort, lambda name, result: print(_case_line(name, result), flush=True)
     )
-    report.write(results, args.out)
+    report.write(results, args.out, laws)
     print(f"{args.out}/index.html")
     return 0 if all(result.passed for result in results.values()) else 1
 

@@ -19,12 +19,18 @@ from repose.config.reading import Origin, get, origin_of, owner_of
 from repose.core.errors import InputError, YamlError
 
 SCHEMA_PATH = Path(__file__).with_name("schema.yaml")
-SHARED = ("time_step_s", "gravity_m_s2", "tension", "friction_limit", "rest_energy_j")
+SHARED = ("time_step_s", "gravity_m_s2", "tension", "rest_energy_j")
+FRICTION_LIMIT = (
+    "no longer a key: the tension decides (keep: the elastic part of the force, release: all of it), since other pairs "
+    "break Coulomb's law; delete this line"
+)
 # Keys of earlier configurations, and where they went.
 MOVED = {
     "heap": f"now the section funnel; its keys {', '.join(SHARED)} are in the section simulation",
     "target": "now the list targets: one entry for each response, with value, sd, repetitions and range",
     **{f"funnel.{key}": f"now simulation.{key}, for every bench test" for key in SHARED},
+    "funnel.friction_limit": FRICTION_LIMIT,
+    "simulation.friction_limit": FRICTION_LIMIT,
 }
 
 

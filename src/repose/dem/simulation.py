@@ -2,6 +2,7 @@
 
 import math
 import os
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -28,6 +29,10 @@ from .stepping import advance_some, grow
 from .surfaces import Wall, WallSet
 from .wall_arrays import wall_arrays
 
+TURNING = (
+    "a wall turns, and rolling_law 'budget' resists each body's rotation in space: angles and torques are wrong. Set "
+    "rolling_frame_rad_s to the wall's angular velocity, or take rolling_law='epsd'"
+)
 SKIN_SHARE = 0.45  # skin of the neighbour list over the largest bounding radius
 
 
@@ -230,6 +235,12 @@ class Simulation(Observables):
         self._body_tiles = st.zeros(threads, TILE_ROWS * st.LANES)
         self._scratches = st.zeros(threads, st.SCRATCH)
 
+    def _resists_against_space(self) -> bool:
+        """Whether a wall turns, and rolling is resisted in a frame that does not."""
+        turns = self.walls.approach[st.WALLS_MOVE] > 0.0 and bool(self.walls.motion[:, 3:6].any())
+        in_space = self.rolling_law is ROLLING_LAWS["budget"] and not self.physics.rolling_frame.any()
+        return turns and in_space and any(pair.rolling_friction > 0.0 for pair in self.contact_pairs.values())
+
     @property
     def rolling_frame_rad_s(self) -> np.ndarray:
         """Angular velocity of the frame against which rolling is resisted, a view (3,); zero unless set [rad/s]."""
@@ -328,6 +339,8 @@ class Simulation(Observables):
             Where bodies overlap so much that a contact list overflows within one step.
         """
         left = whole_number("steps", steps, 0)
+        if left > 0 and self._resists_against_space():
+            warnings.warn(TURNING, stacklevel=2)
         while left > 0:
             left -= advance_some(self, left)
             if self.counts[st.FULL]:

@@ -12,7 +12,7 @@ from repose.apparatus.funnel_geometry import Funnel
 from repose.apparatus.scene import longest_time_step, materials_of
 from repose.apparatus.settings import SimulationSettings
 from repose.core.errors import InputError
-from repose.dem.laws import hertz_mindlin
+from repose.dem.laws import hertz_mindlin, hertz_mindlin_rescaled, rolling
 from repose.dem.materials import effective_moduli
 from repose.dem.rotations import sphere_directions
 
@@ -79,7 +79,7 @@ class Job:
     grain, wall : repose.dem.Material
     grains, on_wall : Pair
         Grain with grain, grain with wall.
-    tension, friction_limit : str
+    tension, contact_law : str
         See `repose.dem.Simulation`.
     funnel : Funnel
     plate_radius_m, factory_radius_m, factory_height_m : float
@@ -110,7 +110,7 @@ class Job:
     grains: Pair
     on_wall: Pair
     tension: str
-    friction_limit: str
+    contact_law: str
     funnel: Funnel
     plate_radius_m: float
     factory_radius_m: float
@@ -170,15 +170,17 @@ def make(
     Raises
     ------
     InputError
-        If the particle has no spheres, or the contact law is not Hertz and Mindlin's.
+        If the particle has no spheres, the contact law is not Hertz and Mindlin's, or the rolling law no budget.
     """
     settings, section = SimulationSettings.of(config), config["funnel"]
     if not particle.is_clump:
         raise InputError("particle", "kind", particle.kind, "multisphere: other programs take spheres")
-    if settings.contact_law != hertz_mindlin.LAW.name:
-        raise InputError(
-            "configuration", "simulation.contact_law", settings.contact_law, hertz_mindlin.LAW.name
-        )
+    for key, value, allowed in (
+        ("contact_law", settings.contact_law, [hertz_mindlin.LAW.name, hertz_mindlin_rescaled.LAW.name]),
+        ("rolling_law", settings.rolling_law, [rolling.LAW.name]),
+    ):
+        if value not in allowed:
+            raise InputError("configuration", f"simulation.{key}", value, " or ".join(allowed))
     materials = materials_of(config, berry)
     mean_radius, lever = surface_means(particle.spheres_m)
     smallest = float(particle.spheres_m[:, 3].min())
@@ -213,7 +215,7 @@ def make(
         grains=pair("gg", "berry", 0.5 * mean_radius),
         on_wall=pair("gp", "wall", mean_radius),
         tension=settings.tension,
-        friction_limit=settings.friction_limit,
+        contact_law=settings.contact_law,
         funnel=funnel,
         plate_radius_m=0.5e-3 * section["plate_diameter_mm"],
         factory_radius_m=0.5e-3 * section["factory_diameter_mm"] - particle.bounding_radius_m,

@@ -18,6 +18,7 @@ from repose.export.template import filled
 
 # Damping of the rolling spring over that which stops it at once, with the mass of a grain.
 ROLLING_DAMPING = 0.5
+SPRINGS = {"hertz_mindlin": "mindlin", "hertz_mindlin_rescaled": "mindlin_rescale/force"}
 
 
 def deck(job: Job) -> dict[str, str]:
@@ -85,7 +86,7 @@ def contact_words(job: Job, pair: Pair) -> str:
     rolling_damping = ROLLING_DAMPING * math.sqrt(stiffness * job.mass_kg)
     words = (
         f"hertz/material {young:.8g} {equivalent_restitution(pair, 1e-6):.8g} {poisson:.8g} "
-        f"tangential mindlin {8.0 * pair.effective_shear_pa:.8g} 0 {pair.static_friction:.8g} "
+        f"tangential {SPRINGS[job.contact_law]} {8.0 * pair.effective_shear_pa:.8g} 0 {pair.static_friction:.8g} "
         "damping coeff_restitution "
         f"rolling sds {stiffness:.8g} {rolling_damping:.8g} {rolling_coefficient(job, pair):.8g}"
     )
@@ -146,7 +147,7 @@ def _told(job):
         rolled(job),
         damped_alone(),
         undamped_tangent(),
-        *limited_friction(job),
+        *limited_friction(job, rescales=True),
         "the edge of the outlet is sharp",
     ]
     if job.tension == "release":

@@ -12,6 +12,7 @@ two spheres that touch. `rolling_coefficient` is the number with which the mean 
 import math
 from collections.abc import Iterator
 
+from repose.dem.laws import COULOMB
 from repose.export.job import Job, Pair
 
 
@@ -119,20 +120,27 @@ def _head(job: Job, told: list[str]) -> Iterator[str]:
         yield f"- {line}"
 
 
-def limited_friction(job: Job) -> list[str]:
-    """The note of a program whose Coulomb's limit takes the whole normal force, where the study's does not.
+def limited_friction(job: Job, rescales: bool = False) -> list[str]:
+    """The notes of a program whose Coulomb's limit takes the whole normal force, and whose spring may not be rescaled.
 
     Parameters
     ----------
     job : Job
+    rescales : bool, optional
+        Whether the program's spring is the study's.
 
     Returns
     -------
     list of str
     """
-    if job.friction_limit == "total":
-        return []
-    return ["Coulomb's limit takes the damped normal force, in the study its elastic part"]
+    notes = []
+    if COULOMB[job.tension] != "total":
+        notes.append("Coulomb's limit takes the damped normal force, in the study its elastic part")
+    if job.contact_law == "hertz_mindlin_rescaled" and not rescales:
+        notes.append(
+            "a tangential force grows with the normal load; in the study it stays on loading and falls on unloading"
+        )
+    return notes
 
 
 def damped_alone() -> str:

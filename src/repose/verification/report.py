@@ -36,7 +36,7 @@ img {{ max-width: 100%; }}
 """
 
 
-def write(results: Mapping[str, Result], out_dir: str | Path) -> None:
+def write(results: Mapping[str, Result], out_dir: str | Path, laws: Mapping[str, str]) -> None:
     """Write index.html, verification.csv and one PNG for each case.
 
     Parameters
@@ -45,6 +45,8 @@ def write(results: Mapping[str, Result], out_dir: str | Path) -> None:
         From name to `case.Result`.
     out_dir : path
         Folder of the files.
+    laws : mapping
+        The force laws of every case.
     """
     out_dir = Path(out_dir)
     _write_csv(results, out_dir / "verification.csv")
@@ -52,7 +54,7 @@ def write(results: Mapping[str, Result], out_dir: str | Path) -> None:
         if result.panels:
             with style.applied():
                 style.save(draw(result), out_dir / f"{name}.png", small_run=False)
-    write_text(out_dir / "index.html", _page(results))
+    write_text(out_dir / "index.html", _page(results, laws))
 
 
 def _write_csv(results: Mapping[str, Result], path: Path) -> None:
@@ -107,13 +109,14 @@ def draw(result: Result) -> Figure:
     return figure
 
 
-def _page(results: Mapping[str, Result]) -> str:
+def _page(results: Mapping[str, Result], laws: Mapping[str, str]) -> str:
     """The page: how many numbers miss, and a plot and a table of each case."""
     rows = sum(len(result.rows) for result in results.values())
     missed = sum(row.status == MISSED for result in results.values() for row in result.rows)
     known = sum(row.status == KNOWN for result in results.values() for row in result.rows)
     body = [
         "<h1>Verification of the simulator</h1>",
+        f"<p>Force laws of every case: {html.escape(', '.join(f'{k} {v}' for k, v in laws.items()))}.</p>",
         f"<p>{len(results)} cases, {rows} numbers: {missed} miss their tolerance, {known} deviate for a reason that "
         "is known and stated. Deviations are relative to the reference; all numbers: "
         '<a href="verification.csv">verification.csv</a>.</p>',
