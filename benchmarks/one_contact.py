@@ -67,11 +67,11 @@ def ours(name, case, step_s):
     simulation = {
         "friction_limit": limit,
         "contact_law": law,
+        "rolling_law": rolling,
         "gravity_m_s2": case.gravity,
         "time_step_s": step_s,
     }
     config = config | {"simulation": config["simulation"] | simulation}
-    one_pile.scene.ROLLING_LAW = rolling
     made = berry_simulation(
         config,
         one_pile.their_rolling(SET, job) if rolling == "spring" else one_pile.SETS[SET],

@@ -55,9 +55,9 @@ SETS = {
 }
 # This engine: Coulomb's limit, law of rolling, contact law.
 OURS = {
-    "repose": ("elastic", "budget", "hertz_mindlin"),
-    "repose, friction limited as theirs": ("total", "budget", "hertz_mindlin"),
-    "repose, rolling as theirs": ("elastic", "spring", "hertz_mindlin"),
+    "repose": (None, "budget", "hertz_mindlin_rescaled"),
+    "repose, spring as theirs": (None, "budget", "hertz_mindlin"),
+    "repose, rolling as theirs": (None, "spring", "hertz_mindlin_rescaled"),
     "repose, all laws as theirs": ("total", "spring", "body_damping"),
 }
 PEERS = ("liggghts", "lammps", "yade")
@@ -99,8 +99,8 @@ def pour_ours(name, set_name, seed):
     """Places of the spheres (N, M, 3) of a pour with this engine, and its status."""
     config, berry, particle, job = study(set_name)
     limit, rolling, law = OURS[name]
-    config = config | {"simulation": config["simulation"] | {"friction_limit": limit, "contact_law": law}}
-    scene.ROLLING_LAW = rolling
+    laws = {"friction_limit": limit, "contact_law": law, "rolling_law": rolling}
+    config = config | {"simulation": config["simulation"] | laws}
     values = their_rolling(set_name, job) if rolling == "spring" else SETS[set_name]
     poured = funnel_pour.pour(config, values, seed, particle, berry)
     turned = np.einsum("nij,mj->nmi", rotation_matrices(poured.quaternions), particle.spheres_m[:, :3])

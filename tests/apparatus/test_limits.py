@@ -48,7 +48,7 @@ def case(rng, particles):
     name = str(rng.choice(list(particles)))
     factor = 10 ** rng.uniform(np.log10(0.5), np.log10(50.0)) / AXES_MM["long_mm"]
     config["wall"]["shear_modulus_pa"] = 10 ** rng.uniform(3.0, 11.0)
-    config["simulation"]["tension"] = str(rng.choice(["keep", "release", "cut"]))
+    config["simulation"]["tension"] = str(rng.choice(["keep", "release"]))
     config["berry"]["size_distribution"] = str(rng.choice(["none", "measured"]))
     for key in ("e_gg", "e_gp"):
         low = float(rng.uniform(0.05, 0.9))

@@ -48,7 +48,6 @@ def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):
             "time_step_s": 1e-5,
             "gravity_m_s2": 9.81,
             "tension": "release",
-            "friction_limit": "elastic",
             "rest_energy_j": 1e-9,
         },
         "funnel": {"berries": grains},

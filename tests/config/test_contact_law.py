@@ -10,7 +10,7 @@ from repose.config.schema import subschema
 from repose.core import places
 from repose.core.errors import InputError
 from repose.core.provenance import hash_of
-from repose.dem.laws import CONTACT_LAWS
+from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 
 
 @pytest.fixture
@@ -21,11 +21,20 @@ def config(monkeypatch):
 
 def test_the_schema_names_the_laws_of_the_engine():
     assert subschema(["simulation", "contact_law"])["enum"] == list(CONTACT_LAWS)
+    assert subschema(["simulation", "rolling_law"])["enum"] == list(ROLLING_LAWS)
 
 
-def test_no_shipped_study_names_it_and_all_have_hertz_and_mindlin(config):
-    assert "contact_law" not in config["simulation"]
-    assert SimulationSettings.of(config).contact_law == "hertz_mindlin"
+def test_a_configuration_without_it_has_hertz_and_mindlin_and_the_budget(config):
+    for key in ("contact_law", "rolling_law"):
+        config["simulation"].pop(key)
+    settings = SimulationSettings.of(config)
+    assert (settings.contact_law, settings.rolling_law) == ("hertz_mindlin", "budget")
+
+
+def test_a_friction_limit_of_an_earlier_version_is_told_what_to_write(config):
+    config["simulation"]["friction_limit"] = "elastic"
+    with pytest.raises(InputError, match=r"friction_limit is 'elastic'; .*the tension decides.*delete this line"):
+        checks.check(config, "mine.yaml")
 
 
 def test_pours_of_another_law_stand_on_other_settings(config):
@@ -37,5 +46,5 @@ def test_pours_of_another_law_stand_on_other_settings(config):
 
 def test_a_law_that_is_none_is_refused(config):
     config["simulation"]["contact_law"] = "hooke"
-    with pytest.raises(InputError, match="contact_law is 'hooke'; allowed: hertz_mindlin or linear_spring"):
+    with pytest.raises(InputError, match="contact_law is 'hooke'; allowed: hertz_mindlin or hertz_mindlin_rescaled or linear_spring"):
         checks.check(config, "mine.yaml")

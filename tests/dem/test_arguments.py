@@ -49,7 +49,7 @@ GOOD = {
         ({"upper": (0.1, -0.2, 0.1)}, "lower below upper in every direction"),
         ({"gravity_m_s2": 9.81}, r"gravity_m_s2 is 9\.81; allowed: three finite numbers"),
         ({"tension": "maybe"}, "tension is 'maybe'; allowed: 'keep', 'release', 'cut'"),
-        ({"friction_limit": 1}, "friction_limit is 1; allowed: 'elastic', 'total'"),
+        ({"friction_limit": "both"}, "friction_limit is 'both'; allowed: 'elastic', 'total'"),
         ({"largest_scale": 0}, "largest_scale is 0; allowed: above 0"),
         ({"largest_scale": math.inf}, "largest_scale is inf; allowed: above 0"),
         ({"exit_height_m": math.nan}, "exit_height_m is nan; allowed: a number, or -inf"),

@@ -55,11 +55,11 @@ def test_a_linear_spring_touches_for_half_a_period_and_overlaps_by_its_amplitude
 
 
 def test_laws_are_chosen_by_name():
-    assert set(CONTACT_LAWS) == {"hertz_mindlin", "linear_spring"}
-    assert set(ROLLING_LAWS) == {"budget"}
-    with pytest.raises(ValueError, match="contact_law is 'hertz'; allowed: 'hertz_mindlin', 'linear_spring'"):
+    assert set(CONTACT_LAWS) == {"hertz_mindlin", "hertz_mindlin_rescaled", "linear_spring"}
+    assert set(ROLLING_LAWS) == {"budget", "epsd"}
+    with pytest.raises(ValueError, match="contact_law is 'hertz'; allowed: 'hertz_mindlin', 'hertz_"):
         simulation(contact_law="hertz")
-    with pytest.raises(ValueError, match="rolling_law is None; allowed: 'budget'"):
+    with pytest.raises(ValueError, match="rolling_law is None; allowed: 'budget', 'epsd'"):
         simulation(rolling_law=None)
     # a linear spring has a time step of its own
     assert head_on(0.5).longest_time_step() != simulation(SPHERE).longest_time_step()

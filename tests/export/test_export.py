@@ -146,7 +146,7 @@ def test_no_deck_has_a_dashpot_along_the_tangent(job):
     laws = re.findall(r"model hertz .*", files["liggghts"]["in.pour"])
     assert len(laws) == 3
     assert all(law.endswith("tangential_damping off") for law in laws)
-    dashpots = re.findall(r"tangential mindlin \S+ (\S+)", files["lammps"]["in.pour"])
+    dashpots = re.findall(r"tangential mindlin\S* \S+ (\S+)", files["lammps"]["in.pour"])
     assert dashpots == ["0"] * 3
     assert "betas=by_pair(0.0, 0.0)" in files["yade"]["pour.py"]
 

@@ -114,8 +114,7 @@ def drawn(number, default, mean, particles):
     berry["shear_modulus_pa"] = float(10 ** rng.uniform(4.0, 9.0))
     parameters = {key: float(rng.uniform(0.0, HIGHEST.get(key, 1.0))) for key in PARAMETERS}
     parameters |= {key: float(rng.uniform(0.05, 0.95)) for key in ("e_gg", "e_gp")}
-    config["simulation"]["tension"] = str(rng.choice(["keep", "release", "cut"]))
-    config["simulation"]["friction_limit"] = str(rng.choice(["elastic", "total"]))
+    config["simulation"]["tension"] = str(rng.choice(["keep", "release"]))
     config["simulation"]["contact_law"] = str(rng.choice(list(CONTACT_LAWS)))
     config["berry"]["size_distribution"] = PARTICLES[name].get("size_distribution", "none")
     particle = sized(particles[name], factor)

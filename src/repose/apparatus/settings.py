@@ -23,6 +23,8 @@ class SimulationSettings:
         Name of the contact law, one of `repose.dem.laws.CONTACT_LAWS`; the configuration need not name it.
     rolling_law : str
         The same of the rolling resistance, one of `repose.dem.laws.ROLLING_LAWS`.
+    friction_limit : str, optional
+        No key of a configuration: for comparisons with programs whose limit does not go with their tension.
     """
 
     time_step_s: float
@@ -31,6 +33,7 @@ class SimulationSettings:
     rest_energy_j: float
     contact_law: str = "hertz_mindlin"
     rolling_law: str = "budget"
+    friction_limit: str | None = None
 
     @classmethod
     def of(cls, config: Mapping[str, Any]) -> "SimulationSettings":
@@ -50,7 +53,8 @@ class SimulationSettings:
     @property
     def laws(self) -> dict[str, str]:
         """The force laws, as `repose.dem.Simulation` takes them."""
-        return {"tension": self.tension, "contact_law": self.contact_law, "rolling_law": self.rolling_law}
+        laws = {"tension": self.tension, "contact_law": self.contact_law, "rolling_law": self.rolling_law}
+        return laws if self.friction_limit is None else laws | {"friction_limit": self.friction_limit}
 
     def steps(self, seconds: float) -> int:
         """Number of time steps of a duration, to the nearest one.
