@@ -260,7 +260,9 @@ def tangential_speeds(effort: Effort) -> Result:
             if u in (13.5, 25.0):
                 hertz = hertz_on_plane(solid, radius, normal)
                 found = (v[0], w[1])
-                rows += sliding_rows(f"{solid.name}, {u:g} m/s", contact, hertz, radius, found, (u, 0.0), effort.tension)
+                rows += sliding_rows(
+                    f"{solid.name}, {u:g} m/s", contact, hertz, radius, found, (u, 0.0), effort.tension
+                )
         surface.append(Curve(f"{solid.name}, repose", incoming / (0.3 * normal), after))
         spins.append(Curve(f"{solid.name}, repose", incoming / (0.3 * normal), turning))
     sliding = np.array([7.0, 17.0])
