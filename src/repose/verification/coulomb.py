@@ -17,7 +17,7 @@ FRICTION, NORMAL_M_S = 0.3, 0.5
 SLIDES = 10.0  # tangential velocity over that which the impact takes
 STEPS_PER_CONTACT = 1500
 
-# The path of physics of a soft contact: overlap at which the slide begins, the slide, and how much deeper it is pressed.
+# The path: overlap at which the slide begins, the slide, and how much deeper the contact is pressed.
 LOW_M, SLIDE_M, DEEPER_M = 2e-4, 2e-4, 8e-4
 SPEED_M_S, STEP_S = 0.01, 5e-5
 HEAVY = 1e9  # density of a body that nothing moves, over a berry's

@@ -94,8 +94,8 @@ def sliding_impulse(contact: Contact, normal_m_s: Any) -> Any:
 def sliding_spin(contact: Contact, hertz: Hertz, radius_m: float, tension: str = "keep") -> float:
     """Change of spin in gross sliding by the law that the engine solves.
 
-    It is mu times the integral of F (R - delta / 2) / I: the contact lies in the middle of the overlap. F is the elastic
-    part of the damped impact's force where the contact may pull, all of it where it may not.
+    It is mu times the integral of F (R - delta / 2) / I: the contact lies in the middle of the overlap. F is the
+    elastic part of the damped impact's force where the contact may pull, all of it where it may not.
 
     Parameters
     ----------

@@ -121,7 +121,7 @@ LAW = Law(
     kernel=kernel,
     words={
         "rolling": "elastic-plastic spring and dashpot against the rotation of one body relative to the other (model C "
-        "of Ai et al. 2011), at most mu_r times {limit} times the reduced lever; spin about the normal is resisted by at "
-        "most 3 pi / 16 mu_s times {limit} times the radius of the contact circle"
+        "of Ai et al. 2011), at most mu_r times {limit} times the reduced lever; spin about the normal is resisted by "
+        "at most 3 pi / 16 mu_s times {limit} times the radius of the contact circle"
     },
 )
