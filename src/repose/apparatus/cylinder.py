@@ -6,9 +6,10 @@ mm above the rim, struck off level), without the shocks that the standard adds. 
 collar, so that no berry falls beside the cylinder; what lies above the rim is struck off when the berries rest.
 
 A berry belongs to the cylinder when its centre lies below the rim. What protrudes above the rim then makes up, on
-average, for what is missing below it, and the density depends on no shape. The core lies `core_margin_mm` away from wall,
-floor and rim, where berries pack more loosely than in the middle. Near them berries lie in layers, so where a layer's
-centres lie just inside the core their count is too high: the core has the share of each berry's volume that lies in it.
+average, for what is missing below it, and the density depends on no shape. The core lies `core_margin_mm` away from
+wall, floor and rim, where berries pack more loosely than in the middle. Near them berries lie in layers, so where a
+layer's centres lie just inside the core their count is too high: the core has the share of each berry's volume that
+lies in it.
 """
 
 import math
@@ -194,8 +195,8 @@ class Vessel:
 
         Notes
         -----
-        Counted over `POINTS` points of the body: the share of a berry that is cut is off by 0.003 (rms), the density of a core by
-        less than 1e-3 of itself.
+        Counted over `POINTS` points of the body: the share of a berry that is cut is off by 0.003 (rms), the density of
+        a core by less than 1e-3 of itself.
         """
         places, quaternions = (np.asarray(arrays[name], float) for name in ("position", "quaternion"))
         points = points_of(particle)
