@@ -1,6 +1,7 @@
 """The measuring cylinder: its density on lattices of known density, how a filling is judged, and a small filling."""
 
 import copy
+import dataclasses
 import math
 from pathlib import Path
 
@@ -42,8 +43,8 @@ def test_density_of_a_lattice_is_mass_over_cell(margin_m):
     centres = lattice(2e-3, 0.3)
     masses = np.full(len(centres), 4.8e-6)
     vessel = cylinder.Vessel.of(config()["cylinder"])
-    assert vessel.density_kg_m3(centres, masses, margin_m) == pytest.approx(600.0, rel=0.01)
     counted = vessel.inside(centres, margin_m)
+    assert vessel.density_kg_m3(masses, counted, margin_m) == pytest.approx(600.0, rel=0.01)
     assert centres[counted, 2].max() < 0.228 - margin_m
     assert np.hypot(*centres[counted, :2].T).max() < 0.0835 - margin_m
 
@@ -51,8 +52,9 @@ def test_density_of_a_lattice_is_mass_over_cell(margin_m):
 def test_sizes_count_by_their_mass():
     scales = np.array([1.0, 1.2, 0.8, 1.0])
     arrays = {
-        "position": np.array([[0, 0, 0.01], [0, 0, 0.1], [0.05, 0, 0.2], [0, 0, 0.24]]),
+        "position": np.array([[0, 0, 0.01], [0, 0, 0.1], [0.04, 0, 0.18], [0, 0, 0.24]]),
         "scale": scales,
+        "quaternion": np.tile([1.0, 0.0, 0.0, 0.0], (4, 1)),
     }
     found = cylinder.measure({"status": "ok"}, arrays, config(), PARTICLE, BERRY)
     mass = PARTICLE.mass_kg * (1.0 + 1.2**3 + 0.8**3)
@@ -62,6 +64,39 @@ def test_sizes_count_by_their_mass():
     assert found["core_density_kg_m3"] == pytest.approx(core)
     nothing = cylinder.measure({"status": "not_full"}, arrays, config(), PARTICLE, BERRY)
     assert nothing["bulk_density_kg_m3"] is None
+
+
+def cap_share(depth, radius):
+    """Share of a sphere that lies below a plane `depth` above its lowest point."""
+    depth = np.clip(depth, 0.0, 2.0 * radius)
+    return depth**2 * (3.0 * radius - depth) / (4.0 * radius**3)
+
+
+@pytest.mark.parametrize("kind", ["smooth", "clump"])
+def test_the_core_counts_the_volume_of_layers_that_its_ends_cut(kind):
+    """Layers of spheres whose centres lie just inside the core's ends: by their centres they count in full."""
+    ball = fit_particle(ellipsoid_mesh(np.array([10.0, 10.0, 10.0])), 1000.0)
+    if kind == "clump":
+        ball = dataclasses.replace(ball, semi_axes_m=np.zeros((0, 3)), spheres_m=np.array([[0, 0, 0, 5e-3]]))
+    vessel, margin = cylinder.Vessel(0.0835, 0.228, 0.06), 0.025
+    side = np.arange(-0.04, 0.041, 0.01)
+    heights = np.array([0.026, 0.06, 0.1, 0.202])
+    x, y, z = np.meshgrid(side, side, heights, indexing="ij")
+    centres = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+    centres = centres[np.hypot(*centres[:, :2].T) < 0.05]
+    quaternions = np.random.default_rng(3).normal(size=(len(centres), 4))
+    quaternions /= np.linalg.norm(quaternions, axis=1)[:, None]
+    arrays = {"position": centres, "quaternion": quaternions, "scale": np.ones(len(centres))}
+    shares = vessel.shares_inside(arrays, ball, margin)
+    known = cap_share(centres[:, 2] + 0.005 - margin, 0.005)
+    known = np.minimum(known, cap_share(0.228 - margin - (centres[:, 2] - 0.005), 0.005))
+    assert np.abs(shares - known).max() < 0.02
+    assert np.sqrt(np.mean((shares - known) ** 2)) < 0.005
+    found = vessel.density_kg_m3(np.full(len(centres), 1.0), shares, margin)
+    by_volume = vessel.density_kg_m3(np.full(len(centres), 1.0), known, margin)
+    by_centres = vessel.density_kg_m3(np.full(len(centres), 1.0), vessel.inside(centres, margin), margin)
+    assert found == pytest.approx(by_volume, rel=1e-3)
+    assert by_centres > 1.2 * by_volume
 
 
 def test_a_filling_is_judged():

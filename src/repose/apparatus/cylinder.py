@@ -6,8 +6,10 @@ mm above the rim, struck off level), without the shocks that the standard adds. 
 collar, so that no berry falls beside the cylinder; what lies above the rim is struck off when the berries rest.
 
 A berry belongs to the cylinder when its centre lies below the rim. What protrudes above the rim then makes up, on
-average, for what is missing below it, and the density depends on no shape. So does the density of the core, which lies
-`core_margin_mm` away from wall, floor and rim, where berries pack more loosely than in the middle.
+average, for what is missing below it, and the density depends on no shape. The core lies `core_margin_mm` away from
+wall, floor and rim, where berries pack more loosely than in the middle. Near them berries lie in layers, so where a
+layer's centres lie just inside the core their count is too high: the core has the share of each berry's volume that
+lies in it.
 """
 
 import math
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
     from repose.particle.particle import Particle
 
 NAME = "cylinder"
+POINTS = 1000  # of a berry, over which its share in the core is counted
 STATUSES = ("ok", "unstable", "lost", "not_at_rest", "not_full")
 
 # --- what it gives --------------------------------------------------------------------------------
@@ -137,13 +140,16 @@ class Vessel:
         """Upper end of the collar, where berries appear [m]."""
         return self.height_m + self.collar_m
 
-    def density_kg_m3(self, centres_m: np.ndarray, masses_kg: np.ndarray, margin_m: float = 0.0) -> float:
-        """Mass of the berries whose centres lie in the cylinder, over its volume.
+    def density_kg_m3(
+        self, masses_kg: np.ndarray, shares: np.ndarray | Sequence[float], margin_m: float = 0.0
+    ) -> float:
+        """Mass of the shares of berries that lie in the cylinder, over its volume.
 
         Parameters
         ----------
-        centres_m : numpy.ndarray, (N, 3)
         masses_kg : numpy.ndarray, (N,)
+        shares : array_like, (N,)
+            0 to 1, of `shares_inside`, or of `inside`.
         margin_m : float, optional
             Distance of the volume from wall, floor and rim.
 
@@ -152,9 +158,8 @@ class Vessel:
         float
             kg/m3.
         """
-        radius, low, high = self.radius_m - margin_m, margin_m, self.height_m - margin_m
-        mass = float(masses_kg[self.inside(centres_m, margin_m)].sum())
-        return mass / (math.pi * radius**2 * (high - low))
+        radius, height = self.radius_m - margin_m, self.height_m - 2.0 * margin_m
+        return float(np.asarray(masses_kg) @ np.asarray(shares, float)) / (math.pi * radius**2 * height)
 
     def inside(self, centres_m: np.ndarray, margin_m: float = 0.0) -> np.ndarray:
         """Which centres lie in the cylinder, at least `margin_m` away from wall, floor and rim.
@@ -171,6 +176,63 @@ class Vessel:
         x, y, z = np.asarray(centres_m, float).T
         between = (z > margin_m) & (z < self.height_m - margin_m)
         return between & (np.hypot(x, y) < self.radius_m - margin_m)
+
+    def shares_inside(
+        self, arrays: Mapping[str, np.ndarray], particle: "Particle", margin_m: float
+    ) -> np.ndarray:
+        """Share of each berry's volume that lies in the cylinder, at least `margin_m` away from wall, floor and rim.
+
+        Parameters
+        ----------
+        arrays : mapping
+            ``position`` (N, 3), ``quaternion`` (N, 4) and ``scale`` (N,) of a run.
+        particle : Particle
+        margin_m : float
+
+        Returns
+        -------
+        numpy.ndarray, (N,)
+
+        Notes
+        -----
+        Counted over `POINTS` points of the body: the share of a berry that is cut is off by 0.003 (rms), the density of
+        a core by less than 1e-3 of itself.
+        """
+        places, quaternions = (np.asarray(arrays[name], float) for name in ("position", "quaternion"))
+        points = points_of(particle)
+        shares = np.empty(len(places))
+        for k, (place, scale) in enumerate(zip(places, arrays["scale"], strict=True)):
+            around = place + scale * points @ dem.rotation_matrix(quaternions[k]).T
+            shares[k] = self.inside(around, margin_m).mean()
+        return shares
+
+
+def points_of(particle: "Particle") -> np.ndarray:
+    """Points spread evenly over the volume of a body, in its own frame.
+
+    Parameters
+    ----------
+    particle : Particle
+
+    Returns
+    -------
+    numpy.ndarray, (POINTS, 3)
+        Metres.
+    """
+    low, extent = -particle.support(-np.eye(3)), particle.axes_m
+    ratios = 1.2207440846057596 ** -np.arange(
+        1.0, 4.0
+    )  # a Kronecker sequence: powers of the root of x^4 = x + 1
+    points = low + extent * (np.outer(np.arange(1.0, 4 * POINTS), ratios) % 1.0)
+    if particle.is_clump:
+        centres, radii = particle.spheres_m[:, :3], particle.spheres_m[:, 3]
+        inside = (np.linalg.norm(points[:, None] - centres, axis=2) < radii).any(axis=1)
+    else:
+        turn, height = np.arange(1000.0) * math.pi * (3.0 - math.sqrt(5.0)), np.linspace(-0.999, 0.999, 1000)
+        ring = np.sqrt(1.0 - height**2)
+        rays = np.column_stack([ring * np.cos(turn), ring * np.sin(turn), height])
+        inside = (points @ rays.T < particle.support(rays)).all(axis=1)
+    return points[inside][:POINTS]
 
 
 def build(
@@ -339,10 +401,11 @@ def measure(
         vessel, centres = Vessel.of(config[NAME]), np.asarray(arrays["position"], float)
         masses = particle.mass_kg * np.asarray(arrays["scale"], float) ** 3
         margin = 1e-3 * config[NAME]["core_margin_mm"]
+        shares, inside = vessel.shares_inside(arrays, particle, margin), vessel.inside(centres)
         measured = {
-            "bulk_density_kg_m3": vessel.density_kg_m3(centres, masses),
-            "core_density_kg_m3": vessel.density_kg_m3(centres, masses, margin),
-            "berries_in_cylinder": int(vessel.inside(centres).sum()),
+            "bulk_density_kg_m3": vessel.density_kg_m3(masses, inside),
+            "core_density_kg_m3": vessel.density_kg_m3(masses, shares, margin),
+            "berries_in_cylinder": int(inside.sum()),
         }
     return {**record, **measured}
 

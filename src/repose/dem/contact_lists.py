@@ -125,6 +125,7 @@ def grown_wall_contacts(contacts: Any, used: int, ghost: int) -> Any:
     n_walls, n_bodies = contacts.limit.shape
     bigger = st.new_wall_contacts(2 * len(contacts.body), n_walls, n_bodies, ghost, rows)
     bigger.limit[:] = contacts.limit
+    bigger.deepest[:] = contacts.deepest
     for name in ("body", "wall", "feature"):
         getattr(bigger, name)[:used] = getattr(contacts, name)[:used]
     bigger.data[: len(contacts.data)] = contacts.data

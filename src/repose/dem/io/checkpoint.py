@@ -22,6 +22,7 @@ from .whole import write_whole
 FORMAT = 1
 ABOUT = "about"  # the array that holds the description
 WHOLE = "a whole file that Simulation.save wrote"
+OF_BODIES = ("limit", "deepest")  # arrays of wall contacts that have a place for each body and do not grow
 
 
 def save(simulation: Any, path: str | os.PathLike) -> None:
@@ -120,7 +121,7 @@ def _restore(simulation, arrays):
 def _may_grow(name):
     """Whether an array belongs to the lists of contacts, which grow."""
     group, _, field = name.partition(".")
-    return group in ("pairs", "flat", "curved", "meshed", "clumps") and field != "limit"
+    return group in ("pairs", "flat", "curved", "meshed", "clumps") and field not in OF_BODIES
 
 
 def _aligned(values):

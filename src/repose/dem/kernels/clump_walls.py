@@ -11,7 +11,7 @@ import numpy as np
 
 from . import clump_tile as ct
 from . import state as st
-from .clumps import is_set, set_bit
+from .clumps import clear_bit, is_set, set_bit
 from .features import FACE
 from .frames import into_frame, rotate_to_world, write_plane
 from .jit import inlined, kernel
@@ -144,13 +144,39 @@ def drop_sphere(contacts, counts, slot, known, k, ghost):
 
 
 @inlined
-def free_way(gap, beyond, radius, one_sided):
-    """How far a sphere may move before it can touch a wall, from its gap and its way to the wall's end.
+def free_way(gap, beyond, radius, past, sphere, leans):
+    """How far a sphere may move before it can touch a wall, from its gap and its way to the wall's end; 0.0: it touches.
 
-    Against a one-sided wall a sphere whose centre lies beyond the surface came from outside. 0.0: it touches.
+    A sphere that overlaps the surface beyond the wall's end, or with its centre behind it, is past the wall (a bit of
+    `past`, one word) until it is clear of the surface, but where its body leans on another wall.
     """
-    free = max(max(gap, beyond), 0.0)
-    return max(free, -gap - radius) if one_sided else free
+    if gap > 0.0:
+        clear_bit(past, sphere)
+        return gap
+    outside = max(beyond, -gap - radius)
+    if outside > 0.0 and not leans:
+        set_bit(past, sphere)
+    return -gap if is_set(past, sphere) else max(outside, 0.0)
+
+
+@inlined
+def leans_on(known, i):
+    """Whether any sphere of body i touches any wall of this kind."""
+    for wall in range(known.shape[0]):
+        if known[wall, i] != np.uint64(0):
+            return True
+    return False
+
+
+@inlined
+def sphere_slid_off(bodies, contacts, walls, clumps, k):
+    """Note that contact k of a sphere slid over the end of a cone or ring: the next wall takes it over."""
+    i = contacts.body[k]
+    for wall in range(contacts.limit.shape[0]):
+        past = clumps.curved_past[wall, i : i + 1]
+        if is_set(past, contacts.feature[k]):
+            clear_bit(past, contacts.feature[k])
+            contacts.limit[wall, i] = bodies.displacement[i] + walls.approach[st.WALL_PATH]
 
 
 @kernel
@@ -163,7 +189,7 @@ def spheres_at_plane(bodies, flat, clumps, walls, counts, wall, i, s, out):
         x, y, z = s[PLACES_A + k], s[PLACES_A + MOST_SPHERES + k], s[PLACES_A + 2 * MOST_SPHERES + k]
         radius = s[PLACES_A + 3 * MOST_SPHERES + k]
         beyond = sphere_on_plane(x, y, z, radius, walls.planes[wall], out)
-        free = free_way(out[3], beyond, radius, False)
+        free = free_way(out[3], beyond, radius, clumps.flat_past[wall, i : i + 1], k, False)
         if free > 0.0:
             nearest = min(nearest, free)
             continue
@@ -177,13 +203,14 @@ def spheres_at_plane(bodies, flat, clumps, walls, counts, wall, i, s, out):
 def spheres_at_curved(bodies, curved, clumps, walls, counts, wall, i, s, out):
     """Find the spheres of body i that have come to a cone or ring, as `spheres_at_plane`."""
     nearest = math.inf
+    leans = leans_on(clumps.curved_known, i)
     for k in range(clumps.sizes[clumps.shape[i]]):
         if is_set(clumps.curved_known[wall, i : i + 1], k):
             continue
         x, y, z = s[PLACES_A + k], s[PLACES_A + MOST_SPHERES + k], s[PLACES_A + 2 * MOST_SPHERES + k]
         radius = s[PLACES_A + 3 * MOST_SPHERES + k]
         beyond = sphere_on_curved(walls, wall, x, y, z, radius, out)
-        free = free_way(out[3], beyond, radius, True)
+        free = free_way(out[3], beyond, radius, clumps.curved_past[wall, i : i + 1], k, leans)
         if free > 0.0:
             nearest = min(nearest, free)
             continue
@@ -225,7 +252,13 @@ def sphere_row(walls, frame, x, y, z, radius, local):
 def by_sphere(meshed, clumps):
     """The contacts with meshes, with the numbers of spheres in place of those of bodies."""
     return st.WallContacts(
-        clumps.mesh_sphere, meshed.wall, meshed.feature, meshed.data, meshed.limit, meshed.ended
+        clumps.mesh_sphere,
+        meshed.wall,
+        meshed.feature,
+        meshed.data,
+        meshed.limit,
+        meshed.ended,
+        meshed.deepest,
     )
 
 

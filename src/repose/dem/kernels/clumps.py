@@ -22,9 +22,13 @@ WORD = 64  # bits of a word of flags
 SLOTS = 16  # pairs of spheres that an entry watches, at most
 
 # spheres (S, 4, MOST_SPHERES): centres and radii of each shape's spheres; sizes (S,): how many. shape, scale (N,): of
-# each body. flat_known, curved_known (walls, N): which spheres of a body touch a wall, as bits. mesh_sphere: of each
-# contact with a mesh, body * MOST_SPHERES + sphere. mesh_known (meshes, N): as flat_known, written anew in every step.
-Clumps = namedtuple("Clumps", "spheres sizes shape scale flat_known curved_known mesh_sphere mesh_known")
+# each body. flat_known, curved_known (walls, N): which spheres of a body touch a wall, as bits; flat_past, curved_past:
+# which are past it. mesh_sphere: of each contact with a mesh, body * MOST_SPHERES + sphere. mesh_known (meshes, N): as
+# flat_known, written anew in every step.
+Clumps = namedtuple(
+    "Clumps",
+    "spheres sizes shape scale flat_known curved_known flat_past curved_past mesh_sphere mesh_known",
+)
 # Contacts: bodies first and second, entry; spheres (n, 2). Entries: bodies near_first and near_second (a hole
 # has those of the ghost), near_limit, how many contacts are live, which pairs of spheres those are (known, a bit
 # each), the holes (free). Of an entry's pairs of spheres that do not touch: those watched (n, SLOTS, 2), how many that
@@ -51,6 +55,8 @@ def new_clumps(shapes, shape, scale, walls, n_meshed):
         scale=scale,
         flat_known=np.zeros((walls[0], len(shape)), np.uint64),
         curved_known=np.zeros((walls[1], len(shape)), np.uint64),
+        flat_past=np.zeros((walls[0], len(shape)), np.uint64),
+        curved_past=np.zeros((walls[1], len(shape)), np.uint64),
         mesh_sphere=np.zeros(n_meshed, np.uint32),
         mesh_known=np.zeros((walls[2], len(shape)), np.uint64),
     )

@@ -10,13 +10,14 @@ from ..laws.law import contact_forces, rolling_resistance
 from . import clump_tile as ct
 from . import state as st
 from . import tile as tl
-from .clump_walls import drop_sphere, follow_sphere, sphere_arm, sphere_on_curved
+from .clump_walls import drop_sphere, follow_sphere, sphere_arm, sphere_on_curved, sphere_slid_off
+from .clumps import set_bit
 from .damped_mass import mass_of_pairs, mass_on_curved, mass_on_flat, mass_on_meshed, spheres_on_meshes
 from .frames import load_walls, surface_velocity
 from .jit import inlined, kernel
 from .meshes import follow_mesh
 from .simd import WIDTH, add_lanes_to_rows, prefetch, rows_to_lanes
-from .walls import SAME_AZIMUTH, angle_between, azimuth, drop_wall_contact, follow_wall
+from .walls import SAME_AZIMUTH, angle_between, azimuth, drop_wall_contact, follow_wall, slid_off
 
 L = tl.LANES
 
@@ -270,6 +271,8 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost):
                 if gap > 0.0:
                     mute_lane(t, lane)
                     look_soon(bodies, flat, walls, base + lane, gap if gap < tl.BEYOND else 0.0)
+                    if gap == tl.BEYOND:
+                        past_edge(flat, clumps, base + lane)
                     flat.ended[ended] = base + lane
                     ended += 1
         load_walls(walls, 0, flat, base, n, t)
@@ -278,6 +281,25 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, t, ghost):
             mark_touched(bodies, 0, flat.body, base)
     for e in range(ended - 1, -1, -1):
         drop_flat(flat, clumps, counts, flat.ended[e], ghost)
+
+
+@inlined
+def past_edge(flat, clumps, k):
+    """Note that contact k slid over the edge of a disc."""
+    wall, i = flat.wall[k], flat.body[k]
+    if len(clumps) == 0:
+        flat.deepest[wall, i] = 0.0
+    else:
+        set_bit(clumps.flat_past[wall, i : i + 1], flat.feature[k])
+
+
+@inlined
+def over_end(bodies, curved, clumps, walls, n, k, depth):
+    """Note that contact k with a cone, tube or ring slid over the wall's end, with an overlap."""
+    if len(clumps) == 0:
+        slid_off(bodies, curved, walls, n, k, depth)
+    else:
+        sphere_slid_off(bodies, curved, walls, clumps, k)
 
 
 @inlined
@@ -336,6 +358,8 @@ def curved_forces(bodies, curved, clumps, walls, counts, physics, t, out, local,
             if curved_geometry(bodies, curved, clumps, walls, physics.parts, t, lane, k, out, local):
                 curved.ended[ended] = k
                 ended += 1
+                if t[tl.GAP + lane] <= 0.0:
+                    over_end(bodies, curved, clumps, walls, n, k, -t[tl.GAP + lane])
                 t[tl.GAP + lane] = 1.0
         wall_tile(bodies, curved, walls, physics, walls.planes.shape[0], base, n, t)
         mass_on_curved(t, contacts, curved, clumps, base, lanes)

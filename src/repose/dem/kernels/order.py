@@ -59,7 +59,8 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
     ):  # fmt: skip
         array[:n] = array[:n][order]
     for contacts in (flat, curved, meshed):
-        contacts.limit[:, :n] = contacts.limit[:, :n][:, order]
+        for array in (contacts.limit, contacts.deepest):
+            array[:, :n] = array[:, :n][:, order]
     _permute_lanes(bodies.motion, order)
     bodies.resting[:] = 0
     bodies.wall_margin[:] = 0.0

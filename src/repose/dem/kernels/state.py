@@ -73,7 +73,8 @@ Pairs = namedtuple(
     "first second data near_first near_second near_limit near_normal near_check near_groups ended gap "
     "partner link",
 )
-WallContacts = namedtuple("WallContacts", "body wall feature data limit ended")
+# deepest (walls, N): the overlap with which a contact of a smooth body may begin; endless unless it is past the wall.
+WallContacts = namedtuple("WallContacts", "body wall feature data limit ended deepest")
 Shared = namedtuple("Shared", "counters orders begins numbers due")
 # loads: force on each wall and torque about the origin, (walls, 6) where someone asks for them, else (0, 6).
 Walls = namedtuple("Walls", "planes cones rings frames displaced motion moves material approach loads")
@@ -260,4 +261,5 @@ def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows):
         data=data,
         limit=np.full((n_walls, n_bodies), -1.0),
         ended=np.zeros(n_contacts, np.int64),
+        deepest=np.full((n_walls, n_bodies), np.inf),
     )

@@ -24,11 +24,11 @@ def find_on_plane(bodies, flat, clumps, walls, counts, parts, wall, i, scratch):
 
 
 @inlined
-def find_on_curved(bodies, curved, clumps, walls, counts, parts, wall, i, scratch):
+def find_on_curved(bodies, curved, clumps, walls, counts, parts, wall, i, reading, scratch):
     """Find new contacts of body i with a cone, tube or ring; returns how far it may move before the next look."""
     if len(clumps) == 0:
         return search_curved(
-            bodies, curved, walls, counts, parts, wall, i, scratch.profile, scratch.out, scratch.local
+            bodies, curved, walls, counts, parts, wall, i, reading, scratch.profile, scratch.out, scratch.local
         )
     return spheres_at_curved(bodies, curved, clumps, walls, counts, wall, i, scratch.spheres, scratch.out)
 
@@ -50,7 +50,7 @@ def look_at_walls(bodies, flat, curved, clumps, walls, counts, parts, i, reading
         return wall_check
     for w in range(walls.cones.shape[0] + walls.rings.shape[0]):
         if reading >= curved.limit[w, i]:
-            free = find_on_curved(bodies, curved, clumps, walls, counts, parts, w, i, scratch)
+            free = find_on_curved(bodies, curved, clumps, walls, counts, parts, w, i, reading, scratch)
             curved.limit[w, i] = reading + free
         wall_check = min(wall_check, curved.limit[w, i])
     return wall_check

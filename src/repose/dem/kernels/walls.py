@@ -1,6 +1,11 @@
 """Contacts of bodies with planes, cones and ring edges: found anew and tracked from step to step.
 
 `wall_contact` solves a contact with one wall.
+
+A contact begins where a body in front of the wall comes to it. A body that overlaps the wall's surface beyond its end, or
+from behind, is past the wall: it would be thrown if a contact began with that overlap. So it has none until it was clear
+of the surface. `WallContacts.deepest` keeps this: endless, or for a body that is past the wall the overlap with which a
+contact may begin all the same, which is what its last contact had when it slid over an end (onto the next wall, mostly).
 """
 
 import math
@@ -16,7 +21,8 @@ from .wall_contact import climb_cone, cone_contact, ring_contact, ring_newton, s
 
 COSINES = np.cos(2.0 * np.pi * np.arange(st.STARTS) / st.STARTS)
 SINES = np.sin(2.0 * np.pi * np.arange(st.STARTS) / st.STARTS)
-# A body whose overlap is already deeper than this share of its bounding radius came from outside: no contact.
+# A body whose overlap with a curved wall or mesh is already deeper than this share of its bounding radius came from
+# outside: no contact.
 DEEPEST_NEW = 0.3
 # Two contacts of one body with one wall closer than this (radians about the axis) are the same contact.
 SAME_AZIMUTH = 0.12
@@ -94,9 +100,42 @@ def drop_wall_contact(contacts, counts, slot, k, ghost):
 
 
 @inlined
-def look_again(contacts, counts, walls, body, wall, theta, on_wall, radius, out):
-    """Add a contact that is found and new; returns how far the body may move before the next look."""
-    if not on_wall or out[3] < -DEEPEST_NEW * radius:
+def touches_others(contacts, n, body, but):
+    """Whether a body has any of the first n contacts, but for contact number `but`."""
+    for k in range(n):
+        if contacts.body[k] == body and k != but:
+            return True
+    return False
+
+
+@inlined
+def slid_off(bodies, contacts, walls, n, k, depth):
+    """Note that contact k with a curved wall slid over the wall's end, with an overlap.
+
+    The next wall takes the body over with no more than that. Where it touches another wall it is not past this one.
+    """
+    wall, i = contacts.wall[k], contacts.body[k]
+    for w in range(contacts.deepest.shape[0]):
+        if contacts.deepest[w, i] < depth:
+            contacts.deepest[w, i] = depth
+    if not touches_others(contacts, n, i, k):
+        # a second contact may have grown out of this one since the last look
+        radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
+        reading = bodies.displacement[i] + walls.approach[st.WALL_PATH]
+        moved = max(reading - contacts.limit[wall, i] + NEXT_LOOK_KNOWN * radius, 0.0)
+        contacts.deepest[wall, i] = depth + moved
+
+
+@inlined
+def look_again(contacts, counts, walls, body, wall, theta, on_wall, radius, deepest, moved, out):
+    """Add a contact that is found and new; returns how far the body may move before the next look.
+
+    deepest: of the body and the wall up to now; moved: how far the body may have moved since the last look.
+    """
+    if not on_wall or out[3] < -min(DEEPEST_NEW * radius, deepest + moved):
+        if deepest == math.inf and not touches_others(contacts, counts[st.N_CURVED], body, -1):
+            deepest = 0.0
+        contacts.deepest[wall, body] = deepest
         return NEXT_LOOK_BEYOND * radius
     if not known(contacts, counts[st.N_CURVED], body, wall, theta):
         if walls.displaced[wall]:
@@ -108,7 +147,7 @@ def look_again(contacts, counts, walls, body, wall, theta, on_wall, radius, out)
 
 
 @kernel
-def search_cone(row, contacts, counts, parts, walls, wall, i, radius, profile, out):
+def search_cone(row, contacts, counts, parts, walls, wall, i, radius, deepest, moved, profile, out):
     """Look for contacts of body i with a cone; returns how far it may move before the next look."""
     cone = walls.cones[wall]
     step = 2.0 * math.pi / st.STARTS
@@ -128,12 +167,13 @@ def search_cone(row, contacts, counts, parts, walls, wall, i, radius, profile, o
         if out[3] > 0.0:
             nearest = min(nearest, out[3])
         else:
-            nearest = min(nearest, look_again(contacts, counts, walls, i, wall, theta, inside, radius, out))
+            free = look_again(contacts, counts, walls, i, wall, theta, inside, radius, deepest, moved, out)
+            nearest = min(nearest, free)
     return nearest if nearest < 1e300 else 0.0
 
 
 @kernel
-def search_ring(row, contacts, counts, parts, walls, wall, i, radius, profile, out):
+def search_ring(row, contacts, counts, parts, walls, wall, i, radius, deepest, moved, profile, out):
     """Look for contacts of body i with a ring edge; returns how far it may move before the next look."""
     ring = walls.rings[wall - walls.cones.shape[0]]
     axial = abs(row[2] - ring[1])
@@ -156,7 +196,8 @@ def search_ring(row, contacts, counts, parts, walls, wall, i, radius, profile, o
         if out[3] > 0.0:
             nearest = min(nearest, out[3])
         else:
-            nearest = min(nearest, look_again(contacts, counts, walls, i, wall, theta, exposed, radius, out))
+            free = look_again(contacts, counts, walls, i, wall, theta, exposed, radius, deepest, moved, out)
+            nearest = min(nearest, free)
     return nearest if nearest < 1e300 else 0.0
 
 
@@ -168,11 +209,14 @@ def search_plane(bodies, contacts, counts, parts, plane, wall, i, out):
     dx, dy, dz = plane[0] - row[0], plane[1] - row[1], plane[2] - row[2]
     gap = nx * dx + ny * dy + nz * dz - extent(row, parts, nx, ny, nz)
     if gap > 0.0:
+        contacts.deepest[wall, i] = math.inf
         return gap
     across = nx * dx + ny * dy + nz * dz
     beyond = math.sqrt(max(dx * dx + dy * dy + dz * dz - across * across, 0.0)) - plane[6]
-    if beyond > 0.0:
-        return beyond
+    if beyond > 0.0 or across < 0.0:
+        contacts.deepest[wall, i] = 0.0
+    if contacts.deepest[wall, i] == 0.0:
+        return -gap
     out[0], out[1], out[2] = nx, ny, nz
     k = add_wall_contact(contacts, counts, st.N_PLANE, i, wall, out)
     if k >= 0:
@@ -190,13 +234,16 @@ def seen_from(walls, wall, row, parts, local):
 
 
 @inlined
-def search_curved(bodies, curved, walls, counts, parts, wall, i, profile, out, local):
+def search_curved(bodies, curved, walls, counts, parts, wall, i, reading, profile, out, local):
     """Look for contacts of smooth body i with a cone or ring; returns how far it may move before the next look."""
     radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
+    # a body that is past a wall is looked at whenever it moved by NEXT_LOOK_BEYOND
+    deepest, moved = curved.deepest[wall, i], reading - curved.limit[wall, i] + NEXT_LOOK_BEYOND * radius
+    curved.deepest[wall, i] = math.inf
     row = seen_from(walls, wall, bodies.rows[i], parts, local)
     if wall < walls.cones.shape[0]:
-        return search_cone(row, curved, counts, parts, walls, wall, i, radius, profile, out)
-    return search_ring(row, curved, counts, parts, walls, wall, i, radius, profile, out)
+        return search_cone(row, curved, counts, parts, walls, wall, i, radius, deepest, moved, profile, out)
+    return search_ring(row, curved, counts, parts, walls, wall, i, radius, deepest, moved, profile, out)
 
 
 @inlined
