@@ -82,6 +82,58 @@ def hertz_mindlin(law, overlap, radius, n, v, spring, dt, tension, limit):
     return -normal * n - tangential, spring, limiting
 
 
+def hertz_mindlin_rescaled(law, overlap, radius, n, v, pull, before, dt, tension, limit):
+    """Force on body A, the spring's new share of it, the force that limits friction, the radius of the contact circle.
+
+    As `hertz_mindlin`, but the spring is a force on A, `pull`, which grows by -S_t v_t dt; where the circle is smaller
+    than `before` it has fallen in proportion first.
+    """
+    young, shear, mass, beta, friction = law
+    circle = np.sqrt(radius * overlap)
+    vn = v @ n
+    vt = v - vn * n
+    elastic = 4.0 / 3.0 * young * circle * overlap
+    normal = elastic + 2.0 * np.sqrt(5.0 / 6.0) * beta * np.sqrt(2.0 * young * circle * mass) * vn
+    limiting = elastic if limit == "elastic" else abs(normal)
+    if normal < 0.0 and not tension:
+        normal = limiting = 0.0
+    pull = pull - (pull @ n) * n
+    if circle < before:
+        pull = pull * circle / before
+    pull = shortened(pull - 8.0 * shear * circle * vt * dt, friction * limiting)
+    damped = 2.0 * np.sqrt(5.0 / 6.0) * beta * np.sqrt(8.0 * shear * circle * mass) * vt
+    return -normal * n + shortened(pull - damped, friction * limiting), pull, limiting, circle
+
+
+def shortened(vector, most):
+    """A vector cut to a length."""
+    length = np.linalg.norm(vector)
+    return vector * most / length if length > most else vector
+
+
+def epsd(law, circle, n, arms, masses, spin, push, rolled, twisted, dt):
+    """Torque on body A, and the new torques of the springs against rolling (a vector) and twisting (a number).
+
+    law: mu_r, mu_t, E*, G*; arms: distances of the contact from the centres; masses: np.inf for a wall, whose arm is
+    endless; spin: angular velocity of A relative to B; rolled and twisted as they resist, before the step.
+    """
+    rolling, twisting, young, shear = law
+    across = spin - (spin @ n) * n
+    lever = 1.0 / sum(1.0 / arm for arm in arms)
+    stiffness = 2.25 * 2.0 * young * circle * (rolling * lever) ** 2
+    mobility = sum(1.0 / (m * arm**2) for m, arm in zip(masses, arms, strict=True) if np.isfinite(m))
+    elastic = rolled - (rolled @ n) * n + stiffness * across * dt
+    rolled = shortened(elastic, rolling * push * lever)
+    torque = rolled.copy()
+    if np.all(rolled == elastic):
+        torque += 0.6 * np.sqrt(1.4 / mobility * stiffness) * across
+    stiffness = 8.0 * shear * circle * circle**2 / 2.0
+    elastic = twisted + stiffness * (spin @ n) * dt
+    limit = twisting * push * circle
+    twisted = np.clip(elastic, -limit, limit)
+    return -torque - twisted * n, rolled, twisted
+
+
 def cone_gap(semi_axes, centre, q, normal_r, normal_z, offset, count=20000):
     """Gap of a body inside a cone: the least distance to any of its half-spaces, by a dense search."""
     theta = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)

@@ -15,7 +15,7 @@ class WallLoad(NamedTuple):
     force_n : ndarray (3,)
         Sum of their forces [N].
     torque_n_m : ndarray (3,)
-        Torque of these forces about a point [N m].
+        Torque of these forces about a point, and of the rolling couples of a law that acts between two bodies [N m].
     """
 
     force_n: np.ndarray

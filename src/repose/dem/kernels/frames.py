@@ -132,7 +132,10 @@ def write_plane(tile, lane, plane):
 
 @inlined
 def load_walls(walls, first_wall, contacts, base, n, t):
-    """Add the forces of a tile of contacts, and their torques about the origin, to the loads of the walls, if asked."""
+    """Add the forces of a tile of contacts, and their torques about the origin, to the loads of the walls, if asked.
+
+    The torque on B of a wall, whose arm is zero, is the couple of a law of rolling alone.
+    """
     if walls.loads.shape[0] == 0:
         return
     for lane in range(min(L, n - base)):
@@ -144,6 +147,6 @@ def load_walls(walls, first_wall, contacts, base, n, t):
         load[0] += fx
         load[1] += fy
         load[2] += fz
-        load[3] += y * fz - z * fy
-        load[4] += z * fx - x * fz
-        load[5] += x * fy - y * fx
+        load[3] += y * fz - z * fy + t[tl.TO_B + 3 * L + lane]
+        load[4] += z * fx - x * fz + t[tl.TO_B + 4 * L + lane]
+        load[5] += x * fy - y * fx + t[tl.TO_B + 5 * L + lane]

@@ -1,0 +1,285 @@
+"""Rolling resistance between two bodies: beside its increments, on planes and slopes, and what it keeps."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+from dem.clump_scenes import bent
+from dem.common import BERRY, DENSITY, GOJI, PVC, random_direction
+from dem.test_rest import denormal
+from oracles import epsd as slow_law
+
+from repose.dem import Clump, Contact, Material, Motion, Plane, Shape, Simulation, random_quaternion
+from repose.dem.kernels import state as st
+from repose.dem.kernels import tile as tl
+from repose.dem.laws import ROLLING_LAWS
+from repose.dem.materials import effective_moduli
+
+LAW, LANES = ROLLING_LAWS["epsd"], st.LANES
+RADIUS, GRAVITY = 0.006, 9.81
+STIFF = Material(1e3 * GOJI.shear_modulus_pa, GOJI.poisson_ratio)
+FLOOR = {"floor": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall")}
+
+
+@pytest.mark.parametrize("wall", [False, True])
+def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_torque(wall):
+    rng, dt, steps = np.random.default_rng(12), 1e-4, 120
+    contact = Contact(0.4, 0.5, 0.1, 0.2)
+    tile, kept = np.zeros((tl.LAW_ROW, LANES)), np.zeros((3 + LAW.n_state, LANES))
+    tile[tl.ROLLING // LANES :][: LAW.n_constants] = LAW.constants(GOJI, GOJI, contact)[:, None]
+    law = contact.rolling_friction, contact.twisting_friction, *effective_moduli(GOJI, GOJI)
+    masses, options = rng.uniform(0.5e-3, 2e-3, (2, LANES)), LAW.make_options("release")
+    tile[tl.A // LANES + st.INVERSE_MASS] = 1.0 / masses[0]
+    if wall:
+        masses[1] = np.inf
+    tile[tl.B // LANES + st.INVERSE_MASS] = 1.0 / masses[1]
+    normal = np.array([random_direction(rng) for _ in range(LANES)])
+    rolled, twisted, count = np.zeros((LANES, 3)), np.zeros(LANES), np.zeros((2, 2), int)
+    for step in range(steps):
+        overlap = 3e-4 * (0.7 + np.sin(np.arange(LANES) + step / 9.0))
+        push = np.where(overlap > 0.0, rng.uniform(0.0, 0.005, LANES) * (step % 11 > 0), 0.0)
+        normal += 2e-3 * rng.normal(size=normal.shape)
+        normal /= np.linalg.norm(normal, axis=1)[:, None]
+        turning, arms = 40.0 * rng.normal(size=(2, LANES, 3)), 5e-3 * rng.normal(size=(2, LANES, 3))
+        if wall:
+            arms[1] = 0.0
+        for row, value in {
+            tl.GAP: -overlap, tl.RADIUS: np.full(LANES, 3e-3), tl.PUSH: push, tl.RA: arms[0].T, tl.RB: arms[1].T,
+            tl.A + st.ANGULAR_VELOCITY * LANES: turning[0].T, tl.B + st.ANGULAR_VELOCITY * LANES: turning[1].T,
+        }.items():  # fmt: skip
+            tile[row // LANES :][: 1 if value.ndim == 1 else 3] = value
+        # what the forces turn the bodies by stays
+        before = rng.normal(size=(2, 3, LANES))
+        tile[tl.TO_A // LANES + 3 :][:3], tile[tl.TO_B // LANES + 3 :][:3] = before
+        kept[:3] = normal.T
+        LAW.kernel(options, tile.ravel(), kept.ravel(), st.NORMAL + 3 * LANES, dt)
+        torque = (tile[tl.TO_A // LANES + 3 :][:3] - before[0]).T
+        assert np.allclose(tile[tl.TO_B // LANES + 3 :][:3] - before[1], -torque.T, rtol=0.0, atol=1e-15)
+        for k in range(LANES):
+            if overlap[k] <= 0.0:
+                rolled[k], twisted[k] = 0.0, 0.0
+                assert np.all(torque[k] == 0.0)
+                assert np.all(kept[3:, k] == 0.0)
+                continue
+            lengths = np.linalg.norm(arms[:, k], axis=1)
+            lengths[lengths == 0.0] = np.inf
+            expected, rolled[k], twisted[k] = slow_law(
+                law, math.sqrt(3e-3 * overlap[k]), normal[k], lengths, masses[:, k],
+                turning[0, k] - turning[1, k], push[k], rolled[k], twisted[k], dt,
+            )  # fmt: skip
+            assert np.allclose(torque[k], expected, rtol=1e-9, atol=1e-15)
+            lever = 1.0 / np.sum(1.0 / lengths)
+            count[0, int(np.linalg.norm(rolled[k]) > 0.999 * contact.rolling_friction * push[k] * lever)] += 1
+            count[1, int(abs(twisted[k]) > 0.999 * 0.2 * push[k] * math.sqrt(3e-3 * overlap[k]))] += 1
+    assert count.min() > 200
+
+
+def test_twisting_is_limited_as_a_sliding_hertz_contact_unless_a_coefficient_is_given():
+    """mu_s times the mean of the radius over Hertz's pressure, which is 3 pi / 16 of the circle's."""
+    r = (np.arange(100000) + 0.5) / 100000
+    pressure = np.sqrt(1.0 - r**2)
+    mean = np.sum(pressure * r * r) / np.sum(pressure * r)
+    assert LAW.constants(GOJI, GOJI, Contact(0.4, 0.5, 0.1))[1] == pytest.approx(0.5 * mean, rel=1e-6)
+    assert LAW.constants(GOJI, GOJI, Contact(0.4, 0.5, 0.1, 0.07))[1] == 0.07
+    assert LAW.constants(GOJI, GOJI, Contact(0.4, 0.5, 0.1, 0.0))[1] == 0.0
+    with pytest.raises(ValueError, match="twisting_friction is -1"):
+        Contact(0.4, 0.5, 0.1, -1)
+
+
+def smooth():
+    return Shape.sphere(RADIUS, DENSITY, "body")
+
+
+def ball():
+    return Clump([[0.0, 0.0, 0.0, RADIUS]], smooth().mass_kg, smooth().inertia_kg_m2, "body")
+
+
+BODIES = [smooth, ball]
+
+
+def scene(shape, contact, walls=None, material=GOJI, dt=1e-5, capacity=2, gravity=(0.0, 0.0, -GRAVITY), **laws):
+    """A simulation of one shape, "body", with the law epsd unless asked for another."""
+    laws = {"contact_law": "hertz_mindlin_rescaled", "tension": "release", "rolling_law": "epsd"} | laws
+    return Simulation(
+        {"body": shape}, {"body": material, "wall": PVC}, {("body", "body"): contact, ("body", "wall"): contact}, dt,
+        capacity=capacity, lower=(-0.1, -0.1, -0.1), upper=(0.1, 0.1, 0.2), walls=walls, gravity_m_s2=gravity, **laws,
+    )  # fmt: skip
+
+
+def sunk(mass, material=GOJI):
+    """Overlap of a sphere that rests on a floor."""
+    young, _ = effective_moduli(material, PVC)
+    return (mass * GRAVITY / (4.0 / 3.0 * young * math.sqrt(RADIUS))) ** (2.0 / 3.0)
+
+
+def on_floor(shape, contact, slope=0.0, spin=(0.0, 0.0, 0.0), velocity=(0.0, 0.0, 0.0), material=STIFF, **keywords):
+    """A sphere at rest on a floor, gravity tilted towards x by an angle of a tangent."""
+    s = scene(shape, contact, FLOOR, material, **keywords)
+    s.add("body", (0.0, 0.0, RADIUS - sunk(shape.mass_kg, material)), (1, 0, 0, 0), velocity, spin)
+    angle = math.atan(slope)
+    s.physics.gravity[:] = GRAVITY * math.sin(angle), 0.0, -GRAVITY * math.cos(angle)
+    return s
+
+
+def angular_momentum(s):
+    """Of all bodies about the origin (3,) [kg m2/s]."""
+    mass = s.shapes["body"].mass_kg
+    return (np.cross(s.positions, mass * s.velocities) + s.angular_momenta).sum(axis=0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", [lambda: Shape.ellipsoid(BERRY[0], DENSITY, "body"), bent], ids=["berry", "clump"])
+def test_bodies_that_spin_and_meet_keep_their_angular_momentum(shape):
+    rng, lost = np.random.default_rng(5), []
+    for law in ["epsd"] * 8 + ["budget"]:
+        s = scene(shape(), Contact(0.3, 0.5, 0.2), dt=5e-5, gravity=(0.0, 0.0, 0.0), rolling_law=law)
+        direction = random_direction(rng)
+        s.add("body", (0, 0, 0), random_quaternion(rng), angular_velocity_rad_s=40.0 * rng.normal(size=3))
+        s.add("body", 0.0215 * direction, random_quaternion(rng), -direction, 40.0 * rng.normal(size=3))
+        before, energy = angular_momentum(s), s.kinetic_energies().sum()
+        s.run_steps(1500)
+        assert s.kinetic_energies().sum() < 0.95 * energy
+        lost.append(np.abs(angular_momentum(s) - before).max() / np.abs(before).max())
+    assert max(lost[:-1]) < 1e-9
+    assert lost[-1] > 1e-3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", BODIES)
+def test_a_sphere_stays_on_a_slope_up_to_the_rolling_friction_and_rolls_above_it(shape):
+    rolling = 0.1
+    s = on_floor(shape(), Contact(0.2, 2.0, rolling))
+    for slope in np.linspace(0.0, 0.098, 50):
+        s.physics.gravity[:] = np.array([slope, 0.0, -1.0]) * GRAVITY / math.hypot(1.0, slope)
+        s.run_steps(400)
+    place = s.positions[0, 0]
+    s.run_steps(20000)
+    assert abs(s.velocities[0, 0]) < 1e-9
+    assert abs(s.positions[0, 0] - place) < 1e-9
+    s = on_floor(shape(), Contact(0.2, 2.0, rolling), 0.15)
+    s.run_steps(2000)
+    before = s.velocities[0, 0]
+    s.run_steps(10000)
+    angle = math.atan(0.15)
+    expected = 5.0 / 7.0 * GRAVITY * (math.sin(angle) - rolling * math.cos(angle))
+    assert (s.velocities[0, 0] - before) / 0.1 == pytest.approx(expected, rel=5e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", BODIES)
+def test_a_rolling_sphere_is_slowed_by_five_sevenths_of_the_rolling_friction_and_stops(shape):
+    rolling = 0.05
+    s = on_floor(shape(), Contact(0.3, 0.8, rolling), spin=(0.0, 0.3 / RADIUS, 0.0), velocity=(0.3, 0.0, 0.0))
+    s.run_steps(2000)
+    before = s.velocities[0, 0]
+    s.run_steps(20000)
+    assert (before - s.velocities[0, 0]) / 0.2 == pytest.approx(5.0 / 7.0 * rolling * GRAVITY, rel=5e-3)
+    s.run_steps(200000)
+    assert abs(s.velocities[0, 0]) < 1e-9
+    assert np.abs(s.angular_velocities).max() < 1e-7
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", BODIES)
+def test_a_sphere_that_spins_on_a_floor_is_stopped_by_the_friction_of_its_circle(shape):
+    friction, spin = 0.5, 20.0
+    mass, circle = shape().mass_kg, math.sqrt(RADIUS * sunk(shape().mass_kg))
+    for own, coefficient in ((None, 3.0 * math.pi / 16.0 * friction), (0.1, 0.1), (0.0, 0.0)):
+        s = on_floor(shape(), Contact(0.3, friction, 0.1, own), spin=(0.0, 0.0, spin), material=GOJI, dt=5e-5)
+        moment = 0.4 * mass * RADIUS**2
+        slowed = coefficient * mass * GRAVITY * circle / moment
+        s.run_steps(400)
+        before = s.angular_velocities[0, 2]
+        s.run_steps(200)
+        assert before - s.angular_velocities[0, 2] == pytest.approx(0.01 * slowed, rel=5e-3, abs=1e-12)
+        if coefficient == 0.0:
+            assert s.angular_velocities[0, 2] == spin
+            continue
+        s.run_steps(round(1.5 * spin / slowed / 5e-5))
+        # the spring that is left swings out
+        s.run_steps(40000)
+        assert abs(s.angular_velocities[0, 2]) < 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", BODIES)
+def test_a_wall_that_turns_takes_a_sphere_along(shape):
+    turning = Motion(angular_velocity_rad_s=(0.0, 0.0, 2.0))
+    plate = {"plate": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", motion=turning)}
+    s = scene(shape(), Contact(0.3, 0.8, 0.1), plate, dt=5e-5)
+    s.add("body", (0.0, 0.0, RADIUS - sunk(shape().mass_kg)))
+    s.run_steps(40000)
+    assert np.allclose(s.angular_velocities[0], (0.0, 0.0, 2.0), atol=1e-6)
+    # what the floor has turned it by, it has turned the floor by
+    s.run_steps(1)
+    assert np.abs(s.wall_loads()["plate"].torque_n_m).max() < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", BODIES)
+def test_the_torque_on_a_wall_has_the_couple_of_a_body_that_spins_on_it(shape):
+    s = on_floor(shape(), Contact(0.3, 0.5, 0.1), spin=(0.0, 0.0, 20.0), material=GOJI, dt=5e-5)
+    s.run_steps(400)
+    before = s.angular_momenta[0, 2]
+    torque = s.wall_loads()["floor"].torque_n_m[2]
+    s.run_steps(1)
+    assert torque > 0.0
+    assert torque == pytest.approx((before - s.angular_momenta[0, 2]) / 5e-5, rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", [lambda: Shape.ellipsoid(BERRY[0], DENSITY, "body"), bent], ids=["berry", "clump"])
+def test_a_small_pile_left_for_a_minute_stays_at_rest(shape):
+    s = scene(shape(), Contact(0.3, 0.5, 0.05), FLOOR, dt=2e-4, capacity=8)
+    rng = np.random.default_rng(1)
+    for k in range(8):
+        x, y = 0.012 * (np.array([k % 2, k // 2 % 2]) - 0.5)
+        s.add("body", (x, y, 0.012 + 0.014 * (k // 4)), random_quaternion(rng))
+    s.run_steps(round(8.0 / 2e-4))
+    place, turn = s.positions.copy(), s.quaternions.copy()
+    assert np.abs(s.velocities).max() < 1e-9
+    assert np.abs(s.angular_velocities).max() < 1e-6
+    s.run_steps(round(60.0 / 2e-4))
+    assert np.abs(s.positions - place).max() < 1e-9
+    assert np.abs(s.quaternions - turn).max() < 1e-7
+    for group in (s.bodies, s.pairs, s.flat):
+        for name, array in zip(group._fields, group, strict=True):
+            if array.dtype.kind == "f":
+                assert denormal(array) == 0, name
+
+
+TURNING = Motion(angular_velocity_rad_s=(0.0, 0.0, 1.0))
+
+
+def told(rolling=0.1, motion=TURNING, frame=False, **laws):
+    """Warnings of two steps among a floor that moves."""
+    floor = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", motion=motion)
+    s = scene(smooth(), Contact(0.3, 0.5, rolling), {"floor": floor}, **({"rolling_law": "budget"} | laws))
+    if frame:
+        s.rolling_frame_rad_s[:] = 0.0, 0.0, 1.0
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("default")
+        for _ in range(2):
+            s.run_steps(1)
+    return [str(one.message) for one in found]
+
+
+def test_a_wall_that_turns_where_rolling_is_resisted_in_space_is_told_once():
+    (message,) = told()
+    assert "rolling_frame_rad_s" in message
+    assert "epsd" in message
+
+
+@pytest.mark.parametrize(
+    "harmless",
+    [
+        {"frame": True},
+        {"rolling": 0.0},
+        {"motion": Motion((0.01, 0.0, 0.0))},
+        pytest.param({"rolling_law": "epsd"}, marks=pytest.mark.slow),
+    ],
+    ids=["frame", "no rolling friction", "translation", "epsd"],
+)
+def test_a_wall_that_does_no_harm_to_rolling_is_not_told(harmless):
+    assert told(**harmless) == []

@@ -1,0 +1,161 @@
+"""The tangential force that pressing keeps and unloading lowers: beside its increments, and along known paths."""
+
+import math
+
+import numpy as np
+import pytest
+from dem.clump_scenes import BENT
+from dem.common import BERRY, DENSITY, GOJI, PVC, random_direction
+from oracles import hertz_mindlin_rescaled as slow_law
+
+from repose.dem import Clump, Contact, Motion, Plane, Shape, Simulation
+from repose.dem.kernels import state as st
+from repose.dem.kernels import tile as tl
+from repose.dem.laws import CONTACT_LAWS
+from repose.dem.laws.hertz_mindlin import damping_ratio
+from repose.dem.materials import effective_moduli
+
+LAW, LANES = CONTACT_LAWS["hertz_mindlin_rescaled"], st.LANES
+RADIUS, HEAVY = 0.006, 1e9
+STEP, SPEED = 5e-5, 0.01
+NO_SLIP = Contact(1.0, 100.0, 0.0)
+
+
+@pytest.mark.parametrize(("tension", "limit"), [("keep", "elastic"), ("release", "total"), ("cut", "total")])
+def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_force(tension, limit):
+    rng, dt, steps, mass = np.random.default_rng(11), 1e-4, 120, 1.1e-3
+    contact = Contact(0.4, 0.5, 0.0)
+    tile, kept = np.zeros((tl.LAW_ROW + LAW.n_rows, LANES)), np.zeros((3 + LAW.n_state, LANES))
+    tile[tl.LAW_ROW :][: LAW.n_constants] = LAW.constants(GOJI, GOJI, contact, tension)[:, None]
+    tile[tl.INVERSE_MASS // LANES] = 1.0 / mass
+    law = *effective_moduli(GOJI, GOJI), mass, damping_ratio(contact.restitution, tension), contact.static_friction
+    options = LAW.make_options(tension)
+    normal = np.array([random_direction(rng) for _ in range(LANES)])
+    phase, period = rng.uniform(0.0, 6.0, LANES), rng.uniform(20.0, 90.0, LANES)
+    pull, before = np.zeros((LANES, 3)), np.zeros(LANES)
+    slid = stuck = parted = 0
+    for step in range(steps):
+        # the overlap swings and is none now and then; body A slides to and fro on B, which is at rest, and the plane tilts
+        overlap = 3e-4 * (0.7 + np.sin(phase + step / period * 6.3))
+        radius = 3e-3 * (1.0 + 0.2 * np.sin(step / period))
+        normal += 2e-3 * rng.normal(size=normal.shape)
+        normal /= np.linalg.norm(normal, axis=1)[:, None]
+        velocity = 0.06 * rng.normal(size=(LANES, 3)) * (1.0 + 9.0 * (step % 5 == 0))
+        tile[tl.GAP // LANES], tile[tl.RADIUS // LANES] = -overlap, radius
+        tile[tl.A // LANES + st.VELOCITY :][:3] = velocity.T
+        kept[:3] = normal.T
+        LAW.kernel(options, tile.ravel(), kept.ravel(), st.NORMAL + 3 * LANES, dt)
+        force, push = tile[tl.TO_A // LANES :][:3].T, tile[tl.PUSH // LANES]
+        for k in range(LANES):
+            if overlap[k] <= 0.0:
+                pull[k], before[k], parted = 0.0, 0.0, parted + 1
+                assert np.all(force[k] == 0.0)
+                assert np.all(kept[3:, k] == 0.0)
+                continue
+            expected, pull[k], limiting, before[k] = slow_law(
+                law, overlap[k], radius[k], normal[k], velocity[k], pull[k], before[k], dt, tension == "keep", limit
+            )  # fmt: skip
+            assert np.allclose(force[k], expected, rtol=1e-9, atol=1e-13)
+            assert push[k] == pytest.approx(limiting, rel=1e-9)
+            full = np.linalg.norm(pull[k]) > 0.999 * contact.static_friction * limiting
+            slid, stuck = slid + full, stuck + (not full)
+    assert min(slid, stuck, parted) > 200
+
+
+def sphere():
+    return Shape.ellipsoid((RADIUS,) * 3, HEAVY * DENSITY, "body")
+
+
+def berry():
+    return Shape.ellipsoid(BERRY[0], HEAVY * DENSITY, "body")
+
+
+def ball():
+    solid = sphere()
+    return Clump([[0.0, 0.0, 0.0, RADIUS]], solid.mass_kg, solid.inertia_kg_m2, "body")
+
+
+def bent():
+    return Clump(BENT, HEAVY * 1e-3, HEAVY * np.array([1.0e-8, 3.5e-8, 3.6e-8]), "body")
+
+
+FLAT = {"floor": Plane((0.0, 0.0, -0.1), (0.0, 0.0, 1.0), "wall")}
+# shape, R* and depth below the centre of the place that touches a floor; two spheres of the bent clump are the lowest
+SHAPES = [
+    pytest.param(sphere, RADIUS, RADIUS, id="sphere"),
+    pytest.param(berry, BERRY[0, 0] * BERRY[0, 1] / BERRY[0, 2], BERRY[0, 2], id="berry"),
+    pytest.param(ball, RADIUS, RADIUS, id="clump of one", marks=pytest.mark.slow),
+]
+
+
+class Led:
+    """A body that nothing moves, and a floor that is led along legs; overlaps and slides in m."""
+
+    def __init__(self, shape, depth, contact=NO_SLIP, **laws):
+        laws = {"contact_law": "hertz_mindlin_rescaled", "tension": "release"} | laws
+        floor = Plane((0.0, 0.0, -depth - 1e-6), (0.0, 0.0, 1.0), "wall")
+        self.simulation = Simulation(
+            {"body": shape}, {"body": GOJI, "wall": PVC}, {("body", "body"): contact, ("body", "wall"): contact}, STEP,
+            capacity=1, lower=(-0.1,) * 3, upper=(0.1,) * 3, walls={"floor": floor}, gravity_m_s2=(0.0, 0.0, 0.0), **laws,
+        )  # fmt: skip
+        self.simulation.add("body", (0.0, 0.0, 0.0))
+        self.work, self.force = 0.0, np.zeros(3)
+
+    def leg(self, x, z):
+        """Lead the floor; returns the force of the floor on the body."""
+        way = np.array([x, 0.0, z])
+        steps = math.ceil(np.linalg.norm(way) / (SPEED * STEP))
+        self.simulation.set_motion("floor", Motion(way / (steps * STEP)))
+        for _ in range(steps):
+            self.simulation.run_steps(1)
+            now = -self.simulation.wall_loads()["floor"].force_n
+            self.work += float(0.5 * (self.force + now) @ way) / steps
+            self.force = now
+        return self.force
+
+
+@pytest.mark.parametrize(("shape", "radius", "depth"), SHAPES)
+def test_pressing_keeps_the_force_of_a_slide_and_unloading_lowers_it_with_the_circle(shape, radius, depth):
+    led, (_, shear) = Led(shape(), depth), effective_moduli(GOJI, PVC)
+    circle = np.sqrt(radius * np.array([2e-4, 8e-4, 5e-4]))
+    assert led.leg(0.0, 2e-4 + 1e-6)[0] == 0.0
+    slid = led.leg(1e-4, 0.0)[0]
+    assert slid == pytest.approx(8.0 * shear * circle[0] * 1e-4, rel=1e-3)
+    assert led.leg(0.0, 6e-4)[0] == pytest.approx(slid, rel=1e-6)
+    assert led.leg(0.0, -3e-4)[0] == pytest.approx(slid * circle[2] / circle[1], rel=1e-3)
+    # pressed again it stays where the unloading left it
+    assert led.leg(0.0, 3e-4)[0] == pytest.approx(slid * circle[2] / circle[1], rel=1e-3)
+
+
+@pytest.mark.parametrize(("shape", "radius", "depth"), SHAPES)
+def test_a_contact_that_ended_begins_anew_without_a_force(shape, radius, depth):
+    led = Led(shape(), depth)
+    led.leg(0.0, 4e-4 + 1e-6)
+    slid = led.leg(1e-4, 0.0)[0]
+    assert led.leg(0.0, -5e-4)[0] == 0.0
+    assert abs(led.leg(0.0, 5e-4)[0]) < 1e-5 * slid
+
+
+def loop(led, forward):
+    """Energy that comes out of a closed path: slide and press, or press and slide, and back [J]."""
+    legs = [(2e-4, 0.0), (0.0, 8e-4)][:: 1 if forward else -1]
+    for x, z in [(0.0, 2e-4 + 1e-6), *legs, *((-x, -z) for x, z in legs), (0.0, -2e-4 - 1e-6)]:
+        led.leg(x, z)
+    return -led.work
+
+
+@pytest.mark.parametrize(
+    ("shape", "depth"),
+    [
+        pytest.param(sphere, RADIUS, id="sphere"),
+        pytest.param(berry, BERRY[0, 2], id="berry"),
+        pytest.param(ball, RADIUS, id="clump of one", marks=pytest.mark.slow),
+        pytest.param(bent, 4.5e-3, id="bent clump", marks=pytest.mark.slow),
+    ],
+)
+def test_a_closed_path_without_slip_gives_no_energy(shape, depth):
+    for forward in (True, False):
+        assert loop(Led(shape(), depth), forward) < 2e-8
+    # the spring of the present stiffness gives a microjoule one way or the other: the path does tell
+    laws = {"contact_law": "hertz_mindlin", "tension": "keep"}
+    assert max(loop(Led(shape(), depth, **laws), forward) for forward in (True, False)) > 1e-6
