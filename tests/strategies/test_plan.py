@@ -82,7 +82,7 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
     marked = [line.split() for line in lines if line.split()[0] == f"*{strategy}"]
     config = loader.load(ROOT / "config/config.yaml")
     section, budgets = config["response_surface"], pd.read_csv(plan.SUCCESS).query("responses == 1")["pours"]
-    sets = section["screening_runs"] + section["steps"] + 1 + 24 + section["centres"] + section["checks"]
+    sets = section["screening_runs"] + section["steps"] + 1 + 24 + 2 * section["centres"] + section["checks"]
     pours = {
         "published": [sum(sets * seeds for _, sets, seeds in cost.work(config)["pours"])],
         "response_surface": [sets * section["seeds"]],

@@ -69,7 +69,7 @@ def response_surface(config: Mapping[str, Any]) -> Pours:
     else:
         runs = len(central_composite(factors, section["surface"], section["centres"])[0])
     steps = (
-        ("screening", section["screening_runs"]),
+        ("screening", section["screening_runs"] + section["centres"]),
         ("ascent", section["steps"] + 1),
         ("surface", runs),
         ("check", section["checks"]),
