@@ -11,7 +11,7 @@ are those of the sources, or the package's own defaults:
                        as its tutorials have them; one pour a sample; the answer is the mean of the posterior. 40
                        samples an iteration, so that 80 and 120 pours are two and three iterations. Its tutorials
                        draw slices of the mixture instead, which takes minutes an iteration with six parameters
-  field's habit        `strategy: response_surface` with two and with three seeds and three factors: 70 and 105 pours
+  field's habit        `strategy: response_surface` with two and with three seeds and three factors: 80 and 120 pours
 
 Optuna and GrainLearning are no dependencies of repose. GrainLearning asks for a numpy before 2 and works with a later
 one:
@@ -129,9 +129,12 @@ def field_habit(simulator, goal, targets, config, random, budgets):
             )
 
         first = screening.design(space, section)
-        models = screening.models_of(first, poured(first), targets, "linear")
+        corners, middle = screening.corners_and_centre(first)
+        data = poured(first)
+        models = screening.models_of(corners, data, targets, "linear")
+        centre = data.loc[middle.index, list(targets.names)].to_numpy(float).mean(axis=0)
         kept = screening.kept_factors(models, section)
-        path = screening.path(models, kept, space, targets, section)
+        path = screening.path(models, centre, kept, space, targets, section)
         second = surface.design(surface.walked(path, poured(path), targets), space, section)
         models = screening.models_of(second, poured(second), targets, "quadratic")
         best = surface.best_point(models, targets)

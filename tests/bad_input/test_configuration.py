@@ -1,5 +1,6 @@
 """Every key of the configuration with values that it cannot take, made from the schema by rule; and bad YAML."""
 
+import ast
 import copy
 import math
 from pathlib import Path
@@ -7,8 +8,10 @@ from pathlib import Path
 import pytest
 
 from repose.config import checks, loader
+from repose.config.reading import parse
 from repose.config.schema import validator
-from repose.core.errors import InputError
+from repose.core.errors import InputError, YamlError
+from repose.core.parameters import PARAMETERS
 
 ROOT = Path(__file__).parents[2]
 GOOD = loader.load(ROOT / "config/config.yaml")
@@ -280,3 +283,54 @@ def test_all_contradictions_are_told_at_once():
 def test_text_that_is_no_configuration(text, refused, tmp_path):
     (tmp_path / "mine.yaml").write_bytes(text)
     assert "mine.yaml" in refused("check", "--config", "mine.yaml")
+
+
+def aliases(levels):
+    """A YAML file in which each list holds the one before nine times."""
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, levels)]
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize("levels", [4, 5, 6, 9, 60])
+def test_aliases_that_multiply_end_in_a_short_message_at_once(levels, refused, tmp_path):
+    (tmp_path / "mine.yaml").write_text(aliases(levels))
+    told = refused("check", "--config", "mine.yaml")
+    assert len(told) < 10_000
+    assert ("every alias is replaced" in told) == (levels > 5)
+
+
+def test_an_alias_of_plain_size_is_fine():
+    assert parse("a: &a {b: [1, 2]}\nc: [*a, *a]", "mine.yaml")["c"] == [{"b": [1, 2]}] * 2
+
+
+def nested(levels):
+    """A list in a list, each ten times."""
+    value = ["x"]
+    for _ in range(levels):
+        value = [value] * 10
+    return value
+
+
+@pytest.mark.parametrize("kind", [InputError, YamlError])
+@pytest.mark.parametrize("value", [nested(40), ["x" * 9] * 10**5, {"a": nested(40)}, "x" * 10**6, 10**4000])
+def test_a_message_shows_a_large_value_in_part(kind, value):
+    assert len(str(kind("mine.yaml", "key", value, "a number"))) < 600
+
+
+@pytest.mark.parametrize("value", ["text", 1.5, None, [31, 34], {"b": [1, 2], "a": 2.5}, [[1, 2], [3, 4]]])
+def test_a_message_shows_a_small_value_as_it_is(value):
+    told = str(InputError("mine.yaml", "key", value, "a number"))
+    assert (
+        ast.literal_eval(told.removeprefix("mine.yaml: key is ").removesuffix("; allowed: a number")) == value
+    )
+
+
+def test_nothing_to_calibrate_is_told(refused, tmp_path):
+    fixed = "".join(f"  {name}: {{fixed: 0.3}}\n" for name in PARAMETERS)
+    (tmp_path / "mine.yaml").write_text(f"parameters:\n{fixed}")
+    for verb in ("check", "plan", "sequential_start"):
+        told = refused(verb, "--config", "mine.yaml")
+        assert len(told.splitlines()) == 1
+        assert "mine.yaml: parameters is " in told
+        assert "at least one that is not fixed" in told

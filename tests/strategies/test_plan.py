@@ -12,6 +12,7 @@ from synthetic import SPACE, TARGETS, configuration
 from repose.cli import checking, main
 from repose.config import cost, loader
 from repose.core.errors import InputError
+from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.strategies import plan
 
@@ -81,7 +82,7 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
     marked = [line.split() for line in lines if line.split()[0] == f"*{strategy}"]
     config = loader.load(ROOT / "config/config.yaml")
     section, budgets = config["response_surface"], pd.read_csv(plan.SUCCESS).query("responses == 1")["pours"]
-    sets = section["screening_runs"] + section["steps"] + 1 + 24 + section["centres"] + section["checks"]
+    sets = section["screening_runs"] + section["steps"] + 1 + 24 + 2 * section["centres"] + section["checks"]
     pours = {
         "published": [sum(sets * seeds for _, sets, seeds in cost.work(config)["pours"])],
         "response_surface": [sets * section["seeds"]],
@@ -89,6 +90,20 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
     }
     assert [int(row[1]) for row in marked] == pours[strategy]
     assert lines[-1].startswith("* as configured")
+
+
+@pytest.mark.parametrize(("free", "fitting"), [(1, False), (2, False), (3, True)])
+def test_a_strategy_that_does_not_fit_is_left_out(free, fitting, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(checking, "berry_and_particle", lambda *_: (None, None))
+    monkeypatch.setattr(cost, "measured_berry_step_s", lambda *_: 1e-7)
+    fixed = "".join(f"  {name}: {{fixed: 0.3}}\n" for name in PARAMETERS[free:])
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"parameters:\n{fixed}results_dir: {tmp_path}/results\n")
+    assert main(["plan", "--config", str(path)]) == 0
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert (["response_surface"] in [line[:1] for line in lines]) == fitting
+    assert (["response_surface:", "not", "with"] in [line[:3] for line in lines]) != fitting
+    assert ["sequential"] in [line[:1] for line in lines]
 
 
 def test_runs_that_do_not_tell_the_noise_are_named():

@@ -11,6 +11,7 @@ from synthetic import MATTER, RANGES, SECTION, SPACE, TARGETS, configuration, da
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
+from repose.core.targets import Targets
 from repose.doe.optimum import Optimum
 from repose.pictures.figures import response_surface as figures
 from repose.pictures.figures import style
@@ -175,6 +176,34 @@ def test_at_least_as_many_factors_as_the_surface_needs_and_no_more_than_allowed(
     assert len(screening.kept_factors(models, SECTION | {"significance": 0.999999})) == 4
 
 
+def bent(table):
+    """A dataset of a response that the corners of the ranges underrate: 60 mm in their mean, 68 mm at the centre."""
+    unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
+    height = (
+        68
+        + 8 * (unit[:, 1] - 0.5)
+        + 4 * (unit[:, 2] - 0.5)
+        - 16 * ((unit[:, 4] - 0.5) ** 2 + (unit[:, 0] - 0.5) ** 2)
+    )
+    found = table[["sample", *PARAMETERS]].assign(status="ok", reason="", n_seeds=3)
+    return found.assign(height_mm=height, aor_deg=30.0)
+
+
+@pytest.mark.parametrize(("aim", "sign"), [(64.0, -1), (72.0, 1)])
+def test_the_ascent_climbs_from_the_poured_centre_and_not_from_the_mean_of_the_corners(aim, sign, tmp_path):
+    targets = Targets.of(
+        [configuration(TARGETS, SPACE)["targets"][1] | {"value": aim, "range": [aim - 2, aim + 2]}]
+    )
+    table = files.run_design(SPACE, SECTION, tmp_path / "samples.csv")
+    bent(table).to_csv(tmp_path / "dataset.csv", index=False)
+    step = (tmp_path / "samples.csv", tmp_path / "dataset.csv")
+    found = files.run_screening(*step, SPACE, targets, SECTION, tmp_path, tmp_path / "next.csv")
+    assert found["centre"]["height_mm"] == pytest.approx(68.0)
+    assert found["corners"]["height_mm"] == pytest.approx(60.0)
+    path = pd.read_csv(tmp_path / "next.csv")
+    assert np.sign(path["coded_mus_gg"].iloc[-1]) == sign
+
+
 def test_samples_that_gave_no_pile_are_left_out():
     table = screening.design(SPACE, SECTION)
     data = dataset(table)
@@ -187,7 +216,7 @@ def test_samples_that_gave_no_pile_are_left_out():
 
 def test_too_few_piles_are_told_with_their_file(tmp_path):
     table = screening.design(SPACE, SECTION)
-    data = dataset(table).assign(status=["ok"] * 3 + ["failed"] * 9)
+    data = dataset(table).assign(status=["ok"] * 3 + ["failed"] * 9 + ["ok"] * SECTION["centres"])
     table.to_csv(tmp_path / "samples.csv", index=False)
     data.to_csv(tmp_path / "dataset.csv", index=False)
     with pytest.raises(InputError, match=r"dataset\.csv.*enough for the model"):

@@ -168,9 +168,13 @@ def _costs(config, budgets, measured) -> Iterator[str]:
 
     section = config["sequential"]
     seeds, check = section["seeds"], ("check", 1, section["checks"])
-    rows: list[tuple[str, cost.Pours | None]]
-    rows = [("sequential", (("batches", -(-pours // seeds), seeds), check)) for pours in budgets]
-    rows += [("response_surface", strategies.response_surface(config)), ("published", None)]
+    misfits = {name: strategies.misfit({**config, "strategy": name}) for name in strategies.OTHERS}
+    rows: list[tuple[str, cost.Pours | None]] = []
+    if not misfits["sequential"]:
+        rows += [("sequential", (("batches", -(-pours // seeds), seeds), check)) for pours in budgets]
+    if not misfits["response_surface"]:
+        rows.append(("response_surface", strategies.response_surface(config)))
+    rows.append(("published", None))
     yield f"{'strategy':>18} {'pours':>12} {'core-minutes':>13} {'disk':>8}"
     for name, steps in rows:
         work = cost.work(config, measured, steps)
@@ -180,6 +184,7 @@ def _costs(config, budgets, measured) -> Iterator[str]:
         mark = "*" if name == config["strategy"] else ""
         disk_mb = plan.disk_mb(config, sum(counts))
         yield f"{mark + name:>18} {pours:>12} {work['total_s'] / 60:>13.1f} {disk_mb:>5.1f} MB"
+    yield from (f"{name}: {why}" for name, why in misfits.items() if why)
     yield "* as configured; + the check of the answer; response_surface: at most; minutes: as measured now"
 
 

@@ -24,7 +24,6 @@ PLAIN_OPTIONS = (
     *("--logger", "--touch", "-t", "--lint", "--report", "--summary", "--detailed-summary", "--help", "-h"),
 )
 LIST = "--list"
-STRATEGIES = ("response_surface", "sequential")
 CONFIG_SUFFIXES = (".yaml", ".yml", ".json")
 
 family = Family()
@@ -209,13 +208,14 @@ def catalogue(words: list[str]) -> str:
     str
     """
     from repose.config import cost, loader
+    from repose.strategies import cost as strategies
 
     files = configurations(words)
     config = loader.unchecked(*files)  # what cannot be read is told
     try:
         config = loader.load(*files)
         costs = cost.costs(config)
-        costs |= {target: _cost_of({**config, "strategy": target}) for target in STRATEGIES}
+        costs |= {target: _cost_of({**config, "strategy": target}) for target in strategies.OTHERS}
     except InputError:
         incomplete = ", ".join(files) or "config.yaml"
         costs = dict.fromkeys(
@@ -232,11 +232,10 @@ def catalogue(words: list[str]) -> str:
 def _cost_of(config):
     """What the strategy of a configuration costs, in words; or why the configuration cannot take it."""
     from repose.config import cost
-    from repose.config.contradictions import strategy_contradictions
     from repose.strategies import cost as strategies
 
-    for key, allowed in strategy_contradictions(config):
-        return f"not with this configuration: {key}; allowed: {allowed}"
+    if why := strategies.misfit(config):
+        return why
     pours = strategies.pours(config)
     minutes = cost.work(config, pours=pours)["total_s"] / 60
     number = sum(sets * seeds for _, sets, seeds in pours or ())

@@ -50,6 +50,7 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
         Rule(("results_dir",), lambda config: results_folder.contradictions(config["results_dir"])),
         Rule(("berry.compression", *MODULI), _of_moduli),
         Rule(("network.split",), _of_the_split),
+        Rule(("parameters",), _of_parameters),
         Rule(("surrogate", "parameters", "network.split", "design.samples"), _of_the_surrogate),
         Rule(("network.replicates", "targets", *(f"{test.name}.seeds" for test in used)), _of_seeds),
         Rule(
@@ -83,6 +84,12 @@ def _of_moduli(config):
                 key,
                 "a number; or a table of compression tests in berry.compression, which tells both moduli",
             )
+
+
+def _of_parameters(config):
+    """Nothing that a calibration could find."""
+    if not ParameterSpace.of(config["parameters"]).free:
+        yield "parameters", "at least one that is not fixed: there is nothing to calibrate"
 
 
 def _of_the_split(config):

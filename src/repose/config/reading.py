@@ -10,6 +10,10 @@ import yaml
 
 from repose.core.errors import InputError
 
+MOST_CHARACTERS = (
+    200_000  # of all values once aliases are replaced by what they stand for; paper.yaml has some 5,000
+)
+
 
 class StrictLoader(yaml.SafeLoader):
     """YAML that refuses a key given twice and reads 2e-4 as the number it is (YAML 1.1 takes it for text)."""
@@ -101,7 +105,14 @@ def parse(text: str, name: str) -> Any:
     try:
         loader = StrictLoader(text)
         loader.name = name
-        return loader.get_single_data()
+        node = loader.get_single_node()
+        if node is None:
+            return None
+        characters = _characters(node, {})
+        if characters > MOST_CHARACTERS:
+            allowed = f"at most {MOST_CHARACTERS}"
+            raise InputError(name, "characters once every alias is replaced", characters, allowed)
+        return loader.construct_document(node)
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else "?"
         raise InputError(
@@ -117,6 +128,18 @@ def parse(text: str, name: str) -> Any:
     finally:
         if loader is not None:
             loader.dispose()
+
+
+def _characters(node, known):
+    """Characters of what a node stands for, its aliases replaced; a node inside itself counts as nothing there."""
+    if id(node) not in known:
+        known[id(node)] = 0
+        if isinstance(node, yaml.ScalarNode):
+            known[id(node)] = 1 + len(node.value)
+        else:
+            inside = (one for item in node.value for one in (item if isinstance(item, tuple) else (item,)))
+            known[id(node)] = 1 + sum(_characters(one, known) for one in inside)
+    return known[id(node)]
 
 
 class Origin:

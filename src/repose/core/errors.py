@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Iterable
 
-from repose.dem.errors import InputError
+from repose.dem.errors import MOST_SHOWN, InputError, shown
 
 __all__ = ["BAD_INPUT", "InputError", "InputErrors", "NoFlankError", "YamlError", "raise_together", "tell"]
 
@@ -90,6 +90,7 @@ def tell(fault: object) -> None:
 def _in_yaml(value):
     """A value as YAML has it; texts in quotes."""
     if isinstance(value, list) and not any(isinstance(one, list | dict) for one in value):
-        return f"[{', '.join(map(_in_yaml, value))}]"
+        text = f"[{', '.join(map(_in_yaml, value[:MOST_SHOWN]))}]"
+        return text if len(text) <= MOST_SHOWN else shown(value)
     words = ("null", None), ("true", True), ("false", False)
-    return next((word for word, one in words if one is value), repr(value))
+    return next((word for word, one in words if one is value), shown(value))

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from .errors import shown
+
 
 def is_number(value: Any, *, finite: bool = True) -> bool:
     """Whether a value is a real number, and no truth value.
@@ -51,7 +53,7 @@ def number(name: str, value: Any, allowed: str, accepts: Callable[[Any], Any]) -
         If it is no finite number, or does not meet the condition.
     """
     if not (is_number(value) and accepts(value)):
-        raise ValueError(f"{name} is {value!r}; allowed: {allowed}")
+        raise ValueError(f"{name} is {shown(value)}; allowed: {allowed}")
     return float(value)
 
 
@@ -119,7 +121,7 @@ def height(name: str, value: Any) -> float:
         If it is no number, or NaN.
     """
     if not is_number(value, finite=False):
-        raise ValueError(f"{name} is {value!r}; allowed: a number, or -inf for none")
+        raise ValueError(f"{name} is {shown(value)}; allowed: a number, or -inf for none")
     return float(value)
 
 
@@ -145,7 +147,7 @@ def whole_number(name: str, value: Any, least: int) -> int:
         If it is something else.
     """
     if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
-        raise ValueError(f"{name} is {value!r}; allowed: a whole number, {least} or more")
+        raise ValueError(f"{name} is {shown(value)}; allowed: a whole number, {least} or more")
     return int(value)
 
 
@@ -231,7 +233,7 @@ def array(name: str, value: Any, shape: tuple[int, ...], allowed: str) -> np.nda
     except (TypeError, ValueError):
         numbers = None
     if numbers is None or numbers.shape != shape or not np.all(np.isfinite(numbers)):
-        raise ValueError(f"{name} is {value!r}; allowed: {allowed}")
+        raise ValueError(f"{name} is {shown(value)}; allowed: {allowed}")
     return numbers
 
 
@@ -258,7 +260,7 @@ def direction(name: str, value: Any) -> np.ndarray:
     along = vector(name, value)
     length = np.linalg.norm(along)
     if not length > 0.0:
-        raise ValueError(f"{name} is {value!r}; allowed: a vector that is not zero")
+        raise ValueError(f"{name} is {shown(value)}; allowed: a vector that is not zero")
     return along / length
 
 
@@ -298,7 +300,7 @@ def name_of(what: str, value: Any) -> str:
         If it is no text, or empty.
     """
     if not is_name(value):
-        raise ValueError(f"{what} is {value!r}; allowed: a name, text that is not empty")
+        raise ValueError(f"{what} is {shown(value)}; allowed: a name, text that is not empty")
     return value
 
 
@@ -327,7 +329,7 @@ def mapping(name: str, value: Any, kinds: Any, words: str) -> dict[str, Any]:
     """
     good = isinstance(value, Mapping) and all(is_name(k) and isinstance(v, kinds) for k, v in value.items())
     if not good:
-        raise ValueError(f"{name} is {value!r}; allowed: names, each with a {words}")
+        raise ValueError(f"{name} is {shown(value)}; allowed: names, each with a {words}")
     return dict(value)
 
 
@@ -354,5 +356,5 @@ def chosen(name: str, value: Any, choices: Mapping[str, Any]) -> Any:
         If it is none of the names.
     """
     if not (isinstance(value, str) and value in choices):
-        raise ValueError(f"{name} is {value!r}; allowed: {', '.join(map(repr, choices))}")
+        raise ValueError(f"{name} is {shown(value)}; allowed: {', '.join(map(repr, choices))}")
     return choices[value]

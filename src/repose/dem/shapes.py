@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .checks import name_of, positive, vector
+from .errors import shown
 from .kernels.state import MOST_PARTS, MOST_SPHERES
 from .rotations import sphere_directions
 
@@ -22,7 +23,7 @@ def _semi_axes(value):
         axes = np.zeros((1, 3))
     good = axes.ndim == 2 and axes.shape[1] == 3 and 1 <= len(axes) <= MOST_PARTS
     if not (good and np.all(np.isfinite(axes)) and np.all(axes > 0.0)):
-        raise ValueError(f"semi_axes_m is {value!r}; allowed: (1 to {MOST_PARTS}, 3) lengths above 0")
+        raise ValueError(f"semi_axes_m is {shown(value)}; allowed: (1 to {MOST_PARTS}, 3) lengths above 0")
     return axes
 
 
@@ -31,7 +32,7 @@ def _inertia(value):
     inertia = vector("inertia_kg_m2", value)
     if not (np.all(inertia > 0.0) and 2.0 * inertia.max() <= (1.0 + 1e-9) * inertia.sum()):
         raise ValueError(
-            f"inertia_kg_m2 is {value!r}; allowed: three moments above 0, each at most the sum of the others"
+            f"inertia_kg_m2 is {shown(value)}; allowed: three moments above 0, each at most the sum of the others"
         )
     return inertia
 
@@ -206,7 +207,8 @@ def _spheres(value):
     good = spheres.ndim == 2 and spheres.shape[1] == 4 and 1 <= len(spheres) <= MOST_SPHERES
     if not (good and np.all(np.isfinite(spheres)) and np.all(spheres[:, 3] > 0.0)):
         raise ValueError(
-            f"spheres_m is {value!r}; allowed: (1 to {MOST_SPHERES}, 4) finite lengths, the last of each row above 0"
+            f"spheres_m is {shown(value)}; allowed: (1 to {MOST_SPHERES}, 4) finite lengths, "
+            "the last of each row above 0"
         )
     return spheres
 

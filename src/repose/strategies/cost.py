@@ -3,11 +3,31 @@
 from collections.abc import Mapping
 from typing import Any
 
+from repose.config.contradictions import strategy_contradictions
 from repose.core.parameter_space import ParameterSpace
 from repose.doe.box_behnken import box_behnken
 from repose.doe.central_composite import central_composite
 
+OTHERS = ("response_surface", "sequential")  # beside the published one
+
 Pours = tuple[tuple[str, int, int], ...]
+
+
+def misfit(config: Mapping[str, Any]) -> str | None:
+    """Why a configuration cannot take its strategy.
+
+    Parameters
+    ----------
+    config : mapping
+        The whole configuration.
+
+    Returns
+    -------
+    str or None
+        None where it can.
+    """
+    faults = (f"{key}; allowed: {allowed}" for key, allowed in strategy_contradictions(config))
+    return next((f"not with this configuration: {fault}" for fault in faults), None)
 
 
 def pours(config: Mapping[str, Any]) -> Pours | None:
@@ -49,7 +69,7 @@ def response_surface(config: Mapping[str, Any]) -> Pours:
     else:
         runs = len(central_composite(factors, section["surface"], section["centres"])[0])
     steps = (
-        ("screening", section["screening_runs"]),
+        ("screening", section["screening_runs"] + section["centres"]),
         ("ascent", section["steps"] + 1),
         ("surface", runs),
         ("check", section["checks"]),

@@ -18,7 +18,11 @@ rule response_design:
     params:
         config=CONFIG,
         folder=folder,
-        depends=sections("parameters", "response_surface.screening_runs"),
+        depends=sections(
+            "parameters",
+            "response_surface.screening_runs",
+            "response_surface.centres",
+        ),
     message:
         "Plackett-Burman design of the screening"
     shell:
@@ -196,7 +200,7 @@ rule response_check:
         config=CONFIG,
         folder=folder,
         surface=subpath(input.samples, parent=True),
-        depends=habit_sections("screening_runs", "surface")
+        depends=habit_sections("screening_runs", "centres", "surface")
         | sections("design.seed", "miga.solutions", "miga.distance"),
     message:
         "The optimum, simulated again, beside its prediction and the targets"

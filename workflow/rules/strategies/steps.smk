@@ -13,7 +13,8 @@ MAKERS = {
 def habit_numbers(step):
     """Samples of a step: the screening's at once, the others' when the step before is analysed."""
     if step == "screening":
-        return numbers(step, config["response_surface"]["screening_runs"])
+        section = config["response_surface"]
+        return numbers(step, section["screening_runs"] + section["centres"])
     return pandas.read_csv(getattr(checkpoints, MAKERS[step]).get().output.samples)[
         "sample"
     ]

@@ -15,7 +15,7 @@ from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.strategies import answer
 from repose.strategies.response_surface import screening, surface
-from repose.strategies.response_surface.steps import CODED
+from repose.strategies.response_surface.steps import CODED, usable
 
 Path_ = str | os.PathLike
 
@@ -63,7 +63,7 @@ def run_screening(
     Returns
     -------
     dict
-        ``kept`` and ``dropped``.
+        ``kept`` and ``dropped``; ``centre``, the mean responses poured there, and ``corners``, those of the corners.
 
     Raises
     ------
@@ -71,14 +71,21 @@ def run_screening(
         For a bad file, or too few usable samples.
     """
     table, dataset = _step(samples_csv, dataset_csv, targets)
-    models = _models(table, dataset, targets, "linear", dataset_csv)
+    corners, middle = screening.corners_and_centre(table)
+    models = _models(corners, dataset, targets, "linear", dataset_csv)
+    centre = usable(middle, dataset, dataset_csv)[list(targets.names)].mean()
     kept = screening.kept_factors(models, section)
     try:
-        path = screening.path(models, kept, space, targets, section)
+        path = screening.path(models, centre.to_numpy(), kept, space, targets, section)
     except ValueError as error:
         raise InputError(dataset_csv, "targets", str(error), "a way towards the targets") from None
     _write(screening.analysis(models, targets), out_dir)
-    found = {"kept": kept, "dropped": [name for name in space.free if name not in kept]}
+    found = {
+        "kept": kept,
+        "dropped": [name for name in space.free if name not in kept],
+        "centre": centre.to_dict(),
+        "corners": dict(zip(targets.names, (float(one.constant) for one in models), strict=True)),
+    }
     write_json(Path(out_dir) / "screening.json", found)
     write_table(ascent_csv, path)
     return found
@@ -218,7 +225,8 @@ def run_check(
     models = _models(table, poured, targets, "quadratic", surface_csv)
     others, means = surface.alternatives(models, table, space, targets, config)
     steps = (
-        f"Screening: {config['response_surface']['screening_runs']} runs of a Plackett-Burman design; "
+        f"Screening: {config['response_surface']['screening_runs']} runs of a Plackett-Burman design and "
+        f"{config['response_surface']['centres']} of the centre; "
         f"kept: {', '.join(best['coded'])}.",
         "Steepest ascent towards the targets, to the best point of the path.",
         f"Surface: {len(table)} parameter sets about it ({config['response_surface']['surface']}), a quadratic "

@@ -1,4 +1,8 @@
-"""First step: which parameters matter, by a Plackett-Burman design over the whole ranges; then the path of ascent."""
+"""First step: which parameters matter, by a Plackett-Burman design over the whole ranges; then the path of ascent.
+
+Runs at the centre belong to the screening. The mean of the corners is no estimate of the centre where the response is
+curved, and the path must know on which side of the targets it begins.
+"""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -38,7 +42,7 @@ class Analysis(NamedTuple):
 
 
 def design(space: ParameterSpace, section: Mapping[str, Any]) -> pd.DataFrame:
-    """The screening's samples: every free parameter at one end of its range.
+    """The screening's samples: every free parameter at one end of its range; then the centre, `centres` times.
 
     Parameters
     ----------
@@ -51,8 +55,25 @@ def design(space: ParameterSpace, section: Mapping[str, Any]) -> pd.DataFrame:
     pandas.DataFrame
         Of `repose.strategies.response_surface.steps.samples`.
     """
-    coded = plackett_burman(space.dimensions, section["screening_runs"])
+    corners = plackett_burman(space.dimensions, section["screening_runs"])
+    coded = np.vstack([corners, np.zeros((section["centres"], space.dimensions))])
     return samples("screening", space, (1 + coded) / 2, space.free, coded)
+
+
+def corners_and_centre(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The samples of the screening in its two parts.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        Of `design`.
+
+    Returns
+    -------
+    corners, centre : pandas.DataFrame
+    """
+    at_centre = (table[[CODED + name for name in factors_of(table)]] == 0).all(axis=1)
+    return table[~at_centre], table[at_centre]
 
 
 def models_of(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, order: str) -> list[Model]:
@@ -133,14 +154,21 @@ def kept_factors(models: list[Model], section: Mapping[str, Any]) -> list[str]:
 
 
 def path(
-    models: list[Model], kept: list[str], space: ParameterSpace, targets: Targets, section: Mapping[str, Any]
+    models: list[Model],
+    centre: np.ndarray,
+    kept: list[str],
+    space: ParameterSpace,
+    targets: Targets,
+    section: Mapping[str, Any],
 ) -> pd.DataFrame:
     """Samples of the steepest ascent: from the centre of the ranges towards the targets, to the edge of the ranges.
 
     Parameters
     ----------
     models : list of Model
-        Linear, one for each response.
+        Linear, one for each response: the slopes.
+    centre : numpy.ndarray, (responses,)
+        Mean responses that were poured at the centre.
     kept : list of str
         Of `kept_factors`; the others stay at the centre of their ranges.
     space : ParameterSpace
@@ -160,8 +188,8 @@ def path(
     """
     order = [models[0].factors.index(name) for name in kept]
     slopes = np.array([one.coefficients[order] for one in models])
-    missing = aims_of(targets) - np.array([one.constant for one in models])
-    coded = ascent.path(ascent.towards(slopes, missing, scale_of(targets)), section["steps"])
+    along = ascent.towards(slopes, aims_of(targets) - centre, scale_of(targets))
+    coded = ascent.path(along, section["steps"])
     unit = np.full((len(coded), space.dimensions), 0.5)
     unit[:, [space.free.index(name) for name in kept]] += coded / 2
     return samples("ascent", space, unit, kept, coded)

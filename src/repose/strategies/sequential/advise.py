@@ -13,11 +13,14 @@ from repose.core.targets import Targets
 from repose.strategies.answer import apart
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, Observed
+from repose.strategies.sequential.reach import Reach, reach
 
 CANDIDATES = 2048  # all over the ranges
 KEPT, AROUND = 8, 64  # the best of them, and points around each
 STEPS = (0.1, 0.03, 0.01)  # standard deviations of those, in ranges
 SPREAD = 0.1  # of a batch about the answer, standard deviation in ranges
+OUT_OF_REACH = 0.05  # a smaller probability that any point meets the targets ends the search for one
+IN_DOUBT = 0.8  # below it the next pours are made where the draws come nearest, half a batch
 LEAST_GAIN = 0.01  # a probability that cannot rise by more has reached the noise bound
 
 
@@ -27,19 +30,22 @@ class Advice(NamedTuple):
     Attributes
     ----------
     stop : str or None
-        Why no further pour is made: ``probability``, ``budget`` or ``noise``; None where the batch goes on.
+        Why no further pour is made: ``probability``, ``out_of_reach``, ``budget`` or ``noise``; None where the batch
+        goes on.
     batch : numpy.ndarray, (b, d)
         Points to pour next, in the unit cube.
     answer : numpy.ndarray, (d,)
-        Point that meets the targets most probably.
+        Point that meets the targets most probably; where they are out of reach, the one of least expected deviation.
     probability : float
-        That it does.
+        That it meets them.
     mean, error : numpy.ndarray, (k,)
         Predicted mean responses of the answer and their standard errors.
     reachable : float
         The most that the probability can become by the pours that are left.
     needed : int
         Pours at one point that the noise alone asks for.
+    reach : Reach
+        Whether any point meets the targets.
     """
 
     stop: str | None
@@ -50,6 +56,7 @@ class Advice(NamedTuple):
     error: np.ndarray
     reachable: float
     needed: int
+    reach: Reach
 
 
 def start(space: ParameterSpace, section: Mapping[str, Any], seed: int) -> np.ndarray:
@@ -107,25 +114,77 @@ def advise(
     """
     model = Kriging(observed, noise)
     points, scores = ranked(model, goal, observed.unit, failed, random)
+    found = reach(model, goal, random.spawn(1)[0])
     answer = points[scores.argmax()]
-    mean, covariance = model.predict(answer[None])
-    probability = float(goal.probability(mean, covariance)[0])
+    probability = _probability(model, goal, answer)
     left = max(section["most_pours"] - poured, 0)
     samples = min(section["batch"], left // section["seeds"])
     reachable = max(goal.reachable(model, points, left), probability)
     stop = None
     if probability >= section["probability"]:
         stop = "probability"
+    elif found.probability < OUT_OF_REACH:
+        stop = "out_of_reach"
+        answer = nearest(model, goal, observed.unit, failed, points)
+        probability = _probability(model, goal, answer)
     elif samples == 0:
         stop = "budget"
     elif reachable < probability + LEAST_GAIN:
         stop = "noise"
     batch = np.empty((0, len(answer)))
-    if stop is None:
+    if stop is None and found.probability < IN_DOUBT:
+        draws = random.permutation(found.points)
+        sound = _is_sound(draws, observed.unit, failed)
+        batch = draws[np.argsort(~sound, kind="stable")[: -(-samples // 2)]]
+    elif stop is None:
         batch = _around(answer, samples, goal, observed.unit, failed, random)
+    mean, covariance = model.predict(answer[None])
     error = np.sqrt(np.diagonal(covariance[0]))
     needed = goal.needed(model.noise, section["probability"])
-    return Advice(stop, batch, answer, probability, mean[0], error, reachable, needed)
+    return Advice(stop, batch, answer, probability, mean[0], error, reachable, needed, found)
+
+
+def nearest(
+    model: Kriging, goal: Goal, good: np.ndarray, failed: np.ndarray, points: np.ndarray
+) -> np.ndarray:
+    """The point of least expected deviation from the targets (Eq. 11 of the paper), prior knowledge left aside.
+
+    Parameters
+    ----------
+    model : Kriging
+    goal : Goal
+    good, failed : numpy.ndarray, (n, d) and (f, d)
+        Samples with and without a good pour, in the unit cube.
+    points : numpy.ndarray, (m, d)
+        To begin with.
+
+    Returns
+    -------
+    numpy.ndarray, (d,)
+    """
+    random = np.random.default_rng(1)
+
+    def score(unit):
+        deviation = goal.expected_deviation(*model.predict(unit))
+        return np.where(_is_sound(unit, good, failed), -deviation, -np.inf)
+
+    points, scores = _refined(points, score(points), score, random)
+    return points[scores.argmax()]
+
+
+def _probability(model, goal, point):
+    """That one point meets the targets."""
+    return float(goal.probability(*model.predict(point[None]))[0])
+
+
+def _refined(points, scores, score, random):
+    """Points with their scores, and ever nearer ones around the best of them."""
+    for step in STEPS:
+        best = points[np.argsort(-scores)[:KEPT]]
+        near = np.repeat(best, AROUND, axis=0)
+        near = np.clip(near + step * random.standard_normal(near.shape), 0, 1)
+        points, scores = np.vstack([points, near]), np.concatenate([scores, score(near)])
+    return points, scores
 
 
 def ranked(
@@ -152,13 +211,7 @@ def ranked(
         return np.where(_is_sound(unit, good, failed), goal.score(model, unit), -np.inf)
 
     points = goal.space.from_prior(qmc.Sobol(good.shape[1], rng=random).random(CANDIDATES))
-    scores = score(points)
-    for step in STEPS:
-        best = points[np.argsort(-scores)[:KEPT]]
-        near = np.repeat(best, AROUND, axis=0)
-        near = np.clip(near + step * random.standard_normal(near.shape), 0, 1)
-        points, scores = np.vstack([points, near]), np.concatenate([scores, score(near)])
-    return points, scores
+    return _refined(points, score(points), score, random)
 
 
 def alternatives(

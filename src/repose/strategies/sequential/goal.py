@@ -3,6 +3,7 @@
 from typing import NamedTuple, Self
 
 import numpy as np
+from scipy.special import ndtr
 
 from repose.core.parameter_space import ParameterSpace
 from repose.core.probability import LEAST, within
@@ -22,11 +23,14 @@ class Goal(NamedTuple):
         A response is met where its mean lies within `half` of its `aim`.
     space : ParameterSpace
         Ranges and prior of the parameters.
+    weight : numpy.ndarray, (k,)
+        Of each response in Eq. 11 of the paper, divided by the width of its range.
     """
 
     aim: np.ndarray
     half: np.ndarray
     space: ParameterSpace
+    weight: np.ndarray
 
     @classmethod
     def of(cls, targets: Targets, tolerance_percent: float, space: ParameterSpace) -> Self:
@@ -43,7 +47,41 @@ class Goal(NamedTuple):
         -------
         Goal
         """
-        return cls(targets.aim, tolerance_percent / 100 * np.abs(targets.aim), space)
+        weight = targets.weight / (targets.high - targets.low)
+        return cls(targets.aim, tolerance_percent / 100 * np.abs(targets.aim), space, weight)
+
+    def of_responses(self, responses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How far responses are from the goal.
+
+        Parameters
+        ----------
+        responses : numpy.ndarray, (..., k)
+
+        Returns
+        -------
+        worst : numpy.ndarray, (...)
+            Largest deviation in tolerances: the goal is met up to 1.
+        deviation : numpy.ndarray, (...)
+            F, Eq. 11 of the paper.
+        """
+        off = np.abs(responses - self.aim)
+        return (off / self.half).max(axis=-1), off @ self.weight
+
+    def expected_deviation(self, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+        """Mean of F, Eq. 11 of the paper, over what the responses may be.
+
+        Parameters
+        ----------
+        mean, covariance : numpy.ndarray
+            Of the mean responses, (m, k) and (m, k, k).
+
+        Returns
+        -------
+        numpy.ndarray, (m,)
+        """
+        off, sd = mean - self.aim, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        z = off / sd
+        return (sd * np.sqrt(2 / np.pi) * np.exp(-(z**2) / 2) + off * (1 - 2 * ndtr(-z))) @ self.weight
 
     def probability(self, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
         """Probability that all responses are met.

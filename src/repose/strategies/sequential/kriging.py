@@ -7,6 +7,7 @@ Sources of the lines, named where they are used:
 
 - (ANS10) Ankenman, Nelson & Staum 2010, Stochastic kriging for simulation metamodeling, Oper. Res. 58, 371
 - (S04) Smyth 2004, Stat. Appl. Genet. Mol. Biol. 3, 3: a sample's own variance moderated by that of all samples
+- (R06) Rasmussen & Williams 2006, Gaussian processes for machine learning, section 2.7: explicit basis functions
 - (H24) Hvarfner, Hellsten & Nardi 2024, Vanilla Bayesian optimization performs great in high dimensions: a prior of the
   lengths that grows with the number of inputs. It is used there where its density over the lengths is largest, at
   exp(sqrt(2) - 3) sqrt(d): half a range for six inputs. Here logarithms of lengths are drawn, and that place is the
@@ -114,9 +115,17 @@ class Kriging:
     The error of a sample's mean is known, not fitted (ANS10). A variance out of few pours is a poor estimate, so it is
     moderated by that of all samples (S04); where a sample has one pour, the common variance is all there is.
 
+    A straight line is part of each process (R06): responses of friction rise or fall over the whole range, and without
+    the line a process goes back to its mean in the corners, where the largest and the smallest responses are.
+
     Variance and lengths of a process are uncertain where samples are few. They are drawn `DRAWS` times from the normal
     approximation of their posterior, whose prior is that of (H24); predictions are those of the mixture.
     """
+
+    unit: np.ndarray  # (n, d), the samples, about the centre of the ranges
+    values: np.ndarray  # (n, k), their scaled combinations
+    errors: np.ndarray  # (n, k), variances of those
+    sets: list  # of processes, one for each draw of the lengths: kernel, root and weights of each combination
 
     def __init__(self, observed: Observed, noise: np.ndarray | None = None):
         if len(observed.unit) < 2:
@@ -124,16 +133,16 @@ class Kriging:
         self.noise = observed.noise() if noise is None else noise
         self._mixing = _independent(observed, self.noise)
         self._unmixing = np.linalg.inv(self._mixing)
-        self._unit = observed.unit
+        self.unit = observed.unit - 0.5
         mixed = observed.means @ self._mixing
         self._middle, self._scale = mixed.mean(axis=0), np.maximum(mixed.std(axis=0), 1e-12)
-        self._values = (mixed - self._middle) / self._scale
-        self._errors = _moderated(observed, self._mixing) / self._scale**2  # variances (n, k)
-        columns = list(zip(self._values.T, self._errors.T, strict=True))
-        kernels = [_drawn(self._unit, *column) for column in columns]
+        self.values = (mixed - self._middle) / self._scale
+        self.errors = _moderated(observed, self._mixing) / self._scale**2  # variances (n, k)
+        columns = list(zip(self.values.T, self.errors.T, strict=True))
+        kernels = [_drawn(self.unit, *column) for column in columns]
         # one set of processes for each draw, (draws, k)
-        self._sets = [
-            [_conditioned(kernel, self._unit, *column) for kernel, column in zip(one, columns, strict=True)]
+        self.sets = [
+            [_conditioned(kernel, self.unit, *column) for kernel, column in zip(one, columns, strict=True)]
             for one in zip(*kernels, strict=True)
         ]
 
@@ -150,19 +159,32 @@ class Kriging:
         covariance : numpy.ndarray, (m, k, k)
             Of the mean responses, the noise of a pour left out.
         """
-        moments = np.array([self._moments(one, unit) for one in self._sets])
+        moments = np.array([self._moments(one, unit - 0.5) for one in self.sets])
         means, variances = moments[:, 0], moments[:, 1]
         off = (means - means.mean(axis=0)) * self._scale @ self._unmixing
         roots = np.sqrt(variances.mean(axis=0)) * self._scale
         roots = roots[:, :, None] * self._unmixing
         covariance = roots.transpose(0, 2, 1) @ roots + np.einsum("smi,smj->mij", off, off) / len(off)
-        return (means.mean(axis=0) * self._scale + self._middle) @ self._unmixing, covariance
+        return self.unmixed(means.mean(axis=0)), covariance
+
+    def unmixed(self, scaled: np.ndarray) -> np.ndarray:
+        """Responses of the scaled combinations that the processes are of.
+
+        Parameters
+        ----------
+        scaled : numpy.ndarray, (..., k)
+
+        Returns
+        -------
+        numpy.ndarray, (..., k)
+        """
+        return (scaled * self._scale + self._middle) @ self._unmixing
 
     def _moments(self, processes, unit):
         """Means and variances (m, k) of the scaled combinations, by one set of processes."""
         means, variances = [], []
         for kernel, root, weights in processes:
-            between = kernel(unit, self._unit)
+            between = kernel(unit, self.unit)
             means.append(between @ weights)
             solved = linalg.solve_triangular(root, between.T, lower=True, check_finite=False)
             variances.append(np.maximum(kernel.diag(unit) - (solved**2).sum(axis=0), 1e-12))
@@ -230,9 +252,9 @@ def _moderated(observed, mixing):
 
 
 def _drawn(unit, value, error) -> list[Any]:
-    """Kernels of one combination, drawn from their posterior; a constant stands for the unknown mean."""
+    """Kernels of one combination, drawn from their posterior: a straight line, and what differs from it."""
     from sklearn.gaussian_process import GaussianProcessRegressor
-    from sklearn.gaussian_process.kernels import ConstantKernel, Matern
+    from sklearn.gaussian_process.kernels import ConstantKernel, DotProduct, Matern
 
     d = unit.shape[1]
     middle = LENGTH_LOG_MEAN + 0.5 * math.log(d)
@@ -250,9 +272,11 @@ def _drawn(unit, value, error) -> list[Any]:
             curvature[k] = (loss(found.x + step)[1] - loss(found.x - step)[1]) / (2 * STEP)
         return found.x, found.fun
 
-    kernel = ConstantKernel(1.0, "fixed") + ConstantKernel(1.0, BOUNDS) * Matern(
-        np.full(d, math.exp(middle)), BOUNDS, nu=SMOOTHNESS
-    )
+    rough = ConstantKernel(1.0, BOUNDS) * Matern(np.full(d, math.exp(middle)), BOUNDS, nu=SMOOTHNESS)
+    # as large as the means' variance beforehand: points have a variance of 1/12 in each parameter
+    slope = math.sqrt(12 / d)
+    straight = ConstantKernel(slope**2, "fixed") * DotProduct(1.0 / slope, "fixed")
+    kernel = straight + rough
     model = GaussianProcessRegressor(kernel, alpha=error, optimizer=most_probable)
     with warnings.catch_warnings():  # a length at its bound is a parameter without effect
         warnings.simplefilter("ignore")

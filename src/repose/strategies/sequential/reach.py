@@ -1,0 +1,112 @@
+"""Whether any parameter set meets the goal, and how near the nearest comes: draws of what the responses may be.
+
+A draw is a function of the parameters that agrees with the pours within their errors. In each draw the best point is
+searched for, so the answer is about all parameter sets together and not about one of them.
+
+- (RR08) Rahimi & Recht 2008, Random features for large-scale kernel machines, NeurIPS 20
+- (W20) Wilson et al. 2020, Efficiently sampling functions from Gaussian process posteriors, ICML 119: a draw of the
+  prior from random features, corrected by the pours with the exact covariance
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import linalg
+from scipy.stats import qmc
+
+from repose.strategies.sequential.goal import Goal
+from repose.strategies.sequential.kriging import SMOOTHNESS, Kriging
+
+FEATURES = 128
+FUNCTIONS = 16  # drawn for each set of lengths
+CANDIDATES = 256  # all over the ranges, and as many of their corners
+AROUND = 16  # points around the best of each draw
+STEPS = (0.2, 0.07, 0.02)  # standard deviations of those, in ranges
+
+
+class Reach(NamedTuple):
+    """What the pours say of all parameter sets together.
+
+    Attributes
+    ----------
+    probability : float
+        That some parameter set meets the goal.
+    nearest, error : float
+        The least deviation that a parameter set has, as `Goal.deviation` counts: mean and standard deviation of the
+        draws.
+    points : numpy.ndarray, (draws, d)
+        Where each draw comes nearest to the goal, in the unit cube.
+    """
+
+    probability: float
+    nearest: float
+    error: float
+    points: np.ndarray
+
+
+def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
+    """Whether any parameter set meets the goal.
+
+    Parameters
+    ----------
+    model : Kriging
+    goal : Goal
+    random : numpy.random.Generator
+
+    Returns
+    -------
+    Reach
+    """
+    d = model.unit.shape[1]
+    wide = goal.space.from_prior(qmc.Sobol(d, rng=random).random(CANDIDATES))
+    wide = np.vstack([wide, np.round(wide)])
+    least, deviations, best = [], [], []
+    for number in range(len(model.sets)):
+        draws = _Draws(model, number, random)
+        points, misses, deviation = wide, *goal.of_responses(draws(wide))
+        for step in STEPS:
+            near = np.repeat(points[misses.argmin(axis=1)], AROUND, axis=0)
+            near = np.vstack([near, np.repeat(points[deviation.argmin(axis=1)], AROUND, axis=0)])
+            near = np.clip(near + step * random.standard_normal(near.shape), 0, 1)
+            points = np.vstack([points, near])
+            more = goal.of_responses(draws(near))
+            misses, deviation = np.hstack([misses, more[0]]), np.hstack([deviation, more[1]])
+        least.append(misses.min(axis=1))
+        deviations.append(deviation.min(axis=1))
+        best.append(points[misses.argmin(axis=1)])
+    nearest = np.concatenate(deviations)
+    probability = float((np.concatenate(least) <= 1).mean())
+    return Reach(probability, float(nearest.mean()), float(nearest.std()), np.concatenate(best))
+
+
+class _Draws:
+    """Functions drawn from one set of processes: called with points (m, d) they give responses (draws, m, k)."""
+
+    def __init__(self, model, number, random):
+        self.model, self.parts, d = model, [], model.unit.shape[1]
+        for k, (kernel, root, _) in enumerate(model.sets[number]):
+            matern, size = kernel.k2.k2, kernel.k2.k1.constant_value
+            # frequencies of Matern's covariance are distributed as Student's t
+            freedom = 2 * SMOOTHNESS
+            frequencies = random.standard_normal((FEATURES, d)) / matern.length_scale
+            frequencies /= np.sqrt(random.chisquare(freedom, (FEATURES, 1)) / freedom)
+            phase = 2 * np.pi * random.random(FEATURES)
+            weights = np.sqrt(2 * size / FEATURES) * random.standard_normal((FEATURES, FUNCTIONS))
+            slopes = np.sqrt(kernel.k1.k1.constant_value) * random.standard_normal((d, FUNCTIONS))
+            constant = random.standard_normal(FUNCTIONS)
+            values, errors = model.values[:, k, None], model.errors[:, k, None]
+            off = np.sqrt(errors) * random.standard_normal((len(values), FUNCTIONS))
+            prior = constant + model.unit @ slopes + np.cos(model.unit @ frequencies.T + phase) @ weights
+            told = linalg.cho_solve((root, True), values - prior - off)
+            self.parts.append((kernel, frequencies, phase, weights, slopes, constant, told))
+
+    def __call__(self, unit):
+        unit = unit - 0.5
+        mixed = [
+            constant
+            + unit @ slopes
+            + np.cos(unit @ frequencies.T + phase) @ weights
+            + kernel(unit, self.model.unit) @ told
+            for kernel, frequencies, phase, weights, slopes, constant, told in self.parts
+        ]
+        return self.model.unmixed(np.stack(mixed, axis=-1)).transpose(1, 0, 2)
