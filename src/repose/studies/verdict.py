@@ -61,13 +61,10 @@ def judge(
         predicted = float(rows[target.response.predicted].iloc[0])
         mean, error = (_number(summary[key]) for key in (target.name, target.response.error))
         row |= _numbers(target.response, target.aim, predicted, mean, error)
-    predicted, simulated = (
-        np.array([row[key] for key in keys])
-        for keys in (targets.predicted, [one.simulated for one in targets.responses])
-    )
-    row["objective"] = float(Objective.of(targets)(simulated[None])[0][0])
-    off = 100 * abs(predicted - targets.aim) / abs(targets.aim)
-    row["out_of_reach"] = bool((off > section["tolerance_percent"]).any())
+    means = np.array([[row[one.simulated] for one in targets.responses]])
+    row["objective"] = float(Objective.of(targets)(means)[0][0])
+    off = abs(np.array([row[key] for key in targets.predicted]) - targets.aim)
+    row["out_of_reach"] = bool((100 * off > section["tolerance_percent"] * abs(targets.aim)).any())
     row["outcome"], row["reason"] = _outcome(row, summary, targets, section)
     row["warning"] = str(rows["warning"].iloc[0]) if pd.notna(rows["warning"].iloc[0]) else ""
     return row
