@@ -46,14 +46,15 @@ def test_the_margin_is_the_way_to_the_nearer_end_of_the_range(simulated, met, ma
     assert ("NOT met" in str(found)) is not met
     assert ("which do NOT meet the targets:" in str(found)) is not met
     told = (
-        "Targets met"
-        if met
-        else "Targets NOT met: the prediction meets them, the simulation misses aor_deg by"
+        "Targets met" if met else "Targets NOT met: predictions meet them, the simulation misses aor_deg by"
     )
     assert str(found).splitlines()[-1].startswith(told)
     assert met or f"aor_deg by {-margin:g} deg. What helps: `repose run refined`" in found.verdict
     assert all(name in str(found) for name in PARAMETERS)
     assert found.within == {1.0: 0.25, 2.0: 0.75}
+    off = simulated - 32.0
+    near = f"aor_deg {100 * off / 32:+.1f} +- 0.8 % ({abs(off) / 2:.2f} standard deviations of a repetition)"
+    assert f"Simulated less measured: {near}." in str(found)
     assert "by these runs alone: within 1 %: 0.25, within 2 %: 0.75" in str(found)
 
 

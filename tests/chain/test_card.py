@@ -211,6 +211,7 @@ def test_a_card_in_words_tells_answer_and_tests(config, solutions, tmp_path, cap
     text = capsys.readouterr().out
     assert "wheat; targets NOT met" in text
     assert "mus_gg, mur_gg -1.00" in text
+    assert "Simulated less measured: height_mm " in text
     assert "all within 1 %: probability 0.25" in text
     assert "all within 2 %: probability not known, as it takes two good runs of each bench test" in text
     assert "fixed" in text
@@ -224,7 +225,7 @@ def test_the_verb_writes_a_card_that_can_be_read(monkeypatch, tmp_path):
     study, out = STUDY, tmp_path / "card.json"
     particle = tmp_path / "particle.json"
     particle.write_text(json.dumps(record_of_an_ellipsoid()))
-    words = ["material_card", "--config", "config/config.yaml", "--berry", study / "berry/berry.json"]
+    words = ["material_card", "--config", study / "config.json", "--berry", study / "berry/berry.json"]
     words += ["--particle", particle, "--feasible", study / "miga/feasible.csv"]
     words += ["--summary", study / "miga/summary.json"]
     words += ["--representative", study / "validation/representative.csv", "--out", out]

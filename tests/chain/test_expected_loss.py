@@ -42,6 +42,14 @@ def test_it_keeps_what_is_fixed_and_inside_the_ranges():
     assert found[PARAMETERS[0]] == pytest.approx(0.5, abs=1e-3)
 
 
+def test_of_sets_that_are_equally_good_it_is_the_one_nearest_to_the_prior():
+    prior = {"prior": {"mean": 0.2, "sd": 0.1}, "range": [0.0, 1.0]}
+    space = ParameterSpace.of({name: [0.0, 1.0] for name in PARAMETERS} | {PARAMETERS[2]: prior})
+    found = expected_loss.least(Sure(), space, TARGETS)
+    assert found[PARAMETERS[2]] == pytest.approx(0.2, abs=0.01)
+    assert found["height_predicted_mm"] == pytest.approx(66.0, abs=0.02)
+
+
 def test_the_loss_is_the_mean_of_squares_of_draws():
     X = np.full((1, 6), 0.6)
     draws = np.random.default_rng(0).normal(64.0, 1.2, 400_000)

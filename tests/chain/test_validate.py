@@ -168,7 +168,7 @@ WIDE = ParameterSpace(PARAMETERS, np.zeros(6), np.full(6, 2.0))
 def cloud(feasible):
     x = np.linspace(0, 2, len(feasible))
     table = pd.DataFrame({name: np.ones(len(x)) for name in PARAMETERS})
-    table["e_gg"], table["feasible"] = x, feasible
+    table["e_gg"], table["feasible"], table["objective"] = x, feasible, abs(x - 0.4)
     table["solution"], table["representative"] = np.arange(1, len(x) + 1), np.arange(len(x)) == 2
     return table
 
@@ -178,6 +178,18 @@ def test_validation_takes_the_representative_and_the_farthest_of_the_rest():
     # positions 0.4; then 2.0 (1.6 away), then 1.2 (0.8 from both), then 0.0 (0.4) before 0.8 and 1.6 (0.4)
     assert picked["e_gg"].tolist() == pytest.approx([0.4, 2.0, 1.2, 0.0])
     assert picked["role"].tolist() == ["representative", "spread", "spread", "spread"]
+
+
+def test_the_solution_of_least_objective_stands_beside_a_representative_that_is_another():
+    table = cloud([True] * 11).assign(objective=np.arange(11.0))
+    picked = validate.select_for_validation(table, 3, WIDE)
+    assert picked["e_gg"].tolist() == pytest.approx([0.4, 0.0, 2.0, 1.2])
+    assert picked["role"].tolist() == ["representative", "least objective", "spread", "spread"]
+
+
+def test_a_representative_outside_the_ranges_is_simulated_as_well():
+    table = cloud([True, True, False] + [True] * 8).assign(objective=np.arange(11.0))
+    assert validate.select_for_validation(table, 5, WIDE)["role"].iloc[0] == "representative"
 
 
 def test_validation_prefers_feasible_solutions_while_there_are_enough():

@@ -153,6 +153,8 @@ def inputs_of(name, inputs):
         files["published"] = "table3"
     if name == "validation":
         files["published"] = "table4"
+    if name == "plane":
+        files["pool"] = files["fresh"] = "dataset"
     if name == "noise":
         files["runs"] = "noise_runs"
     if name in ("corner", "region"):

@@ -13,7 +13,7 @@ from repose.core.parameters import PARAMETERS
 from repose.core.responses import derived
 from repose.core.targets import Targets
 from repose.pictures import figures
-from repose.pictures.figures import checks, inversion, samples, style, surrogate
+from repose.pictures.figures import checks, inversion, plane, samples, style, surrogate
 
 FURTHER = [
     {"response": "base_radius_mm", "value": 110.0, "sd": 6.0, "repetitions": 10, "range": [100.0, 120.0]},
@@ -81,6 +81,32 @@ def made_up(folder, count):
     network |= {"W1": rng.normal(size=(12, 6)).tolist(), "W2": rng.normal(size=(count, 12)).tolist()}
     (folder / "network.json").write_text(json.dumps(network))
     return {path.stem: path for path in folder.iterdir()}
+
+
+def write_solutions(folder, count, feasible):
+    """A table of solutions at the targets."""
+    table = pd.DataFrame({one.response.predicted: 20 * [one.value] for one in Targets.of(CHOICES[count])})
+    table.assign(feasible=feasible).to_csv(folder / "feasible.csv", index=False)
+    return folder / "feasible.csv"
+
+
+@pytest.mark.parametrize(("count", "panels"), [(2, 1), (4, 6)])
+@pytest.mark.parametrize("feasible", [True, False])
+def test_the_planes_of_the_targets_show_samples_ranges_and_answer(count, panels, feasible, tmp_path):
+    files = made_up(tmp_path, count)
+    inputs = {key: files[key] for key in ("dataset", "table4")}
+    inputs["feasible"] = write_solutions(tmp_path, count, feasible)
+    with style.applied():
+        figure = plane.planes(inputs | {"pool": files["dataset"]}, config_of(count))
+        style.save(figure, tmp_path / "figure.png", small_run=False)
+    assert len(figure.axes) == panels
+    told = texts(figure)
+    assert "58 samples of the design (bars: ± SE)" in told  # two failed
+    assert "58 points of the pool (bars: ± SE)" in told
+    assert ("nearest solutions, none feasible, predicted" in told) is not feasible
+    assert ("feasible solutions, predicted" in told) is feasible
+    (box,) = figure.axes[0].patches
+    assert (box.get_x(), box.get_width()) == (TARGETS[0]["range"][0], np.diff(TARGETS[0]["range"])[0])
 
 
 DRAWN = {

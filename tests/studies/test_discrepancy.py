@@ -21,10 +21,11 @@ def design(*slopes):
     return table.assign(drum_slip_deg=along)
 
 
-def combinations(folder, differences, errors=(0.0, 0.0), eligible=True):
-    """A table of a shape study with these differences (n, 2)."""
+def combinations(folder, differences, errors=(0.0, 0.0), eligible=True, distance=1.0):
+    """A table of a shape study with these differences (n, 2), each of a model of its own."""
     table = pd.DataFrame(differences, columns=["aor_difference_deg", "height_difference_mm"])
-    table = table.assign(aor_se_deg=errors[0], height_se_mm=errors[1], eligible=eligible)
+    table = table.assign(aor_se_deg=errors[0], height_se_mm=errors[1], eligible=eligible, distance=distance)
+    table = table.assign(particle=range(len(table)), tension="keep", filling="open")
     table.to_csv(folder / "combinations.csv", index=False)
     return folder / "combinations.csv"
 
@@ -44,20 +45,42 @@ def test_that_of_a_shape_study_is_the_spread_of_its_plausible_models(tmp_path):
     models = random.multivariate_normal([-3, 5], known, 4000) + random.normal(size=(4000, 2)) * [0.5, 2.0]
     far = random.normal(100, 50, (50, 2))
     path = combinations(tmp_path, np.vstack([models, far]), (0.5, 2.0), np.arange(4050) < 4000)
-    found = discrepancy.of_shape_study(path, TARGETS)
+    told = discrepancy.of_shape_study(path, TARGETS)
+    assert told.models == pytest.approx(4000)
+    assert told.mean == pytest.approx([-3, 5], abs=0.2)
+    found = told.covariance
     assert np.sqrt(np.diag(found)) == pytest.approx([3, 5], rel=0.05)
     raw = known + np.diag([0.25, 4.0])
     assert found[0, 1] / np.sqrt(found[0, 0] * found[1, 1]) == pytest.approx(
         12 / np.sqrt(raw[0, 0] * raw[1, 1]), abs=0.03
     )
     assert (discrepancy.of_targets(TARGETS, design(1, 1), 2.0, 0.0, found) == found).all()
-    height = discrepancy.of_shape_study(path, targets_of(height_mm=60.0))
+    height = discrepancy.of_shape_study(path, targets_of(height_mm=60.0)).covariance
     assert height == pytest.approx(found[1:, 1:])
+
+
+def test_a_model_counts_by_how_well_it_describes_the_piles(tmp_path):
+    """Ten models at 0 and 2 near the piles, as many at 40 four standard deviations off; definitions count once."""
+    values = np.repeat([0.0, 2.0, 40.0], [5, 5, 10])
+    path = combinations(tmp_path, np.column_stack([values, values]), distance=np.repeat([0.0, 4.0], 10))
+    told = discrepancy.of_shape_study(path, TARGETS)
+    share = np.exp(-8.0)
+    mean = (1 + 40 * share) / (1 + share)
+    assert told.mean == pytest.approx([mean, mean])
+    assert told.models == pytest.approx(10 * (1 + share) ** 2 / (1 + share**2))
+    spread = (((0 - mean) ** 2 + (2 - mean) ** 2) / 2 + share * (40 - mean) ** 2) / (1 + share)
+    assert told.covariance[0, 0] == pytest.approx(spread / (1 - 1 / told.models))
+    table = pd.read_csv(path)
+    twice = pd.concat([table, table])
+    twice.to_csv(path, index=False)
+    assert discrepancy.of_shape_study(path, TARGETS).models == pytest.approx(told.models)
 
 
 def test_a_study_that_says_too_little_is_refused(tmp_path):
     few = combinations(tmp_path, np.ones((6, 2)), eligible=[True] * 4 + [False] * 2)
-    with pytest.raises(InputError, match=r"combinations.csv: eligible is 4; allowed: at least 5"):
+    with pytest.raises(
+        InputError, match=r"combinations.csv: eligible is '4.0 models.*'; allowed: at least 5"
+    ):
         discrepancy.of_shape_study(few, TARGETS)
     with pytest.raises(InputError, match="drum_slip_difference_deg"):
         discrepancy.of_shape_study(few, targets_of(drum_slip_deg=40.0))

@@ -150,6 +150,22 @@ def test_the_loop_goes_on_while_there_is_something_to_learn():
     assert "no pile to learn from" in verdict.why_stopped(empty, 4, TARGETS)
 
 
+def test_targets_out_of_reach_end_the_loop_where_it_comes_no_nearer():
+    reached = judged(aor_deg=[29.0, 29.1, 28.9], height_mm=[60.0, 60.2, 59.8])
+    assert not reached["out_of_reach"]
+    table = proposed(TARGETS, 3).assign(aor_predicted_deg=29.0)
+    runs = runs_of([1001] * 3, aor_deg=[29.0, 29.1, 28.9], height_mm=[60.0, 60.2, 59.8])
+    row = verdict.judge(table, runs, TARGETS, SECTION, 1) | {"usable": 3}
+    assert row["out_of_reach"]
+    assert row["objective"] == pytest.approx(1 / (TARGETS.high - TARGETS.low)[0])
+    nearer, farther = (row | {"objective": row["objective"] + off} for off in (-0.1, 0.1))
+    assert rounds.goes_on(row, farther)
+    assert not rounds.goes_on(row, nearer)
+    assert rounds.goes_on(row | {"out_of_reach": False}, nearer)
+    assert "out of reach and came no nearer" in verdict.why_stopped(row, 4, TARGETS, nearer)
+    assert "the limit of 4 refits" in verdict.why_stopped(row, 4, TARGETS, farther)
+
+
 def test_rounds_with_a_gap_are_refused(tmp_path):
     (tmp_path / "verdict.json").write_text('{"round": 1, "outcome": "within"}')
     with pytest.raises(InputError, match="without a gap"):

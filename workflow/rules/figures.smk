@@ -93,6 +93,30 @@ FIGURES = {
     ),
 }
 
+if len(config["targets"]) > 1:
+    PLANE = {
+        "published": (
+            rules.dataset.output.dataset,
+            rules.miga.output.feasible,
+            rules.validate.output.table4,
+        ),
+        "response_surface": (
+            f"{HABIT}/surface/dataset.csv",
+            rules.response_check.output.solutions,
+            rules.response_check.output.table4,
+        ),
+        "sequential": (
+            rules.sequential_check.output.dataset,
+            rules.sequential_check.output.solutions,
+            rules.sequential_check.output.table4,
+        ),
+    }[config["strategy"]]
+    FIGURES["plane"] = (
+        "Targets against each other",
+        dict(zip(("dataset", "feasible", "table4"), PLANE)),
+        ("targets",),
+    )
+
 if "drum" in config:
     FIGURES |= {
         "figure15": (
@@ -144,6 +168,13 @@ rule rule_graph:
         " --configfile {params.config:q} --rulegraph | python -m repose write --out {output.dot:q}) 2> {log:q}"
 
 
+# Shown where they are, and never made for the figure.
+BESIDE = {
+    "plane": {
+        "pool": f"{RESULTS}/pool/dataset.csv",
+        "fresh": f"{RESULTS}/pool/fresh_dataset.csv",
+    }
+}
 # The other figures take 400.
 MEMORY_MB = {"figure05": 600, "figure07": 600, "figure15": 550}
 
@@ -172,7 +203,12 @@ for figure, (label, shown, depends) in FIGURES.items():
         params:
             config=CONFIG,
             figure=figure,
-            inputs=[f"--input={key}={path}" for key, path in shown.items()],
+            inputs=[f"--input={key}={path}" for key, path in shown.items()]
+            + [
+                f"--input={key}={path}"
+                for key, path in BESIDE.get(figure, {}).items()
+                if os.path.isfile(path)
+            ],
             depends=sections("small_run", *depends),
         message:
             "Drawing {params.figure}"

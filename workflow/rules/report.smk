@@ -11,6 +11,8 @@ PAGE = {
     "figure14": f"{RESULTS}/figures/figure14.png",
     "validation": f"{RESULTS}/figures/validation.png",
 }
+if "plane" in FIGURES:
+    PAGE["plane"] = f"{RESULTS}/figures/plane.png"
 if "funnel" in BENCH_TESTS:
     PAGE |= {
         "particle": rules.shape.output.particle,

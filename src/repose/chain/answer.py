@@ -1,7 +1,7 @@
 """What a calibration came to: the parameters, and whether their simulated responses meet the targets."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -102,6 +102,16 @@ class Check:
         return min(self.simulated - self.low, self.high - self.simulated)
 
     @property
+    def distance(self) -> str:
+        """How far the simulated mean lies from the measured one, in percent and in standard deviations."""
+        if self.simulated is None:
+            return f"{self.response} unknown"
+        off, percent = self.simulated - self.measured, 100 / abs(self.measured)
+        error = "" if self.standard_error is None else f" +- {percent * self.standard_error:.1f}"
+        spread = f" ({abs(off) / self.sd:.2f} standard deviations of a repetition)" if self.sd > 0 else ""
+        return f"{self.response} {percent * off:+.1f}{error} %{spread}"
+
+    @property
     def miss(self) -> str:
         """By how much the simulation misses the range, in words."""
         if self.margin is None:
@@ -170,7 +180,7 @@ class Answer:
             return f"Targets NOT met: no parameters are predicted to meet them. What helps: {helps}."
         missed = ", ".join(check.miss for check in self.checks if not check.met)
         return (
-            f"Targets NOT met: the prediction meets them, the simulation misses {missed}. "
+            f"Targets NOT met: predictions meet them, the simulation misses {missed}. "
             f"What helps: {self.files.advice}."
         )
 
@@ -182,7 +192,7 @@ class Answer:
             head += ", which do NOT meet the targets"
         rows = parameters_in_words(self.parameters)
         checks = [f"  {check}" for check in self.checks]
-        checks.append(f"  {probability_in_words(self.within)}")
+        checks += [f"  {nearness(self.checks)}", f"  {probability_in_words(self.within)}"]
         tables = (
             f"Tables: {(self.folder / self.files.check).parent}; "
             f"all solutions: {self.folder / self.files.solutions}; "
@@ -279,6 +289,20 @@ def parameters_in_words(parameters: Mapping[str, float]) -> list[str]:
     list of str
     """
     return [f"  {name:7} {value:.4g}  {LABELS[name]}" for name, value in parameters.items()]
+
+
+def nearness(checks: Iterable[Check]) -> str:
+    """How near the simulated means are to the measured ones, in one sentence.
+
+    Parameters
+    ----------
+    checks : iterable of Check
+
+    Returns
+    -------
+    str
+    """
+    return f"Simulated less measured: {', '.join(check.distance for check in checks)}."
 
 
 def probability_in_words(within: Mapping[float, float | None]) -> str:

@@ -1,7 +1,10 @@
 """Material cards for people: one of them, or two side by side."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import Any
+
+from repose.chain.answer import Check, nearness
 
 MET = {True: "met", False: "NOT met", None: "not simulated again"}
 
@@ -31,6 +34,7 @@ def in_words(card: Mapping[str, Any]) -> str:
             + ("; ".join(f"{a}, {b} {value:+.2f}" for value, a, b in strong) or "none"),
             "tests:",
             *(f"  {line}" for test in card["tests"] for line in _test_in_words(test)),
+            f"  {nearness(map(_check, card['tests']))}",
             *(f"  all within {key}: probability {_chance(value)}" for key, value in card["within"].items()),
             *(f"  {name}: {_settings(bench)}" for name, bench in _benches(card).items()),
             f"made by repose {made['version']}, commit {made['commit']}, configuration {made['configuration']}, "
@@ -155,6 +159,11 @@ def _simulated(test):
         return "-"
     simulated = "no number" if test["simulated"] is None else f"{test['simulated']:.4g}"
     return f"{simulated} {test['unit']}, measured {test['measured']:.4g}"
+
+
+def _check(test):
+    """A test of the card as the check that it was made of."""
+    return Check(**{field.name: test[field.name] for field in fields(Check)})
 
 
 def _test_in_words(test):

@@ -17,11 +17,13 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.probability import within
 from repose.core.targets import Targets
+from repose.search.objective import Preference
 from repose.surrogate.base import Surrogate
 
 CANDIDATES = 1024  # points of a Sobol sequence, a power of two
 DESCENTS = 6  # from the best of them
 STEP = 1e-4  # of the differences, in ranges
+PRIOR = 1e-3  # a standard deviation from a prior costs as much as this relative deviation of every response
 
 
 def expected_loss(surrogate: Surrogate, X: np.ndarray, targets: Targets) -> np.ndarray:
@@ -53,7 +55,7 @@ def least(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> dict
     surrogate : Surrogate
         With the errors of its predictions.
     space : ParameterSpace
-        Fixed parameters keep their values; a prior does not enter.
+        Fixed parameters keep their values. Of sets that are equally good, those near the means of priors come first.
     targets : Targets
 
     Returns
@@ -62,8 +64,11 @@ def least(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> dict
         The six parameters, the predicted responses, and what `judged` gives.
     """
 
+    preference = Preference.of(space)
+
     def loss(unit):
-        return expected_loss(surrogate, space.values(unit), targets)
+        expected = expected_loss(surrogate, space.values(unit), targets)
+        return expected if preference is None else expected + (PRIOR * preference.distance(2 * unit - 1)) ** 2
 
     def with_gradient(place):
         steps = STEP * np.eye(len(place))

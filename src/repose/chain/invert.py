@@ -23,6 +23,7 @@ from repose.search.objective import HISTORY, Objective, Preference, search
 from repose.surrogate.base import Surrogate, load
 from repose.surrogate.support import Support
 
+LEAST_LOSS = "least_expected_loss"  # of `miga.answer`
 FEWEST_ROWS = 10  # of the solutions, so that validation always has points to choose from
 INTERVAL = ("low", "high", "dispersion_percent")
 
@@ -34,8 +35,9 @@ class Inversion:
     Attributes
     ----------
     solutions : pandas.DataFrame
-        Best first: parameters, predicted responses, objective (Eq. 11), violation, whether feasible, and which one is
-        the representative. With a support the column `warning`; with priors the column `prior_distance_sd`.
+        The representative, then the others, of least objective first: parameters, predicted responses, objective
+        (Eq. 11), violation, whether feasible, and which one is the representative. With a support the column
+        `warning`; with priors the column `prior_distance_sd`.
     intervals : pandas.DataFrame
         Table 3: interval and dispersion of each parameter, beside the published ones where there are any.
     history : pandas.DataFrame
@@ -79,7 +81,8 @@ def invert(
     Returns
     -------
     Inversion
-        The best distinct feasible solutions; where fewer than 10 were met, the nearest others follow.
+        The best distinct feasible solutions; where fewer than 10 were met, the nearest others follow. Where none was
+        met, those of least objective. The representative is the set of least expected loss, or of least objective.
 
     Raises
     ------
@@ -92,17 +95,27 @@ def invert(
     respond, preference = on_free_parameters(surrogate, space), Preference.of(space)
     objective = Objective.of(targets, preference.largest if preference else 0.0)
     archive, history, feasible_met = search(respond, objective, space.dimensions, settings, preference)
+    evaluations = history[-1][HISTORY.index("evaluations")]
+    if not feasible_met:  # then the nearest to the targets, not to the edge of a box that has nothing in it
+        objective = Objective.of(targets, constrained=False)
+        archive, history, _ = search(respond, objective, space.dimensions, settings, preference)
+        evaluations += history[-1][HISTORY.index("evaluations")]
 
-    Y = respond(archive.points)
+    points = archive.points
+    if settings["answer"] == LEAST_LOSS and surrogate.knows_its_errors:
+        points = _behind(expected_loss.least(surrogate, space, targets), points, space, settings["distance"])
+    Y = respond(points)
     F, V = objective(Y)
-    n_feasible = min(int(np.count_nonzero(V == 0)), settings["solutions"])
-    rows = slice(0, max(FEWEST_ROWS, n_feasible) if n_feasible else settings["solutions"])
-    points, Y, F, V = archive.points[rows], Y[rows], F[rows], V[rows]
+    met, most = np.count_nonzero(V == 0), settings["solutions"]
+    # the representative stands first, feasible or not
+    rows = slice(0, max(FEWEST_ROWS, min(met + (V[0] > 0), most)) if met else most)
+    points, Y, F, V = points[rows], Y[rows], F[rows], V[rows]
+    n_feasible = int(np.count_nonzero(V == 0))
     table = pd.DataFrame(space.values((points + 1) / 2), columns=list(PARAMETERS))
     table.insert(0, "solution", np.arange(1, len(table) + 1))
     table[list(targets.predicted)] = Y
     table["objective"], table["violation"], table["feasible"] = F, V, V == 0
-    table["representative"] = table["solution"] == 1  # best first, so the least total deviation
+    table["representative"] = table["solution"] == 1
     if preference is not None:
         table["prior_distance_sd"] = preference.distance(points)
     if support is not None:
@@ -113,7 +126,7 @@ def invert(
         table,
         intervals(shown, space, published),
         history,
-        _summary(table, targets, settings, history, n_feasible, feasible_met),
+        _summary(table, targets, settings, evaluations, n_feasible, feasible_met),
     )
 
 
@@ -130,7 +143,7 @@ def run(
 ) -> dict[str, Any]:
     """Invert a saved surrogate; write feasible.csv, intervals.csv, history.csv and summary.json; return the summary.
 
-    Where the surrogate knows its errors, the summary has the set of least expected loss beside the representative.
+    Where the surrogate knows its errors, the summary says what it tells of the representative.
 
     Parameters
     ----------
@@ -164,7 +177,6 @@ def run(
     if surrogate.knows_its_errors:
         best = found.summary["representative"]
         found.summary["representative_judged"] = expected_loss.judged(surrogate, best, targets)
-        found.summary["least_expected_loss"] = expected_loss.least(surrogate, space, targets)
     write(found, out_dir)
     return found.summary
 
@@ -250,35 +262,35 @@ def message(responses: np.ndarray, targets: Targets, n_feasible: int, distance: 
     Parameters
     ----------
     responses : numpy.ndarray, (k,)
-        Of the best solution.
+        Of the representative.
     targets : Targets
     n_feasible : int
         Number of feasible solutions.
     distance : float
-        Of the best solution from the targets.
+        Least one of two solutions, in normalised parameters.
 
     Returns
     -------
     str
     """
     ranges = targets.in_words([f"{one.low:g}-{one.high:g}" for one in targets])
-    best = f"predicted {targets.in_words([f'{value:.2f}' for value in responses])}"
+    best = f"the answer is predicted {targets.in_words([f'{value:.2f}' for value in responses])}"
     wanted = targets.in_words([f"{one.aim:g}" for one in targets])
     off = targets.in_words([f"{value:.2f}" for value in abs(responses - targets.aim)])
     off += f" from the target {wanted}"
     if n_feasible:
         return (
             f"{n_feasible} distinct feasible solutions inside {ranges}, at least {distance:g} apart "
-            f"in normalised parameters; the best is {best}, {off}."
+            f"in normalised parameters; {best}, {off}."
         )
     beyond = targets.in_words([f"{value:.2f}" for value in _outside(responses, targets.low, targets.high)])
     return (
-        f"No feasible solution: nothing met inside {ranges}. The nearest one is {best}: {beyond} outside the box, "
+        f"No feasible solution: nothing met inside {ranges}. Of the nearest ones {best}: {beyond} outside the box, "
         f"{off}. Everything after this uses the nearest solutions."
     )
 
 
-def _summary(table, targets, settings, history, n_feasible, feasible_met):
+def _summary(table, targets, settings, evaluations, n_feasible, feasible_met):
     """The content of summary.json."""
     best = table.iloc[0]
     responses = best[list(targets.predicted)].to_numpy(float)
@@ -287,7 +299,7 @@ def _summary(table, targets, settings, history, n_feasible, feasible_met):
         "feasible": n_feasible > 0,
         "n_feasible_met": feasible_met,
         "n_solutions": n_feasible,
-        "evaluations": int(history["evaluations"].iloc[-1]),
+        "evaluations": int(evaluations),
         "distance": settings["distance"],
         "representative": {
             name: float(best[name]) for name in (*PARAMETERS, *targets.predicted, "objective")
@@ -299,6 +311,14 @@ def _summary(table, targets, settings, history, n_feasible, feasible_met):
     if "warning" in table and best["warning"]:
         summary["message"] += f" Beyond the samples: {best['warning']}."
     return summary
+
+
+def _behind(first, points, space, distance):
+    """The points (n, d) behind the set `first`, without those too near to it; the best of them stays."""
+    place = 2 * space.unit(np.array([[first[name] for name in PARAMETERS]])) - 1
+    apart = np.linalg.norm(points - place, axis=1) >= distance
+    apart[0] = True
+    return np.vstack([place, points[apart]])
 
 
 def _outside(responses, low, high):

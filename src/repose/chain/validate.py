@@ -58,8 +58,8 @@ def solutions_to_simulate(
     pandas.DataFrame
         A row for each solution. `sample`: ours from 1, the representative first; the published from 101 in the order
         of their table. `origin`: "miga" or "published". `solution`: its name in its own table. `role`:
-        "representative" or "spread". Then the six parameters, and the predictions of the network that the solution
-        belongs to: the published network's for the published ones.
+        "representative", "least objective" where that is another one, or "spread". Then the six parameters, and the
+        predictions of the network that the solution belongs to: the published network's for the published ones.
     """
     columns = [*SOLUTION, *targets.predicted]
     ours = select_for_validation(feasible, count, space)
@@ -76,7 +76,7 @@ def solutions_to_simulate(
 
 
 def select_for_validation(solutions: pd.DataFrame, count: int, space: ParameterSpace) -> pd.DataFrame:
-    """The representative solution and others that are spread over the cloud.
+    """The representative solution, the one of least objective, and others that are spread over the cloud.
 
     Each next one is the solution farthest, in normalised parameters, from those already chosen (Gonzalez
     1985). They are feasible ones as long as there are enough.
@@ -94,16 +94,20 @@ def select_for_validation(solutions: pd.DataFrame, count: int, space: ParameterS
         Rows of solutions, with a column `role`; fewer where `solutions` has fewer rows.
     """
     if np.count_nonzero(solutions["feasible"]) > count:
-        solutions = solutions[solutions["feasible"]]
+        solutions = solutions[solutions["feasible"] | solutions["representative"]]
     points = 2 * space.unit(solutions[list(PARAMETERS)].to_numpy(float)) - 1
     chosen = [int(np.flatnonzero(solutions["representative"])[0])]
-    nearest = np.linalg.norm(points - points[chosen[0]], axis=1)
+    roles = ["representative"]
+    least = int(solutions["objective"].to_numpy(float).argmin())
+    if least not in chosen:
+        chosen.append(least)
+        roles.append("least objective")
     while len(chosen) < min(count + 1, len(points)):
+        nearest = np.linalg.norm(points[:, None] - points[chosen], axis=2).min(axis=1)
         nearest[chosen] = -1.0
         chosen.append(int(nearest.argmax()))
-        nearest = np.minimum(nearest, np.linalg.norm(points - points[chosen[-1]], axis=1))
     picked = solutions.iloc[chosen].copy()
-    picked["role"] = ["representative"] + ["spread"] * (len(chosen) - 1)
+    picked["role"] = roles + ["spread"] * (len(chosen) - len(roles))
     return picked
 
 
@@ -301,7 +305,7 @@ def write_solutions(
     InputError
         For a bad file, or too few solutions.
     """
-    needed = ("solution", *PARAMETERS, *targets.predicted, "feasible", "representative")
+    needed = ("solution", *PARAMETERS, *targets.predicted, "objective", "feasible", "representative")
     feasible = read_table(feasible_csv, needed)
     if len(feasible) < count + 1:
         raise InputError(feasible_csv, "solutions", len(feasible), f"at least {count + 1}")

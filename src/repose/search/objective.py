@@ -6,7 +6,7 @@ distinct points, `search` one whole search with `repose.search.miga`.
 Constraints, on which the publication is silent: the fitness of a point whose responses all lie in the targets' ranges
 is F (Eq. 11). That of any other point is F + F_max + 10 V. V is how far the responses lie outside, in the units of F,
 and F_max the most that F can be inside. So every feasible point beats every other point, and without any feasible
-point the search goes to the nearest one.
+point the search goes to the box. Where it is never met, `constrained=False` asks for the least F alone.
 """
 
 import math
@@ -39,30 +39,36 @@ class Objective:
     margin : float
         What is added to the fitness of points outside the ranges, besides F_max: the most that is ever added to the
         fitness of points inside (`Preference.largest`).
+    constrained : bool
+        Whether points outside the ranges are worse than all inside; otherwise the fitness is F everywhere.
     """
 
-    def __init__(self, low, high, target=None, weight=None, margin: float = 0.0) -> None:
+    def __init__(
+        self, low, high, target=None, weight=None, margin: float = 0.0, constrained: bool = True
+    ) -> None:
         self.low, self.high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
         self.width = self.high - self.low
         self.target = (self.low + self.high) / 2 if target is None else np.asarray(target, dtype=float)
         self.weight = np.ones(len(self.low)) if weight is None else np.asarray(weight, dtype=float)
-        self.infeasible = float(self.weight.sum()) + margin  # F inside is at most the sum of the weights
+        # F inside is at most the sum of the weights
+        self.infeasible = float(self.weight.sum()) + margin if constrained else 0.0
+        self.penalty = PENALTY if constrained else 0.0
 
     @classmethod
-    def of(cls, targets: Targets, margin: float = 0.0) -> "Objective":
+    def of(cls, targets: Targets, margin: float = 0.0, constrained: bool = True) -> "Objective":
         """The objective of a study's targets.
 
         Parameters
         ----------
         targets : Targets
-        margin : float, optional
+        margin, constrained : optional
             See `Objective`.
 
         Returns
         -------
         Objective
         """
-        return cls(targets.low, targets.high, targets.aim, targets.weight, margin)
+        return cls(targets.low, targets.high, targets.aim, targets.weight, margin, constrained)
 
     def __call__(self, responses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """F (Eq. 11) and the violation V of the ranges, both (points,), of responses (points, k)."""
@@ -85,7 +91,7 @@ class Objective:
         -------
         numpy.ndarray, (n,)
         """
-        return F + (V > 0) * self.infeasible + PENALTY * V
+        return F + (V > 0) * self.infeasible + self.penalty * V
 
 
 @dataclass(frozen=True)

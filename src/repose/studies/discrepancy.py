@@ -2,7 +2,8 @@
 
 Where a shape study was made it is the evidence. Its plausible models have the axes, mass, volume and packing of the
 measured berry, and differ in what nobody knows: surface, tension, filling, definition of the angle. Poured with the
-same parameters they make different piles, and the spread of these is the discrepancy (`of_shape_study`).
+same parameters they make different piles. Weighted by how well each describes the published piles, their spread is the
+discrepancy (`of_shape_study`).
 
 Elsewhere it is stated: a share of each response's mean, but no less than a smallest one in the response's unit, since
 two percent of a share of five percent would be half a berry (`sizes`, `covariance`). Within a bench test the
@@ -12,6 +13,7 @@ with which the responses vary together over the design: a steeper pile is higher
 
 import os
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -22,6 +24,7 @@ from repose.core.responses import derived, response
 from repose.core.targets import Targets
 
 FEWEST_MODELS = 5
+MODEL = ("particle", "tension", "filling")
 
 
 def of_targets(
@@ -38,7 +41,7 @@ def of_targets(
     percent, correlation : float
         As `sizes` and `covariance` take them, where nothing is known.
     study : numpy.ndarray, (k, k), optional
-        Of `of_shape_study`; it takes the place of what is stated.
+        Covariance of `of_shape_study`; it takes the place of what is stated.
 
     Returns
     -------
@@ -53,8 +56,26 @@ def of_targets(
     return covariance(targets.names, percent / 100 * np.abs(targets.value), means, correlation, apparatus)
 
 
-def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> np.ndarray:
-    """Covariance of the responses over the plausible models of a shape study.
+class OfModels(NamedTuple):
+    """How the models of a shape study differ from the published piles.
+
+    Attributes
+    ----------
+    mean : numpy.ndarray, (k,)
+        Weighted mean of the differences, in the responses' units.
+    covariance : numpy.ndarray, (k, k)
+        About it.
+    models : float
+        Number of models that the weights leave, 1 / sum w^2.
+    """
+
+    mean: np.ndarray
+    covariance: np.ndarray
+    models: float
+
+
+def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfModels:
+    """Mean and covariance of the responses over the plausible models of a shape study.
 
     Parameters
     ----------
@@ -66,30 +87,40 @@ def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> np.
 
     Returns
     -------
-    numpy.ndarray, (k, k)
-        In the responses' units.
+    OfModels
 
     Raises
     ------
     InputError
-        If the table cannot be read, lacks a target's response, or has fewer than `FEWEST_MODELS` plausible models.
+        If the table cannot be read, lacks a target's response, or the weights leave fewer than `FEWEST_MODELS` models.
 
     Notes
     -----
-    The pours of a combination are few. The mean square of its standard errors is taken off each variance; the
-    correlation is that of the differences as they are.
+    A model counts by how well it describes the published piles: its weight is exp(-d^2 / 2), and d its distance in
+    standard deviations. The definitions of one model count as one. The pours of a combination are few: the mean square
+    of its standard errors is taken off each variance; the correlation is that of the differences as they are.
     """
     columns = [derived(name, "difference") for name in targets.names]
-    table = read_table(combinations_csv, ("eligible", *columns, *targets.errors))
-    plausible = table[table["eligible"].astype(bool)].dropna(subset=columns)
-    if len(plausible) < FEWEST_MODELS:
+    needed = (*MODEL, "eligible", "distance", *columns, *targets.errors)
+    table = read_table(combinations_csv, needed)
+    plausible = table[table["eligible"].astype(bool)].dropna(subset=["distance", *columns])
+    weight = np.exp(-(plausible["distance"] ** 2) / 2)
+    weight /= weight.sum()
+    one = (weight.groupby([plausible[key] for key in MODEL]).sum() ** 2).sum()
+    models = 1 / one if len(plausible) else 0.0
+    if models < FEWEST_MODELS:
         raise InputError(
-            combinations_csv, "eligible", len(plausible), f"at least {FEWEST_MODELS} combinations"
+            combinations_csv,
+            "eligible",
+            f"{models:.1f} models by their weights",
+            f"at least {FEWEST_MODELS}",
         )
-    errors = plausible[list(targets.errors)].to_numpy(float)
-    raw = np.atleast_2d(np.cov(plausible[columns].to_numpy(float).T))
-    spread = np.sqrt(np.maximum(np.diag(raw) - np.nanmean(errors**2, axis=0), 0.0))
-    return raw / np.sqrt(np.outer(np.diag(raw), np.diag(raw))) * np.outer(spread, spread)
+    values, errors = (plausible[list(of)].to_numpy(float) for of in (columns, targets.errors))
+    raw = np.atleast_2d(np.cov(values.T, aweights=weight, ddof=0)) / (1 - one)
+    noise = np.average(np.nan_to_num(errors) ** 2, axis=0, weights=weight)
+    spread = np.sqrt(np.maximum(np.diag(raw) - noise, 0.0))
+    covariance = raw / np.sqrt(np.outer(np.diag(raw), np.diag(raw))) * np.outer(spread, spread)
+    return OfModels(np.average(values, axis=0, weights=weight), covariance, float(models))
 
 
 def sizes(

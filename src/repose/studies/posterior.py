@@ -170,7 +170,7 @@ def run(
     space : ParameterSpace
     targets : Targets
     settings : mapping
-        As `infer` takes them, and shape_study, a table of `repose.studies.discrepancy.of_shape_study` or None.
+        As `infer` takes them, and shape_study, a table for `repose.studies.discrepancy.of_shape_study` or None.
     out_dir : path
     definitions : mapping, optional
         How the study defines its responses.
@@ -200,7 +200,8 @@ def run(
         published = read_table(files["table3"], ("parameter", "low", "high")).set_index("parameter")
         beside = {"published": published, **beside}
     evidence = settings.get("shape_study")
-    study = None if evidence is None else discrepancy.of_shape_study(evidence, targets)
+    models = None if evidence is None else discrepancy.of_shape_study(evidence, targets)
+    study = None if models is None else models.covariance
     try:
         found = infer(model, support, runs, space, targets, settings, beside, study)
     except ValueError as error:
@@ -209,6 +210,9 @@ def run(
     out = Path(out_dir)
     told = _beside_the_posterior(model, space, targets, settings, runs, study, out)
     found.summary.update(told)
+    if models is not None:
+        found.summary["discrepancy_models"] = models.models
+        found.summary["discrepancy_mean"] = models.mean.tolist()
     write_table(out / "posterior.csv", found.parameters)
     write_table(out / "draws.csv", found.draws)
     write_json(out / "posterior.json", found.summary)

@@ -51,16 +51,37 @@ def round_of(sample: int) -> int:
     return sample // OF_A_ROUND - 1
 
 
-def goes_on(verdict: Mapping[str, Any]) -> bool:
+def goes_on(verdict: Mapping[str, Any], before: Mapping[str, Any] | None = None) -> bool:
     """Whether another round has something to gain: the bar is missed and there are new data to learn from.
+
+    Where the targets are out of reach, the loop goes on as long as it comes nearer.
 
     Parameters
     ----------
     verdict : mapping
-        Of `repose.studies.verdict`: outcome, and the number of usable samples.
+        Of `repose.studies.verdict`: outcome, number of usable samples, whether the targets are out of reach, objective.
+    before : mapping, optional
+        Of the round before.
 
     Returns
     -------
     bool
     """
-    return verdict["outcome"] != "within" and verdict["usable"] > 0
+    return verdict["outcome"] != "within" and verdict["usable"] > 0 and not stuck(verdict, before)
+
+
+def stuck(verdict: Mapping[str, Any], before: Mapping[str, Any] | None) -> bool:
+    """Whether a round whose targets are out of reach came no nearer than the one before.
+
+    Parameters
+    ----------
+    verdict, before
+        As `goes_on` takes them.
+
+    Returns
+    -------
+    bool
+    """
+    if before is None or not verdict["out_of_reach"] or None in (verdict["objective"], before["objective"]):
+        return False
+    return verdict["objective"] >= before["objective"]

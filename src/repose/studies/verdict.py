@@ -21,8 +21,9 @@ from repose.core.parameters import PARAMETERS
 from repose.core.responses import Response, derived
 from repose.core.runs import Recorded, summarise_runs
 from repose.core.targets import Targets
+from repose.search.objective import Objective
 from repose.studies.noise import of_bench
-from repose.studies.rounds import PROPOSAL, goes_on, round_of
+from repose.studies.rounds import PROPOSAL, goes_on, round_of, stuck
 
 OUTCOMES = ("within", "not within", "not precise", "no pile")
 
@@ -48,7 +49,8 @@ def judge(
     -------
     dict
         Parameters, number of runs; of each response target, prediction, simulated mean, standard error and deviations;
-        outcome, one of `OUTCOMES`, its reason, and the search's warning. NaN where there is no number.
+        objective (Eq. 11) of the simulated means; whether the targets are out of reach, as the prediction itself misses
+        the bar; outcome, one of `OUTCOMES`, its reason, and the search's warning. NaN where there is no number.
     """
     rows = proposal[proposal["role"] == PROPOSAL]
     own = runs[runs["sample"].isin(rows["sample"])].astype(object)
@@ -59,6 +61,10 @@ def judge(
         predicted = float(rows[target.response.predicted].iloc[0])
         mean, error = (_number(summary[key]) for key in (target.name, target.response.error))
         row |= _numbers(target.response, target.aim, predicted, mean, error)
+    means = np.array([[row[one.simulated] for one in targets.responses]])
+    row["objective"] = float(Objective.of(targets)(means)[0][0])
+    off = abs(np.array([row[key] for key in targets.predicted]) - targets.aim)
+    row["out_of_reach"] = bool((100 * off > section["tolerance_percent"] * abs(targets.aim)).any())
     row["outcome"], row["reason"] = _outcome(row, summary, targets, section)
     row["warning"] = str(rows["warning"].iloc[0]) if pd.notna(rows["warning"].iloc[0]) else ""
     return row
@@ -123,7 +129,9 @@ def _outcome(
     return outcome, "" if outcome == "within" else "; ".join(words)
 
 
-def why_stopped(verdict: Mapping[str, Any], limit: int, targets: Targets) -> str:
+def why_stopped(
+    verdict: Mapping[str, Any], limit: int, targets: Targets, before: Mapping[str, Any] | None = None
+) -> str:
     """Why the loop ends after a round, in words.
 
     Parameters
@@ -133,6 +141,8 @@ def why_stopped(verdict: Mapping[str, Any], limit: int, targets: Targets) -> str
     limit : int
         How often the surrogate may be refitted.
     targets : Targets
+    before : mapping, optional
+        Of the round before.
 
     Returns
     -------
@@ -141,6 +151,8 @@ def why_stopped(verdict: Mapping[str, Any], limit: int, targets: Targets) -> str
     row = f"round {verdict['round']}"
     if verdict["outcome"] == "within":
         return f"{row} meets {('the target', 'both targets', 'all targets')[min(len(targets), 3) - 1]}"
+    if stuck(verdict, before):
+        return f"{row} predicts that the targets are out of reach and came no nearer: {verdict['reason']}"
     if not goes_on(verdict):
         return f"{row} gave no pile to learn from ({verdict['reason']})"
     return f"the limit of {limit} refits is reached, and {row} is {verdict['outcome']}: {verdict['reason']}"
@@ -284,7 +296,7 @@ def run_tables(
     summary = {
         "met": last["outcome"] == "within",
         "rounds": len(verdicts),
-        "why": why_stopped(last, limit, targets),
+        "why": why_stopped(last, limit, targets, verdicts[-2] if len(verdicts) > 1 else None),
         "solution": {name: last[name] for name in PARAMETERS},
         "claim": claim(last, targets),
         "pours": int(sum(one["poured"] for one in verdicts)),

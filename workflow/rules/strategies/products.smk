@@ -45,6 +45,8 @@ else:
         "sequential": f"{SEQUENTIAL}/sequential.png",
     }
     STRATEGY_TABLES.append(("Batches", ANSWER.batches))
+if "plane" in FIGURES:
+    STRATEGY_PAGE["plane"] = f"{RESULTS}/figures/plane.png"
 if config.get("photograph"):
     STRATEGY_PAGE["photograph"] = config["photograph"]
 if "funnel" in BENCH_TESTS:

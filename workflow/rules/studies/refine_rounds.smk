@@ -56,10 +56,12 @@ def files_of_rounds(wildcards):
 
 def verdicts(wildcards):
     """Verdicts of all rounds that the loop takes, as far as they are known: each tells whether another follows."""
-    found = []
+    found, before = [], None
     for k in range(config["refine"]["rounds"] + 1):
         found.append(checkpoints.refine_round.get(round=k).output.verdict)
         with open(found[-1]) as file:
-            if not rounds.goes_on(json.load(file)):
-                break
+            verdict_of_round = json.load(file)
+        if not rounds.goes_on(verdict_of_round, before):
+            break
+        before = verdict_of_round
     return found

@@ -13,6 +13,7 @@ from . import (
     discrepancy,
     inversion,
     measuring,
+    plane,
     refinement,
     region,
     representations,
@@ -44,6 +45,7 @@ FIGURES = {
     "definitions": (measuring.definitions, ("heap", "particle", "berry")),
     "drum": (rotation.course, ("record", "profile", "runs")),
     "convergence": (search.convergence, ("history",)),
+    "plane": (plane.planes, ("dataset", "feasible", "table4")),
     "shape_study": (representations.study, ("combinations", "sets")),
     "design": (samples.design_matrix, ("samples",)),
     "dataset": (samples.responses_over_parameters, ("dataset",)),
@@ -78,6 +80,7 @@ OPTIONAL = {
     "figure14": ("published",),
     "convergence": ("summary",),
     "design": ("comparison",),
+    "plane": ("pool", "fresh"),
     "validation": ("published",),
 }
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from repose.chain.answer import Check, nearness
 from repose.core.parameters import LABELS
 from repose.core.targets import Target
 from repose.pictures.report.html import folded, picture, table, text
@@ -59,6 +60,9 @@ def answer(study: Study) -> str:
             f"<h1>Contact parameters: {html.escape(study.config['label'])}</h1>",
             small if study.config["small_run"] else "",
             f'<p class="verdict {kind}">{html.escape(words)}</p>',
+            f"<p>{html.escape(nearness(_checks(study)).replace('+-', '±'))}</p>"
+            if study.number("n_seeds")
+            else "",
             table(head, rows, "answer"),
             '<p class="buttons screen"><button id="copy" class="act" type="button">Copy the parameters</button></p>',
             _how_well_known(study),
@@ -105,6 +109,17 @@ def verdict(study: Study) -> tuple[str, str]:
             if within is not None
         )
     )
+
+
+def _checks(study):
+    """The answer's simulated responses beside the measured ones."""
+    for one in study.targets:
+        simulated, error = (study.number(key) for key in (one.response.simulated, one.response.error))
+        ended = int(study.number("n_seeds")), text(study.row.get("status"))
+        yield Check(
+            *(one.response.label, one.response.unit, simulated, error, *ended),
+            *(one.value, one.sd, one.low, one.high),
+        )
 
 
 def _interval_head(study):

@@ -30,6 +30,7 @@ PICTURES = {
     "pareto_screening": "How much each parameter moves the responses",
     "contours": "The fitted surfaces about their optimum",
     "figure13": "What the surrogate predicts and what the simulator gives, for samples it learned from and others",
+    "plane": "Where all simulated samples lie, what was asked for, and where the answer lies",
     "figure14": "The parameter sets that the search found",
     "validation": "Predicted, simulated and measured responses",
     "definitions": "What each definition of the angle sees in the same pile",

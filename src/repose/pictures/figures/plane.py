@@ -1,0 +1,107 @@
+"""Each pair of targets as a plane: what the samples reach, what was asked for, and where the answer lies."""
+
+from collections.abc import Mapping
+from itertools import combinations
+from typing import Any
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from repose.core.files import read_table
+from repose.core.targets import Target
+
+from . import style
+
+SAMPLES = {
+    "dataset": ("samples of the design", style.BLUE),
+    "pool": ("points of the pool", style.SKY),
+    "fresh": ("fresh points of the pool", style.PURPLE),
+}
+
+
+def planes(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
+    """All samples, the target ranges, the measured piles, the solutions and the answer, for each pair of targets.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Paths of ``dataset``, ``feasible`` and ``table4``, and perhaps of ``pool`` and ``fresh``, datasets of the pool.
+    config : mapping
+        The whole configuration, with two targets or more.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        A panel for each pair.
+
+    Raises
+    ------
+    InputError
+        If a table cannot be read.
+    """
+    targets = style.targets_of(config)
+    columns = (*targets.names, *targets.errors)
+    tables = {key: read_table(inputs[key], ("status", *columns)) for key in SAMPLES if key in inputs}
+    good = {key: table[table["status"] == "ok"] for key, table in tables.items()}
+    solutions = read_table(inputs["feasible"], ("feasible", *targets.predicted))
+    simulated = [one.simulated for one in targets.responses]
+    checked = read_table(inputs["table4"], ("role", *targets.predicted, *simulated, *targets.errors))
+    answer = checked[checked["role"] == "representative"].iloc[0]
+    pairs = list(combinations(targets, 2))
+    width = style.PAGE if len(pairs) > 1 else 0.75 * style.PAGE
+    figure = style.new_figure(width, 4.7 * style.grid_rows(len(pairs)))
+    panels = style.grid(figure, len(pairs))
+    for panel, (across, up) in zip(panels, pairs, strict=True):
+        _samples(panel, good, across, up)
+        _asked_for(panel, across, up)
+        _found(panel, solutions, answer, across, up)
+    style.name_panels(panels)
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    return figure
+
+
+def _samples(panel: Axes, tables: Mapping[str, pd.DataFrame], across: Target, up: Target) -> None:
+    """Means of the samples with their standard errors."""
+    for key, table in tables.items():
+        label, colour = SAMPLES[key]
+        x, y = table[across.name], table[up.name]
+        dx, dy = (table[one.response.error].fillna(0.0) for one in (across, up))
+        panel.errorbar(x, y, xerr=dx, yerr=dy, fmt="none", elinewidth=0.4, ecolor=colour, alpha=0.25)
+        panel.plot(x, y, "o", ms=2.6, mew=0, color=colour, label=f"{len(table)} {label} (bars: ± SE)")
+
+
+def _asked_for(panel: Axes, across: Target, up: Target) -> None:
+    """The box of the target ranges, and the measured piles."""
+    sides = across.high - across.low, up.high - up.low
+    look = {"fc": "none", "ec": style.GREEN, "lw": 1.4, "zorder": 3}
+    panel.add_patch(Rectangle((across.low, up.low), *sides, **look, label="target ranges"))
+    look = {"fmt": "D", "ms": 5, "color": style.BLACK, "elinewidth": 1.2, "capsize": 3, "zorder": 4}
+    label = f"measured, mean ± SD (n = {across.repetitions})"
+    panel.errorbar(across.value, up.value, xerr=across.sd, yerr=up.sd, **look, label=label)
+    panel.set(xlabel=style.response_label(across.response), ylabel=style.response_label(up.response))
+
+
+def _found(panel: Axes, solutions: pd.DataFrame, answer: pd.Series, across: Target, up: Target) -> None:
+    """Predictions of the solutions, and the answer as predicted and as simulated."""
+    x, y = across.response, up.response
+    kind = "feasible solutions" if solutions["feasible"].any() else "nearest solutions, none feasible"
+    look = {"ms": 3, "mew": 0, "color": style.ORANGE, "zorder": 5}
+    panel.plot(solutions[x.predicted], solutions[y.predicted], "o", **look, label=f"{kind}, predicted")
+    look = {"ms": 7, "mfc": "white", "color": style.RED, "zorder": 6}
+    panel.plot(answer[x.predicted], answer[y.predicted], "s", **look, label="answer, predicted")
+    errors = {
+        axis: None if pd.isna(answer[one.error]) else answer[one.error]
+        for axis, one in (("xerr", x), ("yerr", y))
+    }
+    look = {
+        "fmt": "s",
+        "ms": 6,
+        "mec": "white",
+        "color": style.RED,
+        "elinewidth": 1.4,
+        "capsize": 3,
+        "zorder": 7,
+    }
+    panel.errorbar(answer[x.simulated], answer[y.simulated], **errors, **look, label="answer, simulated ± SE")
