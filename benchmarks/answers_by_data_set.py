@@ -9,11 +9,13 @@ not in it. No pour is in two sets:
 
   parts   design and pool in four quarters of their samples, two pours of each sample a set: eight sets of about 92
           samples and 180 pours
-  whole   the design (150 samples, 6 pours), and each folder of --runs, a further run of it with other seeds
+  whole   the design (150 samples, 6 pours), the pool (220 samples, 4 pours), and each folder of --runs, a further run of
+          the design with other seeds
 
 Targets: one response, quantiles of what all pours together predict over the ranges; two, predicted pairs of points in
 the ranges. A stated probability is that of the judge's value: the judge's own error is added to the stated one. Errors
-of one fit go together, so standard errors are counted by data sets.
+of one fit go together, so standard errors are counted by data sets; in the table of classes they are no less than those
+of independent answers with the stated probability.
 
 The rule for the default, written before its first run. Of the surrogates whose stated probability agrees with the
 achieved share within two standard errors in every class, the least rms over all data sets and both numbers of
@@ -90,9 +92,9 @@ def data_sets(args, names):
         for k, (own, others) in enumerate(cut(design, pool)):
             yield f"part {k + 1}", own, [others, fresh], fresh
         return
-    wholes = {"design": design} | {one.name: read(one, names) for one in args.runs}
+    wholes = {"design": design, "pool": pool} | {one.name: read(one, names) for one in args.runs}
     for name, own in wholes.items():
-        yield name, own, [other for key, other in wholes.items() if key != name] + [pool, fresh], fresh
+        yield name, own, [other for key, other in wholes.items() if key != name] + [fresh], fresh
 
 
 def process(samples):
@@ -248,6 +250,8 @@ def reliability(table):
         every = pd.concat(parts, ignore_index=True)
         for place, one in every.groupby(pd.cut(every["stated"], CLASSES, include_lowest=True), observed=True):
             difference, error = by_sets(one, one["met"].astype(float) - one["stated"])
+            # where all sets achieve 1.00 their scatter tells nothing
+            error = max(error, np.sqrt((one["stated"] * (1 - one["stated"])).sum()) / len(one))
             counts = one["set"].nunique() >= FEWEST_SETS
             agrees = ("yes" if abs(difference) <= 2 * error else "no") if counts else "few"
             cells = [
