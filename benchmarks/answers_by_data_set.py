@@ -9,8 +9,8 @@ not in it. No pour is in two sets:
 
   parts   design and pool in four quarters of their samples, two pours of each sample a set: eight sets of about 92
           samples and 180 pours
-  whole   the design (150 samples, 6 pours), the pool (220 samples, 4 pours), and each folder of --runs, a further run of
-          the design with other seeds
+  whole   the design (150 samples, 6 pours), the pool (220 samples, 4 pours), and each folder of --runs, a further run
+          of the design with other seeds
 
 Targets: one response, quantiles of what all pours together predict over the ranges; two, predicted pairs of points in
 the ranges. A stated probability is that of the judge's value: the judge's own error is added to the stated one. Errors
@@ -128,13 +128,11 @@ def targets_at(names, aim):
 
 
 def fit(name, samples, space, targets, config):
-    """The surrogate as the chain trains it; a candidate is fitted to all samples."""
-    network = config["network"] | {"split": computed.SPLITS.get(name, computed.SPLIT_WITHOUT_NETWORK)}
-    if name in surrogate_candidates.NAMES:
-        model = make(name, network).describe(PARAMETERS, targets.names)
-        return model.fit(samples.X, samples.means(), **samples.replicates())
+    """The surrogate as the chain trains it."""
+    split = computed.SPLITS["network"] if name.startswith("network") else computed.SPLIT_WITHOUT_NETWORK
     unit = Points(space.unit(samples.X), samples.values)
-    return study_surrogate(unit, space, targets, network | {"surrogate": name})
+    settings = config["network"] | {"surrogate": name, "split": split}
+    return study_surrogate(unit, space, targets, settings)
 
 
 def answers(model, judge, names, values, space):
@@ -202,7 +200,16 @@ def by_sets(table, values):
 
 def summary(table):
     """The table of errors."""
-    yield "| responses | surrogate | sets of samples, pours | mean error % | rms % | judge's own error % | within 1 % | stated (told) | within 2 % | stated (told) | fresh z | fit s |"
+    shares = (f"within {percent:g} % | stated (told)" for percent in PERCENT)
+    heads = [
+        "responses",
+        "surrogate",
+        "sets of samples, pours",
+        "mean error %",
+        "rms %",
+        "judge's own error %",
+    ]
+    yield "| " + " | ".join([*heads, *shares, "fresh z", "fit s"]) + " |"
     yield "|---" * 12 + "|"
     for (responses, name), own in table.groupby(["responses", "surrogate"], sort=False):
         errors = ["off", "off_2"][:responses]

@@ -1,9 +1,9 @@
-"""Surrogates that `answers_by_data_set.py` puts beside the registered ones; each is fitted to all samples.
+"""Surrogates that `answers_by_data_set.py` puts beside the registered ones; what `kriging` lacks is a file.
 
-network_all       the networks of `network_ensemble`
+network_of_part   `network_ensemble`, fitted to the training part alone
 network_resampled 16 networks of one start each, each of samples drawn with replacement; the scatter is the error
-network_process   `network_all` plus a Gaussian process of its residuals, whose error is added
-process_all       `gaussian_process`
+network_process   `network_ensemble` plus a Gaussian process of its residuals, whose error is added
+process_of_part   `gaussian_process`, fitted to the training part alone
 kriging           Gaussian process of Matern 5/2, noise told by the replicates, lengths and variances drawn
 kriging_smooth    the same, squared exponential
 """
@@ -40,14 +40,18 @@ class Candidate(Surrogate):
         raise NotImplementedError
 
 
-@register("network_all")
-class NetworkAll(NetworkEnsemble):
-    """The networks of `network_ensemble`."""
+@register("network_of_part")
+class NetworkOfPart(NetworkEnsemble):
+    """`network_ensemble` of the training part."""
+
+    of_all_samples = False
 
 
-@register("process_all")
-class ProcessAll(GaussianProcess):
-    """`gaussian_process`."""
+@register("process_of_part")
+class ProcessOfPart(GaussianProcess):
+    """`gaussian_process` of the training part."""
+
+    of_all_samples = False
 
 
 @register("network_resampled")
@@ -231,4 +235,11 @@ class KrigingSmooth(Kriging):
     covariance_of = staticmethod(squared_exponential)
 
 
-NAMES = ("network_all", "network_resampled", "network_process", "process_all", "kriging", "kriging_smooth")
+NAMES = (
+    "network_of_part",
+    "network_resampled",
+    "network_process",
+    "process_of_part",
+    "kriging",
+    "kriging_smooth",
+)
