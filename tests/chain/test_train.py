@@ -152,6 +152,28 @@ def test_definitions_are_kept_and_others_are_refused(tmp_path):
     assert load(tmp_path / "out/network.json").definitions == secant
 
 
+@pytest.mark.parametrize("name", ["network", "network_ensemble", "gaussian_process"])
+def test_the_split_is_reported_and_the_saved_model_knows_all_samples(tmp_path, name):
+    dataset_csv, runs_csv = write_tables(tmp_path)
+    out = tmp_path / "out"
+    metrics = train.run(dataset_csv, runs_csv, TARGETS, SETTINGS | {"surrogate": name, "starts": 1}, out)
+    saved, table = load(out / "network.json"), pd.read_csv(out / "predictions.csv")
+    test = table[table["split"] == "test"]
+    error = np.sqrt(np.mean((test["height_mm"] - test["height_predicted_mm"]) ** 2))
+    assert metrics["test"]["height_mm"]["rmse"] == pytest.approx(error)
+    X = pd.read_csv(dataset_csv).set_index("sample").loc[test["sample"], list(PARAMETERS)].to_numpy()
+    as_reported = np.allclose(saved.predict(X)[:, 1], test["height_predicted_mm"])
+    # the article's network is the one that was reported
+    assert as_reported == (name == "network")
+    assert metrics["n_fitted"] == len(saved.samples) == (metrics["n_train"] if name == "network" else 39)
+    files = (out / "network.json", out / "predictions.csv", dataset_csv)
+    train.restore(*files)
+    column = "height_predicted_mm" if name == "network" else "height_final_mm"
+    table.assign(**{column: table[column] + 1}).to_csv(out / "predictions.csv", index=False)
+    with pytest.raises(InputError, match=r"predictions is 'others'; allowed: those of .*network\.json"):
+        train.restore(*files)
+
+
 @pytest.mark.parametrize("name", ["aor_deg", "height_mm"])
 def test_one_target_is_trained_alone(tmp_path, name):
     dataset_csv, runs_csv = write_tables(tmp_path)

@@ -18,7 +18,7 @@ from repose.chain.tables import read_dataset, read_runs
 from repose.core.errors import InputError
 from repose.core.files import read_table, write_json, write_table
 from repose.core.parameters import PARAMETERS
-from repose.core.responses import Definitions, require_same_definitions, response
+from repose.core.responses import Definitions, derived, require_same_definitions, response
 from repose.core.targets import Targets
 from repose.core.variance import within_covariance
 from repose.surrogate.accuracy import r2
@@ -35,11 +35,12 @@ class Training:
     Attributes
     ----------
     model : Surrogate
-        Trained.
+        Trained on all usable samples, or on the training part where the surrogate says so (`Surrogate.of_all_samples`).
     metrics : dict
         Numbers of samples, R2 and RMSE of each response in each part, and what the surrogate reports.
     predictions : pandas.DataFrame
-        A row for each usable sample: its part, its responses and their predictions.
+        A row for each usable sample: its part, its responses, their predictions by the training part, and where the
+        model was fitted to all of them, what it predicts.
     starts : pandas.DataFrame
         A row for each start of the training, where the surrogate has starts.
     """
@@ -148,16 +149,24 @@ def train(
     errors = usable[list(targets.errors)].to_numpy(float)
     rows = rows_of(usable, settings["split"], settings["seed"])
 
-    learned = usable["sample"].iloc[rows["train"]]
-    noise = Replicates.of(runs, learned, targets) if settings.get("replicates", False) else None
-    model = make(settings.get("surrogate", "network"), settings)
-    model.describe(PARAMETERS, targets.names, definitions, learned)
-    model.fit(X[rows["train"]], Y[rows["train"]], **({} if noise is None else noise.arguments()))
+    def fitted(part):
+        learned = usable["sample"].iloc[part]
+        noise = Replicates.of(runs, learned, targets) if settings.get("replicates", False) else None
+        model = make(settings.get("surrogate", "network"), settings)
+        model.describe(PARAMETERS, targets.names, definitions, learned)
+        return model.fit(X[part], Y[part], **({} if noise is None else noise.arguments())), noise
+
+    model, noise = fitted(rows["train"])
     P = model.predict(X)
 
     metrics: dict[str, Any] = {"n_samples": len(X), "left_out": len(dataset) - len(X)}
     metrics |= _accuracy(Y, P, targets.names, rows)
     metrics["r2_three_ways"] = _three_ways(usable, runs, Y, P, errors, rows["test"], targets.names)
+    table = _predictions(usable["sample"], rows, Y, P, targets)
+    if model.of_all_samples:
+        model, noise = fitted(np.arange(len(X)))
+        table[_finally(targets.names)] = model.predict(X)
+    metrics["n_fitted"] = len(model.samples)
     metrics |= model.report()
     metrics["noise_covariance"] = None if noise is None else noise.covariance.tolist()
     metrics["noise_freedom"] = None if noise is None else noise.freedom
@@ -165,7 +174,7 @@ def train(
     return Training(
         model,
         metrics,
-        _predictions(usable["sample"], rows, Y, P, targets),
+        table,
         pd.DataFrame(starts) if starts else pd.DataFrame(columns=["start", "chosen"]),
     )
 
@@ -232,6 +241,8 @@ def message(metrics: Mapping[str, Any]) -> str:
     responses = metrics["test"].items()
     words = [f"{name}: R2 {one['r2']:.3f}, error {one['rmse']:.3g}" for name, one in responses if one["r2"]]
     lines = [f"{metrics['n_test']} samples for the test: " + ", ".join(words)]
+    if metrics["n_fitted"] == metrics["n_samples"]:
+        lines.append(f"then fitted to all {metrics['n_fitted']} samples")
     if "starts" in metrics:
         lines.append(
             f"{metrics['converged_starts']} of {metrics['starts']} starts converged; the data determine "
@@ -271,11 +282,13 @@ def restore(
     model = load(surrogate_json)
     predicted = [response(name, surrogate_json).predicted for name in model.outputs]
     predictions = read_table(predictions_csv, ("sample", "split", *predicted))
+    of_all = set(_finally(model.outputs)) <= set(predictions)
+    predicted = _finally(model.outputs) if of_all else predicted
     table = read_table(dataset_csv, ("sample", *PARAMETERS, "status"))
     found, summary_json = read_definitions(dataset_csv)
     require_same_definitions(model.definitions, surrogate_json, found, summary_json)
     usable = table[table["status"] == "ok"].set_index("sample")
-    trained = predictions[predictions["split"] == "train"]
+    trained = predictions[(predictions["split"] == "train") | of_all]
     missing = sorted(set(trained["sample"]) - set(usable.index))
     if missing or trained.empty:
         raise InputError(predictions_csv, "samples", missing, f"usable samples of {dataset_csv}")
@@ -387,6 +400,11 @@ def _three_ways(usable, runs, Y, P, errors, test, names):
             "noise_corrected": r2_noise_corrected(Y[test, k], P[test, k], errors[test, k]),
         }
     return found
+
+
+def _finally(names):
+    """Columns of what the fit to all samples predicts."""
+    return [derived(name, "final") for name in names]
 
 
 def _predictions(samples, rows, Y, P, targets):

@@ -77,9 +77,12 @@ class Surrogate(ABC):
         For each response the configuration keys, with their values, that define it; set by `describe`.
     samples : tuple of int
         Numbers of the n samples that it was fitted to, in their order; set by `describe`.
+    of_all_samples : bool
+        Whether a study fits it to all samples, once the split has told how well it predicts samples it has not seen.
     """
 
     name: ClassVar[str]
+    of_all_samples: ClassVar[bool] = True
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
     definitions: Definitions = {}  # noqa: RUF012 - replaced as a whole, never changed in place

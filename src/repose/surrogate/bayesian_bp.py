@@ -95,6 +95,8 @@ class BayesianBP(Surrogate):
         Samples and the covariance of their noise.
     """
 
+    of_all_samples = False  # as published: fitted to the training part
+
     def __init__(
         self,
         hidden: int = 12,
