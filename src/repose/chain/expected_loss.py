@@ -1,8 +1,8 @@
 """The parameter set of least expected loss: near the targets by the surrogate, and where the surrogate is sure.
 
-The search (`repose.chain.invert`) asks for predictions on the targets. Thousands of sets have them, and the surrogate
-is less sure of some. The expected square of the deviation from the aims is the square of the predicted deviation plus
-the variance of the prediction, so its minimum weighs both.
+The search (`repose.chain.invert`) takes the least Eq. 11 of the predictions. Thousands of sets have it, and the surrogate
+is less sure of some. The loss is Eq. 11 of the true means; its expectation weighs the predicted deviations and their
+errors.
 """
 
 from collections.abc import Mapping
@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.special import erf
 from scipy.stats import qmc
 
 from repose.chain.chance import PERCENT
@@ -23,11 +24,11 @@ from repose.surrogate.base import Surrogate
 CANDIDATES = 1024  # points of a Sobol sequence, a power of two
 DESCENTS = 6  # from the best of them
 STEP = 1e-4  # of the differences, in ranges
-PRIOR = 1e-3  # a standard deviation from a prior costs as much as this relative deviation of every response
+TINY = 1e-12  # least error of a prediction, so that one can divide by it
 
 
 def expected_loss(surrogate: Surrogate, X: np.ndarray, targets: Targets) -> np.ndarray:
-    """Expected mean square of the relative deviations from the aims.
+    """Expectation of Eq. 11, for true means that are normal about their predictions.
 
     Parameters
     ----------
@@ -42,9 +43,12 @@ def expected_loss(surrogate: Surrogate, X: np.ndarray, targets: Targets) -> np.n
     -------
     numpy.ndarray, (n,)
     """
-    variance = np.diagonal(surrogate.covariance(X), axis1=1, axis2=2)
-    square = ((surrogate.predict(X) - targets.aim) ** 2 + variance) / targets.aim**2
-    return square @ targets.weight / targets.weight.sum()
+    error = np.sqrt(np.diagonal(surrogate.covariance(X), axis1=1, axis2=2))
+    off = surrogate.predict(X) - targets.aim
+    z = np.abs(off) / np.maximum(error, TINY)
+    # the mean of a folded normal
+    size = error * np.sqrt(2 / np.pi) * np.exp(-0.5 * z**2) + np.abs(off) * erf(z / np.sqrt(2))
+    return size @ (targets.weight / (targets.high - targets.low))
 
 
 def least(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> dict[str, Any]:
@@ -68,7 +72,7 @@ def least(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> dict
 
     def loss(unit):
         expected = expected_loss(surrogate, space.values(unit), targets)
-        return expected if preference is None else expected + (PRIOR * preference.distance(2 * unit - 1)) ** 2
+        return expected if preference is None else expected + preference(2 * unit - 1)
 
     def with_gradient(place):
         steps = STEP * np.eye(len(place))
@@ -103,16 +107,17 @@ def judged(surrogate: Surrogate, parameters: Mapping[str, float], targets: Targe
     -------
     dict
         `predicted_se`, standard errors of the predicted means by the name of the response; `expected_error_percent`,
-        the root of the expected loss; `within`, the probability that all means lie within so many percent of the aims.
+        the root of the expected mean square of the relative deviations; `within`, the probability that all means lie within so many percent of the aims.
     """
     X = np.array([[parameters[name] for name in PARAMETERS]])
     mean, covariance, aim = surrogate.predict(X), surrogate.covariance(X), targets.aim
     error, reach = np.sqrt(np.diagonal(covariance[0])), np.abs(aim) / 100
+    square = ((mean[0] - aim) ** 2 + error**2) / aim**2
     chances = {
         f"{one:g} %": within(mean, covariance, aim - one * reach, aim + one * reach) for one in PERCENT
     }
     return {
         "predicted_se": dict(zip(targets.names, error.tolist(), strict=True)),
-        "expected_error_percent": float(100 * np.sqrt(expected_loss(surrogate, X, targets)[0])),
+        "expected_error_percent": float(100 * np.sqrt(np.average(square, weights=targets.weight))),
         "within": {key: float(chance[0]) for key, chance in chances.items()},
     }
