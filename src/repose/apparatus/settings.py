@@ -51,7 +51,7 @@ class SimulationSettings:
         return cls(**config["simulation"])
 
     @property
-    def laws(self) -> dict[str, str]:
+    def laws(self) -> dict[str, Any]:
         """The force laws, as `repose.dem.Simulation` takes them."""
         laws = {"tension": self.tension, "contact_law": self.contact_law, "rolling_law": self.rolling_law}
         return laws if self.friction_limit is None else laws | {"friction_limit": self.friction_limit}

@@ -1,8 +1,8 @@
 """The parameter set of least expected loss: near the targets by the surrogate, and where the surrogate is sure.
 
-The search (`repose.chain.invert`) takes the least Eq. 11 of the predictions. Thousands of sets have it, and the surrogate
-is less sure of some. The loss is Eq. 11 of the true means; its expectation weighs the predicted deviations and their
-errors.
+The search (`repose.chain.invert`) takes the least Eq. 11 of the predictions. Thousands of sets have it, and the
+surrogate is less sure of some. The loss is Eq. 11 of the true means; its expectation weighs the predicted deviations
+and their errors.
 """
 
 from collections.abc import Mapping
@@ -107,7 +107,8 @@ def judged(surrogate: Surrogate, parameters: Mapping[str, float], targets: Targe
     -------
     dict
         `predicted_se`, standard errors of the predicted means by the name of the response; `expected_error_percent`,
-        the root of the expected mean square of the relative deviations; `within`, the probability that all means lie within so many percent of the aims.
+        the root of the expected mean square of the relative deviations; `within`, the probability that all means lie
+        within so many percent of the aims.
     """
     X = np.array([[parameters[name] for name in PARAMETERS]])
     mean, covariance, aim = surrogate.predict(X), surrogate.covariance(X), targets.aim

@@ -24,7 +24,7 @@ SPHERE_M = 0.00667  # radius of a sphere of the berry's volume
 REFUSED = "refused by the simulator"
 
 
-def restitution_at(step_s: float, **laws: str) -> tuple[float, float]:
+def restitution_at(step_s: float, **laws: Any) -> tuple[float, float]:
     """Restitution of two spheres of a berry's volume that meet at 1.4 m/s.
 
     The impact begins at `PHASES` places within a time step, evenly spread.

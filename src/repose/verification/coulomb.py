@@ -36,7 +36,7 @@ def lowest_under_centre(shape: Shape | Clump) -> np.ndarray:
     return np.array([w, *xyz]) if w > 1e-9 else np.array([0.0, 1.0, 0.0, 0.0])
 
 
-def sliding_loss(shape: Shape | Clump, contact: Contact, **laws: str) -> float:
+def sliding_loss(shape: Shape | Clump, contact: Contact, **laws: Any) -> float:
     """Tangential velocity that a body loses in a stiff impact on a floor in which it slides throughout [m/s]."""
     berry, wall = (Material(STIFFER * m.shear_modulus_pa, m.poisson_ratio) for m in (BERRY, PVC))
     kinds: Any = {"body": shape}
@@ -99,7 +99,7 @@ def sliding_hits(effort: Effort) -> Result:
     )
 
 
-def loop_work(forward: bool, **laws: str) -> float:
+def loop_work(forward: bool, **laws: Any) -> float:
     """Work that a floor does on a body that nothing moves, over a closed path without slip [J].
 
     Forward the floor rises to a small overlap, slides, rises further, slides back and sinks. The reverse path is the

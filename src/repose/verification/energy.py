@@ -5,6 +5,7 @@ potential's depth changes during a contact. `elastic_impacts` measures that with
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -113,7 +114,7 @@ def pair_hits(
     contact: Contact,
     axes: tuple[float, float, float] = BERRY_M,
     step: float = STEP,
-    **laws: str,
+    **laws: Any,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Energy after collisions of isolated pairs of ellipsoids, over the energy before.
 
@@ -172,7 +173,7 @@ def pair_hits(
 
 
 def funnel_hits(
-    rng: np.random.Generator, contact: Contact, kind: str, **laws: str
+    rng: np.random.Generator, contact: Contact, kind: str, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray]:
     """Energy of one berry thrown at a funnel from inside, over its energy before.
 
@@ -214,7 +215,7 @@ def funnel_hits(
 
 
 def shell_hits(
-    rng: np.random.Generator, contact: Contact, _kind: str, **laws: str
+    rng: np.random.Generator, contact: Contact, _kind: str, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray]:
     """Energy of berries in a row along a drum, each thrown at the shell, over their energy before.
 
@@ -252,7 +253,7 @@ def shell_hits(
     return _ratios(simulation, 10, 160)
 
 
-KINDS = {
+KINDS: dict[str, Any] = {
     "pairs": lambda rng, contact, _kind, **laws: pair_hits(rng, contact, **laws),
     "cone": funnel_hits,
     "rim": funnel_hits,

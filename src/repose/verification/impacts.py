@@ -4,6 +4,7 @@ The engine stores no forces: the force is the mass times the change of velocity 
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,7 @@ STILL = (0.0, 0.0, 0.0)
 
 
 def pair_history(
-    solid: Solid, radius_m: float, speed_m_s: float, **laws: str
+    solid: Solid, radius_m: float, speed_m_s: float, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Elastic impact of two equal spheres, head-on, each with half the speed of approach.
 
@@ -70,7 +71,7 @@ def pair_history(
 
 
 def plane_history(
-    solid: Solid, radius_m: float, speed_m_s: float, restitution: float = 1.0, **laws: str
+    solid: Solid, radius_m: float, speed_m_s: float, restitution: float = 1.0, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Impact of a sphere on a rigid plane, along its normal and without friction.
 
@@ -275,7 +276,7 @@ def damped_impact(effort: Effort) -> Result:
     )
 
 
-def _restitution(solid: Solid, restitution: float, **laws: str) -> float:
+def _restitution(solid: Solid, restitution: float, **laws: Any) -> float:
     """Restitution that the simulator gives where one is asked for, in the third test."""
     contact = Contact(restitution, 0.0, 0.0)
     simulation, steps = sphere_over_plane(solid, 0.0025, contact, (0.0, 0.0, -3.9), **laws)

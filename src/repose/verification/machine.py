@@ -26,7 +26,7 @@ def sphere_over_plane(
     contact: Contact,
     velocity_m_s: Sequence[float],
     spin_rad_s: Sequence[float] = (0.0, 0.0, 0.0),
-    **laws: str,
+    **laws: Any,
 ) -> tuple[Simulation, int]:
     """A sphere just above a rigid plane, without gravity.
 
@@ -102,7 +102,7 @@ def spheres(
     velocities_m_s: Sequence[Sequence[float]],
     spins_rad_s: Sequence[Sequence[float]],
     step_s: float,
-    **laws: str,
+    **laws: Any,
 ) -> Simulation:
     """Two spheres in space, without gravity, each of its own solid and radius.
 

@@ -44,7 +44,7 @@ def impact(
     contact: Contact,
     velocity_m_s: Sequence[float],
     spin_rad_s: Sequence[float],
-    **laws: str,
+    **laws: Any,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Motion of a sphere after an impact on the rigid plane.
 

@@ -1,6 +1,7 @@
 """Sphere and berry that move along a plane under gravity: sliding, rolling, a slope."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from .resting import GRAVITY, STIFF, resting_overlap
 RADIUS = 0.006
 
 
-def sphere_on_floor(contact: Contact, speed_m_s: float, spin_rad_s: float, **laws: str) -> Simulation:
+def sphere_on_floor(contact: Contact, speed_m_s: float, spin_rad_s: float, **laws: Any) -> Simulation:
     """A stiff sphere at its resting overlap, moving along x and spinning about y.
 
     Parameters
@@ -120,7 +121,7 @@ def slip_to_roll(effort: Effort) -> Result:
     )
 
 
-def slope_acceleration(angle_deg: float, friction: float, **laws: str) -> float:
+def slope_acceleration(angle_deg: float, friction: float, **laws: Any) -> float:
     """Acceleration of a berry that cannot roll, lying on a slope.
 
     Parameters

@@ -3,6 +3,8 @@
 What a sphere loses and gains while it slides is in `repose.verification.oblique`.
 """
 
+from typing import Any
+
 import numpy as np
 
 from repose.dem import Contact
@@ -19,7 +21,7 @@ SLIDING = [7, 9, 11]  # places of the spins that slide through the whole impact
 SPIN_CONTACT, SPIN_RADIUS, SPIN_NORMAL = Contact(0.5, 0.4, 0.0), 0.1, 0.2
 
 
-def _plane_spins(solid: Solid, spins: np.ndarray, **laws: str) -> tuple[np.ndarray, np.ndarray]:
+def _plane_spins(solid: Solid, spins: np.ndarray, **laws: Any) -> tuple[np.ndarray, np.ndarray]:
     """Tangential velocity and spin after test 6's impacts, each (len(spins),)."""
     found = [
         impact(solid, SPIN_RADIUS, SPIN_CONTACT, (0.0, 0.0, -SPIN_NORMAL), (0.0, float(w), 0.0), **laws)
@@ -34,7 +36,7 @@ def _pair_spins(
     sense: float = 1.0,
     radius: float = SPIN_RADIUS,
     factor: float = 1.0,
-    **laws: str,
+    **laws: Any,
 ) -> tuple[np.ndarray, np.ndarray]:
     """The same for two spheres: of the first, which is above; the second spins with `sense` times the first's spin.
 
