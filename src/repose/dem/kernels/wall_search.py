@@ -28,7 +28,17 @@ def find_on_curved(bodies, curved, clumps, walls, counts, parts, wall, i, readin
     """Find new contacts of body i with a cone, tube or ring; returns how far it may move before the next look."""
     if len(clumps) == 0:
         return search_curved(
-            bodies, curved, walls, counts, parts, wall, i, reading, scratch.profile, scratch.out, scratch.local
+            bodies,
+            curved,
+            walls,
+            counts,
+            parts,
+            wall,
+            i,
+            reading,
+            scratch.profile,
+            scratch.out,
+            scratch.local,
         )
     return spheres_at_curved(bodies, curved, clumps, walls, counts, wall, i, scratch.spheres, scratch.out)
 
