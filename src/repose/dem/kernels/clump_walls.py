@@ -145,7 +145,7 @@ def drop_sphere(contacts, counts, slot, known, k, ghost):
 
 @inlined
 def free_way(gap, beyond, radius, past, sphere, leans):
-    """How far a sphere may move before it can touch a wall, from its gap and its way to the wall's end; 0.0: it touches.
+    """How far a sphere may move before it can touch a wall, by its gap and its way to the wall's end; 0.0: it touches.
 
     A sphere that overlaps the surface beyond the wall's end, or with its centre behind it, is past the wall (a bit of
     `past`, one word) until it is clear of the surface, but where its body leans on another wall.
@@ -162,7 +162,7 @@ def free_way(gap, beyond, radius, past, sphere, leans):
 @inlined
 def leans_on(known, i):
     """Whether any sphere of body i touches any wall of this kind."""
-    for wall in range(known.shape[0]):
+    for wall in range(known.shape[0]):  # noqa: SIM110  (kernels have no generators)
         if known[wall, i] != np.uint64(0):
             return True
     return False

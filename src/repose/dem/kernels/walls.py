@@ -2,10 +2,10 @@
 
 `wall_contact` solves a contact with one wall.
 
-A contact begins where a body in front of the wall comes to it. A body that overlaps the wall's surface beyond its end, or
-from behind, is past the wall: it would be thrown if a contact began with that overlap. So it has none until it was clear
-of the surface. `WallContacts.deepest` keeps this: endless, or for a body that is past the wall the overlap with which a
-contact may begin all the same, which is what its last contact had when it slid over an end (onto the next wall, mostly).
+A contact begins where a body in front of the wall comes to it. A body that overlaps the wall's surface beyond its end,
+or from behind, is past the wall: it would be thrown if a contact began with that overlap. So it has none until it was
+clear of the surface. `WallContacts.deepest` keeps this: endless, or for a body that is past the wall the overlap with
+which a contact may begin all the same: what the last one had when it slid over an end, mostly onto the next wall.
 """
 
 import math
@@ -102,7 +102,7 @@ def drop_wall_contact(contacts, counts, slot, k, ghost):
 @inlined
 def touches_others(contacts, n, body, but):
     """Whether a body has any of the first n contacts, but for contact number `but`."""
-    for k in range(n):
+    for k in range(n):  # noqa: SIM110  (kernels have no generators)
         if contacts.body[k] == body and k != but:
             return True
     return False
