@@ -33,7 +33,9 @@ def test_a_configuration_without_it_has_hertz_and_mindlin_and_the_budget(config)
 
 def test_a_friction_limit_of_an_earlier_version_is_told_what_to_write(config):
     config["simulation"]["friction_limit"] = "elastic"
-    with pytest.raises(InputError, match=r"friction_limit is 'elastic'; .*the tension decides.*delete this line"):
+    with pytest.raises(
+        InputError, match=r"friction_limit is 'elastic'; .*the tension decides.*delete this line"
+    ):
         checks.check(config, "mine.yaml")
 
 
@@ -46,5 +48,8 @@ def test_pours_of_another_law_stand_on_other_settings(config):
 
 def test_a_law_that_is_none_is_refused(config):
     config["simulation"]["contact_law"] = "hooke"
-    with pytest.raises(InputError, match="contact_law is 'hooke'; allowed: hertz_mindlin or hertz_mindlin_rescaled or linear_spring"):
+    with pytest.raises(
+        InputError,
+        match="contact_law is 'hooke'; allowed: hertz_mindlin or hertz_mindlin_rescaled or linear_spring",
+    ):
         checks.check(config, "mine.yaml")

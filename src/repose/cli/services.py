@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from repose.apparatus.settings import SimulationSettings
 from repose.cli.berries import berry_and_particle
 from repose.cli.options import JSON
 from repose.cli.registry import Family, Option

@@ -213,8 +213,7 @@ _OF_THE_FUNNEL = tuple(
     )
 )
 _OF_THE_SIMULATION = tuple(
-    f"simulation.{key}"
-    for key in ("gravity_m_s2", "tension", "rest_energy_j", "contact_law", "rolling_law")
+    f"simulation.{key}" for key in ("gravity_m_s2", "tension", "rest_energy_j", "contact_law", "rolling_law")
 )
 COMPUTED = (
     Computed("network.split", ("surrogate",), _split),

@@ -17,7 +17,7 @@ FRICTION, NORMAL_M_S = 0.3, 0.5
 SLIDES = 10.0  # tangential velocity over that which the impact takes
 STEPS_PER_CONTACT = 1500
 
-# The path of physics of a soft contact: overlap at which the slide begins, the slide, and how much deeper it is pressed.
+# The path: overlap at which the slide begins, the slide, and how much deeper the contact is pressed.
 LOW_M, SLIDE_M, DEEPER_M = 2e-4, 2e-4, 8e-4
 SPEED_M_S, STEP_S = 0.01, 5e-5
 HEAVY = 1e9  # density of a body that nothing moves, over a berry's
@@ -86,7 +86,9 @@ def sliding_hits(effort: Effort) -> Result:
         for e in ASKED:
             contact = Contact(float(e), FRICTION, 0.0)
             shares.append(sliding_loss(body, contact, **effort.laws) / sliding_impulse(contact, NORMAL_M_S))
-            rows.append(close(f"{name}, e {e:g}: tangential velocity lost over mu (1 + e) V", "", shares[-1], 1.0))
+            rows.append(
+                close(f"{name}, e {e:g}: tangential velocity lost over mu (1 + e) V", "", shares[-1], 1.0)
+            )
         curves.append(Curve(name, ASKED, np.array(shares)))
     panel = Panel("restitution asked for", "velocity lost over mu (1 + e) V", tuple(curves))
     return Result(
@@ -145,7 +147,10 @@ def closed_loop(effort: Effort) -> Result:
         Energy that comes out more than went in, forward and reverse, beside 0.
     """
     rows = []
-    for way, forward in (("slide, press, slide back, unload", True), ("press, slide, unload, slide back", False)):
+    for way, forward in (
+        ("slide, press, slide back, unload", True),
+        ("press, slide, unload, slide back", False),
+    ):
         gained = -1e6 * loop_work(forward, **effort.laws)
         rows.append(at_most(f"{way}: energy gained", "uJ", gained, 0.02, CLOSED + ": a path gives none"))
     return Result(

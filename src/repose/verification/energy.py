@@ -36,7 +36,12 @@ def cloud_momentum(effort: Effort) -> Result:
     """
     rng = np.random.default_rng(5)
     simulation = berry_simulation(
-        Contact(0.4, 0.5, 0.0), 1e-4, capacity=64, lower=(-0.3, -0.3, -0.3), upper=(0.3, 0.3, 0.3), **effort.laws
+        Contact(0.4, 0.5, 0.0),
+        1e-4,
+        capacity=64,
+        lower=(-0.3, -0.3, -0.3),
+        upper=(0.3, 0.3, 0.3),
+        **effort.laws,
     )
     axis = 0.03 * (np.arange(4) - 1.5)
     for x in axis:
@@ -334,7 +339,9 @@ def elastic_impacts(effort: Effort) -> Result:
         curves.append(Curve(name, ordered, np.linspace(0.0, 1.0, len(ordered)), line=True))
     for kind in ("cone", "rim"):
         rng = np.random.default_rng([17, len(kind)])
-        ends = np.concatenate([funnel_hits(rng, frictionless(), kind, **effort.laws)[1] for _ in range(effort.hits)])
+        ends = np.concatenate(
+            [funnel_hits(rng, frictionless(), kind, **effort.laws)[1] for _ in range(effort.hits)]
+        )
         gain, share = 100.0 * (ends.max() - 1.0), 100.0 * float(np.mean(ends > MUCH))
         rows.append(reported(f"berries at the {kind}: largest gain of energy", "%", gain, WALL_NOTE))
         rows.append(reported(f"berries at the {kind}: throws that gain more than 5 %", "%", share, WALL_NOTE))

@@ -97,8 +97,8 @@ def sliding_impulse(contact: Contact, normal_m_s: Any) -> Any:
 def sliding_spin(contact: Contact, hertz: Hertz, radius_m: float, tension: str = "keep") -> float:
     """Change of spin in gross sliding by the law that the engine solves.
 
-    It is mu times the integral of F (R - delta / 2) / I: the contact lies in the middle of the overlap. F is the elastic
-    part of the damped impact's force where the contact may pull, all of it where it may not.
+    It is mu times the integral of F (R - delta / 2) / I: the contact lies in the middle of the overlap. F is the
+    elastic part of the damped impact's force where the contact may pull, all of it where it may not.
 
     Parameters
     ----------
@@ -321,7 +321,9 @@ def tangential_speeds(effort: Effort) -> Result:
             if u in (13.5, 25.0):
                 hertz = hertz_on_plane(solid, radius, normal)
                 found = (v[0], w[1])
-                rows += sliding_rows(f"{solid.name}, {u:g} m/s", contact, hertz, radius, found, (u, 0.0), effort.tension)
+                rows += sliding_rows(
+                    f"{solid.name}, {u:g} m/s", contact, hertz, radius, found, (u, 0.0), effort.tension
+                )
         surface.append(Curve(f"{solid.name}, repose", incoming / (0.3 * normal), after))
         spins.append(Curve(f"{solid.name}, repose", incoming / (0.3 * normal), turning))
     sliding = np.array([7.0, 17.0])

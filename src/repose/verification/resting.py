@@ -173,9 +173,7 @@ def rocking(effort: Effort) -> Result:
     )
 
 
-def _rocking_history(
-    level: int, about: int, duration_s: float, laws: Mapping[str, Any]
-) -> np.ndarray:
+def _rocking_history(level: int, about: int, duration_s: float, laws: Mapping[str, Any]) -> np.ndarray:
     """Time and tilt [deg] about a body axis of a berry released at one degree."""
     step, start = 2e-5, math.radians(1.0)
     simulation = berry_simulation(

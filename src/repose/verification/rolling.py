@@ -75,7 +75,9 @@ def slip_to_roll(effort: Effort) -> Result:
         Speed, spin and deceleration beside the closed forms.
     """
     start, friction = 0.5, 0.4
-    time, speed, rim = _track(sphere_on_floor(Contact(0.3, friction, 0.0), start, 0.0, **effort.laws), 6000, 150)
+    time, speed, rim = _track(
+        sphere_on_floor(Contact(0.3, friction, 0.0), start, 0.0, **effort.laws), 6000, 150
+    )
     until = 2.0 * start / (7.0 * friction * GRAVITY)
     line = np.array([0.0, until, time[-1]])
     rows = [

@@ -14,5 +14,7 @@ __all__ = [
     "rolling_resistance",
 ]
 
-CONTACT_LAWS: dict[str, Law] = {law.name: law for law in (hertz_mindlin.LAW, hertz_mindlin_rescaled.LAW, linear_spring.LAW)}
+CONTACT_LAWS: dict[str, Law] = {
+    law.name: law for law in (hertz_mindlin.LAW, hertz_mindlin_rescaled.LAW, linear_spring.LAW)
+}
 ROLLING_LAWS: dict[str, Law] = {law.name: law for law in (rolling.LAW, epsd.LAW)}

@@ -75,9 +75,9 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
         r_a = lever(t[tl.RA + k], t[tl.RA + L + k], t[tl.RA + 2 * L + k])
         r_b = lever(t[tl.RB + k], t[tl.RB + L + k], t[tl.RB + 2 * L + k])
         arm = 1.0 / (1.0 / r_a + 1.0 / r_b)
-        mobility = t[tl.A + st.INVERSE_MASS * L + k] / (r_a * r_a) + t[
-            tl.B + st.INVERSE_MASS * L + k
-        ] / (r_b * r_b)
+        mobility = t[tl.A + st.INVERSE_MASS * L + k] / (r_a * r_a) + t[tl.B + st.INVERSE_MASS * L + k] / (
+            r_b * r_b
+        )
         first, second = tl.A + st.ANGULAR_VELOCITY * L + k, tl.B + st.ANGULAR_VELOCITY * L + k
         wx = t[first] - t[second]
         wy = t[first + L] - t[second + L]
@@ -124,7 +124,7 @@ LAW = Law(
     kernel=kernel,
     words={
         "rolling": "elastic-plastic spring and dashpot against the rotation of one body relative to the other (model C "
-        "of Ai et al. 2011), at most mu_r times {limit} times the reduced lever; spin about the normal is resisted by at "
-        "most 3 pi / 16 mu_s times {limit} times the radius of the contact circle"
+        "of Ai et al. 2011), at most mu_r times {limit} times the reduced lever; spin about the normal is resisted by "
+        "at most 3 pi / 16 mu_s times {limit} times the radius of the contact circle"
     },
 )
