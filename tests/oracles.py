@@ -131,7 +131,8 @@ def epsd(law, circle, n, arms, masses, spin, push, rolled, twisted, dt):
     elastic = twisted + stiffness * (spin @ n) * dt
     limit = twisting * push * circle
     twisted = np.clip(elastic, -limit, limit)
-    return -torque - twisted * n, rolled, twisted
+    damped = 0.6 * np.sqrt(0.4 / mobility * stiffness) * (spin @ n) if twisted == elastic else 0.0
+    return -torque - (twisted + damped) * n, rolled, twisted
 
 
 def cone_gap(semi_axes, centre, q, normal_r, normal_z, offset, count=20000):

@@ -126,7 +126,7 @@ def test_pressing_keeps_the_force_of_a_slide_and_unloading_lowers_it_with_the_ci
     assert led.leg(0.0, 2e-4 + 1e-6)[0] == 0.0
     slid = led.leg(1e-4, 0.0)[0]
     assert slid == pytest.approx(8.0 * shear * circle[0] * 1e-4, rel=1e-3)
-    assert led.leg(0.0, 6e-4)[0] == pytest.approx(slid, rel=1e-6)
+    assert led.leg(0.0, 6e-4)[0] == pytest.approx(slid, rel=1e-4)
     assert led.leg(0.0, -3e-4)[0] == pytest.approx(slid * circle[2] / circle[1], rel=1e-3)
     # pressed again it stays where the unloading left it
     assert led.leg(0.0, 3e-4)[0] == pytest.approx(slid * circle[2] / circle[1], rel=1e-3)

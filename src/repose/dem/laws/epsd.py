@@ -4,10 +4,11 @@ With the relative angular velocity w, its part w_n along the normal and w_r acro
 circle a = sqrt(R* delta):
 
     M_r = -k_r theta_r - c_r w_r,     |k_r theta_r| <= mu_r F_c R,       k_r = 2.25 k_n mu_r^2 R^2,  k_n = 2 E* a
-    M_n = -k_t theta_n,               |M_n| <= mu_t F_c a,               k_t = 4 G* a^3,  mu_t = 3 pi / 16 mu_s
+    M_n = -k_t theta_n - c_t w_n,     |k_t theta_n| <= mu_t F_c a,       k_t = 4 G* a^3,  mu_t = 3 pi / 16 mu_s
 
-theta is the path of w as long as the two touch. The dashpot c_r = 2 eta sqrt(I k_r), eta 0.3, ends where the spring
-slides; I is the moment of both bodies about the contact, 1/I = 1/(1.4 m_a r_a^2) + 1/(1.4 m_b r_b^2), as of spheres.
+theta is the path of w as long as the two touch; a torque stays as it is when the load changes. The dashpots c_r = 2 eta
+sqrt(I k_r) and c_t = 2 eta sqrt(J k_t), eta 0.3, end where their spring slides; I is the moment of both bodies about the
+contact, 1/I = 1/(1.4 m_a r_a^2) + 1/(1.4 m_b r_b^2), and J that about the normal, with 0.4 for 1.4, as of spheres.
 R = r_a r_b / (r_a + r_b), r the distance of the contact from a centre; r_a where B is a wall. F_c is the normal force
 that limits friction. The torque on B is the opposite of that on A, so angular momentum is kept; and a wall that turns
 takes the bodies along. For two equal spheres R is half of what the law `budget` takes as the lever of either.
@@ -33,7 +34,7 @@ from .law import Law
 
 L = st.LANES
 ETA = 0.3  # damping ratio of rolling (Ai et al. 2011)
-SPHERE = 1.4  # moment of a sphere about a point of its surface over m r^2
+SPHERE, SPUN = 1.4, 0.4  # moments of a sphere about a point of its surface and about its centre over m r^2
 HERTZ_TWIST = 3.0 * math.pi / 16.0
 TINY = 1e-60  # keeps a root from 0
 
@@ -94,10 +95,12 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
         x, y, z = held * x, held * y, held * z
         c[at + k], c[at + L + k], c[at + 2 * L + k] = st.alive(x), st.alive(y), st.alive(z)
         dashpot = 2.0 * ETA * math.sqrt(SPHERE * stiffness / (mobility + TINY)) if held == 1.0 else 0.0
-        twist = c[at + 3 * L + k] + t[TWISTING_STIFFNESS + k] * circle * circle * circle * dt * spin
+        stiffness = t[TWISTING_STIFFNESS + k] * circle * circle * circle
+        elastic = c[at + 3 * L + k] + stiffness * dt * spin
         limit = touching * t[TWISTING_FRICTION + k] * push * circle
-        twist = st.alive(max(-limit, min(limit, twist)))
-        c[at + 3 * L + k] = twist
+        twist = max(-limit, min(limit, elastic))
+        c[at + 3 * L + k] = st.alive(twist)
+        twist += 2.0 * ETA * math.sqrt(SPUN * stiffness / (mobility + TINY)) * spin if twist == elastic else 0.0
         x += dashpot * wx + twist * nx
         y += dashpot * wy + twist * ny
         z += dashpot * wz + twist * nz
