@@ -257,7 +257,7 @@ def test_contacts_with_a_disc_are_those_of_a_slow_rule():
     """A contact begins in front of the disc and over it, from a gap; it ends with a gap or beyond the edge."""
     rng = np.random.default_rng(31)
     seen = {"held": 0, "past": 0}
-    for _ in range(60):
+    for _ in range(25):
         s = simulation(
             BERRY, Contact(0.4, 0.5, 0.0), walls=disc(), dt=1e-4, capacity=1, gravity_m_s2=(0, 0, -9.81)
         )
@@ -284,7 +284,7 @@ def test_contacts_with_a_disc_are_those_of_a_slow_rule():
             seen["past"] += past
             s.run_steps(1)
             assert s.counts[st.N_PLANE] == touching
-    assert min(seen.values()) > 500
+    assert min(seen.values()) > 200
 
 
 def test_a_berry_that_went_over_the_edge_falls_and_is_held_again_once_it_was_above():
@@ -335,7 +335,7 @@ def test_nothing_leaks_where_walls_meet_exactly(scene):
         walls["floor"] = Plane((0.0, 0.0, 0.0), UP, "wall", radius)
         walls["lid"] = Plane((0.0, 0.0, height), (0.0, 0.0, -1.0), "wall", radius)
     else:
-        walls["cone"] = Cone.between((0.0, 0.0, -0.03), UP, 0.03, 0.004, radius, "wall")
+        walls["cone"] = Cone.between((0.0, 0.0, -0.03), UP, 0.03, 0.0, radius, "wall")
         walls["lid"] = Plane((0.0, 0.0, height), (0.0, 0.0, -1.0), "wall")
     s = simulation(BERRY, Contact(0.3, 0.5, 0.0), walls=walls, dt=2e-4, capacity=8)
     for k in range(8):
