@@ -226,7 +226,7 @@ def test_draws_of_the_responses_have_the_moments_of_the_model(targets):
 
 def test_the_expected_deviation_is_the_mean_over_what_the_responses_may_be():
     goal = Goal.of(TARGETS, 1.0, SPACE)
-    mean, covariance = np.array([TARGETS.aim + (0.7, -1.0)]), np.array([[[2.0, 1.5], [1.5, 3.0]]])
+    mean, covariance = np.add(TARGETS.aim, [[0.7, -1.0]]), np.array([[[2.0, 1.5], [1.5, 3.0]]])
     drawn = np.random.default_rng(1).multivariate_normal(mean[0], covariance[0], 200_000)
     assert goal.expected_deviation(mean, covariance)[0] == pytest.approx(
         goal.of_responses(drawn)[1].mean(), rel=0.01
