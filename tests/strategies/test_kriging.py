@@ -37,7 +37,7 @@ def test_prediction_is_that_of_processes_of_all_responses_at_once():
     observed = poured(n=12)
     model = Kriging(observed)
     points = np.random.default_rng(2).random((5, 2))
-    slow = [one_process(model, observed, points, [kernel for kernel, *_ in one]) for one in model._sets]
+    slow = [one_process(model, observed, points, [kernel for kernel, *_ in one]) for one in model.sets]
     means, covariances = (np.array(one) for one in zip(*slow, strict=True))
     found = model.predict(points)
     assert len(slow) == DRAWS
@@ -56,9 +56,9 @@ def one_process(model, observed, points, kernels):
     back = np.kron(np.eye(n + m), np.linalg.inv(mixing).T @ np.diag(scale))
     prior = np.zeros((2 * (n + m), 2 * (n + m)))
     for j, kernel in enumerate(kernels):
-        prior[j::2, j::2] = kernel(everywhere)
+        prior[j::2, j::2] = kernel(everywhere - 0.5)
     prior = back @ prior @ back.T
-    errors = back[: 2 * n, : 2 * n] @ np.diag(model._errors.ravel()) @ back[: 2 * n, : 2 * n].T
+    errors = back[: 2 * n, : 2 * n] @ np.diag(model.errors.ravel()) @ back[: 2 * n, : 2 * n].T
     middle = model._middle @ np.linalg.inv(mixing)
     gain = prior[2 * n :, : 2 * n] @ np.linalg.inv(prior[: 2 * n, : 2 * n] + errors)
     mean = middle + (gain @ (observed.means - middle).ravel()).reshape(m, 2)
@@ -76,7 +76,7 @@ def test_errors_of_means_lie_between_a_samples_own_and_the_common_one():
     observed = poured(n=40, seeds=4)
     mixed = observed.residuals @ Kriging(observed)._mixing
     own = (mixed**2).sum(axis=1) / 3
-    told = Kriging(observed)._errors * Kriging(observed)._scale ** 2 * 4
+    told = Kriging(observed).errors * Kriging(observed)._scale ** 2 * 4
     assert told == pytest.approx((PRIOR_FREEDOM + 3 * own) / (PRIOR_FREEDOM + 3))
     assert (np.minimum(own, 1) <= told + 1e-9).all()
     assert (told <= np.maximum(own, 1) + 1e-9).all()
@@ -87,7 +87,7 @@ def test_a_sample_of_one_pour_has_the_common_noise():
     observed.values[7, 1:] = np.nan
     model = Kriging(observed)
     assert observed.counts[7] == 1
-    assert model._errors[7] * model._scale**2 == pytest.approx(1.0)
+    assert model.errors[7] * model._scale**2 == pytest.approx(1.0)
 
 
 def test_predictions_keep_their_word():

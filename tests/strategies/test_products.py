@@ -61,6 +61,8 @@ def test_a_target_out_of_reach_is_no_success(tmp_path):
     assert not found.feasible
     assert "No feasible solution" in str(found)
     assert "a larger sequential.most_pours" in str(found)
+    assert "probably out of reach" in str(found)
+    assert json.loads((tmp_path / "summary.json").read_text())["stop"] == "out_of_reach"
 
 
 def test_the_sets_found_meet_the_targets(study):

@@ -17,9 +17,10 @@ from repose.core.targets import Targets
 from repose.pictures.figures import style
 from repose.pictures.figures.sequential import sequential
 from repose.strategies.sequential import files
-from repose.strategies.sequential.advise import LEAST_GAIN, advise, start
+from repose.strategies.sequential.advise import LEAST_GAIN, OUT_OF_REACH, advise, start
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, Observed
+from repose.strategies.sequential.reach import Draws
 
 SECTION = {
     "start_samples": 12,
@@ -179,10 +180,57 @@ def test_it_stops_where_the_budget_is_used_up():
 
 
 def test_it_stops_where_no_pour_can_help():
+    found = advised(observed(noise=40.0), probability=0.99, most_pours=122)
+    assert found.stop == "noise"
+    assert found.reachable < found.probability + LEAST_GAIN
+
+
+def test_it_stops_where_no_parameter_set_meets_the_targets_and_answers_with_the_nearest():
     far = Targets.of([BOTH[0], BOTH[1] | {"value": 140.0, "range": [130, 150]}])
     found = advised(observed(noise=0.2), far, most_pours=999)
-    assert found.stop == "noise"
-    assert found.reachable < LEAST_GAIN
+    assert found.stop == "out_of_reach"
+    assert found.reach.probability < OUT_OF_REACH
+    # no point of 20,000 comes nearer by more than the error that the draws tell, and a tenth of the range for the angle
+    goal = Goal.of(far, 1.0, SPACE)
+    table = pd.DataFrame(SPACE.values(np.random.default_rng(2).random((20000, 6))), columns=list(PARAMETERS))
+    least = goal.of_responses(responses(table))[1].min()
+    own = pd.DataFrame(SPACE.values(found.answer[None]), columns=list(PARAMETERS))
+    assert goal.of_responses(responses(own))[1][0] < least + 0.1
+    assert found.reach.nearest == pytest.approx(least, abs=max(0.1, 3 * found.reach.error))
+
+
+def test_the_start_alone_does_not_say_that_targets_are_out_of_reach():
+    far = Targets.of([BOTH[0], BOTH[1] | {"value": 140.0, "range": [130, 150]}])
+    found = advised(observed(n=12, noise=0.2), far, most_pours=999, start_samples=18)
+    assert found.stop is None
+    assert len(found.batch) == SECTION["batch"] / 2, "half a batch, where the draws come nearest"
+
+
+@pytest.mark.parametrize("targets", [HEIGHT, TARGETS])
+def test_draws_of_the_responses_have_the_moments_of_the_model(targets):
+    model = Kriging(observed(n=20, noise=4.0, targets=targets))
+    unit = np.random.default_rng(4).random((30, 6))
+    drawn = np.concatenate(
+        [
+            Draws(model, k, np.random.default_rng([7, k, j]))(unit)
+            for k in range(len(model.sets))
+            for j in range(12)
+        ]
+    )
+    mean, covariance = model.predict(unit)
+    sd = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    # 1536 draws: a mean to 3 % of the standard deviation, a standard deviation to 2 %; random features add to both
+    assert np.abs(drawn.mean(axis=0) - mean).max() < 0.25 * sd.max()
+    assert drawn.std(axis=0) == pytest.approx(sd, rel=0.2)
+
+
+def test_the_expected_deviation_is_the_mean_over_what_the_responses_may_be():
+    goal = Goal.of(TARGETS, 1.0, SPACE)
+    mean, covariance = np.add(TARGETS.aim, [[0.7, -1.0]]), np.array([[[2.0, 1.5], [1.5, 3.0]]])
+    drawn = np.random.default_rng(1).multivariate_normal(mean[0], covariance[0], 200_000)
+    assert goal.expected_deviation(mean, covariance)[0] == pytest.approx(
+        goal.of_responses(drawn)[1].mean(), rel=0.01
+    )
 
 
 def test_pours_that_are_left_cannot_do_more_than_reachable():

@@ -146,6 +146,7 @@ def sequential_batch(args: argparse.Namespace) -> None:
     print(
         f"{found['pours']} pours; the best point meets the targets with probability {found['probability']:.2f}"
     )
+    print(f"some parameter set meets them with probability {found['in_reach']:.2f}")
     print(found["why"])
 
 

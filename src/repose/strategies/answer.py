@@ -29,6 +29,8 @@ class Found(NamedTuple):
     others_predicted : numpy.ndarray, (n, k)
     steps : sequence of str
         How it was found, a sentence each.
+    note : str
+        What the message says besides, a sentence.
     """
 
     values: np.ndarray
@@ -36,6 +38,7 @@ class Found(NamedTuple):
     others: np.ndarray
     others_predicted: np.ndarray
     steps: Sequence[str]
+    note: str = ""
 
 
 def write(
@@ -122,7 +125,8 @@ def verdict(found: Found, targets: Targets) -> tuple[bool, str]:
     words = targets.in_words([f"{value:.4g}" for value in found.predicted])
     ranges = targets.in_words([f"{one.low:g}-{one.high:g}" for one in targets])
     message = f"The answer is predicted {words}, {'inside' if feasible else 'NOT inside'} {ranges}."
-    return feasible, message if feasible else f"No feasible solution. {message}"
+    message = message if feasible else f"No feasible solution. {message}"
+    return feasible, f"{message} {found.note}".rstrip()
 
 
 def solutions(found: Found, feasible: bool, space: ParameterSpace, targets: Targets) -> pd.DataFrame:

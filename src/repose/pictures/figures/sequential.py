@@ -33,7 +33,7 @@ def sequential(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """
     targets, section = style.targets_of(config), config["sequential"]
     columns = [f"{name}_{what}" for name in targets.names for what in ("mean", "error")]
-    batches = read_table(inputs["batches"], ("pours", "probability", "reachable", *columns))
+    batches = read_table(inputs["batches"], ("pours", "probability", "reachable", "in_reach", *columns))
     check = read_table(inputs["check"], ("response", "simulated", "simulated_error")).set_index("response")
     rows = style.grid_rows(1 + len(targets))
     figure = style.new_figure(style.PAGE, 2.6 * rows)
@@ -89,6 +89,9 @@ def _probability(panel: Axes, batches: Any, section: Mapping[str, Any]) -> None:
         ls=":",
         color=style.GREY,
         label="the most that the pours left can reach",
+    )
+    panel.plot(
+        batches["pours"], batches["in_reach"], "s-", ms=3, color=style.ORANGE, label="of any parameter set"
     )
     panel.axhline(section["probability"], color=style.RED, ls="--", lw=0.9, label="asked for")
     panel.set(xlabel="pours", ylabel="probability", ylim=(0, 1.02))

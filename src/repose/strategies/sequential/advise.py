@@ -19,8 +19,9 @@ CANDIDATES = 2048  # all over the ranges
 KEPT, AROUND = 8, 64  # the best of them, and points around each
 STEPS = (0.1, 0.03, 0.01)  # standard deviations of those, in ranges
 SPREAD = 0.1  # of a batch about the answer, standard deviation in ranges
-OUT_OF_REACH = 0.05  # a smaller probability that any point meets the targets ends the search for one
-IN_DOUBT = 0.8  # below it the next pours are made where the draws come nearest, half a batch
+# Probability that any point meets the targets: below the first half a batch is poured where the draws come nearest;
+# below the second, once pours have followed the start, the search ends.
+IN_DOUBT, OUT_OF_REACH = 0.8, 0.3
 LEAST_GAIN = 0.01  # a probability that cannot rise by more has reached the noise bound
 
 
@@ -96,7 +97,8 @@ def advise(
         Samples without one, in the unit cube: no point is proposed that lies nearer to one of them than to a good one.
     goal : Goal
     section : mapping
-        ``seeds``, ``batch``, ``probability`` and ``most_pours``, as in `sequential` of the configuration.
+        ``start_samples``, ``seeds``, ``batch``, ``probability`` and ``most_pours``, as in `sequential` of the
+        configuration.
     poured : int
         Pours so far, failed ones included.
     random : numpy.random.Generator
@@ -123,13 +125,13 @@ def advise(
     stop = None
     if probability >= section["probability"]:
         stop = "probability"
-    elif found.probability < OUT_OF_REACH:
+    elif found.probability < OUT_OF_REACH and poured > section["start_samples"] * section["seeds"]:
         stop = "out_of_reach"
         answer = nearest(model, goal, observed.unit, failed, points)
         probability = _probability(model, goal, answer)
     elif samples == 0:
         stop = "budget"
-    elif reachable < probability + LEAST_GAIN:
+    elif reachable < probability + LEAST_GAIN and found.probability >= OUT_OF_REACH:
         stop = "noise"
     batch = np.empty((0, len(answer)))
     if stop is None and found.probability < IN_DOUBT:

@@ -21,9 +21,9 @@ from repose.strategies.sequential.kriging import Kriging, Observed
 Path_ = str | os.PathLike
 WHY = {
     "probability": "the answer meets the targets with the probability that was asked for",
+    "out_of_reach": "probably no parameter set meets the targets: the answer is the one that comes nearest",
     "budget": "the budget of pours is used up",
-    "noise": "the pours that are left cannot make the answer more probable: the noise is too large, or the targets are"
-    " out of reach",
+    "noise": "the pours that are left cannot make the answer more probable: the noise is too large",
 }
 
 
@@ -74,7 +74,8 @@ def run_batch(
     dict
         ``batch``, the number of the last one; ``pours`` so far; ``stop`` and ``why``; the ``answer``, its
         ``probability``, and the ``responses`` that are predicted there; ``reachable`` and ``needed`` of
-        `repose.strategies.sequential.advise.Advice`.
+        `repose.strategies.sequential.advise.Advice`; ``in_reach``, the probability that any parameter set meets the
+        targets, and ``nearest``, the least deviation that one has (Eq. 11 of the paper), with its error.
 
     Raises
     ------
@@ -134,6 +135,7 @@ def run_check(
     """
     targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
     keys = ("batch", "pours", "stop", "why", "answer", "probability", "responses", "reachable", "needed")
+    keys += ("in_reach", "nearest")
     advices = [
         read_json(Path(folder) / "advice.json", keys, "what the verb sequential_batch wrote")
         for folder in folders
@@ -145,7 +147,10 @@ def run_check(
     out = Path(out_dir)
     for name, table in {"batches": batches, "check": check, "dataset": dataset, "runs": runs}.items():
         write_table(out / f"{name}.csv", table)
-    told = {key: last[key] for key in ("answer", "probability", "stop", "why", "pours", "needed")}
+    told = {
+        key: last[key]
+        for key in ("answer", "probability", "stop", "why", "pours", "needed", "in_reach", "nearest")
+    }
     told |= {
         "tolerance_percent": config["sequential"]["tolerance_percent"],
         "check_pours": _pours(checked, targets),
@@ -193,7 +198,22 @@ def _found(dataset, runs, last, config, told):
     )
     means = np.array([last["responses"][name]["mean"] for name in targets.names])
     values = np.array([last["answer"][name] for name in space.names])
-    return answer.Found(values, means, space.values(others), predicted, steps)
+    note = _out_of_reach(last, targets) if last["stop"] == "out_of_reach" else ""
+    return answer.Found(values, means, space.values(others), predicted, steps, note)
+
+
+def _out_of_reach(last, targets):
+    """How near the answer comes, a sentence."""
+    off = []
+    for target in targets:
+        found = last["responses"][target.name]
+        percent = [100 * value / target.aim for value in (found["mean"] - target.aim, found["error"])]
+        off.append(f"{percent[0]:+.1f} ± {abs(percent[1]):.1f} % off the {target.response.symbol} asked for")
+    return (
+        "The targets are probably out of reach: some parameter set meets them with probability "
+        f"{last['in_reach']:.2f}. "
+        f"The answer is the nearest: {', '.join(off)}."
+    )
 
 
 def observed_of(
@@ -270,12 +290,15 @@ def _in_words(advice: Advice, space, targets):
         },
         "reachable": advice.reachable,
         "needed": advice.needed,
+        "in_reach": advice.reach.probability,
+        "nearest": {"deviation": advice.reach.nearest, "error": advice.reach.error},
     }
 
 
 def _row(advice, targets):
     """A batch as a row of batches.csv."""
-    row = {key: advice[key] for key in ("batch", "pours", "probability", "reachable", "needed", "stop")}
+    keys = ("batch", "pours", "probability", "reachable", "in_reach", "needed", "stop")
+    row = {key: advice[key] for key in keys}
     for name in targets.names:
         row |= {f"{name}_{key}": advice["responses"][name][key] for key in ("mean", "error")}
     return row | advice["answer"]

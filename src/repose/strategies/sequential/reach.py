@@ -62,7 +62,7 @@ def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
     wide = np.vstack([wide, np.round(wide)])
     least, deviations, best = [], [], []
     for number in range(len(model.sets)):
-        draws = _Draws(model, number, random)
+        draws = Draws(model, number, random)
         points, misses, deviation = wide, *goal.of_responses(draws(wide))
         for step in STEPS:
             near = np.repeat(points[misses.argmin(axis=1)], AROUND, axis=0)
@@ -79,7 +79,7 @@ def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
     return Reach(probability, float(nearest.mean()), float(nearest.std()), np.concatenate(best))
 
 
-class _Draws:
+class Draws:
     """Functions drawn from one set of processes: called with points (m, d) they give responses (draws, m, k)."""
 
     def __init__(self, model, number, random):
