@@ -134,7 +134,17 @@ def run_check(
         For a bad file.
     """
     targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
-    keys = ("batch", "pours", "stop", "why", "answer", "probability", "responses", "reachable", "needed")
+    keys: tuple[str, ...] = (
+        "batch",
+        "pours",
+        "stop",
+        "why",
+        "answer",
+        "probability",
+        "responses",
+        "reachable",
+        "needed",
+    )
     keys += ("in_reach", "nearest")
     advices = [
         read_json(Path(folder) / "advice.json", keys, "what the verb sequential_batch wrote")
@@ -297,7 +307,7 @@ def _in_words(advice: Advice, space, targets):
 
 def _row(advice, targets):
     """A batch as a row of batches.csv."""
-    keys = ("batch", "pours", "probability", "reachable", "in_reach", "needed", "stop")
+    keys: tuple[str, ...] = ("batch", "pours", "probability", "reachable", "in_reach", "needed", "stop")
     row = {key: advice[key] for key in keys}
     for name in targets.names:
         row |= {f"{name}_{key}": advice["responses"][name][key] for key in ("mean", "error")}
