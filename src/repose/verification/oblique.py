@@ -34,7 +34,9 @@ TEST_4 = {
     50: (0.845, -457.0),
     70: (0.932, -246.0),
 }
-SPRING_NOTE = "it sticks, and the answer is that of the tangential spring: the published one is near S_t delta_t"
+SPRING_NOTE = (
+    "it sticks, and the answer is that of the tangential spring: the published one is near S_t delta_t"
+)
 EQUATION = "equation of the spring, solved in 20,000 steps"
 ARM_NOTE = "the lever arm is R - delta / 2, not R: the contact lies in the middle of the overlap"
 LAW = "mu times the limiting force times R - delta / 2, integrated by scipy over the impact"
@@ -196,11 +198,17 @@ def angles(effort: Effort) -> Result:
         elif spring in SPRINGS:
             hertz = hertz_on_plane(ALUMINIUM_OXIDE, radius, normal)
             left = equation_of_hit(ALUMINIUM_OXIDE, hertz, contact, tangential, spring, effort.tension)
-            rows.append(close(f"{angle} deg: tangential restitution", "", kept[-1], left / tangential, EQUATION))
+            rows.append(
+                close(f"{angle} deg: tangential restitution", "", kept[-1], left / tangential, EQUATION)
+            )
         if angle in TEST_4:
             known = SPRING_NOTE if angle == 5 else ""
             for name, unit, value, published in zip(
-                ("tangential restitution", "spin"), ("", "rad/s"), (kept[-1], spins[-1]), TEST_4[angle], strict=True
+                ("tangential restitution", "spin"),
+                ("", "rad/s"),
+                (kept[-1], spins[-1]),
+                TEST_4[angle],
+                strict=True,
             ):
                 rows.append(close(f"{angle} deg: {name}", unit, value, published, DIGITISED, known=known))
     fine = np.linspace(34.0, 86.0, 100)

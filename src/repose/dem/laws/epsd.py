@@ -100,7 +100,9 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
         limit = touching * t[TWISTING_FRICTION + k] * push * circle
         twist = max(-limit, min(limit, elastic))
         c[at + 3 * L + k] = st.alive(twist)
-        twist += 2.0 * ETA * math.sqrt(SPUN * stiffness / (mobility + TINY)) * spin if twist == elastic else 0.0
+        twist += (
+            2.0 * ETA * math.sqrt(SPUN * stiffness / (mobility + TINY)) * spin if twist == elastic else 0.0
+        )
         x += dashpot * wx + twist * nx
         y += dashpot * wy + twist * ny
         z += dashpot * wz + twist * nz
