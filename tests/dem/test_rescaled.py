@@ -40,7 +40,7 @@ def test_a_tile_of_contacts_on_random_paths_agrees_with_the_increments_of_the_fo
     pull, before = np.zeros((LANES, 3)), np.zeros(LANES)
     slid = stuck = parted = 0
     for step in range(steps):
-        # the overlap swings and is none now and then; body A slides to and fro on B, which is at rest, and the plane tilts
+        # the overlap swings and is none now and then; body A slides to and fro on B at rest, and the plane tilts
         overlap = 3e-4 * (0.7 + np.sin(phase + step / period * 6.3))
         radius = 3e-3 * (1.0 + 0.2 * np.sin(step / period))
         normal += 2e-3 * rng.normal(size=normal.shape)
@@ -101,7 +101,7 @@ class Led:
         floor = Plane((0.0, 0.0, -depth - 1e-6), (0.0, 0.0, 1.0), "wall")
         self.simulation = Simulation(
             {"body": shape}, {"body": GOJI, "wall": PVC}, {("body", "body"): contact, ("body", "wall"): contact}, STEP,
-            capacity=1, lower=(-0.1,) * 3, upper=(0.1,) * 3, walls={"floor": floor}, gravity_m_s2=(0.0, 0.0, 0.0), **laws,
+            capacity=1, lower=(-0.1,) * 3, upper=(0.1,) * 3, walls={"floor": floor}, gravity_m_s2=(0.0,) * 3, **laws,
         )  # fmt: skip
         self.simulation.add("body", (0.0, 0.0, 0.0))
         self.work, self.force = 0.0, np.zeros(3)

@@ -56,6 +56,25 @@ def test_the_verb_writes_page_table_and_plot_and_tells_a_miss(value, status, mon
     assert (row["case"], float(row["result"]), float(row["tolerance"])) == ("one", value, 0.003)
 
 
+@pytest.mark.parametrize(
+    ("words", "laws"),
+    [
+        ([], {"tension": "release", "contact_law": "hertz_mindlin_rescaled", "rolling_law": "budget"}),
+        (
+            ["--config", "config/paper.yaml"],
+            {"tension": "keep", "contact_law": "hertz_mindlin", "rolling_law": "budget"},
+        ),
+    ],
+)
+def test_the_verb_hands_the_laws_of_a_study_to_every_case(words, laws, monkeypatch, tmp_path):
+    efforts = []
+    case = case_of(close("length", "m", 1.0, 1.0))
+    monkeypatch.setitem(verification.CASES, "one", lambda effort: (efforts.append(effort), case(effort))[1])
+    assert main(["verify", "--case", "one", "--out", str(tmp_path), *words]) == 0
+    assert efforts[0].laws == laws
+    assert "tension " + laws["tension"] in (tmp_path / "index.html").read_text()
+
+
 def test_bad_options_are_refused(tmp_path, capsys):
     with pytest.raises(InputError, match="chung1"):
         verification.run(["chung9"])

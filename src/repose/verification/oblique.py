@@ -3,8 +3,8 @@
 A sphere that slides through the whole impact loses the tangential velocity mu (1 + e) V_n and gains the spin
 5/2 mu (1 + e) V_n / R; that is so when the surface moves faster than 7/2 mu (1 + e) V_n by a margin. Coulomb's limit
 gives just that when it takes the elastic normal force and the contact may pull, or all of the normal force and the
-contact is released. Where the sphere sticks, the answer is that of the tangential spring, and stands beside the equation
-of that spring (`equation_of_hit`).
+contact is released. Where the sphere sticks, the answer is that of the tangential spring, and stands beside the
+equation of that spring (`equation_of_hit`).
 """
 
 import math
