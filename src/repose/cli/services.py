@@ -56,6 +56,7 @@ def verify(args: argparse.Namespace) -> int:
             raise InputError("command line", f"--{option}", getattr(args, option), "at least 1")
 
     from repose import verification
+    from repose.apparatus.settings import SimulationSettings
     from repose.verification import report
 
     names = args.case or (list(verification.CASES) if args.all else None)
