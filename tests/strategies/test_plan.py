@@ -49,11 +49,29 @@ def test_the_noise_is_that_of_the_runs():
     assert plan.plan(CONFIG, runs_of(sd)).measured
 
 
-def test_half_the_noise_asks_for_a_quarter_of_the_pours():
-    sd = np.array([0.05, 0.05]) * TARGETS.aim
-    one, half = (plan.plan(CONFIG, runs_of(sd / k)).budgets for k in (1, 2))
-    assert half["pours"].to_numpy() / one["pours"].to_numpy() == pytest.approx(0.25, abs=0.03)
-    assert (half["within_1_percent"] == one["within_1_percent"]).all()
+@pytest.mark.parametrize("percent", [0.1, 1.1, 1.9, 5.0, 30.0])
+@pytest.mark.parametrize("responses", [1, 2])
+def test_no_chance_is_told_below_the_pours_of_the_start_nor_above_that_of_campaigns(percent, responses):
+    sd = np.array([percent, percent]) / 100 * TARGETS.aim
+    config = CONFIG | {"targets": CONFIG["targets"][-responses:]}
+    names = list(TARGETS.names)[-responses:]
+    found = plan.plan(config, runs_of(sd)[["sample", "status", *names]]).budgets
+    section = loader.load(ROOT / "config/config.yaml")["sequential"]
+    assert found["pours"].min() == section["start_samples"] * section["seeds"]
+    campaigns = pd.read_csv(plan.SUCCESS).query("responses == @responses")
+    for name in ("within_1_percent", "within_2_percent"):
+        by_pours = campaigns.groupby("pours")[name]
+        assert (found[name].to_numpy() <= by_pours.max().to_numpy() + 1e-12).all()
+        assert (found[name].to_numpy() >= by_pours.min().to_numpy() - 1e-12).all()
+
+
+def test_between_two_scatters_the_chances_lie_between_and_at_one_they_are_its_own():
+    table = pd.read_csv(plan.SUCCESS).query("responses == 1")
+    low, high = sorted(table["noise_percent"].unique())[:2]
+    own = [table[table["noise_percent"] == one]["within_1_percent"].to_numpy() for one in (low, high)]
+    assert plan.chances(1, low)["within_1_percent"].to_numpy() == pytest.approx(own[0])
+    middle = plan.chances(1, float(np.sqrt(low * high)))["within_1_percent"].to_numpy()
+    assert middle == pytest.approx((own[0] + own[1]) / 2)
 
 
 def test_a_share_has_the_standard_error_of_a_beta_distribution_also_at_its_ends():
@@ -81,7 +99,7 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
     lines = capsys.readouterr().out.splitlines()
     marked = [line.split() for line in lines if line.split()[0] == f"*{strategy}"]
     config = loader.load(ROOT / "config/config.yaml")
-    section, budgets = config["response_surface"], pd.read_csv(plan.SUCCESS).query("responses == 1")["pours"]
+    section, budgets = config["response_surface"], plan.chances(1, 5.0)["pours"]
     sets = section["screening_runs"] + section["steps"] + 1 + 24 + 2 * section["centres"] + section["checks"]
     pours = {
         "published": [sum(sets * seeds for _, sets, seeds in cost.work(config)["pours"])],

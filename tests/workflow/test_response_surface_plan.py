@@ -42,7 +42,11 @@ def test_each_step_pours_what_the_one_before_found(finished):
     jobs = planned(project, *words, *TARGET)
     assert "pour" not in jobs, "no pour of the published method"
     assert jobs["response_design"] == 1
-    assert jobs["response_pour"] == jobs["measure_response_runs"] == section["screening_runs"]
+    assert (
+        jobs["response_pour"]
+        == jobs["measure_response_runs"]
+        == section["screening_runs"] + section["centres"]
+    )
 
     files.run_design(SPACE, section, folder / "screening/samples.csv")
     step = poured(folder, "screening")
@@ -71,7 +75,7 @@ def test_each_step_pours_what_the_one_before_found(finished):
 def test_the_strategy_chooses_what_a_study_makes(project):
     words = ("--configfile", "config/quick.yaml", "--config", "strategy=response_surface")
     jobs = planned(project, *words)
-    assert jobs["response_pour"] == 8
+    assert jobs["response_pour"] == 8 + 3, "corners, and the centre"
     assert not {"pour", "network", "miga", "drum_run"} & set(jobs)
     assert "response_pour" not in planned(project, "--configfile", "config/quick.yaml")
 

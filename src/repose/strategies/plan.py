@@ -1,9 +1,9 @@
 """Before any pour: how many pours the noise asks for, and how probable success is with a budget.
 
-The probabilities are those of `success.csv`: shares of hidden parameter sets that the sequential strategy found, with
-six free parameters, in an emulated simulator whose pours scatter by 5 %. `benchmarks/hidden_truths.py` writes it. The
-error of a mean goes with the scatter, and falls with the root of the pours. So a scatter of s is taken to need
-(s / 5 %)^2 times the pours.
+The probabilities are those of `success.csv`: shares of hidden parameter sets that whole campaigns of the sequential
+strategy found, with six free parameters, in an emulated simulator whose pours scatter by some percents.
+`benchmarks/hidden_truths.py` writes it. Between two scatters of the table the shares are interpolated over the
+logarithm of the scatter; outside of them they are those of the nearest.
 """
 
 import os
@@ -22,8 +22,8 @@ from repose.core.variance import within_covariance
 from repose.strategies.sequential.goal import Goal
 
 SUCCESS = Path(__file__).with_name("success.csv")
-# Scatter of a pour in percent of the target, and correlation of two responses of one bench test: of the table's
-# simulator, and the default where nothing is measured.
+# Scatter of a pour in percent of the target, and correlation of two responses of one bench test, of the default berry:
+# taken where nothing is measured.
 NOISE_PERCENT, CORRELATION = 5.0, 0.8
 CERTAINTY = 0.9  # of the number of pours that the noise alone asks for
 BYTES_A_GRAIN = 62  # of a pour on the disk, measured
@@ -80,15 +80,36 @@ def plan(config: Mapping[str, Any], runs: pd.DataFrame | None = None, source: ob
     percent = 100 * np.sqrt(np.diagonal(noise)) / np.abs(targets.aim)
     space = ParameterSpace.of(config["parameters"])
     needed = {one: Goal.of(targets, one, space).needed(noise, CERTAINTY) for one in TOLERANCES}
+    return Plan(percent, runs is not None, needed, chances(len(targets), float(percent.max())))
+
+
+def chances(responses: int, percent: float) -> pd.DataFrame:
+    """Shares of the campaigns that succeed, at a scatter.
+
+    Parameters
+    ----------
+    responses : int
+        Number of targets; with more than the table knows, those of the most.
+    percent : float
+        Scatter of a pour.
+
+    Returns
+    -------
+    pandas.DataFrame
+        As `Plan.budgets`.
+    """
     table = pd.read_csv(SUCCESS)
-    table = table[table["responses"] == min(len(targets), table["responses"].max())]
-    factor = (percent.max() / NOISE_PERCENT) ** 2
-    budgets = table.assign(pours=np.ceil(factor * table["pours"]).astype(int))
+    table = table[table["responses"] == min(responses, table["responses"].max())]
     shares = [f"within_{one:g}_percent" for one in TOLERANCES]
     for name in shares:
-        budgets[f"{name}_se"] = share_error(budgets[name], budgets["truths"])
-    columns = ["pours", *shares, *(f"{name}_se" for name in shares)]
-    return Plan(percent, runs is not None, needed, budgets[columns].reset_index(drop=True))
+        table[f"{name}_se"] = share_error(table[name], table["truths"])
+    columns = [*shares, *(f"{name}_se" for name in shares)]
+    rows = []
+    for pours, own in table.groupby("pours"):
+        own = own.sort_values("noise_percent")
+        place = np.log(own["noise_percent"])
+        rows.append((pours, *(np.interp(np.log(percent), place, own[name]) for name in columns)))
+    return pd.DataFrame(rows, columns=["pours", *columns])
 
 
 def share_error(share: pd.Series, trials: pd.Series) -> pd.Series:

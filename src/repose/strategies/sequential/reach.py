@@ -80,7 +80,15 @@ def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
 
 
 class Draws:
-    """Functions drawn from one set of processes: called with points (m, d) they give responses (draws, m, k)."""
+    """Functions drawn from one set of processes: called with points (m, d) they give responses (draws, m, k).
+
+    Parameters
+    ----------
+    model : Kriging
+    number : int
+        Of the set.
+    random : numpy.random.Generator
+    """
 
     def __init__(self, model, number, random):
         self.model, self.parts, d = model, [], model.unit.shape[1]
