@@ -10,6 +10,7 @@ from dem.clump_scenes import BENT, BENT_INERTIA, CONE, FLOOR, FUNNEL, MASS, RADI
 from dem.common import DENSITY, GOJI, PVC, random_direction
 from oracles import rotation
 
+from repose.apparatus.funnel_geometry import Funnel
 from repose.dem import (
     Clump,
     Contact,
@@ -26,6 +27,8 @@ from repose.dem import (
 from repose.dem.kernels import state as st
 from repose.dem.kernels.clumps import new_sphere_pairs
 from repose.dem.tessellation import tessellate, triangulated_bodies
+
+TUBED = Funnel(0.15, 0.032, 60.0, 0.02, 0.001, 0.1)
 
 
 def all_spheres(s):
@@ -165,6 +168,61 @@ def test_hits_on_walls_create_no_energy(kind):
             assert s.kinetic_energies()[0] <= energy * (1.0 + 1e-5)
         hits += s.kinetic_energies()[0] < 0.98 * energy
     assert hits > 60
+
+
+@pytest.mark.parametrize("end", ["disc", "outlet", "inlet", "tube"])
+def test_hits_about_the_ends_of_walls_create_no_energy(end):
+    """From all sides: what overlaps a wall beyond its end, or from behind, is not thrown."""
+    rng = np.random.default_rng(41)
+    funnel = TUBED if end == "tube" else FUNNEL
+    walls, radius, height = {
+        "disc": ({"disc": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", 0.05)}, 0.05, 0.0),
+        "outlet": (funnel.walls("wall"), 0.016, funnel.outlet_height_m),
+        "tube": (funnel.walls("wall"), 0.016, funnel.outlet_height_m),
+        "inlet": ({"cone": funnel.walls("wall")["cone"]}, 0.075, funnel.inlet_height_m),
+    }[end]
+    hits = 0
+    for _ in range(80):
+        s = scene({"bent": bent()}, Contact(0.4, 0.5, 0.0), walls, dt=1e-4)
+        angle, direction = rng.uniform(0.0, 2.0 * math.pi), random_direction(rng)
+        place = np.array([radius * math.cos(angle), radius * math.sin(angle), height]) + 0.008 * rng.normal(
+            size=3
+        )
+        velocity = -rng.uniform(0.2, 1.2) * direction
+        s.add("bent", place + 0.03 * direction, random_quaternion(rng), velocity, 30.0 * rng.normal(size=3))
+        s.run_steps(1)
+        if s.counts[st.N_PLANE] + s.counts[st.N_CURVED]:
+            continue  # added touching
+        energy = s.kinetic_energies()[0]
+        for _ in range(10):
+            s.run_steps(80)
+            assert s.kinetic_energies()[0] <= energy * (1.0 + 1e-5)
+        hits += s.kinetic_energies()[0] < 0.98 * energy
+    assert hits > 8
+
+
+def test_spheres_on_a_disc_are_those_of_a_slow_rule():
+    """A sphere's contact begins in front of the disc and over it, from a gap; it ends with a gap or beyond the edge."""
+    rng = np.random.default_rng(43)
+    seen = np.zeros(2, int)
+    for _ in range(25):
+        walls = {"disc": Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", 0.05)}
+        s = scene({"bent": bent()}, Contact(0.4, 0.5, 0.0), walls, dt=1e-4, gravity=(0.0, 0.0, -9.81))
+        place = np.array([0.05 + rng.uniform(-0.025, 0.025), 0.0, rng.uniform(-0.004, 0.014)])
+        velocity = [rng.uniform(-0.5, 0.5), 0.0, rng.uniform(-0.2, 0.4)]
+        s.add("bent", place, random_quaternion(rng), velocity, 30.0 * rng.normal(size=3))
+        past, touching = np.zeros(5, bool), np.zeros(5, bool)
+        for _ in range(300):
+            x, y, z = (s.positions[0] + BENT[:, :3] @ rotation(s.quaternions[0]).T).T
+            clear, beyond = z > BENT[:, 3], np.hypot(x, y) > 0.05
+            # a contact that is there goes on behind the plane, too
+            past = ~clear & (past | beyond | (~touching & (z < 0.0)))
+            touching = ~clear & ~past
+            seen += touching.sum(), past.sum()
+            s.run_steps(1)
+            held = s.flat.feature[: s.counts[st.N_PLANE]]
+            assert sorted(held) == list(np.flatnonzero(touching))
+    assert seen.min() > 300
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.3])
