@@ -6,12 +6,13 @@ circle a = sqrt(R* delta):
     M_r = -k_r theta_r - c_r w_r,     |M_r| <= mu_r F_c R,               k_r = 2.25 k_n mu_r^2 R^2,  k_n = 2 E* a
     M_n = -k_t theta_n - c_t w_n,     |M_n| <= mu_t F_c a,               k_t = 4 G* a^3,  mu_t = 3 pi / 16 mu_s
 
-theta is the path of w as long as the two touch; a torque stays as it is when the load changes. The dashpots c_r = 2 eta
-sqrt(I k_r) and c_t = 2 eta sqrt(J k_t) have eta 0.3. The limit cuts the spring first, then the sum, as Coulomb's does. I
-is the moment of both bodies about the contact, 1/I = 1/(1.4 m_a r_a^2) + 1/(1.4 m_b r_b^2), and J that about the normal,
-with 0.4 for 1.4, as of spheres. R = r_a r_b / (r_a + r_b), r the distance of the contact from a centre; r_a where B is a
-wall. F_c is the normal force that limits friction. The torque on B is the opposite of that on A, so angular momentum is kept; and a wall that turns
-takes the bodies along. For two equal spheres R is half of what the law `budget` takes as the lever of either.
+theta is the path of w as long as the two touch; a torque stays as it is when the load changes. The dashpots c_r = 2
+eta sqrt(I k_r) and c_t = 2 eta sqrt(J k_t) have eta 0.3. The limit cuts the spring first, then the sum, as Coulomb's
+does. I is the moment of both bodies about the contact, 1/I = 1/(1.4 m_a r_a^2) + 1/(1.4 m_b r_b^2), and J that about
+the normal, with 0.4 for 1.4, as of spheres. R = r_a r_b / (r_a + r_b), r the distance of the contact from a centre;
+r_a where B is a wall. F_c is the normal force that limits friction. The torque on B is the opposite of that on A, so
+angular momentum is kept; and a wall that turns takes the bodies along. For two equal spheres R is half of what the
+law `budget` takes as the lever of either.
 
 References
 ----------
@@ -75,9 +76,8 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
         r_a = lever(t[tl.RA + k], t[tl.RA + L + k], t[tl.RA + 2 * L + k])
         r_b = lever(t[tl.RB + k], t[tl.RB + L + k], t[tl.RB + 2 * L + k])
         arm = 1.0 / (1.0 / r_a + 1.0 / r_b)
-        mobility = t[tl.A + st.INVERSE_MASS * L + k] / (r_a * r_a) + t[tl.B + st.INVERSE_MASS * L + k] / (
-            r_b * r_b
-        )
+        mobility = t[tl.A + st.INVERSE_MASS * L + k] / (r_a * r_a)
+        mobility += t[tl.B + st.INVERSE_MASS * L + k] / (r_b * r_b)
         first, second = tl.A + st.ANGULAR_VELOCITY * L + k, tl.B + st.ANGULAR_VELOCITY * L + k
         wx = t[first] - t[second]
         wy = t[first + L] - t[second + L]
