@@ -122,17 +122,14 @@ def epsd(law, circle, n, arms, masses, spin, push, rolled, twisted, dt):
     lever = 1.0 / sum(1.0 / arm for arm in arms)
     stiffness = 2.25 * 2.0 * young * circle * (rolling * lever) ** 2
     mobility = sum(1.0 / (m * arm**2) for m, arm in zip(masses, arms, strict=True) if np.isfinite(m))
-    elastic = rolled - (rolled @ n) * n + stiffness * across * dt
-    rolled = shortened(elastic, rolling * push * lever)
-    torque = rolled.copy()
-    if np.all(rolled == elastic):
-        torque += 0.6 * np.sqrt(1.4 / mobility * stiffness) * across
+    limit = rolling * push * lever
+    rolled = shortened(rolled - (rolled @ n) * n + stiffness * across * dt, limit)
+    torque = shortened(rolled + 0.6 * np.sqrt(1.4 / mobility * stiffness) * across, limit)
     stiffness = 8.0 * shear * circle * circle**2 / 2.0
-    elastic = twisted + stiffness * (spin @ n) * dt
     limit = twisting * push * circle
-    twisted = np.clip(elastic, -limit, limit)
-    damped = 0.6 * np.sqrt(0.4 / mobility * stiffness) * (spin @ n) if twisted == elastic else 0.0
-    return -torque - (twisted + damped) * n, rolled, twisted
+    twisted = np.clip(twisted + stiffness * (spin @ n) * dt, -limit, limit)
+    about = np.clip(twisted + 0.6 * np.sqrt(0.4 / mobility * stiffness) * (spin @ n), -limit, limit)
+    return -torque - about * n, rolled, twisted
 
 
 def cone_gap(semi_axes, centre, q, normal_r, normal_z, offset, count=20000):

@@ -159,6 +159,7 @@ def test_a_sphere_stays_on_a_slope_up_to_the_rolling_friction_and_rolls_above_it
     for slope in np.linspace(0.0, 0.098, 50):
         s.physics.gravity[:] = np.array([slope, 0.0, -1.0]) * GRAVITY / math.hypot(1.0, slope)
         s.run_steps(400)
+    s.run_steps(20000)
     place = s.positions[0, 0]
     s.run_steps(20000)
     assert abs(s.velocities[0, 0]) < 1e-9

@@ -3,15 +3,16 @@
 With the relative angular velocity w, its part w_n along the normal and w_r across it, the lever R and the contact
 circle a = sqrt(R* delta):
 
-    M_r = -k_r theta_r - c_r w_r,     |k_r theta_r| <= mu_r F_c R,       k_r = 2.25 k_n mu_r^2 R^2,  k_n = 2 E* a
-    M_n = -k_t theta_n - c_t w_n,     |k_t theta_n| <= mu_t F_c a,       k_t = 4 G* a^3,  mu_t = 3 pi / 16 mu_s
+    M_r = -k_r theta_r - c_r w_r,     |M_r| <= mu_r F_c R,               k_r = 2.25 k_n mu_r^2 R^2,  k_n = 2 E* a
+    M_n = -k_t theta_n - c_t w_n,     |M_n| <= mu_t F_c a,               k_t = 4 G* a^3,  mu_t = 3 pi / 16 mu_s
 
-theta is the path of w as long as the two touch; a torque stays as it is when the load changes. The dashpots
-c_r = 2 eta sqrt(I k_r) and c_t = 2 eta sqrt(J k_t), eta 0.3, end where their spring slides; I is the moment of both
-bodies about the contact, 1/I = 1/(1.4 m_a r_a^2) + 1/(1.4 m_b r_b^2), and J that about the normal, with 0.4 for 1.4, as of spheres.
-R = r_a r_b / (r_a + r_b), r the distance of the contact from a centre; r_a where B is a wall. F_c is the normal force
-that limits friction. The torque on B is the opposite of that on A, so angular momentum is kept; and a wall that turns
-takes the bodies along. For two equal spheres R is half of what the law `budget` takes as the lever of either.
+theta is the path of w as long as the two touch; a torque stays as it is when the load changes. The dashpots c_r = 2
+eta sqrt(I k_r) and c_t = 2 eta sqrt(J k_t) have eta 0.3. The limit cuts the spring first, then the sum, as Coulomb's
+does. I is the moment of both bodies about the contact, 1/I = 1/(1.4 m_a r_a^2) + 1/(1.4 m_b r_b^2), and J that about
+the normal, with 0.4 for 1.4, as of spheres. R = r_a r_b / (r_a + r_b), r the distance of the contact from a centre;
+r_a where B is a wall. F_c is the normal force that limits friction. The torque on B is the opposite of that on A, so
+angular momentum is kept; and a wall that turns takes the bodies along. For two equal spheres R is half of what the
+law `budget` takes as the lever of either.
 
 References
 ----------
@@ -75,9 +76,8 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
         r_a = lever(t[tl.RA + k], t[tl.RA + L + k], t[tl.RA + 2 * L + k])
         r_b = lever(t[tl.RB + k], t[tl.RB + L + k], t[tl.RB + 2 * L + k])
         arm = 1.0 / (1.0 / r_a + 1.0 / r_b)
-        mobility = t[tl.A + st.INVERSE_MASS * L + k] / (r_a * r_a) + t[tl.B + st.INVERSE_MASS * L + k] / (
-            r_b * r_b
-        )
+        mobility = t[tl.A + st.INVERSE_MASS * L + k] / (r_a * r_a)
+        mobility += t[tl.B + st.INVERSE_MASS * L + k] / (r_b * r_b)
         first, second = tl.A + st.ANGULAR_VELOCITY * L + k, tl.B + st.ANGULAR_VELOCITY * L + k
         wx = t[first] - t[second]
         wy = t[first + L] - t[second + L]
@@ -94,18 +94,16 @@ def kernel(law: Any, t: np.ndarray, c: np.ndarray, at: int, dt: float) -> None:
         held = touching * min(1.0, most / math.sqrt(x * x + y * y + z * z + TINY))
         x, y, z = held * x, held * y, held * z
         c[at + k], c[at + L + k], c[at + 2 * L + k] = st.alive(x), st.alive(y), st.alive(z)
-        dashpot = 2.0 * ETA * math.sqrt(SPHERE * stiffness / (mobility + TINY)) if held == 1.0 else 0.0
+        dashpot = 2.0 * ETA * math.sqrt(SPHERE * stiffness / (mobility + TINY))
+        x, y, z = x + dashpot * wx, y + dashpot * wy, z + dashpot * wz
+        cut = min(1.0, most / math.sqrt(x * x + y * y + z * z + TINY))
         stiffness = t[TWISTING_STIFFNESS + k] * circle * circle * circle
-        elastic = c[at + 3 * L + k] + stiffness * dt * spin
         limit = touching * t[TWISTING_FRICTION + k] * push * circle
-        twist = max(-limit, min(limit, elastic))
+        twist = max(-limit, min(limit, c[at + 3 * L + k] + stiffness * dt * spin))
         c[at + 3 * L + k] = st.alive(twist)
-        twist += (
-            2.0 * ETA * math.sqrt(SPUN * stiffness / (mobility + TINY)) * spin if twist == elastic else 0.0
-        )
-        x += dashpot * wx + twist * nx
-        y += dashpot * wy + twist * ny
-        z += dashpot * wz + twist * nz
+        twist += 2.0 * ETA * math.sqrt(SPUN * stiffness / (mobility + TINY)) * spin
+        twist = max(-limit, min(limit, twist))
+        x, y, z = cut * x + twist * nx, cut * y + twist * ny, cut * z + twist * nz
         t[tl.TO_A + 3 * L + k] -= x
         t[tl.TO_A + 4 * L + k] -= y
         t[tl.TO_A + 5 * L + k] -= z
