@@ -14,17 +14,7 @@ from repose.core.targets import Targets
 
 
 class Files(NamedTuple):
-    """Where a strategy leaves its answer, in the folder of results.
-
-    Attributes
-    ----------
-    rule : str
-        The last rule that writes them.
-    summary, check, solutions : str
-        Answer, its simulation beside the targets, all parameter sets that were found.
-    advice : str
-        What helps where the prediction meets the targets and the simulation does not.
-    """
+    """Where a strategy leaves its answer, in the folder of results."""
 
     rule: str
     summary: str
@@ -61,22 +51,7 @@ NOT_FEASIBLE = 3
 
 @dataclass(frozen=True)
 class Check:
-    """One response of the representative solution, simulated with fresh seeds.
-
-    Attributes
-    ----------
-    response, unit : str
-        Its column, and the unit.
-    simulated, standard_error : float or None
-        Mean of the runs; None where they failed or one run has no error.
-    runs : int
-    status : str
-        How the runs ended; ``ok`` where they can be measured.
-    measured, sd : float
-        Mean and standard deviation of the physical repetitions.
-    low, high : float
-        The target range.
-    """
+    """One response of the representative solution, simulated with fresh seeds."""
 
     response: str
     unit: str
@@ -133,28 +108,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a calibration came to.
-
-    Attributes
-    ----------
-    label : str
-        Of the study.
-    parameters : mapping of str to float
-        The representative solution.
-    feasible : bool
-        Whether the search found a set whose prediction meets the targets.
-    message : str
-        What the search says.
-    checks : tuple of Check
-        A check for each target.
-    folder : Path
-        Of the results.
-    within : mapping
-        Probability, by the runs of the check alone, that the means of all responses lie within so many percent of
-        their aims; None where it is not known.
-    files : Files
-        Its files there.
-    """
+    """What a calibration came to."""
 
     label: str
     parameters: Mapping[str, float]
@@ -203,24 +157,7 @@ class Answer:
 
 
 def read(config: Mapping[str, Any], strategy: str = "published") -> Answer:
-    """The answer of a finished study.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    strategy : str, optional
-        Whose answer.
-
-    Returns
-    -------
-    Answer
-
-    Raises
-    ------
-    InputError
-        If the calibration has not been run, or a file of it is bad.
-    """
+    """The answer of a finished study."""
     folder, files = Path(config["results_dir"]), FILES[strategy]
     return read_files(config, folder / files.summary, folder / files.check, strategy)
 
@@ -231,26 +168,7 @@ def read_files(
     check_csv: str | os.PathLike,
     strategy: str = "published",
 ) -> Answer:
-    """The answer in the files that search and check wrote.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    summary_json, check_csv : path
-        What the verbs miga and validate wrote, or the check of another strategy.
-    strategy : str, optional
-        That wrote them.
-
-    Returns
-    -------
-    Answer
-
-    Raises
-    ------
-    InputError
-        If a file is missing or bad.
-    """
+    """The answer in the files that search and check wrote."""
     keys = {"representative": dict, "feasible": bool, "message": str}
     summary = read_json(summary_json, keys, "an answer that a calibration wrote; run it first")
     rows = {row["response"]: row for row in read_rows(check_csv, COLUMNS, "what validate wrote")}
@@ -278,45 +196,17 @@ def read_files(
 
 
 def parameters_in_words(parameters: Mapping[str, float]) -> list[str]:
-    """A line for each parameter: its name, value and meaning.
-
-    Parameters
-    ----------
-    parameters : mapping of str to float
-
-    Returns
-    -------
-    list of str
-    """
+    """A line for each parameter: its name, value and meaning."""
     return [f"  {name:7} {value:.4g}  {LABELS[name]}" for name, value in parameters.items()]
 
 
 def nearness(checks: Iterable[Check]) -> str:
-    """How near the simulated means are to the measured ones, in one sentence.
-
-    Parameters
-    ----------
-    checks : iterable of Check
-
-    Returns
-    -------
-    str
-    """
+    """How near the simulated means are to the measured ones, in one sentence."""
     return f"Simulated less measured: {', '.join(check.distance for check in checks)}."
 
 
 def probability_in_words(within: Mapping[float, float | None]) -> str:
-    """How probable it is that the answer meets all targets closely.
-
-    Parameters
-    ----------
-    within : mapping
-        As in `Answer`.
-
-    Returns
-    -------
-    str
-    """
+    """How probable it is that the answer meets all targets closely."""
     if None in within.values():
         return "how near the means are to their targets is not known"
     told = ", ".join(f"within {percent:g} %: {value:.2f}" for percent, value in within.items())

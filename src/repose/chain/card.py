@@ -47,26 +47,7 @@ def make(
     feasible: "pd.DataFrame",
     posterior: "tuple[pd.DataFrame, pd.DataFrame] | None" = None,
 ) -> dict[str, Any]:
-    """The card of a finished calibration.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    answer : Answer
-    berry : mapping
-        What the verb ``berry`` writes.
-    particle : Particle
-    feasible : pandas.DataFrame
-        Parameter sets that the search found.
-    posterior : tuple of pandas.DataFrame, optional
-        Intervals (``parameter``, ``credible_low``, ``credible_high``) and draws. Without it the intervals are the
-        ranges of the sets found, and the correlations are theirs.
-
-    Returns
-    -------
-    dict
-    """
+    """The card of a finished calibration."""
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     about = {
         "grain": _grain(config, berry, particle),
@@ -86,24 +67,7 @@ def assembled(
     feasible: "pd.DataFrame",
     posterior: "tuple[pd.DataFrame, pd.DataFrame] | None" = None,
 ) -> dict[str, Any]:
-    """A card of its parts.
-
-    Parameters
-    ----------
-    about : mapping
-        What was simulated: grain, wall and laws, or the name of another simulator.
-    tests : mapping
-        For each response its ``definition`` and its ``bench``, as `repose.config.definitions.described`.
-    answer : Answer
-    space : ParameterSpace
-    targets : Targets
-    feasible, posterior
-        As `make` takes them.
-
-    Returns
-    -------
-    dict
-    """
+    """A card of its parts."""
     draws = feasible if posterior is None else posterior[1]
     ends = _ends(space, feasible, posterior)
     correlations = draws[list(space.free)].corr().fillna(0.0)
@@ -138,17 +102,7 @@ def assembled(
 
 
 def laws(config: Mapping[str, Any]) -> dict[str, str]:
-    """The contact laws in words.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    dict of str
-    """
+    """The contact laws in words."""
     from repose.dem.laws import CONTACT_LAWS, COULOMB, ROLLING_LAWS
 
     settings = SimulationSettings.of(config)
@@ -241,26 +195,7 @@ def run(
     files: Mapping[str, str | PathLike | None],
     out: str | PathLike,
 ) -> dict[str, Any]:
-    """Write the card of a finished calibration (`make`).
-
-    Parameters
-    ----------
-    config : mapping
-    answer : Answer
-    files : mapping
-        Paths ``berry``, ``particle``, ``feasible``; ``posterior`` and ``draws`` or None for both.
-    out : path
-
-    Returns
-    -------
-    dict
-        The card.
-
-    Raises
-    ------
-    InputError
-        For a file that is missing or bad.
-    """
+    """Write the card of a finished calibration (`make`)."""
     from repose.particle.berry_files import SIZE_COLUMNS, read_berry
     from repose.particle.particle import Particle
 
@@ -299,19 +234,7 @@ def _validator():
 
 
 def check(card: Mapping[str, Any], source: object) -> None:
-    """Refuse what is no card, and one that does not tell what its runs tell.
-
-    Parameters
-    ----------
-    card : mapping
-    source : object
-        Name of the file, for the message.
-
-    Raises
-    ------
-    InputError
-        For all faults at once.
-    """
+    """Refuse what is no card, and one that does not tell what its runs tell."""
     faults = sorted(_validator().iter_errors(card), key=lambda error: list(map(str, error.absolute_path)))
     raise_together(
         InputError(
@@ -330,21 +253,7 @@ def check(card: Mapping[str, Any], source: object) -> None:
 
 
 def read(path: str | PathLike) -> dict[str, Any]:
-    """A card.
-
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or is no card.
-    """
+    """A card."""
     card = read_json(path, (), WHAT)
     check(card, path)
     return card

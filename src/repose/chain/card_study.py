@@ -14,21 +14,7 @@ AGREEMENT = 1e-6  # relative
 
 
 def read(card_json: str | PathLike) -> dict[str, Any]:
-    """The card of a study that was poured here.
-
-    Parameters
-    ----------
-    card_json : path
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    InputError
-        If the file is no card, or that of another simulator.
-    """
+    """The card of a study that was poured here."""
     found = cards.read(card_json)
     if "simulator" in found:
         allowed = "none: the card of a study that was poured here"
@@ -37,21 +23,7 @@ def read(card_json: str | PathLike) -> dict[str, Any]:
 
 
 def configuration_beside(card_json: str | PathLike) -> Path:
-    """The configuration that a run has left beside its card.
-
-    Parameters
-    ----------
-    card_json : path
-
-    Returns
-    -------
-    Path
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
+    """The configuration that a run has left beside its card."""
     path = Path(card_json).with_name(CONFIG)
     if not path.is_file():
         allowed = f"the configuration of the study of {card_json}, as no {CONFIG} lies beside it"
@@ -66,26 +38,7 @@ def require_one_study(
     source: str | PathLike,
     berry: Mapping[str, Any],
 ) -> None:
-    """Refuse a card and a configuration of two studies.
-
-    Parameters
-    ----------
-    card : mapping
-        That `read` gave.
-    card_json : path
-        Its file, for the message.
-    config : mapping
-        The whole configuration.
-    source : path
-        Its file.
-    berry : mapping
-        What the verb ``berry`` makes of the configuration.
-
-    Raises
-    ------
-    InputError
-        If they differ in label, grain, wall, contact laws or a bench test.
-    """
+    """Refuse a card and a configuration of two studies."""
     unlike = list(_differences(card, config, berry))
     if unlike:
         key, mine, theirs = unlike[0]

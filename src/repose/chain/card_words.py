@@ -10,16 +10,7 @@ MET = {True: "met", False: "NOT met", None: "not simulated again"}
 
 
 def in_words(card: Mapping[str, Any]) -> str:
-    """A card for people.
-
-    Parameters
-    ----------
-    card : mapping
-
-    Returns
-    -------
-    str
-    """
+    """A card for people."""
     made = card["made_by"]
     free = list(card["correlations"])
     pairs = [(card["correlations"][a][b], a, b) for k, a in enumerate(free) for b in free[k + 1 :]]
@@ -67,16 +58,7 @@ def _about(card):
 
 
 def compared(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
-    """Two cards side by side, and what makes their parameters hard to compare.
-
-    Parameters
-    ----------
-    one, other : mapping
-
-    Returns
-    -------
-    str
-    """
+    """Two cards side by side, and what makes their parameters hard to compare."""
     names = [card["material"] for card in (one, other)]
     rows = [["", *names]]
     for name in dict.fromkeys([*one["parameters"], *other["parameters"]]):

@@ -19,19 +19,6 @@ def chance_of_meeting(
 
     A few runs tell the mean with an error. Without prior knowledge the mean, given the runs, has a multivariate t
     distribution about the runs' mean, with n - 1 degrees of freedom. Bench tests are independent of each other.
-
-    Parameters
-    ----------
-    runs : mapping
-        For each bench test the measured runs of the parameter set, with their status and responses.
-    targets : Targets
-    percent : float, optional
-        A target is met within so many percent of its aim; without it, inside its range.
-
-    Returns
-    -------
-    dict
-        By name of the response, and ``all``. None where fewer than two runs gave the response.
     """
     random = np.random.default_rng(SEED)
     found: dict[str, float | None] = dict.fromkeys((*targets.names, "all"))

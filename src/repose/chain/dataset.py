@@ -33,25 +33,7 @@ Job = Mapping[str, Any]
 def assemble(
     samples: pd.DataFrame, jobs: Mapping[str, Mapping[int, Job]], targets: Targets
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The dataset and the single runs of a study.
-
-    Parameters
-    ----------
-    samples : pandas.DataFrame
-        The design: `sample` and the six parameters.
-    jobs : mapping
-        For each bench test of the targets the job of each sample (`read_jobs`).
-    targets : Targets
-        Their responses are the first columns.
-
-    Returns
-    -------
-    dataset : pandas.DataFrame
-        A row for each sample: parameters, `status`, `reason`, `n_seeds`, then means and standard errors. A sample is
-        ok where it is in every bench test; `n_seeds` is then the smallest number of ok runs.
-    runs : pandas.DataFrame
-        A row for each run. With several bench tests the column `apparatus` tells them apart.
-    """
+    """The dataset and the single runs of a study."""
     summaries = [
         _merged({name: summarise(jobs[name][sample]["runs"], name, targets) for name in targets.apparatus})
         for sample in samples["sample"]
@@ -68,53 +50,17 @@ def assemble(
 
 
 def recorded(apparatus: str, targets: Targets) -> Recorded:
-    """What the tables keep of the runs of a bench test: the targets that it gives, then what it always records.
-
-    Parameters
-    ----------
-    apparatus : str
-        Name of the bench test.
-    targets : Targets
-
-    Returns
-    -------
-    Recorded
-    """
+    """What the tables keep of the runs of a bench test: the targets that it gives, then what it always records."""
     return bench(apparatus).recorded.beginning_with(_own(targets, apparatus))
 
 
 def summarise(runs: Sequence[Mapping[str, Any]], apparatus: str, targets: Targets) -> dict[str, Any]:
-    """The runs of one sample in one bench test as one, its targets first; see `repose.core.runs.summarise_runs`.
-
-    Parameters
-    ----------
-    runs : sequence of mapping
-        One for each run.
-    apparatus : str
-        Name of the bench test.
-    targets : Targets
-
-    Returns
-    -------
-    dict
-    """
+    """The runs of one sample in one bench test as one, its targets first; see `repose.core.runs.summarise_runs`."""
     return summarise_runs(runs, recorded(apparatus, targets))
 
 
 def counts(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
-    """How many samples and runs ended how, and the same in words.
-
-    Parameters
-    ----------
-    dataset : pandas.DataFrame
-        A row for each sample, with its status.
-    runs : pandas.DataFrame
-        A row for each run, with its status.
-
-    Returns
-    -------
-    dict
-    """
+    """How many samples and runs ended how, and the same in words."""
     by_status = {status: int(n) for status, n in Counter(dataset["status"]).most_common()}
     left_out = dataset[dataset["status"] != "ok"]
     words = ", ".join(f"{n} {status}" for status, n in by_status.items() if status != "ok")
@@ -136,24 +82,7 @@ def counts(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
 
 
 def job_files(words: Iterable[str], samples_csv: str | os.PathLike) -> list[Path]:
-    """Files of jobs by their names, or by folders: a folder stands for the file of every sample in it.
-
-    Parameters
-    ----------
-    words : iterable of str
-        Files and folders.
-    samples_csv : path
-        The design.
-
-    Returns
-    -------
-    list of pathlib.Path
-
-    Raises
-    ------
-    InputError
-        If there is a folder, and the design cannot be read.
-    """
+    """Files of jobs by their names, or by folders: a folder stands for the file of every sample in it."""
     paths = [Path(word) for word in words]
     samples = read_rows(samples_csv, ("sample",)) if any(path.is_dir() for path in paths) else []
     names = [f"{one['sample'].zfill(3)}.json" for one in samples]
@@ -168,33 +97,7 @@ def run(
     out_dir: str | os.PathLike,
     prefix: str = "",
 ) -> dict[str, Any]:
-    """Write dataset.csv, runs.csv and dataset_summary.json; return the summary.
-
-    Parameters
-    ----------
-    samples_csv : path
-        The design.
-    job_json_paths : iterable of paths
-        A job's JSON file for each sample and bench test, in any order.
-    targets : Targets
-        Of the study.
-    definitions : mapping
-        How the study defines its responses (`repose.core.responses`); the summary keeps them.
-    out_dir : path
-        Folder to write.
-    prefix : str
-        Put before the three names.
-
-    Returns
-    -------
-    dict
-        See `counts`, with `definitions`.
-
-    Raises
-    ------
-    InputError
-        For a file that is missing, corrupt, of another sample or of other parameters.
-    """
+    """Write dataset.csv, runs.csv and dataset_summary.json; return the summary."""
     samples = read_samples(samples_csv)
     dataset, runs = assemble(samples, read_jobs(job_json_paths, samples, targets), targets)
     summary = counts(dataset, runs) | {"definitions": definitions}
@@ -206,41 +109,13 @@ def run(
 
 
 def read_definitions(dataset_csv: str | os.PathLike) -> tuple[Definitions, Path]:
-    """How the responses of a dataset are defined, and the summary beside it that says so.
-
-    Parameters
-    ----------
-    dataset_csv : path
-
-    Returns
-    -------
-    definitions : mapping
-        Empty where no summary lies beside the dataset, or where the summary has none.
-    summary : pathlib.Path
-    """
+    """How the responses of a dataset are defined, and the summary beside it that says so."""
     summary, path = read_summary(dataset_csv)
     return summary.get("definitions", {}), path
 
 
 def read_summary(dataset_csv: str | os.PathLike) -> tuple[dict[str, Any], Path]:
-    """The summary beside a dataset.
-
-    Parameters
-    ----------
-    dataset_csv : path
-
-    Returns
-    -------
-    summary : dict
-        Empty where there is none.
-    path : pathlib.Path
-        Its file.
-
-    Raises
-    ------
-    InputError
-        If it is no summary.
-    """
+    """The summary beside a dataset."""
     path = Path(dataset_csv)
     path = path.with_name(f"{path.stem}{SUMMARY}")
     return (read_json(path, what="the summary of a dataset") if path.is_file() else {}), path
@@ -249,26 +124,7 @@ def read_summary(dataset_csv: str | os.PathLike) -> tuple[dict[str, Any], Path]:
 def read_jobs(
     paths: Iterable[str | os.PathLike], samples: pd.DataFrame, targets: Targets
 ) -> dict[str, dict[int, Job]]:
-    """Jobs by bench test and sample, checked against the table that they were run from.
-
-    Parameters
-    ----------
-    paths : iterable of path
-        Files of the jobs.
-    samples : pandas.DataFrame
-        The table of parameter sets.
-    targets : Targets
-
-    Returns
-    -------
-    dict
-        By name of the bench test, then by number of the sample.
-
-    Raises
-    ------
-    InputError
-        For a bad file, another sample or other parameters, two files of one sample and bench test, or none.
-    """
+    """Jobs by bench test and sample, checked against the table that they were run from."""
     expected = samples.set_index("sample")[list(PARAMETERS)]
     jobs: dict[str, dict[int, Job]] = {name: {} for name in targets.apparatus}
     source: dict[tuple[str, int], object] = {}
@@ -295,25 +151,7 @@ def read_jobs(
 
 
 def read_job(path: str | os.PathLike, targets: Targets) -> tuple[Job, str]:
-    """One job and its bench test.
-
-    Parameters
-    ----------
-    path : path
-    targets : Targets
-
-    Returns
-    -------
-    job : Job
-    apparatus : str
-        Name of the bench test.
-
-    Raises
-    ------
-    InputError
-        If the file is no job of a bench test of the targets, or a run has an unknown status, or is ok without
-        a finite number for a target.
-    """
+    """One job and its bench test."""
     job = read_json(path, {"sample": int, "parameters": dict, "runs": list}, "a job's JSON file")
     apparatus = job.get("apparatus", UNNAMED)
     if apparatus not in targets.apparatus:

@@ -107,22 +107,6 @@ def evolve(
     Each round goes through the columns, takes the best of a few random exchanges and accepts it against a
     random share of a threshold.
 
-    Parameters
-    ----------
-    start : numpy.ndarray, (n, d)
-        A Latin hypercube in the unit cube.
-    doublings : int
-        Number of squarings that lead from distance^2 to distance^p.
-    rounds : int
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    closest, widest : numpy.ndarray, (n, d)
-        The design of smallest phi_p, and the one of the largest minimum distance at the end of a round.
-
-    References
-    ----------
     Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference 134:268.
     """
     n, d = start.shape

@@ -30,21 +30,7 @@ INTERVAL = ("low", "high", "dispersion_percent")
 
 @dataclass(frozen=True)
 class Inversion:
-    """What `invert` found.
-
-    Attributes
-    ----------
-    solutions : pandas.DataFrame
-        The representative, then the others, of least objective first: parameters, predicted responses, objective
-        (Eq. 11), violation, whether feasible, and which one is the representative. With a support the column
-        `warning`; with priors the column `prior_distance_sd`.
-    intervals : pandas.DataFrame
-        Table 3: interval and dispersion of each parameter, beside the published ones where there are any.
-    history : pandas.DataFrame
-        A row for each round of the search.
-    summary : dict
-        Counts, the representative solution, its distances from the ranges and from the targets, and a message.
-    """
+    """What `invert` found."""
 
     solutions: pd.DataFrame
     intervals: pd.DataFrame
@@ -60,35 +46,7 @@ def invert(
     published: pd.DataFrame | None = None,
     support: Support | None = None,
 ) -> Inversion:
-    """Search the free parameters for predicted responses that are the targets.
-
-    Parameters
-    ----------
-    surrogate : Surrogate
-        Gives the k responses at parameter sets.
-    space : ParameterSpace
-        Which parameters are searched, and where. Fixed ones keep their value. Of parameter sets that meet the targets
-        equally well, those near the means of the priors come first (`repose.search.objective.Preference`).
-    targets : Targets
-        The k targets.
-    settings : mapping
-        The section `miga` of the configuration.
-    published : pandas.DataFrame, optional
-        Table 3 as published: `parameter`, `low`, `high`, `dispersion_percent`.
-    support : Support, optional
-        Of the samples; with it solutions beyond them carry a warning.
-
-    Returns
-    -------
-    Inversion
-        The best distinct feasible solutions; where fewer than 10 were met, the nearest others follow. Where none was
-        met, those of least objective. The representative is the set of least expected loss, or of least objective.
-
-    Raises
-    ------
-    InputError
-        If a target's aim lies outside its own range.
-    """
+    """Search the free parameters for predicted responses that are the targets."""
     for one in targets:
         if not one.low <= one.aim <= one.high:
             raise InputError("targets", one.name, one.aim, f"inside its range {[one.low, one.high]}")
@@ -144,31 +102,6 @@ def run(
     """Invert a saved surrogate; write feasible.csv, intervals.csv, history.csv and summary.json; return the summary.
 
     Where the surrogate knows its errors, the summary says what it tells of the representative.
-
-    Parameters
-    ----------
-    surrogate_json : path
-        What the verb network wrote.
-    space, targets, settings, support
-        As for `invert`.
-    table3_csv : path or None
-        Published intervals.
-    out_dir : path
-        Folder to write.
-    definitions : mapping, optional
-        How the study defines its responses.
-    source : object
-        Where these definitions stand, for the error.
-
-    Returns
-    -------
-    dict
-        See `Inversion.summary`.
-
-    Raises
-    ------
-    InputError
-        For a bad file, or a surrogate with other responses or other definitions of them.
     """
     surrogate = load(surrogate_json, targets.names)
     require_same_definitions(surrogate.definitions, surrogate_json, definitions or {}, source)
@@ -182,13 +115,7 @@ def run(
 
 
 def write(found: Inversion, out_dir: str | os.PathLike) -> None:
-    """Write feasible.csv, intervals.csv, history.csv and summary.json.
-
-    Parameters
-    ----------
-    found : Inversion
-    out_dir : path
-    """
+    """Write feasible.csv, intervals.csv, history.csv and summary.json."""
     out = Path(out_dir)
     write_table(out / "feasible.csv", found.solutions)
     write_table(out / "intervals.csv", found.intervals)
@@ -197,18 +124,7 @@ def write(found: Inversion, out_dir: str | os.PathLike) -> None:
 
 
 def on_free_parameters(surrogate: Surrogate, space: ParameterSpace) -> Callable[[np.ndarray], np.ndarray]:
-    """The surrogate as a function of the free parameters.
-
-    Parameters
-    ----------
-    surrogate : Surrogate
-    space : ParameterSpace
-
-    Returns
-    -------
-    callable
-        From points (n, d) in [-1, 1] to responses (n, k).
-    """
+    """The surrogate as a function of the free parameters."""
     respond = surrogate.response_function(space.complete(space.low)[0], space.complete(space.high)[0])
     if space.dimensions == len(PARAMETERS):
         return respond
@@ -225,23 +141,7 @@ def on_free_parameters(surrogate: Surrogate, space: ParameterSpace) -> Callable[
 def intervals(
     solutions: pd.DataFrame, space: ParameterSpace, published: pd.DataFrame | None = None
 ) -> pd.DataFrame:
-    """Table 3: interval and dispersion of each parameter over the solutions.
-
-    Parameters
-    ----------
-    solutions : pandas.DataFrame
-        With the six parameters as columns.
-    space : ParameterSpace
-        Their ranges.
-    published : pandas.DataFrame, optional
-        Table 3 as published.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each parameter: `variable`, `low`, `high`, `dispersion_percent`, which is the interval's width over
-        the range's, and with a published table the same three of it. The dispersion of a fixed parameter is 0.
-    """
+    """Table 3: interval and dispersion of each parameter over the solutions."""
     range_of = dict(zip(space.free, zip(space.low, space.high, strict=True), strict=True))
     rows = []
     for name in PARAMETERS:
@@ -257,22 +157,7 @@ def intervals(
 
 
 def message(responses: np.ndarray, targets: Targets, n_feasible: int, distance: float) -> str:
-    """What the search found, in words.
-
-    Parameters
-    ----------
-    responses : numpy.ndarray, (k,)
-        Of the representative.
-    targets : Targets
-    n_feasible : int
-        Number of feasible solutions.
-    distance : float
-        Least one of two solutions, in normalised parameters.
-
-    Returns
-    -------
-    str
-    """
+    """What the search found, in words."""
     ranges = targets.in_words([f"{one.low:g}-{one.high:g}" for one in targets])
     best = f"the answer is predicted {targets.in_words([f'{value:.2f}' for value in responses])}"
     wanted = targets.in_words([f"{one.aim:g}" for one in targets])

@@ -19,24 +19,7 @@ AGREEMENT = 1e-6
 
 
 def read_dataset(dataset_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
-    """The table of samples with its parameters, status, responses and errors.
-
-    Parameters
-    ----------
-    dataset_csv : path
-        What the verb dataset wrote. Where its summary lies beside it, that tells how many rows there are.
-    targets : Targets
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, rows are missing, a sample stands there twice, a parameter is beyond what the
-        contact law can take, or an ok sample has no response or one beyond the response's limits.
-    """
+    """The table of samples with its parameters, status, responses and errors."""
     dataset = read_table(
         dataset_csv, ("sample", *PARAMETERS, "status", "n_seeds", *targets.names, *targets.errors)
     )
@@ -52,29 +35,7 @@ def read_dataset(dataset_csv: str | os.PathLike, targets: Targets) -> pd.DataFra
 def read_runs(
     runs_csv: str | os.PathLike, targets: Targets, dataset: pd.DataFrame, dataset_csv: str | os.PathLike
 ) -> pd.DataFrame:
-    """The table of single runs that a table of samples was made from.
-
-    Parameters
-    ----------
-    runs_csv : path
-        What the verb dataset wrote.
-    targets : Targets
-    dataset : pandas.DataFrame
-        Of `read_dataset`.
-    dataset_csv : path
-        Its file.
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, a run stands there twice, an ok run has no response or one beyond the response's
-        limits, or the runs are not those of the samples: other samples, other numbers of ok runs, other means or other
-        standard errors.
-    """
+    """The table of single runs that a table of samples was made from."""
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
     several = "apparatus" in runs
     _refuse_twice(runs, ["sample", "seed", *(["apparatus"] if several else [])], runs_csv)

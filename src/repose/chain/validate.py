@@ -38,29 +38,7 @@ def solutions_to_simulate(
     targets: Targets,
     count: int,
 ) -> pd.DataFrame:
-    """The solutions that are simulated again.
-
-    Parameters
-    ----------
-    feasible : pandas.DataFrame
-        Solutions as `repose.chain.invert` gives them, at least count + 1.
-    published : pandas.DataFrame or None
-        Published solutions; left out where they have none of the targets.
-    space : ParameterSpace
-        What the parameters are normalised by.
-    targets : Targets
-        Of the study.
-    count : int
-        Number of our solutions besides the representative.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each solution. `sample`: ours from 1, the representative first; the published from 101 in the order
-        of their table. `origin`: "miga" or "published". `solution`: its name in its own table. `role`:
-        "representative", "least objective" where that is another one, or "spread". Then the six parameters, and the
-        predictions of the network that the solution belongs to: the published network's for the published ones.
-    """
+    """The solutions that are simulated again."""
     columns = [*SOLUTION, *targets.predicted]
     ours = select_for_validation(feasible, count, space)
     ours["origin"], ours["sample"] = "miga", range(1, len(ours) + 1)
@@ -80,18 +58,6 @@ def select_for_validation(solutions: pd.DataFrame, count: int, space: ParameterS
 
     Each next one is the solution farthest, in normalised parameters, from those already chosen (Gonzalez
     1985). They are feasible ones as long as there are enough.
-
-    Parameters
-    ----------
-    solutions : pandas.DataFrame
-    count : int
-        Number of the others.
-    space : ParameterSpace
-
-    Returns
-    -------
-    pandas.DataFrame
-        Rows of solutions, with a column `role`; fewer where `solutions` has fewer rows.
     """
     if np.count_nonzero(solutions["feasible"]) > count:
         solutions = solutions[solutions["feasible"] | solutions["representative"]]
@@ -118,29 +84,7 @@ def validate(
     published: pd.DataFrame | None = None,
     support: Support | None = None,
 ) -> dict[str, pd.DataFrame]:
-    """Prediction, simulation and the physical measurement side by side.
-
-    Parameters
-    ----------
-    solutions : pandas.DataFrame
-        As `solutions_to_simulate` gives them.
-    jobs : mapping
-        For each bench test the job of each solution (`repose.chain.dataset.read_jobs`).
-    targets : Targets
-        With the physical measurements.
-    published : pandas.DataFrame, optional
-        The published solutions with their own simulations.
-    support : Support, optional
-        Of the samples; with it a column `warning` says which solutions lie beyond them.
-
-    Returns
-    -------
-    dict
-        `table4`: our solutions. `representative`: one of them against the physical measurement, a row for each
-        response, with the probabilities that all are met within 1 % and 2 %. `published`: the published solutions in
-        this engine; it has no rows where there are none. A solution whose simulation failed keeps its row, with its
-        status and without numbers.
-    """
+    """Prediction, simulation and the physical measurement side by side."""
     simulated = assemble(solutions, jobs, targets)[0].drop(columns=["sample", *PARAMETERS])
     simulated = simulated.rename(columns={one.name: one.simulated for one in targets.responses})
     numbers = [column for one in targets.responses for column in (one.simulated, one.error)]
@@ -163,18 +107,7 @@ def validate(
 
 
 def table4(rows: pd.DataFrame, responses: Iterable[Response]) -> pd.DataFrame:
-    """Table 4: predicted, simulated with its standard error, and relative error (%) of each solution.
-
-    Parameters
-    ----------
-    rows : pandas.DataFrame
-        A row for each solution.
-    responses : iterable of Response
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """Table 4: predicted, simulated with its standard error, and relative error (%) of each solution."""
     table = rows[["sample", "solution", "role", *PARAMETERS]].copy()
     for one in responses:
         table[one.predicted], table[one.simulated] = rows[one.predicted], rows[one.simulated]
@@ -186,19 +119,7 @@ def table4(rows: pd.DataFrame, responses: Iterable[Response]) -> pd.DataFrame:
 
 
 def against_physical(row: pd.Series, targets: Targets) -> pd.DataFrame:
-    """The representative solution's simulation against the physical measurement.
-
-    Parameters
-    ----------
-    row : pandas.Series
-        Of the representative solution.
-    targets : Targets
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each response.
-    """
+    """The representative solution's simulation against the physical measurement."""
     rows = []
     for one in targets:
         simulated = row[one.response.simulated]
@@ -222,21 +143,7 @@ def against_physical(row: pd.Series, targets: Targets) -> pd.DataFrame:
 def with_chances(
     table: pd.DataFrame, runs: Mapping[str, Sequence[Mapping[str, Any]]], targets: Targets
 ) -> pd.DataFrame:
-    """`against_physical` with the probabilities that all targets are met within some percent.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Of `against_physical`.
-    runs : mapping
-        For each bench test the runs of the representative solution.
-    targets : Targets
-
-    Returns
-    -------
-    pandas.DataFrame
-        With the columns within_1_percent and within_2_percent; empty where fewer than two runs could be measured.
-    """
+    """`against_physical` with the probabilities that all targets are met within some percent."""
     chances = {f"within_{one:g}_percent": chance_of_meeting(runs, targets, one)["all"] for one in PERCENT}
     return table.assign(**chances)
 
@@ -244,21 +151,7 @@ def with_chances(
 def beside_published(
     rows: pd.DataFrame, published: pd.DataFrame | None, responses: Iterable[Response]
 ) -> pd.DataFrame:
-    """The published solutions: their simulation beside ours with its standard error, and ours less theirs.
-
-    Parameters
-    ----------
-    rows : pandas.DataFrame
-        A row for each published solution that we simulated.
-    published : pandas.DataFrame or None
-        Table of the published solutions.
-    responses : iterable of Response
-        Only those that the published table has are compared.
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """The published solutions: their simulation beside ours with its standard error, and ours less theirs."""
     table = rows[["sample", "solution", *PARAMETERS]].copy()
     if published is not None:
         theirs = published.astype({"solution": str}).set_index("solution").reindex(rows["solution"])
@@ -281,30 +174,7 @@ def write_solutions(
     count: int,
     out_csv: str | os.PathLike,
 ) -> pd.DataFrame:
-    """Write the parameter sets to simulate (`solutions_to_simulate`).
-
-    Parameters
-    ----------
-    feasible_csv : path
-        Solutions of the search.
-    published_csv : path or None
-        Published solutions.
-    space : ParameterSpace
-    targets : Targets
-    count : int
-        Number of solutions beside the representative one.
-    out_csv : path
-
-    Returns
-    -------
-    pandas.DataFrame
-        The table that was written.
-
-    Raises
-    ------
-    InputError
-        For a bad file, or too few solutions.
-    """
+    """Write the parameter sets to simulate (`solutions_to_simulate`)."""
     needed = ("solution", *PARAMETERS, *targets.predicted, "objective", "feasible", "representative")
     feasible = read_table(feasible_csv, needed)
     if len(feasible) < count + 1:
@@ -322,31 +192,7 @@ def run(
     out_dir: str | os.PathLike,
     support: Support | None = None,
 ) -> dict[str, pd.DataFrame]:
-    """Write table4.csv, representative.csv and published.csv (`validate`); return the three tables.
-
-    Parameters
-    ----------
-    solutions_csv : path
-        Of `write_solutions`.
-    job_json_paths : iterable of paths
-        A job's JSON file for each of its samples and bench test.
-    published_csv : path or None
-        The published solutions.
-    targets, support
-        As for `validate`.
-    out_dir : path
-        Folder to write.
-
-    Returns
-    -------
-    dict of pandas.DataFrame
-        The tables by the names of their files.
-
-    Raises
-    ------
-    InputError
-        For a missing or bad file.
-    """
+    """Write table4.csv, representative.csv and published.csv (`validate`); return the three tables."""
     solutions = read_samples(solutions_csv)
     check_columns(solutions_csv, solutions, (*SOLUTION, *targets.predicted))
     solutions["solution"] = solutions["solution"].astype(str)
@@ -358,24 +204,7 @@ def run(
 
 
 def write_published_solutions(published_csv: str | os.PathLike, out_csv: str | os.PathLike) -> pd.DataFrame:
-    """Write the published parameter sets to simulate, numbered as `solutions_to_simulate` numbers them.
-
-    Parameters
-    ----------
-    published_csv : path
-        Published solutions.
-    out_csv : path
-
-    Returns
-    -------
-    pandas.DataFrame
-        The table that was written: `sample` and the six parameters.
-
-    Raises
-    ------
-    InputError
-        For a bad file.
-    """
+    """Write the published parameter sets to simulate, numbered as `solutions_to_simulate` numbers them."""
     published = read_table(published_csv, ("solution", *PARAMETERS))
     numbers = range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(published))
     table = pd.DataFrame({"sample": numbers, **{name: published[name] for name in PARAMETERS}})

@@ -58,16 +58,6 @@ def main(words: Sequence[str] | None = None) -> int:
     """Run one verb.
 
     Each fault of the input is told in one line on stderr. It is no fault if the reader of stdout stops, such as `head`.
-
-    Parameters
-    ----------
-    words : sequence of str, optional
-        The command line after the program's name; that of the process by default.
-
-    Returns
-    -------
-    int
-        The exit status: 0; 1 where a verification misses; 2 where the input is at fault.
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a locale that has no ± is no reason to end

@@ -23,28 +23,7 @@ def berry_and_particle(
     berry_json: str | PathLike | None = None,
     particle_json: str | PathLike | None = None,
 ) -> "tuple[dict[str, Any], Particle]":
-    """The berry and its particle.
-
-    Parameters
-    ----------
-    config : dict
-        The checked configuration.
-    source : str or Origin
-        The configuration's file, named in the error.
-    berry_json, particle_json : path, optional
-        Files to read; without them both are made from the configuration.
-
-    Returns
-    -------
-    berry : dict
-        Content of berry.json.
-    particle : Particle
-
-    Raises
-    ------
-    InputError
-        If a file is bad, or the configuration names one that is.
-    """
+    """The berry and its particle."""
     from repose.config import checks
     from repose.particle import berry, berry_files, build
     from repose.particle.particle import Particle
@@ -63,19 +42,7 @@ def berry_and_particle(
 
 
 def write_berry(config: Mapping[str, Any], out_dir: str | PathLike) -> None:
-    """Write sizes and moduli of the configuration's berry, beside the published ones.
-
-    Parameters
-    ----------
-    config : mapping
-        The checked configuration.
-    out_dir : path
-
-    Raises
-    ------
-    InputError
-        If a file is bad.
-    """
+    """Write sizes and moduli of the configuration's berry, beside the published ones."""
     from repose.particle import berry
 
     section = config["berry"]
@@ -85,25 +52,7 @@ def write_berry(config: Mapping[str, Any], out_dir: str | PathLike) -> None:
 def write_particle(
     config: Mapping[str, Any], berry_json: str | PathLike, out_dir: str | PathLike
 ) -> "Particle":
-    """Write the configuration's particle.
-
-    Parameters
-    ----------
-    config : mapping
-        The checked configuration.
-    berry_json : path
-        What `write_berry` wrote.
-    out_dir : path
-
-    Returns
-    -------
-    Particle
-
-    Raises
-    ------
-    InputError
-        If a file is bad.
-    """
+    """Write the configuration's particle."""
     from repose.particle import build
 
     return build.run(berry_json, config["berry"]["stl"], out_dir, **_how(config))

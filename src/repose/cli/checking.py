@@ -84,18 +84,7 @@ def _about_the_grain(config, berry, particle) -> Iterator[str]:
 
 
 def about_step(step_s: float, limit: "Limit") -> str:
-    """How long the time step may be, and what a longer one saves.
-
-    Parameters
-    ----------
-    step_s : float
-        Of the configuration [s].
-    limit : repose.dem.time_steps.Limit
-
-    Returns
-    -------
-    str
-    """
+    """How long the time step may be, and what a longer one saves."""
     from repose.config import computed
 
     advised = computed.advised_step_s(limit.time_step_s)
@@ -201,16 +190,7 @@ def _berry_step_s(config, berry, particle):
 
 @contextlib.contextmanager
 def seconds_told(sentence: str) -> Iterator[None]:
-    """Tell a sentence on stderr, and on a terminal the seconds as they pass.
-
-    Parameters
-    ----------
-    sentence : str
-
-    Yields
-    ------
-    None
-    """
+    """Tell a sentence on stderr, and on a terminal the seconds as they pass."""
     terminal = sys.stderr.isatty()
     done = threading.Event()
 

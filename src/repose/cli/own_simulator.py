@@ -27,13 +27,7 @@ def _study(args: argparse.Namespace) -> "OwnStudy":
 
 
 def write_start(args: argparse.Namespace) -> None:
-    """Write the runs to begin with, samples.csv.
-
-    Parameters
-    ----------
-    args : argparse.Namespace
-        With ``config`` and ``out``, the folder.
-    """
+    """Write the runs to begin with, samples.csv."""
     from repose.core.files import write_table
     from repose.studies.own_simulator import first_runs
 

@@ -43,29 +43,7 @@ STUDY_SEEDS = (
 def parameters(
     entries: Sequence[str], samples: str | None, sample: int | None, section: Mapping[str, Any]
 ) -> dict[str, float]:
-    """The six parameters by name: from --set, or from a row of --samples.
-
-    Parameters
-    ----------
-    entries : sequence of str
-        NAME=VALUE of every --set.
-    samples : path or None
-        A CSV file with the columns sample and the six.
-    sample : int or None
-        A number in its column sample.
-    section : mapping
-        The section `parameters` of the configuration. A parameter that is not set has the centre of its range.
-
-    Returns
-    -------
-    dict
-        The six parameters.
-
-    Raises
-    ------
-    InputError
-        For a fault of an option, of the file, or of a value.
-    """
+    """The six parameters by name: from --set, or from a row of --samples."""
     given = pairs(entries, "--set")
     if samples:
         if given or sample is None:
@@ -82,22 +60,7 @@ def parameters(
 
 
 def run_seeds(given: list[int] | None) -> list[int]:
-    """Seeds from --seed.
-
-    Parameters
-    ----------
-    given : list of int or None
-        None stands for seed 1.
-
-    Returns
-    -------
-    list of int
-
-    Raises
-    ------
-    InputError
-        Unless they are distinct whole numbers from 0.
-    """
+    """Seeds from --seed."""
     given = given or [1]
     if min(given) < 0 or len(set(given)) < len(given):
         raise InputError("command line", "--seed", given, "distinct whole numbers from 0")
@@ -105,26 +68,7 @@ def run_seeds(given: list[int] | None) -> list[int]:
 
 
 def pour_seeds(args: Namespace, study_seed: int, apparatus: str = streams.UNNAMED) -> list[int]:
-    """Seeds from --seed, or the study's own from --seeds.
-
-    Parameters
-    ----------
-    args : argparse.Namespace
-        With ``seed``, ``seeds``, ``purpose`` and ``sample``.
-    study_seed : int
-        `design.seed` of the configuration.
-    apparatus : str, optional
-        Name of the bench test.
-
-    Returns
-    -------
-    list of int
-
-    Raises
-    ------
-    InputError
-        If both options are given, or one has a bad value.
-    """
+    """Seeds from --seed, or the study's own from --seeds."""
     if args.seeds is None:
         return run_seeds(args.seed)
     if args.seed or args.seeds < 1:

@@ -190,19 +190,7 @@ def drum_tables(args: argparse.Namespace) -> None:
 
 
 def told(run: Mapping[str, Any], words: str) -> str:
-    """One run in words, or why there are none.
-
-    Parameters
-    ----------
-    run : mapping
-        A measured run.
-    words : str
-        The bench test's template of the run's values.
-
-    Returns
-    -------
-    str
-    """
+    """One run in words, or why there are none."""
     if run["status"] != "ok":
         return f"seed {run['seed']}: {run['status']}: {run['reason']}"
     try:

@@ -10,28 +10,13 @@ PROGRAM = "python -m repose"
 
 
 class Option:
-    """One option or positional argument, in the words of `argparse.ArgumentParser.add_argument`.
-
-    Parameters
-    ----------
-    *names : str
-    **keywords
-    """
+    """One option or positional argument, in the words of `argparse.ArgumentParser.add_argument`."""
 
     def __init__(self, *names: str, **keywords: Any) -> None:
         self.names, self.keywords = names, keywords
 
     def but(self, **changes: Any) -> "Option":
-        """The same option with some keywords changed.
-
-        Parameters
-        ----------
-        **changes
-
-        Returns
-        -------
-        Option
-        """
+        """The same option with some keywords changed."""
         return Option(*self.names, **(self.keywords | changes))
 
 
@@ -41,18 +26,7 @@ CONFIG = Option(
 
 
 class Verb(NamedTuple):
-    """A step that runs by name.
-
-    Attributes
-    ----------
-    run : callable
-        Takes the parsed options, does the step, and may return an exit status.
-    summary, example : str
-        As for `Family.verb`.
-    options : tuple of Option
-    passes_on : bool
-        Whether it takes words that none of its options takes, as the list `args.rest`.
-    """
+    """A step that runs by name."""
 
     run: Callable
     summary: str
@@ -65,13 +39,7 @@ class Verb(NamedTuple):
         return self.run.__name__
 
     def add_to(self, subparsers: Any) -> None:
-        """Add the verb's own parser to those of the program; what it parses has the verb's name as `verb`.
-
-        Parameters
-        ----------
-        subparsers : object
-            What `argparse.ArgumentParser.add_subparsers` gave.
-        """
+        """Add the verb's own parser to those of the program; what it parses has the verb's name as `verb`."""
         parser = subparsers.add_parser(
             self.name,
             description=f"{self.summary[0].upper()}{self.summary[1:]}.",
@@ -98,28 +66,7 @@ class Family:
         options: Sequence[Option] = (),
         passes_on: bool = False,
     ) -> Callable[[Callable], Callable]:
-        """Decorator that makes a function the verb of the same name.
-
-        Parameters
-        ----------
-        summary : str
-            The verb in one line, as the help shows it, without capital and full stop.
-        example : str, optional
-            What follows the name in a call that parses.
-        out : str, optional
-            Default of --out; without it there is no --out.
-        config : bool, optional
-            Whether the verb takes --config.
-        options : sequence of Option, optional
-            Its further options.
-        passes_on : bool, optional
-            Whether the verb passes words on to another program.
-
-        Returns
-        -------
-        callable
-            The decorator.
-        """
+        """Decorator that makes a function the verb of the same name."""
         shared = [CONFIG] if config else []
         if out:
             kind = "file" if Path(out).suffix else "folder"

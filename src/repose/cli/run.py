@@ -59,27 +59,7 @@ def _display() -> list[str]:
 
 
 def uninterrupted(main: Callable[[list[str]], object], words: list[str], display: Sequence[str] = ()) -> int:
-    """Run snakemake; where Ctrl-C or a signal ends it, say in one sentence how to go on.
-
-    Parameters
-    ----------
-    main : callable
-        Of snakemake; it gets its command line.
-    words : list of str
-        What `repose run` was given.
-    display : sequence of str, optional
-        Options of snakemake that choose how it shows what it does.
-
-    Returns
-    -------
-    int
-        0, where snakemake returns without a status of its own.
-
-    Raises
-    ------
-    SystemExit
-        With snakemake's status; with 128 and the signal's number where one ended it, as a shell has it.
-    """
+    """Run snakemake; where Ctrl-C or a signal ends it, say in one sentence how to go on."""
     ended_by: list[int] = []
 
     def stop(number, _frame):
@@ -104,18 +84,7 @@ def uninterrupted(main: Callable[[list[str]], object], words: list[str], display
 
 
 def check_words(words: Sequence[str]) -> None:
-    """Refuse words that snakemake would answer with a traceback.
-
-    Parameters
-    ----------
-    words : sequence of str
-        What `repose run` was given.
-
-    Raises
-    ------
-    InputError
-        If a configuration cannot be read, a value of one has no name, or the number of cores is none.
-    """
+    """Refuse words that snakemake would answer with a traceback."""
     from repose.config.reading import read
 
     for path in configurations(words):
@@ -135,13 +104,7 @@ def check_words(words: Sequence[str]) -> None:
 
 @contextlib.contextmanager
 def missing_targets_told() -> Iterator[None]:
-    """Tell of a target that nothing makes as of any bad input.
-
-    Raises
-    ------
-    InputError
-        If snakemake ended since it has no rule for a target.
-    """
+    """Tell of a target that nothing makes as of any bad input."""
     from snakemake.logging import logger
 
     found: list[str] = []
@@ -174,17 +137,7 @@ def _interrupt_jobs() -> None:
 
 
 def configurations(words: Sequence[str]) -> list[str]:
-    """Files of configurations among the words.
-
-    Parameters
-    ----------
-    words : sequence of str
-        What `repose run` was given.
-
-    Returns
-    -------
-    list of str
-    """
+    """Files of configurations among the words."""
     found, option = [], ""
     for word in words:
         value = word
@@ -196,17 +149,7 @@ def configurations(words: Sequence[str]) -> list[str]:
 
 
 def catalogue(words: list[str]) -> str:
-    """The studies, each with a sentence and its cost in the configuration that the words name.
-
-    Parameters
-    ----------
-    words : list of str
-        What `repose run` was given; its configurations lie over the default, in their order.
-
-    Returns
-    -------
-    str
-    """
+    """The studies, each with a sentence and its cost in the configuration that the words name."""
     from repose.config import cost, loader
     from repose.strategies import cost as strategies
 
@@ -243,20 +186,7 @@ def _cost_of(config):
 
 
 def snakemake_words(words: list[str]) -> list[str]:
-    """The command line of snakemake for what `repose run` was given.
-
-    Parameters
-    ----------
-    words : list of str
-        Options of snakemake and targets, in any order.
-
-    Returns
-    -------
-    list of str
-        Targets first, since `--configfile` would take those after it for files; then the options. Without
-        `--cores` all cores work; without `--snakefile` the workflow is the program's own. A configuration or a
-        profile that the working folder lacks, such as config/quick.yaml, is the program's.
-    """
+    """The command line of snakemake for what `repose run` was given."""
     targets: list[str] = []
     options: list[str] = []
     expected = ""  # the option that the next words belong to

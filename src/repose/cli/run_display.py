@@ -65,12 +65,7 @@ class LogHandler(LogHandlerBase):
         self.changing = threading.Lock()
 
     def emit(self, record: LogRecord) -> None:
-        """Take what snakemake tells.
-
-        Parameters
-        ----------
-        record : logging.LogRecord
-        """
+        """Take what snakemake tells."""
         try:
             with self.changing:
                 lines = list(self._told_by(record))
@@ -193,17 +188,7 @@ class LogHandler(LogHandlerBase):
 
 
 def last_lines(path: Path) -> list[str]:
-    """The end of a log.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    list of str
-        One line that says so where there is none.
-    """
+    """The end of a log."""
     try:
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
@@ -212,13 +197,7 @@ def last_lines(path: Path) -> list[str]:
 
 
 def register() -> list[str]:
-    """Make the display known to snakemake.
-
-    Returns
-    -------
-    list of str
-        The options of snakemake that choose it.
-    """
+    """Make the display known to snakemake."""
     from snakemake_interface_logger_plugins.registry import LoggerPluginRegistry
 
     LoggerPluginRegistry().register_plugin(PLUGIN, sys.modules[__name__])

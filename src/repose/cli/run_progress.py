@@ -15,18 +15,7 @@ SHORTEST_RATE_S = 1.0
 
 @dataclass(frozen=True)
 class Running:
-    """A job that runs, or has failed.
-
-    Attributes
-    ----------
-    stage, message : str
-        Its stage, and what it does in words.
-    began_s : float
-    pours : int
-        Runs of a bench test that it was to make.
-    output : str
-        Its first output.
-    """
+    """A job that runs, or has failed."""
 
     stage: str
     message: str
@@ -35,13 +24,7 @@ class Running:
     output: str = ""
 
     def made(self) -> int | None:
-        """Runs that it has made so far; those that it took from an earlier job are left out.
-
-        Returns
-        -------
-        int or None
-            None where the job keeps no runs one by one.
-        """
+        """Runs that it has made so far; those that it took from an earlier job are left out."""
         if not self.output.endswith(POURS):
             return None
         done = Path(self.output)
@@ -52,13 +35,7 @@ class Running:
 
 @dataclass
 class Stage:
-    """A stage of the workflow.
-
-    Attributes
-    ----------
-    done, total : int
-        Jobs.
-    """
+    """A stage of the workflow."""
 
     done: int = 0
     total: int = 0
@@ -66,15 +43,7 @@ class Stage:
 
 @dataclass
 class RunProgress:
-    """What is known of a run while it goes on.
-
-    Attributes
-    ----------
-    stages : dict of str to Stage
-        Those that have work, in the order of the workflow.
-    running, failed : dict of int to Running
-        By the job's number. A failed job that begins again is no failed one.
-    """
+    """What is known of a run while it goes on."""
 
     stages: dict[str, Stage] = field(default_factory=dict)
     running: dict[int, Running] = field(default_factory=dict)
@@ -86,16 +55,7 @@ class RunProgress:
     _first_pour_s: float | None = None
 
     def plan(self, stage_of: Mapping[str, str], jobs: Mapping[str, Mapping[int, tuple[int, float]]]) -> None:
-        """Take what the workflow is going to run.
-
-        Parameters
-        ----------
-        stage_of : mapping of str to str
-            Stage of each rule, in the order of the workflow.
-        jobs : mapping of str to mapping
-            Of each rule its jobs by number: how many runs of a bench test each makes, and its expected time on a
-            core [s].
-        """
+        """Take what the workflow is going to run."""
         self._stage_of = stage_of
         for name in dict.fromkeys(stage_of.values()):
             numbers = [number for rule in jobs if stage_of.get(rule) == name for number in jobs[rule]]
@@ -104,20 +64,7 @@ class RunProgress:
         self._planned = {number: told for known in jobs.values() for number, told in known.items()}
 
     def start(self, number: int, rule: str, message: str, output: str, now_s: float) -> Running:
-        """A job begins, or begins again.
-
-        Parameters
-        ----------
-        number : int
-            Of the job.
-        rule, message, output : str
-            Its rule, what it does in words, and its first output.
-        now_s : float
-
-        Returns
-        -------
-        Running
-        """
+        """A job begins, or begins again."""
         name = self._stage_of.get(rule, rule)
         if number not in self._planned:  # a checkpoint has added it
             self._planned[number] = (0, 0.0)
@@ -131,12 +78,7 @@ class RunProgress:
         return job
 
     def finish(self, number: int) -> None:
-        """A job has ended well.
-
-        Parameters
-        ----------
-        number : int
-        """
+        """A job has ended well."""
         job = self.running.pop(number, None)
         if job is not None:
             made = job.made()
@@ -144,17 +86,7 @@ class RunProgress:
             self.stages[job.stage].done += 1
 
     def fail(self, number: int) -> Running | None:
-        """A job has failed.
-
-        Parameters
-        ----------
-        number : int
-
-        Returns
-        -------
-        Running or None
-            None if that is known already.
-        """
+        """A job has failed."""
         job = self.running.pop(number, None)
         if job is not None:
             self.failed[number] = job
@@ -166,34 +98,14 @@ class RunProgress:
         return sum(self._done.values()) + sum(job.made() or 0 for job in self.running.values())
 
     def pours_a_minute(self, now_s: float) -> float | None:
-        """Rate since the first pour began.
-
-        Parameters
-        ----------
-        now_s : float
-
-        Returns
-        -------
-        float or None
-            None before the first is made.
-        """
+        """Rate since the first pour began."""
         done = self.pours_done
         if not done or self._first_pour_s is None or now_s - self._first_pour_s < SHORTEST_RATE_S:
             return None
         return 60 * done / (now_s - self._first_pour_s)
 
     def left_s(self, now_s: float) -> float | None:
-        """Time that the planned jobs still take, if they go on as fast as those that are done.
-
-        Parameters
-        ----------
-        now_s : float
-
-        Returns
-        -------
-        float or None
-            None before anything tells it: where pours are planned, before the first of them is made.
-        """
+        """Time that the planned jobs still take, if they go on as fast as those that are done."""
         pouring = any(pours for pours, _ in self._planned.values())
         began_s = self._first_pour_s if pouring else self._began_s
         if began_s is None or now_s - began_s < SHORTEST_RATE_S or (pouring and not self.pours_done):
@@ -211,16 +123,7 @@ class RunProgress:
 
 
 def in_words(seconds: float) -> str:
-    """A time that is known roughly.
-
-    Parameters
-    ----------
-    seconds : float
-
-    Returns
-    -------
-    str
-    """
+    """A time that is known roughly."""
     minutes = round(seconds / 60)
     if minutes < 1:
         return "less than a minute"

@@ -20,20 +20,6 @@ def stage(args: argparse.Namespace) -> Iterator[None]:
     """Run a verb as a stage; where its configuration is that of a folder of results, hold the folder meanwhile.
 
     When it is done, it says so where the program's own crop stood in for the user's (`tell_of_own_crop`).
-
-    Parameters
-    ----------
-    args : argparse.Namespace
-        The verb's parsed options.
-
-    Yields
-    ------
-    None
-
-    Raises
-    ------
-    InputError
-        If its files are of different origin.
     """
 
     def settings_of(config: Mapping[str, Any], apparatus: str | None) -> Any:
@@ -51,13 +37,7 @@ def stage(args: argparse.Namespace) -> Iterator[None]:
 
 
 def tell_of_own_crop(*files: str) -> None:
-    """Say so on stderr where the program's own crop stands in for a configuration that the folder lacks.
-
-    Parameters
-    ----------
-    *files : path
-        Configurations that were given.
-    """
+    """Say so on stderr where the program's own crop stands in for a configuration that the folder lacks."""
     from repose.config import loader
     from repose.config.reading import read
 
@@ -70,17 +50,7 @@ def tell_of_own_crop(*files: str) -> None:
 
 
 def files_of(args: argparse.Namespace) -> Iterator[Path]:
-    """Files that the options of a verb name.
-
-    Parameters
-    ----------
-    args : argparse.Namespace
-
-    Yields
-    ------
-    Path
-        Of a folder its dataset, if it has one.
-    """
+    """Files that the options of a verb name."""
     for option, value in vars(args).items():
         if option in NOT_READ:
             continue

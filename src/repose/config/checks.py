@@ -31,23 +31,6 @@ def check(config: dict[str, Any], source: str | Origin = "configuration") -> dic
     """Check a configuration of numbers by its schema and by the rules between keys.
 
     Keys of the file's inputs are left to `check_inputs`.
-
-    Parameters
-    ----------
-    config : dict
-        Without `auto`.
-    source : str or Origin, optional
-        Name of the file, for the message.
-
-    Returns
-    -------
-    dict
-        The same configuration.
-
-    Raises
-    ------
-    InputError
-        For all faults at once; a rule is asked where each key that it reads is right by itself.
     """
     checks = _Checks(config, source)
     checks.add((one.key, "a number; `auto` is for the file of a study") for one in computed.asked(config))
@@ -60,17 +43,6 @@ def check_inputs(config: dict[str, Any], source: str | Origin = "configuration")
     """Check the files that a checked configuration names, and that berry, bench test and time step fit together.
 
     The berry's particle is made for it, and the engine is asked how long a time step may be.
-
-    Parameters
-    ----------
-    config : dict
-    source : str or Origin, optional
-        Name of the file, for the message.
-
-    Raises
-    ------
-    InputError
-        For all faults at once.
     """
     checks = _Checks(config, source)
     checks.read_files()
@@ -80,26 +52,7 @@ def check_inputs(config: dict[str, Any], source: str | Origin = "configuration")
 
 
 def complete(config: dict[str, Any], source: str | Origin, inputs: bool = True) -> dict[str, Any]:
-    """Compute what is `auto` in a configuration, and check it by all that `check` and `check_inputs` ask.
-
-    Parameters
-    ----------
-    config : dict
-    source : str or Origin
-        Name of the file, for the message.
-    inputs : bool, optional
-        Whether the files that it names are checked; without it they are only read where a key that is `auto` needs it.
-
-    Returns
-    -------
-    dict
-        The same where nothing is `auto`.
-
-    Raises
-    ------
-    InputError
-        For all faults at once.
-    """
+    """Compute what is `auto` in a configuration, and check it by all that `check` and `check_inputs` ask."""
     checks = _Checks(config, source)
     asked = computed.asked(config)
     checks.unknown |= {one.key for one in asked}
@@ -119,21 +72,7 @@ def complete(config: dict[str, Any], source: str | Origin, inputs: bool = True) 
 def unstable(
     config: Mapping[str, Any], particle: "Particle", mean: Mapping[str, Any]
 ) -> Iterator[tuple[str, str]]:
-    """A time step that the engine would refuse.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    particle : Particle
-    mean : mapping
-        What the verb ``berry`` writes.
-
-    Yields
-    ------
-    tuple of (str, str)
-        Dotted key, and what is allowed.
-    """
+    """A time step that the engine would refuse."""
     limit = computed.longest_step(config, particle, mean)
     if SimulationSettings.of(config).time_step_s > limit.time_step_s:
         yield "simulation.time_step_s", limit.allowed

@@ -30,18 +30,7 @@ Config = Mapping[str, Any]
 
 
 class Computed(NamedTuple):
-    """A key that may be `auto`.
-
-    Attributes
-    ----------
-    key : str
-        Dotted.
-    reads : tuple of str
-        Dotted keys or sections that its number follows from.
-    of : function
-        ``of(config, berry, particle)`` gives the number. berry is what the verb ``berry`` writes; both are None where
-        the number does not follow from the grain.
-    """
+    """A key that may be `auto`."""
 
     key: str
     reads: tuple[str, ...]
@@ -54,35 +43,12 @@ class Computed(NamedTuple):
 
 
 def asked(config: Config) -> list[Computed]:
-    """The keys of a configuration that are `auto`.
-
-    Parameters
-    ----------
-    config : mapping
-        May lack keys, and hold values that are not allowed.
-
-    Returns
-    -------
-    list of Computed
-        In an order in which each can be computed.
-    """
+    """The keys of a configuration that are `auto`."""
     return [one for one in COMPUTED if _value(config, one.key) == AUTO]
 
 
 def filled(config: Config, key: str, value: Any) -> dict[str, Any]:
-    """A copy of a configuration with a number in place of `auto`.
-
-    Parameters
-    ----------
-    config : mapping
-    key : str
-        Dotted.
-    value : object
-
-    Returns
-    -------
-    dict
-    """
+    """A copy of a configuration with a number in place of `auto`."""
     copied = copy.deepcopy(dict(config))
     section, name = key.split(".")
     copied[section][name] = value
@@ -90,20 +56,7 @@ def filled(config: Config, key: str, value: Any) -> dict[str, Any]:
 
 
 def longest_step(config: Config, particle: "Particle", mean: Mapping[str, Any]) -> "Limit":
-    """The longest time step that the engine takes for every set of parameters of a study and its published table.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration; its time step is not read.
-    particle : Particle
-    mean : mapping
-        What the verb ``berry`` writes.
-
-    Returns
-    -------
-    repose.dem.time_steps.Limit
-    """
+    """The longest time step that the engine takes for every set of parameters of a study and its published table."""
     from repose.apparatus.scene import longest_time_step
 
     sets = [{name: range_of(name, config["parameters"][name])[0] for name in PARAMETERS}]
@@ -113,35 +66,13 @@ def longest_step(config: Config, particle: "Particle", mean: Mapping[str, Any]) 
 
 
 def advised_step_s(longest_s: float) -> float:
-    """The time step to take.
-
-    Parameters
-    ----------
-    longest_s : float
-        The longest one that the engine takes [s].
-
-    Returns
-    -------
-    float
-        `STEP_SHARE` of it [s]: two digits, rounded down.
-    """
+    """The time step to take."""
     unit = 10.0 ** (math.floor(math.log10(STEP_SHARE * longest_s)) - 1)
     return float(f"{math.floor(STEP_SHARE * longest_s / unit) * unit:.2g}")
 
 
 def axes_mm(berry: Mapping[str, Any]) -> Sequence[float]:
-    """Axes of the mean grain.
-
-    Parameters
-    ----------
-    berry : mapping
-        What the verb ``berry`` writes.
-
-    Returns
-    -------
-    sequence of float, (3,)
-        In mm, the longest first.
-    """
+    """Axes of the mean grain."""
     return [berry[name] for name in ("long_mm", "major_mm", "minor_mm")]
 
 
@@ -178,8 +109,6 @@ def _factory_diameter_mm(config, berry, _particle):
 def _duration_s(config, berry, particle):
     """Until all grains are poured and have run out, have fallen, and lie.
 
-    Notes
-    -----
     Grains run out of an opening D at 0.58 rho_b sqrt(g) (D - 1.4 d)^2.5 in mass (Beverloo), so a pour that is faster
     than this lasts as long as the running out. Where the opening is too narrow for this law the rate of pouring counts.
     """

@@ -16,32 +16,14 @@ Pairs = Iterator[tuple[str, str]]
 
 
 class Rule(NamedTuple):
-    """A rule between keys.
-
-    Attributes
-    ----------
-    reads : tuple of str
-        Dotted keys, or whole sections, that it reads: it can be asked where each of them is right by itself.
-    faults : function
-        ``faults(config)`` yields (dotted key, what is allowed).
-    """
+    """A rule between keys."""
 
     reads: tuple[str, ...]
     faults: Callable[[Mapping[str, Any]], Pairs]
 
 
 def rules(config: Mapping[str, Any]) -> list[Rule]:
-    """The rules for a configuration.
-
-    Parameters
-    ----------
-    config : mapping
-        Those of a bench test are among them where its section is there.
-
-    Returns
-    -------
-    list of Rule
-    """
+    """The rules for a configuration."""
     used = used_tests(config)
     return [
         Rule(("measure.fit_from", "measure.fit_to"), _of_the_fit),
@@ -62,16 +44,7 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
 
 
 def used_tests(config: Mapping[str, Any]) -> list[BenchTest]:
-    """Bench tests that have a section in the configuration.
-
-    Parameters
-    ----------
-    config : mapping
-
-    Returns
-    -------
-    list of BenchTest
-    """
+    """Bench tests that have a section in the configuration."""
     return [test for test in bench_tests() if test.name in config]
 
 
@@ -125,18 +98,7 @@ def _of_the_surrogate(config):
 
 
 def strategy_contradictions(config: Mapping[str, Any]) -> Pairs:
-    """A sequential start beyond its budget or without repeats; a response surface of too few factors or runs.
-
-    Parameters
-    ----------
-    config : mapping
-        Whose values are allowed, each by itself.
-
-    Yields
-    ------
-    tuple of (str, str)
-        Dotted key, and what is allowed.
-    """
+    """A sequential start beyond its budget or without repeats; a response surface of too few factors or runs."""
     if config["strategy"] == "sequential":
         section, responses = config["sequential"], len(config["targets"])
         repeats = section["start_samples"] * (section["seeds"] - 1)

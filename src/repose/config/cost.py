@@ -30,21 +30,7 @@ Pours = Sequence[tuple[str, int, int]]
 
 
 def run_s(config: Mapping[str, Any], name: str, berry_step_s: float = SECONDS_A_BERRY_STEP) -> float:
-    """Wall time of a run of a bench test on one core, without its measurement.
-
-    Parameters
-    ----------
-    config : mapping
-    name : str
-        Of the bench test.
-    berry_step_s : float, optional
-        Wall time of a step of one berry; `measured_berry_step_s` measures it.
-
-    Returns
-    -------
-    float
-        Seconds.
-    """
+    """Wall time of a run of a bench test on one core, without its measurement."""
     section, duration = config[name], bench(name).duration_s(config)
     berries = section.get("berries", 1)
     filled = duration - 0.5 * min(duration, berries / section.get("rate_per_s", math.inf))
@@ -52,17 +38,7 @@ def run_s(config: Mapping[str, Any], name: str, berry_step_s: float = SECONDS_A_
 
 
 def longest_job_s(config: Mapping[str, Any]) -> float:
-    """Wall time of the longest job that runs a bench test: one parameter set with the most seeds of any section.
-
-    Parameters
-    ----------
-    config : mapping
-
-    Returns
-    -------
-    float
-        Seconds, for the funnel, the drum and the bench tests of the targets.
-    """
+    """Wall time of the longest job that runs a bench test: one parameter set with the most seeds of any section."""
     sections = [section for section in config.values() if isinstance(section, Mapping)]
     seeds = max(section[key] for section in sections for key in section if key.endswith(SEEDS))
     names = {"funnel", "drum", *Targets.of(config["targets"]).apparatus}
@@ -70,22 +46,7 @@ def longest_job_s(config: Mapping[str, Any]) -> float:
 
 
 def measured_berry_step_s(config: Mapping[str, Any], berry: Mapping[str, Any], particle: "Particle") -> float:
-    """Time of a step of one grain in a pile on a core of this machine, measured with small pours of about a second.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    berry : mapping
-        What the verb ``berry`` writes.
-    particle : Particle
-
-    Returns
-    -------
-    float
-        Seconds of a core of its own: what other programs take meanwhile is left out. The first call on a machine
-        compiles the engine.
-    """
+    """Time of a step of one grain in a pile on a core of this machine, measured with small pours of about a second."""
     from repose.apparatus import funnel
 
     steps = TIMED_S / SimulationSettings.of(config).time_step_s
@@ -112,22 +73,7 @@ def work(
     berry_step_s: float = SECONDS_A_BERRY_STEP,
     pours: Pours | None = None,
 ) -> dict[str, Any]:
-    """What a study takes.
-
-    Parameters
-    ----------
-    config : mapping
-    berry_step_s : float, optional
-        As for `run_s`.
-    pours : sequence of (purpose, parameter sets, seeds), optional
-        Of another strategy than the published one; each set runs as often in every bench test of the targets.
-
-    Returns
-    -------
-    dict
-        ``pours``: of the funnel, as (purpose, parameter sets, seeds). ``pour_s``: wall time of one [s].
-        ``total_s``: of the whole study on one core [s], the other bench tests of its targets included.
-    """
+    """What a study takes."""
     targets = Targets.of(config["targets"])
     pour_s = run_s(config, "funnel", berry_step_s) + SECONDS_A_VIEW * config["measure"]["views"]
 
@@ -160,21 +106,7 @@ def work(
 
 
 def job_s(config: Mapping[str, Any], name: str, runs: int) -> float:
-    """Wall time of a job of the workflow on one core, to compare jobs with one another.
-
-    Parameters
-    ----------
-    config : mapping
-    name : str
-        Of the bench test that it runs.
-    runs : int
-        How often; none for a job that only computes.
-
-    Returns
-    -------
-    float
-        Seconds.
-    """
+    """Wall time of a job of the workflow on one core, to compare jobs with one another."""
     return JOB_START_S + (runs * run_s(config, name) if runs else 0.0)
 
 
@@ -200,18 +132,7 @@ NEEDED = {
 
 
 def offered(config: Mapping[str, Any]) -> list[str]:
-    """Targets of `repose run`.
-
-    Parameters
-    ----------
-    config : mapping
-        May lack keys: then the target whose table of published solutions nobody can read is left out.
-
-    Returns
-    -------
-    list of str
-        Those whose section of the configuration is there; the calibration first.
-    """
+    """Targets of `repose run`."""
     try:
         responses = Targets.of(config["targets"]).responses
         theirs = published_count(config["validation"]["published"], responses)
@@ -222,19 +143,7 @@ def offered(config: Mapping[str, Any]) -> list[str]:
 
 
 def costs(config: Mapping[str, Any]) -> dict[str, str]:
-    """What the studies of a workflow cost besides the calibration, in words: pours, and their time on one core.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    dict of str
-        By target; the strategies are left out. Times are of pours; what uses the surrogate alone, seconds to minutes,
-        is left out.
-    """
+    """What the studies of a workflow cost besides the calibration, in words: pours, and their time on one core."""
     of_all = work(config)
     pour_s = of_all["pour_s"]
 

@@ -14,18 +14,7 @@ GRAIN = "berry_height_mm"
 
 
 def definitions_of(config: Mapping[str, Any]) -> Definitions:
-    """Definitions of the responses of the bench tests that a study is calibrated by.
-
-    Parameters
-    ----------
-    config : mapping
-
-    Returns
-    -------
-    mapping
-        For each response the keys that define it, with their values. Those of other bench tests are left out: the
-        study's files do not change with them.
-    """
+    """Definitions of the responses of the bench tests that a study is calibrated by."""
     used = Targets.of(config["targets"]).apparatus
     return {
         one.name: {key: get(config, key) for key in one.definition}
@@ -36,22 +25,7 @@ def definitions_of(config: Mapping[str, Any]) -> Definitions:
 
 
 def described(config: Mapping[str, Any], response: Response, berry: Mapping[str, Any]) -> dict[str, Any]:
-    """What a response is, and how the bench test is done that gives it.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    response : Response
-    berry : mapping
-        What the verb ``berry`` writes: the height of a grain where the configuration has none.
-
-    Returns
-    -------
-    dict
-        ``definition``: its ``name``, and ``settings``, the keys that it reads. ``bench``: the keys of the bench test's
-        section that a run reads. Units stand in the keys.
-    """
+    """What a response is, and how the bench test is done that gives it."""
     from repose.measure.settings import MeasureSettings
 
     one, test = response, bench(response.apparatus)

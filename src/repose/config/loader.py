@@ -28,24 +28,7 @@ WHOLE |= {f"parameters.{name}" for name in PARAMETERS}
 
 
 def load(*files: str | os.PathLike) -> dict[str, Any]:
-    """A study's configuration as the workflow reads it: what is `auto` computed, and checked.
-
-    Parameters
-    ----------
-    *files : path
-        Each may hold only the keys that differ. They lie, one over the other, over the defaults (`layers`). Looked
-        for as `places.find` does. A complete one needs no default: the folder's own may be edited while a workflow's
-        jobs read `RESULTS/config.json`.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read, or a value is not allowed. It names the file that the bad value came from.
-    """
+    """A study's configuration as the workflow reads it: what is `auto` computed, and checked."""
     from repose.config.checks import complete  # here and below: the help of a verb loads none of it
 
     config, source = _unchecked(files)
@@ -55,21 +38,7 @@ def load(*files: str | os.PathLike) -> dict[str, Any]:
 
 
 def unchecked(*files: str | os.PathLike) -> dict[str, Any]:
-    """The same as its files have it: with what is `auto`, and with values that are not allowed.
-
-    Parameters
-    ----------
-    *files : path
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-    """
+    """The same as its files have it: with what is `auto`, and with values that are not allowed."""
     return _unchecked(files)[0]
 
 
@@ -83,23 +52,7 @@ def _unchecked(files):
 
 
 def layers(given: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
-    """The files of a configuration, each to be read over the one before it: the default ones, then those given.
-
-    Parameters
-    ----------
-    given : sequence of path
-
-    Returns
-    -------
-    list of path
-        The program's own crop is among the defaults only where no other file is a crop of its own. So a crop that lacks
-        a key is told so, and does not run with the number of another one.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-    """
+    """The files of a configuration, each to be read over the one before it: the default ones, then those given."""
     own = (places.root() / places.DEFAULT_CONFIG).resolve()
     defaults = places.configs()
     others = [path for path in defaults if path.resolve() != own]
@@ -107,23 +60,7 @@ def layers(given: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
 
 
 def own_crop_under(*files: str | os.PathLike) -> Path | None:
-    """The program's own crop, where a configuration stands on it in a folder that has none.
-
-    Parameters
-    ----------
-    *files : path
-        As for `load`.
-
-    Returns
-    -------
-    Path or None
-        None where the working folder has a configuration or is the program's, or the files need no default.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-    """
+    """The program's own crop, where a configuration stands on it in a folder that has none."""
     from repose.config.schema import lacks_keys
 
     own = places.root() / places.DEFAULT_CONFIG
@@ -144,26 +81,7 @@ def _is_a_crop(config):
 def resolve(
     files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None, inputs: bool = True
 ) -> dict[str, Any]:
-    """A workflow's configuration: later files over earlier ones, the command line over all; computed, checked.
-
-    Parameters
-    ----------
-    files : sequence of path
-        The first complete; the others may hold only some keys.
-    overrides : mapping, optional
-        Nested; its texts are read as YAML values.
-    inputs : bool, optional
-        Whether the files that it names are checked as well, and its berry is built, which takes seconds.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read, or a value is not allowed. It names the file that the bad value came from.
-    """
+    """A workflow's configuration: later files over earlier ones, the command line over all; computed, checked."""
     from repose.config.checks import complete
 
     return complete(*_over_each_other(files, overrides), inputs)
@@ -195,13 +113,7 @@ def _with_files_found(config):
 
 
 def write_resolved(config: Mapping[str, Any], path: str | os.PathLike) -> None:
-    """Write a configuration as JSON, but only where that changes the file.
-
-    Parameters
-    ----------
-    config : mapping
-    path : path
-    """
+    """Write a configuration as JSON, but only where that changes the file."""
     path = Path(path)
     text = json.dumps(config, indent=1) + "\n"
     if not path.is_file() or path.read_text(encoding="utf-8") != text:

@@ -19,23 +19,7 @@ class StrictLoader(yaml.SafeLoader):
     """YAML that refuses a key given twice and reads 2e-4 as the number it is (YAML 1.1 takes it for text)."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """The mapping of a node; called by PyYAML.
-
-        Parameters
-        ----------
-        node : yaml.MappingNode
-        deep : bool, optional
-            Whether to construct what the mapping holds at once.
-
-        Returns
-        -------
-        dict
-
-        Raises
-        ------
-        InputError
-            If a key stands twice; it names the line.
-        """
+        """The mapping of a node; called by PyYAML."""
         seen = set()
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=deep)
@@ -55,21 +39,7 @@ StrictLoader.add_implicit_resolver(
 
 
 def read(path: str | os.PathLike) -> dict[str, Any]:
-    """The mapping in a YAML or JSON file, unchecked.
-
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    InputError
-        If there is no such file, its syntax is bad, or a key stands twice.
-    """
+    """The mapping in a YAML or JSON file, unchecked."""
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -84,23 +54,7 @@ def read(path: str | os.PathLike) -> dict[str, Any]:
 
 
 def parse(text: str, name: str) -> Any:
-    """YAML (of which JSON is a part) as plain values.
-
-    Parameters
-    ----------
-    text : str
-    name : str
-        Of the file, for the message.
-
-    Returns
-    -------
-    object
-
-    Raises
-    ------
-    InputError
-        If the syntax is bad, or a key stands twice; it names the line.
-    """
+    """YAML (of which JSON is a part) as plain values."""
     loader = None
     try:
         loader = StrictLoader(text)
@@ -143,50 +97,19 @@ def _characters(node, known):
 
 
 class Origin:
-    """Where each dotted key came from; a key that is nowhere is wanted in the last file, one in a list in the list's.
-
-    Parameters
-    ----------
-    origin : mapping of str to str
-        Name of the file of each dotted key.
-    default : str
-        Name of the last file.
-    shared : str, optional
-        Name of the file that every crop shares, which no user writes.
-    """
+    """Where each dotted key came from; a key that is nowhere is wanted in the last file, one in a list in the list's."""
 
     def __init__(self, origin, default, shared=""):
         self.origin, self.default, self.shared = origin, default, shared
 
     def of(self, key: str) -> str:
-        """Name of the file that holds a key.
-
-        Parameters
-        ----------
-        key : str
-            Dotted.
-
-        Returns
-        -------
-        str
-        """
+        """Name of the file that holds a key."""
         of_list = key.split(".")
         place = next((k for k, step in enumerate(of_list) if step.isdigit()), len(of_list))
         return self.origin.get(".".join(of_list[:place]), self.default)
 
     def owner(self, key: str) -> str:
-        """Name of the file of the user's that a key belongs in, where it is missing or a default does not do.
-
-        Parameters
-        ----------
-        key : str
-            Dotted.
-
-        Returns
-        -------
-        str
-            That of the key, or else of the innermost section around it that a file besides the shared one has.
-        """
+        """Name of the file of the user's that a key belongs in, where it is missing or a default does not do."""
         steps = key.split(".")
         for k in range(len(steps), 0, -1):
             name = self.origin.get(".".join(steps[:k]), self.shared)
@@ -196,74 +119,24 @@ class Origin:
 
 
 def owner_of(source: "str | Origin", key: str) -> str:
-    """Name of the file of the user's that a key belongs in.
-
-    Parameters
-    ----------
-    source : str or Origin
-    key : str
-        Dotted.
-
-    Returns
-    -------
-    str
-    """
+    """Name of the file of the user's that a key belongs in."""
     return source.owner(key) if isinstance(source, Origin) else source
 
 
 def origin_of(source: "str | Origin", key: str) -> str:
-    """Name of the file that holds a key.
-
-    Parameters
-    ----------
-    source : str or Origin
-    key : str
-        Dotted.
-
-    Returns
-    -------
-    str
-    """
+    """Name of the file that holds a key."""
     return source.of(key) if isinstance(source, Origin) else source
 
 
 def get(config: Any, key: str) -> Any:
-    """Value of a key.
-
-    Parameters
-    ----------
-    config : mapping
-    key : str
-        Dotted.
-
-    Returns
-    -------
-    object
-    """
+    """Value of a key."""
     for step in key.split("."):
         config = config[int(step)] if isinstance(config, list) else config[step]
     return config
 
 
 def section(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """A section that may be absent, where it is needed.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    name : str
-        Of the section.
-
-    Returns
-    -------
-    mapping
-
-    Raises
-    ------
-    InputError
-        If the configuration has no such section.
-    """
+    """A section that may be absent, where it is needed."""
     if name not in config:
         allowed = "a section of this name, as in config/config.yaml; a crop's own configuration may lack it"
         raise InputError("configuration", name, None, allowed)

@@ -50,18 +50,7 @@ Faults = Iterator[tuple[str, str]]
 
 
 def contradictions(results_dir: str) -> Faults:
-    """Faults of the path alone.
-
-    Parameters
-    ----------
-    results_dir : str
-        Of the schema's pattern.
-
-    Yields
-    ------
-    tuple of str
-        Key, and what is allowed.
-    """
+    """Faults of the path alone."""
     folder = Path(results_dir).resolve()
     roots = {Path.cwd(), places.root().resolve()}
     kept = [root / own for root in roots for own in OUR_OWN]
@@ -72,17 +61,7 @@ def contradictions(results_dir: str) -> Faults:
 
 
 def taken(results_dir: str) -> Faults:
-    """What is in the way of results.
-
-    Parameters
-    ----------
-    results_dir : str
-
-    Yields
-    ------
-    tuple of str
-        Key, and what is allowed.
-    """
+    """What is in the way of results."""
     folder = Path(results_dir)
     if any(one.exists() and not one.is_dir() for one in (folder, *folder.parents)):
         yield "results_dir", "a folder; a file is in its way"
@@ -99,17 +78,6 @@ def refuse_strange(results_dir: str, is_result: Callable[[str], bool]) -> None:
     """Refuse a folder where a result was changed, or where somebody's file lies in the place of a result.
 
     What stands on a changed result would be wrong, and snakemake would remove a file that is in the place of a result.
-
-    Parameters
-    ----------
-    results_dir : str
-    is_result : callable
-        Whether a path is one that the study writes.
-
-    Raises
-    ------
-    InputError
-        For all of them at once.
     """
     found: dict[str, tuple[str, str, str]] = {}
     places: list[tuple[str, Sequence[str]]] = [(results_dir, WRITTEN)]

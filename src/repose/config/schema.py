@@ -64,17 +64,7 @@ def _validator(apparatus):
 
 
 def lacks_keys(config: Mapping[str, Any]) -> bool:
-    """Whether a configuration lacks any key.
-
-    Parameters
-    ----------
-    config : mapping
-        May hold values that are not allowed.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a configuration lacks any key."""
     return any(error.validator == "required" for error in validator().iter_errors(config))
 
 
@@ -88,20 +78,7 @@ def _not_increasing(validator, wanted, given, _):
 
 
 def input_errors(errors: Iterable[Any], config: Any, source: str | Origin) -> Iterator[InputError]:
-    """Faults found by the schema as InputErrors; one inside a list of plain values names the whole list.
-
-    Parameters
-    ----------
-    errors : iterable of jsonschema.ValidationError
-    config : mapping
-    source : str or Origin
-        Name of the file, for the message.
-
-    Yields
-    ------
-    InputError
-        A mistyped key is also a missing one; the mistyping comes first, and the other is left out.
-    """
+    """Faults found by the schema as InputErrors; one inside a list of plain values names the whole list."""
     meant = set()
     for error in sorted(errors, key=lambda one: (one.validator != "additionalProperties", _place(one))):
         path = []
@@ -133,17 +110,7 @@ def input_errors(errors: Iterable[Any], config: Any, source: str | Origin) -> It
 
 
 def missing_keys(errors: Iterable[Any]) -> set[str]:
-    """Keys that a configuration must have and has not, among faults found by the schema.
-
-    Parameters
-    ----------
-    errors : iterable of jsonschema.ValidationError
-
-    Returns
-    -------
-    set of str
-        Dotted.
-    """
+    """Keys that a configuration must have and has not, among faults found by the schema."""
     return {
         ".".join([*map(str, error.absolute_path), key])
         for error in errors
@@ -154,17 +121,7 @@ def missing_keys(errors: Iterable[Any]) -> set[str]:
 
 
 def subschema(path: Sequence[str]) -> dict[str, Any]:
-    """The schema of a key, references followed.
-
-    Parameters
-    ----------
-    path : sequence of str
-        Parts of the key.
-
-    Returns
-    -------
-    dict
-    """
+    """The schema of a key, references followed."""
     schema = root = validator().schema
     for step in path:
         if step.isdigit():
@@ -177,16 +134,7 @@ def subschema(path: Sequence[str]) -> dict[str, Any]:
 
 
 def allowed_by(schema: Mapping[str, Any]) -> str:
-    """In words, what a schema takes.
-
-    Parameters
-    ----------
-    schema : mapping
-
-    Returns
-    -------
-    str
-    """
+    """In words, what a schema takes."""
     if "description" in schema:
         return schema["description"]
     if "enum" in schema:

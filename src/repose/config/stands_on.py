@@ -34,19 +34,7 @@ NAMES = ("label", "results_dir")
 
 
 def sections(config: Config, *names: str) -> dict[str, Any]:
-    """Sections of a configuration, or single keys with dots.
-
-    Parameters
-    ----------
-    config : mapping
-    *names : str
-        As in ``berry`` or ``design.seed``.
-
-    Returns
-    -------
-    dict
-        By name.
-    """
+    """Sections of a configuration, or single keys with dots."""
     return {
         name: _in_order(functools.reduce(lambda part, key: part[key], name.split("."), config))
         for name in names
@@ -59,36 +47,14 @@ def _in_order(value):
 
 
 def pouring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
-    """What a run of a bench test reads; what only measures it and the number of its seeds are left out.
-
-    Parameters
-    ----------
-    config : mapping
-    apparatus : str
-        Name of the bench test.
-
-    Returns
-    -------
-    dict
-    """
+    """What a run of a bench test reads; what only measures it and the number of its seeds are left out."""
     others = ("seeds", *bench(apparatus).measured_by)
     own = {key: value for key, value in _in_order(config[apparatus]).items() if key not in others}
     return sections(config, "wall", "simulation", "design.seed") | {apparatus: own}
 
 
 def measuring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
-    """What the measurement of a run reads.
-
-    Parameters
-    ----------
-    config : mapping
-    apparatus : str
-        Name of the bench test.
-
-    Returns
-    -------
-    dict
-    """
+    """What the measurement of a run reads."""
     test = bench(apparatus)
     own = (f"{apparatus}.{key}" for key in test.measured_by)
     return sections(config, "measure", *own) | {"responses": [one.name for one in test.wanted(config)]}
@@ -97,23 +63,7 @@ def measuring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
 def settings_of(
     config: Config, verb: str, apparatus: str | None = None, berry_is_made: bool = False
 ) -> dict[str, Any]:
-    """What a stage reads of a configuration, files by their content.
-
-    Parameters
-    ----------
-    config : mapping
-    verb : str
-        Name of the stage.
-    apparatus : str, optional
-        Name of the bench test that it runs or measures, by default the funnel.
-    berry_is_made : bool, optional
-        Whether it makes berry and particle itself.
-
-    Returns
-    -------
-    dict
-        For a stage that is not listed here the whole configuration but the names in it.
-    """
+    """What a stage reads of a configuration, files by their content."""
     apparatus = apparatus or UNNAMED
     if verb == "pour":
         chosen = pouring(config, apparatus)
@@ -140,18 +90,7 @@ def settings_of(
 
 
 def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
-    """Results that were made with other settings, or by another engine.
-
-    Parameters
-    ----------
-    config : mapping
-    paths : iterable of path
-        Of results; those that are missing or carry no record are left out.
-
-    Returns
-    -------
-    list of str
-    """
+    """Results that were made with other settings, or by another engine."""
     found = []
     for path in paths:
         record = attached.read(path)

@@ -13,13 +13,7 @@ MOST_TOLD = 30  # a file of another program would be told key by key
 
 
 class YamlError(InputError):
-    """A fault of a file in YAML: null, true and false are told as they are written there.
-
-    Parameters
-    ----------
-    source, key, value, allowed
-        As of `InputError`.
-    """
+    """A fault of a file in YAML: null, true and false are told as they are written there."""
 
     def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
         super().__init__(source, key, value, allowed)
@@ -27,12 +21,7 @@ class YamlError(InputError):
 
 
 class InputErrors(InputError):
-    """Several faults at once, one a line; `source`, `key`, `value` and `allowed` are those of the first.
-
-    Parameters
-    ----------
-    faults : sequence of InputError
-    """
+    """Several faults at once, one a line; `source`, `key`, `value` and `allowed` are those of the first."""
 
     def __init__(self, faults: list[InputError]) -> None:
         self.faults, first = faults, faults[0]
@@ -44,13 +33,7 @@ class InputErrors(InputError):
 
 
 class NoFlankError(ValueError):
-    """The picture or the pile has no flank to measure; `reason` says why.
-
-    Parameters
-    ----------
-    reason : str
-        Why there is no flank.
-    """
+    """The picture or the pile has no flank to measure; `reason` says why."""
 
     def __init__(self, reason: str) -> None:
         self.reason = reason
@@ -58,31 +41,14 @@ class NoFlankError(ValueError):
 
 
 def raise_together(faults: Iterable[InputError]) -> None:
-    """Raise all faults as one, if there are any.
-
-    Parameters
-    ----------
-    faults : iterable of InputError
-        One that is there twice is told once.
-
-    Raises
-    ------
-    InputError
-        The fault itself where there is one; `InputErrors` where there are more.
-    """
+    """Raise all faults as one, if there are any."""
     found = list({str(fault): fault for fault in faults}.values())
     if found:
         raise found[0] if len(found) == 1 else InputErrors(found)
 
 
 def tell(fault: object) -> None:
-    """Tell a fault of the input on stderr, a line each.
-
-    Parameters
-    ----------
-    fault : object
-        An exception, or its sentence.
-    """
+    """Tell a fault of the input on stderr, a line each."""
     for line in str(fault).splitlines():
         print(f"repose: error: {line}", file=sys.stderr, flush=True)
 

@@ -47,24 +47,12 @@ KINDS = {int: "an integer", float: "a number", str: "a text", list: "a list", di
 
 
 def write_text(path: Path_, text: str) -> None:
-    """Write a text as UTF-8, in one move.
-
-    Parameters
-    ----------
-    path : path
-    text : str
-    """
+    """Write a text as UTF-8, in one move."""
     write_bytes(path, text.encode())
 
 
 def write_bytes(path: Path_, content: bytes) -> None:
-    """Write a file of any type, in one move.
-
-    Parameters
-    ----------
-    path : path
-    content : bytes
-    """
+    """Write a file of any type, in one move."""
     record = provenance.current()
     inside = content.startswith(attached.PNG)
     if record and inside:
@@ -75,32 +63,13 @@ def write_bytes(path: Path_, content: bytes) -> None:
 
 
 def write_json(path: Path_, content: Any, indent: int = 1) -> None:
-    """Write content as JSON, in one move; numbers of numpy are written as plain numbers.
-
-    Parameters
-    ----------
-    path : path
-    content : mapping or list
-    indent : int, optional
-        Spaces of a level.
-    """
+    """Write content as JSON, in one move; numbers of numpy are written as plain numbers."""
     text = json_text(content, indent) + "\n"
     write_whole(path, lambda handle: handle.write(text.encode()))
 
 
 def json_text(content: Any, indent: int = 1) -> str:
-    """Content as JSON; numbers of numpy as plain numbers.
-
-    Parameters
-    ----------
-    content : mapping or list
-    indent : int, optional
-        Spaces of a level.
-
-    Returns
-    -------
-    str
-    """
+    """Content as JSON; numbers of numpy as plain numbers."""
     record = provenance.current()
     if record and isinstance(content, Mapping):
         content = {**content, attached.KEY: record}
@@ -110,30 +79,12 @@ def json_text(content: Any, indent: int = 1) -> str:
 def write_table(
     path: Path_, table: "pd.DataFrame", float_format: str | None = None, index: bool = False
 ) -> None:
-    """Write a table as CSV.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    table : pandas.DataFrame
-        Its columns become the header.
-    float_format : str, optional
-        How floating-point numbers are written, as in ``%.6g``; by default with all digits.
-    index : bool
-        Whether the table's index is the first column.
-    """
+    """Write a table as CSV."""
     write_text(path, table.to_csv(index=index, float_format=float_format))
 
 
 def write_npz(path: Path_, arrays: Mapping[str, Any]) -> None:
-    """Write named arrays as a compressed .npz file, in one move.
-
-    Parameters
-    ----------
-    path : path
-    arrays : mapping of numpy.ndarray
-    """
+    """Write named arrays as a compressed .npz file, in one move."""
     import numpy as np
 
     record = provenance.current()
@@ -144,20 +95,7 @@ def write_npz(path: Path_, arrays: Mapping[str, Any]) -> None:
 
 
 def write_image(path: Path_, picture: "np.ndarray") -> None:
-    """Write a picture, in one move.
-
-    Parameters
-    ----------
-    path : path
-        Its suffix tells the format.
-    picture : numpy.ndarray of uint8, (height, width) or (height, width, 3)
-        Blue first.
-
-    Raises
-    ------
-    InputError
-        If no picture format has this suffix.
-    """
+    """Write a picture, in one move."""
     import cv2
 
     suffix = Path(path).suffix
@@ -171,27 +109,7 @@ def write_image(path: Path_, picture: "np.ndarray") -> None:
 
 
 def read_table(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file") -> "pd.DataFrame":
-    """Read a CSV file in UTF-8, with or without a mark of its byte order.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    columns : iterable of str
-        Columns that it must have; it may have more. Where `is_number`, each cell is a finite number or empty.
-    what : str
-        What the file should be, for the error.
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, a column is missing or stands there twice, a row is shorter or longer than the
-        header, or a cell that must be a number is none.
-    """
+    """Read a CSV file in UTF-8, with or without a mark of its byte order."""
     # pandas costs time at start-up that a pour should not pay
     import numpy as np
     import pandas as pd
@@ -213,17 +131,7 @@ def read_table(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file
 
 
 def is_number(column: str) -> bool:
-    """Whether the cells of a column are numbers: a contact parameter, a quantity with its unit, a count or a number.
-
-    Parameters
-    ----------
-    column : str
-        Its name.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether the cells of a column are numbers: a contact parameter, a quantity with its unit, a count or a number."""
     return column in COUNTS or column in PARAMETERS or (column.rpartition("_")[2] in UNITS and "_" in column)
 
 
@@ -251,22 +159,6 @@ def read_rows(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file"
     """Read a CSV file as text, without pandas.
 
     A number that ``float`` makes of its text is exact; `read_table` may give the neighbouring one.
-
-    Parameters
-    ----------
-    path : path
-    columns, what
-        As in `read_table`.
-
-    Returns
-    -------
-    list of dict of str
-        For each row, from column to text.
-
-    Raises
-    ------
-    InputError
-        As in `read_table`.
     """
     _, rows = _rows(path, columns, what)
     return [dict(zip(rows[0], row, strict=True)) for row in rows[1:]]
@@ -277,26 +169,7 @@ def read_json(
     keys: Iterable[str] | Mapping[str, type | tuple[type, ...]] = (),
     what: str = "a JSON file",
 ) -> dict[str, Any]:
-    """Read a JSON file that holds a mapping.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    keys : iterable of str, or mapping from str to types
-        Keys that it must have, or the types that their values must have; it may have more.
-    what : str
-        What the file should be, for the error.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, holds no mapping, or a key is missing or of another type.
-    """
+    """Read a JSON file that holds a mapping."""
     try:
         content = json.loads(Path(path).read_bytes().decode("utf-8-sig"))
     except OSError as error:
@@ -316,27 +189,7 @@ def read_json(
 
 
 def read_npz(path: Path_, keys: Iterable[str] = (), what: str = "an .npz file") -> dict[str, "np.ndarray"]:
-    """Read the arrays of an .npz file.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    keys : iterable of str
-        Arrays that it must have; it may have more.
-    what : str
-        What the file should be, for the error.
-
-    Returns
-    -------
-    dict
-        All arrays by name.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or an array is missing.
-    """
+    """Read the arrays of an .npz file."""
     import numpy as np
 
     try:
@@ -351,22 +204,7 @@ def read_npz(path: Path_, keys: Iterable[str] = (), what: str = "an .npz file") 
 
 
 def check_columns(path: object, table: Iterable[str], columns: Iterable[str]) -> None:
-    """Refuse a table without some columns.
-
-    Parameters
-    ----------
-    path : object
-        Named in the error.
-    table : pandas.DataFrame or iterable of str
-        The table, or the list of its columns.
-    columns : iterable of str
-        All that it must have.
-
-    Raises
-    ------
-    InputError
-        If a column is missing.
-    """
+    """Refuse a table without some columns."""
     columns = tuple(columns)
     for column in columns:
         if column not in table:

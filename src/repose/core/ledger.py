@@ -23,22 +23,7 @@ ALLOWED = "a new name, or a file that repose wrote and nobody changed since"
 
 
 def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> None:
-    """Write a file in one move, unless that replaces something that this program did not write.
-
-    Parameters
-    ----------
-    path : path
-        The file; folders that are missing are made.
-    write : callable
-        Gets the open file (bytes) and writes the content to it.
-
-    Raises
-    ------
-    InputError
-        If there is something else of this name.
-    OSError
-        If the file cannot be written; it names the file, and the earlier one is still there.
-    """
+    """Write a file in one move, unless that replaces something that this program did not write."""
     path = Path(path)
     check_replaceable(path)
 
@@ -56,18 +41,7 @@ def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> N
 
 
 def check_replaceable(path: str | os.PathLike) -> None:
-    """Refuse a path that holds something that this program did not write.
-
-    Parameters
-    ----------
-    path : path
-        It may be free.
-
-    Raises
-    ------
-    InputError
-        If it is taken by a folder, a link, a device or somebody else's file.
-    """
+    """Refuse a path that holds something that this program did not write."""
     path = Path(path)
     if path.name in ("", "..", LEDGER) or not path.name.isprintable():
         raise InputError(path, "name", path.name, "that of a new file, in characters that can be printed")
@@ -76,17 +50,7 @@ def check_replaceable(path: str | os.PathLike) -> None:
 
 
 def is_ours(path: str | os.PathLike) -> bool:
-    """Whether this program wrote a file, and nobody changed it since.
-
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    bool
-        False for what is no plain file.
-    """
+    """Whether this program wrote a file, and nobody changed it since."""
     path = Path(path)
     if path.is_symlink() or not path.is_file():
         return False
@@ -95,40 +59,14 @@ def is_ours(path: str | os.PathLike) -> bool:
 
 
 def remove(path: str | os.PathLike) -> None:
-    """Remove a file of ours.
-
-    Parameters
-    ----------
-    path : path
-
-    Raises
-    ------
-    InputError
-        If this program did not write it, or somebody changed it since.
-    """
+    """Remove a file of ours."""
     if not is_ours(path):
         raise InputError(path, "file", "there already", ALLOWED)
     Path(path).unlink()
 
 
 def changed(folder: str | os.PathLike) -> list[Path]:
-    """Files that this program wrote in a folder, and that hold something else since: edited, or damaged.
-
-    Parameters
-    ----------
-    folder : path
-        Those in it that hold others are not looked into.
-
-    Returns
-    -------
-    list of Path
-        By name; files that are lost are not among them.
-
-    Raises
-    ------
-    InputError
-        If the folder's ledger is no ledger.
-    """
+    """Files that this program wrote in a folder, and that hold something else since: edited, or damaged."""
     digests = defaultdict(set)
     for line in _lines(Path(folder)):
         digests[line[66:]].add(line[:64])
@@ -137,21 +75,7 @@ def changed(folder: str | os.PathLike) -> list[Path]:
 
 
 def names(folder: str | os.PathLike) -> set[str]:
-    """Names of the files that this program wrote in a folder, whatever became of them.
-
-    Parameters
-    ----------
-    folder : path
-
-    Returns
-    -------
-    set of str
-
-    Raises
-    ------
-    InputError
-        If the folder's ledger is no ledger.
-    """
+    """Names of the files that this program wrote in a folder, whatever became of them."""
     return {line[66:] for line in _lines(Path(folder))}
 
 

@@ -22,23 +22,7 @@ WORKFLOW, JOBS = ".lock", ".jobs"  # a workflow holds the first; its jobs hold t
 
 
 def take_folder(folder: str | os.PathLike) -> IO[str]:
-    """Take a folder of results for a workflow; wait for jobs that one that was killed left behind.
-
-    Parameters
-    ----------
-    folder : path
-        It is made where it is missing.
-
-    Returns
-    -------
-    file
-        Closed, it gives the folder back; so does the end of the process.
-
-    Raises
-    ------
-    InputError
-        If another workflow works on the folder.
-    """
+    """Take a folder of results for a workflow; wait for jobs that one that was killed left behind."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     mine = (folder / WORKFLOW).open("a+", encoding="utf-8")
@@ -60,17 +44,7 @@ def take_folder(folder: str | os.PathLike) -> IO[str]:
 
 @contextmanager
 def joined_folder(folder: str | os.PathLike) -> Iterator[None]:
-    """Hold a folder of results for a job; a workflow that comes anew does not start before the job has ended.
-
-    Parameters
-    ----------
-    folder : path
-        Left alone where no workflow has worked on it.
-
-    Yields
-    ------
-    None
-    """
+    """Hold a folder of results for a job; a workflow that comes anew does not start before the job has ended."""
     path = Path(folder) / JOBS
     if not os.access(path, os.W_OK):
         yield

@@ -29,28 +29,7 @@ PHYSICAL_LIMITS = {name: (0.01, 1.0) if name.startswith("e_") else (0.0, math.in
 
 
 def check_value(name: str, value: object, source: object, key: str | None = None) -> float:
-    """A parameter's value as a number that the contact law can take.
-
-    Parameters
-    ----------
-    name : str
-        One of PARAMETERS.
-    value : float or str
-        A number, or the text of one.
-    source : path or str
-        The file it comes from, for the error.
-    key : str, optional
-        What the value is called there; by default the parameter's name.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    InputError
-        If the value is no finite number within PHYSICAL_LIMITS.
-    """
+    """A parameter's value as a number that the contact law can take."""
     key = name if key is None else key
     try:
         number = float(value)  # type: ignore[arg-type]

@@ -9,44 +9,20 @@ DEFAULT_CONFIG = "config/config.yaml"
 
 
 def root() -> Path:
-    """Folder that holds Snakefile, workflow, config, profiles and resources.
-
-    Returns
-    -------
-    Path
-        `repose/data` in an installed package; in a checkout the checkout itself.
-    """
+    """Folder that holds Snakefile, workflow, config, profiles and resources."""
     installed = PACKAGE / "data"
     return installed if installed.is_dir() else PACKAGE.parents[1]
 
 
 def find(path: str | os.PathLike) -> Path:
-    """A file or folder of the working folder, or else the one of the same name that comes with the program.
-
-    Parameters
-    ----------
-    path : path
-        Relative to the working folder, such as `resources/berries.csv`, or absolute.
-
-    Returns
-    -------
-    Path
-        The path as given where it exists, or where the program has none of this name; else the program's own.
-    """
+    """A file or folder of the working folder, or else the one of the same name that comes with the program."""
     path = Path(path)
     own = root() / path
     return own if not path.exists() and own.exists() else path
 
 
 def configs() -> list[Path]:
-    """The default configurations; the keys of each replace those of the one before it.
-
-    Returns
-    -------
-    list of Path
-        What every crop shares; then the crop: `config.yaml` of the working folder, or where there is none the
-        program's own, and over that the working folder's `config/config.yaml`.
-    """
+    """The default configurations; the keys of each replace those of the one before it."""
     method, default, study = find(METHOD_CONFIG), root() / DEFAULT_CONFIG, Path(DEFAULT_CONFIG)
     if study.is_file():
         return [method, study] if study.resolve() == default.resolve() else [method, default, study]

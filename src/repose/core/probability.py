@@ -12,19 +12,7 @@ LEAST = 1e-300
 
 
 def within(mean: np.ndarray, covariance: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Probability that a normal vector lies in a box, for many vectors at once (G92).
-
-    Parameters
-    ----------
-    mean : numpy.ndarray, (m, k)
-    covariance : numpy.ndarray, (m, k, k)
-    low, high : numpy.ndarray, (k,)
-
-    Returns
-    -------
-    numpy.ndarray, (m,)
-        Exact for one response; for two its error is below 0.001.
-    """
+    """Probability that a normal vector lies in a box, for many vectors at once (G92)."""
     k = mean.shape[1]
     root = np.linalg.cholesky(covariance)
     # one column of numbers for each response but the last; the first word of the sequence is 0

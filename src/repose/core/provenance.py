@@ -64,28 +64,7 @@ def stage(
     settings_of: Callable[[Mapping[str, Any], str | None], Any],
     apparatus: str | None = None,
 ) -> Iterator[None]:
-    """Let every file that is written meanwhile carry the record of a stage.
-
-    Parameters
-    ----------
-    verb : str
-        Name of the stage.
-    paths : iterable of Path
-        Files that it reads.
-    settings_of : function
-        Chooses from a configuration what the stage depends on; it also gets the name of the bench test.
-    apparatus : str, optional
-        Name of the bench test that it runs; that of its files where they are runs.
-
-    Yields
-    ------
-    None
-
-    Raises
-    ------
-    InputError
-        If the files are of different origin.
-    """
+    """Let every file that is written meanwhile carry the record of a stage."""
     inputs = [(path, attached.read(path)) for path in paths]
     refuse_mixture(inputs)
     if verb in RUNS and apparatus is None:
@@ -100,26 +79,14 @@ def stage(
 
 
 def note_config(config: Mapping[str, Any]) -> None:
-    """Tell the stage that runs, if one does, its configuration.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    """
+    """Tell the stage that runs, if one does, its configuration."""
     running = _stage.get()
     if running is not None:
         running.config, running.record = config, None
 
 
 def current() -> dict[str, Any] | None:
-    """The record of the stage that runs.
-
-    Returns
-    -------
-    dict or None
-        None where no stage runs.
-    """
+    """The record of the stage that runs."""
     running = _stage.get()
     if running is not None and running.record is None:
         running.record = _record(running)
@@ -142,18 +109,7 @@ def _record(running):
 
 
 def refuse_mixture(inputs: Iterable[tuple[Path, Mapping[str, Any] | None]]) -> None:
-    """Refuse files that do not belong together.
-
-    Parameters
-    ----------
-    inputs : iterable of (path, record)
-        Files without a record, such as a user's own, belong to any others.
-
-    Raises
-    ------
-    InputError
-        For results of two engines, or runs of two origins. It names both files.
-    """
+    """Refuse files that do not belong together."""
     engines: dict[str, Path] = {}
     origins: dict[tuple, tuple[str, Path]] = {}
     for path, record in inputs:
@@ -174,45 +130,18 @@ def refuse_mixture(inputs: Iterable[tuple[Path, Mapping[str, Any] | None]]) -> N
 
 
 def hash_of(content: Any) -> str:
-    """Hash of numbers, texts, lists and mappings.
-
-    Parameters
-    ----------
-    content : object
-        What JSON can hold.
-
-    Returns
-    -------
-    str
-        16 hexadecimal digits.
-    """
+    """Hash of numbers, texts, lists and mappings."""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def hash_of_file(path: str | PathLike) -> str:
-    """Hash of a file's content.
-
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    str
-        16 hexadecimal digits.
-    """
+    """Hash of a file's content."""
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
 
 
 @cache
 def machine() -> dict[str, str | None]:
-    """Versions, commit and processor type.
-
-    Returns
-    -------
-    dict of str
-        The commit is None outside a checkout.
-    """
+    """Versions, commit and processor type."""
     from importlib import metadata  # costs time at start-up that the help of a verb should not pay
 
     return {

@@ -14,42 +14,13 @@ MOST = 899  # their numbers in a study are 101 to 999
 
 
 def beside(path: str | os.PathLike | None, table: str) -> Path | None:
-    """Another published table of the same crop.
-
-    Parameters
-    ----------
-    path : path or None
-        The published table of solutions, if there is one.
-    table : str
-        Name of a file that may lie beside it: table1.csv holds sizes, table3.csv intervals of the parameters.
-
-    Returns
-    -------
-    Path or None
-        None where there is no such file.
-    """
+    """Another published table of the same crop."""
     found = None if path is None else Path(path).with_name(table)
     return found if found and found.is_file() else None
 
 
 def representative(path: str | os.PathLike | None) -> dict[str, float]:
-    """The six contact parameters of the published representative solution.
-
-    Parameters
-    ----------
-    path : path or None
-        The published table of solutions.
-
-    Returns
-    -------
-    dict
-        By the parameters' names.
-
-    Raises
-    ------
-    InputError
-        If there is no table, or it has no such solution.
-    """
+    """The six contact parameters of the published representative solution."""
     if path is None:
         raise InputError("configuration", "validation.published", None, "a table of published solutions")
     for row in read_rows(path, ("solution", *PARAMETERS)):
@@ -59,25 +30,7 @@ def representative(path: str | os.PathLike | None) -> dict[str, float]:
 
 
 def published_count(path: str | os.PathLike | None, responses: Iterable[Response]) -> int:
-    """Number of published solutions that a study can be set beside.
-
-    Parameters
-    ----------
-    path : path or None
-        The published table of solutions, if there is one.
-    responses : iterable of Response
-        Those that the study is calibrated to.
-
-    Returns
-    -------
-    int
-        Number of solutions; 0 where the table has none of the responses.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read, or has no columns of the solutions' names and parameters.
-    """
+    """Number of published solutions that a study can be set beside."""
     if path is None:
         return 0
     rows = read_rows(path, ("solution", *PARAMETERS))
@@ -85,21 +38,7 @@ def published_count(path: str | os.PathLike | None, responses: Iterable[Response
 
 
 def check_published(path: str | os.PathLike | None, responses: Iterable[Response]) -> None:
-    """Refuse a published table of solutions that cannot be simulated, or set beside a study.
-
-    Parameters
-    ----------
-    path : path or None
-        The table, if there is one.
-    responses : iterable of Response
-        Those that the study is calibrated to.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read, has no rows, a parameter is no number within the contact law's limits, or a
-        response is no number.
-    """
+    """Refuse a published table of solutions that cannot be simulated, or set beside a study."""
     if path is None:
         return
     rows = read_rows(path, ("solution", *PARAMETERS))
@@ -117,35 +56,13 @@ def check_published(path: str | os.PathLike | None, responses: Iterable[Response
 
 
 def published_sets(path: str | os.PathLike | None) -> list[dict[str, float]]:
-    """Parameter sets of a published table of solutions that `check_published` has accepted.
-
-    Parameters
-    ----------
-    path : path or None
-        The table, if there is one.
-
-    Returns
-    -------
-    list of dict
-        The six contact parameters of each solution.
-    """
+    """Parameter sets of a published table of solutions that `check_published` has accepted."""
     rows = [] if path is None else read_rows(path, ("solution", *PARAMETERS))
     return [{name: float(row[name]) for name in PARAMETERS} for row in rows]
 
 
 def published_responses(columns: Iterable[str], responses: Iterable[Response]) -> tuple[Response, ...]:
-    """Responses whose predicted and simulated values are among the columns of a published table.
-
-    Parameters
-    ----------
-    columns : iterable of str
-        Of the table.
-    responses : iterable of Response
-
-    Returns
-    -------
-    tuple of Response
-    """
+    """Responses whose predicted and simulated values are among the columns of a published table."""
     columns = set(columns)
     return tuple(one for one in responses if {one.predicted, one.simulated} <= columns)
 

@@ -28,26 +28,7 @@ OF_THE_DRUM = "drum"
 
 
 def pour_seeds(study_seed: int, purpose: str, number: int, count: int, apparatus: str = UNNAMED) -> list[int]:
-    """Seeds of the pours of one parameter set.
-
-    Parameters
-    ----------
-    study_seed : int
-        `design.seed` of the configuration.
-    purpose : str
-        One of `PURPOSES`.
-    number : int
-        Of the sample.
-    count : int
-        How many seeds. The first k are the same for any count of at least k.
-    apparatus : str
-        Bench test: each has streams of its own, so that its noise is independent of the others'.
-
-    Returns
-    -------
-    list of int
-        From 0 to 2^32 - 1.
-    """
+    """Seeds of the pours of one parameter set."""
     import numpy as np
 
     named = apparatus == UNNAMED or purpose == OF_THE_DRUM

@@ -11,27 +11,12 @@ ENGINE = ("dem", "apparatus")  # what a pour is made by: the simulator and the b
 
 @cache
 def engine_hash() -> str:
-    """Hash of the source of the simulator and the bench tests, 16 digits.
-
-    Returns
-    -------
-    str
-    """
+    """Hash of the source of the simulator and the bench tests, 16 digits."""
     return source_hash(ENGINE)
 
 
 def source_hash(rooms: Iterable[str]) -> str:
-    """Hash of the source of some rooms of the package, 16 digits.
-
-    Parameters
-    ----------
-    rooms : iterable of str
-        Names of rooms, as in ``dem``.
-
-    Returns
-    -------
-    str
-    """
+    """Hash of the source of some rooms of the package, 16 digits."""
     digest = hashlib.sha256()
     for room in rooms:
         for path in sorted((PACKAGE / room).rglob("*")):

@@ -12,23 +12,7 @@ from repose.core.responses import Response, response
 
 @dataclass(frozen=True)
 class Target:
-    """One measured response.
-
-    Attributes
-    ----------
-    response : Response
-    value, sd : float
-        Mean and standard deviation of the physical repetitions, in the response's unit.
-    repetitions : int
-        How often it was measured.
-    low, high : float
-        A solution whose prediction lies between them is feasible.
-    aim : float
-        What the search goes for; the value unless the configuration says otherwise (Eq. 11-12 of the paper aim at the
-        centre of the range).
-    weight : float
-        Of this response in the search's objective.
-    """
+    """One measured response."""
 
     response: Response
     value: float
@@ -51,35 +35,14 @@ class Target:
 
 
 class Targets(Sequence[Target]):
-    """The targets of a study, in the order of the configuration; numbers as arrays (k,).
-
-    Parameters
-    ----------
-    targets : sequence of Target
-        One or more.
-    """
+    """The targets of a study, in the order of the configuration; numbers as arrays (k,)."""
 
     def __init__(self, targets: Sequence[Target]):
         self._targets = tuple(targets)
 
     @classmethod
     def of(cls, section: Sequence[Mapping[str, Any]]) -> "Targets":
-        """Targets of a configuration.
-
-        Parameters
-        ----------
-        section : sequence of mapping
-            The configuration's list `targets`.
-
-        Returns
-        -------
-        Targets
-
-        Raises
-        ------
-        InputError
-            If a response is unknown.
-        """
+        """Targets of a configuration."""
         return cls(
             [
                 Target(
@@ -161,15 +124,6 @@ class Targets(Sequence[Target]):
         """One number for each target, with its unit: ``32.5 deg and 66.1 mm``.
 
         Where two targets have the same unit, each number stands with its response.
-
-        Parameters
-        ----------
-        numbers : sequence of str
-            One for each target, as text.
-
-        Returns
-        -------
-        str
         """
         units = [one.response.unit for one in self]
         several = len(set(units)) < len(units)

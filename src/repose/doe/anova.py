@@ -15,18 +15,7 @@ COLUMNS = ("source", "sum_of_squares", "df", "mean_square", "f", "p")
 
 
 def pure_error(model: Model) -> tuple[float, int]:
-    """Sum of squares and degrees of freedom of runs that were repeated, within their block.
-
-    Parameters
-    ----------
-    model : Model
-
-    Returns
-    -------
-    sum_of_squares : float
-    df : int
-        0 without a repeated run.
-    """
+    """Sum of squares and degrees of freedom of runs that were repeated, within their block."""
     keys = np.round(model.coded, 9)
     if model.blocks is not None:
         keys = np.column_stack([keys, model.blocks])
@@ -37,18 +26,7 @@ def pure_error(model: Model) -> tuple[float, int]:
 
 
 def anova(model: Model) -> pd.DataFrame:
-    """The ANOVA table.
-
-    Parameters
-    ----------
-    model : Model
-
-    Returns
-    -------
-    pandas.DataFrame
-        `COLUMNS`; rows block (where there are any), model, each term, residual, lack of fit and pure error (where runs
-        were repeated), total. F and p are nan where there is nothing to test by.
-    """
+    """The ANOVA table."""
     ols, first = model.ols, 1 + model.block_columns
     residual, df_residual = float(ols.ssr), int(ols.df_resid)
     total = float(ols.centered_tss)
@@ -78,20 +56,7 @@ def anova(model: Model) -> pd.DataFrame:
 
 
 def statistics(model: Model) -> dict[str, float]:
-    """Statistics of the fit.
-
-    Parameters
-    ----------
-    model : Model
-
-    Returns
-    -------
-    dict of float
-        ``std_dev``; ``mean`` of the response; ``cv_percent``; ``press``, the sum of the squared errors of predicting
-        each run from all others; ``r2``, ``adjusted_r2``, ``predicted_r2``, in which the blocks' part is left out of
-        the total, as in Design-Expert; ``adequate_precision``, the range of the predictions over their mean standard
-        error. nan where nothing is left to estimate the error by.
-    """
+    """Statistics of the fit."""
     ols, n = model.ols, len(model.response)
     residual, df = float(ols.ssr), int(ols.df_resid)
     table = anova(model).set_index("source")
@@ -116,18 +81,7 @@ def statistics(model: Model) -> dict[str, float]:
 
 
 def effects(model: Model) -> pd.DataFrame:
-    """The terms in the order of their standardised effects, for the Pareto chart.
-
-    Parameters
-    ----------
-    model : Model
-
-    Returns
-    -------
-    pandas.DataFrame
-        term, coefficient in coded units with its standard_error, t (the standardised effect, without sign), p, and
-        contribution_percent: the term's partial sum of squares over the total. Largest first.
-    """
+    """The terms in the order of their standardised effects, for the Pareto chart."""
     first = 1 + model.block_columns
     table = anova(model).set_index("source")
     found = pd.DataFrame(
@@ -145,20 +99,7 @@ def effects(model: Model) -> pd.DataFrame:
 
 
 def limits(model: Model, alpha: float = 0.05) -> dict[str, float]:
-    """The two lines of the Pareto chart.
-
-    Parameters
-    ----------
-    model : Model
-    alpha : float
-        Level of significance.
-
-    Returns
-    -------
-    dict of float
-        ``t``: a single term above it is significant. ``bonferroni``: of the studies in which no term has an
-        effect, at most a share alpha has a term above it.
-    """
+    """The two lines of the Pareto chart."""
     df = int(model.ols.df_resid)
     if not df:
         return {"t": math.nan, "bonferroni": math.nan}

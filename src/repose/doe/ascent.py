@@ -5,22 +5,7 @@ from numpy.typing import ArrayLike
 
 
 def direction(slopes: ArrayLike) -> np.ndarray:
-    """Unit vector of steepest ascent of a first-order model, in coded units.
-
-    Parameters
-    ----------
-    slopes : array, (k,)
-        Coefficients of the factors in coded units.
-
-    Returns
-    -------
-    numpy.ndarray, (k,)
-
-    Raises
-    ------
-    ValueError
-        If no factor has an effect.
-    """
+    """Unit vector of steepest ascent of a first-order model, in coded units."""
     slopes = np.asarray(slopes, dtype=float)
     length = np.linalg.norm(slopes)
     if not length > 0:
@@ -33,51 +18,13 @@ def towards(slopes: ArrayLike, missing: ArrayLike, scale: ArrayLike) -> np.ndarr
 
     It is the steepest descent of the sum of the squared relative misses at the centre. With one response it is the
     steepest ascent, or descent where the response is too large.
-
-    Parameters
-    ----------
-    slopes : array, (responses, k)
-        Coefficients of each response's first-order model in coded units.
-    missing : array, (responses,)
-        Target less the response at the centre.
-    scale : array, (responses,)
-        What a miss is measured by: the target, divided by the root of its weight.
-
-    Returns
-    -------
-    numpy.ndarray, (k,)
-
-    Raises
-    ------
-    ValueError
-        If the centre meets the targets, or no factor moves it towards them.
     """
     slopes, scale = np.atleast_2d(np.asarray(slopes, dtype=float)), np.asarray(scale, dtype=float)
     return direction((np.asarray(missing, dtype=float) / scale**2) @ slopes)
 
 
 def path(along: ArrayLike, steps: int, largest: float = 1.0) -> np.ndarray:
-    """Points at equal distances from the centre along a direction, in coded units.
-
-    Parameters
-    ----------
-    along : array, (k,)
-        Direction.
-    steps : int
-        How many steps; at least one.
-    largest : float
-        Coded value of the fastest factor at the last step.
-
-    Returns
-    -------
-    numpy.ndarray, (steps + 1, k)
-        The centre first.
-
-    Raises
-    ------
-    ValueError
-        If there is no step.
-    """
+    """Points at equal distances from the centre along a direction, in coded units."""
     if steps < 1:
         raise ValueError(f"{steps} steps; allowed: at least 1")
     along = np.asarray(along, dtype=float)

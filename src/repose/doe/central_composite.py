@@ -15,29 +15,6 @@ def central_composite(
 ) -> tuple[np.ndarray, float]:
     """A central composite design in coded units, in standard order: factorial, axial, centre.
 
-    Parameters
-    ----------
-    factors : int
-        2 to 7.
-    axial : str
-        ``rotatable``: the axial runs lie at the fourth root of the number of factorial runs, so that the variance of a
-        prediction depends on its distance from the centre alone. ``face_centred``: they lie at 1, and three levels do.
-    centres : int, optional
-        Centre runs; those of Box and Hunter by default.
-
-    Returns
-    -------
-    design : numpy.ndarray, (n, factors)
-    alpha : float
-        Distance of the axial runs from the centre.
-
-    Raises
-    ------
-    ValueError
-        If the number of factors or of centre runs, or `axial`, is not allowed.
-
-    References
-    ----------
     Box and Hunter, Multi-factor experimental designs for exploring response surfaces, Ann. Math. Statist. 28 (1957)
     195-241.
     """

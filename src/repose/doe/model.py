@@ -14,23 +14,7 @@ ORDERS = ("linear", "interaction", "quadratic")
 
 
 def terms_of(factors: int, order: str) -> tuple[Term, ...]:
-    """Terms of a model besides its constant: single factors, then products of two, then squares.
-
-    Parameters
-    ----------
-    factors : int
-    order : str
-        One of `ORDERS`; each has the terms of the one before.
-
-    Returns
-    -------
-    tuple of Term
-
-    Raises
-    ------
-    ValueError
-        If there is no such order.
-    """
+    """Terms of a model besides its constant: single factors, then products of two, then squares."""
     if order not in ORDERS:
         raise ValueError(f"order {order!r}; allowed: {', '.join(ORDERS)}")
     groups: list[list[Term]] = [
@@ -42,34 +26,13 @@ def terms_of(factors: int, order: str) -> tuple[Term, ...]:
 
 
 def columns(coded: ArrayLike, terms: Sequence[Term]) -> np.ndarray:
-    """Values of the terms.
-
-    Parameters
-    ----------
-    coded : array, (n, k)
-    terms : sequence of Term
-
-    Returns
-    -------
-    numpy.ndarray, (n, terms)
-    """
+    """Values of the terms."""
     coded = np.atleast_2d(np.asarray(coded, dtype=float))
     return np.column_stack([coded[:, list(term)].prod(axis=1) for term in terms])
 
 
 def label(term: Term, factors: Sequence[str]) -> str:
-    """A term in words: ``A``, ``A*B``, ``A^2``.
-
-    Parameters
-    ----------
-    term : Term
-    factors : sequence of str
-        Names.
-
-    Returns
-    -------
-    str
-    """
+    """A term in words: ``A``, ``A*B``, ``A^2``."""
     if len(term) == 2 and term[0] == term[1]:
         return f"{factors[term[0]]}^2"
     return "*".join(factors[k] for k in term)
@@ -77,21 +40,7 @@ def label(term: Term, factors: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class Model:
-    """A polynomial that was fitted to runs.
-
-    Attributes
-    ----------
-    factors : tuple of str
-        Names.
-    terms : tuple of Term
-    coded : numpy.ndarray, (n, k)
-        The runs.
-    response : numpy.ndarray, (n,)
-    blocks : numpy.ndarray, (n,), or None
-        Number of each run's block.
-    ols : object
-        Results of `statsmodels.api.OLS`; its columns are the constant, the blocks but the first, and the terms.
-    """
+    """A polynomial that was fitted to runs."""
 
     factors: tuple[str, ...]
     terms: tuple[Term, ...]
@@ -122,30 +71,11 @@ class Model:
         return float(self.ols.params[0] + blocks.sum() / (1 + len(blocks)))
 
     def predict(self, coded: ArrayLike) -> np.ndarray:
-        """The response at points in coded units, averaged over the blocks.
-
-        Parameters
-        ----------
-        coded : array, (n, k)
-
-        Returns
-        -------
-        numpy.ndarray, (n,)
-        """
+        """The response at points in coded units, averaged over the blocks."""
         return self.constant + columns(coded, self.terms) @ self.coefficients
 
     def standard_error(self, coded: ArrayLike) -> np.ndarray:
-        """Standard error of the predicted mean at points in coded units.
-
-        Parameters
-        ----------
-        coded : array, (n, k)
-
-        Returns
-        -------
-        numpy.ndarray, (n,)
-            nan where no degree of freedom is left for the error.
-        """
+        """Standard error of the predicted mean at points in coded units."""
         values = columns(coded, self.terms)
         share = np.full((len(values), self.block_columns), 1.0 / (1 + self.block_columns))
         rows = np.hstack([np.ones((len(values), 1)), share, values])
@@ -159,29 +89,7 @@ def fit(
     order: str | Sequence[Term],
     blocks: ArrayLike | None = None,
 ) -> Model:
-    """Fit a polynomial to runs.
-
-    Parameters
-    ----------
-    coded : array, (n, k)
-        Factors in coded units.
-    response : array, (n,)
-    factors : sequence of str
-        Names of the k factors.
-    order : str or sequence of Term
-        One of `ORDERS`, or the terms themselves.
-    blocks : array, (n,), optional
-        Number of each run's block; each block has a mean of its own.
-
-    Returns
-    -------
-    Model
-
-    Raises
-    ------
-    ValueError
-        If a value is not finite, or the runs do not determine the terms.
-    """
+    """Fit a polynomial to runs."""
     coded, response = np.asarray(coded, dtype=float), np.asarray(response, dtype=float)
     if coded.ndim != 2 or coded.shape != (len(response), len(factors)):
         raise ValueError(f"runs of shape {coded.shape}; allowed: {(len(response), len(factors))}")

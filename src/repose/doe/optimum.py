@@ -15,17 +15,7 @@ MET = 1e-6  # a relative miss that small is none
 
 @dataclass(frozen=True)
 class Optimum:
-    """A point that models were searched for.
-
-    Attributes
-    ----------
-    coded : numpy.ndarray, (k,)
-    predicted : numpy.ndarray, (responses,)
-    met : bool
-        Whether the predictions are the targets.
-    desirability : float
-        Of `desirability`.
-    """
+    """A point that models were searched for."""
 
     coded: np.ndarray
     predicted: np.ndarray
@@ -38,15 +28,6 @@ def desirability(predicted: ArrayLike, aims: ArrayLike, low: ArrayLike, high: Ar
 
     Each response counts 1 at its target and falls linearly to 0 at the ends of its range; the whole is the geometric
     mean (Derringer and Suich 1980).
-
-    Parameters
-    ----------
-    predicted : array, (n, responses)
-    aims, low, high : array, (responses,)
-
-    Returns
-    -------
-    numpy.ndarray, (n,)
     """
     predicted = np.atleast_2d(np.asarray(predicted, dtype=float))
     aims, low, high = (np.asarray(one, dtype=float) for one in (aims, low, high))
@@ -65,19 +46,6 @@ def optimum(
 
     Few targets and many factors leave a whole curve or surface of such points. Of these, the one nearest to the centre
     is taken: there the models are best known.
-
-    Parameters
-    ----------
-    models : sequence of Model
-        One for each response, of the same factors.
-    aims, scale : array, (responses,)
-        Targets, and what a miss is measured by: the target divided by the root of its weight.
-    low, high : array, (responses,)
-        Range of each response, for the desirability.
-
-    Returns
-    -------
-    Optimum
     """
     aims, scale = np.asarray(aims, dtype=float), np.asarray(scale, dtype=float)
     count = len(models[0].factors)

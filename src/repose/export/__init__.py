@@ -26,21 +26,7 @@ PROGRAMS: dict[str, Callable[[Job], dict[str, str]]] = {
 
 
 def write(job: Job, program: str, folder: str | PathLike) -> list[Path]:
-    """Write the deck of a program.
-
-    Parameters
-    ----------
-    job : Job
-    program : str
-        One of `PROGRAMS`.
-    folder : path
-        Where its files go.
-
-    Returns
-    -------
-    list of Path
-        The files, the deck itself first.
-    """
+    """Write the deck of a program."""
     paths = []
     for name, text in PROGRAMS[program](job).items():
         paths.append(Path(folder) / name)

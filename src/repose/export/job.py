@@ -28,19 +28,7 @@ TYPICAL_OVERLAP = 0.01
 
 @dataclass(frozen=True)
 class Pair:
-    """Contact of two materials.
-
-    Attributes
-    ----------
-    restitution, static_friction, rolling_friction : float
-        As calibrated: e, mu_s, mu_r.
-    damping_ratio : float
-        beta, with which an impact ends with this restitution, see `repose.dem.laws.hertz_mindlin.damping_ratio`.
-    effective_young_pa, effective_shear_pa : float
-        E* and G*.
-    effective_radius_m : float
-        R* of two spheres of the clump's mean radius, or of one on a wall.
-    """
+    """Contact of two materials."""
 
     restitution: float
     static_friction: float
@@ -58,43 +46,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class Job:
-    """The grain and its bench test.
-
-    Attributes
-    ----------
-    label : str
-        Of the study.
-    spheres_m : numpy.ndarray, (M, 4)
-        Centres and radii in the body's principal axes, the centre of mass at the origin.
-    mass_kg, volume_m3 : float
-        Of the body; where spheres overlap they count once.
-    inertia_kg_m2 : numpy.ndarray, (3,)
-        Principal moments.
-    density_kg_m3 : float
-    bounding_radius_m : float
-    mean_radius_m : float
-        Of the spheres, each weighted with its free surface.
-    lever_m : float
-        Mean distance of the clump's surface from its centre, by area: the lever of the rolling resistance here.
-    grain, wall : repose.dem.Material
-    grains, on_wall : Pair
-        Grain with grain, grain with wall.
-    tension, contact_law : str
-        See `repose.dem.Simulation`.
-    funnel : Funnel
-    plate_radius_m, factory_radius_m, factory_height_m : float
-        The grain's centre appears in the factory's disc.
-    count : int
-        Grains.
-    rate_per_s, duration_s, gravity_m_s2 : float
-    time_step_s : float
-        Advised, see `make`.
-    rayleigh_s : float
-        Rayleigh time of the smallest sphere.
-    seed : int
-    notes : tuple of str
-        What of the study the deck cannot hold.
-    """
+    """The grain and its bench test."""
 
     label: str
     spheres_m: np.ndarray
@@ -125,16 +77,7 @@ class Job:
     notes: tuple[str, ...]
 
     def steps(self, seconds: float) -> int:
-        """Time steps of a duration.
-
-        Parameters
-        ----------
-        seconds : float
-
-        Returns
-        -------
-        int
-        """
+        """Time steps of a duration."""
         return round(seconds / self.time_step_s)
 
 
@@ -149,28 +92,6 @@ def make(
 
     The advised time step is half of the longest one that this engine allows the clump, at most half of the study's
     own and at most a fifth of the Rayleigh time of the smallest sphere.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    parameters : mapping
-        The six contact parameters by name.
-    particle : Particle
-        A multisphere.
-    berry : mapping
-        What the verb ``berry`` writes.
-    seed : int, optional
-        Of the grains' places.
-
-    Returns
-    -------
-    Job
-
-    Raises
-    ------
-    InputError
-        If the particle has no spheres, the contact law is not Hertz and Mindlin's, or the rolling law no budget.
     """
     settings, section = SimulationSettings.of(config), config["funnel"]
     if not particle.is_clump:
@@ -243,18 +164,6 @@ def _notes(config):
 def rayleigh_time_s(material: dem.Material, density_kg_m3: float, radius_m: float) -> float:
     """Rayleigh time of a sphere.
 
-    Parameters
-    ----------
-    material : repose.dem.Material
-    density_kg_m3, radius_m : float
-
-    Returns
-    -------
-    float
-        pi R sqrt(rho / G) / (0.1631 nu + 0.8766) [s].
-
-    References
-    ----------
     Thornton and Randall, in: Micromechanics of Granular Materials, Elsevier (1988) 133.
     """
     root = math.sqrt(density_kg_m3 / material.shear_modulus_pa)
@@ -262,19 +171,7 @@ def rayleigh_time_s(material: dem.Material, density_kg_m3: float, radius_m: floa
 
 
 def surface_means(spheres_m: np.ndarray, points: int = 2000) -> tuple[float, float]:
-    """Mean radius and mean distance from the centre over the free surface of a clump, by area.
-
-    Parameters
-    ----------
-    spheres_m : numpy.ndarray, (M, 4)
-        Centres and radii.
-    points : int, optional
-        On each sphere.
-
-    Returns
-    -------
-    radius_m, distance_m : float
-    """
+    """Mean radius and mean distance from the centre over the free surface of a clump, by area."""
     directions = sphere_directions(points)
     areas = radii = distances = 0.0
     for x, y, z, radius in spheres_m:

@@ -22,17 +22,7 @@ SPRINGS = {"hertz_mindlin": "mindlin", "hertz_mindlin_rescaled": "mindlin_rescal
 
 
 def deck(job: Job) -> dict[str, str]:
-    """The files of a LAMMPS run.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    dict of str
-        Texts by the names of their files: in.pour, grain.mol.
-    """
+    """The files of a LAMMPS run."""
     half = max(job.plate_radius_m, 0.5 * job.funnel.inlet_diameter_m) + 4.0 * job.bounding_radius_m
     steps, cone = job.steps(job.duration_s), job.funnel.cone_line()
     on_wall = contact_words(job, job.on_wall)
@@ -70,15 +60,6 @@ def contact_words(job: Job, pair: Pair) -> str:
     """A contact in the words of pair_style granular.
 
     Moduli stand for both surfaces: those of two equal ones with the pair's E*.
-
-    Parameters
-    ----------
-    job : Job
-    pair : Pair
-
-    Returns
-    -------
-    str
     """
     poisson = job.grain.poisson_ratio
     young = 2.0 * (1.0 - poisson**2) * pair.effective_young_pa
@@ -94,16 +75,7 @@ def contact_words(job: Job, pair: Pair) -> str:
 
 
 def molecule(job: Job) -> str:
-    """The grain as a molecule template.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    str
-    """
+    """The grain as a molecule template."""
     n = len(job.spheres_m)
     lines = ["a grain, from repose export", "", f"{n} atoms", f"{job.mass_kg:.9g} mass", "0 0 0 com"]
     lines += [" ".join(f"{value:.9g}" for value in (*job.inertia_kg_m2, 0.0, 0.0, 0.0)) + " inertia"]

@@ -17,19 +17,7 @@ from repose.export.job import Job, Pair
 
 
 def equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
-    """Coefficient of restitution with which Tsuji's formula gives a pair's damping ratio.
-
-    Parameters
-    ----------
-    pair : Pair
-    least : float, optional
-        The smallest that the program takes.
-
-    Returns
-    -------
-    float
-        exp(-pi beta / sqrt(1 - beta^2)), 0 for beta from 1 on, or `least`.
-    """
+    """Coefficient of restitution with which Tsuji's formula gives a pair's damping ratio."""
     beta = pair.damping_ratio
     if beta >= 1.0:
         return least
@@ -37,33 +25,12 @@ def equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
 
 
 def rolling_coefficient(job: Job, pair: Pair) -> float:
-    """Coefficient of rolling friction where the lever is the effective radius of two spheres.
-
-    Parameters
-    ----------
-    job : Job
-    pair : Pair
-
-    Returns
-    -------
-    float
-        mu_r times the mean lever over the effective radius.
-    """
+    """Coefficient of rolling friction where the lever is the effective radius of two spheres."""
     return pair.rolling_friction * job.lever_m / pair.effective_radius_m
 
 
 def rolling_stiffness(pair: Pair) -> float:
-    """Stiffness of a rolling spring [N m].
-
-    Parameters
-    ----------
-    pair : Pair
-
-    Returns
-    -------
-    float
-        That of the tangential spring times R*^2.
-    """
+    """Stiffness of a rolling spring [N m]."""
     return pair.tangential_stiffness_n_m * pair.effective_radius_m**2
 
 
@@ -71,34 +38,12 @@ def skin_m(job: Job) -> float:
     """By how much neighbour lists reach beyond the spheres [m].
 
     A grain that falls at 2 m/s goes 0.4 mm in a step; with this skin the lists last for several steps.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    float
-        Three quarters of the mean radius.
     """
     return 0.75 * job.mean_radius_m
 
 
 def differences(job: Job, comment: str, told: list[str]) -> str:
-    """Head of a deck: the study, and what is not as in the study, as comment lines.
-
-    Parameters
-    ----------
-    job : Job
-    comment : str
-        What begins a comment.
-    told : list of str
-        What this program does otherwise.
-
-    Returns
-    -------
-    str
-    """
+    """Head of a deck: the study, and what is not as in the study, as comment lines."""
     return "\n".join(comment + line for line in _head(job, told))
 
 
@@ -121,18 +66,7 @@ def _head(job: Job, told: list[str]) -> Iterator[str]:
 
 
 def limited_friction(job: Job, rescales: bool = False) -> list[str]:
-    """The notes of a program whose Coulomb's limit takes the whole normal force, and whose spring may not be rescaled.
-
-    Parameters
-    ----------
-    job : Job
-    rescales : bool, optional
-        Whether the program's spring is the study's.
-
-    Returns
-    -------
-    list of str
-    """
+    """The notes of a program whose Coulomb's limit takes the whole normal force, and whose spring may not be rescaled."""
     notes = []
     if COULOMB[job.tension] != "total":
         notes.append("Coulomb's limit takes the damped normal force, in the study its elastic part")
@@ -160,17 +94,7 @@ def undamped_tangent() -> str:
 
 
 def rolled(job: Job) -> str:
-    """The note of a program whose rolling resistance is a limited spring between two spheres.
-
-    Parameters
-    ----------
-    job : Job
-        What is exported; its mean lever [m] is told.
-
-    Returns
-    -------
-    str
-    """
+    """The note of a program whose rolling resistance is a limited spring between two spheres."""
     return (
         "rolling resistance is a spring with a limit against the relative rotation (model C of Ai et al. 2011, without "
         "damping or with); in the study a budget of each body (model A). Its coefficients here are those of the study "

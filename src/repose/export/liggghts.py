@@ -21,17 +21,7 @@ LEAST_RESTITUTION = 0.05
 
 
 def deck(job: Job) -> dict[str, str]:
-    """The files of a LIGGGHTS run.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    dict of str
-        Texts by the names of their files: in.pour, clump.txt, funnel.stl.
-    """
+    """The files of a LIGGGHTS run."""
     half = max(job.plate_radius_m, 0.5 * job.funnel.inlet_diameter_m) + 4.0 * job.bounding_radius_m
     steps = job.steps(job.duration_s)
     text = filled(
@@ -76,17 +66,7 @@ def deck(job: Job) -> dict[str, str]:
 
 
 def prime(seed: int) -> int:
-    """A prime for LIGGGHTS' random numbers, which begin with one above 10000; another one for each seed.
-
-    Parameters
-    ----------
-    seed : int
-        0 or more.
-
-    Returns
-    -------
-    int
-    """
+    """A prime for LIGGGHTS' random numbers, which begin with one above 10000; another one for each seed."""
     number = 20001 + 200 * seed
     while any(number % k == 0 for k in range(3, math.isqrt(number) + 1, 2)):
         number += 2

@@ -21,17 +21,7 @@ LEVER = 2.0
 
 
 def deck(job: Job) -> dict[str, str]:
-    """The files of a MercuryDPM driver.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    dict of str
-        Texts by the names of their files: Pour.cpp, funnel.stl.
-    """
+    """The files of a MercuryDPM driver."""
     half = max(job.plate_radius_m, 0.5 * job.funnel.inlet_diameter_m) + 4.0 * job.bounding_radius_m
     pairs = {"gg": job.grains, "gp": job.on_wall}
     numbers: dict[str, float] = {}

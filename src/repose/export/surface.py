@@ -13,17 +13,7 @@ LONGEST_ROW_M = 0.024
 
 
 def profile(funnel: Funnel) -> np.ndarray:
-    """Line (r, z) of the funnel from the inlet to the underside of the outlet's rounded edge.
-
-    Parameters
-    ----------
-    funnel : Funnel
-
-    Returns
-    -------
-    numpy.ndarray, (N, 2)
-        Metres. The points of the round edges lie on them.
-    """
+    """Line (r, z) of the funnel from the inlet to the underside of the outlet's rounded edge."""
     slope, edge = math.radians(funnel.cone_angle_deg), funnel.rim_radius_m
     core = 0.5 * funnel.outlet_diameter_m + edge
     neck, outlet = funnel.neck_height_m, funnel.outlet_height_m
@@ -50,17 +40,7 @@ def _divided(points):
 
 
 def triangles(funnel: Funnel) -> np.ndarray:
-    """The funnel's surface.
-
-    Parameters
-    ----------
-    funnel : Funnel
-
-    Returns
-    -------
-    numpy.ndarray, (T, 3, 3)
-        Corners [m], counterclockwise seen from the axis. The corners lie on the surface of revolution.
-    """
+    """The funnel's surface."""
     line = profile(funnel)
     angles = 2.0 * math.pi * np.arange(AROUND) / AROUND
     rings = np.stack(
@@ -79,16 +59,7 @@ def triangles(funnel: Funnel) -> np.ndarray:
 
 
 def stl(funnel: Funnel) -> str:
-    """The funnel's surface as the text of an STL file in metres.
-
-    Parameters
-    ----------
-    funnel : Funnel
-
-    Returns
-    -------
-    str
-    """
+    """The funnel's surface as the text of an STL file in metres."""
     corners = triangles(funnel)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)

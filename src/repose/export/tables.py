@@ -12,17 +12,7 @@ Row = tuple[str, str, str]
 
 
 def edem(job: Job) -> dict[str, str]:
-    """What to type in EDEM.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    dict of str
-        Texts by the names of their files: edem.md, spheres.csv, funnel.stl.
-    """
+    """What to type in EDEM."""
     rolling = "Creator > Physics > Particle to Particle, and Particle to Geometry"
     rows: list[Row] = [
         *_materials(job, "Creator > Bulk Material", "Creator > Equipment Material"),
@@ -61,17 +51,7 @@ def edem(job: Job) -> dict[str, str]:
 
 
 def rocky(job: Job) -> dict[str, str]:
-    """What to type in Rocky.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    dict of str
-        Texts by the names of their files: rocky.md, funnel.stl.
-    """
+    """What to type in Rocky."""
     rows: list[Row] = [
         *_materials(job, "Materials > the grain's", "Materials > the wall's"),
         *_pairs(job, "Materials Interactions", None),

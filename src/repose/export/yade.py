@@ -19,17 +19,7 @@ from repose.export.template import filled
 
 
 def deck(job: Job) -> dict[str, str]:
-    """The files of a YADE run.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    dict of str
-        The text of pour.py by its name.
-    """
+    """The files of a YADE run."""
     weights, inertia = member_masses(job)
     # sqrt(5/6) beta is the damping over that which stops at once
     damping = {
@@ -78,17 +68,6 @@ def member_masses(job: Job) -> tuple[np.ndarray, np.ndarray]:
 
     The shares have their centre at the origin and no products of inertia, as nearly alike as that allows; the inertia
     is what is left of the body's.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    weights : numpy.ndarray, (M,)
-        They add up to 1.
-    inertia : numpy.ndarray, (3,)
-        Of each sphere [kg m2].
     """
     x, y, z = job.spheres_m[:, :3].T
     size = job.bounding_radius_m

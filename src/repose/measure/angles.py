@@ -35,15 +35,7 @@ FOOT = 1.0  # the whole profile begins here: a column below it shows no pile
 
 
 class Line(NamedTuple):
-    """A side's angle and its line.
-
-    Attributes
-    ----------
-    angle_deg : float
-        From the horizontal.
-    ends : tuple
-        Lower end and upper end, each (distance, height) in pixels.
-    """
+    """A side's angle and its line."""
 
     angle_deg: float
     ends: tuple[tuple[float, float], tuple[float, float]]
@@ -56,48 +48,12 @@ Measured = tuple[dict[str, tuple[float, Line, Line]], dict[str, str]]
 
 
 def flank(profile: np.ndarray, low: float, high: float, rule: str = "columns") -> Line:
-    """Definition "flank": the regression of height on distance between two heights (section 2.3 of the paper).
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    low, high : float
-        Ends of the band in pixels.
-    rule : str, optional
-        One of `FLANK_RULES`.
-
-    Returns
-    -------
-    Line
-
-    Raises
-    ------
-    NoFlankError
-        If the band gives no line that rises towards the crest.
-    """
+    """Definition "flank": the regression of height on distance between two heights (section 2.3 of the paper)."""
     return fitted(*points_between(profile, low, high, rule), low, high)
 
 
 def whole(profile: np.ndarray, rule: str = "columns") -> Line:
-    """Definition "whole": the regression over the whole side, from foot to crest.
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    rule : str, optional
-        One of `FLANK_RULES`.
-
-    Returns
-    -------
-    Line
-
-    Raises
-    ------
-    NoFlankError
-        If the side gives no line that rises towards the crest.
-    """
+    """Definition "whole": the regression over the whole side, from foot to crest."""
     return flank(profile, FOOT, float(profile[-1]), rule)
 
 
@@ -106,24 +62,6 @@ def steepest(profile: np.ndarray, low: float, high: float, rule: str = "columns"
 
     The stretch moves by one pixel. The largest of many slopes is larger than the slope: on a lumpy flank this
     choice biases the angle upwards.
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    low, high : float
-        Ends of the band in pixels.
-    rule : str, optional
-        One of `FLANK_RULES`.
-
-    Returns
-    -------
-    Line
-
-    Raises
-    ------
-    NoFlankError
-        If the band is too thin, the flank is a wall, or no stretch rises towards the crest.
     """
     distance, height = points_between(profile, low, high, rule)
     window = (high - low) / 2
@@ -148,18 +86,6 @@ def window_slopes(
     """Slope of the regression line of the points whose height lies in each window.
 
     It comes from sums accumulated over the points in order of height, so that all windows cost one pass.
-
-    Parameters
-    ----------
-    distance, height : numpy.ndarray, (points,)
-        Points of the boundary in pixels.
-    lows, highs : numpy.ndarray, (windows,)
-        Ends of the windows in pixels; both belong to the window.
-
-    Returns
-    -------
-    numpy.ndarray, (windows,)
-        Height over distance; NaN where there are too few points, or a wall.
     """
     order = np.argsort(height, kind="stable")
     x, z = distance[order] - distance.mean(), height[order] - height.mean()
@@ -176,25 +102,7 @@ def window_slopes(
 
 
 def fitted(distance: np.ndarray, height: np.ndarray, low: float, high: float) -> Line:
-    """The regression line of height on distance.
-
-    Parameters
-    ----------
-    distance, height : numpy.ndarray, (points,)
-        Points of the boundary in pixels.
-    low, high : float
-        Heights between which the line is drawn, in pixels.
-
-    Returns
-    -------
-    Line
-        Its angle, and its ends at `low` and `high`.
-
-    Raises
-    ------
-    NoFlankError
-        If there are too few points, the points stand one above the other, or the line does not rise.
-    """
+    """The regression line of height on distance."""
     spread = distance - distance.mean() if distance.size else distance
     if distance.size < MIN_LEVELS or spread @ spread < distance.size * WALL_SD**2:
         raise NoFlankError(WALL)
@@ -212,22 +120,6 @@ def secant(profile: np.ndarray, berry: float) -> Line:
 
     The angle is atan(H / W) with W the half width, that place's distance from the crest's column. A pile's
     secant is not the mean of its two sides: see `secant_of_pile`.
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    berry : float
-        Height of a berry in pixels.
-
-    Returns
-    -------
-    Line
-
-    Raises
-    ------
-    NoFlankError
-        If the pile is not higher than one berry, or its foot is not seen.
     """
     crest, height = profile.size - 1, float(profile[-1])
     if not 0 < berry < height:
@@ -244,16 +136,6 @@ def secant_of_pile(left: Line, right: Line) -> float:
     """The secant of a pile from the lines of its two sides: atan(2 H / D), D = W_left + W_right.
 
     This does not depend on where between the flanks the highest berry happens to lie.
-
-    Parameters
-    ----------
-    left, right : Line
-        As `secant` gives them.
-
-    Returns
-    -------
-    float
-        Degrees.
     """
     (foot_left, _), (crest_left, height) = left.ends
     (foot_right, _), (crest_right, _) = right.ends
@@ -269,28 +151,7 @@ def measure_sides(
     berry: float | None,
     rule: str,
 ) -> Measured:
-    """Every definition on both sides of a pile.
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of the whole pile in pixels, from foot to foot.
-    crest : int
-        Its highest column.
-    fit_from, fit_to : float or str
-        Ends of the flank: fractions of the height, or "berry", the height of one berry.
-    berry : float or None
-        Height of a berry in pixels; None where it is not known.
-    rule : str
-        One of `FLANK_RULES`.
-
-    Returns
-    -------
-    measured : dict
-        For each definition that could be measured: (angle in degrees, left Line, right Line).
-    reasons : dict of str
-        For each other definition: why it could not be measured.
-    """
+    """Every definition on both sides of a pile."""
     height = float(profile[crest])
     sides = profile[: crest + 1], profile[crest:][::-1]
     measured, reasons = {}, {}

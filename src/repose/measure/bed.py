@@ -19,17 +19,7 @@ SMALLEST_FIT = 8  # pixel columns that a line needs
 
 @dataclass(frozen=True)
 class Surface:
-    """Upper edge of the bed in the side view along the axis, and the line through its middle.
-
-    Attributes
-    ----------
-    angle_deg : float
-        Of the line; above 0 where the bed is higher on the side to which the drum carries it.
-    profile_m : numpy.ndarray, (M, 2)
-        x and z of the edge, one row per pixel column.
-    line_m : numpy.ndarray, (2, 2)
-        The line's two ends (x, z).
-    """
+    """Upper edge of the bed in the side view along the axis, and the line through its middle."""
 
     angle_deg: float
     profile_m: np.ndarray
@@ -38,17 +28,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class Slip:
-    """A slip that `find_slip` found, by rows of the record.
-
-    Attributes
-    ----------
-    begins : int
-        Row of the highest angle.
-    judged : int
-        Row at which the angle has fallen far enough.
-    ends : int
-        Row at which the bed is calm again.
-    """
+    """A slip that `find_slip` found, by rows of the record."""
 
     begins: int
     judged: int
@@ -69,32 +49,6 @@ def measure_surface(
     The edge is that of the silhouette: in each pixel column the highest point of any berry. The line is the
     least-squares line through the middle `fit_share` of the edge's width, so that berries lifted along the
     wall do not count.
-
-    Parameters
-    ----------
-    centres_m : numpy.ndarray, (N, 3)
-        In the world; the drum's axis is y.
-    quaternions : numpy.ndarray, (N, 4)
-        w, x, y, z, from the body to the world.
-    particle : ConvexBody
-        The shape of all of them.
-    radius_m : float
-        Inner radius of the drum.
-    mm_per_pixel : float
-        Scale of the silhouette.
-    fit_share : float
-        From 0 to 1.
-    scales : numpy.ndarray, (N,), optional
-        Sizes of the bodies relative to the particle; 1 without it.
-
-    Returns
-    -------
-    Surface
-
-    Raises
-    ------
-    ValueError
-        If there are too few columns.
     """
     lifted = np.asarray(centres_m, float) + np.array([0.0, 0.0, radius_m])
     image = silhouette.silhouette(
@@ -117,36 +71,14 @@ def measure_surface(
 
 
 def to_drum_frame(centres_m: np.ndarray, turned_rad: float) -> np.ndarray:
-    """Positions as seen from a drum that has turned by an angle.
-
-    Parameters
-    ----------
-    centres_m : numpy.ndarray, (..., 3)
-    turned_rad : float
-
-    Returns
-    -------
-    numpy.ndarray, (..., 3)
-        Metres.
-    """
+    """Positions as seen from a drum that has turned by an angle."""
     cos, sin = math.cos(turned_rad), math.sin(turned_rad)
     x, z = centres_m[..., 0], centres_m[..., 2]
     return np.stack([cos * x + sin * z, centres_m[..., 1], cos * z - sin * x], axis=-1)
 
 
 def bed_angle(centres_m: np.ndarray) -> float:
-    """Angle of the bed's centre of mass about the axis.
-
-    Parameters
-    ----------
-    centres_m : numpy.ndarray, (N, 3)
-        In the world; the drum's axis is y.
-
-    Returns
-    -------
-    float
-        Degrees, from straight down towards +x.
-    """
+    """Angle of the bed's centre of mass about the axis."""
     x, _, z = np.mean(centres_m, axis=0)
     return math.degrees(math.atan2(x, -z))
 
@@ -163,25 +95,6 @@ def relative_energy(
     """Mean kinetic energy of a berry, translation and rotation, in a frame that turns about the origin.
 
     All arrays are in the world frame.
-
-    Parameters
-    ----------
-    centres_m : numpy.ndarray, (N, 3)
-    quaternions : numpy.ndarray, (N, 4)
-        w, x, y, z, from the body to the world.
-    velocities_m_s : numpy.ndarray, (N, 3)
-    turning_rad_s : numpy.ndarray, (N, 3)
-        Angular velocities of the berries.
-    particle : Particle
-    frame_rad_s : numpy.ndarray, (3,)
-        Angular velocity of the frame.
-    scales : numpy.ndarray, (N,), or float, optional
-        Sizes of the berries relative to the particle.
-
-    Returns
-    -------
-    float
-        Joule.
     """
     drift = velocities_m_s - np.cross(frame_rad_s, centres_m)
     turn = rotation_matrices(quaternions)
@@ -200,20 +113,6 @@ def find_slip(
     highest angle, and ends when the energy is below `calm_energy_j` again, or with the record. The angle is
     that of the centre of mass and not of the surface: a few berries that roll change the surface's by more
     than a degree, and the centre's not at all.
-
-    Parameters
-    ----------
-    bed_deg : numpy.ndarray, (T,)
-        Angle of the centre of mass.
-    energy_j : numpy.ndarray, (T,)
-        Kinetic energy of a berry in the drum's frame.
-    drop_deg, calm_energy_j : float
-        Fall of the angle that is a slip, and the energy below which it has ended.
-
-    Returns
-    -------
-    Slip or None
-        None where there is no slip.
     """
     bed = np.asarray(bed_deg, float)
     if not len(bed):
@@ -233,20 +132,6 @@ def slip_displacement(
     """Depth of each berry below the surface before the slip, and its motion down along the surface.
 
     The motion is that against the drum.
-
-    Parameters
-    ----------
-    before_m, after_m : numpy.ndarray, (N, 3)
-        Positions.
-    turned_rad : float
-        Angle by which the drum turned in between.
-    surface : Surface
-        Before the slip.
-
-    Returns
-    -------
-    depth, moved : numpy.ndarray, (N,)
-        Metres. NaN for a berry outside the part of the surface that was fitted.
     """
     (x0, z0), (x1, _) = surface.line_m
     slope = math.radians(surface.angle_deg)
@@ -259,20 +144,7 @@ def slip_displacement(
 
 
 def depth_profile(depth_m: np.ndarray, moved_m: np.ndarray, bin_m: float) -> np.ndarray:
-    """Motion of the berries by depth.
-
-    Parameters
-    ----------
-    depth_m, moved_m : numpy.ndarray, (N,)
-        As `slip_displacement` gives them.
-    bin_m : float
-        Width of a bin.
-
-    Returns
-    -------
-    numpy.ndarray, (bins, 4)
-        Middle of the bin, mean motion and its standard deviation in m, and number of berries.
-    """
+    """Motion of the berries by depth."""
     known = np.isfinite(depth_m)
     bins = np.floor(depth_m[known] / bin_m).astype(int)
     rows = []
@@ -283,18 +155,6 @@ def depth_profile(depth_m: np.ndarray, moved_m: np.ndarray, bin_m: float) -> np.
 
 
 def moved_share(moved_m: np.ndarray, particle: silhouette.ConvexBody) -> float:
-    """Share of berries that moved by more than the berry's equivalent diameter.
-
-    Parameters
-    ----------
-    moved_m : numpy.ndarray, (N,)
-        As `slip_displacement` gives it; NaN does not count.
-    particle : ConvexBody
-
-    Returns
-    -------
-    float
-        From 0 to 1.
-    """
+    """Share of berries that moved by more than the berry's equivalent diameter."""
     known = moved_m[np.isfinite(moved_m)]
     return float(np.mean(np.abs(known) > equivalent_diameter(particle))) if len(known) else 0.0

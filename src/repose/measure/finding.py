@@ -34,27 +34,7 @@ NOTHING = "nothing that stands on the plate differs from its background, or the 
 
 
 def find(image: np.ndarray, hidden: np.ndarray, base_row: float) -> np.ndarray:
-    """Find the pile in a coarse view of the whole photograph.
-
-    Parameters
-    ----------
-    image : numpy.ndarray of uint8, (H, W, 3)
-        Upright, blue first.
-    hidden : numpy.ndarray of bool, (H, W)
-        Where neither pile nor background is seen: outside the photograph, on the sheet.
-    base_row : float
-        Row of the plate.
-
-    Returns
-    -------
-    numpy.ndarray of uint8, (H, W)
-        1 where the pile is.
-
-    Raises
-    ------
-    NoFlankError
-        If no pile is found.
-    """
+    """Find the pile in a coarse view of the whole photograph."""
     above = math.ceil(base_row)
     colours = _fill(features(image), hidden)[:above]
     behind = _background(colours, hidden[:above])
@@ -73,27 +53,7 @@ def find(image: np.ndarray, hidden: np.ndarray, base_row: float) -> np.ndarray:
 def refine(
     image: np.ndarray, hidden: np.ndarray, base_row: float, coarse: np.ndarray, berry_px: float
 ) -> Segmentation:
-    """Find the boundary of a pile whose place is known.
-
-    Parameters
-    ----------
-    image, hidden, base_row
-        As for `find`, of a finer view of the pile alone.
-    coarse : numpy.ndarray, (H, W)
-        1 where the pile is, to half a grain.
-    berry_px : float
-        Height of a grain in pixels.
-
-    Returns
-    -------
-    Segmentation
-        Its contrast is the mask, softened by a pixel.
-
-    Raises
-    ------
-    NoFlankError
-        If no pile is left.
-    """
+    """Find the boundary of a pile whose place is known."""
     above = math.ceil(base_row)
     colours, coarse = _fill(features(image), hidden)[:above], coarse[:above]
     reach = max(4, round(0.4 * berry_px))
@@ -113,21 +73,7 @@ def refine(
 
 
 def faint_share(image: np.ndarray, hidden: np.ndarray, pile: Segmentation, reach_px: float) -> float:
-    """Share of a pile's upper boundary at which the colours of both sides hardly differ.
-
-    Parameters
-    ----------
-    image, hidden
-        As for `refine`.
-    pile : Segmentation
-    reach_px : float
-        How far from the boundary the colours of a side are taken.
-
-    Returns
-    -------
-    float
-        From 0 to 1.
-    """
+    """Share of a pile's upper boundary at which the colours of both sides hardly differ."""
     rows = len(pile.mask)
     colours = _fill(features(image), hidden)[:rows]
     reach = max(3, round(reach_px))
@@ -145,20 +91,7 @@ def faint_share(image: np.ndarray, hidden: np.ndarray, pile: Segmentation, reach
 
 
 def shadow_below(image: np.ndarray, mask: np.ndarray) -> int:
-    """Lowest rows of a pile that mostly have the background's colour and are only darker.
-
-    Parameters
-    ----------
-    image : numpy.ndarray of uint8, (H, W, 3)
-        Upright, blue first.
-    mask : numpy.ndarray of uint8, (H, W)
-        1 where the pile is.
-
-    Returns
-    -------
-    int
-        0 where the grains themselves have the background's colour, as in a grey picture: nothing can be told there.
-    """
+    """Lowest rows of a pile that mostly have the background's colour and are only darker."""
     every = max(1, max(mask.shape) // FINE_PX)
     colours, mask = features(np.ascontiguousarray(image[::every, ::every])), mask[::every, ::every]
     edge = max(2, mask.shape[1] // 20)  # a shadow may be wider than the pile
@@ -170,18 +103,7 @@ def shadow_below(image: np.ndarray, mask: np.ndarray) -> int:
 
 
 def features(image: np.ndarray) -> np.ndarray:
-    """Two ratios of the channels and the brightness, as logarithms.
-
-    Parameters
-    ----------
-    image : numpy.ndarray of uint8, (H, W, 3)
-        Blue first.
-
-    Returns
-    -------
-    numpy.ndarray of float32, (H, W, 3)
-        Around 128.
-    """
+    """Two ratios of the channels and the brightness, as logarithms."""
     blue, green, red = cv2.split(cv2.GaussianBlur(image, (0, 0), 0.8).astype(np.float32) + DARK)
     parts = np.log(red / green), np.log(blue / green), np.log(red + green + blue)
     gains = COLOUR_GAIN, COLOUR_GAIN, BRIGHTNESS_GAIN

@@ -48,21 +48,7 @@ LEVELS = 200  # heights at which the silhouette's width is taken for the volume
 
 
 def offered(targets: Iterable[str], definition: str) -> tuple[str, ...]:
-    """Responses that an experimenter could take from the same pile beside the targets.
-
-    Parameters
-    ----------
-    targets : iterable of str
-        Names of the targets.
-    definition : str
-        The definition of the angle that ``aor_deg`` is (`measure.response`), one of `angles.DEFINITIONS`.
-
-    Returns
-    -------
-    tuple of str
-        All responses of the pile, in the order of the registry, without the targets, without ``aor_deg`` (which
-        is one of the definitions again), and, where ``aor_deg`` is a target, without its definition.
-    """
+    """Responses that an experimenter could take from the same pile beside the targets."""
     taken = {CALIBRATED_ANGLE, *targets}
     if CALIBRATED_ANGLE in targets:
         taken.add(MEAN_KEYS[definition])
@@ -70,22 +56,7 @@ def offered(targets: Iterable[str], definition: str) -> tuple[str, ...]:
 
 
 def mean_half_width(profiles: Sequence[np.ndarray], mm_per_pixel: float, levels_mm: ArrayLike) -> np.ndarray:
-    """Half the width of silhouettes at some heights, mean over the views.
-
-    Parameters
-    ----------
-    profiles : sequence of numpy.ndarray, (W,)
-        Height of the upper edge in pixels for each column, as `pile.profile_of` gives it.
-    mm_per_pixel : float
-        Scale of the silhouettes.
-    levels_mm : array_like, (levels,)
-        Heights over the plate.
-
-    Returns
-    -------
-    numpy.ndarray, (levels,)
-        In mm. A view that is lower than a level counts as 0 there.
-    """
+    """Half the width of silhouettes at some heights, mean over the views."""
     levels = np.asarray(levels_mm, dtype=float) / mm_per_pixel
     total = np.zeros(len(levels))
     for profile in profiles:
@@ -103,29 +74,7 @@ def of_profile(
     berry_mm: float,
     berries_mm3: float,
 ) -> dict[str, float]:
-    """The four numbers of the mean silhouette, by name.
-
-    Parameters
-    ----------
-    profiles : sequence of numpy.ndarray, (W,)
-        As for `mean_half_width`.
-    mm_per_pixel : float
-        Scale of the silhouettes.
-    height_mm, berry_mm : float
-        Height of the pile, and of a berry.
-    berries_mm3 : float
-        Volume of the berries in the pile.
-
-    Returns
-    -------
-    dict of float
-        ``base_radius_mm``, ``lower_deg``, ``upper_deg`` and ``packing_percent``.
-
-    Raises
-    ------
-    NoFlankError
-        If half of the pile is not above a berry.
-    """
+    """The four numbers of the mean silhouette, by name."""
     if not HALF * height_mm > berry_mm:
         raise NoFlankError(f"half of {height_mm:.1f} mm is not above a berry, {berry_mm:.1f} mm")
     marks = np.array([berry_mm, HALF * height_mm, UPPER * height_mm])
@@ -141,27 +90,7 @@ def of_profile(
 
 
 def of_scatter(centres_m: np.ndarray, in_pile: ArrayLike, on_plate_mm: float) -> dict[str, float]:
-    """Radius that holds 90 % of the berries on the plate, and the share of them outside the pile, by name.
-
-    Parameters
-    ----------
-    centres_m : numpy.ndarray, (N, 3)
-        Centres of the berries; those below the plate or beyond it are left out.
-    in_pile : array_like, (N,)
-        Which of them touch the pile.
-    on_plate_mm : float
-        Radius of the plate about the axis x = y = 0.
-
-    Returns
-    -------
-    dict of float
-        ``radius_90_mm`` and ``loose_percent``.
-
-    Raises
-    ------
-    NoFlankError
-        If nothing lies on the plate.
-    """
+    """Radius that holds 90 % of the berries on the plate, and the share of them outside the pile, by name."""
     distance = 1e3 * np.hypot(centres_m[:, 0], centres_m[:, 1])
     there = (distance <= on_plate_mm) & (centres_m[:, 2] > 0)
     if not there.any():
@@ -173,29 +102,7 @@ def of_scatter(centres_m: np.ndarray, in_pile: ArrayLike, on_plate_mm: float) ->
 def of_pour(
     arrays: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings, plate_mm: float
 ) -> dict[str, float]:
-    """All responses of `MEASURED` of one pour, by name.
-
-    Parameters
-    ----------
-    arrays : mapping
-        ``position``, ``quaternion``, ``in_pile`` and perhaps ``scale`` of the berries.
-    particle : Particle
-        That was poured.
-    settings : pile.MeasureSettings
-        How the pile is measured.
-    plate_mm : float
-        Diameter of the plate.
-
-    Returns
-    -------
-    dict of float
-        In the units of their names.
-
-    Raises
-    ------
-    NoFlankError
-        If there is no pile.
-    """
+    """All responses of `MEASURED` of one pour, by name."""
     settings = pile.with_berry_height(settings, particle)
     assert settings.berry_height_mm is not None
     centres, members = arrays["position"].astype(float), arrays["in_pile"]
@@ -217,27 +124,7 @@ def of_pours(
     settings: pile.MeasureSettings,
     plate_mm: float,
 ) -> dict[tuple[int, int], dict[str, float]]:
-    """`MEASURED` of the good runs in files of pours.
-
-    Parameters
-    ----------
-    pours_json : iterable of path
-        ``NAME.pours.json`` of the pour job, with ``NAME.npz`` beside each.
-    good : set of (sample, seed)
-        Runs to measure.
-    particle, settings, plate_mm
-        As for `of_pour`.
-
-    Returns
-    -------
-    dict of dict of float
-        Responses by (sample, seed); none of a run that made no pile.
-
-    Raises
-    ------
-    InputError
-        If a file is bad.
-    """
+    """`MEASURED` of the good runs in files of pours."""
     found = {}
     for path in map(Path, pours_json):
         job = saved_pours.read_pours(path)
@@ -251,20 +138,7 @@ def of_pours(
 
 
 def joined(runs: pd.DataFrame, found: Mapping[tuple[int, int], Mapping[str, float]]) -> pd.DataFrame:
-    """The table of runs with the columns of `MEASURED`, NaN where nothing was found.
-
-    Parameters
-    ----------
-    runs : pandas.DataFrame
-        With the columns ``sample`` and ``seed``, and ``apparatus`` where there are several bench tests.
-    found : mapping
-        Of `of_pours`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row for each run, in the same order.
-    """
+    """The table of runs with the columns of `MEASURED`, NaN where nothing was found."""
     keys = runs[["sample", "seed"]].itertuples(index=False, name=None)
     of_run = [found.get(key, {}) if own else {} for key, own in zip(keys, _of_the_pile(runs), strict=True)]
     return runs.assign(**{name: [one.get(name, math.nan) for one in of_run] for name in MEASURED})
@@ -278,33 +152,7 @@ def run(
     berry: Mapping[str, Any],
     out_csv: str | Path,
 ) -> pd.DataFrame:
-    """Measure every good run of a study's pours, and write the table.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    pours_json : iterable of path
-        As for `of_pours`.
-    runs_csv : path
-        Single runs as the verb dataset writes them, for the responses that are there already.
-    particle : Particle
-        That was poured.
-    berry : mapping
-        What the verb berry wrote.
-    out_csv : path
-        The table.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``sample``, ``seed``, ``status`` and all responses.
-
-    Raises
-    ------
-    InputError
-        If a file is bad, or a run is in no pour.
-    """
+    """Measure every good run of a study's pours, and write the table."""
     targets = [target["response"] for target in config["targets"]]
     known = (*targets, *offered(targets, config["measure"]["response"]))
     known = ("sample", "seed", "status", *(name for name in known if name not in MEASURED))

@@ -18,32 +18,7 @@ def of_pours(
     settings: pile.MeasureSettings,
     levels_mm: np.ndarray,
 ) -> pd.DataFrame:
-    """Half-widths of the good runs in files of pours.
-
-    Parameters
-    ----------
-    pours_json : iterable of path
-        ``NAME.pours.json`` of the pour job, with ``NAME.npz`` beside each.
-    good : set of (sample, seed)
-        Runs to measure.
-    particle : Particle
-        That was poured.
-    settings : pile.MeasureSettings
-        How the pile is seen.
-    levels_mm : numpy.ndarray, (levels,)
-        Heights over the plate.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``sample``, ``seed``, and a column for each level, its number; 0 mm above the crest. Runs without a pile are
-        left out.
-
-    Raises
-    ------
-    InputError
-        If a file is bad.
-    """
+    """Half-widths of the good runs in files of pours."""
     settings, rows = pile.with_berry_height(settings, particle), []
     for path in map(Path, pours_json):
         job = saved_pours.read_pours(path)

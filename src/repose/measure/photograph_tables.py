@@ -16,34 +16,14 @@ MEANT = ("aor_deg", "height_mm")  # what a target is made of
 
 
 class Tables(NamedTuple):
-    """What photographs gave.
-
-    Attributes
-    ----------
-    photographs : pandas.DataFrame
-        One row each; empty cells where it was refused, `refused` says why.
-    summary : pandas.DataFrame
-        response, value (mean), sd and repetitions (number of photographs) of every definition.
-    """
+    """What photographs gave."""
 
     photographs: pd.DataFrame
     summary: pd.DataFrame
 
 
 def tables(found: Sequence[Photograph], how: MeasureSettings) -> Tables:
-    """Tables of photographs.
-
-    Parameters
-    ----------
-    found : sequence of Photograph
-        At least one was measured.
-    how : MeasureSettings
-        How they were.
-
-    Returns
-    -------
-    Tables
-    """
+    """Tables of photographs."""
     rows = []
     for one in found:
         numbers: dict[str, Any] = one.measurement.record() if one.measurement is not None else {}
@@ -65,15 +45,7 @@ def tables(found: Sequence[Photograph], how: MeasureSettings) -> Tables:
 
 
 def write_tables(made: Tables, how: MeasureSettings, out: Path) -> None:
-    """Write photographs.csv, summary.csv and targets.yaml.
-
-    Parameters
-    ----------
-    made : Tables
-    how : MeasureSettings
-    out : pathlib.Path
-        Folder.
-    """
+    """Write photographs.csv, summary.csv and targets.yaml."""
     write_table(out / "photographs.csv", made.photographs)
     write_table(out / "summary.csv", made.summary)
     write_text(out / "targets.yaml", targets(made, how))
@@ -82,19 +54,6 @@ def write_tables(made: Tables, how: MeasureSettings, out: Path) -> None:
 def targets(made: Tables, how: MeasureSettings) -> str:
     """The measured responses as a configuration; a study takes it after its own.
 
-    Parameters
-    ----------
-    made : Tables
-    how : MeasureSettings
-        Its definition belongs to the angle.
-
-    Returns
-    -------
-    str
-        YAML.
-
-    Notes
-    -----
     The range is the mean and its standard error to each side, at least 1 % of the mean. One pile tells no scatter: its
     standard deviation and range are null, and a study that takes them is refused until somebody fills them in.
     """
@@ -121,16 +80,7 @@ def targets(made: Tables, how: MeasureSettings) -> str:
 
 
 def as_record(made: Tables) -> dict[str, list]:
-    """The tables as lists of rows; no number is None.
-
-    Parameters
-    ----------
-    made : Tables
-
-    Returns
-    -------
-    dict of list of dict
-    """
+    """The tables as lists of rows; no number is None."""
     return {
         name: [{k: None if pd.isna(v) else v for k, v in row.items()} for row in table.to_dict("records")]
         for name, table in made._asdict().items()
@@ -138,20 +88,7 @@ def as_record(made: Tables) -> dict[str, list]:
 
 
 def told(found: Sequence[Photograph], made: Tables, how: MeasureSettings, out: Path) -> str:
-    """What the verb prints.
-
-    Parameters
-    ----------
-    found : sequence of Photograph
-    made : Tables
-    how : MeasureSettings
-    out : pathlib.Path
-        Folder.
-
-    Returns
-    -------
-    str
-    """
+    """What the verb prints."""
     wide = max(len(one.path.name) for one in found)
     lines = []
     for one in found:

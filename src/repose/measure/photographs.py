@@ -30,19 +30,7 @@ LARGEST_SHADOW = 0.3  # of a grain's height: what lies below the grains and has 
 
 @dataclass(frozen=True)
 class Scale:
-    """What tells the scale of photographs.
-
-    Attributes
-    ----------
-    square_mm : float
-        Side of a square of the printed sheet.
-    mm_per_pixel : float or None
-        Scale of all photographs, where no sheet is in them.
-    base_row : float or None
-        Row of the plate in the photographs, where no sheet is in them.
-    level_deg : float
-        By how much a level line rises to the right in the photographs, where no sheet is in them.
-    """
+    """What tells the scale of photographs."""
 
     square_mm: float = sheet.SQUARE_MM
     mm_per_pixel: float | None = None
@@ -52,24 +40,7 @@ class Scale:
 
 @dataclass
 class Photograph:
-    """What came of one photograph.
-
-    Attributes
-    ----------
-    path : pathlib.Path
-    view : numpy.ndarray of uint8, (H, W) or (H, W, 3)
-        The picture that was measured.
-    pile : Segmentation or None
-        What was taken for the pile.
-    measurement : Measurement or None
-        None where it is refused.
-    refused : str
-        Why.
-    facts : dict of float
-        mm_per_pixel, and with a sheet tilt_deg and look_down_deg.
-    note : str
-        What a reader of the numbers should know.
-    """
+    """What came of one photograph."""
 
     path: Path
     view: np.ndarray
@@ -81,24 +52,7 @@ class Photograph:
 
 
 def load(path: Path) -> tuple[np.ndarray, float]:
-    """A photograph, reduced where it is larger than 4000 pixels.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-
-    Returns
-    -------
-    image : numpy.ndarray of uint8, (H, W, 3)
-        Blue first.
-    times : float
-        How many pixels of the file lie along one of the image.
-
-    Raises
-    ------
-    InputError
-        If there is no such picture.
-    """
+    """A photograph, reduced where it is larger than 4000 pixels."""
     image = read_image(path)
     times = max(1.0, max(image.shape[:2]) / LARGEST_PX)
     if times > 1:
@@ -110,27 +64,7 @@ def load(path: Path) -> tuple[np.ndarray, float]:
 def cameras(
     paths: Sequence[Path], square_mm: float
 ) -> tuple[dict[Path, sheet.Seen | None], dict[tuple[int, int], camera.Camera]]:
-    """The sheet in each photograph, and the camera of each size of photographs.
-
-    Parameters
-    ----------
-    paths : sequence of pathlib.Path
-        Photographs, those of the sheet alone among them.
-    square_mm : float
-        Side of a square.
-
-    Returns
-    -------
-    seen : dict of Seen or None
-        By path.
-    cameras : dict of Camera
-        By (width, height); photographs of one size are those of one camera.
-
-    Raises
-    ------
-    InputError
-        If a file is no picture.
-    """
+    """The sheet in each photograph, and the camera of each size of photographs."""
     seen: dict[Path, sheet.Seen | None] = {}
     of_size: dict[tuple[int, int], list[sheet.Seen]] = {}
     focal: dict[tuple[int, int], float | None] = {}
@@ -147,26 +81,7 @@ def cameras(
 def measure_all(
     paths: Sequence[Path], how: MeasureSettings, scale: Scale, lens: Sequence[Path] = ()
 ) -> list[Photograph]:
-    """Measure photographs.
-
-    Parameters
-    ----------
-    paths : sequence of pathlib.Path
-    how : MeasureSettings
-    scale : Scale
-    lens : sequence of pathlib.Path, optional
-        Photographs of the sheet alone, by the same camera.
-
-    Returns
-    -------
-    list of Photograph
-        In the same order.
-
-    Raises
-    ------
-    InputError
-        If a file is no picture, or a photograph of the lens shows no sheet.
-    """
+    """Measure photographs."""
     if scale.mm_per_pixel is not None:
         return [measure_plain(path, how, scale) for path in paths]
     seen, by_size = cameras([*paths, *lens], scale.square_mm)
@@ -230,24 +145,7 @@ def _measure_with_sheet(one, where, lens, how, square_mm):
 
 
 def measure_plain(path: Path, how: MeasureSettings, scale: Scale) -> Photograph:
-    """Measure a photograph without a sheet, or a silhouette.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-    how : MeasureSettings
-    scale : Scale
-        With `mm_per_pixel`.
-
-    Returns
-    -------
-    Photograph
-
-    Raises
-    ------
-    InputError
-        If the file is no picture, or `base_row` does not lie in it.
-    """
+    """Measure a photograph without a sheet, or a silhouette."""
     image, times = load(path)
     image, base = _levelled(image, scale.level_deg, scale.base_row and scale.base_row / times)
     assert scale.mm_per_pixel is not None
@@ -282,17 +180,6 @@ def seen_level(measurement: Measurement, look_down_deg: float) -> Measurement:
 
     A cone's outline is flatter from above or below: tan(seen)^2 = tan(true)^2 - tan(look down)^2, exactly, at any
     distance.
-
-    Parameters
-    ----------
-    measurement : Measurement
-    look_down_deg : float
-        Angle at which the camera looks down at the crest.
-
-    Returns
-    -------
-    Measurement
-        The same lines with larger angles.
     """
     lost = math.tan(math.radians(look_down_deg)) ** 2
 
@@ -373,18 +260,7 @@ def _stated_focal(path, long_side):
 
 
 def mean_of(values: Sequence[float]) -> tuple[float, float, int]:
-    """Mean, standard deviation of one (n - 1) and number; the deviation of a single one is unknown, NaN.
-
-    Parameters
-    ----------
-    values : sequence of float
-        One or more.
-
-    Returns
-    -------
-    mean, sd : float
-    number : int
-    """
+    """Mean, standard deviation of one (n - 1) and number; the deviation of a single one is unknown, NaN."""
     number = len(values)
     mean = math.fsum(values) / number
     sd = (

@@ -27,132 +27,41 @@ Points = tuple[np.ndarray, np.ndarray]
 
 
 def levels_between(low: float, high: float) -> np.ndarray:
-    """Heights one pixel apart inside a band.
-
-    Parameters
-    ----------
-    low, high : float
-        Ends of the band in pixels.
-
-    Returns
-    -------
-    numpy.ndarray, (levels,)
-        In pixels, rising; none where no whole height lies inside.
-    """
+    """Heights one pixel apart inside a band."""
     return np.arange(math.ceil(low), math.floor(high) + 1, dtype=float)
 
 
 def crossing(profile: np.ndarray, index: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Where a profile rises through some heights, between columns by linear interpolation.
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    index : numpy.ndarray of int, (levels,)
-        First column at or above each height; from 1.
-    heights : numpy.ndarray, (levels,)
-        In pixels.
-
-    Returns
-    -------
-    numpy.ndarray, (levels,)
-        Columns, at most one before `index`.
-    """
+    """Where a profile rises through some heights, between columns by linear interpolation."""
     before, after = profile[index - 1], profile[index]
     return index - (after - heights) / (after - before)
 
 
 def outermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Where, coming from the foot, the profile first reaches each height.
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    heights : numpy.ndarray, (levels,)
-        In pixels, above the first height of the profile and at most its largest.
-
-    Returns
-    -------
-    numpy.ndarray, (levels,)
-        Columns, between pixels.
-    """
+    """Where, coming from the foot, the profile first reaches each height."""
     return crossing(profile, np.searchsorted(np.maximum.accumulate(profile), heights), heights)
 
 
 def innermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Where, coming from the foot, the profile last rises through each height.
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    heights : numpy.ndarray, (levels,)
-        In pixels, above the first height of the profile and at most its last.
-
-    Returns
-    -------
-    numpy.ndarray, (levels,)
-        Columns, between pixels.
-    """
+    """Where, coming from the foot, the profile last rises through each height."""
     never_lower = np.minimum.accumulate(profile[::-1])[::-1]
     return crossing(profile, np.searchsorted(never_lower, heights), heights)
 
 
 def points_by_levels(profile: np.ndarray, low: float, high: float) -> Points:
-    """Rule "levels": the middle of outermost and innermost crossing of each height.
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    low, high : float
-        Ends of the band in pixels.
-
-    Returns
-    -------
-    distances, heights : numpy.ndarray, (levels,)
-        Pixels.
-    """
+    """Rule "levels": the middle of outermost and innermost crossing of each height."""
     heights = levels_between(low, high)
     return 0.5 * (outermost_crossing(profile, heights) + innermost_crossing(profile, heights)), heights
 
 
 def points_by_rows(profile: np.ndarray, low: float, high: float) -> Points:
-    """Rule "rows": the outermost crossing of each height.
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    low, high : float
-        Ends of the band in pixels.
-
-    Returns
-    -------
-    distances, heights : numpy.ndarray, (levels,)
-        Pixels.
-    """
+    """Rule "rows": the outermost crossing of each height."""
     heights = levels_between(low, high)
     return outermost_crossing(profile, heights), heights
 
 
 def points_by_columns(profile: np.ndarray, low: float, high: float) -> Points:
-    """Rule "columns": the column tops inside the band.
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    low, high : float
-        Ends of the band in pixels.
-
-    Returns
-    -------
-    distances, heights : numpy.ndarray, (columns,)
-        Pixels.
-    """
+    """Rule "columns": the column tops inside the band."""
     distance = np.flatnonzero((profile >= low) & (profile <= high))
     return distance.astype(float), profile[distance]
 
@@ -161,27 +70,7 @@ FLANK_RULES = {"levels": points_by_levels, "rows": points_by_rows, "columns": po
 
 
 def points_between(profile: np.ndarray, low: float, high: float, rule: str) -> Points:
-    """Points that a rule takes from a band of one side.
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels, from outside the foot to the crest.
-    low, high : float
-        Ends of the band in pixels.
-    rule : str
-        One of `FLANK_RULES`.
-
-    Returns
-    -------
-    distances, heights : numpy.ndarray, (points,)
-        Pixels.
-
-    Raises
-    ------
-    NoFlankError
-        If the band is too thin, or the foot is not seen.
-    """
+    """Points that a rule takes from a band of one side."""
     if levels_between(low, high).size < MIN_LEVELS:
         raise NoFlankError(f"the flank is only {high - low:.0f} pixels high, {MIN_LEVELS} are needed")
     if profile[0] >= low:

@@ -9,17 +9,7 @@ from repose.measure.angles import DEFINITIONS, MEAN_KEYS, VIEW_KEYS
 
 @dataclass(frozen=True)
 class Angle:
-    """One definition on one picture.
-
-    Attributes
-    ----------
-    left_deg, right_deg : float
-        Of the two sides.
-    aor_deg : float
-        Of the pile.
-    lines : tuple
-        (left, right), each ((column, row) below, (column, row) above) in pixels.
-    """
+    """One definition on one picture."""
 
     left_deg: float
     right_deg: float
@@ -32,25 +22,6 @@ class Measurement:
     """Result of one picture.
 
     `left_deg`, `right_deg`, `aor_deg` and `lines` are those of the definition `response`.
-
-    Attributes
-    ----------
-    response : str
-        The definition that is the angle of repose.
-    angles : dict of Angle
-        For each definition that could be measured.
-    reasons : dict of str
-        Why the other definitions could not be measured.
-    height_mm : float
-        Of the highest point over the plate.
-    base_row : float
-        Row of the plate.
-    top : (float, float)
-        (column, row) of the highest point.
-    contour : numpy.ndarray, (M, 2)
-        (column, row) of the boundary's pixels.
-    pile_is : str
-        "darker" or "brighter" than the background.
     """
 
     response: str
@@ -83,13 +54,7 @@ class Measurement:
         return self.angles[self.response].lines
 
     def record(self) -> dict[str, float | None]:
-        """The response's two sides and every definition, to 0.001.
-
-        Returns
-        -------
-        dict of float or None
-            By name; None where it could not be measured.
-        """
+        """The response's two sides and every definition, to 0.001."""
         sides = {key: round(getattr(self, key), 3) for key in ("left_deg", "right_deg", "aor_deg")}
         found = {
             MEAN_KEYS[name]: round(self.angles[name].aor_deg, 3) if name in self.angles else None
@@ -100,21 +65,7 @@ class Measurement:
 
 @dataclass(frozen=True)
 class PileResult:
-    """A simulated pile.
-
-    Attributes
-    ----------
-    response : str
-        The definition that is the angle of repose.
-    height_mm : float
-        Exact, from the bodies themselves.
-    view_height_mm : numpy.ndarray, (V,)
-        Of the silhouettes.
-    left, right, aor : dict of numpy.ndarray, (V,)
-        Degrees for each definition; NaN in a view where it could not be measured.
-    reasons : dict of str
-        Why, of the first such view.
-    """
+    """A simulated pile."""
 
     response: str
     height_mm: float
@@ -125,18 +76,7 @@ class PileResult:
     reasons: dict
 
     def mean_deg(self, name: str) -> float | None:
-        """Mean of a definition over the views.
-
-        Parameters
-        ----------
-        name : str
-            One of `DEFINITIONS`.
-
-        Returns
-        -------
-        float or None
-            None where more than half of the views have none.
-        """
+        """Mean of a definition over the views."""
         seen = np.isfinite(self.aor[name])
         return float(self.aor[name][seen].mean()) if 2 * seen.sum() >= seen.size else None
 
@@ -156,13 +96,7 @@ class PileResult:
         return self.right[self.response]
 
     def record(self) -> dict[str, float | None]:
-        """All responses of the pile.
-
-        Returns
-        -------
-        dict of float or None
-            By name; None where it could not be measured.
-        """
+        """All responses of the pile."""
         views = {VIEW_KEYS[name]: _or_none(self.aor[name][0]) for name in DEFINITIONS}
         means = {MEAN_KEYS[name]: self.mean_deg(name) for name in DEFINITIONS}
         heights = {"height_mm": self.height_mm, "height_view_mm": _or_none(self.view_height_mm[0])}

@@ -21,27 +21,7 @@ def pile_responses(
     plate_mm: float,
     further: Iterable[str] = (),
 ) -> tuple[dict[str, Any], dict[str, str]]:
-    """Responses of a pile by name.
-
-    Parameters
-    ----------
-    arrays : mapping
-        ``position`` (N, 3) [m], ``quaternion`` (N, 4), ``in_pile`` (N,) and, where berries differ in size, ``scale``
-        (N,).
-    particle : Particle
-    settings : MeasureSettings
-    plate_mm : float
-        Diameter of the plate.
-    further : iterable of str
-        Names of the responses of `repose.measure.further_responses` that are measured, too.
-
-    Returns
-    -------
-    found : dict
-        Numbers by name; None for an angle that cannot be measured in half of the views.
-    reasons : dict
-        Why a response could not be measured, by its name.
-    """
+    """Responses of a pile by name."""
     found: dict[str, Any] = {}
     reasons: dict[str, str] = {}
     try:
@@ -80,16 +60,6 @@ def side_view(
     """Silhouette of a pour's pile, the plate at its lower border.
 
     It shows all berries where the settings keep loose ones.
-
-    Parameters
-    ----------
-    arrays, particle, settings
-        As in `pile_responses`.
-    azimuth_deg : float, optional
-
-    Returns
-    -------
-    numpy.ndarray of uint8, (H, W)
     """
     kept = arrays["in_pile"] if settings.largest_pile_only else np.ones(len(arrays["position"]), bool)
     sizes = {"scales": arrays["scale"][kept]} if "scale" in arrays else {}

@@ -17,23 +17,7 @@ WHAT = f"NAME{POURS} as the verb pour writes it"
 
 
 def read_pours(path: str | PathLike) -> dict[str, Any]:
-    """Read the JSON file of a job's pours.
-
-    Parameters
-    ----------
-    path : path
-        Of ``NAME.pours.json``.
-
-    Returns
-    -------
-    dict
-        With ``pours``, a list of records that have a seed and a status.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or holds something else.
-    """
+    """Read the JSON file of a job's pours."""
     job = read_json(path, what=WHAT)
     pours = job.get("pours")
     if not str(path).endswith(POURS) or not isinstance(pours, list) or not pours:
@@ -45,52 +29,14 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
 
 
 def saved_positions(path: str | PathLike) -> dict[str, np.ndarray]:
-    """All arrays of a job's .npz file.
-
-    Parameters
-    ----------
-    path : path
-        Of ``NAME.npz``.
-
-    Returns
-    -------
-    dict of numpy.ndarray
-        Each named NAME_SEED.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or holds something else.
-    """
+    """All arrays of a job's .npz file."""
     return read_npz(path, what="the .npz file that the verb pour wrote")
 
 
 def pour_arrays(
     arrays: dict[str, np.ndarray], seed: object, source: object, kinds: Iterable[str] = KINDS
 ) -> dict[str, np.ndarray]:
-    """Arrays of one pour by name, without its seed.
-
-    Parameters
-    ----------
-    arrays : dict
-        Of a job's .npz file, each named NAME_SEED.
-    seed : int or str
-        Of the pour.
-    source : path
-        Named in the error.
-    kinds : iterable of str, optional
-        Arrays that the pour must have; it may have more, such as ``scale``.
-
-    Returns
-    -------
-    dict of numpy.ndarray
-        By name, such as ``position``.
-
-    Raises
-    ------
-    InputError
-        If an array is missing.
-    """
+    """Arrays of one pour by name, without its seed."""
     ending = f"_{seed}"
     found = {key.removesuffix(ending): values for key, values in arrays.items() if key.endswith(ending)}
     for kind in kinds:
@@ -100,23 +46,7 @@ def pour_arrays(
 
 
 def first_pour(path: str | PathLike) -> dict[str, np.ndarray]:
-    """The arrays of the first seed in a job's .npz file.
-
-    Parameters
-    ----------
-    path : path
-        Of ``NAME.npz``.
-
-    Returns
-    -------
-    dict of numpy.ndarray
-        By name, such as ``position``.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or holds something else.
-    """
+    """The arrays of the first seed in a job's .npz file."""
     arrays = saved_positions(path)
     seeds = [match.group(1) for key in arrays if (match := re.fullmatch(r"position_(.+)", key))]
     if not seeds:
@@ -125,16 +55,6 @@ def first_pour(path: str | PathLike) -> dict[str, np.ndarray]:
 
 
 def positions_beside(pours_json: str | PathLike) -> Path:
-    """The .npz file that belongs to a NAME.pours.json.
-
-    Parameters
-    ----------
-    pours_json : path
-        Of ``NAME.pours.json``.
-
-    Returns
-    -------
-    pathlib.Path
-    """
+    """The .npz file that belongs to a NAME.pours.json."""
     path = Path(pours_json)
     return path.with_name(path.name.removesuffix(POURS) + ".npz")

@@ -20,23 +20,7 @@ HIGHEST_CENTROID = 0.55  # over the base, relative to the height of the pile; a 
 
 @dataclass(frozen=True)
 class Segmentation:
-    """A picture split into pile and background.
-
-    Attributes
-    ----------
-    grey : numpy.ndarray of uint8, (H, W)
-        The picture without its colours.
-    contrast : numpy.ndarray of float32, (H, W)
-        Distance of each pixel from the background, in tone or colour.
-    level : float
-        The contrast at which the pile begins (Otsu).
-    mask : numpy.ndarray of uint8, (H, W)
-        1 where the pile is; holes are filled, the plate is left out.
-    base_row : float
-        Row of the pile's lower edge.
-    pile_is : str
-        "darker" or "brighter" than the background.
-    """
+    """A picture split into pile and background."""
 
     grey: np.ndarray
     contrast: np.ndarray
@@ -61,26 +45,6 @@ def segment(image: np.ndarray, largest_pile_only: bool = True, base_row: float |
     Rows that are "pile" from border to border are a plate or table that differs from the background as the
     fruit does: the pile stands on the first of them. Otherwise the base is the pile's lowest row, or
     `base_row`.
-
-    Parameters
-    ----------
-    image : numpy.ndarray of uint8, (H, W) or (H, W, 3)
-        Colours in the order BGR.
-    largest_pile_only : bool, optional
-        Whether only the largest connected part counts.
-    base_row : float, optional
-        Row of the plate, where the caller knows it.
-
-    Returns
-    -------
-    Segmentation
-
-    Raises
-    ------
-    InputError
-        If the picture or `base_row` cannot be used.
-    NoFlankError
-        If the picture shows no pile.
     """
     image = checked(image)
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
@@ -107,23 +71,7 @@ def segment(image: np.ndarray, largest_pile_only: bool = True, base_row: float |
 
 
 def checked(image: np.ndarray) -> np.ndarray:
-    """A picture as contiguous bytes, of one channel if its three are the same.
-
-    Parameters
-    ----------
-    image : numpy.ndarray of uint8, (H, W) or (H, W, 3)
-        At least 20 by 20 pixels.
-
-    Returns
-    -------
-    numpy.ndarray of uint8, (H, W) or (H, W, 3)
-        The same picture.
-
-    Raises
-    ------
-    InputError
-        If the type or the shape is another one.
-    """
+    """A picture as contiguous bytes, of one channel if its three are the same."""
     image = np.asarray(image)
     if image.dtype != np.uint8:
         raise InputError("picture", "pixel type", str(image.dtype), "uint8")
@@ -140,18 +88,7 @@ def checked(image: np.ndarray) -> np.ndarray:
 
 
 def border(shape: tuple[int, ...]) -> np.ndarray:
-    """The strip that shows background: the upper edge and both sides, 3 % of the picture wide.
-
-    Parameters
-    ----------
-    shape : tuple of int
-        Of the picture: height and width, and perhaps channels.
-
-    Returns
-    -------
-    numpy.ndarray of bool, (H, W)
-        Where the strip is.
-    """
+    """The strip that shows background: the upper edge and both sides, 3 % of the picture wide."""
     strip = max(2, round(0.03 * min(shape)))
     where = np.zeros(shape[:2], dtype=bool)
     where[:strip] = where[:, :strip] = where[:, -strip:] = True
@@ -159,18 +96,7 @@ def border(shape: tuple[int, ...]) -> np.ndarray:
 
 
 def two_tone_contrast(grey: np.ndarray) -> np.ndarray | None:
-    """Distance from the background's tone in a picture of two tones at most.
-
-    Parameters
-    ----------
-    grey : numpy.ndarray of uint8, (H, W)
-        The picture.
-
-    Returns
-    -------
-    numpy.ndarray of float32, (H, W), or None
-        Tones, from 0; None where the picture has more than two.
-    """
+    """Distance from the background's tone in a picture of two tones at most."""
     tones = np.flatnonzero(cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel())
     if tones.size > 2:
         return None
@@ -179,18 +105,7 @@ def two_tone_contrast(grey: np.ndarray) -> np.ndarray | None:
 
 
 def background_contrast(image: np.ndarray) -> np.ndarray:
-    """Distance of each pixel from the background surface that is fitted to the border strip.
-
-    Parameters
-    ----------
-    image : numpy.ndarray of uint8, (H, W) or (H, W, 3)
-        The picture.
-
-    Returns
-    -------
-    numpy.ndarray of float32, (H, W)
-        Tones; of a coloured picture the root of the sum of squares of its channels.
-    """
+    """Distance of each pixel from the background surface that is fitted to the border strip."""
     rows, columns = image.shape[:2]
     y, x = np.linspace(-1, 1, rows, dtype=np.float32)[:, None], np.linspace(-1, 1, columns, dtype=np.float32)
     where = border(image.shape)
@@ -219,25 +134,6 @@ def background_contrast(image: np.ndarray) -> np.ndarray:
 def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
     """Otsu's level of the contrast, and what lies above it.
 
-    Parameters
-    ----------
-    contrast : numpy.ndarray of float32, (H, W)
-        Distance from the background.
-
-    Returns
-    -------
-    level : float
-        In the contrast's unit.
-    mask : numpy.ndarray of uint8, (H, W)
-        1 above the level, 0 elsewhere.
-
-    Raises
-    ------
-    NoFlankError
-        If nothing differs from the background.
-
-    References
-    ----------
     Otsu, N. (1979). IEEE Trans. Syst. Man Cybern. 9, 62-66.
     """
     peak = float(contrast.max())
@@ -256,16 +152,6 @@ def plate_row(mask: np.ndarray) -> float | None:
     """Upper edge of a plate that counts as "pile" from border to border.
 
     Above a plate the mask narrows abruptly; above the foot of a pile that the picture cuts off it does not.
-
-    Parameters
-    ----------
-    mask : numpy.ndarray of uint8, (H, W)
-        1 where the picture differs from its background.
-
-    Returns
-    -------
-    float or None
-        Row between two pixels; None where there is no plate.
     """
     share = mask.mean(axis=1)
     from_border_to_border = mask[:, :3].any(axis=1) & mask[:, -3:].any(axis=1) & (share > 0.97)
@@ -276,25 +162,7 @@ def plate_row(mask: np.ndarray) -> float | None:
 
 
 def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
-    """The pile of a mask, with holes filled.
-
-    Parameters
-    ----------
-    mask : numpy.ndarray of uint8, (H, W)
-        1 where pile is.
-    largest_only : bool
-        Whether only the largest connected part is kept, or all but specks below 1 % of it.
-
-    Returns
-    -------
-    numpy.ndarray of uint8, (H, W)
-        1 where the kept parts are.
-
-    Raises
-    ------
-    NoFlankError
-        If the mask is empty.
-    """
+    """The pile of a mask, with holes filled."""
     contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
     if not contours:
         raise NoFlankError("the picture shows no pile above its base")
@@ -306,19 +174,7 @@ def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
 
 
 def require_upright(mask: np.ndarray) -> None:
-    """Refuse a pile whose top is not seen, or that stands on its top.
-
-    Parameters
-    ----------
-    mask : numpy.ndarray of uint8, (H, W)
-        1 where the pile is.
-
-    Raises
-    ------
-    NoFlankError
-        If the pile touches the picture's upper border, or if most of it lies high: the centroid of a triangle, and of
-        any pile that widens downward, is below the middle of its height.
-    """
+    """Refuse a pile whose top is not seen, or that stands on its top."""
     if mask[0].any():
         raise NoFlankError("the pile runs out of the picture at the top: its crest is not seen")
     rows = np.flatnonzero(mask.any(axis=1))
@@ -330,18 +186,7 @@ def require_upright(mask: np.ndarray) -> None:
 
 
 def upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.ndarray:
-    """Row at which each column's pile begins, between pixels by linear interpolation.
-
-    Parameters
-    ----------
-    mask, contrast, level : numpy.ndarray, numpy.ndarray, float
-        As in `Segmentation`.
-
-    Returns
-    -------
-    numpy.ndarray, (W,)
-        Rows; NaN in a column without pile.
-    """
+    """Row at which each column's pile begins, between pixels by linear interpolation."""
     top = mask.argmax(axis=0)
     column = np.arange(mask.shape[1])
     inner = contrast[top, column]
@@ -352,18 +197,7 @@ def upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.ndarr
 
 
 def lower_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> float:
-    """Row of the pile's lowest point: the picture's lower border where the pile is cut off by it.
-
-    Parameters
-    ----------
-    mask, contrast, level : numpy.ndarray, numpy.ndarray, float
-        As in `Segmentation`; the mask is not empty.
-
-    Returns
-    -------
-    float
-        In pixels, between rows.
-    """
+    """Row of the pile's lowest point: the picture's lower border where the pile is cut off by it."""
     if mask[-1].any():
         return mask.shape[0] - 0.5
     return mask.shape[0] - 1 - float(np.nanmin(upper_edge(mask[::-1], contrast[::-1], level)))

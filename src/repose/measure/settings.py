@@ -12,30 +12,7 @@ from repose.measure.profile_points import FLANK_RULES
 
 @dataclass(frozen=True)
 class MeasureSettings:
-    """How a pile is measured.
-
-    Attributes
-    ----------
-    views : int
-        Side views, evenly over half a turn; the other half mirrors them. From 1 to 360.
-    mm_per_pixel : float
-        Scale of the silhouettes.
-    response : str
-        The definition that is the angle of repose, one of `DEFINITIONS`.
-    fit_from, fit_to : float or str
-        Ends of the flank: each a fraction of the pile's height, or "berry", the height of one berry.
-    berry_height_mm : float or None
-        None stands for that of the particle.
-    largest_pile_only : bool
-        Whether only the largest connected part counts.
-    flank : str
-        Rule of the lines, one of `FLANK_RULES`.
-
-    Raises
-    ------
-    InputError
-        If a value is not allowed.
-    """
+    """How a pile is measured."""
 
     views: int = 18
     mm_per_pixel: float = 0.25
@@ -74,25 +51,7 @@ class MeasureSettings:
 
     @classmethod
     def of(cls, section: Mapping[str, Any], berry: Mapping[str, Any]) -> "MeasureSettings":
-        """Settings from a section of a configuration.
-
-        Parameters
-        ----------
-        section : mapping
-            The section `measure`.
-        berry : mapping
-            What `repose berry` wrote. Where it has long_mm, major_mm and minor_mm, and the section no height
-            of a berry, the height is the mean berry's equivalent diameter (Eq. 1).
-
-        Returns
-        -------
-        MeasureSettings
-
-        Raises
-        ------
-        InputError
-            If a value is not allowed.
-        """
+        """Settings from a section of a configuration."""
         settings = cls(**section)
         axes: list[Any] = [berry.get(key) for key in ("long_mm", "major_mm", "minor_mm")]
         if settings.berry_height_mm is None and None not in axes:

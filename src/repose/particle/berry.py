@@ -20,34 +20,12 @@ Numbers = Any
 
 
 def equivalent_diameter(long: Numbers, major: Numbers, minor: Numbers) -> Numbers:
-    """Diameter of the sphere with the same product of axes (Eq. 1).
-
-    Parameters
-    ----------
-    long, major, minor : float or array
-        Full axes, in one unit.
-
-    Returns
-    -------
-    float or array
-        In the axes' unit.
-    """
+    """Diameter of the sphere with the same product of axes (Eq. 1)."""
     return np.cbrt(long * major * minor)
 
 
 def sphericity(long: Numbers, major: Numbers, minor: Numbers) -> Numbers:
-    """Equivalent diameter over the long axis (Eq. 1, there in percent).
-
-    Parameters
-    ----------
-    long, major, minor : float or array
-        Full axes, in one unit.
-
-    Returns
-    -------
-    float or array
-        From 0 to 1.
-    """
+    """Equivalent diameter over the long axis (Eq. 1, there in percent)."""
     return equivalent_diameter(long, major, minor) / long
 
 
@@ -57,71 +35,23 @@ def elastic_modulus(
     """Elastic modulus E: stress over strain in the loading direction W (Eq. 2).
 
     The section is the ellipse across the load, pi / 4 * length * breadth.
-
-    Parameters
-    ----------
-    force_n, length_m, breadth_m : float or array
-        Load, and the axes of the section across it.
-    width_1_m, width_2_m : float or array
-        Extent along the load, before and after.
-
-    Returns
-    -------
-    float or array
-        Pa.
     """
     section = math.pi / 4 * length_m * breadth_m
     return force_n / section / ((width_1_m - width_2_m) / width_1_m)
 
 
 def poisson_ratio(length_1: Numbers, length_2: Numbers, width_1: Numbers, width_2: Numbers) -> Numbers:
-    """Poisson's ratio: strain of the length over strain of the loaded width, taken positive (Eq. 3).
-
-    Parameters
-    ----------
-    length_1, length_2, width_1, width_2 : float or array
-        Before and after, in one unit.
-
-    Returns
-    -------
-    float or array
-    """
+    """Poisson's ratio: strain of the length over strain of the loaded width, taken positive (Eq. 3)."""
     return np.abs(((length_2 - length_1) / length_1) / ((width_2 - width_1) / width_1))
 
 
 def shear_modulus(elastic_modulus_pa: float, poisson: float) -> float:
-    """Shear modulus G = E / (2 (1 + nu)) (Eq. 4).
-
-    Parameters
-    ----------
-    elastic_modulus_pa, poisson : float
-        E and nu.
-
-    Returns
-    -------
-    float
-        Pa.
-    """
+    """Shear modulus G = E / (2 (1 + nu)) (Eq. 4)."""
     return elastic_modulus_pa / (2 * (1 + poisson))
 
 
 def moduli(tests: pd.DataFrame) -> tuple[float, float, float]:
-    """Moduli from compression tests.
-
-    Parameters
-    ----------
-    tests : pandas.DataFrame
-        As `read_compression` gives it.
-
-    Returns
-    -------
-    elastic_modulus_pa, poisson_ratio, shear_modulus_pa : float
-
-    Raises
-    ------
-    and nu are means over the tests. G follows from the two means by Eq. 4 and is not averaged over the tests, so that
-        the three fit each other.
-    """
+    """Moduli from compression tests."""
     elastic = elastic_modulus(
         tests["force_n"],
         tests["length_1_mm"] * 1e-3,
@@ -136,21 +66,7 @@ def moduli(tests: pd.DataFrame) -> tuple[float, float, float]:
 
 
 def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
-    """Statistics of the sizes beside the published ones (Table 1).
-
-    Parameters
-    ----------
-    sizes : pandas.DataFrame
-        As `read_sizes` gives it.
-    published : pandas.DataFrame
-        Columns dimension, unit, maximum, minimum, mean.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each dimension: dimension, unit, n, maximum, minimum, mean, sd (n - 1), then published_ and
-        difference_ (ours less published) of maximum, minimum and mean; empty where nothing is published.
-    """
+    """Statistics of the sizes beside the published ones (Table 1)."""
     axes = [sizes[column] for column in SIZE_COLUMNS]
     dimensions = {column: ("mm", sizes[column]) for column in SIZE_COLUMNS}
     dimensions["equivalent_diameter_mm"] = ("mm", equivalent_diameter(*axes))
@@ -179,35 +95,7 @@ def measured_berry(
     shear_modulus_pa: float | None = None,
     source: object = "berry",
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Statistics and material of the measured berries.
-
-    Parameters
-    ----------
-    sizes : pandas.DataFrame
-        As `read_sizes` gives it.
-    tests : pandas.DataFrame or None
-        As `read_compression` gives it; None where Poisson's ratio and shear modulus are both given.
-    published : pandas.DataFrame
-        Published statistics: columns dimension, maximum, minimum, mean.
-    density_kg_m3 : float
-    poisson, shear_modulus_pa : float, optional
-        Replace those of the compression tests. The elastic modulus follows by Eq. 4.
-    source : object
-        Named in the error where the compression tests give an impossible material.
-
-    Returns
-    -------
-    summary : pandas.DataFrame
-        See `summarise`.
-    berry : dict
-        Mean axes [mm], density, moduli [Pa], number of berries, whether the data are a reconstruction, and the spread
-        of the sizes.
-
-    Raises
-    ------
-    InputError
-        If the material is impossible, or compression tests are missing.
-    """
+    """Statistics and material of the measured berries."""
     check_material(density_kg_m3, poisson, shear_modulus_pa)
     reconstruction = sizes.attrs["reconstruction"]
     if poisson is not None and shear_modulus_pa is not None:
@@ -245,28 +133,7 @@ def of_files(
     poisson_ratio: float | None = None,
     shear_modulus_pa: float | None = None,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """`measured_berry` of files.
-
-    Parameters
-    ----------
-    sizes_csv : path
-    table1_csv : path or None
-        Published sizes; not read where `sizes_csv` was measured.
-    compression_csv : path or None
-        Not read where both moduli are given.
-    density_kg_m3 : float
-    poisson_ratio, shear_modulus_pa : float, optional
-
-    Returns
-    -------
-    summary, berry
-        As `measured_berry` gives them.
-
-    Raises
-    ------
-    InputError
-        If a file is bad, or a value impossible.
-    """
+    """`measured_berry` of files."""
     check_material(density_kg_m3, poisson_ratio, shear_modulus_pa)
     given = poisson_ratio is not None and shear_modulus_pa is not None
     sizes = read_sizes(sizes_csv)
@@ -285,26 +152,7 @@ def run(
     poisson_ratio: float | None = None,
     shear_modulus_pa: float | None = None,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Write summary.csv and berry.json of `of_files`.
-
-    Parameters
-    ----------
-    sizes_csv, compression_csv, table1_csv
-        As in `of_files`.
-    out_dir : path
-    density_kg_m3, poisson_ratio, shear_modulus_pa
-        As in `of_files`.
-
-    Returns
-    -------
-    summary, berry
-        As `measured_berry` gives them.
-
-    Raises
-    ------
-    InputError
-        If a file is bad, or a value impossible.
-    """
+    """Write summary.csv and berry.json of `of_files`."""
     summary, berry = of_files(
         sizes_csv, compression_csv, table1_csv, density_kg_m3, poisson_ratio, shear_modulus_pa
     )
@@ -329,22 +177,7 @@ def check_material(
     shear_modulus_pa: float | None = None,
     source: object = "berry",
 ) -> None:
-    """Refuse an impossible material.
-
-    Parameters
-    ----------
-    density_kg_m3, shear_modulus_pa : float or None
-        Positive; None is not checked.
-    poisson_ratio : float or None, optional
-        From 0 to 0.5; None is not checked.
-    source : object, optional
-        Named in the error.
-
-    Raises
-    ------
-    InputError
-        If a value is out of its limits.
-    """
+    """Refuse an impossible material."""
     for key, value in (("density_kg_m3", density_kg_m3), ("shear_modulus_pa", shear_modulus_pa)):
         if value is not None and not (math.isfinite(value) and value > 0):
             raise InputError(source, key, value, "a positive number")

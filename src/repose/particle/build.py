@@ -60,31 +60,6 @@ def fit_particle(
     axes. A mesh whose vertices lie on an ellipsoid is recognised as this ellipsoid. Its facets cut into the
     ellipsoid, so volume, mass and inertia are the ellipsoid's, a little above the mesh's own. Deviations
     include what the facets cut off.
-
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        In mm, in its principal pose as `load_mesh` gives it.
-    density_kg_m3 : float
-        Above 0.
-    stl : str, optional
-        File name to keep with the particle.
-    source : object, optional
-        What error messages call the mesh.
-    kind : str, optional
-        "ellipsoid": a single ellipsoid. "smooth": the sum of as few co-axial ellipsoids (up to 3) as bring
-        the rms deviation of the support values under 0.2 % of the mean radius or the largest under 1 % of the
-        smallest extent, or the best sum.
-
-    Returns
-    -------
-    Particle
-
-    Raises
-    ------
-    InputError
-        If even the best is off by more than 15 % of the mean radius or 10 % of the volume (a single
-        ellipsoid: 20 %).
     """
     _check_density(density_kg_m3, source)
     n = sphere_directions(DIRECTIONS)
@@ -127,34 +102,7 @@ def make_particle(
     stl: str = "",
     source: object = "mesh",
 ) -> Particle:
-    """Particle of any kind from a mesh.
-
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        In mm, in its principal pose.
-    density_kg_m3 : float
-        Above 0.
-    kind : str
-        One of `KINDS`: ellipsoid, smooth, multisphere.
-    spheres : int, optional
-        Of a multisphere: the most spheres, see `sphere_packing.pack`.
-    surface : str, optional
-        Of a multisphere: "smooth" or "rough".
-    stl : str, optional
-        File name to keep with the particle.
-    source : object, optional
-        What error messages call the mesh.
-
-    Returns
-    -------
-    Particle
-
-    Raises
-    ------
-    InputError
-        If the mesh cannot be represented so.
-    """
+    """Particle of any kind from a mesh."""
     if kind not in KINDS:
         raise InputError(source, "particle", kind, ", ".join(KINDS))
     if kind != "multisphere":
@@ -182,19 +130,7 @@ def make_particle(
 
 
 def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, Any]]:
-    """Particles of one mesh, compared with it.
-
-    Parameters
-    ----------
-    particles : mapping of Particle or InputError
-        By name, all of the same mesh. A particle that could not be made is an InputError, and its row says
-        why.
-
-    Returns
-    -------
-    list of dict
-        The mesh first: volume, mass, principal moments, extents, deviations.
-    """
+    """Particles of one mesh, compared with it."""
     made = [particle for particle in particles.values() if isinstance(particle, Particle)]
     rows = [_row("mesh", made[0].mesh)] if made else []
     for name, particle in particles.items():
@@ -215,16 +151,7 @@ def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, An
 
 
 class Made(NamedTuple):
-    """A particle with what it was made from.
-
-    Attributes
-    ----------
-    stl : bytes
-        Content of the mesh file: mm, principal pose.
-    particle : Particle
-    comparison : list of dict
-        Rows of `compare`: all kinds of particles beside the mesh.
-    """
+    """A particle with what it was made from."""
 
     stl: bytes
     particle: Particle
@@ -245,31 +172,6 @@ def make(
 
     The mesh is the user's scan; or else built from the mean axes and the mass; without a mass it is the ellipsoid of
     the mean axes. The particle is made from the mesh as its file holds it, in single precision.
-
-    Parameters
-    ----------
-    berry : mapping
-        With ``long_mm``, ``major_mm``, ``minor_mm`` and ``density_kg_m3``, and perhaps the moduli.
-    scan : trimesh.Trimesh, optional
-        As `load_mesh` gives it.
-    kind : str, optional
-        One of `KINDS`.
-    mass_g : float, optional
-        Of the mean berry.
-    spheres, surface : int, str, optional
-        Of a multisphere, see `sphere_packing.pack`.
-    source : object, optional
-        Named in errors of the mesh.
-
-    Returns
-    -------
-    Made
-        The particle, its mesh, and all kinds of particles beside each other.
-
-    Raises
-    ------
-    InputError
-        If the mesh is bad, or cannot be represented so.
     """
     density = berry["density_kg_m3"]
     stl = _stl(berry, scan, mass_g)
@@ -288,24 +190,7 @@ def make(
 
 
 def of_settings(berry: Mapping[str, Any], section: Mapping[str, Any]) -> Particle:
-    """The particle of a configuration, the same as `make` gives, without the others beside it.
-
-    Parameters
-    ----------
-    berry : mapping
-        As for `make`.
-    section : mapping
-        The section ``berry`` of the configuration.
-
-    Returns
-    -------
-    Particle
-
-    Raises
-    ------
-    InputError
-        If the mesh is bad, or cannot be represented so.
-    """
+    """The particle of a configuration, the same as `make` gives, without the others beside it."""
     scan = None if section["stl"] is None else load_mesh(section["stl"])
     source = section["stl"] or MESH_FILE
     mesh = mesh_of(_stl(berry, scan, section["mass_g"]), source)
@@ -329,29 +214,7 @@ def run(
     out_dir: str | PathLike = "results/berry",
     **how: Any,
 ) -> Particle:
-    """Write berry.stl, particle.json and particles.csv.
-
-    Parameters
-    ----------
-    berry_json : path
-        What the verb ``berry`` wrote.
-    stl : path, optional
-        The user's mesh.
-    out_dir : path, optional
-        Folder of the three files.
-    **how
-        The options of `make`.
-
-    Returns
-    -------
-    Particle
-        What particle.json holds.
-
-    Raises
-    ------
-    InputError
-        If a file or mesh is bad, or cannot be represented so.
-    """
+    """Write berry.stl, particle.json and particles.csv."""
     import pandas as pd
 
     berry = read_berry(berry_json, (*AXES, "density_kg_m3"))

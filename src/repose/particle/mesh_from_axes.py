@@ -24,17 +24,7 @@ RINGS, SECTORS = 64, 96
 
 
 def profile_exponents(shape: float) -> tuple[float, float]:
-    """Exponents (m, k) of the profile (1 - abs(t)^m)^k.
-
-    Parameters
-    ----------
-    shape : float
-        Shape number: 2 is the ellipsoid; above it the number is m, below it 1/k.
-
-    Returns
-    -------
-    m, k : float
-    """
+    """Exponents (m, k) of the profile (1 - abs(t)^m)^k."""
     return (shape, 1 / shape) if shape >= 2 else (2.0, 1 / shape)
 
 
@@ -83,35 +73,7 @@ def berry_mesh(
     wrinkle_depth_mm: float = 0.0,
     source: object = "berry",
 ) -> tuple[trimesh.Trimesh, float]:
-    """Closed mesh of a berry with given axes, mass and density; it holds mass / density exactly.
-
-    Parameters
-    ----------
-    axes_mm : sequence of float, (3,)
-        Full axes, the longest first; with grooves those over the ridges.
-    mass_g, density_kg_m3 : float
-    taper : float, optional
-        How much wider the berry is at one end, over its mean width. The widths ``axes_mm[1:]`` are then the
-        largest.
-    wrinkles : int, optional
-        Number of grooves along the berry.
-    wrinkle_depth_mm : float, optional
-        Depth of the grooves at the belly.
-    source : object, optional
-        Named in the error.
-
-    Returns
-    -------
-    mesh : trimesh.Trimesh
-        In mm.
-    shape : float
-        Shape number, see `profile_exponents`.
-
-    Raises
-    ------
-    InputError
-        If a value is out of its limits; it names the value and what is allowed.
-    """
+    """Closed mesh of a berry with given axes, mass and density; it holds mass / density exactly."""
     axes = np.asarray(axes_mm, float)
     if not (axes.shape == (3,) and np.isfinite(axes).all() and axes[0] >= axes[1] >= axes[2] > 0):
         raise InputError(source, "axes", list(axes_mm), "three lengths in mm, the longest first")
@@ -143,18 +105,7 @@ def berry_mesh(
 
 
 def fullness(shape: float) -> float:
-    """Share of the box around it that a smooth body fills, V / (L W T), in closed form.
-
-    Parameters
-    ----------
-    shape : float
-        Shape number, see `profile_exponents`.
-
-    Returns
-    -------
-    float
-        Of the body without taper and wrinkles.
-    """
+    """Share of the box around it that a smooth body fills, V / (L W T), in closed form."""
     m, k = profile_exponents(shape)
     beta = math.gamma(1 / m) * math.gamma(2 * k + 1) / math.gamma(1 / m + 2 * k + 1)
     return math.pi / 4 * beta / m

@@ -17,17 +17,7 @@ STREAM = 1
 
 
 def of_sizes(diameters_mm: np.ndarray) -> tuple[float, float, float]:
-    """Spread of measured equivalent diameters, over their mean.
-
-    Parameters
-    ----------
-    diameters_mm : numpy.ndarray, (N,)
-        Of single berries, at least two.
-
-    Returns
-    -------
-    sd, smallest, largest : float
-    """
+    """Spread of measured equivalent diameters, over their mean."""
     mean = float(np.mean(diameters_mm))
     return (
         float(np.std(diameters_mm, ddof=1)) / mean,
@@ -40,31 +30,12 @@ def of_range(maximum: float, minimum: float, mean: float) -> tuple[float, float,
     """Spread of 50 equivalent diameters of which only the range is published, over their mean.
 
     The expected range of 50 normal values is 4.498 standard deviations.
-
-    Parameters
-    ----------
-    maximum, minimum, mean : float
-        In one unit.
-
-    Returns
-    -------
-    sd, smallest, largest : float
     """
     return (maximum - minimum) / PUBLISHED_RANGE_SD / mean, minimum / mean, maximum / mean
 
 
 def normalisation(sd: float, low: float, high: float) -> float:
-    """Cube root of E[x^3] of a normal x of mean 1 that is cut off; x over it keeps the mean volume.
-
-    Parameters
-    ----------
-    sd, low, high : float
-        Standard deviation and the two ends, over the mean.
-
-    Returns
-    -------
-    float
-    """
+    """Cube root of E[x^3] of a normal x of mean 1 that is cut off; x over it keeps the mean volume."""
     nodes, weights = np.polynomial.legendre.leggauss(60)
     x = low + (high - low) * (nodes + 1) / 2
     density = weights * np.exp(-0.5 * ((x - 1) / sd) ** 2)
@@ -72,24 +43,7 @@ def normalisation(sd: float, low: float, high: float) -> float:
 
 
 def smallest(distribution: str, berry: Mapping[str, float]) -> float:
-    """The smallest scale that `of_pour` can draw.
-
-    Parameters
-    ----------
-    distribution : str
-        "none" or "measured".
-    berry : Mapping[str, float]
-        With scale_sd, scale_low and scale_high.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    InputError
-        If the spread is missing in `berry`.
-    """
+    """The smallest scale that `of_pour` can draw."""
     if distribution == "none":
         return 1.0
     sd, low, high = _spread(berry)
@@ -97,22 +51,7 @@ def smallest(distribution: str, berry: Mapping[str, float]) -> float:
 
 
 def draw(rng: np.random.Generator, count: int, sd: float, low: float, high: float) -> np.ndarray:
-    """Scales s of single berries with E[s^3] = 1.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Source of the numbers.
-    count : int
-        Number of berries.
-    sd, low, high : float
-        Standard deviation and the two ends, over the mean.
-
-    Returns
-    -------
-    numpy.ndarray, (count,)
-        All 1 where `sd` is 0.
-    """
+    """Scales s of single berries with E[s^3] = 1."""
     if sd == 0:
         return np.ones(count)
     bottom, top = ndtr((low - 1) / sd), ndtr((high - 1) / sd)
@@ -129,29 +68,7 @@ def _spread(berry):
 
 
 def of_pour(distribution: str, berry: Mapping[str, Any], seed: int, count: int) -> tuple[np.ndarray, float]:
-    """Scales of the berries of one pour.
-
-    Parameters
-    ----------
-    distribution : str
-        "none" or "measured".
-    berry : mapping
-        With scale_sd, scale_low and scale_high, as `berry.run` writes it.
-    seed : int
-        Of the pour.
-    count : int
-
-    Returns
-    -------
-    scales : numpy.ndarray, (count,)
-    largest : float
-        The largest scale there can be.
-
-    Raises
-    ------
-    InputError
-        If the spread is missing in `berry`.
-    """
+    """Scales of the berries of one pour."""
     if distribution == "none":
         return np.ones(count), 1.0
     sd, low, high = _spread(berry)

@@ -42,17 +42,7 @@ SPACING = 0.35
 
 @dataclass(frozen=True, eq=False)
 class Packing:
-    """A clump of spheres.
-
-    Attributes
-    ----------
-    spheres_m : numpy.ndarray, (M, 4)
-        x, y, z and radius.
-    volume_m3 : float
-        Of the union of the spheres.
-    deviation_max_m, deviation_rms_m : float
-        Distances of the mesh's surface from the union.
-    """
+    """A clump of spheres."""
 
     spheres_m: np.ndarray
     volume_m3: float
@@ -63,28 +53,7 @@ class Packing:
 def pack(
     mesh: trimesh.Trimesh, count: int | str = 14, surface: str = "smooth", source: object = "mesh"
 ) -> Packing:
-    """Fill a mesh with spheres.
-
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        In mm, nearly convex, centred.
-    count : int or str, optional
-        The most spheres, from 1 to 64; fewer are taken where more add nothing. Or "fewest", see above.
-    surface : str, optional
-        "smooth", "rough" or "rough_full".
-    source : object, optional
-        Named in the error.
-
-    Returns
-    -------
-    Packing
-
-    Raises
-    ------
-    InputError
-        If `count` or `surface` is not allowed, or no number of spheres is near enough.
-    """
+    """Fill a mesh with spheres."""
     if count != FEWEST and not (isinstance(count, int) and 1 <= count <= MOST_SPHERES):
         allowed = f"a whole number from 1 to {MOST_SPHERES} or {FEWEST}"
         raise InputError(source, "spheres", count, allowed)
@@ -154,20 +123,7 @@ def _extent(spheres, axis):
 
 
 def surface_points(mesh: trimesh.Trimesh, count: int = SURFACE_POINTS) -> tuple[np.ndarray, np.ndarray]:
-    """Points evenly over a mesh's area, and the outward normals there; the same every time.
-
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        In any unit.
-    count : int, optional
-        Number of points.
-
-    Returns
-    -------
-    points, normals : numpy.ndarray, (count, 3)
-        In the unit of the mesh; unit vectors.
-    """
+    """Points evenly over a mesh's area, and the outward normals there; the same every time."""
     cumulated = np.cumsum(mesh.area_faces)
     draws = qmc.Halton(3, scramble=False).random(count + 1)[1:]
     face = np.minimum(np.searchsorted(cumulated, draws[:, 0] * cumulated[-1]), len(cumulated) - 1)
@@ -196,20 +152,7 @@ def _inside(mesh, points):
 
 
 def distances(spheres: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Distance of points from the union of spheres.
-
-    Parameters
-    ----------
-    spheres : numpy.ndarray, (M, 4)
-        Centres and radii, in any unit.
-    points : numpy.ndarray, (N, 3)
-        In the same unit.
-
-    Returns
-    -------
-    numpy.ndarray, (N,)
-        In the same unit; negative inside, where it is a bound.
-    """
+    """Distance of points from the union of spheres."""
     away = np.linalg.norm(points[:, None, :] - spheres[None, :, :3], axis=2)
     return (away - spheres[:, 3]).min(axis=1)
 
@@ -219,20 +162,6 @@ def union_volume(spheres: np.ndarray, box: np.ndarray, count: int = VOLUME_POINT
 
     With the default number of points the error is below 0.2 % for unions of up to 60 spheres; a test compares with
     sixteen times as many, and with a closed form.
-
-    Parameters
-    ----------
-    spheres : numpy.ndarray, (M, 4)
-        Centres and radii, in any unit.
-    box : numpy.ndarray, (2, 3)
-        Lower and upper corner of a box that holds most of the union.
-    count : int, optional
-        Number of points.
-
-    Returns
-    -------
-    float
-        In the cube of that unit.
     """
     reach = np.stack(
         [(spheres[:, :3] - spheres[:, 3:]).min(axis=0), (spheres[:, :3] + spheres[:, 3:]).max(axis=0)]

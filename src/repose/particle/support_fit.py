@@ -26,80 +26,24 @@ AXIS_BOUNDS = (0.05, 10.0)
 
 
 def component_supports(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Support value of each component.
-
-    Parameters
-    ----------
-    semi_axes : numpy.ndarray, (K, 3)
-        Half axes of the components, in any unit.
-    n : numpy.ndarray, (..., 3)
-        Unit vectors.
-
-    Returns
-    -------
-    numpy.ndarray, (..., K)
-        In the unit of the half axes.
-    """
+    """Support value of each component."""
     return np.sqrt(np.square(n) @ np.square(semi_axes).T)
 
 
 def support(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Support values of the sum of components.
-
-    Parameters
-    ----------
-    semi_axes : numpy.ndarray, (K, 3)
-        Half axes of the components, in any unit.
-    n : numpy.ndarray, (..., 3)
-        Unit vectors.
-
-    Returns
-    -------
-    numpy.ndarray, (...)
-        In the unit of the half axes.
-    """
+    """Support values of the sum of components."""
     return component_supports(semi_axes, n).sum(axis=-1)
 
 
 def support_point(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Touching points: the gradient of the support function, sum over components of s^2 n / h_k.
-
-    Parameters
-    ----------
-    semi_axes : numpy.ndarray, (K, 3)
-        Half axes of the components, in any unit.
-    n : numpy.ndarray, (..., 3)
-        Unit vectors.
-
-    Returns
-    -------
-    numpy.ndarray, (..., 3)
-        In the unit of the half axes.
-    """
+    """Touching points: the gradient of the support function, sum over components of s^2 n / h_k."""
     return n * ((1.0 / component_supports(semi_axes, n)) @ np.square(semi_axes))
 
 
 def recognise_ellipsoid(
     vertices: np.ndarray, radius: float, n: np.ndarray, measured: np.ndarray
 ) -> np.ndarray | None:
-    """Half axes of the ellipsoid on which all vertices lie.
-
-    Parameters
-    ----------
-    vertices : numpy.ndarray, (V, 3)
-        In the unit of the radius.
-    radius : float
-        Mean radius of the body.
-    n : numpy.ndarray, (N, 3)
-        Unit vectors.
-    measured : numpy.ndarray, (N,)
-        Support values of the body in these directions.
-
-    Returns
-    -------
-    numpy.ndarray, (1, 3), or None
-        In the unit of the radius; None where there is no such ellipsoid.
-    """
+    """Half axes of the ellipsoid on which all vertices lie."""
     x = vertices / radius
     if len(x) < 12:
         return None
@@ -131,22 +75,6 @@ def fit_components(
 
     The components are enough when the rms deviation is below 0.2 % of the mean radius or the largest
     deviation below 1 % of the smallest extent.
-
-    Parameters
-    ----------
-    n : numpy.ndarray, (N, 3)
-        Unit vectors.
-    measured : numpy.ndarray, (N,)
-        Support values in these directions.
-    radius : float
-        Mean radius of the body.
-    counts : sequence of int, optional
-        Numbers of components to try, the fewest first.
-
-    Returns
-    -------
-    numpy.ndarray, (K, 3)
-        In the unit of the radius, the longest component first.
     """
     best, best_rms = np.zeros((0, 3)), math.inf
     extents = measured[np.argmax(n, axis=0)]
@@ -235,18 +163,6 @@ def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:
     The body is the union of cones from its centre over the surface x(n) = grad h, whose element of area is
     det Q dOmega, Q = grad grad h on the tangent plane: V = 1/3 int h det Q dOmega, and the integral of x_i^2
     is 1/5 int x_i^2 h det Q dOmega.
-
-    Parameters
-    ----------
-    semi_axes : numpy.ndarray, (K, 3)
-        Metres.
-
-    Returns
-    -------
-    volume : float
-        m3.
-    integrals : numpy.ndarray, (3,)
-        m5.
     """
     if len(semi_axes) == 1:
         volume = 4 / 3 * math.pi * float(semi_axes[0].prod())
@@ -263,18 +179,7 @@ def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def bounding_radius(semi_axes: np.ndarray) -> float:
-    """Distance of the farthest surface point from the centre: the maximum of h over all directions.
-
-    Parameters
-    ----------
-    semi_axes : numpy.ndarray, (K, 3)
-        Half axes of the components, in any unit.
-
-    Returns
-    -------
-    float
-        In the unit of the half axes.
-    """
+    """Distance of the farthest surface point from the centre: the maximum of h over all directions."""
     n = np.concatenate([np.eye(3), sphere_directions(1000)])
     n = n[np.argsort(-support(semi_axes, n))[:50]]
     # h is convex and homogeneous, so moving n to its own support point never lowers h.

@@ -21,53 +21,15 @@ class Drawable(Protocol):
         """Distance of its farthest point from its centre in m."""
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Support function of the body.
-
-        Parameters
-        ----------
-        n : numpy.ndarray, (..., 3)
-            Unit directions in the body's frame.
-
-        Returns
-        -------
-        numpy.ndarray, (...,)
-            Distance of the tangent plane with the normal n from the centre, in m.
-        """
+        """Support function of the body."""
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
-        """Farthest point of the body in a direction.
-
-        Parameters
-        ----------
-        n : numpy.ndarray, (..., 3)
-            Unit directions in the body's frame.
-
-        Returns
-        -------
-        numpy.ndarray, (..., 3)
-            In m.
-        """
+        """Farthest point of the body in a direction."""
 
 
 @dataclass(frozen=True)
 class Bodies:
-    """The N bodies to be drawn, of S shapes with V points and T triangles each.
-
-    Attributes
-    ----------
-    normals : numpy.ndarray, (S, V, 3)
-        Unit normals at the points of each shape.
-    triangles : numpy.ndarray of int, (T, 3)
-        Numbers of their points, the same for all shapes.
-    shape_ids : numpy.ndarray of int, (N,)
-        Number of each body's shape.
-    turn : numpy.ndarray, (N, 3, 3)
-        Rotation of each body, body to world.
-    vertices : numpy.ndarray, (N, V, 3)
-        Points of each body in the world, in m.
-    owner : numpy.ndarray of int, (N,)
-        The body to which a part belongs; itself for a body of one part.
-    """
+    """The N bodies to be drawn, of S shapes with V points and T triangles each."""
 
     normals: np.ndarray
     triangles: np.ndarray
@@ -96,26 +58,7 @@ def place_bodies(
     shape_ids: np.ndarray,
     scales: np.ndarray,
 ) -> Bodies:
-    """Bodies at their places, ready to be drawn; each sphere of a body of spheres is a part of its own.
-
-    Parameters
-    ----------
-    centres : numpy.ndarray, (N, 3)
-        In m.
-    quaternions : numpy.ndarray, (N, 4)
-        w, x, y, z, body to world.
-    shapes : sequence of Drawable
-        The shapes there are.
-    shape_ids : numpy.ndarray of int, (N,)
-        Place of each body's shape in that sequence.
-    scales : numpy.ndarray, (N,)
-        Size of each body over that of its shape.
-
-    Returns
-    -------
-    Bodies
-        In the order of the input; the parts of bodies of spheres ordered by shape.
-    """
+    """Bodies at their places, ready to be drawn; each sphere of a body of spheres is a part of its own."""
     if any(_spheres(shape) is not None for shape in shapes):
         return _place_parts(centres, quaternions, shapes, shape_ids, scales)
     return _tessellated(centres, quaternions, shapes, shape_ids, scales, np.arange(len(centres)))

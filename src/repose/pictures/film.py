@@ -36,37 +36,7 @@ def animate_pour(
     max_bytes: int = 3_000_000,
     colour: str = GRAIN,
 ) -> None:
-    """Write a short endless animation of a pour.
-
-    Parameters
-    ----------
-    trajectory : path
-        An .npz file with time_s (T,), position (T, N, 3) [m], NaN for berries that are not there yet, quaternion
-        (T, N, 4) and scale (N,), 1 where it is missing.
-    particle : Particle or Shape
-        The berries' shape.
-    out_path : path
-        A .gif or .webp file.
-    walls : sequence of Frustum
-        Drawn translucent.
-    frames : int
-        Number of pictures, evenly spread over the time; the last one is shown longer.
-    frame_s : float
-        How long each is shown [s].
-    width, height : int
-        Pixels.
-    elevation_deg, azimuth_deg : float
-        Direction from which the camera looks.
-    max_bytes : int
-        Colours are reduced until the file is no larger.
-    colour : str
-        Of the grains, as #rrggbb.
-
-    Raises
-    ------
-    InputError
-        For another ending, a trajectory that cannot be read, or a file that stays too large.
-    """
+    """Write a short endless animation of a pour."""
     out_path = _checked(out_path)
     record = read_npz(trajectory, KEYS, "the trajectory of a pour")
     times, positions, quaternions, scales = _moving(record)
@@ -95,29 +65,7 @@ def animate(
     max_bytes: int = 3_000_000,
     **view: Any,
 ) -> None:
-    """Write a short endless animation of any simulation.
-
-    Parameters
-    ----------
-    simulation : Simulation
-        For its shapes and walls.
-    frames : mapping
-        What `repose.dem.Recorder.frames` returns.
-    out_path : path
-        A .gif or .webp file.
-    pictures : int
-        Number of frames shown, evenly spread over the time; the last one is shown longer.
-    frame_s, max_bytes
-        See `animate_pour`.
-    **view
-        See `repose.pictures.render.render_bodies`; the picture holds what is there at the first and at the last frame
-        unless frame_m is given.
-
-    Raises
-    ------
-    InputError
-        For another ending, no frames, or a file that stays too large.
-    """
+    """Write a short endless animation of any simulation."""
     out_path = _checked(out_path)
     if not len(frames["time_s"]):
         raise InputError(out_path, "frames", 0, "at least one recorded frame")
@@ -149,22 +97,7 @@ def animate_drum(
     max_bytes: int = 3_900_000,
     colour: str = GRAIN,
 ) -> None:
-    """Write a short endless animation of a drum that turns, seen along its axis with its rim, whose marks turn with it.
-
-    Parameters
-    ----------
-    trajectory : path
-        An .npz file as that of `animate_pour`, with turned_deg (T,) besides.
-    section : mapping
-        The configuration's `drum`.
-    particle, out_path, frames, frame_s, width, max_bytes, colour
-        See `animate_pour`; the picture is a square.
-
-    Raises
-    ------
-    InputError
-        As `animate_pour`.
-    """
+    """Write a short endless animation of a drum that turns, seen along its axis with its rim, whose marks turn with it."""
     out_path = _checked(out_path)
     record = read_npz(trajectory, (*KEYS, "turned_deg"), "the trajectory of a drum")
     times, positions, quaternions, scales = _moving(record)
@@ -183,19 +116,7 @@ def animate_drum(
 
 
 def drum_inside(section: Mapping[str, Any], turned_rad: float) -> DrumInside:
-    """The drum as a backdrop, turned by an angle.
-
-    Parameters
-    ----------
-    turned_rad : float
-        How far it has turned.
-    section : mapping
-        The section `drum` of the configuration.
-
-    Returns
-    -------
-    DrumInside
-    """
+    """The drum as a backdrop, turned by an angle."""
     thickness_m = 1e-3 * section["wall_thickness_mm"]
     radius_m = 0.5e-3 * section["outer_diameter_mm"] - thickness_m
     return DrumInside(radius_m, 1e-3 * section["length_mm"], thickness_m, float(turned_rad))

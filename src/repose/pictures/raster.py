@@ -40,30 +40,7 @@ def _rasterise(x, y, near, triangles, nearest, body, weights, corner):
 def draw(
     x: np.ndarray, y: np.ndarray, near: np.ndarray, triangles: np.ndarray, shape: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """What each pixel of a picture shows of triangles, the nearest first.
-
-    Parameters
-    ----------
-    x, y : numpy.ndarray, (N, V)
-        Places of the bodies' points in pixels, row 0 on top.
-    near : numpy.ndarray, (N, V)
-        The larger, the nearer.
-    triangles : numpy.ndarray of int, (T, 3)
-        Numbers of their points, the same for all bodies.
-    shape : tuple of int
-        Height H and width W in pixels.
-
-    Returns
-    -------
-    nearest : numpy.ndarray of float32, (H, W)
-        `near` of what is seen; minus infinity where nothing is.
-    body : numpy.ndarray of int, (H, W)
-        Number of the body, -1 where there is none.
-    corner : numpy.ndarray of int, (H, W)
-        Number of the triangle.
-    weights : numpy.ndarray of float32, (H, W, 2)
-        Shares of the triangle's second and third point.
-    """
+    """What each pixel of a picture shows of triangles, the nearest first."""
     nearest = np.full(shape, -np.inf, np.float32)
     body, corner = np.full(shape, -1, np.int32), np.zeros(shape, np.int32)
     weights = np.zeros((*shape, 2), np.float32)
@@ -93,21 +70,7 @@ def _spiral(taps):
 
 @numba.njit(cache=True)
 def place_of(camera, shape, row, column, depth, place):
-    """Where the ray of a pixel is at a depth, as `repose.pictures.scenery.Camera.rays` has it.
-
-    Parameters
-    ----------
-    camera : tuple
-        Its eye (3,) in m, its axes (3, 3) and its focal length in pixels, see `repose.pictures.scenery.Camera`.
-    shape : tuple of int
-        Height and width of its picture in pixels.
-    row, column : int
-        The pixel.
-    depth : float
-        In m along the view.
-    place : numpy.ndarray, (3,)
-        Written: the place in m.
-    """
+    """Where the ray of a pixel is at a depth, as `repose.pictures.scenery.Camera.rays` has it."""
     eye, axes, focal = camera
     right, up = (column + 0.5 - shape[1] / 2) / focal, (shape[0] / 2 - row - 0.5) / focal
     for k in range(3):
@@ -116,36 +79,7 @@ def place_of(camera, shape, row, column, depth, place):
 
 @numba.njit(cache=True)
 def lit_fraction(depth, normals, camera, light_map, axes, origin, pixel_m, softness_m, bias_m, taps):
-    """Share of the light that reaches what each pixel shows, from a depth map seen from the light.
-
-    Parameters
-    ----------
-    depth : numpy.ndarray of float32, (H, W)
-        In m along the view, infinite where nothing is.
-    normals : numpy.ndarray of float32, (H, W, 3)
-        Directions in which a point is moved by `bias_m`, away from its own surface.
-    camera : tuple
-        See `place_of`.
-    light_map : numpy.ndarray of float32, (R, C)
-        Largest height towards the light in m.
-    axes : numpy.ndarray, (3, 3)
-        Rows: two axes across the light, then towards it.
-    origin : numpy.ndarray, (2,)
-        Of the map, across the light in m.
-    pixel_m : float
-        Size of a pixel of the map.
-    softness_m : float
-        Radius about a point in which the map is looked up.
-    bias_m : float
-        How far a surface must stand before a point to shade it.
-    taps : int
-        Number of look-ups for a point.
-
-    Returns
-    -------
-    numpy.ndarray of float32, (H, W)
-        0 to 1; 1 where nothing is.
-    """
+    """Share of the light that reaches what each pixel shows, from a depth map seen from the light."""
     rows, columns = depth.shape
     lit = np.ones((rows, columns), np.float32)
     across, down = _spiral(taps)
@@ -174,24 +108,7 @@ def lit_fraction(depth, normals, camera, light_map, axes, origin, pixel_m, softn
 
 @numba.njit(cache=True)
 def openness(depth, normals, camera, wanted, radius_m, taps):
-    """Share of the sky that what each pixel shows sees past its neighbours in the picture.
-
-    Parameters
-    ----------
-    depth, normals, camera
-        See `lit_fraction`.
-    wanted : numpy.ndarray of bool, (H, W)
-        Which pixels are asked for, of those that show something.
-    radius_m : float
-        Radius in which neighbours are looked up, and length by which their shade grows weaker with the distance.
-    taps : int
-        Number of neighbours looked up for a point.
-
-    Returns
-    -------
-    numpy.ndarray of float32, (H, W)
-        0 to 1; 1 where none is asked for.
-    """
+    """Share of the sky that what each pixel shows sees past its neighbours in the picture."""
     rows, columns = depth.shape
     open_sky = np.ones((rows, columns), np.float32)
     across, down = _spiral(taps)

@@ -42,26 +42,7 @@ def render_pile(
     scales: np.ndarray | None = None,
     colour: str = shading.GRAIN,
 ) -> np.ndarray:
-    """A shaded picture of grains of one shape.
-
-    Parameters
-    ----------
-    centres_m, quaternions, scales, elevation_deg, azimuth_deg, width, height, frame_m, supersample, field_of_view_deg
-        See `render_bodies`.
-    colour : str
-        Of the grains, as #rrggbb.
-    particle : Particle or Shape
-        The shape of all of them.
-    walls : sequence of Frustum, optional
-        Drawn translucent.
-    backdrop : Backdrop, optional
-        What stands behind the grains instead of a plate at z = 0.
-
-    Returns
-    -------
-    numpy.ndarray
-        RGB, uint8, (height, width, 3).
-    """
+    """A shaded picture of grains of one shape."""
     setting = Setting(None if backdrop else 0.0, frusta=tuple(walls or ()), backdrop=backdrop)
     view = (elevation_deg, azimuth_deg, width, height, frame_m, supersample, field_of_view_deg)
     return render_bodies(centres_m, quaternions, [particle], None, scales, setting, *view, colour)
@@ -83,40 +64,7 @@ def render_bodies(
     field_of_view_deg: float = FIELD_OF_VIEW_DEG,
     colour: str = shading.GRAIN,
 ) -> np.ndarray:
-    """A shaded picture of bodies of several shapes and sizes. The same input gives the same picture.
-
-    Parameters
-    ----------
-    centres_m : numpy.ndarray
-        (N, 3) [m]; a body with a NaN is not drawn.
-    quaternions : numpy.ndarray
-        (N, 4), w, x, y, z, body to world.
-    shapes : sequence of Shape or Particle
-        Convex or of spheres; each of another colour.
-    shape_ids : numpy.ndarray, optional
-        (N,), place of a body's shape in that sequence; by default the first.
-    scales : numpy.ndarray, optional
-        (N,), by default 1.
-    setting : Setting, optional
-        By default a plate at z = 0.
-    elevation_deg, azimuth_deg : float
-        Direction from which the camera looks.
-    width, height : int
-        Pixels; the height is 0.6 of the width unless given.
-    frame_m : numpy.ndarray, optional
-        Points (M, 3) [m] that the picture has to hold; by default what is there.
-    supersample : int
-        Rays along each side of a pixel.
-    field_of_view_deg : float
-        Of the camera.
-    colour : str
-        Of the first shape, as #rrggbb.
-
-    Returns
-    -------
-    numpy.ndarray
-        RGB, uint8, (height, width, 3).
-    """
+    """A shaded picture of bodies of several shapes and sizes. The same input gives the same picture."""
     setting = setting or Setting()
     height = height or round(0.6 * width)
     shown = np.flatnonzero(np.isfinite(centres_m).all(axis=1))
@@ -136,20 +84,7 @@ def render_bodies(
 
 
 def render_simulation(simulation: Simulation, **view: Any) -> np.ndarray:
-    """A shaded picture of a simulation as it is now.
-
-    Parameters
-    ----------
-    simulation : Simulation
-        Its bodies and walls are drawn.
-    **view
-        From `render_bodies`: elevation_deg, azimuth_deg, width, height, frame_m, supersample, field_of_view_deg.
-
-    Returns
-    -------
-    numpy.ndarray
-        RGB, uint8, (height, width, 3).
-    """
+    """A shaded picture of a simulation as it is now."""
     centres = np.where(simulation.present[:, None], simulation.positions, np.nan)
     shapes = list(simulation.shapes.values())
     ids, scales = simulation.shape_ids, simulation.scales

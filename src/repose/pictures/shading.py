@@ -21,24 +21,7 @@ LIGHT = np.array([0.42, -0.38, 0.82]) / np.linalg.norm([0.42, -0.38, 0.82])  # i
 
 
 def tints_of(body: np.ndarray, shape: np.ndarray, count: int, shapes: int, colour: str = GRAIN) -> np.ndarray:
-    """Colours of N bodies or parts; no two bodies are alike.
-
-    Parameters
-    ----------
-    body : numpy.ndarray of int, (N,)
-        Number of the body; parts of one body have the same.
-    shape : numpy.ndarray of int, (N,)
-        Number of its shape.
-    count, shapes : int
-        Numbers of all bodies, and of shapes.
-    colour : str, optional
-        Of the first shape, as #rrggbb.
-
-    Returns
-    -------
-    numpy.ndarray, (N, 3)
-        Red, green and blue, 0 to 1 or a little beyond.
-    """
+    """Colours of N bodies or parts; no two bodies are alike."""
     first = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
     colours = np.array([first, *(OTHERS[k % len(OTHERS)] for k in range(shapes - 1))])
     ripeness, shade = np.random.RandomState(2026).uniform(-1, 1, (2, count))
@@ -56,30 +39,7 @@ def paint(
     setting: Setting,
     supersample: int,
 ) -> np.ndarray:
-    """The picture of what each pixel of a camera shows.
-
-    Parameters
-    ----------
-    camera : Camera
-        That sees it.
-    view : View
-        What each pixel shows.
-    tints : numpy.ndarray, (N, 3)
-        Colours of the bodies, as `tints_of` gives them.
-    lit, sky : numpy.ndarray, (H, W)
-        What `light_and_sky` gave.
-    frame : numpy.ndarray, (P, 3)
-        Points that the picture holds in m; the plate fades out beyond them.
-    setting : Setting
-        Walls and backdrop.
-    supersample : int
-        The camera's pixels along each side of a pixel of the picture.
-
-    Returns
-    -------
-    numpy.ndarray of uint8, (H / supersample, W / supersample, 3)
-        Red, green and blue.
-    """
+    """The picture of what each pixel of a camera shows."""
     height, width = camera.height // supersample, camera.width // supersample
     picture = np.empty((height, width, 3), np.uint8)
     order = _far_to_near(setting.frusta, camera)
@@ -97,24 +57,7 @@ def paint(
 def light_and_sky(
     camera: Camera, bodies: Bodies, view: View, largest: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Shares of the light and of the sky that reach what each pixel shows.
-
-    Parameters
-    ----------
-    camera : Camera
-        The light turns with it.
-    bodies : Bodies
-        They cast the shadows.
-    view : View
-        What each pixel shows.
-    largest : float
-        Largest bounding radius of the bodies in m.
-
-    Returns
-    -------
-    lit, sky : numpy.ndarray of float32, (H, W)
-        0 to 1; 1 where nothing is.
-    """
+    """Shares of the light and of the sky that reach what each pixel shows."""
     if not len(bodies.vertices):
         lit, sky = np.ones((2, *view.depth.shape), np.float32)
         return lit, sky

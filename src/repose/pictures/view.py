@@ -14,17 +14,6 @@ class View:
     """What each pixel of a picture (H, W) shows: a body, a flat wall, the plate, the backdrop, or nothing.
 
     A pixel takes 22 bytes, so that a large picture fits into the memory.
-
-    Attributes
-    ----------
-    body : numpy.ndarray of int32, (H, W)
-        Number of the body or part, -1 where none is seen.
-    plate, behind : numpy.ndarray of bool, (H, W)
-        Whether it is the plate; whether it is the backdrop.
-    depth : numpy.ndarray of float32, (H, W)
-        In m along the view, infinite where nothing is.
-    normal : numpy.ndarray of float32, (H, W, 3)
-        Unit normal.
     """
 
     body: np.ndarray
@@ -44,37 +33,12 @@ class View:
         return np.isfinite(self.depth) & ~(self.hit | self.plate | self.behind)
 
     def rows(self, rows: slice) -> "View":
-        """The same of some rows, in the same memory.
-
-        Parameters
-        ----------
-        rows : slice
-            Which.
-
-        Returns
-        -------
-        View
-        """
+        """The same of some rows, in the same memory."""
         return View(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
 def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
-    """What each pixel of a camera shows of bodies in a setting.
-
-    Parameters
-    ----------
-    camera : Camera
-        That looks.
-    bodies : Bodies
-        As `place_bodies` gives them.
-    setting : Setting
-        Walls and backdrop.
-
-    Returns
-    -------
-    View
-        Of the camera's pixels.
-    """
+    """What each pixel of a camera shows of bodies in a setting."""
     shape = (camera.height, camera.width)
     nearest, body, corner, weights = raster.draw(*camera.project(bodies.vertices), bodies.triangles, shape)
     plate, behind = np.zeros(shape, bool), np.zeros(shape, bool)

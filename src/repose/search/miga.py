@@ -43,37 +43,7 @@ OPERATORS = (
 
 
 class MIGA:
-    """Ask for a population, tell its fitness; once each per generation.
-
-    Parameters
-    ----------
-    dimensions : int
-        Number of genes, each in [-1, 1].
-    islands, population : int
-        Number of islands, and of individuals on each.
-    generations : int
-        Between two migrations.
-    tournament : int
-        Individuals of which the best becomes a parent.
-    mutation_probability, mutation_amplitude : float
-        Of each gene, and the standard deviation of its change.
-    seed : int
-        Of numpy's RandomState.
-
-    Attributes
-    ----------
-    best : numpy.ndarray, (dimensions,)
-        Best point so far, or None.
-    best_fitness : float
-        Its fitness.
-    generation, evaluations : int
-        Number of generations, and of points, whose fitness was told.
-
-    Raises
-    ------
-    ValueError
-        If a setting is out of its limits.
-    """
+    """Ask for a population, tell its fitness; once each per generation."""
 
     def __init__(
         self,
@@ -109,13 +79,7 @@ class MIGA:
         return self._points
 
     def tell(self, fitness: np.ndarray) -> None:
-        """Breed the next generation from the fitness of the current one.
-
-        Parameters
-        ----------
-        fitness : numpy.ndarray, (islands * population,)
-            Of the points that `ask` gave, in their order.
-        """
+        """Breed the next generation from the fitness of the current one."""
         islands, population, dimensions = self.shape
         points, fitness = self._points, np.asarray(fitness, dtype=float)
         self.evaluations += len(points)
@@ -168,22 +132,7 @@ class MIGA:
 
 
 def migrate(points: np.ndarray, fitness: np.ndarray, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Replace the worst of each island by the best of the one before it in the ring.
-
-    Parameters
-    ----------
-    points : numpy.ndarray, (islands * population, dimensions)
-        The population.
-    fitness : numpy.ndarray, (islands * population,)
-        Its fitness.
-    order : numpy.ndarray, (islands, population)
-        Row numbers of each island, best first.
-
-    Returns
-    -------
-    points, fitness : numpy.ndarray
-        Changed copies.
-    """
+    """Replace the worst of each island by the best of the one before it in the ring."""
     points, fitness = points.copy(), fitness.copy()
     best, worst_of_next = order[:, 0], np.roll(order[:, -1], -1)
     points[worst_of_next], fitness[worst_of_next] = points[best], fitness[best]
@@ -192,21 +141,7 @@ def migrate(points: np.ndarray, fitness: np.ndarray, order: np.ndarray) -> tuple
 
 @dataclass(frozen=True)
 class Minimum:
-    """What `islands_ga` found; names as in `scipy.optimize.OptimizeResult`.
-
-    Attributes
-    ----------
-    x : numpy.ndarray, (dimensions,)
-        The best point.
-    fun : float
-        Its value.
-    nfev, nit : int
-        Number of evaluations and of generations.
-    success : bool or None
-        Whether `fun` is at most the target; None without a target.
-    history : numpy.ndarray, (nit,)
-        The best value so far after each generation.
-    """
+    """What `islands_ga` found; names as in `scipy.optimize.OptimizeResult`."""
 
     x: np.ndarray
     fun: float
@@ -223,31 +158,7 @@ def islands_ga(
     target: float | None = None,
     **settings: Any,
 ) -> Minimum:
-    """Minimise a function of whole populations with `MIGA`; return a `Minimum`.
-
-    Parameters
-    ----------
-    objective : callable
-        Gets points (n, dimensions) in the units of the bounds, gives values (n,). An infinite value is a point to
-        avoid.
-    bounds : array_like, (dimensions, 2)
-        Lowest and highest of each variable.
-    rounds : int
-        Migrations. Rounds times generations times islands times population points are evaluated.
-    target : float, optional
-        A value at which the search ends early.
-    **settings
-        Those of `MIGA`.
-
-    Returns
-    -------
-    Minimum
-
-    Raises
-    ------
-    ValueError
-        For bounds or settings out of their limits, and for an objective that gives another shape or no number.
-    """
+    """Minimise a function of whole populations with `MIGA`; return a `Minimum`."""
     bounds = np.asarray(bounds, dtype=float)
     if bounds.ndim != 2 or bounds.shape[1] != 2 or not np.isfinite(bounds).all():
         raise ValueError(f"bounds has shape {bounds.shape}; allowed: (dimensions, 2), all finite")

@@ -16,22 +16,7 @@ from repose.core.targets import Targets
 
 
 class Found(NamedTuple):
-    """What a strategy found.
-
-    Attributes
-    ----------
-    values : numpy.ndarray, (6,)
-        The answer.
-    predicted : numpy.ndarray, (k,)
-        Its predicted responses.
-    others : numpy.ndarray, (n, 6)
-        Parameter sets that are predicted inside all ranges, the best first.
-    others_predicted : numpy.ndarray, (n, k)
-    steps : sequence of str
-        How it was found, a sentence each.
-    note : str
-        What the message says besides, a sentence.
-    """
+    """What a strategy found."""
 
     values: np.ndarray
     predicted: np.ndarray
@@ -49,19 +34,7 @@ def write(
     out_dir: str | os.PathLike,
     more: Mapping[str, Any],
 ) -> None:
-    """Write solutions.csv, table4.csv, representative.csv and summary.json.
-
-    Parameters
-    ----------
-    found : Found
-    checked : pandas.DataFrame
-        Single runs of the answer, simulated again.
-    space : ParameterSpace
-    targets : Targets
-    out_dir : path
-    more : mapping
-        Further content of summary.json.
-    """
+    """Write solutions.csv, table4.csv, representative.csv and summary.json."""
     row: dict[str, Any] = {"sample": 1, "solution": "1", "role": "representative"}
     row |= dict(zip(space.names, found.values.tolist(), strict=True))
     row |= dict(zip(targets.predicted, found.predicted.tolist(), strict=True))
@@ -84,21 +57,7 @@ def write(
 
 
 def apart(unit: np.ndarray, distance: float, most: int) -> np.ndarray:
-    """The first points that keep a distance from all before them.
-
-    Parameters
-    ----------
-    unit : numpy.ndarray, (n, d)
-        In the unit cube, the best first.
-    distance : float
-        In half ranges, as in `miga.distance`.
-    most : int
-
-    Returns
-    -------
-    numpy.ndarray of int
-        At most `most` rows.
-    """
+    """The first points that keep a distance from all before them."""
     kept: list[int] = []
     for k, point in enumerate(unit):
         if not kept or 2 * cdist(unit[kept], point[None]).min() >= distance:
@@ -109,18 +68,7 @@ def apart(unit: np.ndarray, distance: float, most: int) -> np.ndarray:
 
 
 def verdict(found: Found, targets: Targets) -> tuple[bool, str]:
-    """Whether the answer is predicted inside all ranges, and a sentence.
-
-    Parameters
-    ----------
-    found : Found
-    targets : Targets
-
-    Returns
-    -------
-    feasible : bool
-    message : str
-    """
+    """Whether the answer is predicted inside all ranges, and a sentence."""
     feasible = bool(((found.predicted >= targets.low) & (found.predicted <= targets.high)).all())
     words = targets.in_words([f"{value:.4g}" for value in found.predicted])
     ranges = targets.in_words([f"{one.low:g}-{one.high:g}" for one in targets])
@@ -130,21 +78,7 @@ def verdict(found: Found, targets: Targets) -> tuple[bool, str]:
 
 
 def solutions(found: Found, feasible: bool, space: ParameterSpace, targets: Targets) -> pd.DataFrame:
-    """The answer, then the other parameter sets.
-
-    Parameters
-    ----------
-    found : Found
-    feasible : bool
-        Whether the answer is.
-    space : ParameterSpace
-    targets : Targets
-
-    Returns
-    -------
-    pandas.DataFrame
-        solution from 1, parameters, predicted responses, feasible, representative.
-    """
+    """The answer, then the other parameter sets."""
     table = pd.DataFrame(np.vstack([found.values, found.others]), columns=list(space.names))
     table.insert(0, "solution", np.arange(1, len(table) + 1))
     table[list(targets.predicted)] = np.vstack([found.predicted, found.others_predicted])

@@ -14,35 +14,13 @@ Pours = tuple[tuple[str, int, int], ...]
 
 
 def misfit(config: Mapping[str, Any]) -> str | None:
-    """Why a configuration cannot take its strategy.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    str or None
-        None where it can.
-    """
+    """Why a configuration cannot take its strategy."""
     faults = (f"{key}; allowed: {allowed}" for key, allowed in strategy_contradictions(config))
     return next((f"not with this configuration: {fault}" for fault in faults), None)
 
 
 def pours(config: Mapping[str, Any]) -> Pours | None:
-    """What the strategy of a configuration pours.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    tuple or None
-        As (purpose, parameter sets, seeds); None for the published strategy, which `repose.config.cost` counts.
-    """
+    """What the strategy of a configuration pours."""
     if config["strategy"] == "sequential":
         section = config["sequential"]
         return (("at most", section["most_pours"] // section["seeds"], section["seeds"]),)
@@ -50,18 +28,7 @@ def pours(config: Mapping[str, Any]) -> Pours | None:
 
 
 def response_surface(config: Mapping[str, Any]) -> Pours:
-    """The steps of a response surface, as (purpose, parameter sets, seeds).
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    tuple
-        At most: the screening may keep fewer parameters than `response_surface.most_factors`.
-    """
+    """The steps of a response surface, as (purpose, parameter sets, seeds)."""
     section = config["response_surface"]
     factors = min(section["most_factors"], ParameterSpace.of(config["parameters"]).dimensions)
     if section["surface"] == "box_behnken":

@@ -21,48 +21,14 @@ Predict = Callable[[np.ndarray], np.ndarray]
 
 
 def fitted(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> Predict:
-    """A surrogate of one response on all samples that have it.
-
-    Parameters
-    ----------
-    X : numpy.ndarray, (samples, 6)
-        Parameters.
-    known : Known
-    settings : mapping
-        ``surrogate``, its name, and what it needs.
-
-    Returns
-    -------
-    function
-        From parameter sets (n, 6) to the response (n,).
-    """
+    """A surrogate of one response on all samples that have it."""
     there = np.isfinite(known.mean)
     model = make(settings["surrogate"], settings).fit(X[there], known.mean[there][:, None])
     return lambda points: model.predict(points)[:, 0]
 
 
 class Surrogates(NamedTuple):
-    """The responses that have a surrogate.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Of the k responses.
-    predict : function
-        From parameter sets (n, 6) to all responses (n, k).
-    fold : numpy.ndarray of int, (samples,)
-        In which fold of the cross-validation each sample is left out.
-    without : list of function
-        For each fold the same as `predict`, by surrogates that have not seen its samples.
-    correlation : numpy.ndarray, (k, k)
-        Of the noise from run to run.
-    covariance : numpy.ndarray, (k, k)
-        S_s of the surrogates' own errors, from the cross-validation.
-    r2 : dict
-        Of each response that was tried, by cross-validation on the means.
-    left_out : list of str
-        Responses with too little signal, or too bad a surrogate.
-    """
+    """The responses that have a surrogate."""
 
     names: tuple[str, ...]
     predict: Predict
@@ -75,20 +41,7 @@ class Surrogates(NamedTuple):
 
     @classmethod
     def of(cls, data: Data, base: Sequence[str], settings: Mapping[str, Any]) -> "Surrogates":
-        """Surrogates of all responses that have enough signal.
-
-        Parameters
-        ----------
-        data : Data
-        base : sequence of str
-            Responses that are kept in any case.
-        settings : mapping
-            ``surrogate``, ``folds``, ``seed`` and what the surrogate needs.
-
-        Returns
-        -------
-        Surrogates
-        """
+        """Surrogates of all responses that have enough signal."""
         count, folds = len(data.X), settings["folds"]
         fold = np.random.default_rng(settings["seed"]).permutation(count) % folds
         off, models, r2 = {}, {}, {}

@@ -30,23 +30,7 @@ MODEL = ("particle", "tension", "filling")
 def of_targets(
     targets: Targets, runs: pd.DataFrame, percent: float, correlation: float, study: np.ndarray | None = None
 ) -> np.ndarray:
-    """Covariance S_d of the discrepancies of a study's targets.
-
-    Parameters
-    ----------
-    targets : Targets
-        The k targets; the stated share is of their values.
-    runs : pandas.DataFrame
-        Runs of the design, for the signs.
-    percent, correlation : float
-        As `sizes` and `covariance` take them, where nothing is known.
-    study : numpy.ndarray, (k, k), optional
-        Covariance of `of_shape_study`; it takes the place of what is stated.
-
-    Returns
-    -------
-    numpy.ndarray, (k, k)
-    """
+    """Covariance S_d of the discrepancies of a study's targets."""
     if study is not None:
         return study
     means = runs.groupby("sample")[list(targets.names)].mean().to_numpy()
@@ -57,17 +41,7 @@ def of_targets(
 
 
 class OfModels(NamedTuple):
-    """How the models of a shape study differ from the published piles.
-
-    Attributes
-    ----------
-    mean : numpy.ndarray, (k,)
-        Weighted mean of the differences, in the responses' units.
-    covariance : numpy.ndarray, (k, k)
-        About it.
-    models : float
-        Number of models that the weights leave, 1 / sum w^2.
-    """
+    """How the models of a shape study differ from the published piles."""
 
     mean: np.ndarray
     covariance: np.ndarray
@@ -77,25 +51,6 @@ class OfModels(NamedTuple):
 def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfModels:
     """Mean and covariance of the responses over the plausible models of a shape study.
 
-    Parameters
-    ----------
-    combinations_csv : path
-        The table ``combinations.csv`` of the verb `shape_study`: a row for each particle, tension, filling and
-        definition of the angle; plausible are those that are `eligible`.
-    targets : Targets
-        The k targets.
-
-    Returns
-    -------
-    OfModels
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read, lacks a target's response, or the weights leave fewer than `FEWEST_MODELS` models.
-
-    Notes
-    -----
     A model counts by how well it describes the published piles: its weight is exp(-d^2 / 2), and d its distance in
     standard deviations. The definitions of one model count as one. The pours of a combination are few: the mean square
     of its standard errors is taken off each variance; the correlation is that of the differences as they are.
@@ -129,24 +84,7 @@ def sizes(
     percent: Mapping[str, float] | float,
     smallest: Mapping[str, float],
 ) -> np.ndarray:
-    """Standard deviation of the discrepancy of each response.
-
-    Parameters
-    ----------
-    names : sequence of str, (k,)
-        Responses.
-    means : numpy.ndarray, (k,)
-        Their means.
-    percent : float, or mapping of float
-        Of each mean; by name, where they differ.
-    smallest : mapping of float
-        The smallest one by unit, as in ``{"deg": 0.5}``; a unit that is not there has none.
-
-    Returns
-    -------
-    numpy.ndarray, (k,)
-        In the responses' units. A response with 0 percent has none at all.
-    """
+    """Standard deviation of the discrepancy of each response."""
     found = []
     for name, mean in zip(names, means, strict=True):
         own = percent[name] if isinstance(percent, Mapping) else percent
@@ -162,26 +100,7 @@ def covariance(
     correlation: float,
     apparatus: Sequence[str] | None = None,
 ) -> np.ndarray:
-    """Covariance S_d of the discrepancies.
-
-    Parameters
-    ----------
-    names : sequence of str, (k,)
-        Responses.
-    sd : numpy.ndarray, (k,)
-        Of `sizes`.
-    means : numpy.ndarray, (samples, k)
-        Means of the samples, for the signs; NaN where a sample has no run.
-    correlation : float
-        Of two responses of one bench test, without its sign; from 0 to below 1.
-    apparatus : sequence of str, (k,), optional
-        The bench test of each response; by default as it is registered.
-
-    Returns
-    -------
-    numpy.ndarray, (k, k)
-        Discrepancies of different bench tests are independent.
-    """
+    """Covariance S_d of the discrepancies."""
     found = np.diag(sd**2)
     if apparatus is None:
         apparatus = [response(name).apparatus for name in names]

@@ -19,23 +19,7 @@ JOB = "a job of a bench test, measured by the verb measure_runs"
 
 
 def jobs_in(folders: Iterable[str | Path]) -> list[Path]:
-    """Measured jobs in some folders.
-
-    Parameters
-    ----------
-    folders : iterable of path
-        What the verb measure_runs wrote into.
-
-    Returns
-    -------
-    list of Path
-        Sorted in each folder.
-
-    Raises
-    ------
-    InputError
-        If a folder holds none.
-    """
+    """Measured jobs in some folders."""
     found: list[Path] = []
     for folder in folders:
         own = sorted(path for path in Path(folder).glob("*.json") if path.stem.isdigit())
@@ -46,25 +30,7 @@ def jobs_in(folders: Iterable[str | Path]) -> list[Path]:
 
 
 def read_jobs(paths: Iterable[str | Path], samples: np.ndarray) -> dict[str, pd.DataFrame]:
-    """Good runs of each further bench test.
-
-    Parameters
-    ----------
-    paths : iterable of path
-        Files of the verb measure_runs, of any bench tests but that of the pile.
-    samples : numpy.ndarray of int
-        Numbers of the design's samples.
-
-    Returns
-    -------
-    dict of pandas.DataFrame
-        By the name of the bench test: ``sample`` and its responses.
-
-    Raises
-    ------
-    InputError
-        If a file is bad, of the pile, or of another sample.
-    """
+    """Good runs of each further bench test."""
     rows: dict[str, list[dict]] = {}
     for path in paths:
         job = read_json(path, {"sample": int, "apparatus": str, "runs": list}, JOB)
@@ -86,28 +52,7 @@ def read_jobs(paths: Iterable[str | Path], samples: np.ndarray) -> dict[str, pd.
 def with_jobs(
     data: Data, samples: np.ndarray, jobs: dict[str, pd.DataFrame], source: object = "runs"
 ) -> Data:
-    """The data with the responses of further bench tests.
-
-    Parameters
-    ----------
-    data : Data
-    samples : numpy.ndarray of int, (m,)
-        Number of each sample of the data, in its order.
-    jobs : dict of pandas.DataFrame
-        Of `read_jobs`.
-    source : object, optional
-        Named in the error.
-
-    Returns
-    -------
-    Data
-        A response that the data have already stays as it is.
-
-    Raises
-    ------
-    InputError
-        If too few samples of a bench test have two good runs, which tell its noise.
-    """
+    """The data with the responses of further bench tests."""
     known, runs = dict(data.known), [data.runs]
     for apparatus, table in jobs.items():
         for name in table.columns.drop("sample") if len(table) else ():
@@ -129,24 +74,7 @@ def read(
     definition: str,
     folders: Iterable[str | Path] = (),
 ) -> Data:
-    """The responses of the pile, and of other bench tests that were run with samples of the same design.
-
-    Parameters
-    ----------
-    runs_csv, dataset_csv, targets, definition
-        As `responses_over_design.read` takes them.
-    folders : iterable of path, optional
-        What the verb measure_runs wrote into, of other bench tests.
-
-    Returns
-    -------
-    Data
-
-    Raises
-    ------
-    InputError
-        As `responses_over_design.read`, `jobs_in`, `read_jobs` and `with_jobs`.
-    """
+    """The responses of the pile, and of other bench tests that were run with samples of the same design."""
     data = responses_over_design.read(runs_csv, dataset_csv, targets, definition)
     table = read_table(dataset_csv, ("sample", "status"))
     samples = table.loc[table["status"] == "ok", "sample"].to_numpy()

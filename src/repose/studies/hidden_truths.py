@@ -27,25 +27,7 @@ def coverage(
     settings: Mapping[str, Any],
     sets: Mapping[str, Sequence[str]],
 ) -> pd.DataFrame:
-    """Share of the 95 % intervals that hold the hidden truth.
-
-    Parameters
-    ----------
-    data : Data
-    surrogates : Surrogates
-    tests : Tests
-    space : ParameterSpace
-    settings : mapping
-        ``hidden_truths`` and what `prior_points` and `discrepancy_of` take.
-    sets : mapping
-        Tests of each set, by a label.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row a set and parameter, and one a set for ``all`` parameters: share that holds, its standard error over
-        the truths, mean width over the range, number of truths, and the posteriors' effective number of points.
-    """
+    """Share of the 95 % intervals that hold the hidden truth."""
     k, names = len(surrogates.names), surrogates.names
     tested = [i for i, name in enumerate(space.free) if direct(name) in tests.columns]
     spread = discrepancy_of(data, names, settings)

@@ -35,15 +35,7 @@ Observation = Callable[[float, float], tuple[np.ndarray, np.ndarray]]
 
 
 class Points:
-    """Points of the prior, and what the surrogate says there.
-
-    Parameters
-    ----------
-    model : Surrogate
-        With the errors of its predictions.
-    space : ParameterSpace
-        The d free parameters and their priors.
-    """
+    """Points of the prior, and what the surrogate says there."""
 
     def __init__(self, model: Surrogate, space: ParameterSpace) -> None:
         self.quantile = qmc.Sobol(space.dimensions, scramble=False).random(POINTS) + 0.5 / POINTS
@@ -58,26 +50,7 @@ def curve(
     observed: Observation,
     study: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> pd.DataFrame:
-    """Bits and intervals over the size of the discrepancy.
-
-    Parameters
-    ----------
-    points : Points
-    space : ParameterSpace
-    targets : Targets
-    observed : callable
-        See `Observation`.
-    study : (numpy.ndarray, numpy.ndarray), optional
-        `repose.studies.likelihood.observation` with the covariance of a shape study.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each size and correlation: `discrepancy_percent`, `discrepancy_correlation`, `evidence` ("stated"),
-        `information_bits`, `effective_points`, and of each free parameter the ends of its 95 % interval and its bits.
-        Correlated rows only where a bench test gives several targets. Last a row of the shape study, where there is
-        one, whose size is the root mean square over the targets.
-    """
+    """Bits and intervals over the size of the discrepancy."""
     several = len(targets.apparatus) < len(targets)
     rows = [
         {"discrepancy_percent": percent, "discrepancy_correlation": correlation, "evidence": "stated"}
@@ -127,40 +100,13 @@ def _marginal(name, points, k, weight, space, effective):
 
 
 def implausibility(points: Points, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """How many standard deviations the worst response lies from its measurement (C97).
-
-    Parameters
-    ----------
-    points : Points
-    mean, covariance : numpy.ndarray
-        Of `repose.studies.likelihood.observation`, (k,) and (k, k).
-
-    Returns
-    -------
-    numpy.ndarray, (n,)
-    """
+    """How many standard deviations the worst response lies from its measurement (C97)."""
     variance = np.diagonal(points.covariance, axis1=1, axis2=2) + np.diagonal(covariance)
     return np.sqrt((points.predicted - mean) ** 2 / variance).max(axis=1)
 
 
 def region(points: Points, space: ParameterSpace, implausible: np.ndarray) -> tuple[float, pd.DataFrame]:
-    """The region that is not implausible, and its projections on pairs of parameters.
-
-    Parameters
-    ----------
-    points : Points
-    space : ParameterSpace
-    implausible : numpy.ndarray, (n,)
-        Of `implausibility`.
-
-    Returns
-    -------
-    share : float
-        Of the prior that is not implausible.
-    projections : pandas.DataFrame
-        A row for each cell of each pair: the parameters `x` and `y`, the middle of the cell in their quantiles of the
-        prior, the least implausibility in it and the share of it that is not implausible.
-    """
+    """The region that is not implausible, and its projections on pairs of parameters."""
     kept = implausible < IMPLAUSIBLE
     cell = np.minimum((points.quantile * CELLS).astype(int), CELLS - 1)
     tables = []
@@ -182,19 +128,7 @@ def region(points: Points, space: ParameterSpace, implausible: np.ndarray) -> tu
 
 
 def message(table: pd.DataFrame, share: float) -> str:
-    """The curve and the region in words.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Of `curve`.
-    share : float
-        Of `region`.
-
-    Returns
-    -------
-    str
-    """
+    """The curve and the region in words."""
     lines = []
     stated = table[table["evidence"] == "stated"]
     for correlation, own in stated.groupby("discrepancy_correlation"):

@@ -22,16 +22,6 @@ def places_of(space: ParameterSpace, quantile: np.ndarray) -> np.ndarray:
     """Places in the ranges of quantiles of the prior of each free parameter.
 
     A parameter without a prior of its own is uniform over its range: its place is its quantile.
-
-    Parameters
-    ----------
-    space : ParameterSpace
-    quantile : numpy.ndarray, (n, d)
-
-    Returns
-    -------
-    numpy.ndarray, (n, d)
-        From 0 to 1.
     """
     place = quantile.copy()
     for name, distribution in _normal_priors(space).items():
@@ -41,16 +31,7 @@ def places_of(space: ParameterSpace, quantile: np.ndarray) -> np.ndarray:
 
 
 def prior_widths(space: ParameterSpace) -> np.ndarray:
-    """Widths of the prior's 95 % intervals, over the ranges.
-
-    Parameters
-    ----------
-    space : ParameterSpace
-
-    Returns
-    -------
-    numpy.ndarray, (d,)
-    """
+    """Widths of the prior's 95 % intervals, over the ranges."""
     widths = np.full(space.dimensions, CREDIBLE)
     tails = [(1 - CREDIBLE) / 2, (1 + CREDIBLE) / 2]
     for name, distribution in _normal_priors(space).items():
@@ -70,19 +51,7 @@ def _normal_priors(space):
 
 
 class Prior:
-    """Points of the prior, all of one weight, and what the surrogates predict there.
-
-    Parameters
-    ----------
-    quantile : numpy.ndarray, (n, d)
-        Quantiles of the prior, evenly spread.
-    predicted : numpy.ndarray, (n, k)
-        Responses.
-    place : numpy.ndarray, (n, d), optional
-        Places in the ranges; the quantiles where every prior is uniform.
-    widths : numpy.ndarray, (d,), optional
-        Of the prior's 95 % intervals, in places.
-    """
+    """Points of the prior, all of one weight, and what the surrogates predict there."""
 
     def __init__(
         self,
@@ -98,58 +67,17 @@ class Prior:
         self.order = np.argsort(self.place, axis=0)
 
     def weights(self, observed: np.ndarray, columns: Sequence[int], covariance: np.ndarray) -> np.ndarray:
-        """Posterior probability of each point.
-
-        Parameters
-        ----------
-        observed, columns, covariance
-            As in `posterior`.
-
-        Returns
-        -------
-        numpy.ndarray, (n,)
-        """
+        """Posterior probability of each point."""
         return Likelihood(self, columns, covariance).weights(observed)
 
     def posterior(
         self, observed: np.ndarray, columns: Sequence[int], covariance: np.ndarray
     ) -> tuple[float, np.ndarray, np.ndarray, float]:
-        """What observing some responses tells.
-
-        Parameters
-        ----------
-        observed : numpy.ndarray, (k,)
-            All responses.
-        columns : sequence of int
-            Those that are observed.
-        covariance : numpy.ndarray, (k, k)
-            Of all responses.
-
-        Returns
-        -------
-        tuple
-            As of `told`.
-        """
+        """What observing some responses tells."""
         return self.told(self.weights(observed, columns, covariance))
 
     def told(self, weight: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, float]:
-        """What weighted points tell.
-
-        Parameters
-        ----------
-        weight : numpy.ndarray, (n,)
-            Posterior probability of each point.
-
-        Returns
-        -------
-        bits : float
-            Kullback-Leibler divergence of the joint posterior from the prior.
-        parameter_bits, widths : numpy.ndarray, (d,)
-            The same of each parameter alone, as `posterior.information_bits` has it, for weighted points; and the
-            width of its 95 % interval over the prior's.
-        effective : float
-            Effective number of points.
-        """
+        """What weighted points tell."""
         effective = 1 / (weight**2).sum()
         bits = []
         for k in range(self.place.shape[1]):
@@ -161,18 +89,7 @@ class Prior:
         return joint_bits(weight), np.array(bits), widths, effective
 
     def intervals(self, weight: np.ndarray) -> np.ndarray:
-        """Central 95 % intervals of the parameters.
-
-        Parameters
-        ----------
-        weight : numpy.ndarray, (n,)
-            Posterior probability of each point.
-
-        Returns
-        -------
-        numpy.ndarray, (2, d)
-            Lower and upper ends, in places.
-        """
+        """Central 95 % intervals of the parameters."""
         tail, found = (1 - CREDIBLE) / 2, []
         for k, order in enumerate(self.order.T):
             ends = np.searchsorted(np.cumsum(weight[order]), [tail, 1 - tail])
@@ -181,16 +98,7 @@ class Prior:
 
 
 class Likelihood:
-    """Of some responses at all points of a prior; made once, for many observations.
-
-    Parameters
-    ----------
-    prior : Prior
-    columns : sequence of int
-        Responses that are observed.
-    covariance : numpy.ndarray, (k, k)
-        Of all responses.
-    """
+    """Of some responses at all points of a prior; made once, for many observations."""
 
     def __init__(self, prior: Prior, columns: Sequence[int], covariance: np.ndarray):
         self.columns = list(columns)
@@ -198,17 +106,7 @@ class Likelihood:
         self.predicted = np.linalg.solve(self.root, prior.predicted[:, self.columns].T)
 
     def weights(self, observed: np.ndarray) -> np.ndarray:
-        """Posterior probability of each point.
-
-        Parameters
-        ----------
-        observed : numpy.ndarray, (k,)
-            All responses.
-
-        Returns
-        -------
-        numpy.ndarray, (n,)
-        """
+        """Posterior probability of each point."""
         off = self.predicted - np.linalg.solve(self.root, observed[self.columns])[:, None]
         log_weight = -0.5 * np.einsum("kn,kn->n", off, off)
         weight = np.exp(log_weight - log_weight.max())
@@ -216,17 +114,7 @@ class Likelihood:
 
 
 def joint_bits(weight: np.ndarray) -> float:
-    """Kullback-Leibler divergence of weighted points from equal weights.
-
-    Parameters
-    ----------
-    weight : numpy.ndarray, (n,)
-
-    Returns
-    -------
-    float
-        Bits.
-    """
+    """Kullback-Leibler divergence of weighted points from equal weights."""
     heavy = weight[weight > NEGLIGIBLE]
     return float(heavy @ np.log2(heavy * len(weight)))
 
@@ -234,26 +122,7 @@ def joint_bits(weight: np.ndarray) -> float:
 def averaged(
     prior: Prior, truths: np.ndarray, errors: np.ndarray, columns: Sequence[int], covariance: np.ndarray
 ) -> dict[str, Any]:
-    """Means over plausible truths of what a set of responses tells, with their standard errors.
-
-    Parameters
-    ----------
-    prior : Prior
-    truths : numpy.ndarray, (t,)
-        Row numbers of the prior's points.
-    errors : numpy.ndarray, (t, k)
-        Unit normal numbers, the noise of the observations.
-    columns : sequence of int
-        Responses that are observed.
-    covariance : numpy.ndarray, (k, k)
-        Of all responses.
-
-    Returns
-    -------
-    dict
-        ``bits``, ``bits_se``; ``parameter_bits``, ``widths``, ``widths_se``, each (d,); ``effective``, the least
-        effective number of points; ``all``, the joint bits (t,) of every truth.
-    """
+    """Means over plausible truths of what a set of responses tells, with their standard errors."""
     root, likelihood = np.linalg.cholesky(covariance), Likelihood(prior, columns, covariance)
     found = [
         prior.told(likelihood.weights(prior.predicted[row] + root @ error))
@@ -280,22 +149,7 @@ def in_order(
     base: Sequence[str],
     covariance: np.ndarray,
 ) -> list[dict[str, Any]]:
-    """Greedy order of the responses beside the base: at each place the one that adds most.
-
-    Parameters
-    ----------
-    prior, truths, errors, covariance
-        As for `averaged`.
-    names : sequence of str, (k,)
-        Responses.
-    base : sequence of str
-        Those that are known already.
-
-    Returns
-    -------
-    list of dict
-        ``place``, ``response``, ``bits`` of it with all before it, and ``gain_bits``.
-    """
+    """Greedy order of the responses beside the base: at each place the one that adds most."""
     root = np.linalg.cholesky(covariance)
     rows: list[dict[str, Any]] = []
     observed = prior.predicted[truths] + errors @ root.T

@@ -36,21 +36,7 @@ NORMAL_WIDTH = float(np.diff(stats.norm.interval(information.CREDIBLE))[0])  # i
 def approximate_widths(
     prior: information.Prior, columns: Sequence[int], covariance: np.ndarray
 ) -> np.ndarray:
-    """Widths of the 95 % intervals in the normal approximation with a linear model.
-
-    Parameters
-    ----------
-    prior : information.Prior
-    columns : sequence of int
-        Numbers that are observed.
-    covariance : numpy.ndarray, (k, k)
-        Of all of them.
-
-    Returns
-    -------
-    numpy.ndarray, (d,)
-        In places; at most those of the prior.
-    """
+    """Widths of the 95 % intervals in the normal approximation with a linear model."""
     design = np.column_stack([np.ones(len(prior.place)), prior.place])
     slopes = np.linalg.lstsq(design, prior.predicted[:, columns], rcond=None)[0][1:]
     told = slopes @ np.linalg.solve(covariance[np.ix_(columns, columns)], slopes.T)
@@ -59,47 +45,14 @@ def approximate_widths(
 
 
 def merit(widths: np.ndarray, parameters: int) -> float:
-    """Widest interval among the narrowest ones.
-
-    Parameters
-    ----------
-    widths : numpy.ndarray, (d,)
-    parameters : int
-        How many of them count.
-
-    Returns
-    -------
-    float
-    """
+    """Widest interval among the narrowest ones."""
     return float(np.sort(widths)[min(parameters, len(widths)) - 1])
 
 
 def study(
     data: Data, targets: Targets, space: ParameterSpace, settings: Mapping[str, Any]
 ) -> tuple[dict[str, pd.DataFrame], dict[str, Any]]:
-    """What single tests, pairs and the best sets tell, and how often the intervals hold hidden truths.
-
-    Parameters
-    ----------
-    data : Data
-        Responses of all bench tests over the design.
-    targets : Targets
-        For plausible truths, and the number of repetitions.
-    space : ParameterSpace
-    settings : mapping
-        The sections ``second_responses`` and ``joint_targets``.
-
-    Returns
-    -------
-    tables : dict
-        ``tests``, ``pairs``, ``sets`` and ``coverage``.
-    summary : dict
-
-    Raises
-    ------
-    InputError
-        If fewer points of the prior than ``truths`` meet all targets.
-    """
+    """What single tests, pairs and the best sets tell, and how often the intervals hold hidden truths."""
     surrogates = Surrogates.of(data, targets.names, settings)
     names = surrogates.names
     prior = prior_points(space, settings, surrogates.predict)
@@ -203,17 +156,7 @@ def _sorted(rows, column, ascending):
 
 
 def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> str:
-    """The study in words.
-
-    Parameters
-    ----------
-    tables, summary
-        As `study` gives them.
-
-    Returns
-    -------
-    str
-    """
+    """The study in words."""
     lines = [
         f"{row.set}: {row.bits:.2f} ± {row.bits_se:.2f} bits, {row.gain_bits:.2f} beside the targets"
         for row in tables["tests"].itertuples()
@@ -242,24 +185,7 @@ def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> s
 def run(
     data: Data, targets: Targets, space: ParameterSpace, settings: Mapping[str, Any], out_dir: str | Path
 ) -> str:
-    """Write tests.csv, pairs.csv, sets.csv, coverage.csv and joint.json.
-
-    Parameters
-    ----------
-    data, targets, space, settings
-        As in `study`.
-    out_dir : path
-
-    Returns
-    -------
-    str
-        The message.
-
-    Raises
-    ------
-    InputError
-        As in `study`.
-    """
+    """Write tests.csv, pairs.csv, sets.csv, coverage.csv and joint.json."""
     tables, summary = study(data, targets, space, settings)
     for name, table in tables.items():
         write_table(Path(out_dir) / f"{name}.csv", table)

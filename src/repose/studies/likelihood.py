@@ -28,29 +28,7 @@ from repose.core.targets import Targets
 def observation(
     targets: Targets, correlation: np.ndarray, discrepancy: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Physical means and the part of their covariance that does not depend on the parameters.
-
-    Parameters
-    ----------
-    targets : Targets
-        The k targets.
-    correlation : numpy.ndarray, (k, k)
-        Correlations of the measured responses from pile to pile.
-    discrepancy : numpy.ndarray, (k, k)
-        Covariance S_d.
-
-    Returns
-    -------
-    mean : numpy.ndarray
-        (k,), in the responses' units.
-    covariance : numpy.ndarray
-        S_y + S_d, (k, k).
-
-    Raises
-    ------
-    ValueError
-        If the correlations are not those of a covariance matrix of full rank.
-    """
+    """Physical means and the part of their covariance that does not depend on the parameters."""
     correlation = np.asarray(correlation, dtype=float)
     if np.linalg.eigvalsh(correlation)[0] <= 0:
         raise ValueError(f"correlation is {correlation.tolist()}; allowed: a positive definite matrix")
@@ -59,22 +37,7 @@ def observation(
 
 
 def measured_correlation(targets: Targets, simulated: np.ndarray, stated: float | str) -> np.ndarray:
-    """Correlation of the measured responses.
-
-    Parameters
-    ----------
-    targets : Targets
-        The k targets.
-    simulated : numpy.ndarray, (k, k)
-        Of simulated runs of one sample, measured as the configuration says.
-    stated : float or str
-        Of any two responses of one bench test, where the physical piles were measured in another way; or
-        ``simulated``.
-
-    Returns
-    -------
-    numpy.ndarray, (k, k)
-    """
+    """Correlation of the measured responses."""
     if isinstance(stated, str):
         return simulated
     bench = np.array([one.response.apparatus for one in targets])
@@ -86,22 +49,7 @@ def measured_correlation(targets: Targets, simulated: np.ndarray, stated: float 
 def log_likelihood(
     responses: np.ndarray, covariances: np.ndarray, mean: np.ndarray, covariance: np.ndarray
 ) -> np.ndarray:
-    """Log of the normal density N(mean; responses, covariance + covariances).
-
-    Parameters
-    ----------
-    responses : numpy.ndarray
-        Predictions (n, k).
-    covariances : numpy.ndarray
-        Of the predictions, (n, k, k).
-    mean, covariance : numpy.ndarray
-        Of `observation`, (k,) and (k, k).
-
-    Returns
-    -------
-    numpy.ndarray
-        (n,).
-    """
+    """Log of the normal density N(mean; responses, covariance + covariances)."""
     total = covariance + covariances
     off = mean - responses
     distance = _squared_distance(off, total)
@@ -112,19 +60,7 @@ def log_likelihood(
 def misfit(
     responses: np.ndarray, covariances: np.ndarray, mean: np.ndarray, covariance: np.ndarray
 ) -> dict[str, float]:
-    """How well the best draw meets the measurements.
-
-    Parameters
-    ----------
-    responses, covariances, mean, covariance
-        As in `log_likelihood`.
-
-    Returns
-    -------
-    dict
-        squared_distance: the smallest, in standard deviations; p_value: its chi^2 tail with k degrees of
-        freedom.
-    """
+    """How well the best draw meets the measurements."""
     off = mean - responses
     best = float(_squared_distance(off, covariance + covariances).min())
     return {"squared_distance": best, "p_value": float(stats.chi2.sf(best, off.shape[1]))}

@@ -48,24 +48,7 @@ def tables_of(
     settings: pile.MeasureSettings,
     shapes: int = 8,
 ) -> dict[str, pd.DataFrame]:
-    """The tables ``noise``, ``correlation``, ``pour_correlation`` and ``bias``.
-
-    Parameters
-    ----------
-    piles : pandas.DataFrame
-        Piles of the design, of `measured_piles`.
-    fixed : pandas.DataFrame
-        Piles of the published representative solution.
-    particle : Particle
-    settings : pile.MeasureSettings
-        With the height of a berry.
-    shapes : int
-        Piles of each known shape and angle.
-
-    Returns
-    -------
-    dict of pandas.DataFrame
-    """
+    """The tables ``noise``, ``correlation``, ``pour_correlation`` and ``bias``."""
     return {
         "noise": noise_table(piles, fixed),
         "correlation": correlation_table(piles),
@@ -83,33 +66,7 @@ def run(
     out_dir: str | Path,
     shapes: int = 8,
 ) -> dict[str, pd.DataFrame]:
-    """Write piles.csv and the tables of `tables_of` into out_dir; return these tables.
-
-    Parameters
-    ----------
-    heaps : sequence of path
-        ``NAME.npz`` of the design's jobs, with ``NAME.pours.json`` beside each.
-    representative : path
-        That of the published representative solution.
-    particle : Particle
-    section : mapping
-        The configuration's `measure`.
-    berry : mapping
-        What the verb berry wrote.
-    out_dir : path
-    shapes : int
-        Piles of each known shape and angle.
-
-    Returns
-    -------
-    dict of pandas.DataFrame
-        See `tables_of`.
-
-    Raises
-    ------
-    InputError
-        If a file is bad, or there are fewer than two jobs.
-    """
+    """Write piles.csv and the tables of `tables_of` into out_dir; return these tables."""
     if len(heaps) < 2:
         raise InputError("command line", "heaps", len(heaps), "at least two jobs of the design")
     settings = pile.with_berry_height(pile.MeasureSettings.of(section, berry), particle)
@@ -126,21 +83,7 @@ def run(
 
 
 def measured_piles(npz: str | Path, particle: Particle, settings: pile.MeasureSettings) -> pd.DataFrame:
-    """Measurements of the good pours of a job.
-
-    Parameters
-    ----------
-    npz : path
-        The job's .npz file.
-    particle : Particle
-    settings : MeasureSettings
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each good pour: ``sample``, ``seed``, ``Height`` and every variant. A variant is the mean of
-        all views; with " (view)" behind its name it is that of the first view.
-    """
+    """Measurements of the good pours of a job."""
     npz = Path(npz)
     job = saved_pours.read_pours(npz.with_name(npz.stem + saved_pours.POURS))
     rows = []
@@ -160,26 +103,7 @@ def measured_piles(npz: str | Path, particle: Particle, settings: pile.MeasureSe
 def variants_of(
     poured: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings
 ) -> dict[str, float]:
-    """Height and every variant of the angle of one pour, all from the same silhouettes.
-
-    Parameters
-    ----------
-    poured : mapping
-        ``position``, ``quaternion``, and perhaps ``in_pile`` and ``scale`` of the berries.
-    particle : Particle
-    settings : pile.MeasureSettings
-
-    Returns
-    -------
-    dict
-        ``Height`` [mm] and the variants [deg], means over the views; a name with " (view)" behind it is of
-        the first view. NaN where a variant cannot be measured in half of the views.
-
-    Raises
-    ------
-    NoFlankError
-        If there is no pile; see `repose.measure.pile.pile_views`.
-    """
+    """Height and every variant of the angle of one pour, all from the same silhouettes."""
     height_m, views = pile.pile_views(
         poured["position"],
         poured["quaternion"],
@@ -200,21 +124,7 @@ def variants_of(
 
 
 def variants_of_profile(profile: np.ndarray, crest: int, settings: pile.MeasureSettings) -> dict[str, float]:
-    """Every variant [deg] on one profile.
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (W,)
-        Height of the upper edge in pixels for each column.
-    crest : int
-        Column of the crest.
-    settings : pile.MeasureSettings
-
-    Returns
-    -------
-    dict
-        NaN where a variant cannot be measured.
-    """
+    """Every variant [deg] on one profile."""
     berry = float(settings.berry_height_mm or math.nan) / settings.mm_per_pixel
     known, found = {}, {}
     for name, (changed, definition) in VARIANTS.items():
@@ -227,20 +137,7 @@ def variants_of_profile(profile: np.ndarray, crest: int, settings: pile.MeasureS
 
 
 def noise_table(piles: pd.DataFrame, fixed: pd.DataFrame) -> pd.DataFrame:
-    """Noise and signal of Height and of each variant.
-
-    Parameters
-    ----------
-    piles, fixed
-        As for `tables_of`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Mean over the design; mean and scatter from seed to seed at the published solution; scatter from seed
-        to seed over the design (``within``), spread from sample to sample without that noise (``between``),
-        and their ratio. The last three are given over all views and in one.
-    """
+    """Noise and signal of Height and of each variant."""
     rows = []
     for name in ("Height", *VARIANTS):
         row = {"measured": name, "piles": int(piles[name].notna().sum()), "mean": piles[name].mean()}
@@ -256,18 +153,6 @@ def noise_table(piles: pd.DataFrame, fixed: pd.DataFrame) -> pd.DataFrame:
 def spreads(piles: pd.DataFrame, name: str) -> tuple[float, float]:
     """Standard deviation within a sample, from seed to seed, and between the samples' noise-free means.
 
-    Parameters
-    ----------
-    piles : pandas.DataFrame
-    name : str
-        Of the column.
-
-    Returns
-    -------
-    within, between : float
-
-    Notes
-    -----
     One-way analysis of variance: within^2 is the mean of the samples' variances weighted by their degrees of
     freedom; the variance of the samples' means is that of the noise-free means plus the mean of within^2 / n.
     """
@@ -281,16 +166,7 @@ def spreads(piles: pd.DataFrame, name: str) -> tuple[float, float]:
 
 
 def correlation_table(piles: pd.DataFrame) -> pd.DataFrame:
-    """Correlation of the samples' means of the four definitions and Height.
-
-    Parameters
-    ----------
-    piles : pandas.DataFrame
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """Correlation of the samples' means of the four definitions and Height."""
     return piles.groupby("sample")[[*DEFINITIONS, "Height"]].mean().corr()
 
 
@@ -298,20 +174,7 @@ def correlation_table(piles: pd.DataFrame) -> pd.DataFrame:
 
 
 def bias_table(particle: Particle, settings: pile.MeasureSettings, shapes: int) -> pd.DataFrame:
-    """Bias of every variant over piles of every angle.
-
-    Parameters
-    ----------
-    particle : Particle
-    settings : MeasureSettings
-    shapes : int
-        Number of filled cones of each angle; the strewn triangles are four times as many.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each variant: mean and root mean square of its errors [deg].
-    """
+    """Bias of every variant over piles of every angle."""
     errors: dict[str, list[dict[str, float]]] = {"filled": [], "strewn": []}
     for angle in ANGLES_DEG:
         rng = np.random.default_rng([SHAPE_SEED, angle])
@@ -338,20 +201,6 @@ def filled_cone(
 
     The berries may overlap. Their centres fill a cone one mean radius inside the cone of 62 mm and the given
     angle.
-
-    Parameters
-    ----------
-    angle_deg : float
-    particle : Particle
-    rng : numpy.random.Generator
-    berries : int, optional
-        Number of berries.
-
-    Returns
-    -------
-    centres : numpy.ndarray, (N, 3)
-        Metres.
-    quaternions : numpy.ndarray, (N, 4)
     """
     a, height = math.radians(angle_deg), 1e-3 * CONE_HEIGHT_MM
     reach = pile.equivalent_diameter(particle) / 2
@@ -368,17 +217,6 @@ def strewn_triangle(angle_deg: float, rng: np.random.Generator, mm_per_pixel: fl
     """Profile of a triangle of 62 mm with discs strewn along both flanks.
 
     The discs are 10 to 20 mm wide, and their tops scatter 4 mm about the flank.
-
-    Parameters
-    ----------
-    angle_deg : float
-    rng : numpy.random.Generator
-    mm_per_pixel : float
-
-    Returns
-    -------
-    numpy.ndarray, (W,)
-        Pixels.
     """
     a = math.radians(angle_deg)
     half = CONE_HEIGHT_MM / math.tan(a) + 25

@@ -23,17 +23,7 @@ WANTED_PERCENT = (0.5, 1.0, 2.0)  # standard errors, in percent of the target
 
 
 class NoiseFloor(NamedTuple):
-    """Tables of the noise floor.
-
-    Attributes
-    ----------
-    responses : pandas.DataFrame
-        One row per target: variances, intraclass correlation, what a perfect predictor reaches (``noise.csv``).
-    seeds : pandas.DataFrame
-        Standard error and reachable R2 of a mean over 1 to `MOST_SEEDS` seeds (``seeds.csv``).
-    summary : dict
-        The rows by response, and the correlations (``noise.json``).
-    """
+    """Tables of the noise floor."""
 
     responses: pd.DataFrame
     seeds: pd.DataFrame
@@ -41,24 +31,7 @@ class NoiseFloor(NamedTuple):
 
 
 def read_runs(runs_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
-    """The table of runs of a study.
-
-    Parameters
-    ----------
-    runs_csv : path
-        As `repose.chain.dataset` writes it.
-    targets : Targets
-
-    Returns
-    -------
-    pandas.DataFrame
-        All runs, those that failed as well.
-
-    Raises
-    ------
-    InputError
-        If a column is missing, or a target has no sample with two usable runs, or usable runs of one sample alone.
-    """
+    """The table of runs of a study."""
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
     for name in targets.names:
         sizes = usable(runs, (name,)).groupby("sample").size()
@@ -69,34 +42,12 @@ def read_runs(runs_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
 
 
 def of_bench(runs: pd.DataFrame, apparatus: str) -> pd.DataFrame:
-    """The runs of one bench test; a table without the column apparatus has those of a single one.
-
-    Parameters
-    ----------
-    runs : pandas.DataFrame
-    apparatus : str
-        Name of the bench test.
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """The runs of one bench test; a table without the column apparatus has those of a single one."""
     return runs[runs["apparatus"] == apparatus] if "apparatus" in runs else runs
 
 
 def usable(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
-    """The runs that ended well and have a number for each of some responses.
-
-    Parameters
-    ----------
-    runs : pandas.DataFrame
-    names : tuple of str
-        Of the responses.
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """The runs that ended well and have a number for each of some responses."""
     return runs[(runs["status"] == "ok") & runs[list(names)].notna().all(axis=1)]
 
 
@@ -107,26 +58,6 @@ def within_correlation(
 
     Responses of one bench test come from the same runs and are correlated. Responses of different bench tests are
     independent: no run gives both.
-
-    Parameters
-    ----------
-    runs : pandas.DataFrame
-        With the columns sample, status and the k responses.
-    targets : Targets
-        The k targets.
-
-    Returns
-    -------
-    matrix : numpy.ndarray
-        Correlations (k, k), 1 on the diagonal, 0 between bench tests.
-    pairs : dict
-        For each pair of one bench test, named ``"first, second"``: value, its interval low and high (Fisher's
-        transformation), degrees_of_freedom.
-
-    Raises
-    ------
-    ValueError
-        If a pair has fewer than four degrees of freedom, or a response does not vary within samples.
     """
     matrix, pairs = np.eye(len(targets)), {}
     for bench in targets.apparatus:
@@ -143,39 +74,12 @@ def within_correlation(
 
 
 def told(pairs: dict[str, dict[str, float]]) -> dict[str, Any]:
-    """Correlations as the JSON files have them: by the names of the pair, or the only pair by itself.
-
-    Parameters
-    ----------
-    pairs : dict of dict
-        Numbers of each pair of responses, by the pair's name.
-
-    Returns
-    -------
-    dict
-    """
+    """Correlations as the JSON files have them: by the names of the pair, or the only pair by itself."""
     return next(iter(pairs.values())) if len(pairs) == 1 else pairs
 
 
 def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
-    """Variance components of every target, and what more seeds would buy.
-
-    Parameters
-    ----------
-    runs : pandas.DataFrame
-        With the columns sample, status and the responses; at least two samples, one of them with two usable runs.
-    targets : Targets
-        A standard error is also given in percent of the target's aim.
-
-    Returns
-    -------
-    NoiseFloor
-
-    Raises
-    ------
-    ValueError
-        As `within_correlation` and `repose.core.variance.variance_components`.
-    """
+    """Variance components of every target, and what more seeds would buy."""
     seeds = np.arange(1, MOST_SEEDS + 1)
     table, rows = pd.DataFrame({"seeds": seeds}), []
     for target in targets:
@@ -197,25 +101,7 @@ def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
 
 
 def run(runs_csv: str | os.PathLike, targets: Targets, out_dir: str | os.PathLike) -> dict[str, Any]:
-    """Read the runs, write noise.csv, seeds.csv and noise.json; return the summary.
-
-    Parameters
-    ----------
-    runs_csv : path
-        As `repose.chain.dataset` writes it.
-    targets : Targets
-    out_dir : path
-
-    Returns
-    -------
-    dict
-        `NoiseFloor.summary`.
-
-    Raises
-    ------
-    InputError
-        As `read_runs`, and where the runs are too few or too alike for a correlation.
-    """
+    """Read the runs, write noise.csv, seeds.csv and noise.json; return the summary."""
     runs = read_runs(runs_csv, targets)
     try:
         found = noise_floor(runs, targets)
@@ -231,17 +117,7 @@ def run(runs_csv: str | os.PathLike, targets: Targets, out_dir: str | os.PathLik
 
 
 def message(summary: dict[str, Any], targets: Targets) -> str:
-    """The noise floor in words, one line per response.
-
-    Parameters
-    ----------
-    summary : dict
-    targets : Targets
-
-    Returns
-    -------
-    str
-    """
+    """The noise floor in words, one line per response."""
     lines = []
     for target in targets:
         name, unit, row = target.name, target.response.unit, summary["responses"][target.name]

@@ -16,75 +16,26 @@ PILE = "pile"
 
 
 class Tests(NamedTuple):
-    """What could be observed.
-
-    Attributes
-    ----------
-    columns : dict
-        For each test the columns of its numbers: those of the responses, then those of the parameters.
-    minutes : dict
-        Of an experimenter's work for each test.
-    covariance : numpy.ndarray, (k, k)
-        Of all these numbers about what the model says of them.
-    """
+    """What could be observed."""
 
     columns: dict[str, list[int]]
     minutes: dict[str, float]
     covariance: np.ndarray
 
     def of(self, chosen: Sequence[str]) -> list[int]:
-        """Columns of several tests.
-
-        Parameters
-        ----------
-        chosen : sequence of str
-
-        Returns
-        -------
-        list of int
-        """
+        """Columns of several tests."""
         return [column for name in chosen for column in self.columns[name]]
 
 
 def direct(name: str) -> str:
-    """Name of the direct test of a parameter.
-
-    Parameters
-    ----------
-    name : str
-
-    Returns
-    -------
-    str
-    """
+    """Name of the direct test of a parameter."""
     return f"direct {name}"
 
 
 def tests_of(
     names: Sequence[str], of_responses: np.ndarray, space: ParameterSpace, settings: Mapping[str, Any]
 ) -> Tests:
-    """The bench tests of some responses and the direct tests of the free parameters.
-
-    Parameters
-    ----------
-    names : sequence of str, (r,)
-        Responses.
-    of_responses : numpy.ndarray, (r, r)
-        Covariance of their observations about the surrogates' predictions.
-    space : ParameterSpace
-    settings : mapping
-        ``minutes`` by bench test; ``direct_tests``: ``sd`` and ``minutes`` by parameter.
-
-    Returns
-    -------
-    Tests
-        Parameters are observed as places in their ranges.
-
-    Raises
-    ------
-    InputError
-        If the minutes of a bench test are missing.
-    """
+    """The bench tests of some responses and the direct tests of the free parameters."""
     columns: dict[str, list[int]] = {}
     for k, name in enumerate(names):
         test = response(name).apparatus
@@ -105,33 +56,12 @@ def tests_of(
 
 
 def with_parameters(prior: information.Prior, tested: Sequence[int]) -> None:
-    """Let the places of some parameters count as predictions, too.
-
-    Parameters
-    ----------
-    prior : information.Prior
-        It is changed.
-    tested : sequence of int
-        Free parameters that have a direct test.
-    """
+    """Let the places of some parameters count as predictions, too."""
     prior.predicted = np.hstack([prior.predicted, prior.place[:, list(tested)]])
 
 
 def discrepancy_of(data: Data, names: Sequence[str], settings: Mapping[str, Any]) -> np.ndarray:
-    """Covariance S_d of the discrepancies of some responses.
-
-    Parameters
-    ----------
-    data : Data
-    names : sequence of str, (k,)
-        Responses.
-    settings : mapping
-        ``discrepancy_percent``, ``discrepancy_correlation``, ``smallest_discrepancy``.
-
-    Returns
-    -------
-    numpy.ndarray, (k, k)
-    """
+    """Covariance S_d of the discrepancies of some responses."""
     means = np.array([data.known[name].row["mean"] for name in names])
     sd = discrepancy.sizes(names, means, settings["discrepancy_percent"], settings["smallest_discrepancy"])
     over_design = np.column_stack([data.known[name].mean for name in names])

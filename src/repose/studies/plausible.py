@@ -16,20 +16,7 @@ from repose.studies.responses_over_design import Data
 def prior_points(
     space: ParameterSpace, settings: Mapping[str, Any], predict: Callable[[np.ndarray], np.ndarray]
 ) -> information.Prior:
-    """A Sobol sequence over the prior, and what is predicted there.
-
-    Parameters
-    ----------
-    space : ParameterSpace
-    settings : mapping
-        ``points`` and ``seed``.
-    predict : function
-        From parameter sets (n, 6) to responses (n, k).
-
-    Returns
-    -------
-    information.Prior
-    """
+    """A Sobol sequence over the prior, and what is predicted there."""
     quantile = stats.qmc.Sobol(space.dimensions, rng=settings["seed"]).random(settings["points"])
     place = information.places_of(space, quantile)
     return information.Prior(quantile, predict(space.values(place)), place, information.prior_widths(space))
@@ -43,19 +30,6 @@ def measured_covariance(
     A response that is no target is measured as often as the target that was measured least. Two responses
     have the repetitions of the one that was measured less often in common, so the larger number divides their
     covariance.
-
-    Parameters
-    ----------
-    data : Data
-    names : sequence of str, (k,)
-        Responses.
-    correlation : numpy.ndarray, (k, k)
-        Of the noise from run to run.
-    targets : Targets
-
-    Returns
-    -------
-    numpy.ndarray, (k, k)
     """
     own, least = {one.name: one.repetitions for one in targets}, min(one.repetitions for one in targets)
     repetitions = np.array([own.get(name, least) for name in names])
@@ -66,28 +40,7 @@ def measured_covariance(
 def plausible_truths(
     predicted: np.ndarray, names: Sequence[str], targets: Targets, settings: Mapping[str, Any]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points of the prior that meet all targets, drawn at random, and unit normal numbers for their observations.
-
-    Parameters
-    ----------
-    predicted : numpy.ndarray, (n, k)
-        At the points of the prior.
-    names : sequence of str, (k,)
-    targets : Targets
-    settings : mapping
-        ``truths`` and ``seed``.
-
-    Returns
-    -------
-    rows : numpy.ndarray, (truths,)
-        Row numbers.
-    normal : numpy.ndarray, (truths, k)
-
-    Raises
-    ------
-    InputError
-        If there are fewer than ``truths`` of them.
-    """
+    """Points of the prior that meet all targets, drawn at random, and unit normal numbers for their observations."""
     values = predicted[:, [list(names).index(name) for name in targets.names]]
     rows = np.flatnonzero(((values >= targets.low) & (values <= targets.high)).all(axis=1))
     if len(rows) < settings["truths"]:

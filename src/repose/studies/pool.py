@@ -16,16 +16,7 @@ from repose.core.parameter_space import ParameterSpace
 
 
 class PointSet(NamedTuple):
-    """One set of points.
-
-    Attributes
-    ----------
-    prefix : str
-        What the names of its files begin with.
-    size : str
-        Key of its size in the configuration's section `pool`.
-    scrambling : int
-    """
+    """One set of points."""
 
     prefix: str
     size: str
@@ -36,40 +27,14 @@ SETS = {"pool": PointSet("", "samples", 0), "fresh": PointSet("fresh_", "fresh_s
 
 
 def points_of(name: str, space: ParameterSpace, settings: Mapping[str, Any]) -> pd.DataFrame:
-    """Points of a set.
-
-    Parameters
-    ----------
-    name : str
-        One of `SETS`.
-    space : ParameterSpace
-    settings : mapping
-        The configuration's section `pool`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``sample``, numbered from 1, and the six parameters.
-    """
+    """Points of a set."""
     one = SETS[name]
     unit = design.sobol(settings[one.size], space.dimensions, [settings["seed"], one.scrambling])
     return design.parameter_sets(unit, space)
 
 
 def run(space: ParameterSpace, settings: Mapping[str, Any], out_dir: str | Path) -> dict[str, pd.DataFrame]:
-    """Write samples.csv and fresh_samples.csv.
-
-    Parameters
-    ----------
-    space, settings
-        As in `points_of`.
-    out_dir : path
-
-    Returns
-    -------
-    dict of pandas.DataFrame
-        Both tables by set.
-    """
+    """Write samples.csv and fresh_samples.csv."""
     tables = {name: points_of(name, space, settings) for name in SETS}
     for name, table in tables.items():
         write_table(Path(out_dir) / f"{SETS[name].prefix}samples.csv", table, float_format="%.10g")

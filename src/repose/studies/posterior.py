@@ -37,17 +37,7 @@ MOSTLY = 0.5
 
 
 class Posterior(NamedTuple):
-    """What the posterior says.
-
-    Attributes
-    ----------
-    parameters : pandas.DataFrame
-        One row a free parameter: intervals, information, convergence, statement (``posterior.csv``).
-    draws : pandas.DataFrame
-        Parameter sets, their predictions and the standard errors of these (``draws.csv``).
-    summary : dict
-        The terms of the likelihood, fit, information, convergence, statements (``posterior.json``).
-    """
+    """What the posterior says."""
 
     parameters: pd.DataFrame
     draws: pd.DataFrame
@@ -64,36 +54,7 @@ def infer(
     beside: Mapping[str, pd.DataFrame],
     study: np.ndarray | None = None,
 ) -> Posterior:
-    """Sample the posterior and say what it determines.
-
-    Parameters
-    ----------
-    model : Predictor
-        Trained on the responses of the targets, with the errors of its predictions.
-    support : Support
-        Of the samples that it was trained on.
-    runs : pandas.DataFrame
-        Runs of the samples, for the correlation of the responses.
-    space : ParameterSpace
-        Fixed parameters keep their values; the others are sampled.
-    targets : Targets
-    settings : mapping
-        The section `posterior` of the configuration: discrepancy_percent, discrepancy_correlation, walkers, steps,
-        seed; measured_correlation, by default that of simulated runs.
-    beside : mapping
-        Intervals of the parameters from elsewhere, by name: tables with the index parameter and columns low, high.
-    study : numpy.ndarray, (k, k), optional
-        Covariance of the discrepancies where a shape study is their evidence.
-
-    Returns
-    -------
-    Posterior
-
-    Raises
-    ------
-    ValueError
-        If the runs are too few or too alike for a correlation.
-    """
+    """Sample the posterior and say what it determines."""
     observed, pairs = _observed(runs, targets, settings)
     assumed = settings["discrepancy_percent"], settings["discrepancy_correlation"]
     unknown = discrepancy.of_targets(targets, runs, *assumed, study)
@@ -162,31 +123,6 @@ def run(
     """Read what `infer` needs; write the posterior, its curve over the discrepancy, and what is not implausible.
 
     The files are posterior.csv, draws.csv, discrepancy.csv, region.csv and posterior.json, whose content is returned.
-
-    Parameters
-    ----------
-    files : mapping
-        Paths of network, predictions, dataset, runs, feasible and table3, which is None without published intervals.
-    space : ParameterSpace
-    targets : Targets
-    settings : mapping
-        As `infer` takes them, and shape_study, a table for `repose.studies.discrepancy.of_shape_study` or None.
-    out_dir : path
-    definitions : mapping, optional
-        How the study defines its responses.
-    source : object
-        Where these definitions stand, for the error.
-
-    Returns
-    -------
-    dict
-        `Posterior.summary`.
-
-    Raises
-    ------
-    InputError
-        For a bad file, files that do not belong together, other responses or definitions than the targets', runs of
-        one seed alone, or no free parameter.
     """
     if not space.dimensions:
         raise InputError("configuration", "parameters", "all fixed", "at least one range or prior")
@@ -251,17 +187,7 @@ def _beside_the_posterior(model, space, targets, settings, runs, study, out):
 
 
 def statement(row: Mapping[str, Any]) -> str:
-    """What the measurements say of one parameter, in words.
-
-    Parameters
-    ----------
-    row : mapping
-        Row of posterior.csv.
-
-    Returns
-    -------
-    str
-    """
+    """What the measurements say of one parameter, in words."""
     bits, name = row["information_bits"], row["parameter"]
     where = f"{row['credible_low']:.3g} to {row['credible_high']:.3g}"
     share = f"{100 * row['width_ratio']:.0f} % of the prior's width, {bits:.2f} bits"
@@ -275,16 +201,7 @@ def statement(row: Mapping[str, Any]) -> str:
 
 
 def message(summary: Mapping[str, Any]) -> str:
-    """Statements, fit and convergence in words.
-
-    Parameters
-    ----------
-    summary : mapping
-
-    Returns
-    -------
-    str
-    """
+    """Statements, fit and convergence in words."""
     lines = list(summary["statements"].values())
     fit = summary["misfit"]
     bits, error = summary["information_bits"], summary["information_se_bits"]

@@ -29,21 +29,7 @@ ROUNDING = 1e-9  # of a place in the box, in ranges
 
 
 def search_box(space: ParameterSpace, centre: Mapping[str, float], reach: float) -> ParameterSpace:
-    """The part of the ranges that lies near a point.
-
-    Parameters
-    ----------
-    space : ParameterSpace
-    centre : mapping
-        Parameter to value; it may have more than the free parameters.
-    reach : float
-        Half the width of the box, in ranges; the box is cut to the ranges.
-
-    Returns
-    -------
-    ParameterSpace
-        The same parameters with narrower ranges.
-    """
+    """The part of the ranges that lies near a point."""
     middle = np.array([float(centre[name]) for name in space.free])
     step = reach * (space.high - space.low)
     return replace(
@@ -63,24 +49,6 @@ def propose(
     """What a round simulates: the representative solution, and neighbours around it.
 
     The neighbours are a Latin hypercube in the box in which the next round searches.
-
-    Parameters
-    ----------
-    solutions : pandas.DataFrame
-        feasible.csv of the search.
-    model : Surrogate
-        That was searched, for the predictions.
-    space : ParameterSpace
-    targets : Targets
-    section : mapping
-        `refine` of the configuration.
-    round_, study_seed : int
-        Number of the round; ``design.seed``.
-
-    Returns
-    -------
-    pandas.DataFrame
-        sample, the six parameters, role, seeds, predictions, and the search's warning of the representative solution.
     """
     best = solutions[solutions["representative"]].iloc[0]
     table = pd.DataFrame(jobs(section, round_), columns=["sample", "role", "seeds"])
@@ -98,25 +66,7 @@ def propose(
 
 
 def extended(design: pd.DataFrame, rounds: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """The samples, or runs, of a design and of all rounds so far as one table.
-
-    Parameters
-    ----------
-    design : pandas.DataFrame
-        With the column sample.
-    rounds : sequence of pandas.DataFrame
-        With the same columns; their samples are numbered by round.
-
-    Returns
-    -------
-    pandas.DataFrame
-        With the column round, which is empty for the design's own rows. `repose.chain.train` has all other rows train.
-
-    Raises
-    ------
-    ValueError
-        If a sample is there twice, or is numbered like the design's.
-    """
+    """The samples, or runs, of a design and of all rounds so far as one table."""
     added = pd.concat(rounds, ignore_index=True)
     added["round"] = round_of(added["sample"])
     if (added["round"] < 0).any() or design["sample"].max() >= OF_A_ROUND:
@@ -134,29 +84,6 @@ def corrected(
 
     The refit follows the whole design and keeps a few percent of error where it matters. The mean of what is left at
     the refined samples inside the box, weighted by their seeds, is added to its predictions.
-
-    Parameters
-    ----------
-    model : Surrogate
-        Any of them.
-    dataset : pandas.DataFrame
-        Of `extended`.
-    box : ParameterSpace
-    targets : Targets
-
-    Returns
-    -------
-    model : Surrogate
-        A shifted copy.
-    offset : numpy.ndarray
-        What was added (k,), in the responses' units.
-    count : int
-        How many samples the offset is the mean of.
-
-    Raises
-    ------
-    ValueError
-        If no usable refined sample lies inside the box.
     """
     added = dataset[dataset["round"].notna() & (dataset["status"] == "ok")]
     points = added[list(box.free)].to_numpy(float)
@@ -184,34 +111,6 @@ def search(
 
     The search begins in an eighth of the box of `refine.reach` and widens it until the targets are met: of all
     parameter sets that would do, one near the last proposal is wanted, where the correction holds.
-
-    Parameters
-    ----------
-    model : Surrogate
-        Refitted to `dataset`.
-    dataset : pandas.DataFrame
-        Of `extended`.
-    centre : mapping
-        Parameters of the last proposal, by name.
-    space : ParameterSpace
-    targets : Targets
-    config : mapping
-        The sections refine and miga of the configuration.
-    published, support
-        As `repose.chain.invert.invert` takes them.
-
-    Returns
-    -------
-    model : Surrogate
-        The corrected one.
-    found : Inversion
-        Of the smallest box in which the targets are met, or of the whole box; its summary also has the keys reach,
-        offset and offset_samples.
-
-    Raises
-    ------
-    ValueError
-        If no usable refined sample lies near the last proposal.
     """
     reach, tolerance = config["refine"]["reach"], config["refine"]["tolerance_percent"] / 100
     model, offset, count = corrected(model, dataset, search_box(space, centre, reach), targets)

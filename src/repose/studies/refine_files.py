@@ -33,30 +33,7 @@ def run_propose(
     definitions: Definitions | None = None,
     source: object = "configuration",
 ) -> pd.DataFrame:
-    """Write what a round simulates; return it.
-
-    Parameters
-    ----------
-    feasible_csv, surrogate_json : path
-        What the search wrote, and what it searched.
-    space, targets, section, round_, study_seed
-        As for `repose.studies.refine.propose`.
-    out_csv : path
-    definitions : mapping, optional
-        How the study defines its responses.
-    source : object
-        Where these definitions stand, for the error.
-
-    Returns
-    -------
-    pandas.DataFrame
-        See `repose.studies.refine.propose`.
-
-    Raises
-    ------
-    InputError
-        For a bad file, other responses or definitions than the targets', or a round that cannot be numbered.
-    """
+    """Write what a round simulates; return it."""
     if round_ < 0:
         raise InputError("command line", "--round", round_, "0 or more")
     feasible = read_table(feasible_csv, ("solution", *PARAMETERS, "representative"))
@@ -79,24 +56,6 @@ def run_extended(
     """Write dataset.csv and runs.csv of the design and of all rounds so far; return them by name.
 
     dataset_summary.json beside them holds the definitions of the responses.
-
-    Parameters
-    ----------
-    dataset_csv, runs_csv : path
-        Of the design.
-    round_dirs : sequence of path
-        Folders with dataset.csv and runs.csv of a round.
-    out_dir : path
-
-    Returns
-    -------
-    dict of pandas.DataFrame
-        ``dataset`` and ``runs``.
-
-    Raises
-    ------
-    InputError
-        For a bad file, samples that are there twice, or a round with other definitions than the design.
     """
     definitions, design_json = read_definitions(dataset_csv)
     for folder in round_dirs:
@@ -118,22 +77,7 @@ def run_extended(
 
 
 def centre_of(proposal_csv: str | os.PathLike) -> dict[str, float]:
-    """Parameters of the proposal in a file of `run_propose`.
-
-    Parameters
-    ----------
-    proposal_csv : path
-
-    Returns
-    -------
-    dict of float
-        By name.
-
-    Raises
-    ------
-    InputError
-        If the file has no proposal.
-    """
+    """Parameters of the proposal in a file of `run_propose`."""
     table = read_table(proposal_csv, ("sample", *PARAMETERS, "role"))
     own = table[table["role"] == PROPOSAL]
     if own.empty:
@@ -156,33 +100,6 @@ def run_search(
     """Correct the surrogate near the last proposal and search there; return the summary of the search.
 
     The corrected surrogate is written as network.json, beside what `repose.chain.invert.write` writes.
-
-    Parameters
-    ----------
-    surrogate_json, proposal_csv : path
-        The refitted surrogate, and the last proposal.
-    dataset_csv : path
-        Of `run_extended`.
-    space, targets, config
-        As for `repose.studies.refine.search`.
-    table3_csv : path or None
-        Published intervals.
-    out_dir : path
-    definitions : mapping, optional
-        How the study defines its responses.
-    source : object
-        Where these definitions stand, for the error.
-
-    Returns
-    -------
-    dict
-        See `repose.studies.refine.search`.
-
-    Raises
-    ------
-    InputError
-        For a bad file, other responses or definitions than the targets', or a dataset without a usable sample near
-        the last proposal.
     """
     columns = ("sample", *PARAMETERS, "status", *targets.names, "n_seeds", "round")
     dataset = read_table(dataset_csv, columns)

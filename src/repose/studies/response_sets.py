@@ -29,36 +29,13 @@ WAYS = {
 
 
 def base_label(responses: Sequence[Response]) -> str:
-    """Name of the set of all targets, as in ``AoR and Height``.
-
-    Parameters
-    ----------
-    responses : sequence of Response
-
-    Returns
-    -------
-    str
-    """
+    """Name of the set of all targets, as in ``AoR and Height``."""
     symbols = [one.symbol for one in responses]
     return " and ".join(filter(None, [", ".join(symbols[:-1]), symbols[-1]]))
 
 
 def sets_of(names: Sequence[str], responses: Sequence[Response]) -> dict[str, tuple[str, ...]]:
-    """Sets of responses to compare, by label.
-
-    Parameters
-    ----------
-    names : sequence of str
-        All responses that are modelled.
-    responses : sequence of Response
-        Those of the targets.
-
-    Returns
-    -------
-    dict
-        The first target alone (where there are several), the targets, and the targets with each further response. Then
-        the targets with all responses of the pile, and with all responses (where some are not of the pile).
-    """
+    """Sets of responses to compare, by label."""
     base = tuple(one.name for one in responses)
     extra = [name for name in names if name not in base]
     pile = [name for name in extra if source_of(name) == "pile"]
@@ -72,38 +49,13 @@ def sets_of(names: Sequence[str], responses: Sequence[Response]) -> dict[str, tu
 
 
 def source_of(name: str) -> str:
-    """Where a response comes from, as the tables say it.
-
-    Parameters
-    ----------
-    name : str
-        Of the response.
-
-    Returns
-    -------
-    str
-        "pile", or the name of another bench test.
-    """
+    """Where a response comes from, as the tables say it."""
     bench = response(name).apparatus
     return "pile" if bench == further_responses.BENCH else bench
 
 
 def ways_of(names: Sequence[str], base: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Further responses by the way in which an experimenter gets them.
-
-    Parameters
-    ----------
-    names : sequence of str
-        All responses that are modelled.
-    base : sequence of str
-        Those of the targets.
-
-    Returns
-    -------
-    dict of tuple of str
-        By a name of `OF_THE_PILE` or ``profile``, or that of another bench test. What the outline in the photographs
-        gives is one way.
-    """
+    """Further responses by the way in which an experimenter gets them."""
     found: dict[str, list[str]] = {}
     for name in names:
         if name not in base:
@@ -114,25 +66,7 @@ def ways_of(names: Sequence[str], base: Sequence[str]) -> dict[str, tuple[str, .
 
 
 def minutes_of(way: str, minutes: Mapping[str, float]) -> float:
-    """An experimenter's work for a way.
-
-    Parameters
-    ----------
-    way : str
-        Of `ways_of`.
-    minutes : mapping of float
-        `second_responses.minutes` of the configuration.
-
-    Returns
-    -------
-    float
-        Minutes, for all repetitions together.
-
-    Raises
-    ------
-    InputError
-        If the configuration does not say it.
-    """
+    """An experimenter's work for a way."""
     if way not in minutes:
         allowed = f"minutes of work for {way}, beside {', '.join(minutes)}"
         raise InputError("configuration", "second_responses.minutes", list(minutes), allowed)

@@ -23,15 +23,7 @@ EPOCHS = 300  # of the surrogates, most
 
 
 class Known(NamedTuple):
-    """One response over the design.
-
-    Attributes
-    ----------
-    mean, error : numpy.ndarray, (samples,)
-        Mean of each sample and its standard error; NaN where the sample has no run.
-    row : dict
-        Numbers for the table: mean, sd_within, sd_between, signal_to_noise, icc, samples, runs.
-    """
+    """One response over the design."""
 
     mean: np.ndarray
     error: np.ndarray
@@ -39,17 +31,7 @@ class Known(NamedTuple):
 
 
 class Data(NamedTuple):
-    """What the study starts from.
-
-    Attributes
-    ----------
-    X : numpy.ndarray, (samples, 6)
-        Parameters.
-    known : dict
-        `Known` of each response by name; the targets come first.
-    runs : pandas.DataFrame
-        Good single runs: ``sample`` and the responses of the pile.
-    """
+    """What the study starts from."""
 
     X: np.ndarray
     known: dict[str, Known]
@@ -59,21 +41,6 @@ class Data(NamedTuple):
 def over_design(values: np.ndarray, groups: np.ndarray, samples: np.ndarray) -> Known:
     """Means and errors of a response over the samples, and its signal to noise.
 
-    Parameters
-    ----------
-    values : numpy.ndarray, (n,)
-        The response of single runs; NaN values are left out.
-    groups : numpy.ndarray, (n,)
-        The sample of each run.
-    samples : numpy.ndarray, (m,)
-        Order of the result.
-
-    Returns
-    -------
-    Known
-
-    Notes
-    -----
     The errors come from the variance within samples, pooled over all of them: the few runs of one sample do not tell
     its own.
     """
@@ -106,26 +73,7 @@ def _means(values, groups, samples, within):
 
 
 def read(runs_csv: str | Path, dataset_csv: str | Path, targets: Targets, definition: str) -> Data:
-    """The study's data, of the pile alone.
-
-    Parameters
-    ----------
-    runs_csv : path
-        What the verb measure_responses wrote.
-    dataset_csv : path
-    targets : Targets
-    definition : str
-        `measure.response` of the configuration.
-
-    Returns
-    -------
-    Data
-
-    Raises
-    ------
-    InputError
-        If a file is bad, fewer than 12 samples can be used, or too few samples have two runs.
-    """
+    """The study's data, of the pile alone."""
     table = read_table(dataset_csv, ("sample", *PARAMETERS, "status"))
     table = table[table["status"] == "ok"]
     if len(table) < FEWEST_SAMPLES:
@@ -144,20 +92,7 @@ def read(runs_csv: str | Path, dataset_csv: str | Path, targets: Targets, defini
 
 
 def noise_correlation(runs: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
-    """Correlation of responses from run to run within samples.
-
-    Parameters
-    ----------
-    runs : pandas.DataFrame
-        Single runs: ``sample`` and responses.
-    names : sequence of str, (k,)
-        Responses; those that are not in the table have a correlation of 0 with all others, and so have responses of
-        different bench tests, which come from different runs.
-
-    Returns
-    -------
-    numpy.ndarray, (k, k)
-    """
+    """Correlation of responses from run to run within samples."""
     found = np.eye(len(names))
     for test in dict.fromkeys(response(name).apparatus for name in names):
         own = [name for name in names if name in runs and response(name).apparatus == test]
@@ -174,20 +109,7 @@ def noise_correlation(runs: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
 
 
 def trained(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> BayesianBP:
-    """A network of one response on all samples that have it.
-
-    Parameters
-    ----------
-    X : numpy.ndarray, (samples, 6)
-        Parameters.
-    known : Known
-    settings : mapping
-        ``hidden``, ``epochs``, ``starts`` and ``seed``.
-
-    Returns
-    -------
-    BayesianBP
-    """
+    """A network of one response on all samples that have it."""
     there = np.isfinite(known.mean)
     model = BayesianBP(
         hidden=settings["hidden"],
@@ -201,20 +123,7 @@ def trained(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> Bayesia
 
 
 def left_out(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> np.ndarray:
-    """Predictions of each sample by networks trained without it.
-
-    Parameters
-    ----------
-    X, known
-        As in `trained`.
-    settings : mapping
-        As in `trained`, with ``folds``.
-
-    Returns
-    -------
-    numpy.ndarray, (samples,)
-        NaN where the sample has no run.
-    """
+    """Predictions of each sample by networks trained without it."""
     there = np.flatnonzero(np.isfinite(known.mean))
     fold = np.random.RandomState(settings["seed"]).permutation(len(there)) % settings["folds"]
     predicted = np.full(len(known.mean), np.nan)
@@ -227,18 +136,7 @@ def left_out(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> np.nda
 
 
 def cross_validated_r2(known: Known, predicted: np.ndarray) -> float:
-    """R2 of the predictions of `left_out`.
-
-    Parameters
-    ----------
-    known : Known
-    predicted : numpy.ndarray, (samples,)
-
-    Returns
-    -------
-    float
-        NaN where all means are alike.
-    """
+    """R2 of the predictions of `left_out`."""
     there = np.isfinite(predicted)
     found = r2(known.mean[there], predicted[there])
     return math.nan if found is None else found
@@ -247,22 +145,6 @@ def cross_validated_r2(known: Known, predicted: np.ndarray) -> float:
 def surrogate_covariance(residuals: np.ndarray, errors: np.ndarray, correlation: np.ndarray) -> np.ndarray:
     """Covariance S_s of the surrogates' own errors.
 
-    Parameters
-    ----------
-    residuals : numpy.ndarray, (samples, k)
-        Of the cross-validation; NaN where a sample has no run.
-    errors : numpy.ndarray, (samples, k)
-        Standard errors of the means.
-    correlation : numpy.ndarray, (k, k)
-        Of the noise of the means.
-
-    Returns
-    -------
-    numpy.ndarray, (k, k)
-        In the responses' units; positive definite.
-
-    Notes
-    -----
     The covariance of the residuals less the noise of the means, made positive. Two responses are compared over the
     samples that have both.
     """

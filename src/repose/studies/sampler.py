@@ -20,20 +20,7 @@ Density = Callable[[np.ndarray], np.ndarray]
 
 
 class Chains(NamedTuple):
-    """Draws of a density.
-
-    Attributes
-    ----------
-    points : numpy.ndarray, (ensembles, draws, d)
-        In order of time.
-    log_density : numpy.ndarray, (ensembles, draws)
-        There, as it was given.
-    times : numpy.ndarray, (d,)
-        Autocorrelation times in steps, means over the ensembles (Goodman & Weare 2010, Comm. App. Math. Comp. Sci. 5,
-        65).
-    density_time : float
-        That of the log density.
-    """
+    """Draws of a density."""
 
     points: np.ndarray
     log_density: np.ndarray
@@ -47,23 +34,6 @@ def sample(
     """Draw from a density in the unit cube.
 
     Walkers start anywhere in the cube; the first half of the steps is dropped.
-
-    Parameters
-    ----------
-    log_density : callable
-        Points (n, d) in the unit cube to (n,). Outside the cube the density is zero.
-    dimensions : int
-        d.
-    walkers, steps : int
-        Of each ensemble.
-    seed : int
-        The same seed gives the same draws.
-    ensembles : int
-        Number of independent ensembles.
-
-    Returns
-    -------
-    Chains
     """
     import emcee
 
@@ -92,21 +62,7 @@ def sample(
 
 
 def split_r_hat(chains: np.ndarray) -> np.ndarray:
-    """R-hat of chains, each cut in two (Gelman et al. 2013, Bayesian Data Analysis, 11.4).
-
-    Parameters
-    ----------
-    chains : numpy.ndarray, (m, n, d)
-
-    Returns
-    -------
-    numpy.ndarray, (d,)
-
-    Raises
-    ------
-    ValueError
-        For chains of fewer than four steps or of another shape.
-    """
+    """R-hat of chains, each cut in two (Gelman et al. 2013, Bayesian Data Analysis, 11.4)."""
     chains = np.asarray(chains, dtype=float)
     if chains.ndim != 3 or chains.shape[1] < 4:
         raise ValueError(
@@ -122,26 +78,9 @@ def split_r_hat(chains: np.ndarray) -> np.ndarray:
 def information_bits(draws: np.ndarray, effective: float) -> float:
     """Kullback-Leibler divergence of one parameter's posterior from its prior, in bits.
 
-    Parameters
-    ----------
-    draws : numpy.ndarray
-        Values (n,) in [0, 1] of the prior's distribution function at the posterior's draws; under the prior they are
-        uniform.
-    effective : float
-        Number of independent draws that they are worth.
-
-    Returns
-    -------
-    float
-        At least 0.
-
-    Notes
-    -----
     The divergence of a histogram. Its expected excess for `effective` independent draws, (bins - 1) / (2
     effective ln 2), is subtracted.
 
-    References
-    ----------
     Miller 1955, Note on the bias of information estimates.
     """
     share = np.histogram(draws, bins=BINS, range=(0, 1))[0] / len(draws)
@@ -163,28 +102,6 @@ def joint_information_bits(
 
     It is E_posterior[log L] - log E_prior[L]. The second mean is over a scrambled Sobol sequence; its standard error
     is reckoned as if the points were independent, which makes it too large rather than too small.
-
-    Parameters
-    ----------
-    log_likelihood : callable
-        log L (n,) of points (n, d) in the unit cube, without the prior.
-    drawn : numpy.ndarray, (n,)
-        log L at draws of the posterior; all of them, for neighbours in time are alike.
-    effective : float
-        Number of independent draws that their mean is worth.
-    dimensions : int
-        d.
-    seed : int
-        Of the Sobol sequence.
-    prior_draws : int
-        Points of the Sobol sequence, a power of two.
-    from_prior : callable, optional
-        Makes draws of the prior out of uniform points (n, d); by default the prior is uniform.
-
-    Returns
-    -------
-    bits, error : float
-        The divergence and its standard error, of both means.
     """
     points = stats.qmc.Sobol(dimensions, rng=seed).random(prior_draws)
     points = points if from_prior is None else from_prior(points)

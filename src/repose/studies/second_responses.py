@@ -70,18 +70,7 @@ WAYS_COLUMNS = (
 
 
 class Modelled(NamedTuple):
-    """The responses that have a surrogate.
-
-    Attributes
-    ----------
-    names : list of str
-    predicted : dict
-        Cross-validated predictions (samples,) of every response that was tried.
-    correlation : numpy.ndarray, (k, k)
-        Of the noise from run to run.
-    surrogate : numpy.ndarray, (k, k)
-        S_s.
-    """
+    """The responses that have a surrogate."""
 
     names: list[str]
     predicted: dict[str, np.ndarray]
@@ -92,29 +81,7 @@ class Modelled(NamedTuple):
 def study(
     data: Data, targets: Targets, space: ParameterSpace, settings: Mapping[str, Any]
 ) -> tuple[dict[str, pd.DataFrame], dict[str, Any]]:
-    """How far each set of responses narrows the posterior.
-
-    Parameters
-    ----------
-    data : Data
-    targets : Targets
-    space : ParameterSpace
-    settings : mapping
-        ``points``, ``truths``, ``folds``, ``seed``, ``discrepancy_percent``, and ``hidden``, ``epochs`` and ``starts``
-        of the surrogates; ``smallest_discrepancy`` by unit, and ``minutes`` of an experimenter's work by way.
-        ``discrepancies`` gives some responses a discrepancy of their own, by name [%].
-
-    Returns
-    -------
-    tables : dict
-        ``responses``, ``information``, ``narrowing``, ``ways`` and ``order``.
-    summary : dict
-
-    Raises
-    ------
-    InputError
-        If fewer points of the prior than ``truths`` meet all targets.
-    """
+    """How far each set of responses narrows the posterior."""
     model = modelled(data, targets.names, settings)
     prior = prior_of(data, model.names, space, settings)
     truths, normal = plausible_truths(prior.predicted, model.names, targets, settings)
@@ -159,19 +126,7 @@ def study(
 
 
 def modelled(data: Data, base: Sequence[str], settings: Mapping[str, Any]) -> Modelled:
-    """Which responses have enough signal and a good enough surrogate; the base is kept in any case.
-
-    Parameters
-    ----------
-    data : Data
-    base : sequence of str
-        Names of the targets.
-    settings : mapping
-
-    Returns
-    -------
-    Modelled
-    """
+    """Which responses have enough signal and a good enough surrogate; the base is kept in any case."""
     known = data.known
     names = [name for name in known if name in base or known[name].row["signal_to_noise"] >= NOISY]
     predicted = {name: left_out(data.X, known[name], settings) for name in names}
@@ -187,20 +142,7 @@ def modelled(data: Data, base: Sequence[str], settings: Mapping[str, Any]) -> Mo
 def prior_of(
     data: Data, names: Sequence[str], space: ParameterSpace, settings: Mapping[str, Any]
 ) -> information.Prior:
-    """A Sobol sequence over the prior and the predictions there of networks trained on all samples.
-
-    Parameters
-    ----------
-    data : Data
-    names : sequence of str
-        Of the responses.
-    space : ParameterSpace
-    settings : mapping
-
-    Returns
-    -------
-    information.Prior
-    """
+    """A Sobol sequence over the prior and the predictions there of networks trained on all samples."""
     models = [trained(data.X, data.known[name], settings) for name in names]
     return prior_points(
         space, settings, lambda points: np.column_stack([model.predict(points) for model in models])
@@ -215,24 +157,7 @@ def observed_covariance(
     apart: Mapping[str, float] | None = None,
     smallest: Mapping[str, float] | None = None,
 ) -> np.ndarray:
-    """Covariance S_y + S_s + S_d of observed and predicted responses.
-
-    Parameters
-    ----------
-    data : Data
-    model : Modelled
-    targets : Targets
-    percent : float
-        Discrepancy of each response, of its mean.
-    apart : mapping of float, optional
-        The same of single responses, by name.
-    smallest : mapping of float, optional
-        The smallest discrepancy by unit; see `repose.studies.discrepancy.sizes`.
-
-    Returns
-    -------
-    numpy.ndarray, (k, k)
-    """
+    """Covariance S_y + S_s + S_d of observed and predicted responses."""
     means = np.array([data.known[name].row["mean"] for name in model.names])
     own = {name: (apart or {}).get(name, percent) for name in model.names}
     sd = discrepancy.sizes(model.names, means, own, smallest or {})
@@ -241,17 +166,7 @@ def observed_covariance(
 
 
 def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> str:
-    """What to measure next, in words.
-
-    Parameters
-    ----------
-    tables, summary
-        As `study` gives them.
-
-    Returns
-    -------
-    str
-    """
+    """What to measure next, in words."""
     rows = tables["information"]
     rows = rows[rows["discrepancy_percent"] == rows["discrepancy_percent"].iloc[0]]
     single = rows[rows["set"].isin(summary["modelled"])].sort_values(
@@ -324,26 +239,7 @@ def run(
     settings: Mapping[str, Any],
     out_dir: str | Path,
 ) -> str:
-    """Write responses.csv, information.csv, narrowing.csv, ways.csv, order.csv and responses.json.
-
-    Parameters
-    ----------
-    data : Data
-        From `further_runs.read`.
-    targets, space, settings
-        As in `study`.
-    out_dir : path
-
-    Returns
-    -------
-    str
-        The message.
-
-    Raises
-    ------
-    InputError
-        As in `study`.
-    """
+    """Write responses.csv, information.csv, narrowing.csv, ways.csv, order.csv and responses.json."""
     tables, summary = study(data, targets, space, settings)
     for name, table in tables.items():
         write_table(Path(out_dir) / f"{name}.csv", table)

@@ -35,14 +35,6 @@ def first_cells(config: Config) -> list[str]:
     """Names KIND-PARTICLE-TENSION-FILLING of the jobs of the selection.
 
     The measuring cylinder is filled with the first tension alone: berries at rest hardly pull.
-
-    Parameters
-    ----------
-    config : mapping
-
-    Returns
-    -------
-    list of str
     """
     study = config["shape_study"]
     names = []
@@ -55,18 +47,7 @@ def first_cells(config: Config) -> list[str]:
 
 
 def second_cells(config: Config, finalists: pd.DataFrame) -> list[str]:
-    """Names of the jobs with fresh seeds: the finalists, the reference, and the sensitivities of the first finalist.
-
-    Parameters
-    ----------
-    config : mapping
-    finalists : pandas.DataFrame
-        With the columns `shape_rule.CELL`.
-
-    Returns
-    -------
-    list of str
-    """
+    """Names of the jobs with fresh seeds: the finalists, the reference, and the sensitivities of the first finalist."""
     study = config["shape_study"]
     cells = ["-".join(row) for row in finalists[CELL].drop_duplicates().itertuples(index=False, name=None)]
     names = [f"fresh-{cell}" for cell in dict.fromkeys([*cells, study["reference"]])]
@@ -75,19 +56,7 @@ def second_cells(config: Config, finalists: pd.DataFrame) -> list[str]:
 
 
 def check(config: Config, source: str = "configuration") -> None:
-    """Check every particle, filling and sensitivity of the study.
-
-    Parameters
-    ----------
-    config : mapping
-    source : str, optional
-        Named in the error.
-
-    Raises
-    ------
-    InputError
-        If one of them is no good configuration.
-    """
+    """Check every particle, filling and sensitivity of the study."""
     study = config["shape_study"]
     for key, section in (("main_fillings", "fillings"), ("all_fillings_of", "particles")):
         for name in study[key]:
@@ -104,41 +73,14 @@ def check(config: Config, source: str = "configuration") -> None:
 
 
 def changed(config: Config, section: str, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """A copy of the configuration with some keys of a section changed.
-
-    Parameters
-    ----------
-    config : mapping
-    section : str
-        Name of the section.
-    changes : mapping
-        Values by key.
-
-    Returns
-    -------
-    dict
-    """
+    """A copy of the configuration with some keys of a section changed."""
     other = copy.deepcopy(dict(config))
     other[section] = other[section] | changes
     return other
 
 
 def compared_targets(config: Config) -> list[Target]:
-    """Targets that are compared: those of the pile that the published table has, in their order.
-
-    Parameters
-    ----------
-    config : mapping
-
-    Returns
-    -------
-    list of Target
-
-    Raises
-    ------
-    InputError
-        If the configuration names no published table, or the table has none of them.
-    """
+    """Targets that are compared: those of the pile that the published table has, in their order."""
     path = config["validation"]["published"]
     if path is None:
         raise InputError("configuration", "validation.published", None, "the table of published solutions")
@@ -151,21 +93,7 @@ def compared_targets(config: Config) -> list[Target]:
 
 
 def parameter_sets(config: Config, samples_csv: str | Path, kind: str) -> pd.DataFrame:
-    """Parameter sets of a kind of job.
-
-    Parameters
-    ----------
-    config : mapping
-    samples_csv : path
-        Table of the design's samples.
-    kind : str
-        Of the job.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``set``, the six parameters, and the published piles where there are some.
-    """
+    """Parameter sets of a kind of job."""
     if kind == "design":
         table = read_table(samples_csv, ("sample", *PARAMETERS)).head(config["shape_study"]["design_samples"])
         return table.rename(columns={"sample": "set"})[["set", *PARAMETERS]]
@@ -177,14 +105,6 @@ def published_sets(config: Config) -> pd.DataFrame:
     """The published solutions, the representative last, with the published numbers of their piles.
 
     A solution without a published pile is known only as nearly the physical pile, which stands for it.
-
-    Parameters
-    ----------
-    config : mapping
-
-    Returns
-    -------
-    pandas.DataFrame
     """
     targets = compared_targets(config)
     simulated = [one.response.simulated for one in targets]
@@ -213,27 +133,7 @@ def _is_cell(config, cell):
 
 
 def cell_settings(config: Config, cell: str) -> tuple[str, dict[str, str], dict[str, Any]]:
-    """Settings of a cell.
-
-    Parameters
-    ----------
-    config : mapping
-    cell : str
-        KIND-PARTICLE-TENSION-FILLING.
-
-    Returns
-    -------
-    kind : str
-    names : dict of str
-        By `shape_rule.CELL`.
-    config : dict
-        Of the cell.
-
-    Raises
-    ------
-    InputError
-        If there is no such cell.
-    """
+    """Settings of a cell."""
     if not _is_cell(config, cell):
         allowed = "KIND-PARTICLE-TENSION-FILLING of the section shape_study"
         raise InputError("command line", "--cell", cell, allowed)
@@ -247,17 +147,7 @@ def cell_settings(config: Config, cell: str) -> tuple[str, dict[str, str], dict[
 
 
 def dependencies(config: Config, cell: str) -> dict[str, Any]:
-    """Settings on which the pours and measurements of a cell depend.
-
-    Parameters
-    ----------
-    config : mapping
-    cell : str
-
-    Returns
-    -------
-    dict
-    """
+    """Settings on which the pours and measurements of a cell depend."""
     kind, _, own = cell_settings(config, cell)
     seeds = [KINDS.get(kind, SENSITIVITY)[0], *(["design_samples"] if kind == "design" else [])]
     found = {key: own["shape_study"][key] for key in seeds} | {"seed": own["design"]["seed"]}

@@ -30,26 +30,7 @@ LEVELS = 200
 def measured(
     arrays: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings
 ) -> dict[str, float | None]:
-    """Numbers of a pile.
-
-    Parameters
-    ----------
-    arrays : mapping
-        ``position``, ``quaternion``, ``in_pile`` and ``scale`` of a pour.
-    particle : Particle
-    settings : MeasureSettings
-
-    Returns
-    -------
-    dict
-        ``height_mm``; the angle by each definition of `COLUMNS`, mean over the views, None where fewer than half of
-        them have one; and `DENSITY`.
-
-    Raises
-    ------
-    NoFlankError
-        If there is no pile.
-    """
+    """Numbers of a pile."""
     settings = pile.with_berry_height(settings, particle)
     members, centres = arrays["in_pile"], arrays["position"].astype(float)
     sizes = arrays["scale"].astype(float)
@@ -84,21 +65,6 @@ def core_density(
     The core begins one berry's height below the surface of the body of revolution of the mean silhouette. Near the
     plate berries lie in layers, and a sharp lower end would count a layer or miss it; so mass and volume get a weight
     that rises from 0 to 1 over one berry's height, from half a berry above the plate.
-
-    Parameters
-    ----------
-    centres_m : numpy.ndarray, (N, 3)
-        Of the pile's berries.
-    masses_kg : numpy.ndarray, (N,)
-    profiles : sequence of numpy.ndarray, (W,)
-        Of the views, as `pile.profile_of` gives them.
-    mm_per_pixel, height_mm, berry_mm : float
-        Of a picture, the pile, and a berry.
-
-    Returns
-    -------
-    float or None
-        kg/m3; None where the pile has no core.
     """
     top = height_mm - berry_mm
     if top <= 1.5 * berry_mm:

@@ -56,28 +56,7 @@ def poured(
     berry: Mapping[str, Any],
     kept: Path | None = None,
 ) -> pd.DataFrame:
-    """Pour and measure all sets of a cell with all their seeds.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    cell : str
-        Name of the cell.
-    sets : pandas.DataFrame
-        Of `parameter_sets`.
-    particle : Particle
-        The cell's.
-    berry : mapping
-        What the verb berry wrote.
-    kept : Path, optional
-        Folder of runs that are kept (`repose.apparatus.kept_runs`), so that none is made twice.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each pour, with the columns of `shape_tables.run_columns`.
-    """
+    """Pour and measure all sets of a cell with all their seeds."""
     kind, names, own = cell_settings(config, cell)
     key, purpose = KINDS.get(kind, SENSITIVITY)
     columns = shape_tables.run_columns(compared_targets(config))
@@ -128,25 +107,7 @@ def _kept_run(test, config, parameters, seed, particle, berry, path):
 def run_cell(
     config: Config, cell: str, berry_json: str | Path, samples_csv: str | Path, out_dir: str | Path
 ) -> None:
-    """Pour and measure one cell; write OUT/CELL.csv of its pours and OUT/CELL.json of its particle.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    cell : str
-        Name of the cell.
-    berry_json : path
-        What the verb berry wrote.
-    samples_csv : path
-        The design.
-    out_dir : path
-
-    Raises
-    ------
-    InputError
-        If a file is bad, or the study has no such cell.
-    """
+    """Pour and measure one cell; write OUT/CELL.csv of its pours and OUT/CELL.json of its particle."""
     from repose.particle import build
 
     kind, names, own = cell_settings(config, cell)
@@ -178,24 +139,7 @@ def run_cell(
 
 
 def read_cells(config: Config, cell_csvs: Iterable[str | Path]) -> shape_tables.Study:
-    """The study of some cells.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    cell_csvs : iterable of path
-        What `run_cell` wrote, the JSON files beside them.
-
-    Returns
-    -------
-    shape_tables.Study
-
-    Raises
-    ------
-    InputError
-        If a file is bad.
-    """
+    """The study of some cells."""
     targets, paths = compared_targets(config), [Path(path) for path in cell_csvs]
     columns = shape_tables.run_columns(targets)
     runs = pd.concat([read_table(path, columns) for path in paths], ignore_index=True)
@@ -207,26 +151,7 @@ def read_cells(config: Config, cell_csvs: Iterable[str | Path]) -> shape_tables.
 
 
 def run_selection(config: Config, cell_csvs: Iterable[str | Path], out_dir: str | Path) -> None:
-    """Write particles.csv, piles.csv, sets.csv, combinations.csv and finalists.csv.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    cell_csvs : iterable of path
-        Of the first cells.
-    out_dir : path
-
-    Returns
-    -------
-    dict
-        The tables, and the content of choice.json as ``choice``.
-
-    Raises
-    ------
-    InputError
-        If a file is bad.
-    """
+    """Write particles.csv, piles.csv, sets.csv, combinations.csv and finalists.csv."""
     for name, table in read_cells(config, cell_csvs).selection().items():
         write_table(Path(out_dir) / f"{name}.csv", table, float_format="%.6g")
 
@@ -234,28 +159,7 @@ def run_selection(config: Config, cell_csvs: Iterable[str | Path], out_dir: str 
 def run_verdict(
     config: Config, cell_csvs: Iterable[str | Path], finalists_csv: str | Path, out_dir: str | Path
 ) -> dict[str, Any]:
-    """Write fresh.csv, fresh_sets.csv, noise.csv and choice.json; return the choice.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    cell_csvs : iterable of path
-        Of all cells.
-    finalists_csv : path
-        What `run_selection` wrote.
-    out_dir : path
-
-    Returns
-    -------
-    dict
-        Content of choice.json.
-
-    Raises
-    ------
-    InputError
-        If a file is bad.
-    """
+    """Write fresh.csv, fresh_sets.csv, noise.csv and choice.json; return the choice."""
     finalists = read_table(finalists_csv, (*COMBINATION, "distance", "role"))
     tables, choice = read_cells(config, cell_csvs).verdict(finalists)
     for name, table in tables.items():

@@ -22,52 +22,19 @@ NOISE_COLUMNS = (*CELL, "response", "signal", "noise", "signal_to_noise", "stand
 
 
 def run_columns(targets: Iterable[Target]) -> tuple[str, ...]:
-    """Columns of a cell's table of pours: where it belongs, the targets, angles by every definition, densities.
-
-    Parameters
-    ----------
-    targets : iterable of Target
-
-    Returns
-    -------
-    tuple of str
-    """
+    """Columns of a cell's table of pours: where it belongs, the targets, angles by every definition, densities."""
     own = (one.name for one in targets if one.name != CALIBRATED_ANGLE)
     about = ("kind", *CELL, "set", "seed", "status")
     return tuple(dict.fromkeys((*about, *own, *COLUMNS.values(), DENSITY, *BULK)))
 
 
 def measured_as(target: Target, definition: str) -> str:
-    """Column of the runs that holds a target where the angle is of a given definition.
-
-    Parameters
-    ----------
-    target : Target
-    definition : str
-
-    Returns
-    -------
-    str
-    """
+    """Column of the runs that holds a target where the angle is of a given definition."""
     return COLUMNS[definition] if target.name == CALIBRATED_ANGLE else target.name
 
 
 class Study:
-    """Pours of a study, with what is needed to judge them.
-
-    Parameters
-    ----------
-    runs : pandas.DataFrame
-        With the columns of `run_columns`.
-    abouts : iterable of mapping
-        The particle of each cell.
-    published : pandas.DataFrame
-        ``set`` and the published pile of each.
-    targets : sequence of Target
-        Those that are compared.
-    mass_g, density_kg_m3 : float
-        Of the measured berry.
-    """
+    """Pours of a study, with what is needed to judge them."""
 
     def __init__(
         self,
@@ -84,27 +51,11 @@ class Study:
         self.particles = pd.DataFrame(rows).drop_duplicates("particle", ignore_index=True)
 
     def of(self, kind: str) -> pd.DataFrame:
-        """Pours of a kind.
-
-        Parameters
-        ----------
-        kind : str
-            One of `shape_cells.KINDS`, or the name of a sensitivity.
-
-        Returns
-        -------
-        pandas.DataFrame
-            Rows of the runs.
-        """
+        """Pours of a kind."""
         return self.runs[self.runs["kind"] == kind]
 
     def selection(self) -> dict[str, pd.DataFrame]:
-        """Tables of the first pours: ``particles``, ``piles``, ``sets``, ``combinations``, ``finalists``.
-
-        Returns
-        -------
-        dict of pandas.DataFrame
-        """
+        """Tables of the first pours: ``particles``, ``piles``, ``sets``, ``combinations``, ``finalists``."""
         piles = pile_table(self.of("published"), self.of("bulk"), self.density)
         sets = set_table(self.of("published"), self.published, self.targets)
         combinations = judged(combination_table(sets, self.targets), piles, self.particles)
@@ -113,18 +64,7 @@ class Study:
         return tables | {"finalists": finalists}
 
     def verdict(self, finalists: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], dict[str, Any]]:
-        """Tables of the fresh pours, ``fresh``, ``fresh_sets`` and ``noise``, and the choice.
-
-        Parameters
-        ----------
-        finalists : pandas.DataFrame
-            Of `selection`.
-
-        Returns
-        -------
-        tables : dict of pandas.DataFrame
-        choice : dict
-        """
+        """Tables of the fresh pours, ``fresh``, ``fresh_sets`` and ``noise``, and the choice."""
         noise = noise_table(self.of("design"), self.targets)
         sets = set_table(self.runs[self.runs["kind"] != "design"], self.published, self.targets)
         sets = sets[~sets["kind"].isin(["published", "bulk"])]
@@ -168,20 +108,7 @@ class Study:
 
 
 def pile_table(piles: pd.DataFrame, bulk: pd.DataFrame, density_kg_m3: float) -> pd.DataFrame:
-    """Share of pours that made a pile, packing inside the piles, and bulk density in the measuring cylinder.
-
-    Parameters
-    ----------
-    piles, bulk : pandas.DataFrame
-        Pours of the funnel and of the cylinder.
-    density_kg_m3 : float
-        Of the berry.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each cell; the cylinder's numbers are those of its particle.
-    """
+    """Share of pours that made a pile, packing inside the piles, and bulk density in the measuring cylinder."""
     rows = []
     for key, group in piles.groupby(CELL, sort=False):
         density, error = _mean(group[DENSITY])
@@ -199,17 +126,7 @@ def pile_table(piles: pd.DataFrame, bulk: pd.DataFrame, density_kg_m3: float) ->
 
 
 def set_table(runs: pd.DataFrame, published: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
-    """Mean, standard error and difference from the published pile of each cell, definition and parameter set.
-
-    Parameters
-    ----------
-    runs, published : pandas.DataFrame
-    targets : sequence of Target
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """Mean, standard error and difference from the published pile of each cell, definition and parameter set."""
     rows, pairs = [], published.set_index("set")
     for key, group in runs[runs["set"].isin(pairs.index)].groupby(["kind", *CELL, "set"], sort=False):
         about = dict(zip(["kind", *CELL, "set"], key, strict=True))
@@ -234,18 +151,6 @@ def _off(target):
 def combination_table(sets: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
     """Each combination over all published sets, the nearest first.
 
-    Parameters
-    ----------
-    sets : pandas.DataFrame
-        Of `set_table`.
-    targets : sequence of Target
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Notes
-    -----
     Mean differences with standard errors, to which a set with a single pile adds as much as the others do on average;
     the number of sets within the physical pile's standard deviations
     sd_i; and the distance, the root of the mean over the sets of the sum of (difference_i / sd_i)^2.
@@ -274,16 +179,7 @@ def combination_table(sets: pd.DataFrame, targets: Sequence[Target]) -> pd.DataF
 
 
 def judged(combinations: pd.DataFrame, piles: pd.DataFrame, particles: pd.DataFrame) -> pd.DataFrame:
-    """Combinations with what the rule asks of particle and pile, those that fulfil it first.
-
-    Parameters
-    ----------
-    combinations, piles, particles : pandas.DataFrame
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """Combinations with what the rule asks of particle and pile, those that fulfil it first."""
     wanted = ["packing", "packing_se", "share_of_piles"]
     table = combinations.merge(piles[[*CELL, *wanted]], on=CELL, how="left")
     table = table.merge(particles[["particle", "measured_berry"]], on="particle", how="left")
@@ -296,17 +192,7 @@ def judged(combinations: pd.DataFrame, piles: pd.DataFrame, particles: pd.DataFr
 
 
 def with_signal(combinations: pd.DataFrame, noise: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
-    """Combinations with the signal-to-noise ratio of their angle; of the first target, where the angle is none.
-
-    Parameters
-    ----------
-    combinations, noise : pandas.DataFrame
-    targets : sequence of Target
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """Combinations with the signal-to-noise ratio of their angle; of the first target, where the angle is none."""
     with_angle = any(one.name == CALIBRATED_ANGLE for one in targets)
     judged_by = combinations["definition"] if with_angle else targets[0].response.quantity
     columns = {"standard_error": "signal_to_noise_se"}
@@ -318,17 +204,6 @@ def with_signal(combinations: pd.DataFrame, noise: pd.DataFrame, targets: Sequen
 def noise_table(runs: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
     """Signal and noise of every definition of the angle and of the other targets, for each cell.
 
-    Parameters
-    ----------
-    runs : pandas.DataFrame
-    targets : sequence of Target
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Notes
-    -----
     noise: standard deviation from seed to seed. signal: that of the true means over the designed parameter
     sets: the spread of the sets' means less what the noise adds to it. The standard error of their ratio
     comes from leaving out one set at a time (jackknife).

@@ -54,26 +54,7 @@ MANIFEST = "snapshot.txt"  # in a snapshot: its files, one a line
 
 
 def take(results_dir: str | Path, out: str | Path) -> list[Path]:
-    """Copy tables and pictures of a study to a folder of its own, where they replace those of an earlier snapshot.
-
-    Parameters
-    ----------
-    results_dir : path
-        Folder of a finished study.
-    out : path
-        Folder of the snapshot: new, empty, or an earlier snapshot to which nobody added a file.
-
-    Returns
-    -------
-    list of Path
-        The copied files.
-
-    Raises
-    ------
-    InputError
-        If the study is not finished, a file is too large to be kept in a repository, or the folder holds anything that
-        no snapshot wrote.
-    """
+    """Copy tables and pictures of a study to a folder of its own, where they replace those of an earlier snapshot."""
     source, out = Path(results_dir), Path(out)
     files = _kept(source, KEPT)
     beside = (path.with_name(f"{path.name}{BESIDE}") for path in files)
@@ -95,18 +76,7 @@ def take(results_dir: str | Path, out: str | Path) -> list[Path]:
 
 
 def of_optional_studies(results_dir: str | Path) -> str:
-    """Hash of what a snapshot keeps of the optional studies: another one is a reason to take it anew.
-
-    Parameters
-    ----------
-    results_dir : path
-        Folder of a study.
-
-    Returns
-    -------
-    str
-        16 hexadecimal digits.
-    """
+    """Hash of what a snapshot keeps of the optional studies: another one is a reason to take it anew."""
     source = Path(results_dir)
     files = _kept(source, (folder for folder in KEPT if folder not in CHAIN))
     return provenance.hash_of(

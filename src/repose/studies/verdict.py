@@ -31,27 +31,7 @@ OUTCOMES = ("within", "not within", "not precise", "no pile")
 def judge(
     proposal: pd.DataFrame, runs: pd.DataFrame, targets: Targets, section: Mapping[str, Any], round_: int
 ) -> dict[str, Any]:
-    """What a round has shown, as one row.
-
-    Parameters
-    ----------
-    proposal : pandas.DataFrame
-        Of `repose.studies.refine.propose`.
-    runs : pandas.DataFrame
-        All runs of the round.
-    targets : Targets
-        A mean is compared with the target's aim.
-    section : mapping
-        `refine` of the configuration: tolerance_percent, standard_error_percent.
-    round_ : int
-
-    Returns
-    -------
-    dict
-        Parameters, number of runs; of each response target, prediction, simulated mean, standard error and deviations;
-        objective (Eq. 11) of the simulated means; whether the targets are out of reach, as the prediction itself misses
-        the bar; outcome, one of `OUTCOMES`, its reason, and the search's warning. NaN where there is no number.
-    """
+    """What a round has shown, as one row."""
     rows = proposal[proposal["role"] == PROPOSAL]
     own = runs[runs["sample"].isin(rows["sample"])].astype(object)
     summary = _summary(own.where(own.notna(), None), targets)
@@ -132,22 +112,7 @@ def _outcome(
 def why_stopped(
     verdict: Mapping[str, Any], limit: int, targets: Targets, before: Mapping[str, Any] | None = None
 ) -> str:
-    """Why the loop ends after a round, in words.
-
-    Parameters
-    ----------
-    verdict : mapping
-        Of the last round.
-    limit : int
-        How often the surrogate may be refitted.
-    targets : Targets
-    before : mapping, optional
-        Of the round before.
-
-    Returns
-    -------
-    str
-    """
+    """Why the loop ends after a round, in words."""
     row = f"round {verdict['round']}"
     if verdict["outcome"] == "within":
         return f"{row} meets {('the target', 'both targets', 'all targets')[min(len(targets), 3) - 1]}"
@@ -159,17 +124,7 @@ def why_stopped(
 
 
 def claim(verdict: Mapping[str, Any], targets: Targets) -> str:
-    """What the last round's own runs say of its proposal, in words.
-
-    Parameters
-    ----------
-    verdict : mapping
-    targets : Targets
-
-    Returns
-    -------
-    str
-    """
+    """What the last round's own runs say of its proposal, in words."""
     if verdict["outcome"] == "no pile":
         return "none: the proposal gives no pile"
     values = []
@@ -185,23 +140,7 @@ def claim(verdict: Mapping[str, Any], targets: Targets) -> str:
 def points(
     proposal: pd.DataFrame, dataset: pd.DataFrame, row: Mapping[str, Any], targets: Targets
 ) -> pd.DataFrame:
-    """All points of a round, the proposal as one.
-
-    Parameters
-    ----------
-    proposal : pandas.DataFrame
-        Of `repose.studies.refine.propose`.
-    dataset : pandas.DataFrame
-        Of the round's own jobs.
-    row : mapping
-        Of `judge`.
-    targets : Targets
-
-    Returns
-    -------
-    pandas.DataFrame
-        Parameters, seeds, predicted, simulated, standard errors and status (``round.csv``).
-    """
+    """All points of a round, the proposal as one."""
     measured = [column for one in targets for column in (one.name, one.response.error)]
     shown = dataset[["sample", "n_seeds", *targets.names, *targets.errors, "status", "reason"]]
     table = proposal.drop(columns=["seeds", "warning"]).merge(shown, on="sample")
@@ -224,29 +163,7 @@ def run(
     section: Mapping[str, Any],
     out_dir: str | os.PathLike,
 ) -> dict[str, Any]:
-    """Judge a round: write round.csv, the table of `points`, and verdict.json; return the latter.
-
-    Parameters
-    ----------
-    proposal_csv : path
-        Of `repose.studies.refine_files.run_propose`.
-    dataset_csv, runs_csv : path
-        Of the round's own jobs, as the verb dataset writes them.
-    targets : Targets
-    section : mapping
-        `refine` of the configuration.
-    out_dir : path
-
-    Returns
-    -------
-    dict
-        Of `judge`, with the number of usable samples.
-
-    Raises
-    ------
-    InputError
-        For a bad file, or samples of the proposal that the dataset lacks.
-    """
+    """Judge a round: write round.csv, the table of `points`, and verdict.json; return the latter."""
     proposal = read_samples(proposal_csv)
     dataset = read_table(dataset_csv, ("sample", "status", "n_seeds", *targets.names, *targets.errors))
     runs = read_table(runs_csv, ("sample", "status", "reason", *targets.names))
@@ -263,27 +180,7 @@ def run(
 def run_tables(
     verdict_jsons: Sequence[str | os.PathLike], limit: int, targets: Targets, out_dir: str | os.PathLike
 ) -> dict[str, Any]:
-    """Write rounds.csv, one row for each round, and summary.json: why the loop stopped, what may be claimed.
-
-    Parameters
-    ----------
-    verdict_jsons : sequence of path
-        Of `run`, one per round, in any order.
-    limit : int
-        How often the surrogate may be refitted.
-    targets : Targets
-    out_dir : path
-
-    Returns
-    -------
-    dict
-        Content of summary.json.
-
-    Raises
-    ------
-    InputError
-        For a bad file, or rounds that are not 0, 1, 2, ...
-    """
+    """Write rounds.csv, one row for each round, and summary.json: why the loop stopped, what may be claimed."""
     keys = {"round": int, "outcome": str}
     verdicts = [read_json(path, keys, "what the verb refine_judge wrote") for path in verdict_jsons]
     verdicts.sort(key=lambda one: one["round"])
@@ -306,24 +203,7 @@ def run_tables(
 
 
 def in_words(summary_json: str | os.PathLike, label: str) -> str:
-    """What a finished refinement came to, as the end of a run tells it.
-
-    Parameters
-    ----------
-    summary_json : path
-        Of `run_tables`.
-    label : str
-        Of the study.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    InputError
-        If the file is missing or bad.
-    """
+    """What a finished refinement came to, as the end of a run tells it."""
     keys = {"met": bool, "why": str, "solution": dict, "claim": str, "pours": int}
     summary = read_json(summary_json, keys, "what the verb refine_tables wrote")
     met = "Refined: targets met" if summary["met"] else "Refined: targets NOT met"

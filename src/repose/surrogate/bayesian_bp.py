@@ -50,50 +50,7 @@ FROM_SETTINGS = ("hidden", "epochs", "goal", "starts", "seed", "prior")
 
 @register("network")
 class BayesianBP(Surrogate):
-    """Two-layer network trained by Bayesian regularisation from several starts; of the converged the best is kept.
-
-    Parameters
-    ----------
-    hidden : int
-        Neurons of the hidden layer.
-    epochs : int
-        Most accepted steps of a start.
-    goal : float
-        Mean squared error of the scaled outputs at which training stops.
-    starts : int
-        Independent Nguyen-Widrow starts. Where none has converged, the best of all is kept.
-    mu, mu_decrease, mu_increase, mu_max, min_gradient : float
-        Marquardt's damping, and the norm of the objective's gradient at which a start ends.
-    scaled_range : (float, float)
-        Interval onto which each input and output is mapped by its minimum and maximum in the training data.
-    seed : int
-        Start k draws from ``RandomState([seed, k])``, so it is the same start however many others there are.
-    prior : str
-        "one" alpha for all weights, as published (FH); "layers", one each for input weights, hidden biases, and output
-        weights with their biases (M92); or "inputs", as "layers" but with one for each input's weights, so that an
-        input without effect fades (M94).
-
-    Attributes
-    ----------
-    W1_, b1_, W2_, b2_ : array (hidden, inputs), (hidden,), (outputs, hidden), (outputs,)
-    input_min_, input_max_, output_min_, output_max_ : array
-        Ends that are mapped to those of `scaled_range`.
-    alpha_ : float, or array where there are several priors
-    beta_, gamma_, log_evidence_ : float
-    epochs_, best_start_, converged_starts_, n_residuals_ : int
-    at_cap_ : list of str
-        Classes of weights whose alpha is the largest allowed.
-    stop_reason_ : str
-        Of the start that was kept: goal, gradient, mu, evidence or epochs.
-    noise_std_ : array (outputs,)
-        Of a single value of precision 1, in units of y.
-    posterior_root_ : array (N, N)
-        A root of the covariance of the weights.
-    starts_ : list of dict
-        One for each start.
-    training_ : dict
-        Samples and the covariance of their noise.
-    """
+    """Two-layer network trained by Bayesian regularisation from several starts; of the converged the best is kept."""
 
     of_all_samples = False  # as published: fitted to the training part
 
@@ -119,18 +76,7 @@ class BayesianBP(Surrogate):
 
     @classmethod
     def of(cls, settings: Mapping[str, Any]) -> Self:
-        """A network with `hidden`, `epochs`, `goal`, `starts`, `seed` and `prior` of the settings.
-
-        Parameters
-        ----------
-        settings : mapping
-            The section `network` of the configuration, with `seed`.
-
-        Returns
-        -------
-        BayesianBP
-            Untrained.
-        """
+        """A network with `hidden`, `epochs`, `goal`, `starts`, `seed` and `prior` of the settings."""
         return cls(**{key: settings[key] for key in FROM_SETTINGS if key in settings})
 
     def fit(
@@ -142,35 +88,7 @@ class BayesianBP(Surrogate):
         noise_covariance: ArrayLike | None = None,
         noise_freedom: float = 0.0,
     ) -> Self:
-        """Train.
-
-        Parameters
-        ----------
-        X : array (samples, inputs)
-        y : array (samples,) or (samples, outputs)
-        sample_weight : array (samples,), optional
-            How often a sample counts, as in scikit-learn: 2 is the sample twice, 0 not at all.
-        precision : array (samples,) or (samples, outputs), optional
-            The noise variance of a residual is 1 / (2 beta precision). log_evidence_ leaves out sum log precision / 2.
-        noise_covariance : array (outputs, outputs), optional
-            Of the noise of a sample's outputs, up to a factor. Outputs of one experiment share its noise; taken as
-            independent, the shared part looks like a signal to be learned. With it the network is trained on
-            combinations of the outputs whose noises are independent (A35). `precision` then is one number a sample.
-        noise_freedom : float, optional
-            Degrees of freedom with which replicates gave `noise_covariance`, then that of one value of precision 1.
-            Their scatter enters likelihood and evidence, so that the noise is not the network's guess alone.
-
-        Returns
-        -------
-        BayesianBP
-            The same one.
-
-        Raises
-        ------
-        ValueError
-            For a setting out of its limits, wrong shapes, values that are not finite, negative weights, precisions
-            not above zero, a matrix that is no covariance, and when no start ends with a finite evidence.
-        """
+        """Train."""
         settings = self._checked_settings()
         X, Y, count, precision = checked_samples(X, y, sample_weight, precision)
         self.one_output_ = np.ndim(y) == 1
@@ -199,16 +117,7 @@ class BayesianBP(Surrogate):
         return self
 
     def of_start(self, k: int) -> Self:
-        """The network that start k of the `fit` ended with.
-
-        Parameters
-        ----------
-        k : int
-
-        Returns
-        -------
-        BayesianBP
-        """
+        """The network that start k of the `fit` ended with."""
         other = copy.copy(self)
         other._keep(self.ends_[k])
         return other
@@ -226,29 +135,7 @@ class BayesianBP(Surrogate):
         self._set_errors(posterior_root(end["alpha_of_weight"], self.beta_, end["JJ"]), self._mixing)
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
-        """Responses, and their standard deviations.
-
-        Parameters
-        ----------
-        X : array, (samples, inputs)
-        return_std : bool, optional
-            Whether to return the standard deviations too.
-        noise : bool, optional
-            Whether they contain the noise of a single target of precision 1 (`noise_std_`). Without it the
-            uncertainty of the mean remains.
-
-        Returns
-        -------
-        mean : numpy.ndarray, (samples, outputs), or (samples,) as it was fitted
-        std : numpy.ndarray
-            Of the same shape, in units of y: sqrt(1 / (2 beta) + g' H^-1 g) with g the output's gradient by
-            the weights (M92). Only with `return_std`.
-
-        Raises
-        ------
-        ValueError
-            If the network is not trained, or X has another shape.
-        """
+        """Responses, and their standard deviations."""
         if not hasattr(self, "W1_"):
             raise ValueError("predict was called before fit")
         X = checked_points(X, len(self.input_min_))
@@ -268,20 +155,6 @@ class BayesianBP(Surrogate):
         """Covariance of the responses by the uncertainty of the weights alone.
 
         The outputs share the hidden layer, so their errors are correlated.
-
-        Parameters
-        ----------
-        X : array, (samples, inputs)
-
-        Returns
-        -------
-        numpy.ndarray, (samples, outputs, outputs)
-            In units of y squared.
-
-        Raises
-        ------
-        ValueError
-            If the network was saved without its training data.
         """
         roots = self._weight_roots(np.asarray(X, dtype=float)) * self._stretch()[:, None]
         return roots @ roots.transpose(0, 2, 1)

@@ -29,22 +29,6 @@ def log_evidence(
     H = 2 beta J'J + 2 alpha I:
     log p = n/2 log(beta/pi) + N/2 log(2 alpha) - 1/2 log det H - beta E_d - alpha E_w,
     with N/2 log(2 alpha) summed over the classes of weights where there are several.
-
-    Parameters
-    ----------
-    alpha, Ew : float, or array (classes,)
-    beta, Ed : float
-    JJ : array (N, N)
-        J'J of the weighted residuals.
-    n : float
-        Number of residuals.
-    classes : sequence
-        As `two_layer.weight_classes` gives them.
-
-    Returns
-    -------
-    float
-        -inf where that is no number, so such a start is never the best.
     """
     alpha, Ew = np.atleast_1d(alpha), np.atleast_1d(Ew)
     if not (np.all(alpha > 0) and beta > 0):
@@ -61,17 +45,6 @@ def posterior_root(alpha: np.ndarray, beta: float, JJ: np.ndarray) -> np.ndarray
 
     H = 2 beta J'J + 2 diag(alpha). It is made symmetric about its prior first, so that rounding can make no variance
     negative.
-
-    Parameters
-    ----------
-    alpha : array (N,)
-        Of each weight.
-    beta : float
-    JJ : array (N, N)
-
-    Returns
-    -------
-    numpy.ndarray, (N, N)
     """
     prior_root = 1 / np.sqrt(2 * alpha)
     eigenvalues, vectors = np.linalg.eigh(2 * beta * prior_root[:, None] * JJ * prior_root)
@@ -79,20 +52,7 @@ def posterior_root(alpha: np.ndarray, beta: float, JJ: np.ndarray) -> np.ndarray
 
 
 def of_each_weight(alpha: np.ndarray, classes: Sequence[Any], N: int) -> np.ndarray:
-    """alpha of each weight from alpha of each class.
-
-    Parameters
-    ----------
-    alpha : numpy.ndarray, (classes,)
-    classes : sequence
-        Indices of the weights of each class, as `two_layer.weight_classes` gives them.
-    N : int
-        Number of weights.
-
-    Returns
-    -------
-    numpy.ndarray, (N,)
-    """
+    """alpha of each weight from alpha of each class."""
     of_weight = np.empty(N)
     for value, c in zip(alpha, classes, strict=True):
         of_weight[c] = value

@@ -29,11 +29,6 @@ class GaussianProcess(Surrogate):
     """Processes with the covariance s^2 exp(-1/2 sum ((x_i - x'_i) / l_i)^2) and noise (RW06, eq. 5.1).
 
     The numbers s^2, l_i and the variance of the noise maximise the marginal likelihood. It has no settings.
-
-    Attributes
-    ----------
-    processes_ : list of sklearn.gaussian_process.GaussianProcessRegressor
-        One for each combination of the outputs.
     """
 
     @classmethod
@@ -49,29 +44,7 @@ class GaussianProcess(Surrogate):
         noise_covariance: ArrayLike | None = None,
         noise_freedom: float = 0.0,
     ) -> Self:
-        """Learn from samples.
-
-        Parameters
-        ----------
-        X : array, (n, d)
-        Y : array, (n, k)
-        precision : array, (n,) or (n, k), optional
-            See `Surrogate.fit`.
-        noise_covariance : array, (k, k), optional
-            Without it the responses are learned independently; with it, their combinations with independent
-            noises (A35).
-        noise_freedom : float, optional
-            Not used: the noise is estimated with the other numbers.
-
-        Returns
-        -------
-        GaussianProcess
-
-        Raises
-        ------
-        ValueError
-            As in `Surrogate.fit`.
-        """
+        """Learn from samples."""
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
         X, Y, _, weight = checked_samples(X, Y, None, precision)
@@ -132,16 +105,7 @@ class GaussianProcess(Surrogate):
         return means @ self._unmixing + self.offset_, np.sqrt(variances @ self._unmixing**2)
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Covariance of the predicted means; diagonal without a `noise_covariance`.
-
-        Parameters
-        ----------
-        X : array, (n, d)
-
-        Returns
-        -------
-        numpy.ndarray, (n, k, k)
-        """
+        """Covariance of the predicted means; diagonal without a `noise_covariance`."""
         x = (checked_points(X, len(self.low_)) - self.low_) / self.width_
         roots = np.sqrt(self._moments(x)[1])[:, :, None] * self._unmixing
         return roots.transpose(0, 2, 1) @ roots
@@ -154,18 +118,7 @@ class GaussianProcess(Surrogate):
         return np.column_stack(means), np.maximum(variances, 0.0)
 
     def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """The means as one matrix product, an exponential and another product for each process.
-
-        Parameters
-        ----------
-        low, high : numpy.ndarray, (d,)
-            What -1 and 1 stand for.
-
-        Returns
-        -------
-        callable
-            From points (n, d) to responses (n, k).
-        """
+        """The means as one matrix product, an exponential and another product for each process."""
         middle, half = np.add(low, high) / 2, np.subtract(high, low) / 2
         parts = []
         for one in self.processes_:
@@ -213,16 +166,7 @@ class GaussianProcess(Surrogate):
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """The processes of a `to_dict`; their numbers are not estimated again.
-
-        Parameters
-        ----------
-        content : mapping
-
-        Returns
-        -------
-        GaussianProcess
-        """
+        """The processes of a `to_dict`; their numbers are not estimated again."""
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
         model, training = cls(), content["training"]

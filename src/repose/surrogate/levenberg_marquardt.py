@@ -40,13 +40,7 @@ SMALLEST_MU = float(np.finfo(float).tiny)
 
 @dataclass(frozen=True)
 class Settings:
-    """How a start is trained.
-
-    Parameters
-    ----------
-    epochs, goal, mu, mu_decrease, mu_increase, mu_max, min_gradient, prior
-        As for `repose.surrogate.bayesian_bp.BayesianBP`.
-    """
+    """How a start is trained."""
 
     epochs: int
     goal: float
@@ -122,29 +116,7 @@ def train_start(
     settings: Settings,
     pure_error: tuple[float, float] = (0.0, 0.0),
 ) -> dict[str, Any]:
-    """Train from the weights w (FH 1-4).
-
-    Parameters
-    ----------
-    w : array (N,)
-        Where the training starts.
-    x, t : array (samples, inputs), (samples, outputs)
-        Scaled inputs and scaled targets.
-    root_weight : array (samples, outputs)
-        Square root of each residual's weight.
-    n : float
-        Number of residuals; of weighted samples the sum of their counts.
-    settings : Settings
-    pure_error : (float, float), optional
-        Sum of squares of the replicates about their samples' means, scaled and weighted as the residuals, and how many
-        independent ones it has.
-
-    Returns
-    -------
-    dict
-        `w`, `JJ` and `alpha_of_weight` (N,) at the end, and `STATISTICS`: among them `decrement`, how far the
-        objective is above its minimum, and `at_cap`, the classes whose alpha is the largest allowed.
-    """
+    """Train from the weights w (FH 1-4)."""
     hidden = (w.size - t.shape[1]) // (x.shape[1] + 1 + t.shape[1])
     classes = weight_classes(settings.prior, x.shape[1], hidden, t.shape[1])
     size = np.array([w[c].size for c in classes], dtype=float)
@@ -253,22 +225,7 @@ def _square_sums(w, classes):
 
 
 def residuals(w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray) -> np.ndarray:
-    """Weighted residuals of the network.
-
-    Parameters
-    ----------
-    w : numpy.ndarray, (N,)
-    x : numpy.ndarray, (samples, inputs)
-        Scaled.
-    t : numpy.ndarray, (samples, outputs)
-        Scaled.
-    root_weight : numpy.ndarray, (samples, outputs)
-        Root of each residual's weight.
-
-    Returns
-    -------
-    numpy.ndarray, (samples * outputs,)
-    """
+    """Weighted residuals of the network."""
     hidden = (w.size - t.shape[1]) // (x.shape[1] + 1 + t.shape[1])
     W1, b1, W2, b2 = unpack(w, x.shape[1], hidden, t.shape[1])
     return ((np.tanh(x @ W1.T + b1) @ W2.T + b2 - t) * root_weight).ravel()
@@ -277,17 +234,6 @@ def residuals(w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarr
 def linearise(
     w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Weighted residuals of the network, and their derivative by the weights.
-
-    Parameters
-    ----------
-    w, x, t, root_weight
-        As in `residuals`.
-
-    Returns
-    -------
-    residuals : numpy.ndarray, (samples * outputs,)
-    derivative : numpy.ndarray, (samples * outputs, N)
-    """
+    """Weighted residuals of the network, and their derivative by the weights."""
     y, J = jacobian(w, x, t.shape[1])
     return ((y - t) * root_weight).ravel(), (J * root_weight[:, :, None]).reshape(t.size, w.size)

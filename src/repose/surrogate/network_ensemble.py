@@ -29,37 +29,14 @@ OF_EACH = ("W1", "b1", "W2", "b2")
 
 @register("network_ensemble")
 class NetworkEnsemble(Surrogate):
-    """Networks of all converged starts whose log evidence is near the largest; the best one comes first.
-
-    Parameters
-    ----------
-    network : BayesianBP
-        Untrained, with the settings of the training.
-
-    Attributes
-    ----------
-    members_ : list of BayesianBP
-    near_ : list of int
-        Numbers of their starts.
-    """
+    """Networks of all converged starts whose log evidence is near the largest; the best one comes first."""
 
     def __init__(self, network: BayesianBP) -> None:
         self.members_ = [network]
 
     @classmethod
     def of(cls, settings: Mapping[str, Any]) -> Self:
-        """Networks with the settings that `BayesianBP.of` takes.
-
-        Parameters
-        ----------
-        settings : mapping
-            The section `network` of the configuration, with `seed`.
-
-        Returns
-        -------
-        NetworkEnsemble
-            Untrained.
-        """
+        """Networks with the settings that `BayesianBP.of` takes."""
         return cls(BayesianBP.of(settings))
 
     def fit(
@@ -90,16 +67,7 @@ class NetworkEnsemble(Surrogate):
         return mean, np.sqrt(variance + noise * np.mean([one.noise_std_**2 for one in self.members_], axis=0))
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Covariance of the mixture's means, without noise (LPB17).
-
-        Parameters
-        ----------
-        X : array, (n, d)
-
-        Returns
-        -------
-        numpy.ndarray, (n, k, k)
-        """
+        """Covariance of the mixture's means, without noise (LPB17)."""
         means = self._means(X)
         off = means - means.mean(axis=0)
         own = np.mean([one.covariance(X) for one in self.members_], axis=0)
@@ -130,16 +98,7 @@ class NetworkEnsemble(Surrogate):
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """The networks of a `to_dict`.
-
-        Parameters
-        ----------
-        content : mapping
-
-        Returns
-        -------
-        NetworkEnsemble
-        """
+        """The networks of a `to_dict`."""
         model = cls(BayesianBP.from_dict(content))
         for other in content["others"]:
             whole = {**content, **other, "training": content["training"] | other["training"]}

@@ -11,28 +11,7 @@ from numpy.typing import ArrayLike
 def independent_mixing(
     noise_covariance: ArrayLike | None, stretch: np.ndarray, precision: np.ndarray
 ) -> np.ndarray:
-    """Combinations of the outputs whose noises are independent (A35).
-
-    Parameters
-    ----------
-    noise_covariance : array (outputs, outputs) or None
-        Of the noise of a sample's outputs, up to a factor; None for independent outputs, which stay as they are.
-    stretch : array (outputs,)
-        Units of an output in one unit of its scaled values.
-    precision : array (samples, outputs)
-        As in `Surrogate.fit`.
-
-    Returns
-    -------
-    numpy.ndarray, (outputs, outputs)
-        Scaled outputs times this matrix have independent noises of one variance. Its determinant is one, so the
-        combinations stay about as wide as the outputs.
-
-    Raises
-    ------
-    ValueError
-        If the matrix is no covariance, or the precision differs between outputs although it is given.
-    """
+    """Combinations of the outputs whose noises are independent (A35)."""
     if noise_covariance is None:
         return np.eye(len(stretch))
     covariance = np.asarray(noise_covariance, dtype=float)
@@ -50,29 +29,7 @@ def independent_mixing(
 def pure_error(
     noise_covariance: ArrayLike | None, freedom: float, stretch: np.ndarray, mixing: np.ndarray
 ) -> tuple[float, float]:
-    """Scatter of replicates about their samples' means, in mixed outputs of one variance.
-
-    Parameters
-    ----------
-    noise_covariance : array (outputs, outputs) or None
-        Of one value of precision 1, in units of y.
-    freedom : float
-        Its degrees of freedom; 0 where it is known up to a factor alone.
-    stretch : array (outputs,)
-        As in `independent_mixing`.
-    mixing : array (outputs, outputs)
-        What `independent_mixing` gave.
-
-    Returns
-    -------
-    sum_of_squares, residuals : float
-        Zeros without degrees of freedom.
-
-    Raises
-    ------
-    ValueError
-        For negative degrees of freedom, or without a covariance.
-    """
+    """Scatter of replicates about their samples' means, in mixed outputs of one variance."""
     if freedom == 0:
         return 0.0, 0.0
     if noise_covariance is None or not freedom > 0:
@@ -87,31 +44,7 @@ def checked_samples(
     sample_weight: ArrayLike | None = None,
     precision: ArrayLike | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Samples as arrays of one form.
-
-    Parameters
-    ----------
-    X : array_like, (samples, inputs)
-    y : array_like, (samples,) or (samples, outputs)
-    sample_weight : array_like, (samples,), optional
-        How often a sample counts.
-    precision : array_like, (samples,) or (samples, outputs), optional
-        See `Surrogate.fit`.
-
-    Returns
-    -------
-    X : numpy.ndarray, (samples, inputs)
-    Y : numpy.ndarray, (samples, outputs)
-    count : numpy.ndarray, (samples,)
-    precision : numpy.ndarray, (samples, outputs)
-        All finite, and only of samples whose weight is above zero.
-
-    Raises
-    ------
-    ValueError
-        For other shapes, values that are not finite, negative weights, precisions that are not above zero, or fewer
-        than two samples with a weight.
-    """
+    """Samples as arrays of one form."""
     X, Y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
     Y = Y[:, None] if Y.ndim == 1 else Y
     if X.ndim != 2 or Y.ndim != 2 or len(X) != len(Y) or X.size == 0 or Y.size == 0:
@@ -136,22 +69,7 @@ def checked_samples(
 
 
 def checked_points(X: ArrayLike, inputs: int) -> np.ndarray:
-    """Parameter sets as an array of one form.
-
-    Parameters
-    ----------
-    X : array_like, (samples, inputs)
-    inputs : int
-
-    Returns
-    -------
-    numpy.ndarray, (samples, inputs)
-
-    Raises
-    ------
-    ValueError
-        If X has another shape.
-    """
+    """Parameter sets as an array of one form."""
     X = np.asarray(X, dtype=float)
     if X.ndim != 2 or X.shape[1] != inputs:
         raise ValueError(f"X has shape {X.shape}; allowed: (samples, {inputs})")

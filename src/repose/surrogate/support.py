@@ -24,29 +24,7 @@ DISTANCE_QUANTILE = 0.95
 
 
 class Support:
-    """What a set of samples covers.
-
-    Parameters
-    ----------
-    points : array (n, d)
-        Parameters of the samples.
-    low, high : array (d,)
-        Ranges of the parameters. A parameter with low = high is fixed and plays no part.
-    names : sequence of str
-        Of the d parameters.
-
-    Attributes
-    ----------
-    farthest : float
-        Distance to the nearest other sample, in ranges, that 95 % of the samples keep below.
-    largest_leverage : float
-        Of all samples; infinite where the samples are too few for a quadratic model.
-
-    Raises
-    ------
-    ValueError
-        For other shapes, or fewer than two samples.
-    """
+    """What a set of samples covers."""
 
     def __init__(
         self, points: np.ndarray, low: np.ndarray, high: np.ndarray, names: Sequence[str] = PARAMETERS
@@ -71,22 +49,7 @@ class Support:
 
     @classmethod
     def of_dataset(cls, dataset_csv: str | os.PathLike, space: ParameterSpace) -> Self:
-        """The support of the usable samples of a study.
-
-        Parameters
-        ----------
-        dataset_csv : path
-        space : ParameterSpace
-
-        Returns
-        -------
-        Support
-
-        Raises
-        ------
-        InputError
-            If the file cannot be read, or has fewer than two usable samples.
-        """
+        """The support of the usable samples of a study."""
         table = read_table(dataset_csv, ("sample", *PARAMETERS, "status"))
         usable = table[table["status"] == "ok"]
         if len(usable) < 2:
@@ -95,74 +58,26 @@ class Support:
         return cls(usable[list(PARAMETERS)].to_numpy(float), low, high)
 
     def at_bounds(self, points: np.ndarray) -> np.ndarray:
-        """Which free parameters lie within 1 % of their range from an end.
-
-        Parameters
-        ----------
-        points : numpy.ndarray, (m, d)
-
-        Returns
-        -------
-        numpy.ndarray of bool, (m, d)
-        """
+        """Which free parameters lie within 1 % of their range from an end."""
         unit = self._unit(points)
         found = np.zeros((len(unit), len(self.names)), dtype=bool)
         found[:, self._free] = (unit <= BOUND_SHARE) | (unit >= 1 - BOUND_SHARE)
         return found
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Distance to the nearest sample.
-
-        Parameters
-        ----------
-        points : numpy.ndarray, (m, d)
-
-        Returns
-        -------
-        numpy.ndarray, (m,)
-            In ranges.
-        """
+        """Distance to the nearest sample."""
         return self.tree.query(self._unit(points))[0]
 
     def leverage(self, points: np.ndarray) -> np.ndarray:
-        """Leverage in a quadratic model of the samples (C79).
-
-        Parameters
-        ----------
-        points : numpy.ndarray, (m, d)
-
-        Returns
-        -------
-        numpy.ndarray, (m,)
-            0 with too few samples for such a model.
-        """
+        """Leverage in a quadratic model of the samples (C79)."""
         return self._leverage(self._unit(points))
 
     def is_thin(self, points: np.ndarray) -> np.ndarray:
-        """Whether points lie where samples are thin.
-
-        Parameters
-        ----------
-        points : numpy.ndarray, (m, d)
-
-        Returns
-        -------
-        numpy.ndarray of bool, (m,)
-        """
+        """Whether points lie where samples are thin."""
         return (self.distance(points) > self.farthest) | (self.leverage(points) > self.largest_leverage)
 
     def warnings(self, points: np.ndarray) -> list[str]:
-        """A warning in words for each point.
-
-        Parameters
-        ----------
-        points : numpy.ndarray, (m, d)
-
-        Returns
-        -------
-        list of str, (m,)
-            Empty where there is nothing to warn of.
-        """
+        """A warning in words for each point."""
         points = np.atleast_2d(np.asarray(points, dtype=float))
         bounds, middle = self.at_bounds(points), (self.low + self.high) / 2
         distance, leverage = self.distance(points), self.leverage(points)
@@ -199,17 +114,7 @@ class Support:
 
 
 def quadratic_terms(unit: np.ndarray) -> np.ndarray:
-    """Terms of a quadratic model: 1, x_i and x_i x_j of the centred points.
-
-    Parameters
-    ----------
-    unit : numpy.ndarray, (m, d)
-        Points in the unit cube.
-
-    Returns
-    -------
-    numpy.ndarray, (m, (d + 1)(d + 2) / 2)
-    """
+    """Terms of a quadratic model: 1, x_i and x_i x_j of the centred points."""
     x = np.column_stack([np.ones(len(unit)), 2 * unit - 1])
     i, j = np.triu_indices(x.shape[1])
     return x[:, i] * x[:, j]

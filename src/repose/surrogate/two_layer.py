@@ -21,18 +21,7 @@ ARRAYS = ("input_min", "input_max", "output_min", "output_max", "W1", "b1", "W2"
 
 
 def evaluate(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
-    """Responses of a network (Eq. 6-8).
-
-    Parameters
-    ----------
-    network : mapping
-        `ARRAYS` and `scaled_range`, as arrays or lists.
-    X : array (samples, inputs)
-
-    Returns
-    -------
-    numpy.ndarray, (samples, outputs)
-    """
+    """Responses of a network (Eq. 6-8)."""
     a = {key: np.asarray(network[key], dtype=float) for key in (*ARRAYS, "scaled_range")}
     low, high = a["scaled_range"]
     x = scale(np.asarray(X, dtype=float), a["input_min"], a["input_max"], (low, high))
@@ -47,18 +36,6 @@ def response_function(
 
     Every scaling is folded into the weights. Two small matrix products and a tanh remain, for a search that
     calls the function millions of times.
-
-    Parameters
-    ----------
-    network : mapping
-        As for `evaluate`.
-    low, high : array (inputs,)
-        What -1 and 1 stand for.
-
-    Returns
-    -------
-    callable
-        From points (n, inputs) to responses (n, outputs).
     """
     a = {key: np.asarray(network[key], dtype=float) for key in (*ARRAYS, "scaled_range")}
     bottom, top = a["scaled_range"]
@@ -75,21 +52,7 @@ def response_function(
 def nguyen_widrow(
     inputs: int, hidden: int, outputs: int, scaled_range: tuple[float, float], seed: Any
 ) -> np.ndarray:
-    """Random weights with the slopes of the neurons spread over the interval of the inputs (NW90).
-
-    Parameters
-    ----------
-    inputs, hidden, outputs : int
-        Numbers of neurons.
-    scaled_range : (float, float)
-        Interval of the inputs.
-    seed : int or sequence of int
-        Of numpy's RandomState.
-
-    Returns
-    -------
-    numpy.ndarray, (N,)
-    """
+    """Random weights with the slopes of the neurons spread over the interval of the inputs (NW90)."""
     random = np.random.RandomState(seed)
     length = 0.7 * hidden ** (1 / inputs)  # (NW90)
     W1 = random.uniform(-1, 1, (hidden, inputs))
@@ -105,39 +68,14 @@ def nguyen_widrow(
 def unpack(
     w: np.ndarray, inputs: int, hidden: int, outputs: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Views of the weights by layer.
-
-    Parameters
-    ----------
-    w : numpy.ndarray, (N,)
-    inputs, hidden, outputs : int
-        Numbers of neurons.
-
-    Returns
-    -------
-    W1, b1, W2, b2 : numpy.ndarray
-        (hidden, inputs), (hidden,), (outputs, hidden), (outputs,).
-    """
+    """Views of the weights by layer."""
     ends = np.cumsum([hidden * inputs, hidden, outputs * hidden])
     W1, b1, W2, b2 = np.split(w, ends)
     return W1.reshape(hidden, inputs), b1, W2.reshape(outputs, hidden), b2
 
 
 def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
-    """Weights of a network with other outputs: those of the given network times `mixing`.
-
-    Parameters
-    ----------
-    w : array (N,) or (N, columns)
-    mixing : array (outputs, outputs)
-    hidden : int
-        Neurons of the hidden layer.
-
-    Returns
-    -------
-    numpy.ndarray
-        Of the shape of w.
-    """
+    """Weights of a network with other outputs: those of the given network times `mixing`."""
     outputs = len(mixing)
     first = len(w) - outputs * (hidden + 1)
     W2 = w[first : len(w) - outputs].reshape(outputs, -1)
@@ -147,20 +85,7 @@ def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
 
 
 def weight_classes(prior: str, inputs: int, hidden: int, outputs: int) -> list[Any]:
-    """Classes of weights that share an alpha (M92, M94).
-
-    Parameters
-    ----------
-    prior : str
-        One of `PRIORS`: one class, the two layers and the hidden biases, or a class for each input as well.
-    inputs, hidden, outputs : int
-        Numbers of neurons.
-
-    Returns
-    -------
-    list
-        Of each class an index into w.
-    """
+    """Classes of weights that share an alpha (M92, M94)."""
     if prior == "one":
         return [slice(None)]
     w = np.arange(hidden * (inputs + 1) + outputs * (hidden + 1))
@@ -171,19 +96,7 @@ def weight_classes(prior: str, inputs: int, hidden: int, outputs: int) -> list[A
 
 
 def class_names(prior: str, inputs: Sequence[Any]) -> list[str]:
-    """Names of the classes of weights, in the order of `weight_classes`.
-
-    Parameters
-    ----------
-    prior : str
-        One of `PRIORS`.
-    inputs : sequence
-        Names of the inputs.
-
-    Returns
-    -------
-    list of str
-    """
+    """Names of the classes of weights, in the order of `weight_classes`."""
     if prior == "one":
         return ["all weights"]
     first = [f"weights of {name}" for name in inputs] if prior == "inputs" else ["weights of the inputs"]
@@ -194,18 +107,6 @@ def jacobian(w: np.ndarray, x: np.ndarray, outputs: int) -> tuple[np.ndarray, np
     """Scaled outputs and their derivatives by the weights.
 
     The chain rule of the paper's step (3), for each output by itself as Levenberg-Marquardt needs it (HM94).
-
-    Parameters
-    ----------
-    w : array (N,)
-    x : array (samples, inputs)
-        Scaled.
-    outputs : int
-
-    Returns
-    -------
-    y : array (samples, outputs)
-    J : array (samples, outputs, N)
     """
     samples, inputs = x.shape
     hidden = (w.size - outputs) // (inputs + 1 + outputs)
@@ -225,31 +126,10 @@ def jacobian(w: np.ndarray, x: np.ndarray, outputs: int) -> tuple[np.ndarray, np
 
 
 def scale(X: np.ndarray, minimum: np.ndarray, maximum: np.ndarray, interval: Sequence[float]) -> np.ndarray:
-    """mapminmax: the minimum of each column to the lower end of an interval, the maximum to the upper end.
-
-    Parameters
-    ----------
-    X : numpy.ndarray, (samples, columns)
-    minimum, maximum : numpy.ndarray, (columns,)
-    interval : (float, float)
-
-    Returns
-    -------
-    numpy.ndarray, (samples, columns)
-    """
+    """mapminmax: the minimum of each column to the lower end of an interval, the maximum to the upper end."""
     return interval[0] + (X - minimum) / width(minimum, maximum) * (interval[1] - interval[0])
 
 
 def width(minimum: np.ndarray, maximum: np.ndarray) -> np.ndarray:
-    """Width of each column's range.
-
-    Parameters
-    ----------
-    minimum, maximum : numpy.ndarray, (columns,)
-
-    Returns
-    -------
-    numpy.ndarray, (columns,)
-        1 for a column that does not vary.
-    """
+    """Width of each column's range."""
     return np.where(maximum > minimum, maximum - minimum, 1.0)

@@ -56,27 +56,7 @@ def run(
     effort: Effort = FULL,
     told: Callable[[str, Result], Any] | None = None,
 ) -> dict[str, Result]:
-    """Run cases of the verification suite.
-
-    Parameters
-    ----------
-    names : iterable of str, optional
-        By default all cases but the expensive ones.
-    effort : Effort
-        How much work the statistical cases do.
-    told : callable, optional
-        Called with the name and the `case.Result` of each case as it ends.
-
-    Returns
-    -------
-    dict
-        From name to `case.Result`.
-
-    Raises
-    ------
-    InputError
-        If a name is not one of `CASES`.
-    """
+    """Run cases of the verification suite."""
     chosen = list(names) if names else [name for name in CASES if name not in EXPENSIVE]
     for name in chosen:
         if name not in CASES:

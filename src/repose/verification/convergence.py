@@ -28,23 +28,6 @@ def restitution_at(step_s: float, **laws: Any) -> tuple[float, float]:
     """Restitution of two spheres of a berry's volume that meet at 1.4 m/s.
 
     The impact begins at `PHASES` places within a time step, evenly spread.
-
-    Parameters
-    ----------
-    step_s : float
-        Time step in seconds.
-    **laws : str
-        Of the `Simulation`.
-
-    Returns
-    -------
-    mean, error : float
-        Mean of all places, and its standard error.
-
-    Raises
-    ------
-    ValueError
-        If the simulator refuses the step as too long.
     """
     found = []
     for phase in np.arange(PHASES) / PHASES:
@@ -58,18 +41,7 @@ def restitution_at(step_s: float, **laws: Any) -> tuple[float, float]:
 
 
 def longest_step_named(message: str) -> float:
-    """Time step that the simulator names where it refuses one.
-
-    Parameters
-    ----------
-    message : str
-        Text of the refusal.
-
-    Returns
-    -------
-    float
-        In seconds; NaN where the text names none.
-    """
+    """Time step that the simulator names where it refuses one."""
     named = re.search(r"at most ([-+.e\d]+)", message)
     return float(named.group(1)) if named else math.nan
 
@@ -97,19 +69,7 @@ def _runs(step_s: float, pile: tuple, seeds: int) -> list[dict[str, Any]]:
 
 
 def time_steps(effort: Effort) -> Result:
-    """Restitution at each of `TIME_STEPS_S`, and the targets' responses where a configuration is given.
-
-    Parameters
-    ----------
-    effort : Effort
-        `pile` and `seeds` say what is poured.
-
-    Returns
-    -------
-    Result
-        One row is judged: the restitution at the finest step. A step that the simulator refuses has a row
-        that says so.
-    """
+    """Restitution at each of `TIME_STEPS_S`, and the targets' responses where a configuration is given."""
     rows, bounces, piles = [], [], []
     for step in TIME_STEPS_S:
         at = f"time step {step:.3g} s" + (" (recommended)" if step == RECOMMENDED_S else "")

@@ -73,13 +73,7 @@ def sliding_loss(shape: Shape | Clump, contact: Contact, **laws: Any) -> float:
 
 
 def sliding_hits(effort: Effort) -> Result:
-    """A body that slides through a hit loses mu (1 + e) V: sphere, smooth body and clumps, e from .05 to .9.
-
-    Returns
-    -------
-    Result
-        The loss over mu (1 + e) V beside 1, for each body and restitution.
-    """
+    """A body that slides through a hit loses mu (1 + e) V: sphere, smooth body and clumps, e from .05 to .9."""
     rows, curves = [], [Curve("mu (1 + e) V", ASKED, np.ones(len(ASKED)), reference=True)]
     for name, body in particles().items():
         shares = []
@@ -139,13 +133,7 @@ def loop_work(forward: bool, **laws: Any) -> float:
 
 
 def closed_loop(effort: Effort) -> Result:
-    """A contact led over a closed path without slip gives no energy: slide, press, slide back, unload.
-
-    Returns
-    -------
-    Result
-        Energy that comes out more than went in, forward and reverse, beside 0.
-    """
+    """A contact led over a closed path without slip gives no energy: slide, press, slide back, unload."""
     rows = []
     for way, forward in (
         ("slide, press, slide back, unload", True),

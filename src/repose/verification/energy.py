@@ -28,13 +28,7 @@ SPACING, LANE = 0.2, 12  # distance of isolated impacts [m] and how many of them
 
 
 def cloud_momentum(effort: Effort) -> Result:
-    """A cloud of 64 berries that fly together, collide and fly apart keeps its momentum and angular momentum.
-
-    Returns
-    -------
-    Result
-        Drift of momentum and angular momentum over the sums of their sizes; kinetic energy that is left.
-    """
+    """A cloud of 64 berries that fly together, collide and fly apart keeps its momentum and angular momentum."""
     rng = np.random.default_rng(5)
     simulation = berry_simulation(
         Contact(0.4, 0.5, 0.0),
@@ -119,26 +113,6 @@ def pair_hits(
     """Energy after collisions of isolated pairs of ellipsoids, over the energy before.
 
     A pair that still touches at the end is left out: it holds elastic energy.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Of directions, orientations, velocities and spins.
-    contact : Contact
-        Between the ellipsoids.
-    axes : tuple of float, (3,), optional
-        Semi-axes in m.
-    step : float, optional
-        Time step in seconds.
-    **laws : str
-        Of the `Simulation`.
-
-    Returns
-    -------
-    most : numpy.ndarray, (pairs,)
-        Largest ratio at any of ten looks.
-    final : numpy.ndarray, (pairs,)
-        Ratio at the last look.
     """
     n = LANE * LANE
     edge = LANE * SPACING
@@ -175,24 +149,7 @@ def pair_hits(
 def funnel_hits(
     rng: np.random.Generator, contact: Contact, kind: str, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Energy of one berry thrown at a funnel from inside, over its energy before.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Of place, orientation, velocity and spin.
-    contact : Contact
-        Of the berry with the funnel.
-    kind : str
-        What it is thrown at: "cone", "rim" or "tube".
-    **laws : str
-        Of the `Simulation`.
-
-    Returns
-    -------
-    most, final : numpy.ndarray, (1,)
-        Largest ratio at any of ten looks, and the one at the last.
-    """
+    """Energy of one berry thrown at a funnel from inside, over its energy before."""
     funnel = TUBED if kind == "tube" else FUNNEL
     simulation = berry_simulation(
         contact,
@@ -217,22 +174,7 @@ def funnel_hits(
 def shell_hits(
     rng: np.random.Generator, contact: Contact, _kind: str, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Energy of berries in a row along a drum, each thrown at the shell, over their energy before.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Of places, orientations, velocities and spins.
-    contact : Contact
-        Of a berry with the shell.
-    **laws : str
-        Of the `Simulation`.
-
-    Returns
-    -------
-    most, final : numpy.ndarray, (40,)
-        Largest ratio at any of ten looks, and the one at the last.
-    """
+    """Energy of berries in a row along a drum, each thrown at the shell, over their energy before."""
     n, radius, spacing = 40, 0.06, 0.06
     length = n * spacing
     simulation = berry_simulation(
@@ -263,18 +205,7 @@ KINDS: dict[str, Any] = {
 
 
 def energy_of_hits(effort: Effort) -> Result:
-    """No impact with e below 1 and without rolling friction leaves with more energy than it came with.
-
-    Parameters
-    ----------
-    effort : Effort
-        `hits` impacts of each of `KINDS`.
-
-    Returns
-    -------
-    Result
-        The largest ratio of each kind beside 1, with room for the rounding of the free rotation.
-    """
+    """No impact with e below 1 and without rolling friction leaves with more energy than it came with."""
     rows, curves = [], []
     for kind, throw in KINDS.items():
         rng = np.random.default_rng([13, len(kind)])
@@ -303,18 +234,7 @@ def energy_of_hits(effort: Effort) -> Result:
 
 
 def elastic_impacts(effort: Effort) -> Result:
-    """How far the force is from conservative: e = 1 and no friction; pairs, spheres as a control, and a funnel.
-
-    Parameters
-    ----------
-    effort : Effort
-        `hits` impacts of each body.
-
-    Returns
-    -------
-    Result
-        Change of energy of berries at two time steps, reported; of spheres, judged.
-    """
+    """How far the force is from conservative: e = 1 and no friction; pairs, spheres as a control, and a funnel."""
     bodies = (
         ("berries", BERRY_M, STEP),
         ("berries, a fifth of the time step", BERRY_M, STEP / 5),

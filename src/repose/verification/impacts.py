@@ -26,24 +26,7 @@ STILL = (0.0, 0.0, 0.0)
 def pair_history(
     solid: Solid, radius_m: float, speed_m_s: float, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Elastic impact of two equal spheres, head-on, each with half the speed of approach.
-
-    Parameters
-    ----------
-    solid : Solid
-        Of both spheres.
-    radius_m : float
-        Of both spheres.
-    speed_m_s : float
-        Of approach.
-    **laws : str
-        Of the `Simulation`.
-
-    Returns
-    -------
-    time, overlap, force : numpy.ndarray, (steps,)
-        Seconds since the contact began, m, and the normal force in N, at the time steps in contact.
-    """
+    """Elastic impact of two equal spheres, head-on, each with half the speed of approach."""
     hertz = hertz_of_pair(solid, radius_m, speed_m_s)
     step = hertz.duration_s / STEPS_PER_CONTACT
     reach, half = radius_m + 2.0 * step * speed_m_s, 0.5 * speed_m_s
@@ -73,26 +56,7 @@ def pair_history(
 def plane_history(
     solid: Solid, radius_m: float, speed_m_s: float, restitution: float = 1.0, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Impact of a sphere on a rigid plane, along its normal and without friction.
-
-    Parameters
-    ----------
-    solid : Solid
-        Of the sphere.
-    radius_m : float
-        Of the sphere.
-    speed_m_s : float
-        Of approach.
-    restitution : float, optional
-        Of the contact.
-    **laws : str
-        Of the `Simulation`.
-
-    Returns
-    -------
-    time, overlap, force : numpy.ndarray, (steps,)
-        Seconds since the contact began, m, and the normal force in N, at the time steps in contact.
-    """
+    """Impact of a sphere on a rigid plane, along its normal and without friction."""
     simulation, steps = sphere_over_plane(
         solid, radius_m, frictionless(restitution), (0.0, 0.0, -speed_m_s), **laws
     )
@@ -131,18 +95,6 @@ def duration_of(time: np.ndarray, overlap: np.ndarray) -> float:
 
     It ends after the last step in contact, by the time in which the overlap that is left is undone at its
     last speed.
-
-    Parameters
-    ----------
-    time : numpy.ndarray, (steps,)
-        Seconds since the contact began.
-    overlap : numpy.ndarray, (steps,)
-        In m, as `pair_history` gives it.
-
-    Returns
-    -------
-    float
-        In seconds.
     """
     step = time[1] - time[0]
     return time[-1] + step * overlap[-1] / (overlap[-2] - overlap[-1])
@@ -182,14 +134,6 @@ def _elastic(title: str, compared: str, cases: Sequence[tuple], published: Mappi
 def two_spheres(effort: Effort) -> Result:
     """Test 1: two equal spheres of radius 10 mm, head-on at 10 m/s each, elastic.
 
-    Returns
-    -------
-    Result
-        Peak force, largest overlap and contact time of glass and limestone beside Hertz; of glass beside the
-        digitised values too.
-
-    References
-    ----------
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 1.
     """
     cases = [
@@ -207,14 +151,6 @@ def two_spheres(effort: Effort) -> Result:
 def sphere_on_plane(effort: Effort) -> Result:
     """Test 2: a sphere of radius 0.1 m on a rigid plane at 0.2 m/s, elastic.
 
-    Returns
-    -------
-    Result
-        Peak force, largest overlap and contact time of two alloys beside Hertz; of the aluminium alloy beside
-        the digitised values too.
-
-    References
-    ----------
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 2.
     """
     cases = [
@@ -232,14 +168,6 @@ def sphere_on_plane(effort: Effort) -> Result:
 def damped_impact(effort: Effort) -> Result:
     """Test 3: restitution out for restitution in, a sphere of radius 2.5 mm on a rigid plane at 3.9 m/s.
 
-    Returns
-    -------
-    Result
-        Restitution of two solids beside the one asked for; peak forces beside the damped equation
-        (`Hertz.history`).
-
-    References
-    ----------
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 3.
     """
     asked = np.linspace(0.2, 1.0, 9)

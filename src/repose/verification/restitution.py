@@ -44,13 +44,7 @@ SOFT_NOTE = "the bodies turn while they touch"
 
 @functools.cache
 def particles() -> dict[str, Shape | Clump]:
-    """Every kind of particle, as large as a berry.
-
-    Returns
-    -------
-    dict
-        From name to shape, of material "berry".
-    """
+    """Every kind of particle, as large as a berry."""
     volume = 4.0 / 3.0 * math.pi * np.prod(BERRY_M)
     solid = Shape.ellipsoid(np.sum(BARREL_M, axis=0), BERRY_DENSITY, "berry")
     found: dict[str, Shape | Clump] = {
@@ -66,30 +60,14 @@ def particles() -> dict[str, Shape | Clump]:
 
 
 class Hits(NamedTuple):
-    """What hits returned.
-
-    Attributes
-    ----------
-    restitution : ndarray (count,)
-        NaN where the bodies had not parted after `LONGEST` contact times.
-    contacts : ndarray (count,)
-        Most contacts at any look.
-    """
+    """What hits returned."""
 
     restitution: np.ndarray
     contacts: np.ndarray
 
 
 class Place(NamedTuple):
-    """Where two bodies touch.
-
-    Attributes
-    ----------
-    normal : ndarray (3,)
-        From the first to the second.
-    arm_a, arm_b : ndarray (3,)
-        The place relative to either centre [m].
-    """
+    """Where two bodies touch."""
 
     normal: np.ndarray
     arm_a: np.ndarray
@@ -119,19 +97,6 @@ def first_touch(
 
     Spheres touch in closed form. Convex bodies overlap at a distance s as long as (offset + s d) . n < h(n) for all n,
     h the sum of their extents, so s is the least (h(n) - offset . n) / (d . n) over n . d > 0.
-
-    Parameters
-    ----------
-    shape : Shape or Clump
-        Of both.
-    turn_a, turn_b : ndarray (3, 3)
-        Rotations, body to world.
-    offset, direction : ndarray (3,)
-        The latter a unit vector.
-
-    Returns
-    -------
-    float
     """
     if isinstance(shape, Clump):
         a, b = _turned_spheres(shape, turn_a), _turned_spheres(shape, turn_b)
@@ -151,21 +116,7 @@ def first_touch(
 
 
 def nearest(shape: Shape | Clump, turn_a: np.ndarray, turn_b: np.ndarray, apart: np.ndarray) -> Place:
-    """Where two bodies that just touch do so.
-
-    Parameters
-    ----------
-    shape : Shape or Clump
-        Of both.
-    turn_a, turn_b : ndarray (3, 3)
-        Rotations, body to world.
-    apart : ndarray (3,)
-        From the centre of the first to that of the second [m].
-
-    Returns
-    -------
-    Place
-    """
+    """Where two bodies that just touch do so."""
     if isinstance(shape, Clump):
         a, b = _turned_spheres(shape, turn_a), _turned_spheres(shape, turn_b)
         between = b[None, :, :3] + apart - a[:, None, :3]
@@ -191,27 +142,7 @@ def hits(
     seed: int = 3,
     **keywords: Any,
 ) -> "Hits":
-    """What isolated hits of two bodies, or of a body and a plane, return.
-
-    Parameters
-    ----------
-    shape : Shape or Clump
-        Of material "berry".
-    restitution : float
-        Nominal.
-    stiffer : float
-        The moduli over those of a berry and PVC.
-    on_plane : bool
-    count : int
-        How many hits.
-    seed : int, optional
-    **keywords
-        Of the `Simulation`, such as its laws.
-
-    Returns
-    -------
-    Hits
-    """
+    """What isolated hits of two bodies, or of a body and a plane, return."""
     rng = np.random.default_rng(seed)
     berry, wall = (Material(stiffer * m.shear_modulus_pa, m.poisson_ratio) for m in (BERRY, PVC))
     contact = Contact(restitution, 0.0, 0.0)
@@ -310,16 +241,7 @@ def _approach(simulation, k, on_plane):
 
 
 def restitution_of_hits(effort: Effort) -> Result:
-    """Restitution found for restitution asked, of every particle: pairs and planes, stiff and as soft as a berry.
-
-    Parameters
-    ----------
-    effort : Effort
-
-    Returns
-    -------
-    Result
-    """
+    """Restitution found for restitution asked, of every particle: pairs and planes, stiff and as soft as a berry."""
     count = max(24, effort.hits // 100)
     rows: list[Row] = []
     panels = []

@@ -95,13 +95,6 @@ def _spin_panels(velocities: tuple[Curve, ...], spins: tuple[Curve, ...]) -> lis
 def plane_spins(effort: Effort) -> Result:
     """Test 6: radius 0.1 m, 0.2 m/s, e 0.5, mu 0.4, spins 0.175 to 21 rad/s; aluminium and nylon.
 
-    Returns
-    -------
-    Result
-        Changes of velocity and spin in gross sliding, by the law and by rigid bodies.
-
-    References
-    ----------
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 6.
     """
     rows, velocities, spins = [], [], []
@@ -124,13 +117,6 @@ def equal_spheres(effort: Effort) -> Result:
     With one sense of rotation, as vectors, the surfaces move against each other and the contact point stays: each
     sphere is one on a plane of its own. With opposite vectors the surfaces move together and nothing is exchanged.
 
-    Returns
-    -------
-    Result
-        Rows of `plane_spins`, and of spheres that exchange nothing.
-
-    References
-    ----------
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 7.
     """
     rows, velocities, spins = [], [], []
@@ -161,13 +147,6 @@ def equal_spheres(effort: Effort) -> Result:
 def unequal_spheres(effort: Effort) -> Result:
     """Test 8: spheres of radii 0.1 and 0.5 m, the second 1000 times stiffer and denser: test 6 again.
 
-    Returns
-    -------
-    Result
-        Velocity and spin beside those of `plane_spins`.
-
-    References
-    ----------
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 8.
     """
     rows, velocities, spins = [], [], []

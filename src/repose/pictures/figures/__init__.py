@@ -86,24 +86,7 @@ OPTIONAL = {
 
 
 def draw(name: str, inputs: Mapping[str, Any], out_path: str | Path, config: Mapping[str, Any]) -> None:
-    """Draw one figure to a PNG.
-
-    Parameters
-    ----------
-    name : str
-        A key of `FIGURES`.
-    inputs : mapping
-        From the figure's input names to paths.
-    out_path : path
-        The PNG.
-    config : mapping
-        The whole configuration.
-
-    Raises
-    ------
-    InputError
-        For an unknown name, an input that is missing, unknown or no file, or one that does not hold what is drawn.
-    """
+    """Draw one figure to a PNG."""
     if name not in FIGURES:
         raise InputError("figures", "name", name, ", ".join(FIGURES))
     function, needed = FIGURES[name]

@@ -30,25 +30,6 @@ RECONSTRUCTED = "Sizes are a reconstruction from published statistics, not measu
 def sizes_and_sphericity(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 2: histograms of the axes and the sphericity with the normal curves of their moments.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``sizes``, the measured axes.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Four panels.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read.
-
-    References
-    ----------
     Figure 2 and Table 1 of the paper; sphericity: its Eq. (1).
     """
     sizes = berry.read_sizes(inputs["sizes"])
@@ -84,25 +65,6 @@ def _histogram(panel: Axes, values: np.ndarray, label: str, colour: str, unit: s
 def particle_and_mesh(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 7: the mesh and every particle made from it, side by side on axes of the same scale.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``stl``, the mesh, and ``particle``, both of the verb shape.
-    config : mapping
-        The whole configuration; `berry` tells how many spheres the particle of spheres has.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Four panels; a particle that cannot be made is told by its reason.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-
-    References
-    ----------
     Figure 7 of the paper.
     """
     chosen = build.Particle.load(inputs["particle"])

@@ -22,25 +22,6 @@ def validation(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     A response that was not published leaves its place empty; without any, or without a published table, there is
     one column of panels.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``table4``, of the verb validate, and perhaps of ``published``, the published table.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A row of panels for each target.
-
-    Raises
-    ------
-    InputError
-        If a table cannot be read.
-
-    References
-    ----------
     Table 4 of the paper.
     """
     targets = style.targets_of(config)
@@ -75,25 +56,6 @@ def validation(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
 def published_solutions(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """The published solutions: their simulated responses beside those of our simulator.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``published``, the published solutions as simulated here.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel for each target.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read.
-
-    References
-    ----------
     Table 4 of the paper.
     """
     targets = style.targets_of(config)

@@ -25,25 +25,7 @@ LEAST_MISSED = 0.003  # of the explainable variance; an unbiased share may excee
 
 
 def accuracy(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """R2 at the fresh points and its explainable share over the simulations trained on, a column for each response.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``accuracy``, table of the verb compare_accuracy.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Two rows of panels.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read.
-    """
+    """R2 at the fresh points and its explainable share over the simulations trained on, a column for each response."""
     keys = ("r2", "r2_low", "r2_high", "r2_bar", "explainable", "explainable_low", "explainable_high")
     columns = ("training", "simulations", "seeds", "response", "reachable_r2", *keys, "explainable_bar")
     table = read_table(inputs["accuracy"], columns)
@@ -79,25 +61,7 @@ def _with_intervals(panel, rows, key):
 
 
 def surrogates(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Explainable variance that is missed over the simulations, one line a model; the main design's as open marks.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``surrogates``, table of the verb compare_surrogates.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel for each response.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read.
-    """
+    """Explainable variance that is missed over the simulations, one line a model; the main design's as open marks."""
     table = read_table(
         inputs["surrogates"],
         ("model", "training", "simulations", "response", "explainable", "explainable_se"),
@@ -121,25 +85,7 @@ def surrogates(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
 
 
 def sampling(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Explainable variance that the network misses by design and size, all fits by seeds per point; real ones open.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``sampling``, table of the verb compare_sampling.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Designs above, points against seeds below; a column for each response.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read.
-    """
+    """Explainable variance that the network misses by design and size, all fits by seeds per point; real ones open."""
     keys = ("comparison", "design", "data", "fit", "points", "seeds", "response")
     table = read_table(inputs["sampling"], (*keys, "explainable", "explainable_se"))
     designs = table[(table["comparison"] == "designs") & (table["fit"] == "network")]

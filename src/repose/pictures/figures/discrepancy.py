@@ -23,25 +23,7 @@ FEW = 400  # effective points, below which a row is a rough estimate
 
 
 def over_the_discrepancy(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Bits, and the 95 % interval of each free parameter; stated discrepancies as curves, a shape study as a mark.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``discrepancy``, of the verb posterior.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel of the bits, and one for each free parameter below it.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read.
-    """
+    """Bits, and the 95 % interval of each free parameter; stated discrepancies as curves, a shape study as a mark."""
     names = ParameterSpace.of(config["parameters"]).free
     ends = [f"{name}_{end}" for name in names for end in ("low", "high")]
     table = read_table(inputs["discrepancy"], (*COLUMNS, *ends))

@@ -39,25 +39,7 @@ KINDS = {"real": "subsets of the samples", "emulated": "new samples, emulated"}
 
 
 def searches(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Best objective over evaluations, evaluations to the tolerance, and how much of the feasible region is found.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``curves`` and ``methods``, tables of the verb compare_search.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Three panels.
-
-    Raises
-    ------
-    InputError
-        If a table cannot be read.
-    """
+    """Best objective over evaluations, evaluations to the tolerance, and how much of the feasible region is found."""
     curves = read_table(inputs["curves"], ("method", "evaluations", "log10_mean", "log10_se"))
     methods = read_table(inputs["methods"], ("method", "reached", "repetitions")).set_index("method")
     figure = style.new_figure(style.PAGE, 3.5)
@@ -144,25 +126,7 @@ def _coverage(panel: Axes, methods: pd.DataFrame) -> None:
 
 
 def whole(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """True error of what each method proposes over the simulations that were spent, a row for each response.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``whole``, table of the verb compare_whole.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A row of panels for each response, a column for each kind of samples.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read.
-    """
+    """True error of what each method proposes over the simulations that were spent, a row for each response."""
     responses = style.targets_of(config).responses
     off = [derived(one.name, "off") for one in responses]
     columns = [column for key in off for column in (key, f"{key}_se")]

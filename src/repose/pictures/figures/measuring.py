@@ -21,25 +21,7 @@ STYLES = dict(zip(DEFINITIONS, ("-", "-", "-", (0, (4, 2))), strict=True))
 
 
 def definitions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Four definitions on the first view of a pile, and what each gives in every view.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``heap`` (positions of pours), ``particle`` and ``berry``.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The first view above, all views below.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-    """
+    """Four definitions on the first view of a pile, and what each gives in every view."""
     berry = read_berry(inputs["berry"])
     settings = pile.MeasureSettings.of(config["measure"], berry)
     poured, particle = first_pour(inputs["heap"]), build.Particle.load(inputs["particle"])

@@ -22,25 +22,7 @@ SAMPLES = {
 
 
 def planes(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """All samples, the target ranges, the measured piles, the solutions and the answer, for each pair of targets.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``dataset``, ``feasible`` and ``table4``, and perhaps of ``pool`` and ``fresh``, datasets of the pool.
-    config : mapping
-        The whole configuration, with two targets or more.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel for each pair.
-
-    Raises
-    ------
-    InputError
-        If a table cannot be read.
-    """
+    """All samples, the target ranges, the measured piles, the solutions and the answer, for each pair of targets."""
     targets = style.targets_of(config)
     columns = (*targets.names, *targets.errors)
     tables = {key: read_table(inputs[key], ("status", *columns)) for key in SAMPLES if key in inputs}

@@ -23,25 +23,7 @@ DEPTH = ("share", "above: optical depth, the share of a cell that is not implaus
 
 
 def not_excluded(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Each pair of free parameters: minimum implausibility below the diagonal, optical depth above it.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``region`` and ``summary``, both of the verb posterior.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        d x d panels of d free parameters, their names on the diagonal.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-    """
+    """Each pair of free parameters: minimum implausibility below the diagonal, optical depth above it."""
     table = read_table(inputs["region"], COLUMNS)
     share = read_json(inputs["summary"], ("not_implausible_share",))["not_implausible_share"]
     space = ParameterSpace.of(config["parameters"])

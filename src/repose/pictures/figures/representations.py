@@ -26,23 +26,6 @@ def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
 
     A point is the mean over the published sets, its bars two standard errors. With more than two targets the first two
     are shown; with one, the distance stands on the vertical axis.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``combinations`` and ``sets``, tables of the verb shape_study.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Four panels.
-
-    Raises
-    ------
-    InputError
-        If a table cannot be read.
     """
     columns = ("particle", "tension", "filling", "definition", "distance")
     combinations = read_table(inputs["combinations"], columns)

@@ -21,25 +21,7 @@ GRID = 60
 
 
 def pareto(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Standardised effects of a step, the largest first, with the limits of significance.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``effects``, of the verbs response_screening and response_surface.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel for each response.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
-    """
+    """Standardised effects of a step, the largest first, with the limits of significance."""
     columns = ("response", "term", "coefficient", "t", "limit_t", "limit_bonferroni")
     effects, targets = read_table(inputs["effects"], columns), style.targets_of(config)
     terms = len(effects) // len(targets)
@@ -59,25 +41,7 @@ def pareto(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
 
 
 def perturbation(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Each response over one factor after the other, the others at the centre of the surface's design.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``samples`` and ``dataset`` of the surface.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel for each response.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-    """
+    """Each response over one factor after the other, the others at the centre of the surface's design."""
     targets, models = _models(inputs, config)
     figure = style.new_figure(style.PAGE, 2.9)
     panels = figure.subplots(1, len(models), squeeze=False)[0]
@@ -94,25 +58,7 @@ def perturbation(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure
 
 
 def contours(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Contours of each response over every pair of factors, the others at the optimum.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``samples``, ``dataset`` and ``optimum`` of the surface.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A row for each response, a column for each pair.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-    """
+    """Contours of each response over every pair of factors, the others at the optimum."""
     targets, models = _models(inputs, config)
     best = read_json(inputs["optimum"], ("coded",), "what the verb response_surface wrote")["coded"]
     pairs = list(combinations(range(len(models[0].factors)), 2))

@@ -31,25 +31,6 @@ TITLES = {
 def states(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 15: side views along the axis with the line fitted to the upper edge, in the states there are.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``states``, of the verb drum, and ``particle``.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel for each state.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-
-    References
-    ----------
     Figure 15 of the paper.
     """
     arrays = read_npz(inputs["states"], ("position_start", "quaternion_start"), "the states of a drum")
@@ -117,25 +98,7 @@ def _side_view(
 
 
 def course(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Angles over the turned angle of every run, and the motion of the slipping layer by depth.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``record``, ``profile`` and ``runs``, tables of the verb drum_tables.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Two panels.
-
-    Raises
-    ------
-    InputError
-        If a table cannot be read.
-    """
+    """Angles over the turned angle of every run, and the motion of the slipping layer by depth."""
     record = read_table(inputs["record"], ("seed", "time_s", "surface_deg", "bed_deg"))
     profile = read_table(inputs["profile"], ("seed", "depth_mm", "moved_mm"))
     runs = read_table(inputs["runs"], ("seed", "status"))

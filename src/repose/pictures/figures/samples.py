@@ -16,25 +16,7 @@ from . import style
 
 
 def design_matrix(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Every pair of the open parameters in the design, the histogram of each, and how the methods compare.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``samples``, of the verb design, and perhaps of ``comparison``, its table of methods.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A square of panels, those above the diagonal empty.
-
-    Raises
-    ------
-    InputError
-        If a table cannot be read.
-    """
+    """Every pair of the open parameters in the design, the histogram of each, and how the methods compare."""
     free, ranges = ParameterSpace.of(config["parameters"]).free, style.ranges_of(config)
     table = read_table(inputs["samples"], free)
     figure = style.new_figure(style.PAGE, style.PAGE)
@@ -72,25 +54,7 @@ def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
 
 
 def responses_over_parameters(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Each response over each open parameter with the rank correlation; samples that failed are marked below.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``dataset``, of the verb dataset.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A row of panels for each response, a column for each parameter.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read.
-    """
+    """Each response over each open parameter with the rank correlation; samples that failed are marked below."""
     responses = style.targets_of(config).responses
     free, ranges = ParameterSpace.of(config["parameters"]).free, style.ranges_of(config)
     columns = [column for one in responses for column in (one.name, one.error)]

@@ -25,25 +25,6 @@ def feasible_solutions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> 
 
     Where no solution is feasible the table holds the nearest ones, and the figure says so.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``feasible`` and ``summary``, of the verb miga, and perhaps ``published``, the published intervals.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The parameters, and a panel for each target.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-
-    References
-    ----------
     Figure 14 and Table 3 of the paper.
     """
     targets = style.targets_of(config)
@@ -165,25 +146,7 @@ def _response_strip(panel: Axes, solutions: pd.DataFrame, target: Target) -> Non
 
 
 def convergence(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Objective of the best and the mean individual, and feasible solutions met, over the rounds.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``history`` and perhaps ``summary``, of the verb miga.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Two panels.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-    """
+    """Objective of the best and the mean individual, and feasible solutions met, over the rounds."""
     columns = ("generation", "mean_objective", "best_objective", "feasible_found")
     history = read_table(inputs["history"], columns)
     figure = style.new_figure(style.COLUMN * 1.1, 3.4)

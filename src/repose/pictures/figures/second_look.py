@@ -18,25 +18,7 @@ COLOURS = (style.BLUE, style.SKY)
 
 
 def what_to_measure_next(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Bits that each response adds to the targets, the width of each parameter's interval, and bits a minute of work.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``responses``, ``information``, ``narrowing`` and ``ways``, tables of the verb second_responses.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Bits and bits a minute above, widths below; every panel for an exact simulator and with a discrepancy.
-
-    Raises
-    ------
-    InputError
-        If a table cannot be read.
-    """
+    """Bits that each response adds to the targets, the width of each parameter's interval, and bits a minute of work."""
     base_name = base_label(style.targets_of(config).responses)
     information = read_table(inputs["information"], ("discrepancy_percent", "set", "gain_bits"))
     narrowing = read_table(inputs["narrowing"], ("discrepancy_percent", "set", "parameter", "over_base"))

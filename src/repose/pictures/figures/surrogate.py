@@ -24,25 +24,6 @@ def network_structure(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> F
 
     Of several networks the one of the largest evidence is drawn, which comes first in their file.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``network``, of the verb network.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One panel.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or holds a response that is not known.
-
-    References
-    ----------
     Figure 10 of the paper.
     """
     network = read_json(inputs["network"], ("inputs", "outputs", "W1", "W2"), "the file of a network")
@@ -93,25 +74,6 @@ def _column(x: float, count: int) -> np.ndarray:
 def predicted_against_simulated(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 13: predicted over simulated responses by split, with y = x, R2 (Eq. 13) and RMSE.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``predictions``, of the verb network, and ``dataset``.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel for each target.
-
-    Raises
-    ------
-    InputError
-        If a table cannot be read.
-
-    References
-    ----------
     Figure 13 of the paper.
     """
     targets = style.targets_of(config)

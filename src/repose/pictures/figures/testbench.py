@@ -29,25 +29,6 @@ SNAPSHOT_S = 9.0
 def simulated_pile(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 5's counterpart: a shaded picture of a simulated pile.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``heap``, positions of pours, and ``particle``.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The first pour of the file.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-
-    References
-    ----------
     Figure 5 of the paper.
     """
     poured = first_pour(inputs["heap"])
@@ -81,25 +62,6 @@ def simulated_pile(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figu
 def measurement(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 6: the steps of the measurement; the left flank's line is red, the right one's green.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``heap``, positions of pours, ``particle`` and ``berry``.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Four panels, a step each.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-
-    References
-    ----------
     Figure 6 and section 2.3 of the paper.
     """
     settings = pile.MeasureSettings.of(config["measure"], read_berry(inputs["berry"]))
@@ -123,25 +85,6 @@ def measurement(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
 def apparatus(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 8: the virtual test bench from the side, to scale, with the berries of a pour if given.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Perhaps paths of ``trajectory``, of a pour, and ``particle``.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One panel, in mm.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-
-    References
-    ----------
     Figure 8 of the paper.
     """
     funnel = config["funnel"]

@@ -29,27 +29,7 @@ LARGEST_SIZE = 7.2
 
 
 def read_dot(path: str | Path) -> tuple[dict[str, str], dict[str, float], list[tuple[str, str]]]:
-    """Nodes and edges of a rule graph.
-
-    Parameters
-    ----------
-    path : path
-        What `snakemake --rulegraph` prints, in the DOT language.
-
-    Returns
-    -------
-    labels : dict of str
-        Text of each node.
-    hues : dict of float
-        Hue of each node, 0 to 1.
-    edges : list of tuple of str
-        Pairs (from, to), sorted, each once.
-
-    Raises
-    ------
-    InputError
-        If the file holds no nodes.
-    """
+    """Nodes and edges of a rule graph."""
     text = Path(path).read_text()
     labels, hues = {}, {}
     for node, label, rest in NODE.findall(text):
@@ -63,18 +43,7 @@ def read_dot(path: str | Path) -> tuple[dict[str, str], dict[str, float], list[t
 
 
 def reduced(edges: Sequence[tuple]) -> list[tuple]:
-    """The edges of a graph without those that a longer way implies.
-
-    Parameters
-    ----------
-    edges : sequence of tuple
-        Pairs (from, to) of a graph without cycles.
-
-    Returns
-    -------
-    list of tuple
-        In the same order.
-    """
+    """The edges of a graph without those that a longer way implies."""
     after: dict[Any, set] = {}
     for a, b in edges:
         after.setdefault(a, set()).add(b)
@@ -92,25 +61,7 @@ def reduced(edges: Sequence[tuple]) -> list[tuple]:
 
 
 def layers_of(nodes: Sequence, edges: Sequence[tuple]) -> dict[Any, int]:
-    """Layer of each node: the longest way to it, in edges.
-
-    Parameters
-    ----------
-    nodes : sequence
-        Names of the nodes.
-    edges : sequence of tuple
-        Pairs (from, to).
-
-    Returns
-    -------
-    dict of int
-        Layer by node, from 0.
-
-    Raises
-    ------
-    InputError
-        If the graph has a cycle.
-    """
+    """Layer of each node: the longest way to it, in edges."""
     layer = dict.fromkeys(nodes, 0)
     for _ in range(len(layer) + 1):
         moved = False
@@ -126,25 +77,6 @@ def layout(nodes: Sequence, edges: Sequence[tuple]) -> tuple[dict, dict]:
     """Places of a graph's nodes, and the ways of its edges between them.
 
     Edges over several layers pass through stand-ins; a layer is ordered by the mean place of its neighbours.
-
-    Parameters
-    ----------
-    nodes : sequence
-        Names of the nodes.
-    edges : sequence of tuple
-        Pairs (from, to) of a graph without cycles.
-
-    Returns
-    -------
-    places : dict of tuple
-        (x, layer) by node; nodes of a layer are at least 1 apart.
-    ways : dict of list
-        By edge, the places that it passes.
-
-    Raises
-    ------
-    InputError
-        If the graph has a cycle.
     """
     layer = layers_of(nodes, edges)
     rows = [[n for n in nodes if layer[n] == k] for k in range(max(layer.values()) + 1)]
@@ -184,25 +116,6 @@ def _spread(wishes: Sequence[float]) -> list[float]:
 def rule_graph(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Figure 9: rules as boxes from top to bottom, arrows along the data; implied arrows are left out.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``dot``, what `snakemake --rulegraph` prints.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One panel.
-
-    Raises
-    ------
-    InputError
-        If the file holds no nodes, or a cycle.
-
-    References
-    ----------
     Figure 9 of the paper.
     """
     labels, hues, edges = read_dot(inputs["dot"])

@@ -27,39 +27,13 @@ def write(
     tables: Mapping[str, str],
     out_path: str | os.PathLike,
 ) -> None:
-    """Write the report of a study.
-
-    Parameters
-    ----------
-    config : mapping
-        Checked.
-    jobs : sequence of path
-        Measured runs of the representative parameter set.
-    files : mapping
-        Paths by name, see `repose.pictures.report.study`.
-    tables : mapping
-        Paths of further tables that the page shows, by their titles.
-    out_path : path
-
-    Raises
-    ------
-    InputError
-        As `repose.pictures.report.study.read`, and for a trajectory, a picture or a table that cannot be read.
-    """
+    """Write the report of a study."""
     study = read(config, jobs, files)
     write_study(study, {title: read_table(path) for title, path in tables.items()}, out_path)
 
 
 def write_study(study: Study, tables: Mapping[str, "pd.DataFrame"], out_path: str | os.PathLike) -> None:
-    """Write the report of a study that was read or made.
-
-    Parameters
-    ----------
-    study : Study
-    tables : mapping
-        Further tables that the page shows, by their titles.
-    out_path : path
-    """
+    """Write the report of a study that was read or made."""
     parts = (sections.answer, sections.check, sections.other_parameters, sections.how_found)
     body = "\n".join([*(part(study) for part in parts), sections.all_tables(tables)])
     title = f"Contact parameters: {study.config['label']}"
@@ -67,17 +41,7 @@ def write_study(study: Study, tables: Mapping[str, "pd.DataFrame"], out_path: st
 
 
 def content(study: Study) -> dict[str, Any]:
-    """All that the scripts need.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    dict
-        Plain values; no NaN.
-    """
+    """All that the scripts need."""
     found: dict[str, Any] = {
         "parameters": [_parameter(study, k) for k in range(len(study.space.names))],
         "targets": [_target(study, one) for one in study.targets],
@@ -95,16 +59,7 @@ def content(study: Study) -> dict[str, Any]:
 
 
 def for_copy(study: Study) -> str:
-    """The parameters as lines of YAML.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    str
-    """
+    """The parameters as lines of YAML."""
     lines = [f"# {study.config['label']}: {sections.verdict(study)[1]}"]
     if study.config["small_run"]:
         lines.append("# small run: no calibration")
@@ -116,20 +71,7 @@ def for_copy(study: Study) -> str:
 
 
 def assembled(title: str, body: str, values: Mapping[str, Any]) -> str:
-    """The page as one text.
-
-    Parameters
-    ----------
-    title : str
-    body : str
-        HTML.
-    values : mapping
-        What the scripts read.
-
-    Returns
-    -------
-    str
-    """
+    """The page as one text."""
     # "<" in a string of JSON may be written so; a script cannot end early
     coded = json.dumps(values, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     view = ("three.min.js", "view.js") if values["pour"] else ()

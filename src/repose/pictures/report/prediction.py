@@ -20,52 +20,17 @@ SHARED = ("input_min", "input_max", "output_min", "output_max", "scaled_range")
 
 
 def packed(array: np.ndarray, kind: str) -> str:
-    """An array as text that JavaScript can read into a typed array.
-
-    Parameters
-    ----------
-    array : array
-    kind : str
-        Of numpy, little-endian, as in ``<f4``.
-
-    Returns
-    -------
-    str
-        Base64.
-    """
+    """An array as text that JavaScript can read into a typed array."""
     return base64.b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode()
 
 
 def is_whole(surrogate: Predictor) -> TypeGuard[BayesianBP | NetworkEnsemble]:
-    """Whether the page gets the surrogate itself, not curves.
-
-    Parameters
-    ----------
-    surrogate : Predictor
-
-    Returns
-    -------
-    bool
-    """
+    """Whether the page gets the surrogate itself, not curves."""
     return isinstance(surrogate, BayesianBP | NetworkEnsemble)
 
 
 def for_page(surrogate: Predictor, space: ParameterSpace, answer: np.ndarray) -> dict[str, Any]:
-    """A surrogate as plain values.
-
-    Parameters
-    ----------
-    surrogate : Predictor
-        Trained.
-    space : ParameterSpace
-    answer : array
-        The parameter set that the page tells.
-
-    Returns
-    -------
-    dict
-        With `kind`, ``network`` or ``curves``.
-    """
+    """A surrogate as plain values."""
     if is_whole(surrogate):
         members = surrogate.members_ if isinstance(surrogate, NetworkEnsemble) else [surrogate]
         contents = [one.to_dict() for one in members]

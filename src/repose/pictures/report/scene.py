@@ -26,28 +26,7 @@ MAX_TRIANGLES = 600_000  # of all bodies together: what a phone draws
 
 
 def for_page(trajectory: str | os.PathLike, particle: Particle, section: Mapping[str, Any]) -> dict[str, Any]:
-    """A pour as plain values, lengths in mm.
-
-    Parameters
-    ----------
-    trajectory : path
-        As `repose.pictures.film.animate_pour` takes it.
-    particle : Particle
-    section : mapping
-        The section `funnel` of the configuration.
-
-    Returns
-    -------
-    dict
-        `body`: points, normals and triangles. `times_s`. `low`, `step`: of the positions. `positions` (frames, bodies,
-        3), 65535 for a body that is not there. `turns` (frames, bodies, 4): quaternions x, y, z, w. `scales` or None.
-        `walls`: rows z, r below and z, r above. `plate_mm`: radius.
-
-    Raises
-    ------
-    InputError
-        If the trajectory cannot be read.
-    """
+    """A pour as plain values, lengths in mm."""
     record = read_npz(trajectory, KEYS, "the trajectory of a pour")
     count = record["position"].shape[1]
     shown = frames_shown(record["time_s"], count)
@@ -73,36 +52,13 @@ def for_page(trajectory: str | os.PathLike, particle: Particle, section: Mapping
 
 
 def frames_shown(times_s: np.ndarray, count: int) -> np.ndarray:
-    """Numbers of the frames that a page holds: evenly over the time, the last one among them.
-
-    Parameters
-    ----------
-    times_s : array (T,)
-    count : int
-        Number of bodies; more bodies leave room for fewer frames.
-
-    Returns
-    -------
-    numpy.ndarray of int
-    """
+    """Numbers of the frames that a page holds: evenly over the time, the last one among them."""
     most = min(FRAMES, max(2, MAX_BYTES // (BYTES * max(count, 1))), len(times_s))
     return np.unique(np.searchsorted(times_s, np.linspace(times_s[0], times_s[-1], most)))
 
 
 def quantised(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions as whole numbers.
-
-    Parameters
-    ----------
-    positions : array (T, N, 3)
-        NaN for a body that is not there.
-
-    Returns
-    -------
-    whole : numpy.ndarray of uint16, (T, N, 3)
-        `ABSENT` for a body that is not there; else the position is low + step * whole.
-    low, step : numpy.ndarray, (3,)
-    """
+    """Positions as whole numbers."""
     there = np.isfinite(positions).all(axis=2)
     if not there.any():
         return np.full(positions.shape, ABSENT, np.uint16), np.zeros(3), np.ones(3)
@@ -114,21 +70,7 @@ def quantised(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def body(particle: Particle, most_triangles: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """One body as triangles; of a body of spheres what no other of its spheres hides.
-
-    Parameters
-    ----------
-    particle : Particle
-    most_triangles : int
-        Where fewer than the coarsest picture needs, that is taken.
-
-    Returns
-    -------
-    points : numpy.ndarray, (V, 3)
-        In mm.
-    normals : numpy.ndarray, (V, 3)
-    triangles : numpy.ndarray of int, (T, 3)
-    """
+    """One body as triangles; of a body of spheres what no other of its spheres hides."""
     if not particle.is_clump:
         rings = int(np.clip(np.sqrt(most_triangles / 4), 8, 18))
         points, normals, triangles = tessellate(particle, rings, 2 * rings)

@@ -21,16 +21,7 @@ standard deviation. Blue: {blue}, the line holds the true mean with 95 % probabi
 
 
 def share(value: float | None) -> str:
-    """A probability in words that promise no more than the runs can tell.
-
-    Parameters
-    ----------
-    value : float or None
-
-    Returns
-    -------
-    str
-    """
+    """A probability in words that promise no more than the runs can tell."""
     if value is None:
         return "unknown"
     if value > 0.995:
@@ -39,16 +30,7 @@ def share(value: float | None) -> str:
 
 
 def answer(study: Study) -> str:
-    """The parameters, their intervals, and how probable it is that they meet the targets.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    str
-    """
+    """The parameters, their intervals, and how probable it is that they meet the targets."""
     kind, words = verdict(study)
     small = (
         '<p class="small-run">Small run: these numbers show that the chain works and are no calibration.</p>'
@@ -71,16 +53,7 @@ def answer(study: Study) -> str:
 
 
 def verdict(study: Study) -> tuple[str, str]:
-    """Whether the targets are met: a class of the style, and a sentence.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    kind, words : str
-    """
+    """Whether the targets are met: a class of the style, and a sentence."""
     if not study.summary["feasible"]:
         return "bad", f"The targets are not met. {study.summary['message']}"
     chance = study.chance["all"]
@@ -170,16 +143,7 @@ def _how_well_known(study):
 
 
 def check(study: Study) -> str:
-    """Measured, predicted and simulated responses, and the pile.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    str
-    """
+    """Measured, predicted and simulated responses, and the pile."""
     head = ["response", "measured", "asked for", "predicted", "simulated", "difference", "inside"]
     rows = [_response_row(study, one) for one in study.targets]
     trouble = text(study.row.get("reason"))
@@ -243,16 +207,7 @@ pouring.</p></div>"""
 
 
 def other_parameters(study: Study) -> str:
-    """Sliders, and what the surrogate predicts; nothing where there is none.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    str
-    """
+    """Sliders, and what the surrogate predicts; nothing where there is none."""
     if study.surrogate is None:
         return ""
     if is_whole(study.surrogate):
@@ -274,16 +229,7 @@ def other_parameters(study: Study) -> str:
 
 
 def how_found(study: Study) -> str:
-    """The steps with their numbers and figures.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    str
-    """
+    """The steps with their numbers and figures."""
     steps = "".join(f"<li>{html.escape(one)}</li>" for one in _steps(study))
     pictures = "".join(
         picture(study.files[name], caption) for name, caption in PICTURES.items() if name in study.files
@@ -298,17 +244,7 @@ def how_found(study: Study) -> str:
 
 
 def all_tables(tables: Mapping[str, pd.DataFrame]) -> str:
-    """The study's tables, each behind its title.
-
-    Parameters
-    ----------
-    tables : mapping
-        By title.
-
-    Returns
-    -------
-    str
-    """
+    """The study's tables, each behind its title."""
     shown = "".join(folded(title, table) for title, table in tables.items())
     return f'<div class="screen"><h3>Tables</h3>{shown}</div>' if shown else ""
 

@@ -39,33 +39,7 @@ PICTURES = {
 
 @dataclass
 class Study:
-    """The results of a study.
-
-    Attributes
-    ----------
-    config : mapping
-    targets : Targets
-    space : ParameterSpace
-    files : mapping
-        Paths by the names in `NEEDED`, `TRAINED`, `OPTIONAL` and `PICTURES`.
-    answer : numpy.ndarray, (6,)
-        The representative parameter set.
-    row : pandas.Series
-        Its row in table4.csv.
-    chance : dict
-        Of `chance_of_meeting`.
-    within : dict
-        Probability that all responses lie within so many percent of their targets.
-    posterior : pandas.DataFrame or None
-        posterior.csv by parameter.
-    surrogate : Predictor or None
-        None where no model of the whole ranges was made.
-    feasible, table4, dataset : pandas.DataFrame
-    summary : mapping
-        With ``steps`` where the strategy says itself how it went.
-    metrics, dataset_summary : mapping
-        Empty where the surrogate was not tested, or the strategy says itself how it went.
-    """
+    """The results of a study."""
 
     config: Mapping[str, Any]
     targets: Targets
@@ -85,41 +59,13 @@ class Study:
     dataset_summary: Mapping[str, Any]
 
     def number(self, column: str) -> float | None:
-        """A number of the answer's row, None where there is none.
-
-        Parameters
-        ----------
-        column : str
-
-        Returns
-        -------
-        float or None
-        """
+        """A number of the answer's row, None where there is none."""
         value = self.row.get(column)
         return None if value is None or pd.isna(value) else float(value)
 
 
 def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str]) -> Study:
-    """Read the results of a study.
-
-    Parameters
-    ----------
-    config : mapping
-        Checked.
-    jobs : sequence of path
-        Measured runs of the representative parameter set.
-    files : mapping
-        Paths by name; those in `NEEDED` are needed.
-
-    Returns
-    -------
-    Study
-
-    Raises
-    ------
-    InputError
-        For a name that is missing or unknown, or a file that cannot be read.
-    """
+    """Read the results of a study."""
     known = (*NEEDED, *TRAINED, *OPTIONAL, *PICTURES)
     for name in files:
         if name not in known:

@@ -21,19 +21,7 @@ Path_ = str | os.PathLike
 
 
 def run_design(space: ParameterSpace, section: Mapping[str, Any], out_csv: Path_) -> pd.DataFrame:
-    """Write the samples of the screening; return them.
-
-    Parameters
-    ----------
-    space : ParameterSpace
-    section : mapping
-        `response_surface` of the configuration.
-    out_csv : path
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """Write the samples of the screening; return them."""
     table = screening.design(space, section)
     write_table(out_csv, table)
     return table
@@ -48,28 +36,7 @@ def run_screening(
     out_dir: Path_,
     ascent_csv: Path_,
 ) -> dict[str, Any]:
-    """Write the screening's tables and the samples of the ascent; return which parameters go on.
-
-    Parameters
-    ----------
-    samples_csv, dataset_csv : path
-        Of the screening.
-    space, targets, section
-        Of the configuration.
-    out_dir : path
-        For anova.csv, effects.csv, statistics.csv and screening.json.
-    ascent_csv : path
-
-    Returns
-    -------
-    dict
-        ``kept`` and ``dropped``; ``centre``, the mean responses poured there, and ``corners``, those of the corners.
-
-    Raises
-    ------
-    InputError
-        For a bad file, or too few usable samples.
-    """
+    """Write the screening's tables and the samples of the ascent; return which parameters go on."""
     table, dataset = _step(samples_csv, dataset_csv, targets)
     corners, middle = screening.corners_and_centre(table)
     models = _models(corners, dataset, targets, "linear", dataset_csv)
@@ -100,25 +67,7 @@ def run_ascent(
     out_dir: Path_,
     surface_csv: Path_,
 ) -> pd.DataFrame:
-    """Write the walked path, path.csv, and the samples of the surface; return the path.
-
-    Parameters
-    ----------
-    samples_csv, dataset_csv : path
-        Of the ascent.
-    space, targets, section
-        Of the configuration.
-    out_dir, surface_csv : path
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Raises
-    ------
-    InputError
-        For a bad file, or no usable sample.
-    """
+    """Write the walked path, path.csv, and the samples of the surface; return the path."""
     table, dataset = _step(samples_csv, dataset_csv, targets)
     points = surface.walked(table, dataset, targets)
     write_table(Path(out_dir) / "path.csv", points)
@@ -135,28 +84,7 @@ def run_surface(
     out_dir: Path_,
     check_csv: Path_,
 ) -> dict[str, Any]:
-    """Write the surface's tables, its optimum and the samples of the check; return the optimum.
-
-    Parameters
-    ----------
-    samples_csv, dataset_csv : path
-        Of the surface.
-    space, targets, section
-        Of the configuration.
-    out_dir : path
-        For anova.csv, effects.csv, statistics.csv, predictions.csv and optimum.json.
-    check_csv : path
-
-    Returns
-    -------
-    dict
-        ``parameters``, ``coded``, ``met``, whether the surfaces meet the targets, and ``desirability``.
-
-    Raises
-    ------
-    InputError
-        For a bad file, or too few usable samples.
-    """
+    """Write the surface's tables, its optimum and the samples of the check; return the optimum."""
     table, dataset = _step(samples_csv, dataset_csv, targets)
     models = _models(table, dataset, targets, "quadratic", dataset_csv)
     best = surface.best_point(models, targets)
@@ -184,32 +112,7 @@ def run_check(
     config: Mapping[str, Any],
     out_dir: Path_,
 ) -> pd.DataFrame:
-    """Write check.csv and the files of `repose.strategies.answer.write`; return the former.
-
-    Parameters
-    ----------
-    predictions_csv, optimum_json : path
-        Of `run_surface`.
-    surface_dir : path
-        Folder with samples.csv and dataset.csv of the surface.
-    dataset_csv : path
-        Of the check.
-    runs_csvs : sequence of path
-        Single runs of all steps, which are counted; those of the check last.
-    config : mapping
-        The whole configuration.
-    out_dir : path
-
-    Returns
-    -------
-    pandas.DataFrame
-        Of `repose.strategies.response_surface.surface.checked`.
-
-    Raises
-    ------
-    InputError
-        For a bad file.
-    """
+    """Write check.csv and the files of `repose.strategies.answer.write`; return the former."""
     targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
     columns = ("response", "target", "predicted", "low", "high")
     predicted = read_table(predictions_csv, columns)

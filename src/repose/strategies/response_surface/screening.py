@@ -28,13 +28,7 @@ from repose.strategies.response_surface.steps import (
 
 
 class Analysis(NamedTuple):
-    """Tables of the models of one step, a block of rows for each response.
-
-    Attributes
-    ----------
-    anova, effects, statistics : pandas.DataFrame
-        As `repose.doe.anova` gives them, with the column response first; the effects also have the chart's two limits.
-    """
+    """Tables of the models of one step, a block of rows for each response."""
 
     anova: pd.DataFrame
     effects: pd.DataFrame
@@ -42,80 +36,27 @@ class Analysis(NamedTuple):
 
 
 def design(space: ParameterSpace, section: Mapping[str, Any]) -> pd.DataFrame:
-    """The screening's samples: every free parameter at one end of its range; then the centre, `centres` times.
-
-    Parameters
-    ----------
-    space : ParameterSpace
-    section : mapping
-        `response_surface` of the configuration.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Of `repose.strategies.response_surface.steps.samples`.
-    """
+    """The screening's samples: every free parameter at one end of its range; then the centre, `centres` times."""
     corners = plackett_burman(space.dimensions, section["screening_runs"])
     coded = np.vstack([corners, np.zeros((section["centres"], space.dimensions))])
     return samples("screening", space, (1 + coded) / 2, space.free, coded)
 
 
 def corners_and_centre(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The samples of the screening in its two parts.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Of `design`.
-
-    Returns
-    -------
-    corners, centre : pandas.DataFrame
-    """
+    """The samples of the screening in its two parts."""
     at_centre = (table[[CODED + name for name in factors_of(table)]] == 0).all(axis=1)
     return table[~at_centre], table[at_centre]
 
 
 def models_of(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, order: str) -> list[Model]:
-    """A polynomial for each response of a step.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Samples of the step, with coded columns.
-    dataset : pandas.DataFrame
-        Their means over the pours; only samples that are ok count.
-    targets : Targets
-    order : str
-        As for `repose.doe.model.fit`.
-
-    Returns
-    -------
-    list of Model
-
-    Raises
-    ------
-    ValueError
-        If too few samples are usable.
-    """
+    """A polynomial for each response of a step."""
     runs, factors = usable(table, dataset), factors_of(table)
     coded = runs[[CODED + name for name in factors]].to_numpy(float)
     return [fit(coded, runs[one.name].to_numpy(float), factors, order) for one in targets]
 
 
 def analysis(models: list[Model], targets: Targets) -> Analysis:
-    """The tables of a step's models.
-
-    Parameters
-    ----------
-    models : list of Model
-        One for each target.
-    targets : Targets
-
-    Returns
-    -------
-    Analysis
-    """
+    """The tables of a step's models."""
     tables: dict[str, list[pd.DataFrame]] = {"anova": [], "effects": [], "statistics": []}
     for target, model in zip(targets, models, strict=True):
         found = {
@@ -134,17 +75,6 @@ def kept_factors(models: list[Model], section: Mapping[str, Any]) -> list[str]:
 
     Where fewer are significant than the surface needs, the next ones are taken; where more are than
     `most_factors`, the last ones are dropped.
-
-    Parameters
-    ----------
-    models : list of Model
-        Linear, one for each response.
-    section : mapping
-        `response_surface` of the configuration.
-
-    Returns
-    -------
-    list of str
     """
     tables = [effects(one).set_index("term")["p"] for one in models]
     best = pd.concat(tables, axis=1).min(axis=1).reindex(models[0].factors).sort_values(kind="stable")
@@ -161,31 +91,7 @@ def path(
     targets: Targets,
     section: Mapping[str, Any],
 ) -> pd.DataFrame:
-    """Samples of the steepest ascent: from the centre of the ranges towards the targets, to the edge of the ranges.
-
-    Parameters
-    ----------
-    models : list of Model
-        Linear, one for each response: the slopes.
-    centre : numpy.ndarray, (responses,)
-        Mean responses that were poured at the centre.
-    kept : list of str
-        Of `kept_factors`; the others stay at the centre of their ranges.
-    space : ParameterSpace
-    targets : Targets
-    section : mapping
-        `response_surface` of the configuration.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Of `repose.strategies.response_surface.steps.samples`.
-
-    Raises
-    ------
-    ValueError
-        If the models know no way towards the targets.
-    """
+    """Samples of the steepest ascent: from the centre of the ranges towards the targets, to the edge of the ranges."""
     order = [models[0].factors.index(name) for name in kept]
     slopes = np.array([one.coefficients[order] for one in models])
     along = ascent.towards(slopes, aims_of(targets) - centre, scale_of(targets))

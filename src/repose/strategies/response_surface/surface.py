@@ -23,21 +23,7 @@ POINTS = 2048  # of the cube, where parameter sets inside the ranges are looked 
 
 
 def walked(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets) -> pd.DataFrame:
-    """The path of ascent with its relative errors.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Samples of the path.
-    dataset : pandas.DataFrame
-        Of their pours.
-    targets : Targets
-
-    Returns
-    -------
-    pandas.DataFrame
-        The usable points, with ``error_percent``, the weighted root mean square of the relative misses, and ``best``.
-    """
+    """The path of ascent with its relative errors."""
     points = usable(table, dataset)
     weights = np.array([one.weight for one in targets])
     off = points[list(targets.names)].to_numpy(float) / aims_of(targets) - 1
@@ -51,19 +37,6 @@ def design(points: pd.DataFrame, space: ParameterSpace, section: Mapping[str, An
 
     The outermost level of a factor lies `reach` of its range from the centre. Where that would leave the range, the
     centre is moved.
-
-    Parameters
-    ----------
-    points : pandas.DataFrame
-        Of `walked`.
-    space : ParameterSpace
-    section : mapping
-        `response_surface` of the configuration.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Of `repose.strategies.response_surface.steps.samples`.
     """
     factors, reach = factors_of(points), section["reach"]
     if section["surface"] == "box_behnken":
@@ -78,37 +51,13 @@ def design(points: pd.DataFrame, space: ParameterSpace, section: Mapping[str, An
 
 
 def best_point(models: list[Model], targets: Targets) -> Optimum:
-    """Where the surfaces meet the targets, inside the cube of the design.
-
-    Parameters
-    ----------
-    models : list of Model
-        Quadratic, one for each target.
-    targets : Targets
-
-    Returns
-    -------
-    Optimum
-    """
+    """Where the surfaces meet the targets, inside the cube of the design."""
     low, high = (np.array([getattr(one, end) for one in targets]) for end in ("low", "high"))
     return optimum(models, aims_of(targets), scale_of(targets), low, high)
 
 
 def natural_unit(table: pd.DataFrame, points: np.ndarray, space: ParameterSpace) -> np.ndarray:
-    """Points of the surface in the unit cube of the ranges.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Samples of the surface.
-    points : numpy.ndarray, (n, factors) or (factors,)
-        In coded units.
-    space : ParameterSpace
-
-    Returns
-    -------
-    numpy.ndarray, (n, d)
-    """
+    """Points of the surface in the unit cube of the ranges."""
     factors = factors_of(table)
     unit = space.unit(table[list(PARAMETERS)].to_numpy(float))
     points = np.atleast_2d(points)
@@ -129,24 +78,7 @@ def alternatives(
     targets: Targets,
     config: Mapping[str, Any],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Parameter sets of the design's cube whose predictions lie inside all ranges, the nearest to the aims first.
-
-    Parameters
-    ----------
-    models : list of Model
-        Quadratic, one for each target.
-    table : pandas.DataFrame
-        Samples of the surface.
-    space : ParameterSpace
-    targets : Targets
-    config : mapping
-        With ``miga``: the number of sets and their distance.
-
-    Returns
-    -------
-    values : numpy.ndarray, (n, 6)
-    predicted : numpy.ndarray, (n, k)
-    """
+    """Parameter sets of the design's cube whose predictions lie inside all ranges, the nearest to the aims first."""
     factors = len(models[0].factors)
     coded = 2 * qmc.Sobol(factors, rng=config["design"]["seed"]).random(POINTS) - 1
     predicted = np.column_stack([model.predict(coded) for model in models])
@@ -162,45 +94,14 @@ def alternatives(
 def check_samples(
     table: pd.DataFrame, best: Optimum, space: ParameterSpace, section: Mapping[str, Any]
 ) -> pd.DataFrame:
-    """Samples of the check: the optimum, several times.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Samples of the surface.
-    best : Optimum
-    space : ParameterSpace
-    section : mapping
-        `response_surface` of the configuration.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Of `repose.strategies.response_surface.steps.samples`.
-    """
+    """Samples of the check: the optimum, several times."""
     count = section["checks"]
     unit = np.repeat(natural_unit(table, best.coded, space), count, axis=0)
     return samples("check", space, unit, factors_of(table), np.repeat(best.coded[None], count, axis=0))
 
 
 def predictions(models: list[Model], best: Optimum, targets: Targets, runs: int) -> pd.DataFrame:
-    """What the surfaces say of their optimum.
-
-    Parameters
-    ----------
-    models : list of Model
-        One for each target.
-    best : Optimum
-    targets : Targets
-    runs : int
-        Of how many runs the check takes the mean.
-
-    Returns
-    -------
-    pandas.DataFrame
-        response, target, predicted, standard_error of the predicted mean, its 95 % interval mean_low to mean_high, and
-        the interval low to high in which the mean of the check lies with 95 % probability if the model is right.
-    """
+    """What the surfaces say of their optimum."""
     rows = []
     for target, model in zip(targets, models, strict=True):
         df = int(model.ols.df_resid)
@@ -226,21 +127,7 @@ def predictions(models: list[Model], best: Optimum, targets: Targets, runs: int)
 
 
 def checked(predicted: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
-    """The optimum as it was simulated again.
-
-    Parameters
-    ----------
-    predicted : pandas.DataFrame
-        Of `predictions`.
-    dataset : pandas.DataFrame
-        Of the check's pours.
-
-    Returns
-    -------
-    pandas.DataFrame
-        `predicted` with simulated and simulated_error, its standard error over the check's runs; deviation_percent
-        from the target; and as_predicted, whether the mean lies from low to high.
-    """
+    """The optimum as it was simulated again."""
     found, ok = predicted.copy(), dataset[dataset["status"] == "ok"]
     values = ok[list(found["response"])].to_numpy(float)
     found["simulated"] = values.mean(axis=0) if len(ok) else np.nan

@@ -26,28 +26,7 @@ LEAST_GAIN = 0.01  # a probability that cannot rise by more has reached the nois
 
 
 class Advice(NamedTuple):
-    """What to do after the pours so far.
-
-    Attributes
-    ----------
-    stop : str or None
-        Why no further pour is made: ``probability``, ``out_of_reach``, ``budget`` or ``noise``; None where the batch
-        goes on.
-    batch : numpy.ndarray, (b, d)
-        Points to pour next, in the unit cube.
-    answer : numpy.ndarray, (d,)
-        Point that meets the targets most probably; where they are out of reach, the one of least expected deviation.
-    probability : float
-        That it meets them.
-    mean, error : numpy.ndarray, (k,)
-        Predicted mean responses of the answer and their standard errors.
-    reachable : float
-        The most that the probability can become by the pours that are left.
-    needed : int
-        Pours at one point that the noise alone asks for.
-    reach : Reach
-        Whether any point meets the targets.
-    """
+    """What to do after the pours so far."""
 
     stop: str | None
     batch: np.ndarray
@@ -61,20 +40,7 @@ class Advice(NamedTuple):
 
 
 def start(space: ParameterSpace, section: Mapping[str, Any], seed: int) -> np.ndarray:
-    """Points of the start: a Latin hypercube, spread as the prior is.
-
-    Parameters
-    ----------
-    space : ParameterSpace
-    section : mapping
-        `sequential` of the configuration.
-    seed : int
-
-    Returns
-    -------
-    numpy.ndarray, (n, d)
-        In the unit cube.
-    """
+    """Points of the start: a Latin hypercube, spread as the prior is."""
     return space.from_prior(optimal_lhs(section["start_samples"], space.dimensions, seed))
 
 
@@ -87,33 +53,7 @@ def advise(
     random: np.random.Generator,
     noise: np.ndarray | None = None,
 ) -> Advice:
-    """The next batch, or the answer.
-
-    Parameters
-    ----------
-    observed : Observed
-        Samples with at least one good pour.
-    failed : numpy.ndarray, (f, d)
-        Samples without one, in the unit cube: no point is proposed that lies nearer to one of them than to a good one.
-    goal : Goal
-    section : mapping
-        ``start_samples``, ``seeds``, ``batch``, ``probability`` and ``most_pours``, as in `sequential` of the
-        configuration.
-    poured : int
-        Pours so far, failed ones included.
-    random : numpy.random.Generator
-    noise : numpy.ndarray, (k, k), optional
-        As `Kriging` takes it.
-
-    Returns
-    -------
-    Advice
-
-    Raises
-    ------
-    ValueError
-        If the pours do not tell the noise, or there are fewer than two samples.
-    """
+    """The next batch, or the answer."""
     model = Kriging(observed, noise)
     points, scores = ranked(model, goal, observed.unit, failed, random)
     found = reach(model, goal, random.spawn(1)[0])
@@ -149,21 +89,7 @@ def advise(
 def nearest(
     model: Kriging, goal: Goal, good: np.ndarray, failed: np.ndarray, points: np.ndarray
 ) -> np.ndarray:
-    """The point of least expected deviation from the targets (Eq. 11 of the paper), prior knowledge left aside.
-
-    Parameters
-    ----------
-    model : Kriging
-    goal : Goal
-    good, failed : numpy.ndarray, (n, d) and (f, d)
-        Samples with and without a good pour, in the unit cube.
-    points : numpy.ndarray, (m, d)
-        To begin with.
-
-    Returns
-    -------
-    numpy.ndarray, (d,)
-    """
+    """The point of least expected deviation from the targets (Eq. 11 of the paper), prior knowledge left aside."""
     random = np.random.default_rng(1)
 
     def score(unit):
@@ -192,22 +118,7 @@ def _refined(points, scores, score, random):
 def ranked(
     model: Kriging, goal: Goal, good: np.ndarray, failed: np.ndarray, random: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points with their scores: all over the ranges, and ever nearer around the best of them.
-
-    Parameters
-    ----------
-    model : Kriging
-    goal : Goal
-    good, failed : numpy.ndarray, (n, d) and (f, d)
-        Samples with and without a good pour, in the unit cube.
-    random : numpy.random.Generator
-
-    Returns
-    -------
-    points : numpy.ndarray, (m, d)
-    scores : numpy.ndarray, (m,)
-        As `Goal.score`; minus infinity beside a failed sample.
-    """
+    """Points with their scores: all over the ranges, and ever nearer around the best of them."""
 
     def score(unit):
         return np.where(_is_sound(unit, good, failed), goal.score(model, unit), -np.inf)
@@ -219,22 +130,7 @@ def ranked(
 def alternatives(
     points: np.ndarray, scores: np.ndarray, model: Kriging, targets: Targets, section: Mapping[str, Any]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points that are predicted inside all ranges of the targets, apart from each other, the best first.
-
-    Parameters
-    ----------
-    points, scores : numpy.ndarray, (m, d) and (m,)
-        Of `ranked`.
-    model : Kriging
-    targets : Targets
-    section : mapping
-        ``solutions``, their largest number, and ``distance``, as in `miga` of the configuration.
-
-    Returns
-    -------
-    points : numpy.ndarray, (n, d)
-    predicted : numpy.ndarray, (n, k)
-    """
+    """Points that are predicted inside all ranges of the targets, apart from each other, the best first."""
     mean = model.predict(points)[0]
     inside = ((mean >= targets.low) & (mean <= targets.high)).all(axis=1) & np.isfinite(scores)
     order = np.argsort(-scores, kind="stable")

@@ -28,22 +28,7 @@ WHY = {
 
 
 def run_start(space: ParameterSpace, section: Mapping[str, Any], seed: int, out_csv: Path_) -> pd.DataFrame:
-    """Write the samples of the start; return them.
-
-    Parameters
-    ----------
-    space : ParameterSpace
-    section : mapping
-        `sequential` of the configuration.
-    seed : int
-        `design.seed` of the configuration.
-    out_csv : path
-
-    Returns
-    -------
-    pandas.DataFrame
-        sample, from 1, and the parameters.
-    """
+    """Write the samples of the start; return them."""
     table = _samples(space, start(space, section, seed), 1)
     write_table(out_csv, table)
     return table
@@ -59,31 +44,6 @@ def run_batch(
 ) -> dict[str, Any]:
     """Write what to do after the batches so far, advice.json and next.csv; return the former.
 
-    Parameters
-    ----------
-    folders : sequence of path
-        Of all batches so far, the start first, each with dataset.csv and runs.csv.
-    space, targets, section
-        Of the configuration.
-    seed : int
-        `design.seed` of the configuration.
-    out_dir : path
-
-    Returns
-    -------
-    dict
-        ``batch``, the number of the last one; ``pours`` so far; ``stop`` and ``why``; the ``answer``, its
-        ``probability``, and the ``responses`` that are predicted there; ``reachable`` and ``needed`` of
-        `repose.strategies.sequential.advise.Advice`; ``in_reach``, the probability that any parameter set meets the
-        targets, and ``nearest``, the least deviation that one has (Eq. 11 of the paper), with its error.
-
-    Raises
-    ------
-    InputError
-        For a bad file, or pours that do not tell the noise.
-
-    Notes
-    -----
     next.csv holds the samples of the next batch, or, where the pours stop, the answer as a sample of its own.
     """
     dataset, runs = _batches(folders, targets)
@@ -108,31 +68,7 @@ def run_check(
     config: Mapping[str, Any],
     out_dir: Path_,
 ) -> pd.DataFrame:
-    """Write how the batches went and the answer, simulated again; return check.csv.
-
-    Parameters
-    ----------
-    folders : sequence of path
-        Of all batches, the start first, each with advice.json, dataset.csv and runs.csv.
-    dataset_csv, runs_csv : path
-        Of the answer's pours.
-    config : mapping
-        The whole configuration.
-    out_dir : path
-        For batches.csv, check.csv, what all batches poured, dataset.csv and runs.csv, and the files of
-        `repose.strategies.answer.write`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each response: target, predicted, predicted_error, simulated, simulated_error, deviation_percent from
-        the target.
-
-    Raises
-    ------
-    InputError
-        For a bad file.
-    """
+    """Write how the batches went and the answer, simulated again; return check.csv."""
     targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
     keys: tuple[str, ...] = (
         "batch",
@@ -231,22 +167,6 @@ def observed_of(
 ) -> tuple[Observed, np.ndarray]:
     """The tables of samples and of single runs as arrays.
 
-    Parameters
-    ----------
-    dataset, runs : pandas.DataFrame
-        As the verb dataset writes them.
-    space : ParameterSpace
-    targets : Targets
-
-    Returns
-    -------
-    observed : Observed
-        Samples with a good run.
-    failed : numpy.ndarray, (f, d)
-        The others, in the unit cube.
-
-    Notes
-    -----
     Responses of several bench tests come from runs of their own. The first run of each bench test makes the first pour
     of the sample, and so on; these runs are independent, so any pairing will do.
     """

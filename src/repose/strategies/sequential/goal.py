@@ -15,17 +15,7 @@ MOST_NEEDED = 10**6  # pours; more are not counted
 
 
 class Goal(NamedTuple):
-    """The targets, and how near to them is near enough.
-
-    Attributes
-    ----------
-    aim, half : numpy.ndarray, (k,)
-        A response is met where its mean lies within `half` of its `aim`.
-    space : ParameterSpace
-        Ranges and prior of the parameters.
-    weight : numpy.ndarray, (k,)
-        Of each response in Eq. 11 of the paper, divided by the width of its range.
-    """
+    """The targets, and how near to them is near enough."""
 
     aim: np.ndarray
     half: np.ndarray
@@ -34,97 +24,32 @@ class Goal(NamedTuple):
 
     @classmethod
     def of(cls, targets: Targets, tolerance_percent: float, space: ParameterSpace) -> Self:
-        """The goal of a study.
-
-        Parameters
-        ----------
-        targets : Targets
-        tolerance_percent : float
-            Of each target's aim.
-        space : ParameterSpace
-
-        Returns
-        -------
-        Goal
-        """
+        """The goal of a study."""
         weight = targets.weight / (targets.high - targets.low)
         return cls(targets.aim, tolerance_percent / 100 * np.abs(targets.aim), space, weight)
 
     def of_responses(self, responses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How far responses are from the goal.
-
-        Parameters
-        ----------
-        responses : numpy.ndarray, (..., k)
-
-        Returns
-        -------
-        worst : numpy.ndarray, (...)
-            Largest deviation in tolerances: the goal is met up to 1.
-        deviation : numpy.ndarray, (...)
-            F, Eq. 11 of the paper.
-        """
+        """How far responses are from the goal."""
         off = np.abs(responses - self.aim)
         return (off / self.half).max(axis=-1), off @ self.weight
 
     def expected_deviation(self, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-        """Mean of F, Eq. 11 of the paper, over what the responses may be.
-
-        Parameters
-        ----------
-        mean, covariance : numpy.ndarray
-            Of the mean responses, (m, k) and (m, k, k).
-
-        Returns
-        -------
-        numpy.ndarray, (m,)
-        """
+        """Mean of F, Eq. 11 of the paper, over what the responses may be."""
         off, sd = mean - self.aim, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         z = off / sd
         return (sd * np.sqrt(2 / np.pi) * np.exp(-(z**2) / 2) + off * (1 - 2 * ndtr(-z))) @ self.weight
 
     def probability(self, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-        """Probability that all responses are met.
-
-        Parameters
-        ----------
-        mean, covariance : numpy.ndarray
-            Of the mean responses, (m, k) and (m, k, k).
-
-        Returns
-        -------
-        numpy.ndarray, (m,)
-        """
+        """Probability that all responses are met."""
         return within(mean, covariance, self.aim - self.half, self.aim + self.half)
 
     @staticmethod
     def inside(mean: np.ndarray, covariance: np.ndarray, targets: Targets) -> float:
-        """Probability that the responses of one point lie in the ranges of all targets.
-
-        Parameters
-        ----------
-        mean, covariance : numpy.ndarray
-            Of the mean responses, (1, k) and (1, k, k).
-        targets : Targets
-
-        Returns
-        -------
-        float
-        """
+        """Probability that the responses of one point lie in the ranges of all targets."""
         return float(within(mean, covariance, targets.low, targets.high)[0])
 
     def score(self, model: Kriging, unit: np.ndarray) -> np.ndarray:
-        """Log of the probability that a point meets the targets, and of its prior density.
-
-        Parameters
-        ----------
-        model : Kriging
-        unit : numpy.ndarray, (m, d)
-
-        Returns
-        -------
-        numpy.ndarray, (m,)
-        """
+        """Log of the probability that a point meets the targets, and of its prior density."""
         mean, covariance = model.predict(unit)
         off = mean - self.aim
         miss = np.einsum("mi,mi->m", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0])
@@ -135,19 +60,6 @@ class Goal(NamedTuple):
     def reachable(self, model: Kriging, unit: np.ndarray, pours: int) -> float:
         """The most that the probability can become by further pours, wherever they are made and however they fall.
 
-        Parameters
-        ----------
-        model : Kriging
-        unit : numpy.ndarray, (m, d)
-            Points to think of.
-        pours : int
-
-        Returns
-        -------
-        float
-
-        Notes
-        -----
         All pours are made at one point. They shrink the covariance C of its mean to (C^-1 + pours N^-1)^-1 with the
         noise N of a pour, and may move the mean towards the target by `LUCK` standard deviations of what they tell.
         """
@@ -159,20 +71,7 @@ class Goal(NamedTuple):
         return float(self.probability(self.aim + off, rest).max())
 
     def needed(self, noise: np.ndarray, probability: float) -> int:
-        """Pours at one point after which its mean is known within the tolerance, by the noise alone.
-
-        Parameters
-        ----------
-        noise : numpy.ndarray, (k, k)
-            Covariance of a single pour.
-        probability : float
-            That all responses are known so well.
-
-        Returns
-        -------
-        int
-            At most `MOST_NEEDED`.
-        """
+        """Pours at one point after which its mean is known within the tolerance, by the noise alone."""
         few, many = 0, 1
 
         def enough(pours):

@@ -37,15 +37,7 @@ BOUNDS = (1e-3, 1e3)  # of variance and lengths, in variances of the means and r
 
 
 class Observed(NamedTuple):
-    """Samples and what their pours gave.
-
-    Attributes
-    ----------
-    unit : numpy.ndarray, (n, d)
-        Free parameters in the unit cube.
-    values : numpy.ndarray, (n, pours, k)
-        Responses of every pour; NaN where there is none. Every sample has one at least.
-    """
+    """Samples and what their pours gave."""
 
     unit: np.ndarray
     values: np.ndarray
@@ -77,13 +69,7 @@ class Observed(NamedTuple):
         return int(self.counts.sum() - len(self.unit))
 
     def noise(self) -> np.ndarray:
-        """Covariance of a single pour about its sample's mean, (k, k), from all samples.
-
-        Raises
-        ------
-        ValueError
-            If too few samples have two pours.
-        """
+        """Covariance of a single pour about its sample's mean, (k, k), from all samples."""
         residuals = self.residuals.reshape(-1, self.values.shape[2])
         k = residuals.shape[1]
         if self.freedom <= k:
@@ -99,19 +85,6 @@ class Observed(NamedTuple):
 class Kriging:
     """What the pours say of the mean responses everywhere.
 
-    Parameters
-    ----------
-    observed : Observed
-    noise : numpy.ndarray, (k, k), optional
-        Covariance of a single pour, where it is known otherwise; by default that of the pours of each sample.
-
-    Raises
-    ------
-    ValueError
-        If the pours do not tell the noise, or there are fewer than two samples.
-
-    Notes
-    -----
     The error of a sample's mean is known, not fitted (ANS10). A variance out of few pours is a poor estimate, so it is
     moderated by that of all samples (S04); where a sample has one pour, the common variance is all there is.
 
@@ -147,18 +120,7 @@ class Kriging:
         ]
 
     def predict(self, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mean responses and their error.
-
-        Parameters
-        ----------
-        unit : numpy.ndarray, (m, d)
-
-        Returns
-        -------
-        mean : numpy.ndarray, (m, k)
-        covariance : numpy.ndarray, (m, k, k)
-            Of the mean responses, the noise of a pour left out.
-        """
+        """Mean responses and their error."""
         moments = np.array([self._moments(one, unit - 0.5) for one in self.sets])
         means, variances = moments[:, 0], moments[:, 1]
         off = (means - means.mean(axis=0)) * self._scale @ self._unmixing
@@ -168,16 +130,7 @@ class Kriging:
         return self.unmixed(means.mean(axis=0)), covariance
 
     def unmixed(self, scaled: np.ndarray) -> np.ndarray:
-        """Responses of the scaled combinations that the processes are of.
-
-        Parameters
-        ----------
-        scaled : numpy.ndarray, (..., k)
-
-        Returns
-        -------
-        numpy.ndarray, (..., k)
-        """
+        """Responses of the scaled combinations that the processes are of."""
         return (scaled * self._scale + self._middle) @ self._unmixing
 
     def _moments(self, processes, unit):
@@ -192,13 +145,7 @@ class Kriging:
 
 
 class SpaceKriging:
-    """A kriging model that is asked for parameter sets, as surrogates are (`repose.surrogate.base.Predictor`).
-
-    Parameters
-    ----------
-    model : Kriging
-    space : ParameterSpace
-    """
+    """A kriging model that is asked for parameter sets, as surrogates are (`repose.surrogate.base.Predictor`)."""
 
     name = "kriging"
 
@@ -206,34 +153,14 @@ class SpaceKriging:
         self.model, self.space = model, space
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
-        """Mean responses.
-
-        Parameters
-        ----------
-        X : numpy.ndarray, (n, number of parameters)
-        return_std, noise : bool, optional
-            As `repose.surrogate.base.Surrogate.predict`.
-
-        Returns
-        -------
-        mean, std : numpy.ndarray, (n, k)
-        """
+        """Mean responses."""
         mean, covariance = self.model.predict(self.space.unit(np.asarray(X, dtype=float)))
         if not return_std:
             return mean
         return mean, np.sqrt(np.diagonal(covariance + noise * self.model.noise, axis1=1, axis2=2))
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Covariance of the predicted means.
-
-        Parameters
-        ----------
-        X : numpy.ndarray, (n, number of parameters)
-
-        Returns
-        -------
-        numpy.ndarray, (n, k, k)
-        """
+        """Covariance of the predicted means."""
         return self.model.predict(self.space.unit(np.asarray(X, dtype=float)))[1]
 
 

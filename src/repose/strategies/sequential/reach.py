@@ -25,18 +25,7 @@ STEPS = (0.2, 0.07, 0.02)  # standard deviations of those, in ranges
 
 
 class Reach(NamedTuple):
-    """What the pours say of all parameter sets together.
-
-    Attributes
-    ----------
-    probability : float
-        That some parameter set meets the goal.
-    nearest, error : float
-        The least deviation that a parameter set has, as `Goal.deviation` counts: mean and standard deviation of the
-        draws.
-    points : numpy.ndarray, (draws, d)
-        Where each draw comes nearest to the goal, in the unit cube.
-    """
+    """What the pours say of all parameter sets together."""
 
     probability: float
     nearest: float
@@ -45,18 +34,7 @@ class Reach(NamedTuple):
 
 
 def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
-    """Whether any parameter set meets the goal.
-
-    Parameters
-    ----------
-    model : Kriging
-    goal : Goal
-    random : numpy.random.Generator
-
-    Returns
-    -------
-    Reach
-    """
+    """Whether any parameter set meets the goal."""
     d = model.unit.shape[1]
     wide = goal.space.from_prior(qmc.Sobol(d, rng=random).random(CANDIDATES))
     wide = np.vstack([wide, np.round(wide)])

@@ -17,22 +17,7 @@ SHARES = (0.25, 0.5, 1.0)  # of the pool's points
 
 
 def table_of(sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any]) -> pd.DataFrame:
-    """Accuracy of the network, one row for each training set and response.
-
-    Parameters
-    ----------
-    sets : sequence of Points
-        The main design, the pool and the fresh points, as `points.read_sets` gives them.
-    names : sequence of str, (k,)
-        Responses.
-    settings : mapping
-        The configuration's section `network`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        With the bounds of R2 and of the explainable share, and the bars that they are held against.
-    """
+    """Accuracy of the network, one row for each training set and response."""
     main, pool, fresh = sets
     rows = []
     for name, training in training_sets(main, pool, settings):
@@ -44,18 +29,7 @@ def table_of(sets: Sequence[Points], names: Sequence[str], settings: Mapping[str
 def run(
     sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any], out_dir: str | Path
 ) -> pd.DataFrame:
-    """Write accuracy.csv; return the table.
-
-    Parameters
-    ----------
-    sets, names, settings
-        As for `table_of`.
-    out_dir : path
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """Write accuracy.csv; return the table."""
     table = table_of(sets, names, settings)
     write_table(Path(out_dir) / "accuracy.csv", table, float_format="%.6g")
     return table
@@ -66,18 +40,6 @@ def training_sets(main: Points, pool: Points, settings: Mapping[str, Any]) -> It
 
     First the main design's training samples as the chain splits it. Then all of the main design, and leading
     parts of the pool, each with fewer and with all runs. Last the main design and the pool together.
-
-    Parameters
-    ----------
-    main, pool : Points
-    settings : mapping
-        ``split`` and ``seed`` of the configuration's section `network`.
-
-    Yields
-    ------
-    source : str
-        In words.
-    points : Points
     """
     train = split(len(main.X), settings["split"], settings["seed"])["train"]
     yield "main design, training samples", main.take(train)
@@ -92,17 +54,7 @@ def training_sets(main: Points, pool: Points, settings: Mapping[str, Any]) -> It
 
 
 def message(table: pd.DataFrame) -> str:
-    """Accuracy after each training set in words, one line for each response.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        See `table_of`.
-
-    Returns
-    -------
-    str
-    """
+    """Accuracy after each training set in words, one line for each response."""
     lines = []
     for row in table.itertuples():
         lines.append(

@@ -32,66 +32,22 @@ class Noise(Protocol):
     """The deviations of single runs from the mean."""
 
     def draw(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw the deviations of new runs.
-
-        Parameters
-        ----------
-        X : numpy.ndarray, (n, d)
-            Points.
-        seeds : int
-            Runs of each.
-        rng : numpy.random.Generator
-
-        Returns
-        -------
-        numpy.ndarray, (n, seeds, k)
-            In the responses' units.
-        """
+        """Draw the deviations of new runs."""
 
 
 class EvenNoise(NamedTuple):
-    """Normal noise of one covariance everywhere.
-
-    Attributes
-    ----------
-    covariance : numpy.ndarray, (k, k)
-        Of a single run.
-    """
+    """Normal noise of one covariance everywhere."""
 
     covariance: np.ndarray
 
     def draw(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw the deviations of new runs.
-
-        Parameters
-        ----------
-        X : numpy.ndarray, (n, d)
-            Only their number counts.
-        seeds : int
-            Runs of each.
-        rng : numpy.random.Generator
-
-        Returns
-        -------
-        numpy.ndarray, (n, seeds, k)
-            In the responses' units.
-        """
+        """Draw the deviations of new runs."""
         zeros = np.zeros(len(self.covariance))
         return rng.multivariate_normal(zeros, self.covariance, size=(len(X), seeds))
 
 
 class ScalingNoise(NamedTuple):
-    """Normal noise of one correlation everywhere, and of another size at other parameters.
-
-    Attributes
-    ----------
-    log_variance : numpy.ndarray, (1 + d, k)
-        Logarithm of a run's variance, linear in x: constant and slopes.
-    correlation : numpy.ndarray, (k, k)
-        Of the responses of a run.
-    low, width : numpy.ndarray, (d,)
-        Of the box that x is scaled by.
-    """
+    """Normal noise of one correlation everywhere, and of another size at other parameters."""
 
     log_variance: np.ndarray
     correlation: np.ndarray
@@ -99,35 +55,12 @@ class ScalingNoise(NamedTuple):
     width: np.ndarray
 
     def std(self, X: np.ndarray) -> np.ndarray:
-        """Standard deviations of a single run's responses.
-
-        Parameters
-        ----------
-        X : numpy.ndarray, (n, d)
-
-        Returns
-        -------
-        numpy.ndarray, (n, k)
-            In the responses' units.
-        """
+        """Standard deviations of a single run's responses."""
         x = np.column_stack([np.ones(len(X)), (X - self.low) / self.width])
         return np.exp(0.5 * x @ self.log_variance)
 
     def draw(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw the deviations of new runs.
-
-        Parameters
-        ----------
-        X : numpy.ndarray, (n, d)
-        seeds : int
-            Runs of each.
-        rng : numpy.random.Generator
-
-        Returns
-        -------
-        numpy.ndarray, (n, seeds, k)
-            In the responses' units.
-        """
+        """Draw the deviations of new runs."""
         root = np.linalg.cholesky(self.correlation)
         normal = rng.standard_normal((len(X), seeds, len(root)))
         mixed = np.empty_like(normal)
@@ -137,18 +70,7 @@ class ScalingNoise(NamedTuple):
 
 
 class Emulator(NamedTuple):
-    """The stand-in.
-
-    Attributes
-    ----------
-    mean : callable
-        Points (n, d) to responses (n, k).
-    noise : Noise
-    name : str
-        What the mean is.
-    explainable : numpy.ndarray, (k,)
-        Cross-validated share of the explainable variance.
-    """
+    """The stand-in."""
 
     mean: Predict
     noise: Noise
@@ -156,42 +78,12 @@ class Emulator(NamedTuple):
     explainable: np.ndarray
 
     def pour(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> Points:
-        """Points with emulated runs.
-
-        Parameters
-        ----------
-        X : numpy.ndarray, (n, d)
-        seeds : int
-            Runs of each.
-        rng : numpy.random.Generator
-
-        Returns
-        -------
-        Points
-        """
+        """Points with emulated runs."""
         return Points(X, self.mean(X)[:, None] + self.noise.draw(X, seeds, rng))
 
 
 def chosen_by_cross_validation(points: Points, settings: Mapping[str, Any], seed: int) -> Emulator:
-    """The emulator of some points: the better of `CANDIDATES`, with noise that scales.
-
-    Parameters
-    ----------
-    points : Points
-    settings : mapping
-        The configuration's section `network`.
-    seed : int
-        Of the folds and of the network.
-
-    Returns
-    -------
-    Emulator
-
-    Raises
-    ------
-    ValueError
-        If the runs do not determine the covariance of the noise.
-    """
+    """The emulator of some points: the better of `CANDIDATES`, with noise that scales."""
     covariance = points.covariance()
     if covariance is None:
         raise ValueError("too few points have two runs or more; allowed: some, for the noise")
@@ -218,25 +110,6 @@ def with_process(
 ) -> Emulator:
     """The emulator of some points: a Gaussian process for each response on means with known errors, even noise.
 
-    Parameters
-    ----------
-    points : Points
-        X (n, d) in the unit cube.
-    errors : numpy.ndarray, (n, k)
-        Standard errors of the means.
-    covariance : numpy.ndarray, (k, k)
-        Of a single run.
-    kernel : callable
-        The number of inputs to a kernel of scikit-learn with the values that the fit begins with.
-    seed : int
-        Of the points that the kernel is fitted to, and of the folds.
-
-    Returns
-    -------
-    Emulator
-
-    Notes
-    -----
     The kernel of each response is fitted to at most `MOST_FOR_SCALES` points, and held in the cross-validation.
     """
     rows = np.random.default_rng(seed).permutation(len(points.X))
@@ -264,20 +137,7 @@ def with_process(
 
 
 def left_out(points: Points, fit: Callable[[Points], Predict], parts: Sequence[np.ndarray]) -> np.ndarray:
-    """Predictions for the points of each part by a fit to all the others.
-
-    Parameters
-    ----------
-    points : Points
-    fit : callable
-        From `Points` to a function of X (n, d) that gives responses (n, k).
-    parts : sequence of numpy.ndarray
-        Numbers of points; each point is in one part.
-
-    Returns
-    -------
-    numpy.ndarray, (n, k)
-    """
+    """Predictions for the points of each part by a fit to all the others."""
     predicted = np.empty((len(points.X), points.responses))
     for part in parts:
         rest = np.setdiff1d(np.arange(len(points.X)), part)
@@ -286,35 +146,13 @@ def left_out(points: Points, fit: Callable[[Points], Predict], parts: Sequence[n
 
 
 def explainable(means: np.ndarray, predicted: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """Share of the explainable variance that predictions have; see `repose.chain.train.r2_noise_corrected`.
-
-    Parameters
-    ----------
-    means, predicted, errors : numpy.ndarray, (n, k)
-        Means of the points, their predictions, and standard errors of the means.
-
-    Returns
-    -------
-    numpy.ndarray, (k,)
-        NaN where the noise explains all of the variance, or an error is unknown.
-    """
+    """Share of the explainable variance that predictions have; see `repose.chain.train.r2_noise_corrected`."""
     columns = zip(means.T, predicted.T, errors.T, strict=True)
     return np.array([r2_noise_corrected(*column) for column in columns], float)
 
 
 def scaling_noise(points: Points, covariance: np.ndarray) -> ScalingNoise:
-    """The noise of points of which some have several runs.
-
-    Parameters
-    ----------
-    points : Points
-    covariance : numpy.ndarray, (k, k)
-        Of a single run, over all points.
-
-    Returns
-    -------
-    ScalingNoise
-    """
+    """The noise of points of which some have several runs."""
     low = points.X.min(axis=0)
     width = points.X.max(axis=0) - low
     width = np.where(width > 0, width, 1.0)  # a parameter that is fixed

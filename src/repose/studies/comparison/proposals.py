@@ -35,22 +35,7 @@ Model = Callable[[np.ndarray], np.ndarray]
 
 
 def surface(unit: np.ndarray, means: np.ndarray, terms: Model) -> Model:
-    """A surface fitted by ridge regression with leave-one-out.
-
-    Parameters
-    ----------
-    unit : numpy.ndarray, (n, d)
-        Places of the samples in the ranges.
-    means : numpy.ndarray, (n, k)
-        Responses.
-    terms : callable
-        Places (m, d) to the terms of the surface (m, t).
-
-    Returns
-    -------
-    callable
-        Places (m, d) to responses (m, k).
-    """
+    """A surface fitted by ridge regression with leave-one-out."""
     from sklearn.linear_model import RidgeCV
 
     models = [RidgeCV(RIDGES, fit_intercept=False).fit(terms(unit), y - y.mean()) for y in means.T]
@@ -60,18 +45,7 @@ def surface(unit: np.ndarray, means: np.ndarray, terms: Model) -> Model:
 
 
 def plane(unit: np.ndarray, means: np.ndarray) -> Model:
-    """A plane fitted by least squares.
-
-    Parameters
-    ----------
-    unit, means
-        As for `surface`.
-
-    Returns
-    -------
-    callable
-        Places (m, d) to responses (m, k).
-    """
+    """A plane fitted by least squares."""
     X = np.column_stack([np.ones(len(unit)), unit])
     found = np.linalg.lstsq(X, means, rcond=None)[0]
     return lambda x: np.column_stack([np.ones(len(np.atleast_2d(x))), np.atleast_2d(x)]) @ found
@@ -80,26 +54,7 @@ def plane(unit: np.ndarray, means: np.ndarray) -> Model:
 def local_search(
     respond: Model, objective: Objective, dimensions: int, starts: int, random: np.random.Generator
 ) -> tuple[np.ndarray, int]:
-    """A local search by SLSQP on the squared deviations from the targets.
-
-    Parameters
-    ----------
-    respond : callable
-        Places (m, d) to responses (m, k).
-    objective : Objective
-    dimensions : int
-        Number of free parameters d.
-    starts : int
-        The centre of the ranges and random points.
-    random : numpy.random.Generator
-
-    Returns
-    -------
-    place : numpy.ndarray, (d,)
-        In the ranges, from 0 to 1.
-    evaluations : int
-        Of the model.
-    """
+    """A local search by SLSQP on the squared deviations from the targets."""
     evaluations = 0
 
     def deviation(x):
@@ -120,21 +75,7 @@ def local_search(
 
 
 def tables_of(samples: Points, space: ParameterSpace, targets: Targets) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The samples as the two tables of the dataset stage.
-
-    Parameters
-    ----------
-    samples : Points
-        X (n, d): places in the ranges.
-    space : ParameterSpace
-    targets : Targets
-        Responses of the samples, in their order.
-
-    Returns
-    -------
-    samples, runs : pandas.DataFrame
-        The samples with their means and errors, and their good runs.
-    """
+    """The samples as the two tables of the dataset stage."""
     table = pd.DataFrame(space.values(samples.X), columns=list(PARAMETERS))
     table.insert(0, "sample", np.arange(len(table)))
     table["status"] = "ok"
@@ -151,19 +92,7 @@ def tables_of(samples: Points, space: ParameterSpace, targets: Targets) -> tuple
 def study_surrogate(
     samples: Points, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]
 ) -> Surrogate:
-    """The surrogate as the study trains it on these samples.
-
-    Parameters
-    ----------
-    samples, space, targets
-        As for `tables_of`.
-    settings : mapping
-        The configuration's section `network`.
-
-    Returns
-    -------
-    Surrogate
-    """
+    """The surrogate as the study trains it on these samples."""
     return train.train(*tables_of(samples, space, targets), targets, settings).model
 
 
@@ -174,23 +103,7 @@ def proposed(
     settings: Mapping[str, Any],
     random: np.random.Generator,
 ) -> dict[str, tuple[np.ndarray, int]]:
-    """What each method proposes.
-
-    Parameters
-    ----------
-    samples : Points
-        X (n, d): places in the ranges.
-    space : ParameterSpace
-    targets : Targets
-    settings : mapping
-        ``local_starts`` and the sections ``network`` and ``miga``.
-    random : numpy.random.Generator
-
-    Returns
-    -------
-    dict
-        For each method the place in the ranges (d,), from 0 to 1, and the number of evaluations of the model.
-    """
+    """What each method proposes."""
     means, section = samples.means(), settings["network"]
     objective = Objective.of(targets)
     F, V = objective(means)

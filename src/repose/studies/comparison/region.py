@@ -16,36 +16,7 @@ LISTS = 10  # of random feasible points
 
 
 class Region:
-    """A uniform sample of the feasible region, and what a list of solutions can cover of it.
-
-    Parameters
-    ----------
-    respond : callable
-        Populations in [-1, 1] (n, d) to responses (n, k).
-    objective : Objective
-    points : int
-        Of the Sobol sequence over the whole box, a power of two.
-    listed : int
-        Solutions in a list.
-    dimensions : int
-        Number of free parameters d.
-    seed : int
-
-    Attributes
-    ----------
-    points : numpy.ndarray, (feasible, d)
-    share : float
-        Of the box that is feasible.
-    lists : list of numpy.ndarray, (listed, d)
-        Random feasible points.
-    reach : float
-        Median distance from a feasible point to the nearest one of such a list.
-
-    Raises
-    ------
-    ValueError
-        If fewer than 200 points are feasible.
-    """
+    """A uniform sample of the feasible region, and what a list of solutions can cover of it."""
 
     def __init__(
         self, respond: Respond, objective: Objective, points: int, listed: int, dimensions: int, seed: int
@@ -67,21 +38,7 @@ class Region:
         self.reach = float(np.median([cKDTree(one).query(self.cloud)[0] for one in self.lists]))
 
     def spread(self, points: np.ndarray) -> dict[str, float]:
-        """How widely feasible points lie.
-
-        Parameters
-        ----------
-        points : numpy.ndarray, (n, d)
-            In [-1, 1].
-
-        Returns
-        -------
-        dict
-            ``pairwise_distance``: mean. ``coverage``: share of the feasible region within `reach` of one of
-            them; a half for as many random points. ``width``: mean over the parameters of their interval over
-            the region's (dispersion of Table 3). ``volume``: root of the determinant of their covariance over
-            the region's. All NaN with fewer than two points.
-        """
+        """How widely feasible points lie."""
         if len(points) < 2:
             return dict.fromkeys(("pairwise_distance", "coverage", "width", "volume"), math.nan)
         covered = cKDTree(points).query(self.cloud)[0] <= self.reach

@@ -42,23 +42,6 @@ def central_composite(n: int, d: int = COMPOSITE_DIMENSIONS) -> np.ndarray:
 
     It has corners (all, half or a quarter of the 2^6, the largest fraction that fits), 12 face centres and
     the middle. What is left of n repeats these points in their order: the middle, the faces, the corners.
-
-    Parameters
-    ----------
-    n : int
-        Number of points, at least 29.
-    d : int, optional
-        Number of dimensions: 6.
-
-    Returns
-    -------
-    numpy.ndarray, (n, d)
-        In the unit cube.
-
-    Raises
-    ------
-    ValueError
-        For another d than 6, or n below 29.
     """
     if d != COMPOSITE_DIMENSIONS or n < 29:
         raise ValueError(f"n is {n}, d {d}; allowed: at least 29 points in 6 dimensions")
@@ -83,17 +66,7 @@ DESIGNS: dict[str, Design] = {
 
 
 def designs_for(d: int) -> dict[str, Design]:
-    """The designs that exist in d dimensions.
-
-    Parameters
-    ----------
-    d : int
-
-    Returns
-    -------
-    dict
-        Functions of a size, d and a seed, by the name of the design.
-    """
+    """The designs that exist in d dimensions."""
     return {
         name: make
         for name, make in DESIGNS.items()
@@ -102,19 +75,7 @@ def designs_for(d: int) -> dict[str, Design]:
 
 
 class Case(NamedTuple):
-    """What all emulated cases share.
-
-    Attributes
-    ----------
-    stand_in : emulator.Emulator
-    space : ParameterSpace
-    names : sequence of str, (k,)
-        Responses.
-    settings : mapping
-        The configuration's section `network`, with no more than `REPETITION_STARTS` starts.
-    seed : int
-        Of the repetitions.
-    """
+    """What all emulated cases share."""
 
     stand_in: emulator.Emulator
     space: ParameterSpace
@@ -131,28 +92,7 @@ def table_of(
     seeds: int,
     seed: int,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Designs, and points against seeds.
-
-    Parameters
-    ----------
-    sets : sequence of Points
-        The main design, the pool and the fresh points, as `points.read_sets` gives them.
-    names : sequence of str, (k,)
-        Responses.
-    space : ParameterSpace
-    settings : mapping
-        The configuration's section `network`.
-    seeds : int
-        Runs of a sample of the main design.
-    seed : int
-        Of the repetitions.
-
-    Returns
-    -------
-    table : pandas.DataFrame
-    summary : dict
-        Of the emulator.
-    """
+    """Designs, and points against seeds."""
     main, pool, fresh = sets
     settings = {**settings, "starts": min(settings["starts"], REPETITION_STARTS)}
     stand_in = emulator.chosen_by_cross_validation(pool, settings, seed)
@@ -170,18 +110,7 @@ def run(
     seed: int,
     out_dir: str | Path,
 ) -> pd.DataFrame:
-    """Write sampling.csv and emulator.json; return the table.
-
-    Parameters
-    ----------
-    sets, names, space, settings, seeds, seed
-        As for `table_of`.
-    out_dir : path
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """Write sampling.csv and emulator.json; return the table."""
     table, summary = table_of(sets, names, space, settings, seeds, seed)
     write_table(Path(out_dir) / "sampling.csv", table, float_format="%.6g")
     write_json(Path(out_dir) / "emulator.json", summary)

@@ -33,28 +33,7 @@ REFERENCE = "feasible region"
 def judged(
     log: Log, region: Region, tolerance: float, solutions: int, distance: float, seed: int
 ) -> tuple[dict[str, float], np.ndarray]:
-    """One search in numbers.
-
-    Parameters
-    ----------
-    log : Log
-    region : Region
-    tolerance : float
-        Of the objective.
-    solutions : int
-        Most that a list holds.
-    distance : float
-        Least between two of them.
-    seed : int
-        Of the choice among all feasible points it met.
-
-    Returns
-    -------
-    row : dict
-        Numbers by name.
-    best : numpy.ndarray, (d,)
-        Best point that it found, in [-1, 1].
-    """
+    """One search in numbers."""
     fitness, feasible = log.fitness, log.fitness <= log.objective.infeasible
     found, values = log.points[feasible], fitness[feasible]
     kept = distinct(found, values, distance, solutions) if len(found) else np.zeros(0, int)
@@ -78,34 +57,13 @@ def _first(met):
 
 
 def checkpoints(evaluations: int) -> np.ndarray:
-    """Numbers of evaluations, evenly in their logarithm from 10 on.
-
-    Parameters
-    ----------
-    evaluations : int
-        The last one.
-
-    Returns
-    -------
-    numpy.ndarray of int
-    """
+    """Numbers of evaluations, evenly in their logarithm from 10 on."""
     count = max(2, round(CHECKPOINTS_A_DECADE * math.log10(evaluations / 10)) + 1)
     return np.unique(np.geomspace(10, evaluations, count).round().astype(int))
 
 
 def curve(fitness: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Best fitness so far.
-
-    Parameters
-    ----------
-    fitness : numpy.ndarray, (evaluations,)
-    at : numpy.ndarray of int, (m,)
-        Numbers of evaluations, from 1.
-
-    Returns
-    -------
-    numpy.ndarray, (m,)
-    """
+    """Best fitness so far."""
     return np.minimum.accumulate(fitness)[at - 1]
 
 
@@ -116,31 +74,7 @@ def compared(
     settings: Mapping[str, Any],
     section: Mapping[str, Any],
 ) -> dict[str, pd.DataFrame]:
-    """All searches, several times each.
-
-    Parameters
-    ----------
-    respond : callable
-        Populations in [-1, 1] (n, d) to responses (n, k).
-    dimensions : int
-        Number of free parameters d.
-    objective : Objective
-    settings : mapping
-        ``evaluations``, ``repetitions``, ``tolerance``, ``region_points``, ``seed``.
-    section : mapping
-        `miga` of the configuration.
-
-    Returns
-    -------
-    dict
-        Tables ``search`` (best so far over the evaluations), ``search_methods``, ``search_runs``, and ``timings``, the
-        only one that another run changes.
-
-    Raises
-    ------
-    ValueError
-        If hardly a point of the ranges is feasible.
-    """
+    """All searches, several times each."""
     solutions, distance, seed = section["solutions"], section["distance"], settings["seed"]
     region = Region(respond, objective, settings["region_points"], solutions, dimensions, seed)
     rows, curves, took = [], [], []
@@ -174,27 +108,7 @@ def run(
     section: Mapping[str, Any],
     out_dir: str | Path,
 ) -> pd.DataFrame:
-    """Write search.csv, search_methods.csv, search_runs.csv and timings/search.csv; return the table of the methods.
-
-    Parameters
-    ----------
-    network_json : path
-        What the verb network wrote.
-    space : ParameterSpace
-    targets : Targets
-    settings, section
-        As for `compared`.
-    out_dir : path
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Raises
-    ------
-    InputError
-        If the file is bad, or the targets are out of the surrogate's reach.
-    """
+    """Write search.csv, search_methods.csv, search_runs.csv and timings/search.csv; return the table of the methods."""
     respond = on_free_parameters(load(network_json, targets.names), space)
     objective = Objective.of(targets)
     try:
@@ -249,17 +163,7 @@ def _methods(runs, bests, region):
 
 
 def message(methods: pd.DataFrame) -> str:
-    """The comparison in words, one line for each method.
-
-    Parameters
-    ----------
-    methods : pandas.DataFrame
-        search_methods.csv.
-
-    Returns
-    -------
-    str
-    """
+    """The comparison in words, one line for each method."""
     lines = []
     for row in methods.itertuples():
         if row.method == REFERENCE:

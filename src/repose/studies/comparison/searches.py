@@ -35,23 +35,7 @@ class Spent(Exception):
 
 
 class Log:
-    """Counts and keeps what a search evaluates, and ends it by `Spent` when the evaluations are used up.
-
-    Parameters
-    ----------
-    respond : callable
-        Populations in [-1, 1] (n, d) to responses (n, k).
-    objective : Objective
-    evaluations : int
-        Allowed.
-    dimensions : int
-        Number of free parameters d.
-
-    Attributes
-    ----------
-    used : int
-        Number of evaluations so far. Points and fitness are in the order in which they were asked for.
-    """
+    """Counts and keeps what a search evaluates, and ends it by `Spent` when the evaluations are used up."""
 
     def __init__(self, respond: Respond, objective: Objective, evaluations: int, dimensions: int):
         self.respond, self.objective, self.dimensions = respond, objective, dimensions
@@ -74,61 +58,15 @@ class Log:
         return self._keep(points, self.respond(points))
 
     def of_one(self, x: np.ndarray) -> float:
-        """Fitness of one point.
-
-        Parameters
-        ----------
-        x : numpy.ndarray, (d,)
-            In [-1, 1].
-
-        Returns
-        -------
-        float
-
-        Raises
-        ------
-        Spent
-            When all evaluations are used.
-        """
+        """Fitness of one point."""
         return float(self(np.asarray(x)[None])[0])
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
-        """Deviations of one point's responses from the targets.
-
-        Parameters
-        ----------
-        x : numpy.ndarray, (d,)
-            In [-1, 1].
-
-        Returns
-        -------
-        numpy.ndarray, (k,)
-            In widths of the targets' ranges.
-
-        Raises
-        ------
-        Spent
-            When all evaluations are used.
-        """
+        """Deviations of one point's responses from the targets."""
         return self._residuals(np.asarray(x)[None])[0]
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
-        """Derivatives of the deviations, by differences into the box; costs d evaluations.
-
-        Parameters
-        ----------
-        x : numpy.ndarray, (d,)
-            In [-1, 1]; counted already.
-
-        Returns
-        -------
-        numpy.ndarray, (k, d)
-
-        Raises
-        ------
-        Spent
-            When all evaluations are used.
-        """
+        """Derivatives of the deviations, by differences into the box; costs d evaluations."""
         steps = STEP * np.where(np.asarray(x) > 0, -1.0, 1.0)
         moved = self._residuals(np.asarray(x) + np.diag(steps))
         return ((moved - self._residuals_at(x)) / steps[:, None]).T
@@ -158,38 +96,14 @@ class Log:
 
 
 def miga(log: Log, seed: int, **settings: Any) -> None:
-    """The multi-island genetic algorithm.
-
-    Parameters
-    ----------
-    log : Log
-    seed : int
-    **settings
-        Of `repose.search.miga.OPERATORS`.
-
-    Raises
-    ------
-    Spent
-        When all evaluations are used.
-    """
+    """The multi-island genetic algorithm."""
     search = MIGA(log.dimensions, **settings, seed=seed)
     while True:
         search.tell(log(search.ask()))
 
 
 def differential_evolution(log: Log, seed: int) -> None:
-    """Differential evolution of scipy, whole populations at once.
-
-    Parameters
-    ----------
-    log : Log
-    seed : int
-
-    Raises
-    ------
-    Spent
-        When all evaluations are used.
-    """
+    """Differential evolution of scipy, whole populations at once."""
     for restart in range(10**6):
         optimize.differential_evolution(
             lambda x: log(x.T),
@@ -205,18 +119,7 @@ def differential_evolution(log: Log, seed: int) -> None:
 
 
 def dual_annealing(log: Log, seed: int) -> None:
-    """Dual annealing of scipy.
-
-    Parameters
-    ----------
-    log : Log
-    seed : int
-
-    Raises
-    ------
-    Spent
-        When all evaluations are used.
-    """
+    """Dual annealing of scipy."""
     for restart in range(10**6):
         random = np.random.default_rng([seed, restart])
         optimize.dual_annealing(
@@ -225,18 +128,7 @@ def dual_annealing(log: Log, seed: int) -> None:
 
 
 def cma_es(log: Log, seed: int) -> None:
-    """Covariance matrix adaptation of the package cmaes.
-
-    Parameters
-    ----------
-    log : Log
-    seed : int
-
-    Raises
-    ------
-    Spent
-        When all evaluations are used.
-    """
+    """Covariance matrix adaptation of the package cmaes."""
     from cmaes import CMA
 
     bounds = np.tile([-1.0, 1.0], (log.dimensions, 1))
@@ -250,18 +142,7 @@ def cma_es(log: Log, seed: int) -> None:
 
 
 def least_squares(log: Log, seed: int) -> None:
-    """Least squares of scipy from one random point after another.
-
-    Parameters
-    ----------
-    log : Log
-    seed : int
-
-    Raises
-    ------
-    Spent
-        When all evaluations are used.
-    """
+    """Least squares of scipy from one random point after another."""
     random = np.random.default_rng(seed)
     while True:
         start = random.uniform(-1, 1, log.dimensions)
@@ -269,18 +150,7 @@ def least_squares(log: Log, seed: int) -> None:
 
 
 def uniform(log: Log, seed: int) -> None:
-    """Uniform points.
-
-    Parameters
-    ----------
-    log : Log
-    seed : int
-
-    Raises
-    ------
-    Spent
-        When all evaluations are used.
-    """
+    """Uniform points."""
     random = np.random.default_rng(seed)
     while True:
         log(random.uniform(-1, 1, (2000, log.dimensions)))
@@ -296,18 +166,7 @@ SEARCHES: dict[str, Search] = {
 
 
 def searches(section: Mapping[str, Any]) -> dict[str, tuple[Search, int | None]]:
-    """All searches.
-
-    Parameters
-    ----------
-    section : mapping
-        `miga` of the configuration.
-
-    Returns
-    -------
-    dict
-        By name: the search, and its number of evaluations where it has one of its own, else None.
-    """
+    """All searches."""
     own = {key: section[key] for key in OPERATORS}
     alone = own | {"islands": 1, "population": section["islands"] * section["population"]}
     whole = section["rounds"] * section["generations"] * alone["population"]
@@ -322,22 +181,7 @@ def searches(section: Mapping[str, Any]) -> dict[str, tuple[Search, int | None]]
 def logged(
     search: Search, respond: Respond, objective: Objective, evaluations: int, dimensions: int, seed: int
 ) -> tuple[Log, float]:
-    """One search with all its evaluations used.
-
-    Parameters
-    ----------
-    search : callable
-        A function of a `Log` and a seed.
-    respond, objective, evaluations, dimensions
-        As for `Log`.
-    seed : int
-
-    Returns
-    -------
-    log : Log
-    seconds : float
-        What the search took [s].
-    """
+    """One search with all its evaluations used."""
     log, began = Log(respond, objective, evaluations, dimensions), time.perf_counter()
     with suppress(Spent):
         search(log, seed)

@@ -30,18 +30,6 @@ SEARCH = ("evaluations_to_tolerance", "best", "listed_coverage", "met_coverage")
 def table_of(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
     """A row for each choice, budget, response and measure.
 
-    Parameters
-    ----------
-    tables : mapping
-        ``sampling``, ``surrogates``, ``search`` and ``whole``, as `read` gives them.
-
-    Returns
-    -------
-    pandas.DataFrame
-        With the columns `COLUMNS`.
-
-    Notes
-    -----
     ``data`` tells rows of simulated samples (``real``) from those of an emulator fitted to them (``emulated``) and of
     the trained network (``network``). ``explainable`` is the share of the explainable variance, ``rmse`` and ``off``
     are in the response's unit.
@@ -53,22 +41,7 @@ def table_of(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def read(files: Mapping[str, str | Path]) -> dict[str, pd.DataFrame]:
-    """The tables of the four comparisons, by name.
-
-    Parameters
-    ----------
-    files : mapping
-        Paths ``sampling``, ``surrogates``, ``search`` and ``whole``.
-
-    Returns
-    -------
-    dict of pandas.DataFrame
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read or a column is missing.
-    """
+    """The tables of the four comparisons, by name."""
     sizes = ("points", "seeds", "simulations", "response", "repetitions", *_with_errors(SHARES))
     sampling = read_table(files["sampling"], ("comparison", "design", "data", "fit", *sizes))
     off = _with_errors([derived(name, "off") for name in dict.fromkeys(sampling["response"])])
@@ -84,23 +57,7 @@ def read(files: Mapping[str, str | Path]) -> dict[str, pd.DataFrame]:
 
 
 def run(files: Mapping[str, str | Path], out_dir: str | Path) -> pd.DataFrame:
-    """Write comparison.csv; return the table.
-
-    Parameters
-    ----------
-    files : mapping
-        As for `read`.
-    out_dir : path
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Raises
-    ------
-    InputError
-        As in `read`.
-    """
+    """Write comparison.csv; return the table."""
     table = table_of(read(files))
     write_table(Path(out_dir) / "comparison.csv", table, float_format="%.6g")
     return table

@@ -30,23 +30,6 @@ def table_of(
 ) -> pd.DataFrame:
     """Each model at each budget, mean and standard error over the training sets.
 
-    Parameters
-    ----------
-    sets : sequence of Points
-        The main design, the pool and the fresh points, as `points.read_sets` gives them.
-    names : sequence of str, (k,)
-        Responses.
-    settings : mapping
-        The configuration's section `network`.
-    seed : int
-        Of the training sets.
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Notes
-    -----
     Rows of one training set (the main design, the whole pool) have no standard error.
     """
     main, pool, fresh = sets
@@ -67,39 +50,14 @@ def run(
     seed: int,
     out_dir: str | Path,
 ) -> pd.DataFrame:
-    """Write surrogates.csv; return the table.
-
-    Parameters
-    ----------
-    sets, names, settings, seed
-        As for `table_of`.
-    out_dir : path
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """Write surrogates.csv; return the table."""
     table = table_of(sets, names, settings, seed)
     write_table(Path(out_dir) / "surrogates.csv", table, float_format="%.6g")
     return table
 
 
 def training_sets(main: Points, pool: Points, seed: int) -> Iterator[tuple[str, list[Points]]]:
-    """Random parts of the pool at each budget, then the whole pool and the main design.
-
-    Parameters
-    ----------
-    main, pool : Points
-    seed : int
-        Of the random parts.
-
-    Yields
-    ------
-    source : str
-        In words.
-    sets : list of Points
-        One, or as many as there are repetitions.
-    """
+    """Random parts of the pool at each budget, then the whole pool and the main design."""
     rng = np.random.default_rng([seed, 1])
     for count in BUDGETS:
         if 2 * count <= len(pool.X):
@@ -110,20 +68,7 @@ def training_sets(main: Points, pool: Points, seed: int) -> Iterator[tuple[str, 
 
 
 def judged(predict: Callable | None, fresh: Points) -> list[dict[str, Any]] | None:
-    """Measures of a fitted model at the fresh points.
-
-    Parameters
-    ----------
-    predict : callable or None
-        See `repose.studies.comparison.models.Predict`.
-    fresh : Points
-
-    Returns
-    -------
-    list of dict or None
-        For each response the numbers of `scores.accuracy`, and those of `scores.calibration` where the model
-        has errors. None without a model.
-    """
+    """Measures of a fitted model at the fresh points."""
     if predict is None:
         return None
     means, errors, (mean, std) = fresh.means(), fresh.known_errors(), predict(fresh.X)

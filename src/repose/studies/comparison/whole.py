@@ -35,15 +35,7 @@ from repose.studies.comparison.proposals import proposed
 
 
 class Samples(NamedTuple):
-    """Samples of one or several studies.
-
-    Attributes
-    ----------
-    points : Points
-        X (n, d): places in the ranges.
-    covariance : numpy.ndarray, (k, k)
-        Of a single run about its sample's mean.
-    """
+    """Samples of one or several studies."""
 
     points: Points
     covariance: np.ndarray
@@ -60,22 +52,7 @@ class Samples(NamedTuple):
 
 
 def samples_of(points: Points) -> Samples:
-    """Points with the covariance of a single run.
-
-    Parameters
-    ----------
-    points : Points
-        X (n, d): places in the ranges.
-
-    Returns
-    -------
-    Samples
-
-    Raises
-    ------
-    ValueError
-        If too few points have two runs.
-    """
+    """Points with the covariance of a single run."""
     good = points.good()
     values, number = points.values[good], np.nonzero(good)[0]
     within = [variance.variance_components(column, number).within for column in values.T]
@@ -90,24 +67,7 @@ def samples_of(points: Points) -> Samples:
 def read_samples(
     datasets: Sequence[str | Path], runs: Sequence[str | Path], space: ParameterSpace, names: Sequence[str]
 ) -> Samples:
-    """Samples of files that the verb dataset wrote, in pairs.
-
-    Parameters
-    ----------
-    datasets, runs : sequence of path
-    space : ParameterSpace
-    names : sequence of str, (k,)
-        Responses.
-
-    Returns
-    -------
-    Samples
-
-    Raises
-    ------
-    InputError
-        If a file is bad, the numbers of files differ, or too few samples have two runs.
-    """
+    """Samples of files that the verb dataset wrote, in pairs."""
     if len(datasets) != len(runs):
         raise InputError("command line", "runs", len(runs), f"as many files as datasets, {len(datasets)}")
     points = joined([read(*pair, names) for pair in zip(datasets, runs, strict=True)])
@@ -118,54 +78,19 @@ def read_samples(
 
 
 def matern(inputs: int) -> Any:
-    """Kernel of the truth: Matern 5/2 with a length for each input.
-
-    Parameters
-    ----------
-    inputs : int
-        Number of inputs.
-
-    Returns
-    -------
-    sklearn.gaussian_process.kernels.Kernel
-    """
+    """Kernel of the truth: Matern 5/2 with a length for each input."""
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
     return ConstantKernel(1.0, (1e-2, 1e3)) * Matern(np.ones(inputs), (0.1, 30.0), nu=2.5)
 
 
 def truth_of(samples: Samples, seed: int) -> Emulator:
-    """The emulator of all samples that proposals are judged by.
-
-    Parameters
-    ----------
-    samples : Samples
-    seed : int
-        Of the points that the kernel is fitted to, and of the folds.
-
-    Returns
-    -------
-    Emulator
-    """
+    """The emulator of all samples that proposals are judged by."""
     return with_process(samples.points, samples.errors, samples.covariance, matern, seed)
 
 
 def emulated(samples: Samples, truth: Emulator, count: int, random: np.random.Generator) -> Points:
-    """A new Latin hypercube of `count` samples whose runs scatter about the truth as real ones do.
-
-    Parameters
-    ----------
-    samples : Samples
-        As many runs of each sample as these have on average.
-    truth : Emulator
-    count : int
-        Number of samples.
-    random : numpy.random.Generator
-
-    Returns
-    -------
-    Points
-    """
+    """A new Latin hypercube of `count` samples whose runs scatter about the truth as real ones do."""
     dimensions = samples.points.X.shape[1]
     unit = stats.qmc.LatinHypercube(dimensions, rng=random).random(count)
     return truth.pour(unit, samples.seeds, random)
@@ -174,24 +99,7 @@ def emulated(samples: Samples, truth: Emulator, count: int, random: np.random.Ge
 def compared(
     samples: Samples, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """All methods on real and emulated data.
-
-    Parameters
-    ----------
-    samples : Samples
-    space : ParameterSpace
-    targets : Targets
-    settings : mapping
-        ``samples`` (a list of numbers), ``repetitions``, ``local_starts``, ``seed``, and the sections ``network`` and
-        ``miga`` to use. Numbers of samples beyond those that are there have emulated data alone.
-
-    Returns
-    -------
-    table : pandas.DataFrame
-        Means with standard errors over the repetitions.
-    proposals : pandas.DataFrame
-        Every proposal.
-    """
+    """All methods on real and emulated data."""
     truth = truth_of(samples, settings["seed"])
     available, rows = len(samples.points.X), []
     for count in settings["samples"]:
@@ -217,18 +125,7 @@ def run(
     settings: Mapping[str, Any],
     out_dir: str | Path,
 ) -> pd.DataFrame:
-    """Write whole.csv and whole_proposals.csv; return the first.
-
-    Parameters
-    ----------
-    samples, space, targets, settings
-        As for `compared`.
-    out_dir : path
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """Write whole.csv and whole_proposals.csv; return the first."""
     table, proposals = compared(samples, space, targets, settings)
     write_table(Path(out_dir) / "whole_proposals.csv", proposals)
     write_table(Path(out_dir) / "whole.csv", table)
@@ -275,18 +172,7 @@ def _table(proposals, truth, targets, available):
 
 
 def message(table: pd.DataFrame, targets: Targets) -> str:
-    """The largest number of samples in words, one line for each method.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        whole.csv.
-    targets : Targets
-
-    Returns
-    -------
-    str
-    """
+    """The largest number of samples in words, one line for each method."""
     lines = []
     for kind, group in table.groupby("data", sort=False):
         last = group[group["samples"] == group["samples"].max()]

@@ -25,25 +25,7 @@ FREEDOM = 4  # runs beyond the first of a sample that a correlation of two respo
 
 
 class Calibration(NamedTuple):
-    """What the runs say.
-
-    Attributes
-    ----------
-    study : OwnStudy
-    runs, samples : pandas.DataFrame
-        The runs; their means by sample with standard errors.
-    model : SpaceKriging
-    values, mean, error : numpy.ndarray
-        Parameters of the answer, its predicted responses (k,) and their standard errors.
-    probability : dict of str to float
-        That the simulator's mean responses at the answer lie ``within_1_percent`` and ``within_2_percent`` of all
-        targets, and ``inside`` all ranges.
-    solutions : pandas.DataFrame
-        The answer, then other parameter sets that are predicted inside all ranges.
-    posterior : Posterior
-    summary : dict
-        The answer in plain values, as ``summary.json`` has it.
-    """
+    """What the runs say."""
 
     study: OwnStudy
     runs: pd.DataFrame
@@ -59,26 +41,7 @@ class Calibration(NamedTuple):
 
 
 def ask(study: OwnStudy, runs: pd.DataFrame) -> tuple[Advice, pd.DataFrame]:
-    """What to simulate next.
-
-    Parameters
-    ----------
-    study : OwnStudy
-    runs : pandas.DataFrame
-        All runs so far, as `checked_runs` gives them.
-
-    Returns
-    -------
-    advice : Advice
-        With ``stop``, why no further run is asked for.
-    following : pandas.DataFrame
-        A row for each run to make; where the runs stop, the answer.
-
-    Raises
-    ------
-    InputError
-        If the runs do not tell the noise.
-    """
+    """What to simulate next."""
     observed, failed = observed_of(study, runs)
     noise = noise_of(study, observed).covariance
     goal = Goal.of(study.targets, study.sequential["tolerance_percent"], study.space)
@@ -91,23 +54,7 @@ def ask(study: OwnStudy, runs: pd.DataFrame) -> tuple[Advice, pd.DataFrame]:
 
 
 def calibrate(study: OwnStudy, runs: pd.DataFrame) -> Calibration:
-    """The parameters that meet the targets most probably, and how sure they are.
-
-    Parameters
-    ----------
-    study : OwnStudy
-    runs : pandas.DataFrame
-        As `checked_runs` gives them. They need not come from `ask`.
-
-    Returns
-    -------
-    Calibration
-
-    Raises
-    ------
-    InputError
-        If the runs do not tell the noise.
-    """
+    """The parameters that meet the targets most probably, and how sure they are."""
     space, targets = study.space, study.targets
     observed, failed = observed_of(study, runs)
     noise = noise_of(study, observed)
@@ -163,21 +110,7 @@ def calibrate(study: OwnStudy, runs: pd.DataFrame) -> Calibration:
 
 
 def observed_of(study: OwnStudy, runs: pd.DataFrame) -> tuple[Observed, np.ndarray]:
-    """The runs as arrays.
-
-    Parameters
-    ----------
-    study : OwnStudy
-    runs : pandas.DataFrame
-        As `checked_runs` gives them.
-
-    Returns
-    -------
-    observed : Observed
-        Samples with a good run.
-    failed : numpy.ndarray, (f, d)
-        The others, in the unit cube.
-    """
+    """The runs as arrays."""
     names = list(study.targets.names)
     number, samples = pd.factorize(runs["sample"])
     place = runs.groupby("sample").cumcount().to_numpy()
@@ -189,18 +122,7 @@ def observed_of(study: OwnStudy, runs: pd.DataFrame) -> tuple[Observed, np.ndarr
 
 
 def write(found: Calibration, out_dir: str | os.PathLike) -> dict[str, Any]:
-    """Write the tables of a calibration and its material card; return the card.
-
-    Parameters
-    ----------
-    found : Calibration
-    out_dir : path
-        For samples.csv, solutions.csv, posterior.csv, draws.csv, posterior.json, summary.json and card.json.
-
-    Returns
-    -------
-    dict
-    """
+    """Write the tables of a calibration and its material card; return the card."""
     out, study = Path(out_dir), found.study
     tables = {"samples": found.samples, "solutions": found.solutions}
     tables |= {"posterior": found.posterior.parameters, "draws": found.posterior.draws}
@@ -228,18 +150,7 @@ def write(found: Calibration, out_dir: str | os.PathLike) -> dict[str, Any]:
 
 
 def as_answer(found: Calibration, folder: Path) -> Answer:
-    """The answer in the form that the material card takes; it was not simulated again.
-
-    Parameters
-    ----------
-    found : Calibration
-    folder : Path
-        Of the results.
-
-    Returns
-    -------
-    Answer
-    """
+    """The answer in the form that the material card takes; it was not simulated again."""
     checks = tuple(
         Check(
             *(one.name, one.response.unit, None, None, 0, "not simulated again"),
@@ -254,16 +165,7 @@ def as_answer(found: Calibration, folder: Path) -> Answer:
 
 
 def in_words(found: Calibration) -> str:
-    """The answer for people.
-
-    Parameters
-    ----------
-    found : Calibration
-
-    Returns
-    -------
-    str
-    """
+    """The answer for people."""
     rows = found.posterior.parameters.set_index("parameter")
     study, chance = found.study, found.probability
     lines = [f"{study.label}: the calibrated parameters [95 % interval]:"]

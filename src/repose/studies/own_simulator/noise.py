@@ -23,15 +23,7 @@ LENGTHS = (0.3, 30.0)  # of the surface, in ranges of a parameter: shorter waves
 
 
 class Noise(NamedTuple):
-    """The noise of a single run.
-
-    Attributes
-    ----------
-    covariance : numpy.ndarray, (k, k)
-        Of the responses about their means.
-    sources : dict of str
-        For each response `REPLICATES`, `TOLD` or `ESTIMATED`.
-    """
+    """The noise of a single run."""
 
     covariance: np.ndarray
     sources: dict[str, str]
@@ -56,25 +48,7 @@ class Noise(NamedTuple):
 
 
 def noise_of(study: OwnStudy, observed: Observed, source: object = "runs") -> Noise:
-    """The noise of a single run.
-
-    Parameters
-    ----------
-    study : OwnStudy
-    observed : Observed
-        Samples with a good run.
-    source : object, optional
-        Where the runs stand, for the error.
-
-    Returns
-    -------
-    Noise
-
-    Raises
-    ------
-    InputError
-        If the replicates are all alike, or neither they nor `noise_sd` nor enough single runs tell it.
-    """
+    """The noise of a single run."""
     names = study.targets.names
     if observed.freedom > len(names):
         try:
@@ -99,22 +73,7 @@ def noise_of(study: OwnStudy, observed: Observed, source: object = "runs") -> No
 
 
 def nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
-    """Variance of a single run about a smooth surface.
-
-    Parameters
-    ----------
-    unit : numpy.ndarray, (n, d)
-        Samples in the unit cube.
-    means : numpy.ndarray, (n,)
-        Mean of each.
-    shares : numpy.ndarray, (n,)
-        Variance of that mean, in variances of a single run.
-
-    Returns
-    -------
-    float
-        Its mean over `SHARES` of the variance of the means, weighted with the evidence of each.
-    """
+    """Variance of a single run about a smooth surface."""
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 

@@ -20,39 +20,13 @@ ROUNDED = 1e-6  # of a range: a table may have been rounded by a spreadsheet
 
 
 def first_runs(study: OwnStudy) -> pd.DataFrame:
-    """The runs to begin with: a Latin hypercube over the ranges, each sample several times.
-
-    Parameters
-    ----------
-    study : OwnStudy
-
-    Returns
-    -------
-    pandas.DataFrame
-        As `runs_of_points`.
-    """
+    """The runs to begin with: a Latin hypercube over the ranges, each sample several times."""
     section = study.sequential
     return runs_of_points(start(study.space, section, study.seed), study.space, section["seeds"], 1)
 
 
 def runs_of_points(unit: np.ndarray, space: ParameterSpace, seeds: int, first: int) -> pd.DataFrame:
-    """A row for each run.
-
-    Parameters
-    ----------
-    unit : numpy.ndarray, (n, d)
-        Samples in the unit cube.
-    space : ParameterSpace
-    seeds : int
-        Runs of each sample; they differ in the random numbers of the simulator alone.
-    first : int
-        Number of the first sample.
-
-    Returns
-    -------
-    pandas.DataFrame
-        sample, run from 1, and the parameters.
-    """
+    """A row for each run."""
     values = space.values(unit).repeat(seeds, axis=0)
     table = pd.DataFrame(values, columns=list(space.names))
     table.insert(0, "sample", np.arange(first, first + len(unit)).repeat(seeds))
@@ -61,24 +35,7 @@ def runs_of_points(unit: np.ndarray, space: ParameterSpace, seeds: int, first: i
 
 
 def read_runs(path: str | os.PathLike, study: OwnStudy) -> pd.DataFrame:
-    """Read and check a table of runs.
-
-    Parameters
-    ----------
-    path : path
-        CSV file.
-    study : OwnStudy
-
-    Returns
-    -------
-    pandas.DataFrame
-        As `checked_runs`.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or for what `checked_runs` refuses.
-    """
+    """Read and check a table of runs."""
     return checked_runs(study, read_rows(path, what="a CSV file of runs"), path)
 
 
@@ -88,32 +45,7 @@ def checked_runs(
     source: object = "runs",
     enough: bool = True,
 ) -> pd.DataFrame:
-    """A table of runs, checked.
-
-    Parameters
-    ----------
-    study : OwnStudy
-    rows : pandas.DataFrame or sequence of mapping
-        A row for each run: the parameters and the responses of the targets. A column of a fixed parameter may be
-        missing. Rows with the same parameters are replicates. ``sample``, ``run`` and ``status`` may be there. A run
-        whose status is not ``ok`` failed; its responses are not read.
-    source : object, optional
-        Where the table stands, for the error.
-    enough : bool, optional
-        Whether to refuse runs that are too few for a calibration.
-
-    Returns
-    -------
-    pandas.DataFrame
-        sample, status, parameters, responses. Samples are numbered in the order of their first run, unless the table
-        numbers them.
-
-    Raises
-    ------
-    InputError
-        For a missing column; a cell that is no finite number; a parameter outside its range; one sample with two sets
-        of parameters, or two samples with one; a run or a row that is there twice; too few good samples.
-    """
+    """A table of runs, checked."""
     if isinstance(rows, pd.DataFrame):
         rows = rows.to_dict("records")
     if not rows:
@@ -132,24 +64,7 @@ def checked_runs(
 
 
 def tell(study: OwnStudy, new: str | os.PathLike, record: str | os.PathLike) -> pd.DataFrame:
-    """Add runs to a record, which is made where there is none.
-
-    Parameters
-    ----------
-    study : OwnStudy
-    new, record : path
-        CSV files of runs. The record is written as a whole, after all of it was checked.
-
-    Returns
-    -------
-    pandas.DataFrame
-        All runs of the record, as `checked_runs`; they may be too few for a calibration.
-
-    Raises
-    ------
-    InputError
-        As `read_runs`; the record stays as it was.
-    """
+    """Add runs to a record, which is made where there is none."""
     rows = _with_fixed(read_rows(new, what="a CSV file of runs"), study.space)
     checked_runs(study, rows, new, enough=False)
     before = read_rows(record, what="a CSV file of runs") if Path(record).exists() else []

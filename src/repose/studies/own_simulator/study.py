@@ -35,22 +35,7 @@ RANGE_PERCENT = 2.0  # of the value, to each side, where no range is given
 
 @dataclass(frozen=True)
 class OwnStudy:
-    """A study with a simulator of the user's own.
-
-    Attributes
-    ----------
-    simulator, label : str
-        The simulator's name, the material's.
-    seed : int
-    space : ParameterSpace
-    targets : Targets
-    definitions : mapping of str to str
-        How each response is defined, where it is said.
-    noise_sd : mapping of str to float
-        Standard deviation of a single run of the simulator, where it is said.
-    sequential, posterior : mapping
-        As the sections of these names of a whole configuration.
-    """
+    """A study with a simulator of the user's own."""
 
     simulator: str
     label: str
@@ -64,60 +49,17 @@ class OwnStudy:
 
 
 def is_own(path: str | os.PathLike) -> bool:
-    """Whether a configuration is one for a simulator of the user's own: it names the simulator.
-
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a configuration is one for a simulator of the user's own: it names the simulator."""
     return "simulator" in read(path)
 
 
 def read_study(path: str | os.PathLike) -> OwnStudy:
-    """Read the configuration.
-
-    Parameters
-    ----------
-    path : path
-        A YAML or JSON file.
-
-    Returns
-    -------
-    OwnStudy
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or for what `study_of` refuses.
-    """
+    """Read the configuration."""
     return study_of(read(path), path)
 
 
 def study_of(content: Mapping[str, Any], source: object = "study") -> OwnStudy:
-    """The study that a configuration describes.
-
-    Parameters
-    ----------
-    content : mapping
-        ``simulator``, ``label``, ``seed``, ``parameters`` (as in `ParameterSpace.of`, with any names) and ``targets``:
-        for each response ``value``, ``sd`` and ``repetitions``, perhaps ``range``, ``unit``, ``definition`` and
-        ``noise_sd``. The sections ``sequential`` and ``posterior`` may hold the keys that differ from the default.
-    source : object, optional
-        Where it stands, for the error.
-
-    Returns
-    -------
-    OwnStudy
-
-    Raises
-    ------
-    InputError
-        For a key that is missing or unknown, or a value that is not allowed.
-    """
+    """The study that a configuration describes."""
     known = (*NEEDED, "sequential", "posterior")
     faults = [
         InputError(source, key, content[key], f"no such key; keys here: {', '.join(known)}")
