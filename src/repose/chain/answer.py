@@ -1,4 +1,4 @@
-"""What a calibration came to: the parameters, and whether their simulated responses meet the targets."""
+"""The result of a calibration: the parameters, and whether their simulated responses meet the targets."""
 
 import os
 from collections.abc import Iterable, Mapping
@@ -14,13 +14,13 @@ from repose.core.targets import Targets
 
 
 class Files(NamedTuple):
-    """Where a strategy leaves its answer, in the folder of results."""
+    """Where a strategy writes its answer, in the folder of results."""
 
-    rule: str
-    summary: str
-    check: str
-    solutions: str
-    advice: str
+    rule: str  # the last rule that writes them
+    summary: str  # the answer
+    check: str  # its simulation beside the targets
+    solutions: str  # all parameter sets found
+    advice: str  # what helps if only the prediction meets the targets
 
 
 def _of_strategy(rule, folder, advice):
@@ -42,7 +42,7 @@ FILES = {
 }
 CARD = "card.json"
 WITHIN = {percent: f"within_{percent:g}_percent" for percent in PERCENT}
-# A table of before these probabilities lacks their columns, and an answer out of it would say that nothing is known.
+# A table of an older version lacks the columns of these probabilities; an answer from it would report nothing.
 COLUMNS = ("response", "simulated", "simulated_se", "n_seeds", "status", *WITHIN.values())
 REPORT = "report.html"
 # Exit status of a run that ended without a feasible solution.
@@ -55,13 +55,13 @@ class Check:
 
     response: str
     unit: str
-    simulated: float | None
-    standard_error: float | None
+    simulated: float | None  # mean of the runs; None if they failed
+    standard_error: float | None  # None if they failed, or after a single run
     runs: int
-    status: str
-    measured: float
-    sd: float
-    low: float
+    status: str  # "ok" if the runs can be measured
+    measured: float  # mean of the physical repetitions
+    sd: float  # standard deviation of the physical repetitions
+    low: float  # of the target range
     high: float
 
     @property
@@ -78,7 +78,7 @@ class Check:
 
     @property
     def distance(self) -> str:
-        """How far the simulated mean lies from the measured one, in percent and in standard deviations."""
+        """Difference of the simulated from the measured mean, in percent and in standard deviations."""
         if self.simulated is None:
             return f"{self.response} unknown"
         off, percent = self.simulated - self.measured, 100 / abs(self.measured)
@@ -88,7 +88,7 @@ class Check:
 
     @property
     def miss(self) -> str:
-        """By how much the simulation misses the range, in words."""
+        """By how much the simulation misses the range, as text."""
         if self.margin is None:
             return f"{self.response}, which has no number"
         return f"{self.response} by {-self.margin:.2g} {self.unit}"
@@ -108,14 +108,18 @@ class Check:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a calibration came to."""
+    """The result of a calibration.
 
-    label: str
-    parameters: Mapping[str, float]
-    feasible: bool
-    message: str
-    checks: tuple[Check, ...]
-    folder: Path
+    `within` has the probability, by percent of the aims, that all means lie so near to them; it comes from the runs of
+    the check alone, and None means unknown.
+    """
+
+    label: str  # of the study
+    parameters: Mapping[str, float]  # the representative solution
+    feasible: bool  # whether the search found a set whose prediction meets the targets
+    message: str  # of the search
+    checks: tuple[Check, ...]  # one for each target
+    folder: Path  # of the results
     within: Mapping[float, float | None]
     files: Files = FILES["published"]
 
@@ -126,7 +130,7 @@ class Answer:
 
     @property
     def verdict(self) -> str:
-        """Whether the simulation meets the targets; where it does not, by how much, and what helps."""
+        """Whether the simulation meets the targets; if not, by how much, and advice."""
         if self.met:
             return "Targets met by the simulation."
         if not self.feasible:
@@ -157,7 +161,10 @@ class Answer:
 
 
 def read(config: Mapping[str, Any], strategy: str = "published") -> Answer:
-    """The answer of a finished study."""
+    """The answer of a finished study, from its folder of results.
+
+    An InputError is raised before the calibration has been run.
+    """
     folder, files = Path(config["results_dir"]), FILES[strategy]
     return read_files(config, folder / files.summary, folder / files.check, strategy)
 
@@ -168,7 +175,7 @@ def read_files(
     check_csv: str | os.PathLike,
     strategy: str = "published",
 ) -> Answer:
-    """The answer in the files that search and check wrote."""
+    """The answer in the files of the verbs miga and validate, or of the check of another strategy."""
     keys = {"representative": dict, "feasible": bool, "message": str}
     summary = read_json(summary_json, keys, "an answer that a calibration wrote; run it first")
     rows = {row["response"]: row for row in read_rows(check_csv, COLUMNS, "what validate wrote")}
@@ -196,7 +203,7 @@ def read_files(
 
 
 def parameters_in_words(parameters: Mapping[str, float]) -> list[str]:
-    """A line for each parameter: its name, value and meaning."""
+    """A line for each parameter: name, value and meaning."""
     return [f"  {name:7} {value:.4g}  {LABELS[name]}" for name, value in parameters.items()]
 
 
@@ -206,7 +213,7 @@ def nearness(checks: Iterable[Check]) -> str:
 
 
 def probability_in_words(within: Mapping[float, float | None]) -> str:
-    """How probable it is that the answer meets all targets closely."""
+    """Probability that all means are near their targets, as text; `within` as in `Answer`."""
     if None in within.values():
         return "how near the means are to their targets is not known"
     told = ", ".join(f"within {percent:g} %: {value:.2f}" for percent, value in within.items())
@@ -214,7 +221,7 @@ def probability_in_words(within: Mapping[float, float | None]) -> str:
 
 
 def _check(target, row, source):
-    """A row of representative.csv beside its target."""
+    """A row of representative.csv with its target."""
     simulated, error, runs = (_number(row, key, source) for key in ("simulated", "simulated_se", "n_seeds"))
     return Check(
         *(target.name, target.response.unit, simulated, error, int(runs or 0), row["status"]),
@@ -223,7 +230,7 @@ def _check(target, row, source):
 
 
 def _number(row, key, source):
-    """A number of a table; None where there is none."""
+    """A number of a table; None if the cell is empty."""
     try:
         return float(row[key]) if row.get(key) else None
     except ValueError:

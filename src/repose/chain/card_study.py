@@ -1,4 +1,4 @@
-"""The study that a material card belongs to: its configuration tells what the card does not hold, and no other one."""
+"""The study of a material card: its configuration holds what the card does not."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -14,7 +14,7 @@ AGREEMENT = 1e-6  # relative
 
 
 def read(card_json: str | PathLike) -> dict[str, Any]:
-    """The card of a study that was poured here."""
+    """The card of a study that was simulated by this program; the card of another simulator raises InputError."""
     found = cards.read(card_json)
     if "simulator" in found:
         allowed = "none: the card of a study that was poured here"
@@ -23,7 +23,7 @@ def read(card_json: str | PathLike) -> dict[str, Any]:
 
 
 def configuration_beside(card_json: str | PathLike) -> Path:
-    """The configuration that a run has left beside its card."""
+    """The configuration that a run wrote beside its card; InputError if there is none."""
     path = Path(card_json).with_name(CONFIG)
     if not path.is_file():
         allowed = f"the configuration of the study of {card_json}, as no {CONFIG} lies beside it"
@@ -38,7 +38,10 @@ def require_one_study(
     source: str | PathLike,
     berry: Mapping[str, Any],
 ) -> None:
-    """Refuse a card and a configuration of two studies."""
+    """Raise InputError if card and configuration differ in label, grain, wall, contact laws or a bench test.
+
+    `berry` is the content of the file of the verb ``berry``.
+    """
     unlike = list(_differences(card, config, berry))
     if unlike:
         key, mine, theirs = unlike[0]
@@ -48,7 +51,7 @@ def require_one_study(
 
 
 def _differences(card, config, berry) -> Iterator[tuple[str, Any, Any]]:
-    """What the two tell unlike: key, the card's value, the configuration's."""
+    """The differences of the two: key, the card's value, the configuration's."""
     axes = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
     theirs = {"material": config["label"], "grain.mean_axes_mm": axes}
     theirs |= {f"grain.{key}": berry[key] for key in cards.GRAIN}
@@ -68,7 +71,7 @@ def _differences(card, config, berry) -> Iterator[tuple[str, Any, Any]]:
 
 
 def _same(one, other):
-    """Whether two values are the same; numbers to what a file holds of them."""
+    """Whether two values are the same; numbers to the precision of a file."""
     if isinstance(one, list) and isinstance(other, list):
         return len(one) == len(other) and all(map(_same, one, other))
     if isinstance(one, int | float) and isinstance(other, int | float):

@@ -104,10 +104,10 @@ def evolve(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Enhanced stochastic evolution on `repose.chain.design.phi_p` with p = 2^(doublings + 1).
 
-    Each round goes through the columns, takes the best of a few random exchanges and accepts it against a
-    random share of a threshold.
-
-    Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference 134:268.
+    Each round goes through the columns, takes the best of a few random exchanges and accepts it against a random share
+    of a threshold. The results are the design of smallest phi_p, and that of the largest minimum distance at the end of
+    a round; both (n, d), as `start` is a Latin hypercube (n, d) in the unit cube (Jin, Chen and Sudjianto 2005, J.
+    Stat. Plan. Inference 134:268).
     """
     n, d = start.shape
     points = start.copy()

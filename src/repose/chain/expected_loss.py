@@ -28,7 +28,7 @@ TINY = 1e-12  # least error of a prediction, so that one can divide by it
 
 
 def expected_loss(surrogate: Surrogate, X: np.ndarray, targets: Targets) -> np.ndarray:
-    """Expectation of Eq. 11, for true means that are normal about their predictions."""
+    """Expectation (n,) of Eq. 11 at parameter sets X (n, d), for true means that are normal about their predictions."""
     error = np.sqrt(np.diagonal(surrogate.covariance(X), axis1=1, axis2=2))
     off = surrogate.predict(X) - targets.aim
     z = np.abs(off) / np.maximum(error, TINY)
@@ -38,8 +38,10 @@ def expected_loss(surrogate: Surrogate, X: np.ndarray, targets: Targets) -> np.n
 
 
 def least(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> dict[str, Any]:
-    """The parameter set of least expected loss."""
+    """The parameter set of least expected loss: six parameters, predicted responses, and the entries of `judged`.
 
+    Of sets that are equally good, those near the means of priors come first.
+    """
     preference = Preference.of(space)
 
     def loss(unit):
@@ -65,7 +67,11 @@ def least(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> dict
 
 
 def judged(surrogate: Surrogate, parameters: Mapping[str, float], targets: Targets) -> dict[str, Any]:
-    """What the surrogate says of a parameter set."""
+    """Errors and probabilities of a parameter set by the surrogate.
+
+    `predicted_se`: standard errors of the predicted means by response; `expected_error_percent`: root of the expected
+    mean square of the relative deviations; `within`: probability that all means lie within some percent of the aims.
+    """
     X = np.array([[parameters[name] for name in PARAMETERS]])
     mean, covariance, aim = surrogate.predict(X), surrogate.covariance(X), targets.aim
     error, reach = np.sqrt(np.diagonal(covariance[0])), np.abs(aim) / 100

@@ -1,4 +1,4 @@
-"""The parameter sets whose predicted responses are the measured ones: section 3.3 of the paper, Table 3.
+"""The parameter sets whose predicted responses match the measured ones: section 3.3 of the paper, Table 3.
 
 `invert` searches with the multi-island genetic algorithm (`repose.search`) on the surrogate; `run` reads and writes.
 """
@@ -30,12 +30,16 @@ INTERVAL = ("low", "high", "dispersion_percent")
 
 @dataclass(frozen=True)
 class Inversion:
-    """What `invert` found."""
+    """Result of `invert`.
+
+    `solutions` has the representative first, then the others by objective: parameters, predicted responses, `objective`
+    (Eq. 11), `violation`, `feasible`, `representative`; with a support `warning`, with priors `prior_distance_sd`.
+    """
 
     solutions: pd.DataFrame
-    intervals: pd.DataFrame
-    history: pd.DataFrame
-    summary: dict[str, Any]
+    intervals: pd.DataFrame  # Table 3, beside the published intervals if there are any
+    history: pd.DataFrame  # a row for each round of the search
+    summary: dict[str, Any]  # counts, the representative, its distances from ranges and targets, a message
 
 
 def invert(
@@ -46,7 +50,13 @@ def invert(
     published: pd.DataFrame | None = None,
     support: Support | None = None,
 ) -> Inversion:
-    """Search the free parameters for predicted responses that are the targets."""
+    """Search the free parameters for predicted responses that meet the targets.
+
+    `settings` is the section `miga`. The result has the best distinct feasible solutions, filled up with the nearest
+    others to at least 10 if any is feasible; otherwise those of least objective. The representative is the set of least
+    expected loss, or of least objective. Among sets that meet the targets equally well, those near the means of the
+    priors come first. With a support, solutions beyond the samples get a warning.
+    """
     for one in targets:
         if not one.low <= one.aim <= one.high:
             raise InputError("targets", one.name, one.aim, f"inside its range {[one.low, one.high]}")
@@ -101,7 +111,9 @@ def run(
 ) -> dict[str, Any]:
     """Invert a saved surrogate; write feasible.csv, intervals.csv, history.csv and summary.json; return the summary.
 
-    Where the surrogate knows its errors, the summary says what it tells of the representative.
+    If the surrogate knows its errors, the summary has those of the representative. A surrogate with other responses or
+    other definitions raises InputError; `source` names the file of the definitions in its message. Without `table3_csv`
+    there are no published intervals.
     """
     surrogate = load(surrogate_json, targets.names)
     require_same_definitions(surrogate.definitions, surrogate_json, definitions or {}, source)
@@ -124,7 +136,7 @@ def write(found: Inversion, out_dir: str | os.PathLike) -> None:
 
 
 def on_free_parameters(surrogate: Surrogate, space: ParameterSpace) -> Callable[[np.ndarray], np.ndarray]:
-    """The surrogate as a function of the free parameters."""
+    """The surrogate as a function of the free parameters: points (n, d) in [-1, 1] to responses (n, k)."""
     respond = surrogate.response_function(space.complete(space.low)[0], space.complete(space.high)[0])
     if space.dimensions == len(PARAMETERS):
         return respond
@@ -141,7 +153,11 @@ def on_free_parameters(surrogate: Surrogate, space: ParameterSpace) -> Callable[
 def intervals(
     solutions: pd.DataFrame, space: ParameterSpace, published: pd.DataFrame | None = None
 ) -> pd.DataFrame:
-    """Table 3: interval and dispersion of each parameter over the solutions."""
+    """Table 3: interval and dispersion of each parameter over the solutions.
+
+    Columns `variable`, `low`, `high`, `dispersion_percent` (width of the interval over that of the range; 0 for a fixed
+    parameter), and with a published table its three values as `published_*`.
+    """
     range_of = dict(zip(space.free, zip(space.low, space.high, strict=True), strict=True))
     rows = []
     for name in PARAMETERS:
@@ -157,7 +173,7 @@ def intervals(
 
 
 def message(responses: np.ndarray, targets: Targets, n_feasible: int, distance: float) -> str:
-    """What the search found, in words."""
+    """The result of the search as text, from the responses (k,) of the representative."""
     ranges = targets.in_words([f"{one.low:g}-{one.high:g}" for one in targets])
     best = f"the answer is predicted {targets.in_words([f'{value:.2f}' for value in responses])}"
     wanted = targets.in_words([f"{one.aim:g}" for one in targets])
@@ -199,7 +215,7 @@ def _summary(table, targets, settings, evaluations, n_feasible, feasible_met):
 
 
 def _behind(first, points, space, distance):
-    """The points (n, d) behind the set `first`, without those too near to it; the best of them stays."""
+    """The points (n, d) after the set `first`, without those too near to it; the best of them stays."""
     place = 2 * space.unit(np.array([[first[name] for name in PARAMETERS]])) - 1
     apart = np.linalg.norm(points - place, axis=1) >= distance
     apart[0] = True
@@ -207,5 +223,5 @@ def _behind(first, points, space, distance):
 
 
 def _outside(responses, low, high):
-    """How far each response (k,) lies outside low to high, as floats."""
+    """Distance of each response (k,) from the range low to high, as floats; 0 inside."""
     return [float(value) for value in np.maximum(np.maximum(low - responses, responses - high), 0.0)]

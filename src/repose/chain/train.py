@@ -30,25 +30,36 @@ FEWEST_SAMPLES = 12  # 8 to train, 1 to validate, 3 to test: below that no R2 me
 
 @dataclass(frozen=True)
 class Training:
-    """What `train` gives."""
+    """Result of `train`.
 
-    model: Surrogate
-    metrics: dict[str, Any]
+    `predictions` has a row for each usable sample: its part, its responses, their predictions by the training part,
+    and, if the model was fitted to all samples, the predictions of that fit.
+    """
+
+    model: Surrogate  # of all usable samples, or of the training part: `Surrogate.of_all_samples`
+    metrics: dict[str, Any]  # numbers of samples, R2 and RMSE by response and part, the surrogate's report
     predictions: pd.DataFrame
-    starts: pd.DataFrame
+    starts: pd.DataFrame  # a row for each start of the training; empty for a surrogate without starts
 
 
 @dataclass(frozen=True)
 class Replicates:
-    """What the runs of one sample tell of the noise."""
+    """Noise of the responses, from the repeated runs of each sample.
 
-    runs: np.ndarray
-    covariance: np.ndarray
-    freedom: float
+    Responses of different bench tests are independent. With several bench tests, `runs` counts in runs of the first
+    one, and each block of the covariance is scaled by the runs that a sample of its bench test has.
+    """
+
+    runs: np.ndarray  # (samples,), runs of each sample: its weight
+    covariance: np.ndarray  # (k, k), of a single run about its sample's mean
+    freedom: float  # degrees of freedom of the covariance, mean over the responses
 
     @classmethod
     def of(cls, runs: pd.DataFrame, samples: Sequence[int], targets: Targets) -> Self | None:
-        """The replicates of some samples."""
+        """The replicates of some samples; None if the scatter of a bench test has no full rank.
+
+        `runs` has a column `apparatus` if there are several bench tests.
+        """
         ok = runs[(runs["status"] == "ok") & runs["sample"].isin(samples)]
         covariance, freedom = np.zeros((len(targets), len(targets))), 0.0
         weights = []
@@ -66,7 +77,7 @@ class Replicates:
         return cls(np.mean(weights, axis=0), covariance, float(freedom))
 
     def arguments(self) -> dict[str, Any]:
-        """They as `repose.surrogate.base.Surrogate.fit` takes them."""
+        """Keyword arguments for `repose.surrogate.base.Surrogate.fit`."""
         return {"precision": self.runs, "noise_covariance": self.covariance, "noise_freedom": self.freedom}
 
 
@@ -78,7 +89,12 @@ def train(
     definitions: Definitions | None = None,
     source: object = "dataset",
 ) -> Training:
-    """Train a surrogate on the usable samples of a study."""
+    """Train a surrogate on the usable samples of a study; at least 12, or InputError.
+
+    `dataset` and `runs` are those of `repose.chain.dataset`. `settings` is the section `network` with `surrogate`
+    (default "network"), `seed`, `split` (three shares) and `replicates` (default False): whether the runs of each
+    sample give the noise, see `Replicates`. `source` names the dataset in messages.
+    """
     usable = dataset[dataset["status"] == "ok"].reset_index(drop=True)
     if len(usable) < FEWEST_SAMPLES:
         raise InputError(source, "usable samples", len(usable), f"at least {FEWEST_SAMPLES} with status ok")
@@ -125,7 +141,10 @@ def run(
     definitions: Definitions | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
-    """Train on files; write network.json, metrics.json, predictions.csv and starts.csv; return the metrics."""
+    """Train on files; write network.json, metrics.json, predictions.csv and starts.csv; return the metrics.
+
+    A dataset with other definitions raises InputError; `source` names the file of the definitions in its message.
+    """
     dataset = read_dataset(dataset_csv, targets)
     runs = read_runs(runs_csv, targets, dataset, dataset_csv)
     found, summary_json = read_definitions(dataset_csv)
@@ -140,7 +159,7 @@ def run(
 
 
 def message(metrics: Mapping[str, Any]) -> str:
-    """The training in words: its errors at unseen samples, and for a network what its starts came to."""
+    """The training as text: errors at unseen samples, and for a network the result of its starts."""
     responses = metrics["test"].items()
     words = [f"{name}: R2 {one['r2']:.3f}, error {one['rmse']:.3g}" for name, one in responses if one["r2"]]
     lines = [f"{metrics['n_test']} samples for the test: " + ", ".join(words)]
@@ -163,7 +182,10 @@ def restore(
     predictions_csv: str | os.PathLike,
     dataset_csv: str | os.PathLike,
 ) -> Surrogate:
-    """The trained surrogate, once its files are known to be of one training."""
+    """The trained surrogate; InputError if its files are not of one training.
+
+    `dataset_csv` is the file that `run` read, the others are files that it wrote.
+    """
     model = load(surrogate_json)
     predicted = [response(name, surrogate_json).predicted for name in model.outputs]
     predictions = read_table(predictions_csv, ("sample", "split", *predicted))
@@ -186,7 +208,10 @@ def restore(
 
 
 def split(samples: int, shares: Sequence[float], seed: int) -> dict[str, np.ndarray]:
-    """Split of samples into train, validation and test: a permutation by RandomState(seed), cut in three."""
+    """Row numbers of train, validation and test: a permutation by RandomState(seed), cut in three.
+
+    Train and validation are rounded down and test takes the rest: the paper's 95, 20, 22 of 137.
+    """
     # 0.7 * 90 is 62.99999999999999
     train, validation = (math.floor(share * samples + 1e-9) for share in shares[:2])
     order = np.random.RandomState(seed).permutation(samples)
@@ -207,11 +232,12 @@ def rows_of(samples: pd.DataFrame, shares: Sequence[float], seed: int) -> dict[s
 
 
 def r2_noise_corrected(y: np.ndarray, predicted: np.ndarray, errors: np.ndarray) -> float | None:
-    """R2 against the responses' unknown means without noise.
+    """R2 against the unknown means of the responses, without noise; arguments (m,).
 
-    With y = mean + noise of variance se^2, independent of predictions made from other samples,
-    E[SSE] = sum (mean - predicted)^2 + sum se^2 and E[SST] = sum (mean - its average)^2 + (1 - 1/m) sum se^2.
-    Taking the noise off both sums gives 1 - (SSE - sum se^2) / (SST - (1 - 1/m) sum se^2).
+    With y = mean + noise of variance se^2, independent of predictions made from other samples, E[SSE] = sum (mean -
+    predicted)^2 + sum se^2 and E[SST] = sum (mean - its average)^2 + (1 - 1/m) sum se^2. Without the noise in both sums
+    R2 is 1 - (SSE - sum se^2) / (SST - (1 - 1/m) sum se^2). It is an estimate and may exceed 1 by chance. None without
+    standard errors, or if the noise explains all of SST.
     """
     noise = np.sum(errors**2)
     between = np.sum((y - np.mean(y)) ** 2) - (1 - 1 / len(y)) * noise
@@ -249,7 +275,7 @@ def _three_ways(usable, runs, Y, P, errors, test, names):
 
 
 def _finally(names):
-    """Columns of what the fit to all samples predicts."""
+    """Columns of the predictions by the fit to all samples."""
     return [derived(name, "final") for name in names]
 
 

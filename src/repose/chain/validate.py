@@ -1,6 +1,6 @@
 """Calibrated solutions simulated again: Table 4, the physical measurement, the published solutions in this engine.
 
-Section 4.2.1 of the paper. `solutions_to_simulate` says what is to be simulated, `validate` puts prediction,
+Section 4.2.1 of the paper. `solutions_to_simulate` selects the solutions, `validate` puts prediction,
 simulation and the physical measurement side by side; `write_solutions` and `run` read and write. Errors are relative,
 as in Table 4: |predicted - simulated| / simulated, and for the representative solution
 |simulated - physical| / physical, in percent.
@@ -38,7 +38,13 @@ def solutions_to_simulate(
     targets: Targets,
     count: int,
 ) -> pd.DataFrame:
-    """The solutions that are simulated again."""
+    """The solutions to simulate again: `count` of ours besides the representative, and the published ones.
+
+    Columns: `sample` (ours from 1, the representative first; published ones from 101), `origin` ("miga" or
+    "published"), `solution` (its name in its own table), `role` ("representative", "least objective" or "spread"), the
+    six parameters, and predictions, for published solutions those of the published network. Published solutions are
+    left out if they have none of the targets, or if `published` is None.
+    """
     columns = [*SOLUTION, *targets.predicted]
     ours = select_for_validation(feasible, count, space)
     ours["origin"], ours["sample"] = "miga", range(1, len(ours) + 1)
@@ -56,8 +62,8 @@ def solutions_to_simulate(
 def select_for_validation(solutions: pd.DataFrame, count: int, space: ParameterSpace) -> pd.DataFrame:
     """The representative solution, the one of least objective, and others that are spread over the cloud.
 
-    Each next one is the solution farthest, in normalised parameters, from those already chosen (Gonzalez
-    1985). They are feasible ones as long as there are enough.
+    Each next solution is the farthest, in normalised parameters, from those already chosen (Gonzalez 1985). They are
+    feasible as long as there are enough. The result has a column `role`, and fewer rows if there are too few solutions.
     """
     if np.count_nonzero(solutions["feasible"]) > count:
         solutions = solutions[solutions["feasible"] | solutions["representative"]]
@@ -84,7 +90,13 @@ def validate(
     published: pd.DataFrame | None = None,
     support: Support | None = None,
 ) -> dict[str, pd.DataFrame]:
-    """Prediction, simulation and the physical measurement side by side."""
+    """Prediction, simulation and the physical measurement side by side.
+
+    `table4`: our solutions. `representative`: that solution against the physical measurement, a row for each response,
+    with the probabilities that all are met within 1 % and 2 %. `published`: the published solutions in this engine,
+    perhaps no rows. A failed solution keeps its row, with its status and without numbers. With a support, `warning`
+    marks solutions beyond the samples.
+    """
     simulated = assemble(solutions, jobs, targets)[0].drop(columns=["sample", *PARAMETERS])
     simulated = simulated.rename(columns={one.name: one.simulated for one in targets.responses})
     numbers = [column for one in targets.responses for column in (one.simulated, one.error)]
@@ -119,7 +131,7 @@ def table4(rows: pd.DataFrame, responses: Iterable[Response]) -> pd.DataFrame:
 
 
 def against_physical(row: pd.Series, targets: Targets) -> pd.DataFrame:
-    """The representative solution's simulation against the physical measurement."""
+    """The representative solution's simulation against the physical measurement, a row for each response."""
     rows = []
     for one in targets:
         simulated = row[one.response.simulated]
@@ -143,7 +155,10 @@ def against_physical(row: pd.Series, targets: Targets) -> pd.DataFrame:
 def with_chances(
     table: pd.DataFrame, runs: Mapping[str, Sequence[Mapping[str, Any]]], targets: Targets
 ) -> pd.DataFrame:
-    """`against_physical` with the probabilities that all targets are met within some percent."""
+    """The table of `against_physical` with the probabilities that all targets are met within 1 % and 2 %.
+
+    The new columns are empty if fewer than two runs could be measured.
+    """
     chances = {f"within_{one:g}_percent": chance_of_meeting(runs, targets, one)["all"] for one in PERCENT}
     return table.assign(**chances)
 
@@ -151,7 +166,10 @@ def with_chances(
 def beside_published(
     rows: pd.DataFrame, published: pd.DataFrame | None, responses: Iterable[Response]
 ) -> pd.DataFrame:
-    """The published solutions: their simulation beside ours with its standard error, and ours less theirs."""
+    """The published solutions: their simulation beside ours with its standard error, and ours minus theirs.
+
+    Only responses of the published table are compared.
+    """
     table = rows[["sample", "solution", *PARAMETERS]].copy()
     if published is not None:
         theirs = published.astype({"solution": str}).set_index("solution").reindex(rows["solution"])
@@ -174,7 +192,7 @@ def write_solutions(
     count: int,
     out_csv: str | os.PathLike,
 ) -> pd.DataFrame:
-    """Write the parameter sets to simulate (`solutions_to_simulate`)."""
+    """Write the parameter sets to simulate and return them (`solutions_to_simulate`); InputError if too few."""
     needed = ("solution", *PARAMETERS, *targets.predicted, "objective", "feasible", "representative")
     feasible = read_table(feasible_csv, needed)
     if len(feasible) < count + 1:
@@ -192,7 +210,7 @@ def run(
     out_dir: str | os.PathLike,
     support: Support | None = None,
 ) -> dict[str, pd.DataFrame]:
-    """Write table4.csv, representative.csv and published.csv (`validate`); return the three tables."""
+    """Write table4.csv, representative.csv and published.csv (`validate`); return the three tables by these names."""
     solutions = read_samples(solutions_csv)
     check_columns(solutions_csv, solutions, (*SOLUTION, *targets.predicted))
     solutions["solution"] = solutions["solution"].astype(str)
@@ -204,7 +222,7 @@ def run(
 
 
 def write_published_solutions(published_csv: str | os.PathLike, out_csv: str | os.PathLike) -> pd.DataFrame:
-    """Write the published parameter sets to simulate, numbered as `solutions_to_simulate` numbers them."""
+    """Write the published parameter sets to simulate, numbered as in `solutions_to_simulate`; return the table."""
     published = read_table(published_csv, ("solution", *PARAMETERS))
     numbers = range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(published))
     table = pd.DataFrame({"sample": numbers, **{name: published[name] for name in PARAMETERS}})
@@ -213,5 +231,5 @@ def write_published_solutions(published_csv: str | os.PathLike, out_csv: str | o
 
 
 def _published(path):
-    """The published solutions, if there are any."""
+    """The published solutions; None if there are none."""
     return None if path is None else read_table(path, ("solution", *PARAMETERS))
