@@ -18,7 +18,7 @@ from repose.measure.sheet import Seen
 PHONE_FOCAL = 0.75  # of the longer side: the main camera of most phones
 LARGEST_LENS_ERROR = 0.004  # share of the distance from the picture's middle, at half its longer side
 LARGEST_FOCAL_ERROR = 0.05
-LARGEST_MISS = 1.5e-3  # of the longer side: a corner lies that far from where a flat sheet would show it
+LARGEST_MISS = 1.5e-3  # of the longer side: distance of a corner from its place on a flat sheet
 LARGEST_TILT_DEG = 25.0
 LARGEST_LOOK_DOWN_DEG = 8.0
 LARGEST_SIDE_PX = 1600  # of the side view
@@ -27,30 +27,31 @@ BELOW_MM = 3.0  # shown below the plate
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera as its photographs of the sheet tell it."""
+    """A camera, calibrated from its photographs of the sheet."""
 
-    matrix: np.ndarray
-    lens: np.ndarray
-    note: str
+    matrix: np.ndarray  # (3, 3), focal length and middle in pixels
+    lens: np.ndarray  # (5,), distortion in OpenCV's order; only k1 and k2 are used
+    note: str  # which corrections lacked corners; may be empty
 
 
 @dataclass(frozen=True)
 class SideView:
-    """The upright, metric view of a pile."""
+    """The upright, metric view (H, W) of a pile."""
 
-    image: np.ndarray
-    seen: np.ndarray
-    sheet: np.ndarray
+    image: np.ndarray  # (H, W, 3), BGR
+    seen: np.ndarray  # True inside the photograph
+    sheet: np.ndarray  # True on the printed sheet
     mm_per_pixel: float
-    base_row: float
-    tilt_deg: float
+    base_row: float  # row of the plate
+    tilt_deg: float  # largest of roll, pitch and yaw of the camera
 
 
 def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | None = None) -> Camera:
-    """Focal length and distortion from the sheet in several photographs of one camera.
+    """Focal length and distortion from the sheet in several photographs of one camera (Zhang 2000).
 
     The middle of the picture is taken as the lens's, pixels as square, and the distortion as radial. A coefficient is
     used if its standard error moves a point at half the picture's longer side by less than 0.4 % of that distance.
+    Without enough corners the focal length is `focal_px`, or a phone's if that is None. `size` is (width, height).
 
     Zhang, Z. (2000). IEEE Trans. Pattern Anal. Mach. Intell. 22, 1330-1334.
     """
@@ -89,7 +90,10 @@ def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | No
 
 
 class Pose:
-    """Where a camera stood, from the sheet in one photograph."""
+    """Position and direction of a camera, from the sheet in one photograph; `size` is (width, height) in pixels.
+
+    Raises NoFlankError if the corners do not fit a flat sheet.
+    """
 
     def __init__(self, camera: Camera, sheet: Seen, size: tuple[int, int]):
         self.camera, self.size = camera, size
@@ -110,7 +114,7 @@ class Pose:
             )
 
     def pixels_of(self, world: np.ndarray) -> np.ndarray:
-        """Where points of the world are seen."""
+        """Column and row (..., 2) at which points of the world (..., 3) in mm are seen."""
         ahead = world @ self.turn.T + self.shift.ravel()
         x, y = ahead[..., 0] / ahead[..., 2], ahead[..., 1] / ahead[..., 2]
         square = x * x + y * y
@@ -121,18 +125,18 @@ class Pose:
         )
 
     def facing(self, axis_mm: float) -> np.ndarray:
-        """Level direction to the right in the plane through (axis, 0) that faces the camera."""
+        """Level unit vector (3,) to the right, in the plane through (axis, 0) that faces the camera."""
         away = np.array([axis_mm - self.eye[0], -self.eye[1], 0.0])
         return np.array([away[1], -away[0], 0.0]) / np.linalg.norm(away)
 
     def look_down_deg(self, axis_mm: float, height_mm: float) -> float:
-        """Angle below the horizontal at which the camera looks at a crest."""
+        """Angle below the horizontal at which the camera looks at a crest; negative if it looks up."""
         return math.degrees(
             math.atan2(self.eye[2] - height_mm, math.hypot(self.eye[0] - axis_mm, self.eye[1]))
         )
 
     def tilt_deg(self, right: np.ndarray) -> float:
-        """Largest angle by which the camera is rolled, or turned away from the plane that it is to show."""
+        """Largest of the camera's roll, pitch and yaw against the view plane; `right` comes from `facing`."""
         ahead = self.turn[2]
         roll = math.degrees(math.atan2(self.turn[0][2], -self.turn[1][2]))  # 180 where it is upside down
         pitch = math.degrees(math.asin(np.clip(ahead[2], -1, 1)))
@@ -148,7 +152,12 @@ def side_view(
     longest: int,
     part: tuple[float, float, float] | None = None,
 ) -> tuple[SideView, float]:
-    """The upright view of what stands in the plane through the pile's axis."""
+    """The upright view of the plane through the pile's axis, and the place of its left border in mm from the axis.
+
+    `axis_mm` lies along the sheet; None means the plane of the sheet itself, with its lower left corner as the
+    origin. `longest` is the longer side of the view in pixels, at most. `part` is left, right and top in mm from the
+    axis and the plate; None means all. Raises NoFlankError if the camera is tilted too far or does not see the plane.
+    """
     origin = np.array([axis_mm or 0.0, 0.0, 0.0])
     right = np.array([1.0, 0, 0]) if axis_mm is None else pose.facing(axis_mm)
     tilt = pose.tilt_deg(right)
@@ -175,7 +184,7 @@ def side_view(
     )
     width, height = pose.size
     seen = (pixels > 0).all(-1) & (pixels[..., 0] < width - 1) & (pixels[..., 1] < height - 1)
-    # The sheet stands in its own plane: mark it by what the camera sees there.
+    # The sheet stands in its own plane: mark the part of the view that it hides.
     edge = 0.02 * sheet_size_mm[0]
     wide, tall = sheet_size_mm
     corners = np.array(
@@ -226,7 +235,7 @@ def _extent(pose, origin, right):
 
 
 def _meet(eye, points, origin, right):
-    """Where the lines from the camera to points meet a plane: (along, up) in mm."""
+    """Points (along, up) in mm at which the lines from the camera to `points` meet a plane."""
     normal = np.cross(right, [0, 0, 1.0])
     ways = points - eye
     far = (origin - eye) @ normal / (ways @ normal)

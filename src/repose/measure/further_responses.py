@@ -1,4 +1,4 @@
-"""More responses of a pile that is there already, measured on saved pours.
+"""More responses of an existing pile, measured on saved pours.
 
 From the mean silhouette: R(z), half the pile's width at the height z, from outermost boundary to outermost boundary,
 mean of all views. b is the height of a berry and H the Height.
@@ -48,7 +48,10 @@ LEVELS = 200  # heights at which the silhouette's width is taken for the volume
 
 
 def offered(targets: Iterable[str], definition: str) -> tuple[str, ...]:
-    """Responses that an experimenter could take from the same pile beside the targets."""
+    """Further responses that an experimenter could measure on the same pile, in the registry's order.
+
+    ``aor_deg`` is left out; `definition` (`measure.response`) is left out, too, if ``aor_deg`` is a target.
+    """
     taken = {CALIBRATED_ANGLE, *targets}
     if CALIBRATED_ANGLE in targets:
         taken.add(MEAN_KEYS[definition])
@@ -56,7 +59,10 @@ def offered(targets: Iterable[str], definition: str) -> tuple[str, ...]:
 
 
 def mean_half_width(profiles: Sequence[np.ndarray], mm_per_pixel: float, levels_mm: ArrayLike) -> np.ndarray:
-    """Half the width of silhouettes at some heights, mean over the views."""
+    """Half the width of silhouettes in mm at heights over the plate, mean over the views.
+
+    `profiles` come from `pile.profile_of`, (W,) in pixels. A view that is lower than a level counts as 0 there.
+    """
     levels = np.asarray(levels_mm, dtype=float) / mm_per_pixel
     total = np.zeros(len(levels))
     for profile in profiles:
@@ -74,7 +80,10 @@ def of_profile(
     berry_mm: float,
     berries_mm3: float,
 ) -> dict[str, float]:
-    """The four numbers of the mean silhouette, by name."""
+    """The four responses of the mean silhouette by name; `berries_mm3` is the volume of all berries in the pile.
+
+    Raises NoFlankError if half of the pile's height is not above a berry.
+    """
     if not HALF * height_mm > berry_mm:
         raise NoFlankError(f"half of {height_mm:.1f} mm is not above a berry, {berry_mm:.1f} mm")
     marks = np.array([berry_mm, HALF * height_mm, UPPER * height_mm])
@@ -90,7 +99,10 @@ def of_profile(
 
 
 def of_scatter(centres_m: np.ndarray, in_pile: ArrayLike, on_plate_mm: float) -> dict[str, float]:
-    """Radius that holds 90 % of the berries on the plate, and the share of them outside the pile, by name."""
+    """``radius_90_mm`` and ``loose_percent`` of the berries over the plate, whose radius is `on_plate_mm`.
+
+    Raises NoFlankError if no berry lies on the plate.
+    """
     distance = 1e3 * np.hypot(centres_m[:, 0], centres_m[:, 1])
     there = (distance <= on_plate_mm) & (centres_m[:, 2] > 0)
     if not there.any():
@@ -102,7 +114,11 @@ def of_scatter(centres_m: np.ndarray, in_pile: ArrayLike, on_plate_mm: float) ->
 def of_pour(
     arrays: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings, plate_mm: float
 ) -> dict[str, float]:
-    """All responses of `MEASURED` of one pour, by name."""
+    """All responses of `MEASURED` of one pour, by name.
+
+    `arrays` holds ``position``, ``quaternion``, ``in_pile`` and, for berries of several sizes, ``scale``; `plate_mm`
+    is the plate's diameter. Raises NoFlankError if there is no pile.
+    """
     settings = pile.with_berry_height(settings, particle)
     assert settings.berry_height_mm is not None
     centres, members = arrays["position"].astype(float), arrays["in_pile"]
@@ -124,7 +140,10 @@ def of_pours(
     settings: pile.MeasureSettings,
     plate_mm: float,
 ) -> dict[tuple[int, int], dict[str, float]]:
-    """`MEASURED` of the good runs in files of pours."""
+    """`MEASURED` of the good runs in files of pours, by (sample, seed); empty for a run without a pile.
+
+    Each ``NAME.pours.json`` has its ``NAME.npz`` in the same folder.
+    """
     found = {}
     for path in map(Path, pours_json):
         job = saved_pours.read_pours(path)
@@ -138,7 +157,10 @@ def of_pours(
 
 
 def joined(runs: pd.DataFrame, found: Mapping[tuple[int, int], Mapping[str, float]]) -> pd.DataFrame:
-    """The table of runs with the columns of `MEASURED`, NaN where nothing was found."""
+    """The table of runs with the columns of `MEASURED`, NaN for runs without a result.
+
+    `runs` has ``sample``, ``seed`` and, with several bench tests, ``apparatus``; `found` comes from `of_pours`.
+    """
     keys = runs[["sample", "seed"]].itertuples(index=False, name=None)
     of_run = [found.get(key, {}) if own else {} for key, own in zip(keys, _of_the_pile(runs), strict=True)]
     return runs.assign(**{name: [one.get(name, math.nan) for one in of_run] for name in MEASURED})
@@ -152,7 +174,11 @@ def run(
     berry: Mapping[str, Any],
     out_csv: str | Path,
 ) -> pd.DataFrame:
-    """Measure every good run of a study's pours, and write the table."""
+    """Measure every good run of a study's pours and write the table: ``sample``, ``seed``, ``status``, all responses.
+
+    `runs_csv` holds the single runs from the verb dataset, `berry` the result of the verb berry. Raises InputError if
+    a run has no pour.
+    """
     targets = [target["response"] for target in config["targets"]]
     known = (*targets, *offered(targets, config["measure"]["response"]))
     known = ("sample", "seed", "status", *(name for name in known if name not in MEASURED))
@@ -171,12 +197,12 @@ def run(
 
 
 def _of_the_pile(runs):
-    """Which runs made a pile: all of them, or those of its bench test where there are several."""
+    """True for each run of the funnel; for all runs if there is only one bench test."""
     return runs["apparatus"] == BENCH if "apparatus" in runs else pd.Series(True, index=runs.index)
 
 
 def _or_nothing(saved, particle, settings, plate_mm):
-    """The responses of a pour, or none where there is no pile."""
+    """The responses of a pour; empty without a pile."""
     try:
         return of_pour(saved, particle, settings, plate_mm)
     except NoFlankError:

@@ -18,7 +18,11 @@ def of_pours(
     settings: pile.MeasureSettings,
     levels_mm: np.ndarray,
 ) -> pd.DataFrame:
-    """Half-widths of the good runs in files of pours."""
+    """Half-widths in mm of the good runs (sample, seed) in files of pours, each beside its ``NAME.npz``.
+
+    Columns: ``sample``, ``seed`` and the number of each level of `levels_mm`; 0 above the crest. Runs without a pile
+    are left out.
+    """
     settings, rows = pile.with_berry_height(settings, particle), []
     for path in map(Path, pours_json):
         job = saved_pours.read_pours(path)

@@ -1,4 +1,4 @@
-"""Files of saved pours, read: NAME.pours.json says how each pour ended, NAME.npz where its berries lie."""
+"""Reading of saved pours: NAME.pours.json holds the status of each pour, NAME.npz the final positions."""
 
 import re
 from collections.abc import Iterable
@@ -17,7 +17,7 @@ WHAT = f"NAME{POURS} as the verb pour writes it"
 
 
 def read_pours(path: str | PathLike) -> dict[str, Any]:
-    """Read the JSON file of a job's pours."""
+    """Read the JSON file of a job's pours; each of its ``pours`` has a seed and a status."""
     job = read_json(path, what=WHAT)
     pours = job.get("pours")
     if not str(path).endswith(POURS) or not isinstance(pours, list) or not pours:
@@ -29,14 +29,18 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
 
 
 def saved_positions(path: str | PathLike) -> dict[str, np.ndarray]:
-    """All arrays of a job's .npz file."""
+    """All arrays of a job's .npz file, with the keys NAME_SEED."""
     return read_npz(path, what="the .npz file that the verb pour wrote")
 
 
 def pour_arrays(
     arrays: dict[str, np.ndarray], seed: object, source: object, kinds: Iterable[str] = KINDS
 ) -> dict[str, np.ndarray]:
-    """Arrays of one pour by name, without its seed."""
+    """Arrays of one pour by name, such as ``position``, from arrays with the keys NAME_SEED.
+
+    The pour must have the arrays `kinds`, else InputError; it may have more, such as ``scale``. `source` is the file
+    named in the error.
+    """
     ending = f"_{seed}"
     found = {key.removesuffix(ending): values for key, values in arrays.items() if key.endswith(ending)}
     for kind in kinds:
@@ -46,7 +50,7 @@ def pour_arrays(
 
 
 def first_pour(path: str | PathLike) -> dict[str, np.ndarray]:
-    """The arrays of the first seed in a job's .npz file."""
+    """The arrays of the first seed in a job's .npz file, by name, such as ``position``."""
     arrays = saved_positions(path)
     seeds = [match.group(1) for key in arrays if (match := re.fullmatch(r"position_(.+)", key))]
     if not seeds:

@@ -1,4 +1,4 @@
-"""Where the pile of a picture ends and the background begins, to a fraction of a pixel.
+"""The boundary between pile and background of a picture, to a fraction of a pixel.
 
 Rows count downwards from the picture's top; a pixel's centre has whole coordinates, as in OpenCV.
 """
@@ -22,29 +22,30 @@ HIGHEST_CENTROID = 0.55  # over the base, relative to the height of the pile; a 
 class Segmentation:
     """A picture split into pile and background."""
 
-    grey: np.ndarray
-    contrast: np.ndarray
-    level: float
-    mask: np.ndarray
-    base_row: float
-    pile_is: str
+    grey: np.ndarray  # uint8 (H, W)
+    contrast: np.ndarray  # float32 (H, W), distance of each pixel from the background, in tone or colour
+    level: float  # the contrast at which the pile begins (Otsu)
+    mask: np.ndarray  # uint8 (H, W), 1 in the pile; holes are filled, the plate is left out
+    base_row: float  # row of the pile's lower edge
+    pile_is: str  # "darker" or "brighter" than the background
 
 
 def segment(image: np.ndarray, largest_pile_only: bool = True, base_row: float | None = None) -> Segmentation:
-    """Split a picture into pile and background.
+    """Split a picture, BGR or grey, into pile and background.
 
-    Polarity is never assumed. The border strip (the upper edge and both sides) shows background; the pile is
-    what differs from it: in tone, or in colour (red fruit on a grey board of the same brightness), darker or
-    brighter.
+    Polarity is never assumed. The border strip (the upper edge and both sides) shows background; the pile differs
+    from it in tone, or in colour (red fruit on a grey board of the same brightness), darker or brighter.
 
-    The background is a quadratic surface for each channel, fitted to that strip with outliers trimmed, which
-    takes tilted light and vignetting out. Then follow median and Gaussian filters and Otsu's threshold on the
-    distance from the background, and holes (highlights) are filled. A picture of two tones is binary already:
-    it skips fitting and filters, which could only round its corners.
+    The background is a quadratic surface for each channel, fitted to that strip with outliers trimmed, which takes
+    tilted light and vignetting out. Then follow median and Gaussian filters and Otsu's threshold on the distance from
+    the background, and holes (highlights) are filled. A picture of two tones is binary already: it skips fitting and
+    filters, which could only round its corners.
 
-    Rows that are "pile" from border to border are a plate or table that differs from the background as the
-    fruit does: the pile stands on the first of them. Otherwise the base is the pile's lowest row, or
-    `base_row`.
+    Rows that are "pile" from border to border are a plate or table that differs from the background as the fruit
+    does: the pile stands on the first of them. Otherwise the base is the pile's lowest row. A given `base_row` comes
+    before both.
+
+    Raises NoFlankError if the picture shows no pile.
     """
     image = checked(image)
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
@@ -71,7 +72,7 @@ def segment(image: np.ndarray, largest_pile_only: bool = True, base_row: float |
 
 
 def checked(image: np.ndarray) -> np.ndarray:
-    """A picture as contiguous bytes, of one channel if its three are the same."""
+    """The picture as contiguous bytes, of one channel if its three are the same; InputError if it is unusable."""
     image = np.asarray(image)
     if image.dtype != np.uint8:
         raise InputError("picture", "pixel type", str(image.dtype), "uint8")
@@ -88,7 +89,7 @@ def checked(image: np.ndarray) -> np.ndarray:
 
 
 def border(shape: tuple[int, ...]) -> np.ndarray:
-    """The strip that shows background: the upper edge and both sides, 3 % of the picture wide."""
+    """Mask (H, W) of the strip that shows background: upper edge and both sides, 3 % of the picture wide."""
     strip = max(2, round(0.03 * min(shape)))
     where = np.zeros(shape[:2], dtype=bool)
     where[:strip] = where[:, :strip] = where[:, -strip:] = True
@@ -96,7 +97,7 @@ def border(shape: tuple[int, ...]) -> np.ndarray:
 
 
 def two_tone_contrast(grey: np.ndarray) -> np.ndarray | None:
-    """Distance from the background's tone in a picture of two tones at most."""
+    """Distance (H, W) from the background's tone in a picture of at most two tones; None for a picture with more."""
     tones = np.flatnonzero(cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel())
     if tones.size > 2:
         return None
@@ -105,7 +106,10 @@ def two_tone_contrast(grey: np.ndarray) -> np.ndarray | None:
 
 
 def background_contrast(image: np.ndarray) -> np.ndarray:
-    """Distance of each pixel from the background surface that is fitted to the border strip."""
+    """Distance (H, W) in tones from the background surface that is fitted to the border strip.
+
+    In a coloured picture it is the root of the sum of squares over the channels.
+    """
     rows, columns = image.shape[:2]
     y, x = np.linspace(-1, 1, rows, dtype=np.float32)[:, None], np.linspace(-1, 1, columns, dtype=np.float32)
     where = border(image.shape)
@@ -117,8 +121,8 @@ def background_contrast(image: np.ndarray) -> np.ndarray:
     for channel in image.reshape(rows, columns, -1).transpose(2, 0, 1):
         seen = channel[where].astype(float)
         kept = np.ones(seen.size, dtype=bool)
-        # A plate or a stray berry in the strip is a minority: start from the median tone, then trim what
-        # stands out.
+        # A plate or a stray berry in the strip is a minority: start from the median tone, then trim the
+        # outliers.
         centre = np.full(seen.size, np.median(seen))
         for _ in range(4):
             miss = np.abs(seen - centre)
@@ -132,7 +136,7 @@ def background_contrast(image: np.ndarray) -> np.ndarray:
 
 
 def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
-    """Otsu's level of the contrast, and what lies above it.
+    """Otsu's level of the contrast, and the mask (H, W) of the pixels above it; NoFlankError without contrast.
 
     Otsu, N. (1979). IEEE Trans. Syst. Man Cybern. 9, 62-66.
     """
@@ -149,7 +153,7 @@ def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def plate_row(mask: np.ndarray) -> float | None:
-    """Upper edge of a plate that counts as "pile" from border to border.
+    """Upper edge, between two rows, of a plate that counts as "pile" from border to border; None without a plate.
 
     Above a plate the mask narrows abruptly; above the foot of a pile that the picture cuts off it does not.
     """
@@ -162,7 +166,10 @@ def plate_row(mask: np.ndarray) -> float | None:
 
 
 def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
-    """The pile of a mask, with holes filled."""
+    """The pile of a mask, with holes filled: the largest part, or all parts of at least 1 % of its area.
+
+    Raises NoFlankError if the mask is empty.
+    """
     contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
     if not contours:
         raise NoFlankError("the picture shows no pile above its base")
@@ -174,7 +181,10 @@ def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
 
 
 def require_upright(mask: np.ndarray) -> None:
-    """Refuse a pile whose top is not seen, or that stands on its top."""
+    """Raise NoFlankError if the pile touches the upper border of the picture, or stands on its top.
+
+    The centroid of a pile that widens downward lies below the middle of its height.
+    """
     if mask[0].any():
         raise NoFlankError("the pile runs out of the picture at the top: its crest is not seen")
     rows = np.flatnonzero(mask.any(axis=1))
@@ -186,7 +196,7 @@ def require_upright(mask: np.ndarray) -> None:
 
 
 def upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.ndarray:
-    """Row at which each column's pile begins, between pixels by linear interpolation."""
+    """Upper row of the pile in each column (W,), between pixels by linear interpolation; NaN without pile."""
     top = mask.argmax(axis=0)
     column = np.arange(mask.shape[1])
     inner = contrast[top, column]
@@ -197,7 +207,7 @@ def upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.ndarr
 
 
 def lower_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> float:
-    """Row of the pile's lowest point: the picture's lower border where the pile is cut off by it."""
+    """Row of the pile's lowest point, between pixels; the lower border of a picture that cuts the pile off."""
     if mask[-1].any():
         return mask.shape[0] - 0.5
     return mask.shape[0] - 1 - float(np.nanmin(upper_edge(mask[::-1], contrast[::-1], level)))
