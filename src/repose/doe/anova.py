@@ -15,7 +15,7 @@ COLUMNS = ("source", "sum_of_squares", "df", "mean_square", "f", "p")
 
 
 def pure_error(model: Model) -> tuple[float, int]:
-    """Sum of squares and degrees of freedom of runs that were repeated, within their block."""
+    """Sum of squares and degrees of freedom (0 if none) of runs that were repeated, within their block."""
     keys = np.round(model.coded, 9)
     if model.blocks is not None:
         keys = np.column_stack([keys, model.blocks])
@@ -26,7 +26,10 @@ def pure_error(model: Model) -> tuple[float, int]:
 
 
 def anova(model: Model) -> pd.DataFrame:
-    """The ANOVA table."""
+    """The ANOVA table with `COLUMNS`; F and p are nan if there is nothing to test by.
+
+    Rows: block (if any), model, each term, residual, lack of fit and pure error (if runs were repeated), total.
+    """
     ols, first = model.ols, 1 + model.block_columns
     residual, df_residual = float(ols.ssr), int(ols.df_resid)
     total = float(ols.centered_tss)
@@ -56,7 +59,11 @@ def anova(model: Model) -> pd.DataFrame:
 
 
 def statistics(model: Model) -> dict[str, float]:
-    """Statistics of the fit."""
+    """Statistics of the fit, as in Design-Expert; nan if nothing is left to estimate the error by.
+
+    `press` is the sum of the squared errors of predicting each run from all others. The R2 values leave the blocks'
+    part out of the total. `adequate_precision` is the range of the predictions over their mean standard error.
+    """
     ols, n = model.ols, len(model.response)
     residual, df = float(ols.ssr), int(ols.df_resid)
     table = anova(model).set_index("source")
@@ -81,7 +88,11 @@ def statistics(model: Model) -> dict[str, float]:
 
 
 def effects(model: Model) -> pd.DataFrame:
-    """The terms in the order of their standardised effects, for the Pareto chart."""
+    """The terms for the Pareto chart, the largest contribution first.
+
+    `term`, `coefficient` in coded units, `standard_error`, `t` (the standardised effect, without sign), `p`, and
+    `contribution_percent`: the term's partial sum of squares over the total.
+    """
     first = 1 + model.block_columns
     table = anova(model).set_index("source")
     found = pd.DataFrame(
@@ -99,7 +110,11 @@ def effects(model: Model) -> pd.DataFrame:
 
 
 def limits(model: Model, alpha: float = 0.05) -> dict[str, float]:
-    """The two lines of the Pareto chart."""
+    """The two lines of the Pareto chart at level of significance `alpha`; nan without degrees of freedom.
+
+    `t`: a single term above it is significant. `bonferroni`: of the studies without any effect, at most a share alpha
+    has a term above it.
+    """
     df = int(model.ols.df_resid)
     if not df:
         return {"t": math.nan, "bonferroni": math.nan}

@@ -13,10 +13,12 @@ HALF_FROM = 5
 def central_composite(
     factors: int, axial: str = "rotatable", centres: int | None = None
 ) -> tuple[np.ndarray, float]:
-    """A central composite design in coded units, in standard order: factorial, axial, centre.
+    """A central composite design (n, factors) in coded units, in standard order, and the distance of its axial runs.
 
-    Box and Hunter, Multi-factor experimental designs for exploring response surfaces, Ann. Math. Statist. 28 (1957)
-    195-241.
+    `factors` is 2 to 7. `axial` "rotatable": the distance is the fourth root of the number of factorial runs, so that
+    the variance of a prediction depends on its distance from the centre alone; "face_centred": it is 1, which needs
+    three levels only. Box and Hunter, Multi-factor experimental designs for exploring response surfaces, Ann. Math.
+    Statist. 28 (1957) 195-241.
     """
     if factors not in CENTRES:
         raise ValueError(f"{factors} factors; allowed: 2 to 7")

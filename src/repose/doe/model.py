@@ -14,7 +14,10 @@ ORDERS = ("linear", "interaction", "quadratic")
 
 
 def terms_of(factors: int, order: str) -> tuple[Term, ...]:
-    """Terms of a model besides its constant: single factors, then products of two, then squares."""
+    """Terms of a model besides its constant: single factors, then products of two, then squares.
+
+    `order` is one of `ORDERS`; each has the terms of the previous order.
+    """
     if order not in ORDERS:
         raise ValueError(f"order {order!r}; allowed: {', '.join(ORDERS)}")
     groups: list[list[Term]] = [
@@ -26,13 +29,13 @@ def terms_of(factors: int, order: str) -> tuple[Term, ...]:
 
 
 def columns(coded: ArrayLike, terms: Sequence[Term]) -> np.ndarray:
-    """Values of the terms."""
+    """Values (n, terms) of the terms at coded points (n, k)."""
     coded = np.atleast_2d(np.asarray(coded, dtype=float))
     return np.column_stack([coded[:, list(term)].prod(axis=1) for term in terms])
 
 
 def label(term: Term, factors: Sequence[str]) -> str:
-    """A term in words: ``A``, ``A*B``, ``A^2``."""
+    """Name of a term: ``A``, ``A*B``, ``A^2``."""
     if len(term) == 2 and term[0] == term[1]:
         return f"{factors[term[0]]}^2"
     return "*".join(factors[k] for k in term)
@@ -40,14 +43,14 @@ def label(term: Term, factors: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class Model:
-    """A polynomial that was fitted to runs."""
+    """A polynomial fitted to runs."""
 
     factors: tuple[str, ...]
     terms: tuple[Term, ...]
-    coded: np.ndarray
-    response: np.ndarray
-    blocks: np.ndarray | None
-    ols: Any
+    coded: np.ndarray  # (n, k), the runs
+    response: np.ndarray  # (n,)
+    blocks: np.ndarray | None  # (n,), number of each run's block; None without blocks
+    ols: Any  # results of `statsmodels.api.OLS`; columns: constant, blocks but the first, terms
 
     @property
     def block_columns(self) -> int:
@@ -71,11 +74,11 @@ class Model:
         return float(self.ols.params[0] + blocks.sum() / (1 + len(blocks)))
 
     def predict(self, coded: ArrayLike) -> np.ndarray:
-        """The response at points in coded units, averaged over the blocks."""
+        """The response (n,) at points (n, k) in coded units, averaged over the blocks."""
         return self.constant + columns(coded, self.terms) @ self.coefficients
 
     def standard_error(self, coded: ArrayLike) -> np.ndarray:
-        """Standard error of the predicted mean at points in coded units."""
+        """Standard error (n,) of the mean at coded points (n, k); nan without a degree of freedom for the error."""
         values = columns(coded, self.terms)
         share = np.full((len(values), self.block_columns), 1.0 / (1 + self.block_columns))
         rows = np.hstack([np.ones((len(values), 1)), share, values])
@@ -89,7 +92,11 @@ def fit(
     order: str | Sequence[Term],
     blocks: ArrayLike | None = None,
 ) -> Model:
-    """Fit a polynomial to runs."""
+    """Fit a polynomial to runs (n, k) in coded units.
+
+    `order` is one of `ORDERS`, or the terms themselves. With `blocks`, the number (n,) of each run's block, each block
+    has a mean of its own. ValueError if a value is not finite, or the runs do not determine the terms.
+    """
     coded, response = np.asarray(coded, dtype=float), np.asarray(response, dtype=float)
     if coded.ndim != 2 or coded.shape != (len(response), len(factors)):
         raise ValueError(f"runs of shape {coded.shape}; allowed: {(len(response), len(factors))}")

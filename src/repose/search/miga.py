@@ -43,7 +43,12 @@ OPERATORS = (
 
 
 class MIGA:
-    """Ask for a population, tell its fitness; once each per generation."""
+    """The multi-island genetic algorithm by ask and tell, once each per generation.
+
+    Each gene lies in [-1, 1]. `generations` is the number between two migrations, `mutation_amplitude` the standard
+    deviation of a gene's change. `best` (dimensions,) is the best point so far, None before the first `tell`.
+    ValueError if a setting is out of its limits.
+    """
 
     def __init__(
         self,
@@ -79,7 +84,7 @@ class MIGA:
         return self._points
 
     def tell(self, fitness: np.ndarray) -> None:
-        """Breed the next generation from the fitness of the current one."""
+        """Breed the next generation from the fitness (islands * population,) of the points of `ask`, in their order."""
         islands, population, dimensions = self.shape
         points, fitness = self._points, np.asarray(fitness, dtype=float)
         self.evaluations += len(points)
@@ -104,7 +109,7 @@ class MIGA:
         self._points = children.reshape(islands * population, dimensions)
 
     def _migrate(self, points, fitness, order):
-        """Round the ring."""
+        """Migration round the ring."""
         return migrate(points, fitness, order)
 
     def _cross(self, a, b, step):
@@ -132,7 +137,11 @@ class MIGA:
 
 
 def migrate(points: np.ndarray, fitness: np.ndarray, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Replace the worst of each island by the best of the one before it in the ring."""
+    """Copies in which the best of each island replaces the worst of the next one in the ring.
+
+    `points` (islands * population, dimensions) have `fitness` (islands * population,); `order` (islands, population)
+    holds the row numbers of each island, best first.
+    """
     points, fitness = points.copy(), fitness.copy()
     best, worst_of_next = order[:, 0], np.roll(order[:, -1], -1)
     points[worst_of_next], fitness[worst_of_next] = points[best], fitness[best]
@@ -141,14 +150,14 @@ def migrate(points: np.ndarray, fitness: np.ndarray, order: np.ndarray) -> tuple
 
 @dataclass(frozen=True)
 class Minimum:
-    """What `islands_ga` found; names as in `scipy.optimize.OptimizeResult`."""
+    """Result of `islands_ga`; names as in `scipy.optimize.OptimizeResult`."""
 
-    x: np.ndarray
-    fun: float
-    nfev: int
-    nit: int
-    success: bool | None
-    history: np.ndarray
+    x: np.ndarray  # (dimensions,), the best point
+    fun: float  # its value
+    nfev: int  # number of evaluations
+    nit: int  # number of generations
+    success: bool | None  # whether `fun` is at most the target; None without a target
+    history: np.ndarray  # (nit,), the best value so far after each generation
 
 
 def islands_ga(
@@ -158,7 +167,12 @@ def islands_ga(
     target: float | None = None,
     **settings: Any,
 ) -> Minimum:
-    """Minimise a function of whole populations with `MIGA`; return a `Minimum`."""
+    """Minimise a function of whole populations with `MIGA`.
+
+    `objective` takes points (n, dimensions) in the units of the bounds and returns values (n,); an infinite value marks
+    a point to avoid. `rounds` is the number of migrations. The search ends early at the value `target`. `settings` are
+    those of `MIGA`. ValueError for bad bounds or settings, another shape, or NaN.
+    """
     bounds = np.asarray(bounds, dtype=float)
     if bounds.ndim != 2 or bounds.shape[1] != 2 or not np.isfinite(bounds).all():
         raise ValueError(f"bounds has shape {bounds.shape}; allowed: (dimensions, 2), all finite")

@@ -22,8 +22,8 @@ from repose.core.variance import within_covariance
 from repose.strategies.sequential.goal import Goal
 
 SUCCESS = Path(__file__).with_name("success.csv")
-# Scatter of a pour in percent of the target, and correlation of two responses of one bench test: of the table's
-# simulator, and the default where nothing is measured.
+# Scatter of a pour in percent of the target, and correlation of two responses of a bench test: those of the table's
+# simulator, and the defaults if nothing is measured.
 NOISE_PERCENT, CORRELATION = 5.0, 0.8
 CERTAINTY = 0.9  # of the number of pours that the noise alone asks for
 BYTES_A_GRAIN = 62  # of a pour on the disk, measured
@@ -31,16 +31,25 @@ TOLERANCES = (1.0, 2.0)  # percent, those of the table
 
 
 class Plan(NamedTuple):
-    """What a budget of pours can be expected to give."""
+    """Expected results of a budget of pours.
 
-    noise_percent: np.ndarray
-    measured: bool
-    needed: dict[float, int]
+    `budgets` has `pours`, `within_1_percent` and `within_2_percent`, the probabilities that the answer of the
+    sequential strategy is so near to all targets, and their standard errors `*_se` from the number of hidden parameter
+    sets.
+    """
+
+    noise_percent: np.ndarray  # (k,), scatter of a pour, in percent of each target
+    measured: bool  # whether the scatter comes from runs
+    needed: dict[float, int]  # pours by tolerance in percent, for the noise alone with `CERTAINTY`
     budgets: pd.DataFrame
 
 
 def plan(config: Mapping[str, Any], runs: pd.DataFrame | None = None, source: object = "runs") -> Plan:
-    """What a budget of pours can be expected to give."""
+    """Expected results of budgets of pours.
+
+    The noise comes from `runs`, single runs with replicates of samples; without runs it is `NOISE_PERCENT`. InputError
+    if the runs have too few replicates; `source` names them in its message.
+    """
     targets = Targets.of(config["targets"])
     noise = default_noise(targets) if runs is None else measured_noise(runs, targets, source)
     percent = 100 * np.sqrt(np.diagonal(noise)) / np.abs(targets.aim)
@@ -58,13 +67,16 @@ def plan(config: Mapping[str, Any], runs: pd.DataFrame | None = None, source: ob
 
 
 def share_error(share: pd.Series, trials: pd.Series) -> pd.Series:
-    """Standard error of a probability that is known as a share of trials, also where all or none succeeded."""
+    """Standard error of a probability that is known as a share of trials, also if all or none succeeded.
+
+    It is the standard deviation of the beta distribution after these trials, from a uniform prior.
+    """
     middle = (share * trials + 1) / (trials + 2)
     return np.sqrt(middle * (1 - middle) / (trials + 3))
 
 
 def default_noise(targets: Targets) -> np.ndarray:
-    """Covariance of a pour where nothing is measured."""
+    """Covariance (k, k) of a pour if nothing is measured."""
     sd = NOISE_PERCENT / 100 * np.abs(targets.aim)
     correlation = np.where(_same_bench(targets), CORRELATION, 0.0)
     np.fill_diagonal(correlation, 1.0)
@@ -72,7 +84,11 @@ def default_noise(targets: Targets) -> np.ndarray:
 
 
 def measured_noise(runs: pd.DataFrame, targets: Targets, source: object = "runs") -> np.ndarray:
-    """Covariance of a pour about its sample's mean."""
+    """Covariance (k, k) of a pour about its sample's mean.
+
+    `runs` has `sample`, `status`, the responses, and `apparatus` with several bench tests. InputError if too few
+    samples have two ok runs.
+    """
     noise = np.zeros((len(targets), len(targets)))
     for bench in targets.apparatus:
         own = [k for k, one in enumerate(targets) if one.response.apparatus == bench]
@@ -88,17 +104,17 @@ def measured_noise(runs: pd.DataFrame, targets: Targets, source: object = "runs"
 
 
 def read_runs(path: str | os.PathLike, targets: Targets) -> pd.DataFrame:
-    """The runs of an earlier study, or of its beginning."""
+    """The runs (runs.csv) of an earlier study, or of its beginning."""
     return read_table(path, ("sample", "status", *targets.names))
 
 
 def disk_mb(config: Mapping[str, Any], pours: int) -> float:
-    """What pours take on the disk."""
+    """Disk space of a number of pours in each bench test of the targets."""
     grains = sum(config[name].get("berries", 1) for name in Targets.of(config["targets"]).apparatus)
     return 1e-6 * BYTES_A_GRAIN * grains * pours
 
 
 def _same_bench(targets):
-    """Which pairs of responses come from one bench test, (k, k)."""
+    """Mask (k, k) of the pairs of responses of the same bench test."""
     bench = np.array([one.response.apparatus for one in targets])
     return bench[:, None] == bench

@@ -1,4 +1,4 @@
-"""The response surface strategy on files: each step reads what the one before wrote."""
+"""The response surface strategy on files: each step reads the files of the previous step."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,10 @@ Path_ = str | os.PathLike
 
 
 def run_design(space: ParameterSpace, section: Mapping[str, Any], out_csv: Path_) -> pd.DataFrame:
-    """Write the samples of the screening; return them."""
+    """Write the samples of the screening; return them.
+
+    `section` is `response_surface` of the configuration, here and below.
+    """
     table = screening.design(space, section)
     write_table(out_csv, table)
     return table
@@ -36,7 +39,11 @@ def run_screening(
     out_dir: Path_,
     ascent_csv: Path_,
 ) -> dict[str, Any]:
-    """Write the screening's tables and the samples of the ascent; return which parameters go on."""
+    """Write the screening's tables and the samples of the ascent; return the parameters of the next steps.
+
+    The files are anova.csv, effects.csv, statistics.csv and screening.json. The result has `kept` and `dropped`, and
+    the mean responses at the `centre` and at the `corners`. InputError for too few usable samples.
+    """
     table, dataset = _step(samples_csv, dataset_csv, targets)
     corners, middle = screening.corners_and_centre(table)
     models = _models(corners, dataset, targets, "linear", dataset_csv)
@@ -67,7 +74,10 @@ def run_ascent(
     out_dir: Path_,
     surface_csv: Path_,
 ) -> pd.DataFrame:
-    """Write the walked path, path.csv, and the samples of the surface; return the path."""
+    """Write the walked path, path.csv, and the samples of the surface; return the path.
+
+    InputError without a usable sample.
+    """
     table, dataset = _step(samples_csv, dataset_csv, targets)
     points = surface.walked(table, dataset, targets)
     write_table(Path(out_dir) / "path.csv", points)
@@ -84,7 +94,11 @@ def run_surface(
     out_dir: Path_,
     check_csv: Path_,
 ) -> dict[str, Any]:
-    """Write the surface's tables, its optimum and the samples of the check; return the optimum."""
+    """Write the surface's tables, its optimum and the samples of the check; return the optimum.
+
+    The files are anova.csv, effects.csv, statistics.csv, predictions.csv and optimum.json. The result has `parameters`,
+    `coded`, `met` (whether the surfaces meet the targets) and `desirability`. InputError for too few usable samples.
+    """
     table, dataset = _step(samples_csv, dataset_csv, targets)
     models = _models(table, dataset, targets, "quadratic", dataset_csv)
     best = surface.best_point(models, targets)
@@ -112,7 +126,11 @@ def run_check(
     config: Mapping[str, Any],
     out_dir: Path_,
 ) -> pd.DataFrame:
-    """Write check.csv and the files of `repose.strategies.answer.write`; return the former."""
+    """Write check.csv and the files of `repose.strategies.answer.write`; return the table of check.csv.
+
+    The table is that of `surface.checked`. `surface_dir` holds samples.csv and dataset.csv of the surface. `runs_csvs`
+    are the single runs of all steps, whose pours are counted; those of the check come last.
+    """
     targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
     columns = ("response", "target", "predicted", "low", "high")
     predicted = read_table(predictions_csv, columns)
@@ -152,7 +170,7 @@ def _step(samples_csv, dataset_csv, targets):
 
 
 def _models(table, dataset, targets, order, source):
-    """Models of a step, or InputError where its samples do not determine them."""
+    """Models of a step; InputError if its samples do not determine them."""
     try:
         return screening.models_of(table, dataset, targets, order)
     except ValueError as error:

@@ -28,7 +28,10 @@ from repose.strategies.response_surface.steps import (
 
 
 class Analysis(NamedTuple):
-    """Tables of the models of one step, a block of rows for each response."""
+    """Tables of the models of a step, as in `repose.doe.anova`, with the column `response` first.
+
+    The effects also have the two limits of the Pareto chart.
+    """
 
     anova: pd.DataFrame
     effects: pd.DataFrame
@@ -36,27 +39,31 @@ class Analysis(NamedTuple):
 
 
 def design(space: ParameterSpace, section: Mapping[str, Any]) -> pd.DataFrame:
-    """The screening's samples: every free parameter at one end of its range; then the centre, `centres` times."""
+    """The screening's samples: every free parameter at an end of its range; then the centre, `centres` times."""
     corners = plackett_burman(space.dimensions, section["screening_runs"])
     coded = np.vstack([corners, np.zeros((section["centres"], space.dimensions))])
     return samples("screening", space, (1 + coded) / 2, space.free, coded)
 
 
 def corners_and_centre(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The samples of the screening in its two parts."""
+    """The samples of the screening at the corners, and those at the centre."""
     at_centre = (table[[CODED + name for name in factors_of(table)]] == 0).all(axis=1)
     return table[~at_centre], table[at_centre]
 
 
 def models_of(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, order: str) -> list[Model]:
-    """A polynomial for each response of a step."""
+    """A polynomial for each response of a step; ValueError for too few usable samples.
+
+    `table` has the samples with coded columns, `dataset` their means over the pours. `order` as in
+    `repose.doe.model.fit`.
+    """
     runs, factors = usable(table, dataset), factors_of(table)
     coded = runs[[CODED + name for name in factors]].to_numpy(float)
     return [fit(coded, runs[one.name].to_numpy(float), factors, order) for one in targets]
 
 
 def analysis(models: list[Model], targets: Targets) -> Analysis:
-    """The tables of a step's models."""
+    """The tables of a step's models, one for each target."""
     tables: dict[str, list[pd.DataFrame]] = {"anova": [], "effects": [], "statistics": []}
     for target, model in zip(targets, models, strict=True):
         found = {
@@ -71,10 +78,10 @@ def analysis(models: list[Model], targets: Targets) -> Analysis:
 
 
 def kept_factors(models: list[Model], section: Mapping[str, Any]) -> list[str]:
-    """The parameters that go on: significant for at least one response, the most significant first.
+    """The parameters of the next steps: significant for at least one response, the most significant first.
 
-    Where fewer are significant than the surface needs, the next ones are taken; where more are than
-    `most_factors`, the last ones are dropped.
+    If fewer are significant than the surface needs, the next parameters are taken; if more are than `most_factors`, the
+    last are dropped. `models` are linear, one for each response.
     """
     tables = [effects(one).set_index("term")["p"] for one in models]
     best = pd.concat(tables, axis=1).min(axis=1).reindex(models[0].factors).sort_values(kind="stable")
@@ -91,7 +98,12 @@ def path(
     targets: Targets,
     section: Mapping[str, Any],
 ) -> pd.DataFrame:
-    """Samples of the steepest ascent: from the centre of the ranges towards the targets, to the edge of the ranges."""
+    """Samples of the steepest ascent: from the centre of the ranges towards the targets, to the edge of the ranges.
+
+    `models` are linear, one for each response; `centre` (responses,) has the mean responses poured at the centre.
+    Parameters that are not `kept` stay at the centre of their ranges. ValueError if the models show no way towards the
+    targets.
+    """
     order = [models[0].factors.index(name) for name in kept]
     slopes = np.array([one.coefficients[order] for one in models])
     along = ascent.towards(slopes, aims_of(targets) - centre, scale_of(targets))

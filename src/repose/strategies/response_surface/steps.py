@@ -17,7 +17,7 @@ CODED = "coded_"  # before a parameter's name: its column in coded units
 
 
 def numbers(step: str, count: int) -> list[int]:
-    """Numbers of a step's samples."""
+    """Sample numbers of a step, one of `STEPS`."""
     first = OF_A_STEP * (STEPS.index(step) + 1) + 1
     return list(range(first, first + count))
 
@@ -25,7 +25,10 @@ def numbers(step: str, count: int) -> list[int]:
 def samples(
     step: str, space: ParameterSpace, unit: np.ndarray, factors: Sequence[str], coded: np.ndarray
 ) -> pd.DataFrame:
-    """What a step pours."""
+    """The samples of a step: `sample`, the six parameters, and the factors in coded units (`CODED` + name).
+
+    `unit` (n, d) has the free parameters in the unit cube, `coded` (n, factors) the same runs in coded units.
+    """
     table = pd.DataFrame(space.values(unit), columns=list(PARAMETERS))
     table.insert(0, "sample", numbers(step, len(unit)))
     for name, column in zip(factors, np.asarray(coded).T, strict=True):
@@ -34,12 +37,15 @@ def samples(
 
 
 def factors_of(table: pd.DataFrame) -> tuple[str, ...]:
-    """Parameters that a step varied."""
+    """Parameters that a step varied, from its table of `samples`."""
     return tuple(name.removeprefix(CODED) for name in table if name.startswith(CODED))
 
 
 def usable(table: pd.DataFrame, dataset: pd.DataFrame, source: object = "dataset") -> pd.DataFrame:
-    """The samples of a step whose pours gave a pile, with their responses."""
+    """The samples of a step whose pours gave a pile, with their responses.
+
+    InputError if a sample is not in the dataset, or none is usable; `source` names the dataset in its message.
+    """
     missing = sorted(set(table["sample"]) - set(dataset["sample"]))
     if missing:
         raise InputError(source, "sample", missing, "all samples of the step")
@@ -52,15 +58,15 @@ def usable(table: pd.DataFrame, dataset: pd.DataFrame, source: object = "dataset
 
 
 def scale_of(targets: Targets) -> np.ndarray:
-    """What a miss of each target is measured by: the aim divided by the root of its weight."""
+    """Scale (responses,) of the misses: the aim of each target over the root of its weight."""
     return np.array([one.aim / np.sqrt(one.weight) for one in targets])
 
 
 def aims_of(targets: Targets) -> np.ndarray:
-    """What each response shall be."""
+    """Aims (responses,) of the targets."""
     return np.array([one.aim for one in targets])
 
 
 def fewest_factors(section: Mapping[str, Any]) -> int:
-    """Fewest factors that a surface can have."""
+    """Smallest number of factors of the surface."""
     return 3 if section["surface"] == "box_behnken" else 2

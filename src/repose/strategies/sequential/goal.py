@@ -15,53 +15,63 @@ MOST_NEEDED = 10**6  # pours; more are not counted
 
 
 class Goal(NamedTuple):
-    """The targets, and how near to them is near enough."""
+    """The targets with a tolerance.
 
-    aim: np.ndarray
-    half: np.ndarray
+    A response is met if its mean lies within `half` of its `aim`. The score includes the prior of `space`.
+    """
+
+    aim: np.ndarray  # (k,)
+    half: np.ndarray  # (k,), half width of the tolerance
     space: ParameterSpace
-    weight: np.ndarray
+    weight: np.ndarray  # (k,), of Eq. 11 of the paper, over the width of the range
 
     @classmethod
     def of(cls, targets: Targets, tolerance_percent: float, space: ParameterSpace) -> Self:
-        """The goal of a study."""
+        """The goal of a study; the tolerance is in percent of each aim."""
         weight = targets.weight / (targets.high - targets.low)
         return cls(targets.aim, tolerance_percent / 100 * np.abs(targets.aim), space, weight)
 
     def of_responses(self, responses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How far responses are from the goal."""
+        """Two deviations (...) of responses (..., k): the largest in tolerances, and F.
+
+        The goal is met if the largest is at most 1; F is Eq. 11 of the paper.
+        """
         off = np.abs(responses - self.aim)
         return (off / self.half).max(axis=-1), off @ self.weight
 
     def expected_deviation(self, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-        """Mean of F, Eq. 11 of the paper, over what the responses may be."""
+        """Expectation (m,) of F, Eq. 11 of the paper; mean responses (m, k) with covariance (m, k, k)."""
         off, sd = mean - self.aim, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         z = off / sd
         return (sd * np.sqrt(2 / np.pi) * np.exp(-(z**2) / 2) + off * (1 - 2 * ndtr(-z))) @ self.weight
 
     def probability(self, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-        """Probability that all responses are met."""
+        """Probability (m,) that all responses are met; mean responses (m, k) with covariance (m, k, k)."""
         return within(mean, covariance, self.aim - self.half, self.aim + self.half)
 
     @staticmethod
     def inside(mean: np.ndarray, covariance: np.ndarray, targets: Targets) -> float:
-        """Probability that the responses of one point lie in the ranges of all targets."""
+        """Probability that the responses of one point lie in the ranges of all targets.
+
+        Mean (1, k) and covariance (1, k, k) are those of the mean responses.
+        """
         return float(within(mean, covariance, targets.low, targets.high)[0])
 
     def score(self, model: Kriging, unit: np.ndarray) -> np.ndarray:
-        """Log of the probability that a point meets the targets, and of its prior density."""
+        """Log of the probability (m,) that points (m, d) meet the targets, plus that of their prior density."""
         mean, covariance = model.predict(unit)
         off = mean - self.aim
         miss = np.einsum("mi,mi->m", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0])
-        # where the probability is too small for a number, the nearer point is the better one
+        # where the probability underflows, the nearer point is better
         probability = np.maximum(self.probability(mean, covariance), LEAST)
         return np.log(probability) - 1e-6 * miss + self.space.log_prior(unit)
 
     def reachable(self, model: Kriging, unit: np.ndarray, pours: int) -> float:
-        """The most that the probability can become by further pours, wherever they are made and however they fall.
+        """The highest probability that further pours can give, at the best place and with the best results.
 
-        All pours are made at one point. They shrink the covariance C of its mean to (C^-1 + pours N^-1)^-1 with the
-        noise N of a pour, and may move the mean towards the target by `LUCK` standard deviations of what they tell.
+        All pours are made at one of the points (m, d). They shrink the covariance C of its mean to (C^-1 + pours
+        N^-1)^-1 with the noise N of a pour, and may move the mean towards the target by `LUCK` standard deviations of
+        their information.
         """
         mean, covariance = model.predict(unit)
         rest = np.linalg.inv(np.linalg.inv(covariance) + pours * np.linalg.inv(model.noise))
@@ -71,7 +81,10 @@ class Goal(NamedTuple):
         return float(self.probability(self.aim + off, rest).max())
 
     def needed(self, noise: np.ndarray, probability: float) -> int:
-        """Pours at one point after which its mean is known within the tolerance, by the noise alone."""
+        """Pours at a point after which its mean is known within the tolerance, by the noise (k, k) of a pour alone.
+
+        `probability` is that of all responses together. At most `MOST_NEEDED`.
+        """
         few, many = 0, 1
 
         def enough(pours):

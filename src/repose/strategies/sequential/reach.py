@@ -25,16 +25,16 @@ STEPS = (0.2, 0.07, 0.02)  # standard deviations of those, in ranges
 
 
 class Reach(NamedTuple):
-    """What the pours say of all parameter sets together."""
+    """Best possible agreement with the goal over all parameter sets, by draws of the responses."""
 
-    probability: float
-    nearest: float
-    error: float
-    points: np.ndarray
+    probability: float  # that some parameter set meets the goal
+    nearest: float  # least deviation of a parameter set, F of Eq. 11: mean of the draws
+    error: float  # their standard deviation
+    points: np.ndarray  # (draws, d), where each draw comes nearest to the goal, in the unit cube
 
 
 def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
-    """Whether any parameter set meets the goal."""
+    """The probability that any parameter set meets the goal, and the least deviation of a set."""
     d = model.unit.shape[1]
     wide = goal.space.from_prior(qmc.Sobol(d, rng=random).random(CANDIDATES))
     wide = np.vstack([wide, np.round(wide)])
