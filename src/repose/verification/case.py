@@ -1,4 +1,4 @@
-"""What a case of the verification suite gives back: results beside references, and the data of one plot."""
+"""The result of a case of the verification suite: numbers beside references, and the data of its plot."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,21 +14,21 @@ PASSED, MISSED, KNOWN, REPORTED = "passed", "MISSED", "known deviation", "report
 
 @dataclass(frozen=True)
 class Row:
-    """One number of a case beside its reference."""
+    """A result of a case beside its reference."""
 
     quantity: str
     unit: str
-    reference: object
-    source: str
-    result: float
-    deviation: float | None
-    tolerance: float | None
-    status: str
-    note: str = ""
+    reference: object  # a number; a text for an interval, or empty without a reference
+    source: str  # of the reference
+    result: float  # of the simulator
+    deviation: float | None  # relative to the reference, or to a given scale; None if not computed
+    tolerance: float | None  # largest allowed deviation; None if the deviation is not judged
+    status: str  # PASSED, MISSED, KNOWN or REPORTED
+    note: str = ""  # why the row misses or is not judged
 
     @property
     def passed(self) -> bool:
-        """False only for a row that misses its tolerance without a reason known beforehand."""
+        """False only for a row that misses its tolerance without a known reason."""
         return self.status != MISSED
 
 
@@ -42,7 +42,11 @@ def close(
     scale: float | None = None,
     known: str = "",
 ) -> Row:
-    """A result that has to agree with a reference."""
+    """A result that has to agree with a reference.
+
+    The deviation is the difference over `scale`, by default over the reference. The default tolerance is 0.3 % for a
+    closed form and 2.5 % for a digitised value. `known` is the reason for an expected miss, which is not a failure.
+    """
     if tolerance is None:
         tolerance = DIGITISED_TOLERANCE if source.startswith("digitised") else CLOSED_TOLERANCE
     deviation = abs(result - reference) / abs(scale or reference)
@@ -66,7 +70,7 @@ def within(quantity: str, unit: str, result: float, low: float, high: float, sou
 def reported(
     quantity: str, unit: str, result: float, note: str, reference: float | str = "", source: str = ""
 ) -> Row:
-    """A result that is shown and not judged; with a number as reference its deviation too."""
+    """A result that is shown and not judged; with a number as reference the row has a deviation too."""
     deviation = None
     if isinstance(reference, float) and reference != 0.0:
         deviation = abs(result - reference) / abs(reference)
@@ -77,32 +81,32 @@ def reported(
 class Curve:
     """A line of a plot; reference curves are drawn as lines, results as markers unless `line`."""
 
-    label: str
-    x: object
-    y: object
-    reference: bool = False
-    line: bool = False
-    error: object = None
+    label: str  # in the legend
+    x: object  # (N,), in the units of the panel's labels
+    y: object  # (N,)
+    reference: bool = False  # whether the results are compared with this curve
+    line: bool = False  # whether a result is drawn as a line
+    error: object = None  # (N,), half lengths of the error bars of y; None: no bars
 
 
 @dataclass(frozen=True)
 class Panel:
     """One pair of axes."""
 
-    x_label: str
-    y_label: str
-    curves: tuple
+    x_label: str  # with the unit
+    y_label: str  # with the unit
+    curves: tuple  # `Curve`s in the order of the legend
     log_x: bool = False
 
 
 @dataclass(frozen=True)
 class Result:
-    """A case: its title, what is compared with what, rows and the panels of its plot."""
+    """A case: its title, the two sides of the comparison, rows and the panels of its plot."""
 
     title: str
-    compared: str
-    rows: list
-    panels: list = field(default_factory=list)
+    compared: str  # both sides of the comparison, in words
+    rows: list  # of `Row`
+    panels: list = field(default_factory=list)  # of `Panel`; empty: no plot
 
     @property
     def passed(self) -> bool:
@@ -112,13 +116,13 @@ class Result:
 
 @dataclass(frozen=True)
 class Effort:
-    """How much work the statistical cases do; FULL is what the verb does."""
+    """Size of the statistical cases; FULL is that of the verb."""
 
-    hits: int = 10_000
-    berries: int = 400
-    seeds: int = 2
-    pile: tuple | None = None
-    laws: Mapping[str, Any] = field(default_factory=dict)
+    hits: int = 10_000  # impacts of each kind in the energy cases
+    berries: int = 400  # in the poured packing
+    seeds: int = 2  # runs of each time step in the convergence case
+    pile: tuple | None = None  # (configuration, particle, moduli) of these runs; None: no runs
+    laws: Mapping[str, Any] = field(default_factory=dict)  # force laws of every case, for `Simulation`
 
     @property
     def tension(self) -> str:

@@ -26,7 +26,11 @@ STILL = (0.0, 0.0, 0.0)
 def pair_history(
     solid: Solid, radius_m: float, speed_m_s: float, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Elastic impact of two equal spheres, head-on, each with half the speed of approach."""
+    """Elastic head-on impact of two equal spheres, each with half the speed of approach.
+
+    Returns time since the contact began [s], overlap [m] and normal force [N] at the time steps in contact, each
+    (steps,).
+    """
     hertz = hertz_of_pair(solid, radius_m, speed_m_s)
     step = hertz.duration_s / STEPS_PER_CONTACT
     reach, half = radius_m + 2.0 * step * speed_m_s, 0.5 * speed_m_s
@@ -56,7 +60,7 @@ def pair_history(
 def plane_history(
     solid: Solid, radius_m: float, speed_m_s: float, restitution: float = 1.0, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Impact of a sphere on a rigid plane, along its normal and without friction."""
+    """Impact of a sphere on a rigid plane, along its normal and without friction; results as of `pair_history`."""
     simulation, steps = sphere_over_plane(
         solid, radius_m, frictionless(restitution), (0.0, 0.0, -speed_m_s), **laws
     )
@@ -91,10 +95,9 @@ def _history(
 
 
 def duration_of(time: np.ndarray, overlap: np.ndarray) -> float:
-    """Contact time of an impact.
+    """Contact time [s] from the time and overlap of `pair_history`.
 
-    It ends after the last step in contact, by the time in which the overlap that is left is undone at its
-    last speed.
+    The overlap at the last step in contact is extrapolated to zero with its last speed.
     """
     step = time[1] - time[0]
     return time[-1] + step * overlap[-1] / (overlap[-2] - overlap[-1])
@@ -166,7 +169,7 @@ def sphere_on_plane(effort: Effort) -> Result:
 
 
 def damped_impact(effort: Effort) -> Result:
-    """Test 3: restitution out for restitution in, a sphere of radius 2.5 mm on a rigid plane at 3.9 m/s.
+    """Test 3: simulated for nominal restitution, a sphere of radius 2.5 mm on a rigid plane at 3.9 m/s.
 
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 3.
     """
@@ -205,7 +208,7 @@ def damped_impact(effort: Effort) -> Result:
 
 
 def _restitution(solid: Solid, restitution: float, **laws: Any) -> float:
-    """Restitution that the simulator gives where one is asked for, in the third test."""
+    """Simulated restitution for a nominal one, in the third test."""
     contact = Contact(restitution, 0.0, 0.0)
     simulation, steps = sphere_over_plane(solid, 0.0025, contact, (0.0, 0.0, -3.9), **laws)
     simulation.run_steps(steps)

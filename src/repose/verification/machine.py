@@ -13,7 +13,7 @@ from .hertz import Solid, hertz_on_plane, rigid
 STEPS_PER_CONTACT = 1500  # time steps in the contact time of Hertz
 FLOOR = (0.0, 0.0, 0.0)
 UP = (0.0, 0.0, 1.0)
-# Half the axes and the density of a published fruit (Ji et al. 2026): a long body that is soft.
+# Semi-axes [m] and density [kg/m3] of a published fruit (Ji et al. 2026): a long, soft body.
 BERRY_M = (0.01057, 0.005685, 0.00494)
 BERRY_DENSITY = 840.47
 BERRY = Material(4.3e4, 0.32)
@@ -28,7 +28,10 @@ def sphere_over_plane(
     spin_rad_s: Sequence[float] = (0.0, 0.0, 0.0),
     **laws: Any,
 ) -> tuple[Simulation, int]:
-    """A sphere just above a rigid plane, without gravity."""
+    """A sphere just above a rigid plane, without gravity, and the number of steps until it has surely left.
+
+    The z component of `velocity_m_s` is negative.
+    """
     hertz = hertz_on_plane(solid, radius_m, abs(velocity_m_s[2]))
     step = hertz.duration_s / STEPS_PER_CONTACT
     box = 4.0 * radius_m
@@ -55,7 +58,7 @@ def sphere_over_plane(
 
 
 def steps_of_impact(restitution: float, tension: str = "keep") -> int:
-    """Time steps after which an impact is over: a damped contact lasts longer than an elastic one."""
+    """Time steps of an impact, at `STEPS_PER_CONTACT` in Hertz's contact time: a damped contact lasts longer."""
     return int(STEPS_PER_CONTACT * (1.3 + 1.5 * damping_ratio(restitution, tension)))
 
 
@@ -69,7 +72,7 @@ def spheres(
     step_s: float,
     **laws: Any,
 ) -> Simulation:
-    """Two spheres in space, without gravity, each of its own solid and radius."""
+    """Two spheres in space, without gravity; places, velocities and spins have shape (2, 3)."""
     names = ("a", "b")
     reach = 4.0 * max(radii_m)
     simulation = Simulation(
@@ -97,7 +100,11 @@ def berry_simulation(
     axes: tuple[float, float, float] = BERRY_M,
     **keywords: Any,
 ) -> Simulation:
-    """An empty simulation of berries, with walls of PVC; without gravity unless asked for."""
+    """An empty simulation of berries, with walls of PVC; without gravity unless asked for.
+
+    The shape of the berries is named "berry", `axes` are its semi-axes in m. `walls` have the material "wall".
+    `keywords` are those of `Simulation`; the box reaches 0.1 m to each side by default.
+    """
     shape = Shape.ellipsoid(axes, BERRY_DENSITY, "berry")
     keywords.setdefault("gravity_m_s2", (0.0, 0.0, 0.0))
     keywords.setdefault("lower", (-0.1, -0.1, -0.1))

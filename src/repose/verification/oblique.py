@@ -1,9 +1,9 @@
 """Oblique impacts: tests 4 and 5 of Chung & Ooi (2011), Granular Matter 13, 643-656.
 
 A sphere that slides through the whole impact loses the tangential velocity mu (1 + e) V_n and gains the spin
-5/2 mu (1 + e) V_n / R; that is so when the surface moves faster than 7/2 mu (1 + e) V_n by a margin. Coulomb's limit
-gives just that when it takes the elastic normal force and the contact may pull, or all of the normal force and the
-contact is released. Where the sphere sticks, the answer is that of the tangential spring, and stands beside the
+5/2 mu (1 + e) V_n / R. This holds when the surface moves faster than 7/2 mu (1 + e) V_n by a margin. Coulomb's limit
+gives exactly that when it takes the elastic normal force and the contact may pull, or all of the normal force and the
+contact is released. Where the sphere sticks, the result is that of the tangential spring, and stands beside the
 equation of that spring (`equation_of_hit`).
 """
 
@@ -40,7 +40,7 @@ SPRING_NOTE = (
 EQUATION = "equation of the spring, solved in 20,000 steps"
 ARM_NOTE = "the lever arm is R - delta / 2, not R: the contact lies in the middle of the overlap"
 LAW = "mu times the limiting force times R - delta / 2, integrated by scipy over the impact"
-SLIDES = 1.25  # how far beyond the limit of sliding a case counts as gross sliding
+SLIDES = 1.25  # gross sliding: above this multiple of the limit of sliding
 
 
 def impact(
@@ -51,22 +51,23 @@ def impact(
     spin_rad_s: Sequence[float],
     **laws: Any,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Motion of a sphere after an impact on the rigid plane."""
+    """Velocity [m/s] and spin [rad/s] of a sphere after an impact on the rigid plane, each (3,)."""
     simulation, steps = sphere_over_plane(solid, radius_m, contact, velocity_m_s, spin_rad_s, **laws)
     simulation.run_steps(steps)
     return simulation.velocities[0].copy(), simulation.angular_velocities[0].copy()
 
 
 def sliding_impulse(contact: Contact, normal_m_s: Any) -> Any:
-    """Change of the tangential velocity of rigid bodies in gross sliding: mu (1 + e) V_n."""
+    """Change of the tangential velocity [m/s] of rigid bodies in gross sliding: mu (1 + e) V_n."""
     return contact.static_friction * (1.0 + contact.restitution) * normal_m_s
 
 
 def sliding_spin(contact: Contact, hertz: Hertz, radius_m: float, tension: str = "keep") -> float:
-    """Change of spin in gross sliding by the law that the engine solves.
+    """Size of the change of spin [rad/s] in gross sliding, by the law that the engine solves.
 
     It is mu times the integral of F (R - delta / 2) / I: the contact lies in the middle of the overlap. F is the
-    elastic part of the damped impact's force where the contact may pull, all of it where it may not.
+    elastic part of the damped impact's force where the contact may pull, all of it where it may not. `hertz` is the
+    elastic impact of the same sphere on the plane.
     """
     time, overlap, force = hertz.history(contact.restitution, 4000, tension)
     if tension == "keep":
@@ -84,7 +85,11 @@ def sliding_rows(
     before: tuple[float, float],
     tension: str = "keep",
 ) -> list[Row]:
-    """Gross sliding beside rigid bodies and the engine's lever arm."""
+    """Rows of gross sliding: change of velocity judged by rigid bodies, change of spin by `sliding_spin`.
+
+    The spin also stands beside rigid bodies, where the deviation is known. `found` and `before` are tangential velocity
+    [m/s] and spin [rad/s] after and before the impact. `at` begins the name of each row.
+    """
     rigid = sliding_impulse(contact, hertz.speed)
     velocity, spin = found
     sign = math.copysign(1.0, velocity - before[0])
@@ -109,7 +114,7 @@ def angles(effort: Effort) -> Result:
         tangential = speed * math.sin(math.radians(angle))
         normal = speed * math.cos(math.radians(angle))
         v, w = impact(ALUMINIUM_OXIDE, radius, contact, (tangential, 0.0, -normal), STILL, **effort.laws)
-        # the published sense of rotation is the opposite of ours
+        # the published sense of rotation is opposite
         kept.append(v[0] / tangential)
         spins.append(-w[1])
         lost = sliding_impulse(contact, normal)
@@ -176,10 +181,11 @@ SPRINGS = ("hertz_mindlin", "hertz_mindlin_rescaled")
 def equation_of_hit(
     solid: Solid, hertz: Hertz, contact: Contact, tangential_m_s: float, spring: str, tension: str
 ) -> float:
-    """Tangential velocity of a sphere after a hit on the rigid plane, by the equations of its spring.
+    """Tangential velocity [m/s] of a sphere after a hit on the rigid plane, by the equations of its spring.
 
     In small steps, with the force of the spring itself: S_t times its path, or grown by S_t times the path of the step,
-    and lowered with the contact circle.
+    and lowered with the contact circle. `hertz` is the elastic impact of the same sphere; `tangential_m_s` is before
+    the impact; `spring` is the contact law.
     """
     young, shear = effective_moduli(solid.material, rigid(solid.material))
     damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(contact.restitution, tension)
@@ -208,8 +214,7 @@ def equation_of_hit(
 
 
 def tangential_speeds(effort: Effort) -> Result:
-    """Test 5: radius 10 um, normal 5 m/s, e 1, mu 0.3, tangential velocities of 0.5 to 25 m/s; steel and
-    polyethylene.
+    """Test 5: radius 10 um, normal 5 m/s, tangential 0.5 to 25 m/s, e 1, mu 0.3; steel and polyethylene.
 
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 5.
     """

@@ -16,7 +16,7 @@ GRAVITY = 9.81
 STIFF = Material(1.3e6, 0.32)  # thirty times a berry, so that overlaps under the weight stay below a per cent
 STEP = 5e-5
 FALL_S = 2.0  # time to fall and come to rest
-MARGIN = 0.012  # what lies nearer to floor, top or side walls is not the core [m]
+MARGIN = 0.012  # distance of the core from floor, top and side walls [m]
 RADIUS = 0.006
 BOXES = 4  # poured boxes: the solid fraction of one box of 100 berries scatters by 0.015
 
@@ -185,10 +185,10 @@ def _top(simulation: Simulation) -> float:
 def solid_fraction_profile(
     simulation: Simulation, side: float, points: int = 900
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Share of the room that berries fill, over the height.
+    """Share of the volume that berries fill, over the height: middles of the slices [m] and shares, each (slices,).
 
-    It is the share of random points inside a berry, in slices 4 mm thick. Points within `MARGIN` of a side
-    wall are left out.
+    It is the share of random points inside a berry, in slices 4 mm thick with `points` each. Points within `MARGIN` of
+    a side wall are left out. The box reaches from 0 to `side` in m.
     """
     rng = np.random.default_rng(31)
     heights = np.arange(0.002, simulation.positions[:, 2].max(), 0.004)
@@ -208,7 +208,10 @@ def solid_fraction_profile(
 
 
 def coordination(simulation: Simulation, side: float, top: float) -> float:
-    """Mean number of touching neighbours of the berries in the core."""
+    """Mean number of touching neighbours of the berries in the core, `MARGIN` away from the walls and the top.
+
+    The box reaches from 0 to `side`, its filling up to `top`, in m.
+    """
     x, y, z = simulation.positions.T
     margin = MARGIN
     core = (x > margin) & (x < side - margin) & (y > margin) & (y < side - margin)

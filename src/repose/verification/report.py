@@ -60,7 +60,7 @@ def _write_csv(results: Mapping[str, Result], path: Path) -> None:
 
 
 def draw(result: Result) -> Figure:
-    """The figure of a case: its panels side by side."""
+    """The figure of a case that has panels: they stand side by side."""
     figure = style.new_figure(style.PAGE if len(result.panels) > 1 else 1.3 * style.COLUMN, 3.2)
     axes = figure.subplots(1, len(result.panels), squeeze=False)[0]
     for ax, panel in zip(axes, result.panels, strict=True):

@@ -19,16 +19,19 @@ ELLIPTIC_NOTE = "the engine takes R* = sqrt(R1 R2) in the law of spheres; Hertz'
 
 
 def resting_overlap(mass: float, radius: float, material: Material) -> float:
-    """Overlap that carries the weight of a sphere on a plate of PVC: (m g / (4/3 E* sqrt(R*)))^(2/3)."""
+    """Overlap [m] that carries the weight of a sphere on a plate of PVC: (m g / (4/3 E* sqrt(R*)))^(2/3).
+
+    `mass` is in kg; `radius` is the radius of curvature R* in m.
+    """
     young, _ = effective_moduli(material, PVC)
     return (mass * GRAVITY / (4.0 / 3.0 * young * math.sqrt(radius))) ** (2.0 / 3.0)
 
 
 def elliptic_overlap(mass: float, radii: Sequence[float], young: float) -> float:
-    """Hertz's overlap of an elliptic contact under a body's weight.
+    """Hertz's overlap [m] of an elliptic contact under the weight of a body of `mass` [kg].
 
-    The eccentricity e solves R1 / R2 = (E(e) / (1 - e^2) - K(e)) / (K(e) - E(e)) with complete elliptic
-    integrals of e^2.
+    The eccentricity e solves R1 / R2 = (E(e) / (1 - e^2) - K(e)) / (K(e) - E(e)) with complete elliptic integrals of
+    e^2. `radii` are the relative radii of curvature R1 and R2 in m, the larger first; `young` is E* in Pa.
 
     Johnson, K. L. (1985). Contact Mechanics. Cambridge University Press, Eq. 4.26-4.28.
     """
@@ -92,16 +95,17 @@ def berry_at_rest(effort: Effort) -> Result:
 
 
 def rocking_period(a: float, c: float) -> float:
-    """Period of a berry that rocks without slipping, at small angles.
+    """Period [s] of a berry that rocks without slipping, at small angles.
 
-    Its potential energy is m g h(theta), h the support function; the moment of inertia about the contact is I
-    + m c^2, I = m (a^2 + c^2) / 5, and the stiffness m g h'' = m g (a^2 / c - c).
+    Its semi-axes in the plane of the motion are a, level, and c, upright, a above c, in m. Its potential energy is m g
+    h(theta), h the support function; the moment of inertia about the contact is I + m c^2, I = m (a^2 + c^2) / 5, and
+    the stiffness m g h'' = m g (a^2 / c - c).
     """
     return 2.0 * math.pi * math.sqrt(((a * a + c * c) / 5.0 + c * c) / (GRAVITY * (a * a / c - c)))
 
 
 def rocking(effort: Effort) -> Result:
-    """A berry tilted by a degree from its flat rest rocks with the period of theory, about either level axis."""
+    """A berry tilted by a degree from its flat rest rocks with the theoretical period, about either level axis."""
     rows, curves = [], []
     for name, level, about in (("about the middle axis", 0, 1), ("about the long axis", 1, 0)):
         period = rocking_period(BERRY_M[level], BERRY_M[2])
@@ -147,7 +151,7 @@ def _rocking_history(level: int, about: int, duration_s: float, laws: Mapping[st
 
 
 def period_of(time: np.ndarray, wave: np.ndarray) -> float:
-    """Mean period of a wave from its zero crossings."""
+    """Mean period [s] of a wave about 0, from its zero crossings, at least two."""
     k = np.flatnonzero(wave[:-1] * wave[1:] < 0.0)
     zeros = time[k] - wave[k] * (time[k + 1] - time[k]) / (wave[k + 1] - wave[k])
     return 2.0 * (zeros[-1] - zeros[0]) / (len(zeros) - 1)

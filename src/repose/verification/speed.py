@@ -1,7 +1,7 @@
-"""How fast the engine is on this machine, and how fast the machine is.
+"""Speed of the engine on this machine, and of the machine itself.
 
-The reference kernel is a plain loop of dependent divisions and multiplications, the same work everywhere: the ratio
-of a time step to it compares engines across machines and moments.
+The reference kernel is a plain loop of dependent divisions and multiplications, the same work everywhere: the ratio of
+a time step to it compares engines across machines and moments.
 """
 
 import math
@@ -19,12 +19,15 @@ from repose.particle.build import Particle
 REFERENCE_LOOPS = 20_000
 REPEATS = 7
 ROUNDS = 3
-SETTLED_S = 1.0  # after the pour; only this second is a settled pile, for a wide factory empties late
+SETTLED_S = 1.0  # after the pour; only then is the pile settled, for a wide factory empties late
 
 
 @numba.njit
 def reference_kernel(n):
-    """A chain of n dependent steps of arithmetic with a square root and a division each."""
+    """A chain of n dependent steps of arithmetic with a square root and a division each.
+
+    The returned value keeps the compiler from removing the loop.
+    """
     x = 1.0
     for k in range(n):
         x = math.sqrt(x * 1.0000001 + 1e-9 * k) / (1.0 + 1e-7 * x)
@@ -38,7 +41,11 @@ def run(
     parameters: Mapping[str, float],
     seed: int = 1,
 ) -> dict[str, Any]:
-    """Time whole pours and settled piles on one core, the particles in turn so that all see the same machine."""
+    """Time whole pours and settled piles on one core, the particles in turn so that all see the same machine.
+
+    The first of the particles is the reference of the others; `berry` holds the moduli. Returns the `summary`, with
+    `berries` and `time_step_s` of the pours.
+    """
     warm = {**config, "funnel": {**config["funnel"], "berries": 2, "duration_s": 1.0}}
     for particle in particles.values():  # compiles what is timed afterwards
         timed_pour(warm, parameters, seed, particle, berry)
@@ -61,7 +68,7 @@ def timed_pour(
     particle: Particle,
     berry: Mapping[str, float],
 ) -> tuple[float, float]:
-    """Time that a pour takes, and a step of its settled pile."""
+    """Time of a step of the settled pile [us], and wall time of the whole pour before it [s]."""
     duration_s = config["funnel"]["duration_s"] + SETTLED_S
     longer = {**config, "funnel": {**config["funnel"], "duration_s": duration_s}}
     poured = funnel.pour(longer, parameters, seed, particle, berry)
@@ -72,7 +79,11 @@ def timed_pour(
 def summary(
     references: Sequence[float], pours: Mapping[str, Sequence[tuple[float, float]]]
 ) -> dict[str, Any]:
-    """Medians of all rounds, and their ratios."""
+    """Medians of all rounds, and their ratios; `references` are in us, `pours` are results of `timed_pour` by particle.
+
+    The keys are `reference_us` and `particles`, a list of `name`, `us_per_step`, `job_s` (wall time of a pour), `ratio`
+    (of a step to the reference kernel) and `to_first` (of a step to the first particle's).
+    """
     reference_us = float(np.median(references))
     us = {name: float(np.median([step for step, _ in found])) for name, found in pours.items()}
     first = next(iter(us.values()))
