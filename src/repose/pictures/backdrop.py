@@ -1,4 +1,4 @@
-"""What stands behind the berries of a picture: the inside of the drum."""
+"""Background of a picture of berries: the inside of the drum."""
 
 import math
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ MARKS, MARK_RAD = 12, 0.035  # around the rim, and half as wide as this
 class DrumInside:
     """A cylinder about the y axis, open towards a camera that looks along +y on the axis, closed behind."""
 
-    radius_m: float
+    radius_m: float  # inner
     length_m: float
     thickness_m: float
-    turned_rad: float = 0.0
+    turned_rad: float = 0.0  # about -y; the marks on the rim show it
 
     def outline(self) -> np.ndarray:
-        """Points that a picture of it has to hold: both rims."""
+        """Points (144, 3) in m that a picture must contain: both rims."""
         angle = np.linspace(0.0, 2.0 * math.pi, 72, endpoint=False)
         outer, half = self.radius_m + self.thickness_m, 0.5 * self.length_m
         return np.concatenate(
@@ -32,7 +32,10 @@ class DrumInside:
         )
 
     def meet(self, eye_m: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where rays meet the drum, its rim or its back."""
+        """Depth (H, W) in m along the view, infinite for a ray that misses the drum, and unit normal (H, W, 3).
+
+        `rays` (H, W, 3) start at the eye and are scaled to unit depth along the view.
+        """
         half = 0.5 * self.length_m
         front, back = ((y - eye_m[1]) / rays[..., 1] for y in (-half, half))
         mouth = np.hypot(*((eye_m + front[..., None] * rays)[..., k] for k in (0, 2)))
@@ -50,7 +53,10 @@ class DrumInside:
         return np.where(mouth <= self.radius_m + self.thickness_m, depth, np.inf), normal
 
     def paint(self, place: np.ndarray, normal: np.ndarray, lit: np.ndarray, sky: np.ndarray) -> np.ndarray:
-        """Colours of places on the drum."""
+        """Colours (M, 3) of places on the drum: red, green and blue, 0 to 1 or a little above.
+
+        `normal` comes from `meet`; `lit` and `sky` (M,) are the shares of light and sky that reach the places.
+        """
         tone = (0.62 + 0.38 * lit) * (0.35 + 0.65 * sky) * (0.86 + 0.14 * normal[:, 2])
         colour = DRUM_TONE * 1.1 * tone[:, None]
         rim = np.hypot(place[:, 0], place[:, 2]) > 0.9999 * self.radius_m

@@ -13,7 +13,7 @@ from repose.dem.tessellation import tessellate
 class Drawable(Protocol):
     """A shape that can be drawn: `repose.dem.Shape`, or a `Particle`.
 
-    One that is made of spheres has them as `spheres_m` besides: (M, 4), centre and radius in m.
+    A shape that is made of spheres also has `spheres_m`, (M, 4): centre and radius in m.
     """
 
     @property
@@ -21,26 +21,29 @@ class Drawable(Protocol):
         """Distance of its farthest point from its centre in m."""
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Support function of the body."""
+        """Support function: distance (...,) in m of the tangent plane with normal `n` from the centre.
+
+        `n` (..., 3) are unit vectors in the body's frame.
+        """
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
-        """Farthest point of the body in a direction."""
+        """Farthest points (..., 3) in m of the body in the unit directions `n` of the body's frame."""
 
 
 @dataclass(frozen=True)
 class Bodies:
     """The N bodies to be drawn, of S shapes with V points and T triangles each."""
 
-    normals: np.ndarray
-    triangles: np.ndarray
-    shape_ids: np.ndarray
-    turn: np.ndarray
-    vertices: np.ndarray
-    owner: np.ndarray
+    normals: np.ndarray  # (S, V, 3), unit normals at the points of each shape
+    triangles: np.ndarray  # int (T, 3), numbers of their points, the same for all shapes
+    shape_ids: np.ndarray  # int (N,), number of each body's shape
+    turn: np.ndarray  # (N, 3, 3), rotation, body to world
+    vertices: np.ndarray  # (N, V, 3), points of each body in the world, in m
+    owner: np.ndarray  # int (N,), the body to which a part belongs; itself for a body of one part
 
 
 class _Ball:
-    """A sphere of radius 1, of which bodies of spheres are made up."""
+    """A sphere of radius 1, the part of bodies that are made of spheres."""
 
     bounding_radius_m = 1.0
 
@@ -58,7 +61,11 @@ def place_bodies(
     shape_ids: np.ndarray,
     scales: np.ndarray,
 ) -> Bodies:
-    """Bodies at their places, ready to be drawn; each sphere of a body of spheres is a part of its own."""
+    """Bodies at their places, ready to be drawn; each sphere of a body of spheres is a part of its own.
+
+    `centres` are in m, `quaternions` w, x, y, z, body to world; `shape_ids` (N,) are places in `shapes`. The order is
+    that of the input; parts are ordered by shape.
+    """
     if any(_spheres(shape) is not None for shape in shapes):
         return _place_parts(centres, quaternions, shapes, shape_ids, scales)
     return _tessellated(centres, quaternions, shapes, shape_ids, scales, np.arange(len(centres)))
@@ -77,7 +84,7 @@ def _place_parts(
     shape_ids: np.ndarray,
     scales: np.ndarray,
 ) -> Bodies:
-    """The same where a shape consists of spheres."""
+    """`Bodies` if a shape consists of spheres: each sphere is a part."""
     turn = rotation_matrices(quaternions)
     parts = []
     for kind, shape in enumerate(shapes):

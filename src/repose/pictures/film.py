@@ -36,7 +36,13 @@ def animate_pour(
     max_bytes: int = 3_000_000,
     colour: str = GRAIN,
 ) -> None:
-    """Write a short endless animation of a pour."""
+    """Write an endless animation of a pour as .gif or .webp; frames are spread evenly over the time.
+
+    `trajectory` is an .npz file with time_s (T,), position (T, N, 3) [m], NaN before a berry appears, quaternion (T,
+    N, 4) and perhaps scale (N,). `frame_s` is the time that a frame is shown. Colours are reduced until the file has
+    at most `max_bytes`. `colour` is #rrggbb. Raises InputError for a bad trajectory, another ending or a file that
+    stays too large.
+    """
     out_path = _checked(out_path)
     record = read_npz(trajectory, KEYS, "the trajectory of a pour")
     times, positions, quaternions, scales = _moving(record)
@@ -65,7 +71,11 @@ def animate(
     max_bytes: int = 3_000_000,
     **view: Any,
 ) -> None:
-    """Write a short endless animation of any simulation."""
+    """Write an endless animation of any simulation; `frames` come from `repose.dem.Recorder.frames`.
+
+    `view` goes to `repose.pictures.render.render_bodies`; without frame_m the picture contains the first and the last
+    frame. Files and errors are those of `animate_pour`.
+    """
     out_path = _checked(out_path)
     if not len(frames["time_s"]):
         raise InputError(out_path, "frames", 0, "at least one recorded frame")
@@ -97,7 +107,10 @@ def animate_drum(
     max_bytes: int = 3_900_000,
     colour: str = GRAIN,
 ) -> None:
-    """Write a short endless animation of a drum that turns, seen along its axis with its rim, whose marks turn with it."""
+    """Write an endless animation of a turning drum, seen along its axis; the marks on its rim turn with it.
+
+    `trajectory` is as for `animate_pour`, with turned_deg (T,) in addition; `section` is the configuration's `drum`.
+    """
     out_path = _checked(out_path)
     record = read_npz(trajectory, (*KEYS, "turned_deg"), "the trajectory of a drum")
     times, positions, quaternions, scales = _moving(record)
@@ -116,7 +129,7 @@ def animate_drum(
 
 
 def drum_inside(section: Mapping[str, Any], turned_rad: float) -> DrumInside:
-    """The drum as a backdrop, turned by an angle."""
+    """The drum as a backdrop; `section` is the configuration's `drum`."""
     thickness_m = 1e-3 * section["wall_thickness_mm"]
     radius_m = 0.5e-3 * section["outer_diameter_mm"] - thickness_m
     return DrumInside(radius_m, 1e-3 * section["length_mm"], thickness_m, float(turned_rad))
@@ -129,7 +142,7 @@ def _moving(record: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, n
 
 
 def _checked(out_path: str | Path) -> Path:
-    """The path, if its ending is one that can be written."""
+    """The path; InputError for an ending that cannot be written."""
     out_path = Path(out_path)
     if out_path.suffix.lower() not in FORMATS:
         raise InputError(out_path, "ending", out_path.suffix, ".gif or .webp")
@@ -142,7 +155,7 @@ def _spread(times: np.ndarray, frames: int) -> np.ndarray:
 
 
 def _write_within(pictures: Sequence[np.ndarray], frame_s: float, out_path: Path, max_bytes: int) -> None:
-    """Write RGB pictures, with as many colours as max_bytes allow; InputError where none do."""
+    """Write RGB pictures with as many colours as max_bytes allows; InputError if even the fewest take more."""
     images = [Image.fromarray(picture) for picture in pictures]
     shown_ms = [round(1000 * frame_s)] * (len(images) - 1) + [round(1000 * LAST_S)]
     kind, content = FORMATS[out_path.suffix.lower()], b""

@@ -40,7 +40,12 @@ def _rasterise(x, y, near, triangles, nearest, body, weights, corner):
 def draw(
     x: np.ndarray, y: np.ndarray, near: np.ndarray, triangles: np.ndarray, shape: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """What each pixel of a picture shows of triangles, the nearest first."""
+    """Draw triangles of N bodies with V points each into a z-buffer (H, W); a larger `near` is nearer.
+
+    `x` and `y` (N, V) are in pixels, row 0 on top; `triangles` (T, 3) are the same for all bodies. Returns `near` of
+    the visible point (minus infinity if none), the body's number (-1 if none), the triangle's number and the shares
+    (H, W, 2) of its second and third point.
+    """
     nearest = np.full(shape, -np.inf, np.float32)
     body, corner = np.full(shape, -1, np.int32), np.zeros(shape, np.int32)
     weights = np.zeros((*shape, 2), np.float32)
@@ -70,7 +75,10 @@ def _spiral(taps):
 
 @numba.njit(cache=True)
 def place_of(camera, shape, row, column, depth, place):
-    """Where the ray of a pixel is at a depth, as `repose.pictures.scenery.Camera.rays` has it."""
+    """Write the place (3,) in m at a depth along the ray of a pixel.
+
+    `camera` is eye (3,) in m, axes (3, 3) and focal length in pixels, see `repose.pictures.scenery.Camera`.
+    """
     eye, axes, focal = camera
     right, up = (column + 0.5 - shape[1] / 2) / focal, (shape[0] / 2 - row - 0.5) / focal
     for k in range(3):
@@ -79,7 +87,12 @@ def place_of(camera, shape, row, column, depth, place):
 
 @numba.njit(cache=True)
 def lit_fraction(depth, normals, camera, light_map, axes, origin, pixel_m, softness_m, bias_m, taps):
-    """Share of the light that reaches what each pixel shows, from a depth map seen from the light."""
+    """Share (H, W) of the light that reaches each visible point, from a depth map seen from the light.
+
+    It is 1 without a point. `light_map` holds the largest height towards the light in m; the rows of `axes` are two
+    axes across the light, then towards it; `origin` is in m across the light. `softness_m` is the radius of the
+    `taps` look-ups, `bias_m` the distance at which a surface begins to shade a point. `camera` is as in `place_of`.
+    """
     rows, columns = depth.shape
     lit = np.ones((rows, columns), np.float32)
     across, down = _spiral(taps)
@@ -108,7 +121,10 @@ def lit_fraction(depth, normals, camera, light_map, axes, origin, pixel_m, softn
 
 @numba.njit(cache=True)
 def openness(depth, normals, camera, wanted, radius_m, taps):
-    """Share of the sky that what each pixel shows sees past its neighbours in the picture."""
+    """Share (H, W) of the sky that each visible point sees past its neighbours in the picture; 1 outside `wanted`.
+
+    `radius_m` is the radius of the `taps` look-ups; the shade of a neighbour fades over the same length.
+    """
     rows, columns = depth.shape
     open_sky = np.ones((rows, columns), np.float32)
     across, down = _spiral(taps)

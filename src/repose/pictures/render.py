@@ -42,7 +42,10 @@ def render_pile(
     scales: np.ndarray | None = None,
     colour: str = shading.GRAIN,
 ) -> np.ndarray:
-    """A shaded picture of grains of one shape."""
+    """A shaded picture (height, width, 3), RGB, of grains of one shape; arguments as in `render_bodies`.
+
+    `walls` are drawn translucent; a `backdrop` replaces the plate at z = 0.
+    """
     setting = Setting(None if backdrop else 0.0, frusta=tuple(walls or ()), backdrop=backdrop)
     view = (elevation_deg, azimuth_deg, width, height, frame_m, supersample, field_of_view_deg)
     return render_bodies(centres_m, quaternions, [particle], None, scales, setting, *view, colour)
@@ -64,7 +67,13 @@ def render_bodies(
     field_of_view_deg: float = FIELD_OF_VIEW_DEG,
     colour: str = shading.GRAIN,
 ) -> np.ndarray:
-    """A shaded picture of bodies of several shapes and sizes. The same input gives the same picture."""
+    """A shaded picture (height, width, 3), RGB, of bodies of several shapes and sizes; same input, same picture.
+
+    A body with a NaN is not drawn. `quaternions` are w, x, y, z, body to world; `shape_ids` are places in `shapes`,
+    None means the first. `setting` None means a plate at z = 0. The picture contains the points `frame_m` (M, 3),
+    None means all bodies and walls. `height` None means 0.6 of the width. `supersample` is the number of rays along
+    each side of a pixel; `colour` (#rrggbb) is of the first shape.
+    """
     setting = setting or Setting()
     height = height or round(0.6 * width)
     shown = np.flatnonzero(np.isfinite(centres_m).all(axis=1))
@@ -84,7 +93,7 @@ def render_bodies(
 
 
 def render_simulation(simulation: Simulation, **view: Any) -> np.ndarray:
-    """A shaded picture of a simulation as it is now."""
+    """A shaded picture (height, width, 3), RGB, of a simulation at its present time; `view` goes to `render_bodies`."""
     centres = np.where(simulation.present[:, None], simulation.positions, np.nan)
     shapes = list(simulation.shapes.values())
     ids, scales = simulation.shape_ids, simulation.scales

@@ -1,4 +1,4 @@
-"""Figures drawn from the workflow's own tables, under the paper's numbers where it has a counterpart."""
+"""Figures from the workflow's own tables, with the paper's numbers if the paper has a counterpart."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -86,7 +86,10 @@ OPTIONAL = {
 
 
 def draw(name: str, inputs: Mapping[str, Any], out_path: str | Path, config: Mapping[str, Any]) -> None:
-    """Draw one figure to a PNG."""
+    """Draw one figure of `FIGURES` to a PNG; `inputs` are paths by input name.
+
+    Raises InputError for an unknown figure or a wrong, missing or unusable input.
+    """
     if name not in FIGURES:
         raise InputError("figures", "name", name, ", ".join(FIGURES))
     function, needed = FIGURES[name]

@@ -1,4 +1,4 @@
-"""Each pair of targets as a plane: what the samples reach, what was asked for, and where the answer lies."""
+"""Each pair of targets as a plane: reach of the samples, ranges of the targets, and the answer."""
 
 from collections.abc import Mapping
 from itertools import combinations
@@ -22,7 +22,11 @@ SAMPLES = {
 
 
 def planes(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """All samples, the target ranges, the measured piles, the solutions and the answer, for each pair of targets."""
+    """All samples, the target ranges, the measured piles, the solutions and the answer, for each pair of targets.
+
+    Inputs: ``dataset``, ``feasible`` and ``table4``, optionally ``pool`` and ``fresh``, datasets of the pool. Needs
+    two targets or more.
+    """
     targets = style.targets_of(config)
     columns = (*targets.names, *targets.errors)
     tables = {key: read_table(inputs[key], ("status", *columns)) for key in SAMPLES if key in inputs}

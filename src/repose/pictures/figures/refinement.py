@@ -1,4 +1,4 @@
-"""The loop closed: how the simulated proposal comes near the targets, round by round."""
+"""The closed loop: the simulated proposal approaches the targets, round by round."""
 
 import textwrap
 from collections.abc import Mapping
@@ -19,7 +19,10 @@ HEIGHTS = [2.6, 1]  # of deviations and standard errors
 
 
 def approach(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Each round's proposal, predicted and simulated, off the target in percent of it; its standard errors."""
+    """Each round's proposal, predicted and simulated, off the target in percent of it; its standard errors.
+
+    Inputs: ``rounds`` and optionally ``summary`` of the verb refine_tables.
+    """
     responses = style.targets_of(config).responses
     columns = [derived(one.name, what) for one in responses for what in COLUMNS]
     rounds = read_table(inputs["rounds"], ("round", "n_seeds", "outcome", *columns))

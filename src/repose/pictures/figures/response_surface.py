@@ -21,7 +21,10 @@ GRID = 60
 
 
 def pareto(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Standardised effects of a step, the largest first, with the limits of significance."""
+    """Standardised effects of a step, the largest first, with the limits of significance.
+
+    Input: ``effects`` of the verbs response_screening and response_surface.
+    """
     columns = ("response", "term", "coefficient", "t", "limit_t", "limit_bonferroni")
     effects, targets = read_table(inputs["effects"], columns), style.targets_of(config)
     terms = len(effects) // len(targets)
@@ -41,7 +44,10 @@ def pareto(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
 
 
 def perturbation(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Each response over one factor after the other, the others at the centre of the surface's design."""
+    """Each response over one factor after the other, the others at the centre of the surface's design.
+
+    Inputs: ``samples`` and ``dataset`` of the surface.
+    """
     targets, models = _models(inputs, config)
     figure = style.new_figure(style.PAGE, 2.9)
     panels = figure.subplots(1, len(models), squeeze=False)[0]
@@ -58,7 +64,10 @@ def perturbation(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure
 
 
 def contours(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Contours of each response over every pair of factors, the others at the optimum."""
+    """Contours of each response over every pair of factors, the others at the optimum.
+
+    Inputs: ``samples``, ``dataset`` and ``optimum`` of the surface.
+    """
     targets, models = _models(inputs, config)
     best = read_json(inputs["optimum"], ("coded",), "what the verb response_surface wrote")["coded"]
     pairs = list(combinations(range(len(models[0].factors)), 2))
@@ -91,7 +100,7 @@ def _contour(panel: Axes, model: Model, target: Target, pair: tuple[int, int], p
 
 
 def _models(inputs, config):
-    """Targets, and the surfaces that were fitted."""
+    """Targets, and the fitted surfaces."""
     table, dataset = (pd.DataFrame(read_table(inputs[name], ("sample",))) for name in ("samples", "dataset"))
     targets = style.targets_of(config)
     return targets, models_of(table, dataset, targets, "quadratic")

@@ -59,27 +59,26 @@ SETTINGS = {
 
 
 def applied() -> AbstractContextManager[None]:
-    """Context in which figures are made: this style alone, whatever the user's own settings."""
+    """Context with this style alone, whatever the user's settings; the earlier settings come back at its end."""
     return matplotlib.rc_context({**matplotlib.rcParamsDefault, "backend": "agg", **SETTINGS})
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, laid out so that nothing is cut off."""
+    """An empty figure of this size in inches, laid out so that nothing is cut off; needs no window."""
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
 def targets_of(config: Mapping[str, Any]) -> Targets:
-    """The targets of a configuration."""
+    """The targets of a configuration, in its order."""
     return Targets.of(config["targets"])
 
 
 def ranges_of(config: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
     """Lowest and highest value of each of the six parameters.
 
-    A fixed parameter has its value with some room around it: axes, and the place of a value in its range,
-    need ends that differ.
+    A fixed parameter gets some room around its value, because axes need ends that differ.
     """
     ranges = {}
     for name in PARAMETERS:
@@ -90,34 +89,37 @@ def ranges_of(config: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
 
 
 def response_label(response: Response, before: str = "") -> str:
-    """Label of an axis, as in ``predicted AoR (deg)``."""
+    """Label of an axis, as in ``predicted AoR (deg)``, with a dash for no unit; `before` precedes the symbol."""
     return f"{before} {response.symbol} ({response.unit or '–'})".lstrip()
 
 
 def parameter_label(name: str) -> str:
-    """Label of an axis of a parameter: its symbol; all of them are dimensionless."""
+    """Label of an axis of a parameter: its symbol and a dash, since all of them are dimensionless."""
     return f"{SYMBOLS[name]} (–)"
 
 
 def letter(k: int) -> str:
-    """Name of panel number k: ``a`` for the first."""
+    """Name of panel number k, from 0: ``a`` for 0, ``aa`` for 26."""
     return "abcdefghijklmnopqrstuvwxyz"[k % 26] * (1 + k // 26)
 
 
 def name_panels(panels: Sequence[Axes]) -> None:
-    """Give each panel its letter as title; a panel that is alone needs none."""
+    """Give each panel its letter as title, in order; a single panel gets none."""
     if len(panels) > 1:
         for k, panel in enumerate(panels):
             panel.set_title(letter(k), fontweight="bold")
 
 
 def series(k: int) -> dict[str, str]:
-    """Colour and line style of curve number k, as `plot` takes them; the first seven have colours of their own."""
+    """``color`` and ``ls`` of curve number k, from 0, for `plot`; the first seven have colours of their own."""
     return {"color": SERIES[k % len(SERIES)], "ls": LINES[k % len(LINES)]}
 
 
 def grid(figure: Figure, count: int, columns: int = 2, **options: Any) -> list[Axes]:
-    """A panel for each of some things; places that are left over stay empty."""
+    """A panel for each of `count` things; the other places stay empty.
+
+    `options` go to `Figure.subplots`.
+    """
     columns = min(columns, count)
     rows = math.ceil(count / columns)
     panels = np.atleast_1d(figure.subplots(rows, columns, **options)).ravel()
@@ -132,7 +134,7 @@ def grid_rows(count: int, columns: int = 2) -> int:
 
 
 def pairs_of_parameters(figure: Figure, names: Sequence[str]) -> Iterator[tuple[Axes, str, str]]:
-    """Panels below and on the diagonal of a square of all pairs of parameters."""
+    """Yield panels below and on the diagonal of a square of all pairs, each with its parameters across and down."""
     count = len(names)
     panels = figure.subplots(count, count, sharex="col", squeeze=False)
     for row, column in product(range(count), repeat=2):
@@ -149,7 +151,7 @@ def pairs_of_parameters(figure: Figure, names: Sequence[str]) -> Iterator[tuple[
 
 
 def save(figure: Figure, out_path: str | Path, small_run: bool) -> None:
-    """Write a PNG without anything that changes from run to run."""
+    """Write a PNG without anything that changes from run to run; a small run is marked across the top."""
     if small_run:
         width, height = figure.get_size_inches()
         band = 0.24
@@ -172,6 +174,9 @@ def save(figure: Figure, out_path: str | Path, small_run: bool) -> None:
 
 
 def note(axes: Axes, text: str, x: float = 0.03, y: float = 0.97, **options: Any) -> Text:
-    """Small text inside the axes."""
+    """Small text inside the axes, by default in the upper left corner; `x` and `y` are shares of the axes.
+
+    `options` go to `Axes.text`.
+    """
     style = {"va": "top", "ha": "left", "fontsize": 6.8, "linespacing": 1.35} | options
     return axes.text(x, y, text, transform=axes.transAxes, **style)

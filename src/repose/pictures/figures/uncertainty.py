@@ -1,4 +1,4 @@
-"""How sure the answer is: noise floor, posterior, sensitivity."""
+"""Uncertainty of the answer: noise floor, posterior, sensitivity."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -26,7 +26,10 @@ Config = Mapping[str, Any]
 
 
 def noise_floor(inputs: Inputs, config: Config) -> Figure:
-    """Runs of each sample about their mean; standard error and reachable R2 over the number of seeds."""
+    """Runs of each sample about their mean; standard error and reachable R2 over the number of seeds.
+
+    Inputs: ``runs``, table of single runs, and ``seeds`` and ``noise`` of the verb noise.
+    """
     targets = style.targets_of(config)
     runs, seeds = (
         read_table(inputs["runs"], ("sample", "status", *targets.names)),
@@ -96,7 +99,10 @@ def _runs_by_mean(panel: Axes, ok: pd.DataFrame, column: str, colour: str) -> No
 
 
 def corner(inputs: Inputs, config: Config) -> Figure:
-    """Draws of the posterior, alone and in pairs, beside the search's solutions and the published intervals."""
+    """Draws of the posterior, alone and in pairs, beside the search's solutions and the published intervals.
+
+    Inputs: ``draws``, ``posterior`` and ``summary`` of the verb posterior, and ``feasible`` of miga.
+    """
     draws, table = read_table(inputs["draws"], PARAMETERS), read_table(inputs["posterior"], ("parameter",))
     cloud, summary = read_table(inputs["feasible"], PARAMETERS), read_json(inputs["summary"], ("predicted",))
     ranges, table = style.ranges_of(config), table.set_index("parameter")
@@ -190,7 +196,7 @@ def _published_box(table: pd.DataFrame, across: str, down: str) -> Rectangle:
 
 
 def _account(summary: Mapping[str, Any], targets: Targets) -> str:
-    """What the posterior predicts, in words."""
+    """Predictions of the posterior, in words."""
     predicted = summary["predicted"]
     parts = [
         f"predicted {one.symbol} {predicted[one.name]['mean']:.1f} {one.unit} "
@@ -211,7 +217,10 @@ def _account(summary: Mapping[str, Any], targets: Targets) -> str:
 
 
 def intervals(inputs: Inputs, config: Config) -> Figure:
-    """Credible intervals beside the published intervals and the search's solutions, in the parameters' ranges."""
+    """Credible intervals beside the published intervals and the search's solutions, in the parameters' ranges.
+
+    Input: ``posterior`` of the verb posterior.
+    """
     table = read_table(inputs["posterior"], ("parameter", "credible_low", "miga_low"))
     figure = style.new_figure(style.PAGE, 3.3)
     panel = figure.subplots()
@@ -249,7 +258,10 @@ def intervals(inputs: Inputs, config: Config) -> Figure:
 
 
 def sobol_indices(inputs: Inputs, config: Config) -> Figure:
-    """First-order and total indices of each parameter, with their intervals."""
+    """First-order and total Sobol indices of each parameter, with their intervals.
+
+    Input: ``sobol`` of the verb sensitivity.
+    """
     table = read_table(inputs["sobol"], ("response", "parameter", "first", "total"))
     targets = style.targets_of(config)
     figure = style.new_figure(style.PAGE, 2.4 * style.grid_rows(len(targets)))
@@ -281,7 +293,10 @@ def _bars(panel: Axes, rows: pd.DataFrame) -> None:
 
 
 def main_effects(inputs: Inputs, config: Config) -> Figure:
-    """Mean response of the surrogate along each free parameter, on the simulated points."""
+    """Mean response of the surrogate along each free parameter, on the simulated points.
+
+    Inputs: ``effects`` and ``sobol`` of the verb sensitivity, and ``dataset``.
+    """
     targets, ranges = style.targets_of(config), style.ranges_of(config)
     effects = read_table(inputs["effects"], ("parameter", "value", *targets.names))
     table = read_table(inputs["dataset"], (*PARAMETERS, "status", *targets.names))

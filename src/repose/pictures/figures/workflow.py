@@ -21,7 +21,7 @@ NODE = re.compile(r'^\s*(\w+)\s*\[\s*label\s*=\s*"([^"]*)"(.*)\]', re.M)
 EDGE = re.compile(r"^\s*(\w+)\s*->\s*(\w+)", re.M)
 COLOUR = re.compile(r'color\s*=\s*"([\d.]+) ([\d.]+) ([\d.]+)"')
 SWEEPS = 12
-# Width and height of a box where nodes of a layer are 1 apart, and layers too; a layer's height; letters of a line.
+# Width and height of a box, for a distance of 1 between nodes and layers; a layer's height; letters of a line.
 BOX = (0.84, 0.44)
 ROW_INCH = 0.56
 LINE = 13
@@ -29,7 +29,10 @@ LARGEST_SIZE = 7.2
 
 
 def read_dot(path: str | Path) -> tuple[dict[str, str], dict[str, float], list[tuple[str, str]]]:
-    """Nodes and edges of a rule graph."""
+    """Labels and hues (0 to 1) by node, and the sorted edges (from, to) of a rule graph in the DOT language.
+
+    Raises InputError if the file holds no nodes.
+    """
     text = Path(path).read_text()
     labels, hues = {}, {}
     for node, label, rest in NODE.findall(text):
@@ -43,7 +46,7 @@ def read_dot(path: str | Path) -> tuple[dict[str, str], dict[str, float], list[t
 
 
 def reduced(edges: Sequence[tuple]) -> list[tuple]:
-    """The edges of a graph without those that a longer way implies."""
+    """The edges (from, to) of an acyclic graph without those that a longer path implies, in the same order."""
     after: dict[Any, set] = {}
     for a, b in edges:
         after.setdefault(a, set()).add(b)
@@ -61,7 +64,7 @@ def reduced(edges: Sequence[tuple]) -> list[tuple]:
 
 
 def layers_of(nodes: Sequence, edges: Sequence[tuple]) -> dict[Any, int]:
-    """Layer of each node: the longest way to it, in edges."""
+    """Layer of each node, from 0: the number of edges on the longest path to it; InputError for a cycle."""
     layer = dict.fromkeys(nodes, 0)
     for _ in range(len(layer) + 1):
         moved = False
@@ -74,9 +77,10 @@ def layers_of(nodes: Sequence, edges: Sequence[tuple]) -> dict[Any, int]:
 
 
 def layout(nodes: Sequence, edges: Sequence[tuple]) -> tuple[dict, dict]:
-    """Places of a graph's nodes, and the ways of its edges between them.
+    """Places (x, layer) of a graph's nodes, and the places that each edge passes.
 
-    Edges over several layers pass through stand-ins; a layer is ordered by the mean place of its neighbours.
+    Edges over several layers pass through stand-ins; a layer is ordered by the mean place of its neighbours. Nodes of
+    a layer are at least 1 apart. Raises InputError for a cycle.
     """
     layer = layers_of(nodes, edges)
     rows = [[n for n in nodes if layer[n] == k] for k in range(max(layer.values()) + 1)]
@@ -99,7 +103,7 @@ def layout(nodes: Sequence, edges: Sequence[tuple]) -> tuple[dict, dict]:
 
 
 def _mean_neighbour(node: Any, links: Sequence, place: Mapping) -> float:
-    """Mean place of the nodes that are linked with a node; its own where there is none."""
+    """Mean place of the nodes that are linked with a node; its own place without links."""
     others = [place[a] for a, b in links if b == node] + [place[b] for a, b in links if a == node]
     return float(np.mean(others)) if others else place[node]
 
@@ -114,9 +118,9 @@ def _spread(wishes: Sequence[float]) -> list[float]:
 
 
 def rule_graph(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 9: rules as boxes from top to bottom, arrows along the data; implied arrows are left out.
+    """Figure 9 of the paper: rules as boxes from top to bottom, arrows along the data; implied arrows are left out.
 
-    Figure 9 of the paper.
+    Input: ``dot``, the output of `snakemake --rulegraph`.
     """
     labels, hues, edges = read_dot(inputs["dot"])
     edges = reduced(edges)

@@ -1,7 +1,7 @@
-"""A pour for the page's 3-D view: one body's triangles, and where each body is at each time, in few bytes.
+"""A pour for the page's 3-D view: one body's triangles, and the place of each body at each time, in few bytes.
 
 Positions are whole multiples of 1/65534 of the space that the bodies take, orientations whole multiples of 1/127: a
-berry stands within 0.02 mm and 1 degree of where it was.
+berry stands within 0.02 mm and 1 degree of its true place.
 """
 
 import os
@@ -22,11 +22,16 @@ FRAMES = 72
 MAX_BYTES = 1_500_000  # of positions and orientations
 BYTES = 10  # of one body in one frame
 ABSENT, STEPS = 65535, 65534
-MAX_TRIANGLES = 600_000  # of all bodies together: what a phone draws
+MAX_TRIANGLES = 600_000  # of all bodies together, for a phone
 
 
 def for_page(trajectory: str | os.PathLike, particle: Particle, section: Mapping[str, Any]) -> dict[str, Any]:
-    """A pour as plain values, lengths in mm."""
+    """A pour as plain values by name, lengths in mm; InputError if the trajectory cannot be read.
+
+    Names: `body`, `times_s`, `positions` (frames, bodies, 3), 65535 for an absent body, with `low` and `step`,
+    `turns`, quaternions x, y, z, w, `scales` or None, `walls`, rows of z, r below and z, r above, and `plate_mm`, a
+    radius. `trajectory` is as for `repose.pictures.film.animate_pour`, `section` the configuration's `funnel`.
+    """
     record = read_npz(trajectory, KEYS, "the trajectory of a pour")
     count = record["position"].shape[1]
     shown = frames_shown(record["time_s"], count)
@@ -52,13 +57,19 @@ def for_page(trajectory: str | os.PathLike, particle: Particle, section: Mapping
 
 
 def frames_shown(times_s: np.ndarray, count: int) -> np.ndarray:
-    """Numbers of the frames that a page holds: evenly over the time, the last one among them."""
+    """Numbers of the frames in a page: evenly over the time, with the last one.
+
+    More bodies (`count`) leave room for fewer frames.
+    """
     most = min(FRAMES, max(2, MAX_BYTES // (BYTES * max(count, 1))), len(times_s))
     return np.unique(np.searchsorted(times_s, np.linspace(times_s[0], times_s[-1], most)))
 
 
 def quantised(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions as whole numbers."""
+    """Positions (T, N, 3) as uint16 `whole`, with `low` and `step` (3,): position = low + step * whole.
+
+    NaN, a body that is absent, becomes `ABSENT`.
+    """
     there = np.isfinite(positions).all(axis=2)
     if not there.any():
         return np.full(positions.shape, ABSENT, np.uint16), np.zeros(3), np.ones(3)
@@ -70,7 +81,10 @@ def quantised(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def body(particle: Particle, most_triangles: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """One body as triangles; of a body of spheres what no other of its spheres hides."""
+    """One body as points in mm, normals and triangles; for spheres without those that another sphere hides.
+
+    If `most_triangles` is less than the coarsest surface needs, the coarsest is taken.
+    """
     if not particle.is_clump:
         rings = int(np.clip(np.sqrt(most_triangles / 4), 8, 18))
         points, normals, triangles = tessellate(particle, rings, 2 * rings)
@@ -84,7 +98,7 @@ def body(particle: Particle, most_triangles: int) -> tuple[np.ndarray, np.ndarra
 
 
 def _spheres(spheres, ball):
-    """Points, normals and triangles of spheres (M, 4) that no other sphere holds whole."""
+    """Points, normals and triangles of the spheres (M, 4) that no other sphere contains."""
     corners = np.asarray(ball.vertices)
     points = spheres[:, None, :3] + spheres[:, None, 3:] * corners
     distance = np.linalg.norm(points[:, :, None] - spheres[:, :3], axis=3)
@@ -97,7 +111,7 @@ def _spheres(spheres, ball):
 
 
 def _packed_body(points, normals, triangles):
-    """The same as text."""
+    """Points, normals and triangles as text."""
     return {
         "points": packed(points, "<f4"),
         "normals": packed(normals, "<f4"),
