@@ -13,7 +13,10 @@ LONGEST_ROW_M = 0.024
 
 
 def profile(funnel: Funnel) -> np.ndarray:
-    """Line (r, z) of the funnel from the inlet to the underside of the outlet's rounded edge."""
+    """Line (N, 2) of r, z [m] from the funnel's inlet to the underside of the outlet's rounded edge.
+
+    The points of the round edges lie on them.
+    """
     slope, edge = math.radians(funnel.cone_angle_deg), funnel.rim_radius_m
     core = 0.5 * funnel.outlet_diameter_m + edge
     neck, outlet = funnel.neck_height_m, funnel.outlet_height_m
@@ -40,7 +43,10 @@ def _divided(points):
 
 
 def triangles(funnel: Funnel) -> np.ndarray:
-    """The funnel's surface."""
+    """Triangles (T, 3, 3) of the funnel's surface: corners [m], counterclockwise seen from the axis.
+
+    The corners lie on the surface of revolution.
+    """
     line = profile(funnel)
     angles = 2.0 * math.pi * np.arange(AROUND) / AROUND
     rings = np.stack(

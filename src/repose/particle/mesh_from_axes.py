@@ -24,7 +24,10 @@ RINGS, SECTORS = 64, 96
 
 
 def profile_exponents(shape: float) -> tuple[float, float]:
-    """Exponents (m, k) of the profile (1 - abs(t)^m)^k."""
+    """Exponents (m, k) of the profile (1 - abs(t)^m)^k.
+
+    A shape number of 2 is the ellipsoid; above it the number is m, below it 1/k.
+    """
     return (shape, 1 / shape) if shape >= 2 else (2.0, 1 / shape)
 
 
@@ -73,7 +76,12 @@ def berry_mesh(
     wrinkle_depth_mm: float = 0.0,
     source: object = "berry",
 ) -> tuple[trimesh.Trimesh, float]:
-    """Closed mesh of a berry with given axes, mass and density; it holds mass / density exactly."""
+    """Closed mesh [mm] with given axes, mass and density, and its shape number (`profile_exponents`).
+
+    It holds mass / density exactly. `axes_mm` are full axes, the longest first; with grooves those over the ridges,
+    with a taper the largest widths. `taper` is the excess width at an end over the mean width. `wrinkle_depth_mm` is
+    the depth of the grooves at the belly. InputError for a value out of its limits.
+    """
     axes = np.asarray(axes_mm, float)
     if not (axes.shape == (3,) and np.isfinite(axes).all() and axes[0] >= axes[1] >= axes[2] > 0):
         raise InputError(source, "axes", list(axes_mm), "three lengths in mm, the longest first")
@@ -105,7 +113,7 @@ def berry_mesh(
 
 
 def fullness(shape: float) -> float:
-    """Share of the box around it that a smooth body fills, V / (L W T), in closed form."""
+    """Share of its bounding box that a smooth body fills, V / (L W T), in closed form; no taper, no wrinkles."""
     m, k = profile_exponents(shape)
     beta = math.gamma(1 / m) * math.gamma(2 * k + 1) / math.gamma(1 / m + 2 * k + 1)
     return math.pi / 4 * beta / m

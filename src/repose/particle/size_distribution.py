@@ -9,7 +9,7 @@ from scipy.special import ndtr, ndtri
 
 from repose.core.errors import InputError
 
-# Range of n = 50 normal values expected, in standard deviations (Tippett 1925): what Table 1 lets us infer.
+# Expected range of n = 50 normal values, in standard deviations (Tippett 1925): all that Table 1 allows.
 PUBLISHED_N, PUBLISHED_RANGE_SD = 50, 4.498
 KEYS = ("scale_sd", "scale_low", "scale_high")
 # A stream of its own: the places and orientations of a pour stay those of berries that are all alike.
@@ -17,7 +17,7 @@ STREAM = 1
 
 
 def of_sizes(diameters_mm: np.ndarray) -> tuple[float, float, float]:
-    """Spread of measured equivalent diameters, over their mean."""
+    """Standard deviation, smallest and largest of measured equivalent diameters (N,), over their mean."""
     mean = float(np.mean(diameters_mm))
     return (
         float(np.std(diameters_mm, ddof=1)) / mean,
@@ -27,7 +27,7 @@ def of_sizes(diameters_mm: np.ndarray) -> tuple[float, float, float]:
 
 
 def of_range(maximum: float, minimum: float, mean: float) -> tuple[float, float, float]:
-    """Spread of 50 equivalent diameters of which only the range is published, over their mean.
+    """Standard deviation, smallest and largest of 50 equivalent diameters, over their mean, from the published range.
 
     The expected range of 50 normal values is 4.498 standard deviations.
     """
@@ -35,7 +35,10 @@ def of_range(maximum: float, minimum: float, mean: float) -> tuple[float, float,
 
 
 def normalisation(sd: float, low: float, high: float) -> float:
-    """Cube root of E[x^3] of a normal x of mean 1 that is cut off; x over it keeps the mean volume."""
+    """Cube root of E[x^3] of a truncated normal x of mean 1; x over it keeps the mean volume.
+
+    `sd`, `low` and `high` are over the mean.
+    """
     nodes, weights = np.polynomial.legendre.leggauss(60)
     x = low + (high - low) * (nodes + 1) / 2
     density = weights * np.exp(-0.5 * ((x - 1) / sd) ** 2)
@@ -43,7 +46,7 @@ def normalisation(sd: float, low: float, high: float) -> float:
 
 
 def smallest(distribution: str, berry: Mapping[str, float]) -> float:
-    """The smallest scale that `of_pour` can draw."""
+    """The smallest scale of `of_pour`; arguments as there."""
     if distribution == "none":
         return 1.0
     sd, low, high = _spread(berry)
@@ -51,7 +54,10 @@ def smallest(distribution: str, berry: Mapping[str, float]) -> float:
 
 
 def draw(rng: np.random.Generator, count: int, sd: float, low: float, high: float) -> np.ndarray:
-    """Scales s of single berries with E[s^3] = 1."""
+    """Scales s (count,) of single berries with E[s^3] = 1; all 1 if `sd` is 0.
+
+    `sd` and the ends `low` and `high` are over the mean.
+    """
     if sd == 0:
         return np.ones(count)
     bottom, top = ndtr((low - 1) / sd), ndtr((high - 1) / sd)
@@ -68,7 +74,10 @@ def _spread(berry):
 
 
 def of_pour(distribution: str, berry: Mapping[str, Any], seed: int, count: int) -> tuple[np.ndarray, float]:
-    """Scales of the berries of one pour."""
+    """Scales (count,) of the berries of a pour, and the largest possible scale.
+
+    `distribution` is "none" or "measured"; `berry` has `scale_sd`, `scale_low`, `scale_high`, or InputError.
+    """
     if distribution == "none":
         return np.ones(count), 1.0
     sd, low, high = _spread(berry)
