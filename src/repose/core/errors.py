@@ -1,4 +1,4 @@
-"""The exceptions: what a user's input can cause, and a pile without an angle."""
+"""The exceptions: faults of a user's input, and a pile without an angle."""
 
 import sys
 from collections.abc import Iterable
@@ -7,13 +7,13 @@ from repose.dem.errors import MOST_SHOWN, InputError, shown
 
 __all__ = ["BAD_INPUT", "InputError", "InputErrors", "NoFlankError", "YamlError", "raise_together", "tell"]
 
-BAD_INPUT = 2  # exit status where the input is at fault, of a verb and of the workflow
+BAD_INPUT = 2  # exit status of a verb and of the workflow for a fault of the input
 
-MOST_TOLD = 30  # a file of another program would be told key by key
+MOST_TOLD = 30  # or a file of another program would be reported key by key
 
 
 class YamlError(InputError):
-    """A fault of a file in YAML: null, true and false are told as they are written there."""
+    """A fault of a file in YAML: null, true and false are printed as they are written there."""
 
     def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
         super().__init__(source, key, value, allowed)
@@ -33,7 +33,7 @@ class InputErrors(InputError):
 
 
 class NoFlankError(ValueError):
-    """The picture or the pile has no flank to measure; `reason` says why."""
+    """The picture or the pile has no flank to measure, for this `reason`."""
 
     def __init__(self, reason: str) -> None:
         self.reason = reason
@@ -41,20 +41,23 @@ class NoFlankError(ValueError):
 
 
 def raise_together(faults: Iterable[InputError]) -> None:
-    """Raise all faults as one, if there are any."""
+    """Raise all faults at once, if there are any.
+
+    A single fault is raised as itself, several as `InputErrors`. Duplicates are reported once.
+    """
     found = list({str(fault): fault for fault in faults}.values())
     if found:
         raise found[0] if len(found) == 1 else InputErrors(found)
 
 
 def tell(fault: object) -> None:
-    """Tell a fault of the input on stderr, a line each."""
+    """Print a fault of the input (an exception or its text) on stderr, a line each."""
     for line in str(fault).splitlines():
         print(f"repose: error: {line}", file=sys.stderr, flush=True)
 
 
 def _in_yaml(value):
-    """A value as YAML has it; texts in quotes."""
+    """A value as it is written in YAML; texts in quotes."""
     if isinstance(value, list) and not any(isinstance(one, list | dict) for one in value):
         text = f"[{', '.join(map(_in_yaml, value[:MOST_SHOWN]))}]"
         return text if len(text) <= MOST_SHOWN else shown(value)

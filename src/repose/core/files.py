@@ -1,9 +1,9 @@
 """Files: one writer and one reader for each type.
 
-A writer writes in one move, so a file is whole or not there; folders that are missing are made. It replaces only what
-this program wrote (`repose.core.ledger`). With the file it writes the record of provenance of the stage that runs, if
-one does. A reader turns every fault of a file into one `InputError` that names the file, what is wrong in it, what was
-found and what is allowed; it leaves the record out.
+A writer writes in one move, so a file is whole or not there; missing folders are made. It replaces only files that this
+program wrote (`repose.core.ledger`). With the file it writes the record of provenance of the current stage, if there is
+one. A reader turns every fault of a file into one `InputError` that names the file, the fault, the value found and the
+values allowed; it leaves the record out.
 """
 
 import csv
@@ -79,7 +79,10 @@ def json_text(content: Any, indent: int = 1) -> str:
 def write_table(
     path: Path_, table: "pd.DataFrame", float_format: str | None = None, index: bool = False
 ) -> None:
-    """Write a table as CSV."""
+    """Write a table as CSV, in one move.
+
+    `float_format` as in ``%.6g``; None means all digits. With `index` the table's index is the first column.
+    """
     write_text(path, table.to_csv(index=index, float_format=float_format))
 
 
@@ -95,7 +98,10 @@ def write_npz(path: Path_, arrays: Mapping[str, Any]) -> None:
 
 
 def write_image(path: Path_, picture: "np.ndarray") -> None:
-    """Write a picture, in one move."""
+    """Write a picture, in one move; its format follows the suffix of the path.
+
+    `picture` is (height, width) or (height, width, 3) of uint8, blue first. InputError if no format has this suffix.
+    """
     import cv2
 
     suffix = Path(path).suffix
@@ -109,8 +115,13 @@ def write_image(path: Path_, picture: "np.ndarray") -> None:
 
 
 def read_table(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file") -> "pd.DataFrame":
-    """Read a CSV file in UTF-8, with or without a mark of its byte order."""
-    # pandas costs time at start-up that a pour should not pay
+    """Read a CSV file in UTF-8, with or without a byte order mark.
+
+    `columns` must be there; more are allowed. In columns that are numbers (`is_number`) each cell is a finite number or
+    empty. InputError also for a column twice, or a row that is shorter or longer than the header. `what` describes the
+    file in messages, here and below.
+    """
+    # pandas makes the start slow, which a pour should avoid
     import numpy as np
     import pandas as pd
 
@@ -131,12 +142,15 @@ def read_table(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file
 
 
 def is_number(column: str) -> bool:
-    """Whether the cells of a column are numbers: a contact parameter, a quantity with its unit, a count or a number."""
+    """Whether the cells of a column are numbers: a contact parameter, a quantity with its unit, or a count."""
     return column in COUNTS or column in PARAMETERS or (column.rpartition("_")[2] in UNITS and "_" in column)
 
 
 def _rows(path, columns, what):
-    """The text of a CSV file, and its rows as lists of text: a header with names that differ, then rows as long."""
+    """The text of a CSV file, and its rows as lists of text.
+
+    The names of the header differ, and all rows are as long as the header.
+    """
     try:
         text = Path(path).read_bytes().decode("utf-8-sig")
         rows = [row for row in csv.reader(io.StringIO(text, newline=""), strict=True) if row]
@@ -156,9 +170,9 @@ def _rows(path, columns, what):
 
 
 def read_rows(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file") -> list[dict[str, str]]:
-    """Read a CSV file as text, without pandas.
+    """Read a CSV file as text, without pandas; errors as in `read_table`.
 
-    A number that ``float`` makes of its text is exact; `read_table` may give the neighbouring one.
+    The ``float`` of such a text is exact; `read_table` may give the neighbouring number.
     """
     _, rows = _rows(path, columns, what)
     return [dict(zip(rows[0], row, strict=True)) for row in rows[1:]]
@@ -169,7 +183,10 @@ def read_json(
     keys: Iterable[str] | Mapping[str, type | tuple[type, ...]] = (),
     what: str = "a JSON file",
 ) -> dict[str, Any]:
-    """Read a JSON file that holds a mapping."""
+    """Read a JSON file that holds a mapping.
+
+    `keys` must be there, of the given types if it is a mapping; more are allowed.
+    """
     try:
         content = json.loads(Path(path).read_bytes().decode("utf-8-sig"))
     except OSError as error:
@@ -189,7 +206,7 @@ def read_json(
 
 
 def read_npz(path: Path_, keys: Iterable[str] = (), what: str = "an .npz file") -> dict[str, "np.ndarray"]:
-    """Read the arrays of an .npz file."""
+    """All arrays of an .npz file by name; `keys` must be among them."""
     import numpy as np
 
     try:
@@ -204,7 +221,7 @@ def read_npz(path: Path_, keys: Iterable[str] = (), what: str = "an .npz file") 
 
 
 def check_columns(path: object, table: Iterable[str], columns: Iterable[str]) -> None:
-    """Refuse a table without some columns."""
+    """Raise InputError if a column is missing; `path` stands in the message."""
     columns = tuple(columns)
     for column in columns:
         if column not in table:

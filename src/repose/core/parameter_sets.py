@@ -14,7 +14,7 @@ COLUMNS = ("sample", *PARAMETERS)
 
 
 def read_samples(path: str | os.PathLike) -> "pd.DataFrame":
-    """All parameter sets of a table."""
+    """All parameter sets of a table: `sample` (each number once), the six parameters, perhaps more columns."""
     samples = read_table(path, COLUMNS)
     twice = samples["sample"][samples["sample"].duplicated()]
     if len(twice):
@@ -23,7 +23,7 @@ def read_samples(path: str | os.PathLike) -> "pd.DataFrame":
 
 
 def read_sample(path: str | os.PathLike, number: int) -> dict[str, float]:
-    """The six parameters of one sample of a table, each exactly the number that stands there."""
+    """The six parameters of a sample of a table, without rounding; InputError beyond the contact law's limits."""
     rows = {row["sample"]: row for row in read_rows(path, COLUMNS)}
     if str(number) not in rows:
         raise InputError(path, "sample", number, f"one of {len(rows)}: {', '.join(list(rows)[:3])}, ...")

@@ -9,20 +9,27 @@ DEFAULT_CONFIG = "config/config.yaml"
 
 
 def root() -> Path:
-    """Folder that holds Snakefile, workflow, config, profiles and resources."""
+    """Folder with Snakefile, workflow, config, profiles and resources: `repose/data` if installed, or the checkout."""
     installed = PACKAGE / "data"
     return installed if installed.is_dir() else PACKAGE.parents[1]
 
 
 def find(path: str | os.PathLike) -> Path:
-    """A file or folder of the working folder, or else the one of the same name that comes with the program."""
+    """The path itself if it exists in the working folder, or else the program's own file or folder of this name.
+
+    The path is returned as given if neither exists.
+    """
     path = Path(path)
     own = root() / path
     return own if not path.exists() and own.exists() else path
 
 
 def configs() -> list[Path]:
-    """The default configurations; the keys of each replace those of the one before it."""
+    """The default configurations; the keys of each replace those of the previous one.
+
+    First the settings of every crop; then `config.yaml` of the working folder, or without it the program's own, and
+    over that the working folder's `config/config.yaml`.
+    """
     method, default, study = find(METHOD_CONFIG), root() / DEFAULT_CONFIG, Path(DEFAULT_CONFIG)
     if study.is_file():
         return [method, study] if study.resolve() == default.resolve() else [method, default, study]

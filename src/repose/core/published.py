@@ -1,4 +1,4 @@
-"""Published tables that results are set beside."""
+"""Published tables for comparison with results."""
 
 import math
 import os
@@ -10,17 +10,20 @@ from repose.core.files import read_rows
 from repose.core.parameters import PARAMETERS, check_value
 from repose.core.responses import Response
 
-MOST = 899  # their numbers in a study are 101 to 999
+MOST = 899  # their sample numbers are 101 to 999
 
 
 def beside(path: str | os.PathLike | None, table: str) -> Path | None:
-    """Another published table of the same crop."""
+    """Another published table of the crop, beside that of the solutions `path`; None if there is none.
+
+    table1.csv holds sizes, table3.csv intervals of the parameters.
+    """
     found = None if path is None else Path(path).with_name(table)
     return found if found and found.is_file() else None
 
 
 def representative(path: str | os.PathLike | None) -> dict[str, float]:
-    """The six contact parameters of the published representative solution."""
+    """The six contact parameters of the published representative solution; InputError without a table or solution."""
     if path is None:
         raise InputError("configuration", "validation.published", None, "a table of published solutions")
     for row in read_rows(path, ("solution", *PARAMETERS)):
@@ -30,7 +33,7 @@ def representative(path: str | os.PathLike | None) -> dict[str, float]:
 
 
 def published_count(path: str | os.PathLike | None, responses: Iterable[Response]) -> int:
-    """Number of published solutions that a study can be set beside."""
+    """Number of published solutions for comparison; 0 without a table, or if it has none of the study's responses."""
     if path is None:
         return 0
     rows = read_rows(path, ("solution", *PARAMETERS))
@@ -38,7 +41,10 @@ def published_count(path: str | os.PathLike | None, responses: Iterable[Response
 
 
 def check_published(path: str | os.PathLike | None, responses: Iterable[Response]) -> None:
-    """Refuse a published table of solutions that cannot be simulated, or set beside a study."""
+    """Raise InputError for a table of published solutions that cannot be simulated or compared.
+
+    It has rows, parameters within the contact law's limits, and numbers or nothing as responses. None is allowed.
+    """
     if path is None:
         return
     rows = read_rows(path, ("solution", *PARAMETERS))
@@ -56,7 +62,7 @@ def check_published(path: str | os.PathLike | None, responses: Iterable[Response
 
 
 def published_sets(path: str | os.PathLike | None) -> list[dict[str, float]]:
-    """Parameter sets of a published table of solutions that `check_published` has accepted."""
+    """Parameter sets of a published table that passed `check_published`; empty for None."""
     rows = [] if path is None else read_rows(path, ("solution", *PARAMETERS))
     return [{name: float(row[name]) for name in PARAMETERS} for row in rows]
 

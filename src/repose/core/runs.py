@@ -1,4 +1,4 @@
-"""Runs of one parameter set: what they can end in, and the mean with its error that they give."""
+"""Runs of a parameter set: their final statuses, and the means of their responses with errors."""
 
 import math
 from collections import Counter
@@ -10,18 +10,18 @@ import numpy as np
 
 
 def error_of(column: str) -> str:
-    """Column of a quantity's standard error."""
+    """Column of a quantity's standard error, with ``se`` before the unit: ``aor_se_deg``."""
     quantity, unit = column.rsplit("_", 1)
     return f"{quantity}_se_{unit}"
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """What the runs of a bench test record."""
+    """Columns that the runs of a bench test record."""
 
-    means: tuple[str, ...]
-    without_error: tuple[str, ...] = ()
-    single: tuple[str, ...] = ()
+    means: tuple[str, ...]  # averaged over a sample's runs
+    without_error: tuple[str, ...] = ()  # means without a standard error
+    single: tuple[str, ...] = ()  # columns of the table of single runs
 
     def beginning_with(self, targets: Sequence[str]) -> "Recorded":
         """The same with other columns in front, each with its standard error."""
@@ -39,12 +39,12 @@ class Recorded:
 
 
 def summarise_runs(runs: Sequence[Mapping[str, Any]], recorded: Recorded) -> dict[str, Any]:
-    """One sample out of its runs.
+    """Summary of a sample: `status`, `reason`, `n_seeds` (number of ok runs), then means and standard errors.
 
     A sample is ok when at least half of its runs, and at least one, are ok. Otherwise its status is the commonest
-    status of the other runs (the first met, of equals), and its numbers are None. Means are over the ok runs. The
-    standard error is sd / sqrt(n), with n - 1 degrees of freedom; it is None for a single run. A number that some ok
-    runs do not have is averaged over the others. The reason tells how many runs failed and why, also of an ok sample.
+    status of the other runs (the first met, of equals), and its numbers are None. Means are over the ok runs that have
+    the number. The standard error is sd / sqrt(n), with n - 1 degrees of freedom; None for a single run. The reason
+    gives number and cause of the failed runs, also of an ok sample. ValueError without any run.
     """
     if not runs:
         raise ValueError("runs is empty; allowed: at least one run")
@@ -66,7 +66,7 @@ def summarise_runs(runs: Sequence[Mapping[str, Any]], recorded: Recorded) -> dic
 
 
 def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]:
-    """Mean and its standard error."""
+    """Mean and its standard error; both None without values, the error None for a single value."""
     numbers = np.array(values, dtype=float)
     if len(numbers) == 0:
         return None, None
@@ -75,7 +75,10 @@ def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]
 
 
 def reason(failed: Sequence[Mapping[str, Any]], total: int) -> str:
-    """Which runs failed, as in ``2 of 8 runs jammed (no discharge for 3 s)``."""
+    """Text on the runs that failed, as in ``2 of 8 runs jammed (no discharge for 3 s)``; empty if none failed.
+
+    `total` counts all runs.
+    """
     parts = []
     for status, count in Counter(run["status"] for run in failed).most_common():
         why = dict.fromkeys(run["reason"] for run in failed if run["status"] == status and run.get("reason"))
