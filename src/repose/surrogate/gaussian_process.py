@@ -28,7 +28,7 @@ FIRST_NOISE = 0.1  # in variances of the response
 class GaussianProcess(Surrogate):
     """Processes with the covariance s^2 exp(-1/2 sum ((x_i - x'_i) / l_i)^2) and noise (RW06, eq. 5.1).
 
-    The numbers s^2, l_i and the variance of the noise maximise the marginal likelihood. It has no settings.
+    The hyperparameters s^2, l_i and the noise variance maximise the marginal likelihood. There are no settings.
     """
 
     @classmethod
@@ -44,7 +44,11 @@ class GaussianProcess(Surrogate):
         noise_covariance: ArrayLike | None = None,
         noise_freedom: float = 0.0,
     ) -> Self:
-        """Learn from samples."""
+        """Learn from samples.
+
+        Without `noise_covariance` the responses are learned independently; with it, their combinations with independent
+        noises (A35). `noise_freedom` is not used: the noise is estimated with the other hyperparameters.
+        """
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
         X, Y, _, weight = checked_samples(X, Y, None, precision)
@@ -80,7 +84,7 @@ class GaussianProcess(Surrogate):
         )
 
     def _fit(self, kernels):
-        """A process for each combination of the outputs (RW06, Algorithm 2.1)."""
+        """A process for each combination of the outputs (RW06, Algorithm 2.1), as `processes_`."""
         from sklearn.exceptions import ConvergenceWarning
         from sklearn.gaussian_process import GaussianProcessRegressor
 
@@ -113,7 +117,7 @@ class GaussianProcess(Surrogate):
     def _moments(self, x):
         """Means and variances (n, k) of the combinations, without noise."""
         means, stds = zip(*(one.predict(x, return_std=True) for one in self.processes_), strict=True)
-        # scikit-learn adds the noise to the variance; the mean's own is wanted
+        # scikit-learn adds the noise to the variance of the mean
         variances = np.column_stack(stds) ** 2 - self._noise_variances
         return np.column_stack(means), np.maximum(variances, 0.0)
 
@@ -139,12 +143,12 @@ class GaussianProcess(Surrogate):
         return respond
 
     def report(self) -> dict[str, Any]:
-        """Log marginal likelihood and numbers of each process."""
+        """Log marginal likelihood and hyperparameters of each process."""
         likelihood = [float(one.log_marginal_likelihood_value_) for one in self.processes_]
         return {"log_marginal_likelihood": likelihood, "kernels": self._kernels()}
 
     def to_dict(self) -> dict[str, Any]:
-        """The numbers of the processes, and the samples."""
+        """The hyperparameters of the processes, and the samples."""
         covariance = self.noise_covariance_
         return {
             "kernels": self._kernels(),
@@ -154,7 +158,7 @@ class GaussianProcess(Surrogate):
         }
 
     def _kernels(self):
-        """The numbers of each process, in variances of its values and ranges of the inputs."""
+        """Hyperparameters of each process, in variances of its values and ranges of the inputs."""
         return [
             {
                 "variance": float(one.kernel_.k1.k1.constant_value),
@@ -166,7 +170,7 @@ class GaussianProcess(Surrogate):
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """The processes of a `to_dict`; their numbers are not estimated again."""
+        """The processes of a `to_dict`; their hyperparameters are not estimated again."""
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
         model, training = cls(), content["training"]

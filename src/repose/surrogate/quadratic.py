@@ -22,7 +22,7 @@ from repose.surrogate.two_layer import width
 class QuadraticSurface(Surrogate):
     """Second-order model y = A b + noise, one vector of coefficients b for each response (MM09).
 
-    An input that does not vary has no terms. It has no settings.
+    An input that does not vary has no terms. There are no settings.
     """
 
     @classmethod
@@ -31,7 +31,7 @@ class QuadraticSurface(Surrogate):
 
     @staticmethod
     def least_samples(inputs: int) -> int:
-        """Fewest samples: one more than the terms."""
+        """Fewest samples for so many inputs that vary: one more than the terms."""
         return (inputs + 1) * (inputs + 2) // 2 + 1
 
     def fit(
@@ -45,7 +45,8 @@ class QuadraticSurface(Surrogate):
     ) -> Self:
         """Learn from samples.
 
-        The covariance of the noise comes from the residuals.
+        The covariance of the noise comes from the residuals. `noise_freedom` is not used; `noise_covariance` is only
+        checked: all responses have the same terms, and then correlated noise does not change the coefficients (Z62).
         """
         X, Y, _, precision = checked_samples(X, Y, None, precision)
         independent_mixing(noise_covariance, np.ones(Y.shape[1]), precision)
@@ -94,7 +95,7 @@ class QuadraticSurface(Surrogate):
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """The samples, of which the fit is computed again, and the coefficients for a reader."""
+        """The samples, from which the fit is computed again, and the coefficients for a reader."""
         training = {key: value.tolist() for key, value in self.training_.items()}
         return {
             "coefficients": self.coefficients_.tolist(),

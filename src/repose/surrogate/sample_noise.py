@@ -5,7 +5,7 @@ from sklearn.gaussian_process.kernels import WhiteKernel
 
 
 class SampleNoise(WhiteKernel):
-    """Noise of variance noise_level / precision_i for sample i of the training data, noise_level for a new one."""
+    """Noise of variance noise_level / precision_i for sample i of the training data, noise_level for a new sample."""
 
     def __init__(self, noise_level=1.0, noise_level_bounds=(1e-5, 1e5), precision=()):
         super().__init__(noise_level, noise_level_bounds)

@@ -1,4 +1,4 @@
-"""What a fit is given: samples in one form, and how their noise enters.
+"""Samples of a fit in one form, and their noise.
 
 (A35)  Aitken 1935, on least squares and linear combination of observations: residuals whose noises are correlated
        are made independent by a root of their covariance
@@ -11,7 +11,14 @@ from numpy.typing import ArrayLike
 def independent_mixing(
     noise_covariance: ArrayLike | None, stretch: np.ndarray, precision: np.ndarray
 ) -> np.ndarray:
-    """Combinations of the outputs whose noises are independent (A35)."""
+    """Matrix (outputs, outputs) from scaled outputs to combinations with independent noises of one variance (A35).
+
+    Outputs of one experiment share its noise; taken as independent, the shared part looks like a signal.
+    `noise_covariance` is known up to a factor; None means independent outputs, which stay as they are. `stretch`
+    (outputs,) is the unit of the scaled outputs in units of y. The determinant is one, so the combinations stay about
+    as wide as the outputs. ValueError if the matrix is no covariance, or if outputs of a sample then differ in
+    precision.
+    """
     if noise_covariance is None:
         return np.eye(len(stretch))
     covariance = np.asarray(noise_covariance, dtype=float)
@@ -29,7 +36,12 @@ def independent_mixing(
 def pure_error(
     noise_covariance: ArrayLike | None, freedom: float, stretch: np.ndarray, mixing: np.ndarray
 ) -> tuple[float, float]:
-    """Scatter of replicates about their samples' means, in mixed outputs of one variance."""
+    """Sum of squares and number of residuals of replicates about their samples' means, in mixed outputs.
+
+    The mixed outputs have one variance. `noise_covariance` is that of one value of precision 1, in units of y;
+    `freedom` are its degrees of freedom, 0 where it is known up to a factor alone: then both results are 0. `stretch`
+    and `mixing` as in `independent_mixing`.
+    """
     if freedom == 0:
         return 0.0, 0.0
     if noise_covariance is None or not freedom > 0:
@@ -44,7 +56,10 @@ def checked_samples(
     sample_weight: ArrayLike | None = None,
     precision: ArrayLike | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Samples as arrays of one form."""
+    """X (samples, inputs), Y (samples, outputs), counts (samples,) and precision (samples, outputs), all finite.
+
+    Samples of weight 0 are left out. ValueError for other shapes or values, or fewer than two samples with a weight.
+    """
     X, Y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
     Y = Y[:, None] if Y.ndim == 1 else Y
     if X.ndim != 2 or Y.ndim != 2 or len(X) != len(Y) or X.size == 0 or Y.size == 0:
@@ -69,7 +84,7 @@ def checked_samples(
 
 
 def checked_points(X: ArrayLike, inputs: int) -> np.ndarray:
-    """Parameter sets as an array of one form."""
+    """Parameter sets as an array (samples, inputs); ValueError for another shape."""
     X = np.asarray(X, dtype=float)
     if X.ndim != 2 or X.shape[1] != inputs:
         raise ValueError(f"X has shape {X.shape}; allowed: (samples, {inputs})")

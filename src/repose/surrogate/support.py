@@ -1,4 +1,4 @@
-"""Where a surrogate is asked beyond its data: parameter sets at a bound, or where samples are thin.
+"""Warnings where a surrogate is asked beyond its data: parameter sets at a bound, or where samples are thin.
 
 A parameter set gets a warning when a parameter lies within 1 % of its range from an end, when the nearest sample is
 farther away than most samples are from their nearest neighbour, or when its leverage in a quadratic model is larger
@@ -24,7 +24,10 @@ DISTANCE_QUANTILE = 0.95
 
 
 class Support:
-    """What a set of samples covers."""
+    """The region that samples cover; their points (n, d) lie in ranges from low to high (d,).
+
+    A parameter with low = high is fixed and plays no part. ValueError for other shapes, or fewer than two samples.
+    """
 
     def __init__(
         self, points: np.ndarray, low: np.ndarray, high: np.ndarray, names: Sequence[str] = PARAMETERS
@@ -39,17 +42,17 @@ class Support:
         unit = self._unit(points)
         self.tree = cKDTree(unit)
         left_out = self.tree.query(unit, k=2)[0][:, 1]  # the nearest one besides itself
-        self.farthest = float(np.quantile(left_out, DISTANCE_QUANTILE))
+        self.farthest = float(np.quantile(left_out, DISTANCE_QUANTILE))  # in ranges
         terms = quadratic_terms(unit)
         self.root, self.largest_leverage = None, np.inf
-        # with as many coefficients as samples every sample has leverage 1, which tells nothing
+        # with as many coefficients as samples every sample has leverage 1, which is no information
         if len(terms) > terms.shape[1] and np.linalg.matrix_rank(terms) == terms.shape[1]:
             self.root = np.linalg.inv(np.linalg.qr(terms, mode="r"))
             self.largest_leverage = float(self._leverage(unit).max())
 
     @classmethod
     def of_dataset(cls, dataset_csv: str | os.PathLike, space: ParameterSpace) -> Self:
-        """The support of the usable samples of a study."""
+        """The support of the usable samples of a study; InputError for a bad file, or fewer than two of them."""
         table = read_table(dataset_csv, ("sample", *PARAMETERS, "status"))
         usable = table[table["status"] == "ok"]
         if len(usable) < 2:
@@ -58,18 +61,18 @@ class Support:
         return cls(usable[list(PARAMETERS)].to_numpy(float), low, high)
 
     def at_bounds(self, points: np.ndarray) -> np.ndarray:
-        """Which free parameters lie within 1 % of their range from an end."""
+        """Whether each parameter of the points (m, d) is free and lies within 1 % of its range from an end."""
         unit = self._unit(points)
         found = np.zeros((len(unit), len(self.names)), dtype=bool)
         found[:, self._free] = (unit <= BOUND_SHARE) | (unit >= 1 - BOUND_SHARE)
         return found
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Distance to the nearest sample."""
+        """Distance of each point to the nearest sample, in ranges."""
         return self.tree.query(self._unit(points))[0]
 
     def leverage(self, points: np.ndarray) -> np.ndarray:
-        """Leverage in a quadratic model of the samples (C79)."""
+        """Leverage in a quadratic model of the samples (C79); 0 with too few samples for such a model."""
         return self._leverage(self._unit(points))
 
     def is_thin(self, points: np.ndarray) -> np.ndarray:
@@ -77,7 +80,7 @@ class Support:
         return (self.distance(points) > self.farthest) | (self.leverage(points) > self.largest_leverage)
 
     def warnings(self, points: np.ndarray) -> list[str]:
-        """A warning in words for each point."""
+        """A warning in words for each point; an empty text where there is none."""
         points = np.atleast_2d(np.asarray(points, dtype=float))
         bounds, middle = self.at_bounds(points), (self.low + self.high) / 2
         distance, leverage = self.distance(points), self.leverage(points)
@@ -114,7 +117,10 @@ class Support:
 
 
 def quadratic_terms(unit: np.ndarray) -> np.ndarray:
-    """Terms of a quadratic model: 1, x_i and x_i x_j of the centred points."""
+    """Terms of a quadratic model, (m, (d + 1)(d + 2) / 2): 1, x_i and x_i x_j of the centred points.
+
+    The points `unit` lie in the unit cube.
+    """
     x = np.column_stack([np.ones(len(unit)), 2 * unit - 1])
     i, j = np.triu_indices(x.shape[1])
     return x[:, i] * x[:, j]

@@ -21,7 +21,7 @@ ARRAYS = ("input_min", "input_max", "output_min", "output_max", "W1", "b1", "W2"
 
 
 def evaluate(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
-    """Responses of a network (Eq. 6-8)."""
+    """Responses (samples, outputs) of a network (Eq. 6-8), which holds `ARRAYS` and `scaled_range`."""
     a = {key: np.asarray(network[key], dtype=float) for key in (*ARRAYS, "scaled_range")}
     low, high = a["scaled_range"]
     x = scale(np.asarray(X, dtype=float), a["input_min"], a["input_max"], (low, high))
@@ -32,10 +32,10 @@ def evaluate(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
 def response_function(
     network: Mapping[str, Any], low: np.ndarray, high: np.ndarray
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """The same network as a function of points in [-1, 1].
+    """The same network as a function of points in [-1, 1], which stand for `low` and `high`.
 
-    Every scaling is folded into the weights. Two small matrix products and a tanh remain, for a search that
-    calls the function millions of times.
+    Every scaling is folded into the weights. Two small matrix products and a tanh remain, for a search that calls the
+    function millions of times.
     """
     a = {key: np.asarray(network[key], dtype=float) for key in (*ARRAYS, "scaled_range")}
     bottom, top = a["scaled_range"]
@@ -52,7 +52,10 @@ def response_function(
 def nguyen_widrow(
     inputs: int, hidden: int, outputs: int, scaled_range: tuple[float, float], seed: Any
 ) -> np.ndarray:
-    """Random weights with the slopes of the neurons spread over the interval of the inputs (NW90)."""
+    """Random weights (N,) with the slopes of the neurons spread over the interval of the inputs (NW90).
+
+    `scaled_range` is that interval; `seed` is that of numpy's RandomState.
+    """
     random = np.random.RandomState(seed)
     length = 0.7 * hidden ** (1 / inputs)  # (NW90)
     W1 = random.uniform(-1, 1, (hidden, inputs))
@@ -68,14 +71,14 @@ def nguyen_widrow(
 def unpack(
     w: np.ndarray, inputs: int, hidden: int, outputs: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Views of the weights by layer."""
+    """Views W1, b1, W2, b2 of the weights by layer."""
     ends = np.cumsum([hidden * inputs, hidden, outputs * hidden])
     W1, b1, W2, b2 = np.split(w, ends)
     return W1.reshape(hidden, inputs), b1, W2.reshape(outputs, hidden), b2
 
 
 def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
-    """Weights of a network with other outputs: those of the given network times `mixing`."""
+    """Weights of the network whose outputs are those of w, (N,) or (N, columns), times `mixing` (outputs, outputs)."""
     outputs = len(mixing)
     first = len(w) - outputs * (hidden + 1)
     W2 = w[first : len(w) - outputs].reshape(outputs, -1)
@@ -85,7 +88,10 @@ def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
 
 
 def weight_classes(prior: str, inputs: int, hidden: int, outputs: int) -> list[Any]:
-    """Classes of weights that share an alpha (M92, M94)."""
+    """Classes of weights that share an alpha, each an index into w (M92, M94); `prior` is one of `PRIORS`.
+
+    They are all weights; or the two layers and the hidden biases; or the same with a class for each input's weights.
+    """
     if prior == "one":
         return [slice(None)]
     w = np.arange(hidden * (inputs + 1) + outputs * (hidden + 1))
@@ -104,7 +110,7 @@ def class_names(prior: str, inputs: Sequence[Any]) -> list[str]:
 
 
 def jacobian(w: np.ndarray, x: np.ndarray, outputs: int) -> tuple[np.ndarray, np.ndarray]:
-    """Scaled outputs and their derivatives by the weights.
+    """Scaled outputs (samples, outputs) and their derivatives by the weights (samples, outputs, N).
 
     The chain rule of the paper's step (3), for each output by itself as Levenberg-Marquardt needs it (HM94).
     """
@@ -131,5 +137,5 @@ def scale(X: np.ndarray, minimum: np.ndarray, maximum: np.ndarray, interval: Seq
 
 
 def width(minimum: np.ndarray, maximum: np.ndarray) -> np.ndarray:
-    """Width of each column's range."""
+    """Width of each column's range; 1 for a column that does not vary."""
     return np.where(maximum > minimum, maximum - minimum, 1.0)
