@@ -15,7 +15,11 @@ PRIOR_WIDTHS = 3.0  # standard deviations of a prior to each side, if no range i
 
 @dataclass(frozen=True)
 class ParameterSpace:
-    """The parameters of a study, of which d, the `free` ones, are searched."""
+    """The parameters of a study, of which d, the `free` ones, are searched.
+
+    A prior is the mean and the standard deviation of a parameter that was measured with an error; it is normal, cut to
+    the range. `names` are all parameters: the six, or those of another simulator.
+    """
 
     free: tuple[str, ...]  # in the order of `names`
     low: np.ndarray  # (d,)

@@ -180,7 +180,7 @@ def _commit():
 
 
 def _processor():
-    """Name, family and model of the processor type, and what compiles or calculates for another type."""
+    """Name, family and model of the processor type, and settings that compile or calculate for another type."""
     try:
         lines = CPU_INFO.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

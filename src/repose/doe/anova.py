@@ -1,6 +1,6 @@
 """The analysis of variance of a polynomial model, with the columns and statistics of Design-Expert.
 
-The sum of squares of a term is partial: what the residuals would gain if this term alone were left out.
+The sum of squares of a term is partial: the gain of the residuals if this term alone were left out.
 """
 
 import math

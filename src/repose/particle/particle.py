@@ -129,7 +129,7 @@ KINDS = ("ellipsoid", "smooth", "multisphere")
 
 
 def _check_numbers(path, key, value, shape):
-    """Refuse what are no finite numbers of this shape, above zero where only such make sense."""
+    """Raise unless the values are finite numbers of this shape, positive where necessary."""
     try:
         numbers = np.array(value, dtype=float)
         numbers = numbers.reshape(shape) if numbers.size == 0 and shape else numbers

@@ -1,4 +1,4 @@
-"""What is asked for: the targets within a tolerance; how probable that is, and what pours can make of it."""
+"""The goal: the targets within a tolerance, its probability, and its possible gain by further pours."""
 
 from typing import NamedTuple, Self
 

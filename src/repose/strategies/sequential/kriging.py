@@ -11,7 +11,7 @@ Sources of the lines, named where they are used:
 - (H24) Hvarfner, Hellsten & Nardi 2024, Vanilla Bayesian optimization performs great in high dimensions: a prior of the
   lengths that grows with the number of inputs. It is used there where its density over the lengths is largest, at
   exp(sqrt(2) - 3) sqrt(d): half a range for six inputs. Here logarithms of lengths are drawn, and that place is the
-  middle of their prior. The median of the same density, ten ranges, would say that the simulator is almost straight.
+  middle of their prior. The median of the same density, ten ranges, would mean an almost linear simulator.
 """
 
 import math
@@ -184,7 +184,7 @@ def _moderated(observed, mixing):
 
 
 def _drawn(unit, value, error) -> list[Any]:
-    """Kernels of one combination, drawn from their posterior: a straight line, and what differs from it."""
+    """Kernels of one combination, drawn from their posterior: a linear part, and the deviation from it."""
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import ConstantKernel, DotProduct, Matern
 

@@ -1,7 +1,7 @@
-"""Whether any parameter set meets the goal, and how near the nearest comes: draws of what the responses may be.
+"""Whether any parameter set meets the goal, and how near the nearest comes, by draws of possible responses.
 
 A draw is a function of the parameters that agrees with the pours within their errors. In each draw the best point is
-searched for, so the answer is about all parameter sets together and not about one of them.
+searched for, so the answer is about all parameter sets together, not about a single set.
 
 - (RR08) Rahimi & Recht 2008, Random features for large-scale kernel machines, NeurIPS 20
 - (W20) Wilson et al. 2020, Efficiently sampling functions from Gaussian process posteriors, ICML 119: a draw of the
