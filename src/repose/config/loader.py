@@ -1,6 +1,6 @@
 """The configuration: read strictly, checked against one schema and against itself before any work starts.
 
-Every fault ends in one InputError that tells file, key, value and what is allowed.
+Every fault ends in an InputError with the file, the key, the value and what is allowed.
 """
 
 import copy
@@ -20,16 +20,21 @@ FILES = {
     "validation": ("published",),
     "posterior": ("shape_study",),
 }
-CROP = ("sizes", "density_kg_m3", "stl")  # keys of `berry` that make a file a crop of its own
+CROP = ("sizes", "density_kg_m3", "stl")  # keys of `berry` that define a crop
 COMMAND_LINE = "command line (--config)"
-# Replaced, not merged: who lists two fillings wants two, and a parameter that is fixed has no prior of another file.
+# Replaced, not merged: two fillings in a list are all fillings, and a fixed parameter has no prior of another file.
 WHOLE = {f"shape_study.{key}" for key in ("particles", "fillings", "sensitivities")}
 WHOLE |= {f"parameters.{name}" for name in PARAMETERS}
 
 
 def load(*files: str | os.PathLike) -> dict[str, Any]:
-    """A study's configuration as the workflow reads it: what is `auto` computed, and checked."""
-    from repose.config.checks import complete  # here and below: the help of a verb loads none of it
+    """A study's configuration as the workflow reads it, with each `auto` computed, and checked.
+
+    Each file may hold only the keys that differ. They lie over the defaults (`layers`), each over the one before it. A
+    complete file needs no default, so the folder's own may be edited while the workflow's jobs read
+    `RESULTS/config.json`. InputError names the file of a bad value.
+    """
+    from repose.config.checks import complete  # imported here and below, so that help loads none of it
 
     config, source = _unchecked(files)
     config = complete(config, source, inputs=False)
@@ -38,12 +43,12 @@ def load(*files: str | os.PathLike) -> dict[str, Any]:
 
 
 def unchecked(*files: str | os.PathLike) -> dict[str, Any]:
-    """The same as its files have it: with what is `auto`, and with values that are not allowed."""
+    """The configuration of files as `load` reads it, but with `auto` and with values that are not allowed."""
     return _unchecked(files)[0]
 
 
 def _unchecked(files):
-    """The configuration of files over the defaults, and where each key came from."""
+    """The configuration of files over the defaults, and the file of each key."""
     from repose.config.schema import lacks_keys
 
     given = [places.find(path) for path in files]
@@ -52,7 +57,11 @@ def _unchecked(files):
 
 
 def layers(given: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
-    """The files of a configuration, each to be read over the one before it: the default ones, then those given."""
+    """The files of a configuration, each to be read over the one before it: the default ones, then those given.
+
+    The built-in crop is a default only if no other file defines a crop. So a missing key of a crop is reported, and no
+    number of another crop is used.
+    """
     own = (places.root() / places.DEFAULT_CONFIG).resolve()
     defaults = places.configs()
     others = [path for path in defaults if path.resolve() != own]
@@ -60,7 +69,10 @@ def layers(given: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
 
 
 def own_crop_under(*files: str | os.PathLike) -> Path | None:
-    """The program's own crop, where a configuration stands on it in a folder that has none."""
+    """The file of the built-in crop if a configuration uses it in a folder that has no configuration.
+
+    None if the working folder has one or is the program's, or if the files need no default.
+    """
     from repose.config.schema import lacks_keys
 
     own = places.root() / places.DEFAULT_CONFIG
@@ -73,7 +85,7 @@ def own_crop_under(*files: str | os.PathLike) -> Path | None:
 
 
 def _is_a_crop(config):
-    """Whether a file tells a grain by what no default has: its sizes, its density, or a scan."""
+    """Whether a file defines a grain by a key that no default has: sizes, density or scan."""
     grain = config.get("berry")
     return isinstance(grain, dict) and any(grain.get(key) is not None for key in CROP)
 
@@ -81,7 +93,11 @@ def _is_a_crop(config):
 def resolve(
     files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None, inputs: bool = True
 ) -> dict[str, Any]:
-    """A workflow's configuration: later files over earlier ones, the command line over all; computed, checked."""
+    """A workflow's configuration: later files over earlier ones, the command line over all; computed, checked.
+
+    The first file is complete. `overrides` are nested; their texts are read as YAML. With `inputs` the files that it
+    names are checked and its berry is built, which takes seconds. InputError names the file of a bad value.
+    """
     from repose.config.checks import complete
 
     return complete(*_over_each_other(files, overrides), inputs)
@@ -90,7 +106,7 @@ def resolve(
 def _over_each_other(
     files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None
 ) -> tuple[dict[str, Any], Origin]:
-    """The files' configurations, each over the one before it, under the overrides; and where each key came from."""
+    """The files' configurations, each over the one before it, under the overrides; and the file of each key."""
     config: dict[str, Any] = {}
     origin: dict[str, str] = {}
     for path in files:
