@@ -23,7 +23,10 @@ def beside(path: str | os.PathLike | None, table: str) -> Path | None:
 
 
 def representative(path: str | os.PathLike | None) -> dict[str, float]:
-    """The six contact parameters of the published representative solution; InputError without a table or solution."""
+    """The six contact parameters of the published representative solution.
+
+    InputError if there is no table, or no such solution.
+    """
     if path is None:
         raise InputError("configuration", "validation.published", None, "a table of published solutions")
     for row in read_rows(path, ("solution", *PARAMETERS)):
@@ -41,9 +44,9 @@ def published_count(path: str | os.PathLike | None, responses: Iterable[Response
 
 
 def check_published(path: str | os.PathLike | None, responses: Iterable[Response]) -> None:
-    """Raise InputError for a table of published solutions that cannot be simulated or compared.
+    """Raise InputError for a table of published solutions that cannot be simulated or compared; None passes.
 
-    It has rows, parameters within the contact law's limits, and numbers or nothing as responses. None is allowed.
+    It must have rows, parameters within the contact law's limits, and numbers or empty cells as responses.
     """
     if path is None:
         return

@@ -153,8 +153,7 @@ def of_files(
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """`measured_berry` of files.
 
-    `compression_csv` is not read if both moduli are given, `table1_csv` (published sizes) only if `sizes_csv` is a
-    reconstruction.
+    `compression_csv` is not read if both moduli are given. `table1_csv` has the published sizes, None without any.
     """
     check_material(density_kg_m3, poisson_ratio, shear_modulus_pa)
     given = poisson_ratio is not None and shear_modulus_pa is not None
