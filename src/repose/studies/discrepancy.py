@@ -1,7 +1,7 @@
-"""What the simulator cannot do with any parameters: the covariance of its discrepancies.
+"""Covariance of the discrepancies: deviations of the simulator that no parameters remove.
 
 Where a shape study was made it is the evidence. Its plausible models have the axes, mass, volume and packing of the
-measured berry, and differ in what nobody knows: surface, tension, filling, definition of the angle. Poured with the
+measured berry, and differ in unknown features: surface, tension, filling, definition of the angle. Poured with the
 same parameters they make different piles. Weighted by how well each describes the published piles, their spread is the
 discrepancy (`of_shape_study`).
 
@@ -30,30 +30,37 @@ MODEL = ("particle", "tension", "filling")
 def of_targets(
     targets: Targets, runs: pd.DataFrame, percent: float, correlation: float, study: np.ndarray | None = None
 ) -> np.ndarray:
-    """Covariance S_d of the discrepancies of a study's targets."""
+    """Covariance S_d (k, k) of the discrepancies of a study's k targets.
+
+    `percent` of the targets' values and `correlation` are stated values, as for `sizes` and `covariance`; `runs` of the
+    design give the signs. `study`, the covariance of `of_shape_study`, replaces the stated values; None means there is
+    none.
+    """
     if study is not None:
         return study
     means = runs.groupby("sample")[list(targets.names)].mean().to_numpy()
     apparatus = [
         one.apparatus for one in targets.responses
-    ]  # those of a user's own simulator are known to no one else
+    ]  # responses of a user's own simulator are not registered
     return covariance(targets.names, percent / 100 * np.abs(targets.value), means, correlation, apparatus)
 
 
 class OfModels(NamedTuple):
-    """How the models of a shape study differ from the published piles."""
+    """Differences of the models of a shape study from the published piles."""
 
-    mean: np.ndarray
-    covariance: np.ndarray
-    models: float
+    mean: np.ndarray  # (k,), weighted mean of the differences, in the responses' units
+    covariance: np.ndarray  # (k, k), about the mean
+    models: float  # effective number of models by their weights, 1 / sum w^2
 
 
 def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfModels:
     """Mean and covariance of the responses over the plausible models of a shape study.
 
-    A model counts by how well it describes the published piles: its weight is exp(-d^2 / 2), and d its distance in
-    standard deviations. The definitions of one model count as one. The pours of a combination are few: the mean square
-    of its standard errors is taken off each variance; the correlation is that of the differences as they are.
+    `combinations_csv` is a table of the verb `shape_study`; plausible rows are `eligible`. The weight of a model is
+    exp(-d^2 / 2), and d the distance in standard deviations from the published piles. The definitions of one model
+    count as one. The pours of a combination are few: the mean square of its standard errors is subtracted from each
+    variance; the correlation is that of the differences as they are. InputError if the weights leave fewer than
+    `FEWEST_MODELS` models.
     """
     columns = [derived(name, "difference") for name in targets.names]
     needed = (*MODEL, "eligible", "distance", *columns, *targets.errors)
@@ -84,7 +91,11 @@ def sizes(
     percent: Mapping[str, float] | float,
     smallest: Mapping[str, float],
 ) -> np.ndarray:
-    """Standard deviation of the discrepancy of each response."""
+    """Standard deviation (k,) of the discrepancy of each response, in its unit.
+
+    `percent` is of each of the `means` (k,), or by name; 0 percent means no discrepancy at all. `smallest` holds the
+    smallest standard deviation by unit, as in ``{"deg": 0.5}``; other units have none.
+    """
     found = []
     for name, mean in zip(names, means, strict=True):
         own = percent[name] if isinstance(percent, Mapping) else percent
@@ -100,7 +111,12 @@ def covariance(
     correlation: float,
     apparatus: Sequence[str] | None = None,
 ) -> np.ndarray:
-    """Covariance S_d of the discrepancies."""
+    """Covariance S_d (k, k) of the discrepancies; those of different bench tests are independent.
+
+    `sd` (k,) is of `sizes`. `means` (samples, k) give the signs; they are NaN where a sample has no run. `correlation`
+    is that of two responses of one bench test, without its sign, from 0 to below 1. `apparatus` is the bench test of
+    each response; None means as registered.
+    """
     found = np.diag(sd**2)
     if apparatus is None:
         apparatus = [response(name).apparatus for name in names]

@@ -19,7 +19,10 @@ JOB = "a job of a bench test, measured by the verb measure_runs"
 
 
 def jobs_in(folders: Iterable[str | Path]) -> list[Path]:
-    """Measured jobs in some folders."""
+    """Measured jobs in some folders of the verb measure_runs, sorted in each folder.
+
+    A folder without a job raises InputError.
+    """
     found: list[Path] = []
     for folder in folders:
         own = sorted(path for path in Path(folder).glob("*.json") if path.stem.isdigit())
@@ -30,7 +33,11 @@ def jobs_in(folders: Iterable[str | Path]) -> list[Path]:
 
 
 def read_jobs(paths: Iterable[str | Path], samples: np.ndarray) -> dict[str, pd.DataFrame]:
-    """Good runs of each further bench test."""
+    """Good runs of each further bench test, by its name: ``sample`` and its responses.
+
+    `samples` are numbers of the design's usable samples. InputError if a file is bad, of the pile, or of another
+    sample.
+    """
     rows: dict[str, list[dict]] = {}
     for path in paths:
         job = read_json(path, {"sample": int, "apparatus": str, "runs": list}, JOB)
@@ -52,7 +59,11 @@ def read_jobs(paths: Iterable[str | Path], samples: np.ndarray) -> dict[str, pd.
 def with_jobs(
     data: Data, samples: np.ndarray, jobs: dict[str, pd.DataFrame], source: object = "runs"
 ) -> Data:
-    """The data with the responses of further bench tests."""
+    """The data with the responses of further bench tests; a response that the data have already stays as it is.
+
+    `samples` (m,) are the numbers of the data's samples in their order; `jobs` come from `read_jobs`. InputError, which
+    names `source`, if too few samples of a bench test have two good runs for an estimate of the noise.
+    """
     known, runs = dict(data.known), [data.runs]
     for apparatus, table in jobs.items():
         for name in table.columns.drop("sample") if len(table) else ():
@@ -74,7 +85,11 @@ def read(
     definition: str,
     folders: Iterable[str | Path] = (),
 ) -> Data:
-    """The responses of the pile, and of other bench tests that were run with samples of the same design."""
+    """Responses of the pile, and of other bench tests that were run with samples of the same design.
+
+    `folders` are those of the verb measure_runs, for other bench tests; the other arguments are as for
+    `responses_over_design.read`.
+    """
     data = responses_over_design.read(runs_csv, dataset_csv, targets, definition)
     table = read_table(dataset_csv, ("sample", "status"))
     samples = table.loc[table["status"] == "ok", "sample"].to_numpy()

@@ -1,4 +1,4 @@
-"""How the posterior hangs on the discrepancy, and the region of parameters that the measurements do not exclude.
+"""How the posterior depends on the discrepancy, and the region of parameters that the measurements do not exclude.
 
 Both weigh the same points of a Sobol sequence over the prior, so nothing is sampled anew and the results are
 deterministic.
@@ -27,15 +27,15 @@ from repose.surrogate.base import Surrogate
 POINTS = 2**14
 PERCENT = (0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 CORRELATED = 0.9
-IMPLAUSIBLE = 3.0  # (P94)
-CELLS = 16  # of a parameter in a projection on two
+IMPLAUSIBLE = 3.0  # standard deviations (P94)
+CELLS = 16  # of each parameter in a projection on two
 
 Observation = Callable[[float, float], tuple[np.ndarray, np.ndarray]]
 """From size (percent) and correlation of a stated discrepancy to `repose.studies.likelihood.observation`."""
 
 
 class Points:
-    """Points of the prior, and what the surrogate says there."""
+    """Points of the prior, with the surrogate's predictions and their covariances there."""
 
     def __init__(self, model: Surrogate, space: ParameterSpace) -> None:
         self.quantile = qmc.Sobol(space.dimensions, scramble=False).random(POINTS) + 0.5 / POINTS
@@ -50,7 +50,13 @@ def curve(
     observed: Observation,
     study: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> pd.DataFrame:
-    """Bits and intervals over the size of the discrepancy."""
+    """Information and intervals over the size of the discrepancy, a row for each size and correlation.
+
+    Columns: `discrepancy_percent`, `discrepancy_correlation`, `evidence` ("stated" or "shape study"),
+    `information_bits`, `effective_points`, and for each free parameter the ends of its 95 % interval and its bits.
+    Correlated rows exist only where a bench test gives several targets. `study` is the observation with the covariance
+    of a shape study; its row is the last, and its size the root mean square over the targets.
+    """
     several = len(targets.apparatus) < len(targets)
     rows = [
         {"discrepancy_percent": percent, "discrepancy_correlation": correlation, "evidence": "stated"}
@@ -100,13 +106,21 @@ def _marginal(name, points, k, weight, space, effective):
 
 
 def implausibility(points: Points, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """How many standard deviations the worst response lies from its measurement (C97)."""
+    """Distance (n,) of the worst response from its measurement, in standard deviations (C97).
+
+    `mean` (k,) and `covariance` (k, k) come from `repose.studies.likelihood.observation`.
+    """
     variance = np.diagonal(points.covariance, axis1=1, axis2=2) + np.diagonal(covariance)
     return np.sqrt((points.predicted - mean) ** 2 / variance).max(axis=1)
 
 
 def region(points: Points, space: ParameterSpace, implausible: np.ndarray) -> tuple[float, pd.DataFrame]:
-    """The region that is not implausible, and its projections on pairs of parameters."""
+    """Share of the prior that is not implausible, and the projections of this region on pairs of parameters.
+
+    A row for each cell of each pair: the parameters `x` and `y`, the middle of the cell in their quantiles of the
+    prior, the least implausibility in it, and the share of it that is not implausible. `implausible` (n,) is of
+    `implausibility`.
+    """
     kept = implausible < IMPLAUSIBLE
     cell = np.minimum((points.quantile * CELLS).astype(int), CELLS - 1)
     tables = []

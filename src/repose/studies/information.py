@@ -1,7 +1,7 @@
 """Information that observed responses hold about the parameters, by importance sampling over the prior.
 
 The points are a Sobol sequence over the prior, weighted by the likelihood. They are the same for all sets of responses,
-truths and draws of the noise, so two sets differ only by what is in them. The result is deterministic.
+truths and draws of the noise, so two sets differ only by their responses. The result is deterministic.
 """
 
 import math
@@ -19,7 +19,7 @@ NEGLIGIBLE = 1e-20  # weight of a point that adds nothing: a million of them add
 
 
 def places_of(space: ParameterSpace, quantile: np.ndarray) -> np.ndarray:
-    """Places in the ranges of quantiles of the prior of each free parameter.
+    """Places (n, d) in the ranges, from 0 to 1, of quantiles (n, d) of the prior of each free parameter.
 
     A parameter without a prior of its own is uniform over its range: its place is its quantile.
     """
@@ -31,7 +31,7 @@ def places_of(space: ParameterSpace, quantile: np.ndarray) -> np.ndarray:
 
 
 def prior_widths(space: ParameterSpace) -> np.ndarray:
-    """Widths of the prior's 95 % intervals, over the ranges."""
+    """Widths (d,) of the prior's 95 % intervals, over the ranges."""
     widths = np.full(space.dimensions, CREDIBLE)
     tails = [(1 - CREDIBLE) / 2, (1 + CREDIBLE) / 2]
     for name, distribution in _normal_priors(space).items():
@@ -51,7 +51,12 @@ def _normal_priors(space):
 
 
 class Prior:
-    """Points of the prior, all of one weight, and what the surrogates predict there."""
+    """Points of the prior, all of one weight, with the surrogates' predictions there.
+
+    `quantile` (n, d) are quantiles of the prior, evenly spread; `predicted` (n, k) are responses. `place` (n, d) are
+    places in the ranges; None means the quantiles, for uniform priors. `widths` (d,) are those of the prior's 95 %
+    intervals, in places; None means uniform priors.
+    """
 
     def __init__(
         self,
@@ -67,17 +72,25 @@ class Prior:
         self.order = np.argsort(self.place, axis=0)
 
     def weights(self, observed: np.ndarray, columns: Sequence[int], covariance: np.ndarray) -> np.ndarray:
-        """Posterior probability of each point."""
+        """Posterior probability (n,) of each point; arguments as for `posterior`."""
         return Likelihood(self, columns, covariance).weights(observed)
 
     def posterior(
         self, observed: np.ndarray, columns: Sequence[int], covariance: np.ndarray
     ) -> tuple[float, np.ndarray, np.ndarray, float]:
-        """What observing some responses tells."""
+        """Result of `told` for an observation of some responses.
+
+        `observed` (k,) and `covariance` (k, k) are of all responses; `columns` are the numbers of the observed ones.
+        """
         return self.told(self.weights(observed, columns, covariance))
 
     def told(self, weight: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, float]:
-        """What weighted points tell."""
+        """Information in weighted points: bits, bits and widths (d,) of the parameters, effective number of points.
+
+        `weight` (n,) is the posterior probability of each point. Bits are Kullback-Leibler divergences from the prior:
+        of the joint posterior, and of each parameter alone as in `repose.studies.sampler.information_bits`. A width is
+        that of the 95 % interval over the prior's.
+        """
         effective = 1 / (weight**2).sum()
         bits = []
         for k in range(self.place.shape[1]):
@@ -89,7 +102,7 @@ class Prior:
         return joint_bits(weight), np.array(bits), widths, effective
 
     def intervals(self, weight: np.ndarray) -> np.ndarray:
-        """Central 95 % intervals of the parameters."""
+        """Lower and upper ends (2, d) of the central 95 % intervals, in places; `weight` (n,) is the posterior."""
         tail, found = (1 - CREDIBLE) / 2, []
         for k, order in enumerate(self.order.T):
             ends = np.searchsorted(np.cumsum(weight[order]), [tail, 1 - tail])
@@ -98,7 +111,10 @@ class Prior:
 
 
 class Likelihood:
-    """Of some responses at all points of a prior; made once, for many observations."""
+    """Likelihood of some responses at all points of a prior; made once, for many observations.
+
+    `columns` are the numbers of the observed responses; `covariance` (k, k) is of all responses.
+    """
 
     def __init__(self, prior: Prior, columns: Sequence[int], covariance: np.ndarray):
         self.columns = list(columns)
@@ -106,7 +122,7 @@ class Likelihood:
         self.predicted = np.linalg.solve(self.root, prior.predicted[:, self.columns].T)
 
     def weights(self, observed: np.ndarray) -> np.ndarray:
-        """Posterior probability of each point."""
+        """Posterior probability (n,) of each point; `observed` (k,) are all responses."""
         off = self.predicted - np.linalg.solve(self.root, observed[self.columns])[:, None]
         log_weight = -0.5 * np.einsum("kn,kn->n", off, off)
         weight = np.exp(log_weight - log_weight.max())
@@ -114,7 +130,7 @@ class Likelihood:
 
 
 def joint_bits(weight: np.ndarray) -> float:
-    """Kullback-Leibler divergence of weighted points from equal weights."""
+    """Kullback-Leibler divergence of weighted points from equal weights, in bits."""
     heavy = weight[weight > NEGLIGIBLE]
     return float(heavy @ np.log2(heavy * len(weight)))
 
@@ -122,7 +138,13 @@ def joint_bits(weight: np.ndarray) -> float:
 def averaged(
     prior: Prior, truths: np.ndarray, errors: np.ndarray, columns: Sequence[int], covariance: np.ndarray
 ) -> dict[str, Any]:
-    """Means over plausible truths of what a set of responses tells, with their standard errors."""
+    """Information in some responses: means over plausible truths, with their standard errors.
+
+    `truths` (t,) are row numbers of the prior's points; `errors` (t, k) are unit normal numbers for the noise;
+    `columns` and `covariance` are as for `Likelihood`. Keys: ``bits``, ``bits_se``; ``parameter_bits``, ``widths``,
+    ``widths_se``, each (d,); ``effective``, the least effective number of points; ``all``, the joint bits (t,) of every
+    truth.
+    """
     root, likelihood = np.linalg.cholesky(covariance), Likelihood(prior, columns, covariance)
     found = [
         prior.told(likelihood.weights(prior.predicted[row] + root @ error))
@@ -149,7 +171,11 @@ def in_order(
     base: Sequence[str],
     covariance: np.ndarray,
 ) -> list[dict[str, Any]]:
-    """Greedy order of the responses beside the base: at each place the one that adds most."""
+    """Greedy order of the responses beside the base: at each place the response that adds most.
+
+    Rows have ``place``, ``response``, ``bits`` of it with all before it, and ``gain_bits``. `base` is known already;
+    the other arguments are as for `averaged`.
+    """
     root = np.linalg.cholesky(covariance)
     rows: list[dict[str, Any]] = []
     observed = prior.predicted[truths] + errors @ root.T

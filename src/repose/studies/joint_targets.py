@@ -1,12 +1,12 @@
 """Several tests at once: which few of them, bench tests and direct tests of a parameter, narrow the parameters enough.
 
 A bench test is observed with all its responses that can be modelled. A direct test, such as an inclined plane, observes
-one parameter itself with a standard deviation. What each of them tells before it is made is reckoned as in
+one parameter itself with a standard deviation. Its information before it is made is computed as in
 `repose.studies.second_responses`, for plausible truths, with a discrepancy that is correlated within a bench test
 (`repose.studies.discrepancy`).
 
 All sets of at most `most_tests` tests are ranked in the normal approximation with a linear model; the best of them are
-reckoned again by importance sampling. A set is as good as its widest interval among the `parameters` narrowest ones.
+computed again by importance sampling. A set is as good as its widest interval among the `parameters` narrowest ones.
 """
 
 import itertools
@@ -29,14 +29,18 @@ from repose.studies.observables import PILE, direct, discrepancy_of, tests_of, w
 from repose.studies.plausible import measured_covariance, plausible_truths, prior_points
 from repose.studies.responses_over_design import Data
 
-VERIFIED = 12  # sets that are reckoned by importance sampling, beside single tests and pairs
+VERIFIED = 12  # sets for importance sampling, beside single tests and pairs
 NORMAL_WIDTH = float(np.diff(stats.norm.interval(information.CREDIBLE))[0])  # in standard deviations
 
 
 def approximate_widths(
     prior: information.Prior, columns: Sequence[int], covariance: np.ndarray
 ) -> np.ndarray:
-    """Widths of the 95 % intervals in the normal approximation with a linear model."""
+    """Widths (d,) of the 95 % intervals in the normal approximation with a linear model.
+
+    They are in places, and at most those of the prior. `columns` are the observed numbers; `covariance` (k, k) is of
+    all.
+    """
     design = np.column_stack([np.ones(len(prior.place)), prior.place])
     slopes = np.linalg.lstsq(design, prior.predicted[:, columns], rcond=None)[0][1:]
     told = slopes @ np.linalg.solve(covariance[np.ix_(columns, columns)], slopes.T)
@@ -45,14 +49,19 @@ def approximate_widths(
 
 
 def merit(widths: np.ndarray, parameters: int) -> float:
-    """Widest interval among the narrowest ones."""
+    """Widest interval among the `parameters` narrowest ones."""
     return float(np.sort(widths)[min(parameters, len(widths)) - 1])
 
 
 def study(
     data: Data, targets: Targets, space: ParameterSpace, settings: Mapping[str, Any]
 ) -> tuple[dict[str, pd.DataFrame], dict[str, Any]]:
-    """What single tests, pairs and the best sets tell, and how often the intervals hold hidden truths."""
+    """Tables ``tests``, ``pairs``, ``sets`` and ``coverage``, and a summary.
+
+    They show the information in single tests, pairs and the best sets, and how often the intervals hold hidden truths.
+    `data` has all bench tests; `settings` joins the sections ``second_responses`` and ``joint_targets``. InputError if
+    fewer points of the prior than ``truths`` meet all targets.
+    """
     surrogates = Surrogates.of(data, targets.names, settings)
     names = surrogates.names
     prior = prior_points(space, settings, surrogates.predict)
@@ -185,7 +194,7 @@ def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> s
 def run(
     data: Data, targets: Targets, space: ParameterSpace, settings: Mapping[str, Any], out_dir: str | Path
 ) -> str:
-    """Write tests.csv, pairs.csv, sets.csv, coverage.csv and joint.json."""
+    """Write tests.csv, pairs.csv, sets.csv, coverage.csv and joint.json; return the message."""
     tables, summary = study(data, targets, space, settings)
     for name, table in tables.items():
         write_table(Path(out_dir) / f"{name}.csv", table)

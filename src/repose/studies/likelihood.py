@@ -9,7 +9,7 @@ The physical means of the k targets, y (k,), are taken as normal about the surro
         as simulated runs of one sample are unless something else is known; responses of different bench tests are
         independent. S_y holds the scatter from run to run, so the surrogate's noise term is left out.
     S_d
-        Discrepancy, what the model cannot do with any parameters: `repose.studies.discrepancy` (Kennedy & O'Hagan
+        Discrepancy, which no parameters of the model remove: `repose.studies.discrepancy` (Kennedy & O'Hagan
         2001, J. R. Stat. Soc. B 63, 425, with a constant in place of a process).
     S_w
         Of the surrogate's prediction of the mean.
@@ -28,7 +28,11 @@ from repose.core.targets import Targets
 def observation(
     targets: Targets, correlation: np.ndarray, discrepancy: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Physical means and the part of their covariance that does not depend on the parameters."""
+    """Physical means (k,) and the part S_y + S_d (k, k) of their covariance that does not depend on the parameters.
+
+    `correlation` (k, k) is that of the measured responses from pile to pile, `discrepancy` (k, k) is S_d. ValueError if
+    `correlation` is not positive definite.
+    """
     correlation = np.asarray(correlation, dtype=float)
     if np.linalg.eigvalsh(correlation)[0] <= 0:
         raise ValueError(f"correlation is {correlation.tolist()}; allowed: a positive definite matrix")
@@ -37,7 +41,11 @@ def observation(
 
 
 def measured_correlation(targets: Targets, simulated: np.ndarray, stated: float | str) -> np.ndarray:
-    """Correlation of the measured responses."""
+    """Correlation (k, k) of the measured responses.
+
+    `simulated` (k, k) is that of simulated runs of one sample. `stated` is ``simulated``, or a number for any two
+    responses of one bench test, where the physical piles were measured in another way.
+    """
     if isinstance(stated, str):
         return simulated
     bench = np.array([one.response.apparatus for one in targets])
@@ -49,7 +57,11 @@ def measured_correlation(targets: Targets, simulated: np.ndarray, stated: float 
 def log_likelihood(
     responses: np.ndarray, covariances: np.ndarray, mean: np.ndarray, covariance: np.ndarray
 ) -> np.ndarray:
-    """Log of the normal density N(mean; responses, covariance + covariances)."""
+    """Log (n,) of the normal density N(mean; responses, covariance + covariances).
+
+    `responses` (n, k) are predictions and `covariances` (n, k, k) theirs; `mean` and `covariance` come from
+    `observation`.
+    """
     total = covariance + covariances
     off = mean - responses
     distance = _squared_distance(off, total)
@@ -60,7 +72,11 @@ def log_likelihood(
 def misfit(
     responses: np.ndarray, covariances: np.ndarray, mean: np.ndarray, covariance: np.ndarray
 ) -> dict[str, float]:
-    """How well the best draw meets the measurements."""
+    """Deviation of the best draw from the measurements; arguments as for `log_likelihood`.
+
+    ``squared_distance`` is the smallest, in standard deviations; ``p_value`` is its chi^2 tail with k degrees of
+    freedom.
+    """
     off = mean - responses
     best = float(_squared_distance(off, covariance + covariances).min())
     return {"squared_distance": best, "p_value": float(stats.chi2.sf(best, off.shape[1]))}

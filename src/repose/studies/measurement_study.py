@@ -20,7 +20,7 @@ from repose.measure.angles import DEFINITIONS, measure_sides
 from repose.particle.particle import Particle
 from repose.studies.pour_correlation import correlations
 
-# Name in the tables: what differs from the configuration's measurement, and the definition.
+# Name in the tables: changes of the configuration's measurement, and the definition.
 VARIANTS: dict[str, tuple[dict[str, Any], str]] = {
     "flank": ({}, "flank"),
     "flank, rows": ({"flank": "rows"}, "flank"),
@@ -48,7 +48,11 @@ def tables_of(
     settings: pile.MeasureSettings,
     shapes: int = 8,
 ) -> dict[str, pd.DataFrame]:
-    """The tables ``noise``, ``correlation``, ``pour_correlation`` and ``bias``."""
+    """The tables ``noise``, ``correlation``, ``pour_correlation`` and ``bias``.
+
+    `piles` are those of the design, `fixed` those of the published representative solution, both from `measured_piles`.
+    `settings` need the height of a berry; `shapes` is the number of piles of each known shape and angle.
+    """
     return {
         "noise": noise_table(piles, fixed),
         "correlation": correlation_table(piles),
@@ -66,7 +70,12 @@ def run(
     out_dir: str | Path,
     shapes: int = 8,
 ) -> dict[str, pd.DataFrame]:
-    """Write piles.csv and the tables of `tables_of` into out_dir; return these tables."""
+    """Write piles.csv and the tables of `tables_of` into out_dir; return these tables.
+
+    `heaps` are ``NAME.npz`` of the design's jobs, with ``NAME.pours.json`` beside each; `representative` is that of the
+    published representative solution. `section` is `measure` of the configuration, `berry` the result of the verb
+    berry. InputError with fewer than two jobs.
+    """
     if len(heaps) < 2:
         raise InputError("command line", "heaps", len(heaps), "at least two jobs of the design")
     settings = pile.with_berry_height(pile.MeasureSettings.of(section, berry), particle)
@@ -83,7 +92,10 @@ def run(
 
 
 def measured_piles(npz: str | Path, particle: Particle, settings: pile.MeasureSettings) -> pd.DataFrame:
-    """Measurements of the good pours of a job."""
+    """Measurements of the good pours of a job's .npz file: ``sample``, ``seed``, ``Height`` and every variant.
+
+    A variant is the mean of all views; with " (view)" behind its name it is that of the first view.
+    """
     npz = Path(npz)
     job = saved_pours.read_pours(npz.with_name(npz.stem + saved_pours.POURS))
     rows = []
@@ -103,7 +115,12 @@ def measured_piles(npz: str | Path, particle: Particle, settings: pile.MeasureSe
 def variants_of(
     poured: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings
 ) -> dict[str, float]:
-    """Height and every variant of the angle of one pour, all from the same silhouettes."""
+    """Height [mm] and every variant [deg] of the angle of one pour, all from the same silhouettes.
+
+    `poured` holds ``position``, ``quaternion``, and perhaps ``in_pile`` and ``scale`` of the berries. Values are means
+    over the views, or of the first view with " (view)" behind the name; NaN where a variant cannot be measured in half
+    of the views. NoFlankError if there is no pile.
+    """
     height_m, views = pile.pile_views(
         poured["position"],
         poured["quaternion"],
@@ -124,7 +141,10 @@ def variants_of(
 
 
 def variants_of_profile(profile: np.ndarray, crest: int, settings: pile.MeasureSettings) -> dict[str, float]:
-    """Every variant [deg] on one profile."""
+    """Every variant [deg] on one profile; NaN where it cannot be measured.
+
+    `profile` (W,) is the height of the upper edge in pixels, `crest` the column of the crest.
+    """
     berry = float(settings.berry_height_mm or math.nan) / settings.mm_per_pixel
     known, found = {}, {}
     for name, (changed, definition) in VARIANTS.items():
@@ -137,7 +157,12 @@ def variants_of_profile(profile: np.ndarray, crest: int, settings: pile.MeasureS
 
 
 def noise_table(piles: pd.DataFrame, fixed: pd.DataFrame) -> pd.DataFrame:
-    """Noise and signal of Height and of each variant."""
+    """Noise and signal of Height and of each variant.
+
+    ``published_mean`` and ``published_sd`` (from seed to seed) are of the published solution. Over the design,
+    ``within`` is the scatter from seed to seed, ``between`` the spread from sample to sample without that noise, and
+    ``ratio`` their ratio; they are over all views, and in one (``_view``).
+    """
     rows = []
     for name in ("Height", *VARIANTS):
         row = {"measured": name, "piles": int(piles[name].notna().sum()), "mean": piles[name].mean()}
@@ -174,7 +199,10 @@ def correlation_table(piles: pd.DataFrame) -> pd.DataFrame:
 
 
 def bias_table(particle: Particle, settings: pile.MeasureSettings, shapes: int) -> pd.DataFrame:
-    """Bias of every variant over piles of every angle."""
+    """Bias of every variant over piles of every angle: mean and root mean square of its errors [deg].
+
+    `shapes` is the number of filled cones of each angle; the strewn triangles are four times as many.
+    """
     errors: dict[str, list[dict[str, float]]] = {"filled": [], "strewn": []}
     for angle in ANGLES_DEG:
         rng = np.random.default_rng([SHAPE_SEED, angle])
@@ -197,10 +225,9 @@ def bias_table(particle: Particle, settings: pile.MeasureSettings, shapes: int) 
 def filled_cone(
     angle_deg: float, particle: Particle, rng: np.random.Generator, berries: int = CONE_BERRIES
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Random berries that fill a cone.
+    """Random berries that fill a cone: centres (N, 3) [m] and quaternions (N, 4).
 
-    The berries may overlap. Their centres fill a cone one mean radius inside the cone of 62 mm and the given
-    angle.
+    The berries may overlap. Their centres fill a cone one mean radius inside the cone of 62 mm and the given angle.
     """
     a, height = math.radians(angle_deg), 1e-3 * CONE_HEIGHT_MM
     reach = pile.equivalent_diameter(particle) / 2
@@ -214,7 +241,7 @@ def filled_cone(
 
 
 def strewn_triangle(angle_deg: float, rng: np.random.Generator, mm_per_pixel: float) -> np.ndarray:
-    """Profile of a triangle of 62 mm with discs strewn along both flanks.
+    """Profile (W,) in pixels of a triangle of 62 mm with discs strewn along both flanks.
 
     The discs are 10 to 20 mm wide, and their tops scatter 4 mm about the flank.
     """

@@ -1,4 +1,4 @@
-"""What could be observed: the responses of bench tests, and parameters that have a direct test."""
+"""Possible observations: the responses of bench tests, and parameters that have a direct test."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -16,11 +16,11 @@ PILE = "pile"
 
 
 class Tests(NamedTuple):
-    """What could be observed."""
+    """Possible tests; k numbers in all, those of the responses before those of the parameters."""
 
-    columns: dict[str, list[int]]
-    minutes: dict[str, float]
-    covariance: np.ndarray
+    columns: dict[str, list[int]]  # columns of the numbers of each test
+    minutes: dict[str, float]  # of an experimenter's work for each test
+    covariance: np.ndarray  # (k, k), of the numbers about the model's predictions
 
     def of(self, chosen: Sequence[str]) -> list[int]:
         """Columns of several tests."""
@@ -35,7 +35,12 @@ def direct(name: str) -> str:
 def tests_of(
     names: Sequence[str], of_responses: np.ndarray, space: ParameterSpace, settings: Mapping[str, Any]
 ) -> Tests:
-    """The bench tests of some responses and the direct tests of the free parameters."""
+    """The bench tests of some responses and the direct tests of the free parameters.
+
+    `of_responses` (r, r) is the covariance of their observations about the surrogates' predictions; parameters are
+    observed as places in their ranges. `settings` holds ``minutes`` by bench test, and ``direct_tests`` with ``sd`` and
+    ``minutes`` by parameter. InputError if the minutes of a bench test are missing.
+    """
     columns: dict[str, list[int]] = {}
     for k, name in enumerate(names):
         test = response(name).apparatus
@@ -56,12 +61,15 @@ def tests_of(
 
 
 def with_parameters(prior: information.Prior, tested: Sequence[int]) -> None:
-    """Let the places of some parameters count as predictions, too."""
+    """Add the places of the free parameters `tested` to the predictions of `prior`, in place."""
     prior.predicted = np.hstack([prior.predicted, prior.place[:, list(tested)]])
 
 
 def discrepancy_of(data: Data, names: Sequence[str], settings: Mapping[str, Any]) -> np.ndarray:
-    """Covariance S_d of the discrepancies of some responses."""
+    """Covariance S_d (k, k) of the discrepancies of some responses.
+
+    `settings` holds ``discrepancy_percent``, ``discrepancy_correlation`` and ``smallest_discrepancy``.
+    """
     means = np.array([data.known[name].row["mean"] for name in names])
     sd = discrepancy.sizes(names, means, settings["discrepancy_percent"], settings["smallest_discrepancy"])
     over_design = np.column_stack([data.known[name].mean for name in names])

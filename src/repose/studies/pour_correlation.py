@@ -18,7 +18,12 @@ FEWEST = 4  # degrees of freedom
 
 
 def correlations(piles: pd.DataFrame) -> pd.DataFrame:
-    """Correlation of each angle with the Height, from pile to pile of one sample."""
+    """Correlation of each angle with the Height, from pile to pile of one sample.
+
+    `piles` come from `repose.studies.measurement_study.measured_piles`. A row for each definition and number of views;
+    ``low`` and ``high`` are the 95 % interval (Fisher's transformation). Rows with fewer than four degrees of freedom
+    are left out.
+    """
     rows: list[dict[str, Any]] = []
     for views, suffix in WAYS.items():
         for definition in DEFINITIONS:

@@ -1,4 +1,4 @@
-"""The whole profile as a target: what its principal components tell beside angle and Height.
+"""The whole profile as a target: information in its principal components beside angle and Height.
 
 The profile of a pile is half its width R(z) at many heights z. Over a design it varies along few directions, the
 principal components of the samples' mean profiles. Each component has a surrogate of its own. Measured profiles are
@@ -39,12 +39,15 @@ PROFILE, BOTH = "profile", "profile and both numbers"
 
 
 def levels_mm(highest_mm: float) -> np.ndarray:
-    """Heights at which a profile is taken."""
+    """Heights (levels,) at which a profile is taken, up to that of the highest pile."""
     return SPACING_MM * np.arange(1, max(2, int(highest_mm / SPACING_MM)) + 1)
 
 
 def principal(means: np.ndarray, most: int = MOST_COMPONENTS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Principal components of profiles."""
+    """Principal components of profiles (samples, levels): centre (levels,), directions, shares of the variance.
+
+    The directions (levels, components) have length 1 and are orthogonal; at most `most` components are kept.
+    """
     centre = means.mean(axis=0)
     _, size, rows = np.linalg.svd(means - centre, full_matrices=False)
     return centre, rows[:most].T, (size**2 / (size**2).sum())[:most]
@@ -59,7 +62,13 @@ def study(
     space: ParameterSpace,
     settings: Mapping[str, Any],
 ) -> tuple[dict[str, pd.DataFrame], dict[str, Any]]:
-    """What the whole profile tells beside angle and Height."""
+    """Information in the whole profile beside angle and Height: ``components``, ``information`` and a summary.
+
+    X (samples, 6) are parameters, `samples` their numbers. `runs` are good runs: ``sample``, ``aor_deg``, ``height_mm``
+    and half-widths [mm] by the number of their level. The Height is one of the targets. `settings` joins the sections
+    ``second_responses`` and ``joint_targets``. InputError if fewer points of the prior than ``truths`` meet the
+    targets.
+    """
     own = [name for name in dict.fromkeys((*TWO_NUMBERS, *targets.names)) if name in runs]
     widths = runs[list(range(levels))].to_numpy(float)
     means = pd.DataFrame(widths).groupby(runs["sample"].to_numpy()).mean().to_numpy()
@@ -172,7 +181,7 @@ def run(
     settings: Mapping[str, Any],
     out_dir: str | Path,
 ) -> str:
-    """Write components.csv, information.csv and profiles.json."""
+    """Write components.csv, information.csv and profiles.json; return the message."""
     tables, summary = study(X, samples, runs, levels, targets, space, settings)
     for name, table in tables.items():
         write_table(Path(out_dir) / f"{name}.csv", table)

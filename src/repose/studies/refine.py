@@ -1,6 +1,6 @@
 """The loop closed: the search's answer is simulated, added to the data, the surrogate refitted, the search run again.
 
-Round 0 simulates what the main chain proposes. Every round runs its proposal with many fresh seeds and a few
+Round 0 simulates the proposal of the main chain. Every round runs its proposal with many fresh seeds and a few
 neighbours with fewer, and is judged by the simulated means of the proposal alone (`repose.studies.verdict`). As long as
 these miss a target, all points so far join the training samples, the refitted surrogate is corrected near the last
 proposal, and the search runs again there: docs/refinement.md says why.
@@ -29,7 +29,7 @@ ROUNDING = 1e-9  # of a place in the box, in ranges
 
 
 def search_box(space: ParameterSpace, centre: Mapping[str, float], reach: float) -> ParameterSpace:
-    """The part of the ranges that lies near a point."""
+    """The ranges narrowed to a box about `centre`; `reach` is half the width of the box, in ranges."""
     middle = np.array([float(centre[name]) for name in space.free])
     step = reach * (space.high - space.low)
     return replace(
@@ -46,9 +46,11 @@ def propose(
     round_: int,
     study_seed: int,
 ) -> pd.DataFrame:
-    """What a round simulates: the representative solution, and neighbours around it.
+    """The jobs of a round: the representative solution, and neighbours around it.
 
-    The neighbours are a Latin hypercube in the box in which the next round searches.
+    The neighbours are a Latin hypercube in the box in which the next round searches. `solutions` is feasible.csv,
+    `model` the searched surrogate, `section` is `refine`. Columns: sample, the six parameters, role, seeds,
+    predictions, and the search's warning of the representative solution.
     """
     best = solutions[solutions["representative"]].iloc[0]
     table = pd.DataFrame(jobs(section, round_), columns=["sample", "role", "seeds"])
@@ -66,7 +68,11 @@ def propose(
 
 
 def extended(design: pd.DataFrame, rounds: Sequence[pd.DataFrame]) -> pd.DataFrame:
-    """The samples, or runs, of a design and of all rounds so far as one table."""
+    """The samples, or runs, of a design and of all rounds so far as one table.
+
+    The column round is empty for the design's own rows; all other rows are training samples of `repose.chain.train`.
+    ValueError if a sample is there twice, or is numbered like the design's.
+    """
     added = pd.concat(rounds, ignore_index=True)
     added["round"] = round_of(added["sample"])
     if (added["round"] < 0).any() or design["sample"].max() >= OF_A_ROUND:
@@ -82,8 +88,10 @@ def corrected(
 ) -> tuple[Surrogate, np.ndarray, int]:
     """The surrogate, shifted so that it meets the refined samples inside a box on average.
 
-    The refit follows the whole design and keeps a few percent of error where it matters. The mean of what is left at
-    the refined samples inside the box, weighted by their seeds, is added to its predictions.
+    The refit follows the whole design and keeps a few percent of error where it matters. The mean residual of the
+    refined samples inside the box, weighted by their seeds, is added to its predictions. Returns a shifted copy, the
+    offset (k,), and its number of samples. `dataset` is of `extended`. ValueError if no usable refined sample lies
+    inside the box.
     """
     added = dataset[dataset["round"].notna() & (dataset["status"] == "ok")]
     points = added[list(box.free)].to_numpy(float)
@@ -109,8 +117,10 @@ def search(
 ) -> tuple[Surrogate, invert.Inversion]:
     """Correct a surrogate near the last proposal and search there.
 
-    The search begins in an eighth of the box of `refine.reach` and widens it until the targets are met: of all
-    parameter sets that would do, one near the last proposal is wanted, where the correction holds.
+    The search begins in an eighth of the box of `refine.reach` and widens it until the targets are met: of all suitable
+    parameter sets, one near the last proposal is wanted, where the correction holds. `model` is refitted to `dataset`
+    (of `extended`); `centre` is the last proposal. The summary of the inversion also has reach, offset and
+    offset_samples. ValueError if no usable refined sample lies near the last proposal.
     """
     reach, tolerance = config["refine"]["reach"], config["refine"]["tolerance_percent"] / 100
     model, offset, count = corrected(model, dataset, search_box(space, centre, reach), targets)

@@ -35,7 +35,11 @@ def base_label(responses: Sequence[Response]) -> str:
 
 
 def sets_of(names: Sequence[str], responses: Sequence[Response]) -> dict[str, tuple[str, ...]]:
-    """Sets of responses to compare, by label."""
+    """Sets of responses to compare, by label; `names` are all modelled responses, `responses` those of the targets.
+
+    The first target alone (where there are several), the targets, and the targets with each further response. Then the
+    targets with all responses of the pile, and with all responses (where some are not of the pile).
+    """
     base = tuple(one.name for one in responses)
     extra = [name for name in names if name not in base]
     pile = [name for name in extra if source_of(name) == "pile"]
@@ -49,13 +53,17 @@ def sets_of(names: Sequence[str], responses: Sequence[Response]) -> dict[str, tu
 
 
 def source_of(name: str) -> str:
-    """Where a response comes from, as the tables say it."""
+    """Source of a response in the tables: "pile", or the name of another bench test."""
     bench = response(name).apparatus
     return "pile" if bench == further_responses.BENCH else bench
 
 
 def ways_of(names: Sequence[str], base: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Further responses by the way in which an experimenter gets them."""
+    """Further responses by the experimenter's way to get them.
+
+    A way is a name of `OF_THE_PILE`, ``profile``, or another bench test. All responses from the outline in the
+    photographs are one way. `names` are all modelled responses, `base` those of the targets.
+    """
     found: dict[str, list[str]] = {}
     for name in names:
         if name not in base:
@@ -66,7 +74,10 @@ def ways_of(names: Sequence[str], base: Sequence[str]) -> dict[str, tuple[str, .
 
 
 def minutes_of(way: str, minutes: Mapping[str, float]) -> float:
-    """An experimenter's work for a way."""
+    """An experimenter's work for a way [minutes], all repetitions together.
+
+    `minutes` is `second_responses.minutes` of the configuration; InputError if it lacks the way.
+    """
     if way not in minutes:
         allowed = f"minutes of work for {way}, beside {', '.join(minutes)}"
         raise InputError("configuration", "second_responses.minutes", list(minutes), allowed)

@@ -1,4 +1,4 @@
-"""Cells of the shape study: what is poured, and the settings of each.
+"""Cells of the shape study and the settings of each.
 
 A cell is a particle with a tension and a filling (`shape_rule.CELL`), poured for a purpose, its kind.
 """
@@ -47,7 +47,10 @@ def first_cells(config: Config) -> list[str]:
 
 
 def second_cells(config: Config, finalists: pd.DataFrame) -> list[str]:
-    """Names of the jobs with fresh seeds: the finalists, the reference, and the sensitivities of the first finalist."""
+    """Names of the jobs with fresh seeds: the finalists, the reference, and the sensitivities of the first finalist.
+
+    `finalists` has the columns `shape_rule.CELL`.
+    """
     study = config["shape_study"]
     cells = ["-".join(row) for row in finalists[CELL].drop_duplicates().itertuples(index=False, name=None)]
     names = [f"fresh-{cell}" for cell in dict.fromkeys([*cells, study["reference"]])]
@@ -56,7 +59,7 @@ def second_cells(config: Config, finalists: pd.DataFrame) -> list[str]:
 
 
 def check(config: Config, source: str = "configuration") -> None:
-    """Check every particle, filling and sensitivity of the study."""
+    """Check every particle, filling and sensitivity of the study; an InputError names `source`."""
     study = config["shape_study"]
     for key, section in (("main_fillings", "fillings"), ("all_fillings_of", "particles")):
         for name in study[key]:
@@ -80,7 +83,10 @@ def changed(config: Config, section: str, changes: Mapping[str, Any]) -> dict[st
 
 
 def compared_targets(config: Config) -> list[Target]:
-    """Targets that are compared: those of the pile that the published table has, in their order."""
+    """Targets that are compared: those of the pile that the published table has, in their order.
+
+    InputError if the configuration names no published table, or the table has none of them.
+    """
     path = config["validation"]["published"]
     if path is None:
         raise InputError("configuration", "validation.published", None, "the table of published solutions")
@@ -93,7 +99,10 @@ def compared_targets(config: Config) -> list[Target]:
 
 
 def parameter_sets(config: Config, samples_csv: str | Path, kind: str) -> pd.DataFrame:
-    """Parameter sets of a kind of job."""
+    """Parameter sets of a kind of job: ``set``, the six parameters, and the published piles where there are some.
+
+    `samples_csv` is the table of the design's samples.
+    """
     if kind == "design":
         table = read_table(samples_csv, ("sample", *PARAMETERS)).head(config["shape_study"]["design_samples"])
         return table.rename(columns={"sample": "set"})[["set", *PARAMETERS]]
@@ -104,7 +113,7 @@ def parameter_sets(config: Config, samples_csv: str | Path, kind: str) -> pd.Dat
 def published_sets(config: Config) -> pd.DataFrame:
     """The published solutions, the representative last, with the published numbers of their piles.
 
-    A solution without a published pile is known only as nearly the physical pile, which stands for it.
+    For a solution without a published pile the values of the physical pile are taken, which it nearly meets.
     """
     targets = compared_targets(config)
     simulated = [one.response.simulated for one in targets]
@@ -133,7 +142,10 @@ def _is_cell(config, cell):
 
 
 def cell_settings(config: Config, cell: str) -> tuple[str, dict[str, str], dict[str, Any]]:
-    """Settings of a cell."""
+    """Kind of a cell KIND-PARTICLE-TENSION-FILLING, its names by `shape_rule.CELL`, and its configuration.
+
+    InputError if there is no such cell.
+    """
     if not _is_cell(config, cell):
         allowed = "KIND-PARTICLE-TENSION-FILLING of the section shape_study"
         raise InputError("command line", "--cell", cell, allowed)

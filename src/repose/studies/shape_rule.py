@@ -59,7 +59,19 @@ def sha256() -> str:
 
 
 def particle_row(about: Mapping[str, Any], mass_g: float, density_kg_m3: float) -> dict[str, Any]:
-    """A particle beside the measured berry, and whether it is one (1)."""
+    """A particle beside the measured berry, and whether it is one (1).
+
+    Parameters
+    ----------
+    about : mapping
+        Content of a cell's JSON file.
+    mass_g, density_kg_m3 : float
+        Of the measured berry.
+
+    Returns
+    -------
+    dict
+    """
     axes, measured = np.array(about["axes_mm"]), np.array(about["measured_axes_mm"])
     off_axes = float(np.abs(axes / measured - 1).max())
     off_mass = abs(about["mass_g"] / mass_g - 1)
@@ -81,13 +93,37 @@ def particle_row(about: Mapping[str, Any], mass_g: float, density_kg_m3: float) 
 
 
 def packs_like_a_fruit(packing: float, standard_error: float) -> bool:
-    """Whether a packing is possible, or too near to a bound to be refused (2)."""
+    """Whether a packing is possible, or too near to a bound to be refused (2).
+
+    Parameters
+    ----------
+    packing, standard_error : float
+        Bulk density over the density of the berry.
+
+    Returns
+    -------
+    bool
+    """
     beyond = max(LEAST_PACKING - packing, packing - LARGEST_PACKING, 0.0)
     return beyond == 0.0 or beyond < STANDARD_ERRORS * standard_error
 
 
 def finalists(combinations: pd.DataFrame, particles: pd.DataFrame) -> pd.DataFrame:
-    """The combinations that are poured again (4, 7, 8)."""
+    """The combinations that are poured again (4, 7, 8).
+
+    Parameters
+    ----------
+    combinations : pandas.DataFrame
+        With `COMBINATION`, ``distance``, ``eligible``.
+    particles : pandas.DataFrame
+        Rows of `particle_row`, in the order in which the study lists them.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Rows of `combinations` with their ``role``: each ``finalist``, the nearest first, then the ``physical`` and the
+        ``effective`` one.
+    """
     ordered = combinations.sort_values("distance", kind="stable")
     eligible = ordered[ordered["eligible"]]
     nearest = eligible.drop_duplicates(CELL).head(FINALISTS).assign(role="finalist")
@@ -101,18 +137,51 @@ def finalists(combinations: pd.DataFrame, particles: pd.DataFrame) -> pd.DataFra
 
 
 def has_signal(ratio: float, standard_error: float) -> bool:
-    """Whether a signal-to-noise ratio is large enough, or too near to be refused (5)."""
+    """Whether a signal-to-noise ratio is large enough, or too near to be refused (5).
+
+    Parameters
+    ----------
+    ratio, standard_error : float
+
+    Returns
+    -------
+    bool
+    """
     return ratio + STANDARD_ERRORS * standard_error >= LEAST_SIGNAL_TO_NOISE
 
 
 def meets(row: Mapping[str, Any], targets: Sequence[Target]) -> bool:
-    """Whether a finalist's fresh pours meet the published piles (5)."""
+    """Whether a finalist's fresh pours meet the published piles (5).
+
+    Parameters
+    ----------
+    row : mapping
+        Mean differences from the published piles, ``signal_to_noise`` and ``signal_to_noise_se``.
+    targets : sequence of Target
+
+    Returns
+    -------
+    bool
+    """
     near = all(abs(row[derived(one.name, "difference")]) <= one.sd for one in targets)
     return near and has_signal(row["signal_to_noise"], row["signal_to_noise_se"])
 
 
 def reached(means: pd.DataFrame, angle: Target, height: Target) -> dict[str, Any]:
-    """Whether piles of a particle can have the physical angle together with the physical Height (7)."""
+    """Whether piles of a particle can have the physical angle together with the physical Height (7).
+
+    Parameters
+    ----------
+    means : pandas.DataFrame
+        ``angle`` and ``height``, a row for each sample of the design.
+    angle, height : Target
+        Of the physical pile.
+
+    Returns
+    -------
+    dict
+        ``angle_at_height`` by the regression, NaN where there are fewer than three samples; ``reached``.
+    """
     known = means.dropna()
     if len(known) < 3:
         return {"angle_at_height": math.nan, "reached": False}
@@ -123,7 +192,21 @@ def reached(means: pd.DataFrame, angle: Target, height: Target) -> dict[str, Any
 
 
 def choice(rows: Sequence[Mapping[str, Any]], definitions: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """What the study chooses (6, 7, 8)."""
+    """What the study chooses (6, 7, 8).
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Of `finalists`, in their order, with ``meets``.
+    definitions : sequence of mapping
+        Of the most physical combination: each definition of the angle, the nearest first, with ``reached``.
+
+    Returns
+    -------
+    dict
+        ``chosen``: a row, or None without finalists. ``meets_the_published_piles``. ``angle_is_a_target``: whether the
+        chosen definition can reach the physical pile. ``effective``: the row of the effective model, or None.
+    """
     met = [row for row in rows if row["role"] == "finalist" and row["meets"]]
     within = [row for row in definitions if row["reached"]]
     chosen = next(iter(met or within or definitions), None)

@@ -1,4 +1,4 @@
-"""The trained surrogate that a study asks, once it is known to be of the study's targets."""
+"""The trained surrogate of a study, read and checked against the study's targets."""
 
 import os
 
@@ -11,7 +11,7 @@ from repose.surrogate.base import Surrogate, load
 def read_surrogate(
     surrogate_json: str | os.PathLike, targets: Targets, definitions: Definitions, source: object
 ) -> Surrogate:
-    """Read a surrogate of the targets."""
+    """Read the surrogate of the verb network and check it by `require_targets`."""
     model = load(surrogate_json)
     require_targets(model, surrogate_json, targets, definitions, source)
     return model
@@ -20,7 +20,10 @@ def read_surrogate(
 def require_targets(
     model: Surrogate, path: object, targets: Targets, definitions: Definitions, source: object
 ) -> None:
-    """Refuse a surrogate of other responses than the targets', or of other definitions of them."""
+    """Refuse a surrogate with other responses than the targets, in another order, or with other definitions of them.
+
+    `definitions` are those of the study's responses; the InputError names `path` or `source`.
+    """
     if model.outputs != targets.names:
         allowed = f"the responses of the targets, {', '.join(targets.names)}"
         raise InputError(path, "outputs", list(model.outputs), allowed)

@@ -1,4 +1,4 @@
-"""What a round of the refinement has shown: simulated beside predicted and target, and what may be claimed.
+"""Result of a round of the refinement: simulated beside predicted and target, and the claim that follows.
 
 A round is judged by the simulated means of its proposal alone, from fresh seeds. It is within the bar when every mean
 is within ``refine.tolerance_percent`` of its target, with a standard error below ``refine.standard_error_percent`` of
@@ -31,7 +31,13 @@ OUTCOMES = ("within", "not within", "not precise", "no pile")
 def judge(
     proposal: pd.DataFrame, runs: pd.DataFrame, targets: Targets, section: Mapping[str, Any], round_: int
 ) -> dict[str, Any]:
-    """What a round has shown, as one row."""
+    """Result of a round as one row.
+
+    `proposal` is of `repose.studies.refine.propose`, `runs` are all runs of the round, `section` is `refine`. Columns:
+    parameters, number of runs; of each response target, prediction, simulated mean, standard error and deviations;
+    objective (Eq. 11) of the simulated means; out_of_reach, where the prediction itself misses the bar; outcome of
+    `OUTCOMES`, its reason, and the search's warning. NaN for a missing number.
+    """
     rows = proposal[proposal["role"] == PROPOSAL]
     own = runs[runs["sample"].isin(rows["sample"])].astype(object)
     summary = _summary(own.where(own.notna(), None), targets)
@@ -80,14 +86,14 @@ def _numbers(
 
 
 def _number(value: float | None) -> float:
-    """A number, NaN for none."""
+    """A number, NaN for None."""
     return np.nan if value is None else float(value)
 
 
 def _outcome(
     row: Mapping[str, Any], summary: Mapping[str, Any], targets: Targets, section: Mapping[str, Any]
 ) -> tuple[str, str]:
-    """Outcome of a round, and how far each response is off."""
+    """Outcome of a round, and the deviation of each response in words."""
     if summary["status"] != "ok":
         return "no pile", f"{summary['status']}: {summary['reason']}"
     words, far, vague = [], False, False
@@ -112,7 +118,10 @@ def _outcome(
 def why_stopped(
     verdict: Mapping[str, Any], limit: int, targets: Targets, before: Mapping[str, Any] | None = None
 ) -> str:
-    """Why the loop ends after a round, in words."""
+    """Why the loop ends after a round, in words.
+
+    `verdict` is of the last round, `before` of the round before it; `limit` is the largest number of refits.
+    """
     row = f"round {verdict['round']}"
     if verdict["outcome"] == "within":
         return f"{row} meets {('the target', 'both targets', 'all targets')[min(len(targets), 3) - 1]}"
@@ -124,7 +133,7 @@ def why_stopped(
 
 
 def claim(verdict: Mapping[str, Any], targets: Targets) -> str:
-    """What the last round's own runs say of its proposal, in words."""
+    """Claim for the proposal of the last round in words, from the round's own runs."""
     if verdict["outcome"] == "no pile":
         return "none: the proposal gives no pile"
     values = []
@@ -140,7 +149,11 @@ def claim(verdict: Mapping[str, Any], targets: Targets) -> str:
 def points(
     proposal: pd.DataFrame, dataset: pd.DataFrame, row: Mapping[str, Any], targets: Targets
 ) -> pd.DataFrame:
-    """All points of a round, the proposal as one."""
+    """All points of a round, the proposal as one: the table round.csv.
+
+    `proposal` is of `repose.studies.refine.propose`, `dataset` of the round's own jobs, `row` of `judge`. Columns:
+    parameters, seeds, predicted, simulated, standard errors and status.
+    """
     measured = [column for one in targets for column in (one.name, one.response.error)]
     shown = dataset[["sample", "n_seeds", *targets.names, *targets.errors, "status", "reason"]]
     table = proposal.drop(columns=["seeds", "warning"]).merge(shown, on="sample")
@@ -163,7 +176,11 @@ def run(
     section: Mapping[str, Any],
     out_dir: str | os.PathLike,
 ) -> dict[str, Any]:
-    """Judge a round: write round.csv, the table of `points`, and verdict.json; return the latter."""
+    """Judge a round: write round.csv, the table of `points`, and verdict.json; return the latter.
+
+    It is the row of `judge` with ``usable``, the number of usable samples. InputError if the dataset lacks a sample of
+    the proposal.
+    """
     proposal = read_samples(proposal_csv)
     dataset = read_table(dataset_csv, ("sample", "status", "n_seeds", *targets.names, *targets.errors))
     runs = read_table(runs_csv, ("sample", "status", "reason", *targets.names))
@@ -180,7 +197,10 @@ def run(
 def run_tables(
     verdict_jsons: Sequence[str | os.PathLike], limit: int, targets: Targets, out_dir: str | os.PathLike
 ) -> dict[str, Any]:
-    """Write rounds.csv, one row for each round, and summary.json: why the loop stopped, what may be claimed."""
+    """Write rounds.csv, a row for each round, and summary.json with the reason of the stop; return the summary.
+
+    It also holds the claim. `verdict_jsons` are of `run`, in any order. InputError if the rounds are not 0, 1, 2, ...
+    """
     keys = {"round": int, "outcome": str}
     verdicts = [read_json(path, keys, "what the verb refine_judge wrote") for path in verdict_jsons]
     verdicts.sort(key=lambda one: one["round"])
@@ -203,7 +223,7 @@ def run_tables(
 
 
 def in_words(summary_json: str | os.PathLike, label: str) -> str:
-    """What a finished refinement came to, as the end of a run tells it."""
+    """Result of a finished refinement for the end of a run; `summary_json` is of `run_tables`."""
     keys = {"met": bool, "why": str, "solution": dict, "claim": str, "pours": int}
     summary = read_json(summary_json, keys, "what the verb refine_tables wrote")
     met = "Refined: targets met" if summary["met"] else "Refined: targets NOT met"
@@ -219,7 +239,7 @@ def in_words(summary_json: str | os.PathLike, label: str) -> str:
 
 
 def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
-    """The row for JSON, which knows no NaN."""
+    """The row for JSON, which has no NaN: None instead."""
     return {
         key: None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()
     }

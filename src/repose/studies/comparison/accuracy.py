@@ -17,7 +17,11 @@ SHARES = (0.25, 0.5, 1.0)  # of the pool's points
 
 
 def table_of(sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any]) -> pd.DataFrame:
-    """Accuracy of the network, one row for each training set and response."""
+    """Accuracy of the network, a row for each training set and response.
+
+    `sets` are the main design, the pool and the fresh points, as `points.read_sets` returns them; `settings` is the
+    section `network`. Columns ``r2`` and ``explainable`` have bounds (``_low``, ``_high``) and a bar (``_bar``).
+    """
     main, pool, fresh = sets
     rows = []
     for name, training in training_sets(main, pool, settings):
@@ -36,10 +40,10 @@ def run(
 
 
 def training_sets(main: Points, pool: Points, settings: Mapping[str, Any]) -> Iterator[tuple[str, Points]]:
-    """What the network is trained on.
+    """Training sets of the network, each with its name for the table.
 
-    First the main design's training samples as the chain splits it. Then all of the main design, and leading
-    parts of the pool, each with fewer and with all runs. Last the main design and the pool together.
+    First the main design's training samples as the chain splits it. Then all of the main design, and leading parts of
+    the pool, each with fewer and with all runs. Last the main design and the pool together.
     """
     train = split(len(main.X), settings["split"], settings["seed"])["train"]
     yield "main design, training samples", main.take(train)
@@ -54,7 +58,7 @@ def training_sets(main: Points, pool: Points, settings: Mapping[str, Any]) -> It
 
 
 def message(table: pd.DataFrame) -> str:
-    """Accuracy after each training set in words, one line for each response."""
+    """Accuracy in words, a line for each training set and response."""
     lines = []
     for row in table.itertuples():
         lines.append(
@@ -66,7 +70,7 @@ def message(table: pd.DataFrame) -> str:
 
 
 def _rows(name, names, training, fresh, predicted):
-    """Rows of the table for one training set, one for each response."""
+    """Rows of the table for one training set, a row for each response."""
     means, errors, (mean, std) = fresh.means(), fresh.known_errors(), predicted
     seeds = training.values.shape[1]
     for k, response in enumerate(names):

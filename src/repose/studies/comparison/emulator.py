@@ -1,11 +1,11 @@
 """A stand-in for the simulator: mean responses and the noise of a run, fitted to points that were simulated.
 
-Ten repetitions of every design cannot be poured. The emulator's mean is the truth by definition, and its noise is the
-measured one. Mean and noise are chosen by the user of the emulator:
+Ten repetitions of every design cannot be poured. The emulator's mean is the truth by definition, and its noise is
+measured. Mean and noise are chosen by the user of the emulator:
 
 mean
-    the better surrogate of two by cross-validation (`chosen_by_cross_validation`); or a Gaussian process with a kernel
-    of one's own, on means with known errors (`with_process`)
+    the better surrogate of two by cross-validation (`chosen_by_cross_validation`); or a Gaussian process with any
+    kernel, on means with known errors (`with_process`)
 noise
     of one covariance everywhere (`EvenNoise`), or of another size at other parameters (`ScalingNoise`)
 """
@@ -23,7 +23,7 @@ from repose.studies.comparison.points import Points
 
 CANDIDATES = {"network": configured_network, "Gaussian process": gaussian_process}
 FOLDS = 5
-MOST_FOR_SCALES = 600  # points that the lengths of a kernel are fitted to
+MOST_FOR_SCALES = 600  # points for the fit of a kernel's lengths
 
 Predict = Callable[[np.ndarray], np.ndarray]
 
@@ -32,35 +32,35 @@ class Noise(Protocol):
     """The deviations of single runs from the mean."""
 
     def draw(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw the deviations of new runs."""
+        """Deviations (n, seeds, k) of new runs at points X (n, d), in the responses' units."""
 
 
 class EvenNoise(NamedTuple):
-    """Normal noise of one covariance everywhere."""
+    """Normal noise with the same covariance everywhere."""
 
-    covariance: np.ndarray
+    covariance: np.ndarray  # (k, k), of a single run
 
     def draw(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw the deviations of new runs."""
+        """Deviations (n, seeds, k) of new runs; only the number of the points X counts."""
         zeros = np.zeros(len(self.covariance))
         return rng.multivariate_normal(zeros, self.covariance, size=(len(X), seeds))
 
 
 class ScalingNoise(NamedTuple):
-    """Normal noise of one correlation everywhere, and of another size at other parameters."""
+    """Normal noise with the same correlation everywhere and a size that varies with the parameters."""
 
-    log_variance: np.ndarray
-    correlation: np.ndarray
-    low: np.ndarray
-    width: np.ndarray
+    log_variance: np.ndarray  # (1 + d, k), log of a run's variance, linear in x: constant and slopes
+    correlation: np.ndarray  # (k, k), of the responses of a run
+    low: np.ndarray  # (d,), lower end of the box that scales x
+    width: np.ndarray  # (d,), of this box
 
     def std(self, X: np.ndarray) -> np.ndarray:
-        """Standard deviations of a single run's responses."""
+        """Standard deviations (n, k) of a single run's responses at points X (n, d), in their units."""
         x = np.column_stack([np.ones(len(X)), (X - self.low) / self.width])
         return np.exp(0.5 * x @ self.log_variance)
 
     def draw(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw the deviations of new runs."""
+        """Deviations (n, seeds, k) of new runs at points X (n, d), in the responses' units."""
         root = np.linalg.cholesky(self.correlation)
         normal = rng.standard_normal((len(X), seeds, len(root)))
         mixed = np.empty_like(normal)
@@ -70,20 +70,24 @@ class ScalingNoise(NamedTuple):
 
 
 class Emulator(NamedTuple):
-    """The stand-in."""
+    """The stand-in for the simulator."""
 
-    mean: Predict
+    mean: Predict  # points (n, d) to responses (n, k)
     noise: Noise
-    name: str
-    explainable: np.ndarray
+    name: str  # of the surrogate for the mean
+    explainable: np.ndarray  # (k,), cross-validated share of the explainable variance
 
     def pour(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> Points:
-        """Points with emulated runs."""
+        """Points X (n, d) with emulated runs."""
         return Points(X, self.mean(X)[:, None] + self.noise.draw(X, seeds, rng))
 
 
 def chosen_by_cross_validation(points: Points, settings: Mapping[str, Any], seed: int) -> Emulator:
-    """The emulator of some points: the better of `CANDIDATES`, with noise that scales."""
+    """The emulator of some points: the better of `CANDIDATES`, with noise that scales.
+
+    `settings` is the section `network`; `seed` is for the folds and the network. ValueError if the runs do not
+    determine the covariance of the noise.
+    """
     covariance = points.covariance()
     if covariance is None:
         raise ValueError("too few points have two runs or more; allowed: some, for the noise")
@@ -110,7 +114,9 @@ def with_process(
 ) -> Emulator:
     """The emulator of some points: a Gaussian process for each response on means with known errors, even noise.
 
-    The kernel of each response is fitted to at most `MOST_FOR_SCALES` points, and held in the cross-validation.
+    X (n, d) is in the unit cube; `errors` (n, k) are standard errors of the means; `covariance` (k, k) is of a single
+    run. `kernel` makes a scikit-learn kernel with start values from the number of inputs. The kernel of each response
+    is fitted to at most `MOST_FOR_SCALES` points, and held in the cross-validation.
     """
     rows = np.random.default_rng(seed).permutation(len(points.X))
     means, scaled, parts = (
@@ -137,7 +143,11 @@ def with_process(
 
 
 def left_out(points: Points, fit: Callable[[Points], Predict], parts: Sequence[np.ndarray]) -> np.ndarray:
-    """Predictions for the points of each part by a fit to all the others."""
+    """Predictions (n, k) for the points of each part by a fit to all the others.
+
+    `fit` returns a function from X (n, d) to responses (n, k). `parts` hold numbers of points; each point is in one
+    part.
+    """
     predicted = np.empty((len(points.X), points.responses))
     for part in parts:
         rest = np.setdiff1d(np.arange(len(points.X)), part)
@@ -146,13 +156,17 @@ def left_out(points: Points, fit: Callable[[Points], Predict], parts: Sequence[n
 
 
 def explainable(means: np.ndarray, predicted: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """Share of the explainable variance that predictions have; see `repose.chain.train.r2_noise_corrected`."""
+    """Share (k,) of the explainable variance in predictions; see `repose.chain.train.r2_noise_corrected`.
+
+    All arrays are (n, k); `errors` are standard errors of the means. NaN where the noise explains all of the variance,
+    or an error is unknown.
+    """
     columns = zip(means.T, predicted.T, errors.T, strict=True)
     return np.array([r2_noise_corrected(*column) for column in columns], float)
 
 
 def scaling_noise(points: Points, covariance: np.ndarray) -> ScalingNoise:
-    """The noise of points of which some have several runs."""
+    """Noise of points, some with several runs; `covariance` (k, k) is of a single run, over all points."""
     low = points.X.min(axis=0)
     width = points.X.max(axis=0) - low
     width = np.where(width > 0, width, 1.0)  # a parameter that is fixed

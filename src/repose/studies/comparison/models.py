@@ -1,6 +1,7 @@
-"""Surrogates on equal terms: each takes points with their runs and gives a function of parameters.
+"""Surrogates on equal terms: each takes points with their runs and returns a function of parameters.
 
-Each fit uses all runs of the points: what a model holds back for its own validation, it holds back from these.
+Each fit uses all runs of the points: a model takes samples for its own validation from these. A model also takes the
+section `network` of the configuration and a seed for its starts, trees or held-back samples.
 """
 
 from collections.abc import Callable, Mapping
@@ -27,7 +28,7 @@ PUBLISHED = {"surrogate": "network", "prior": "one", "goal": 1e-4, "replicates":
 
 
 def configured_network(points: Points, settings: Settings, seed: int) -> Predict:
-    """The network as the main chain trains it, with the noise that the points' own runs show."""
+    """The network as the main chain trains it, with the noise from the points' own runs."""
     kind = NetworkEnsemble if settings.get("surrogate") == NetworkEnsemble.name else BayesianBP
     noise = points.replicates() if settings["replicates"] else {}
     network = kind.of({**settings, "seed": seed})
@@ -35,7 +36,7 @@ def configured_network(points: Points, settings: Settings, seed: int) -> Predict
 
 
 def best_network(points: Points, settings: Settings, seed: int) -> Predict | None:
-    """The best network of an ensemble's starts alone."""
+    """The best network of an ensemble's starts alone; None if the configured network is no ensemble."""
     if settings.get("surrogate") != NetworkEnsemble.name:
         return None
     return configured_network(points, {**settings, "surrogate": BayesianBP.name}, seed)
@@ -50,7 +51,7 @@ def published_network(points: Points, settings: Settings, seed: int) -> Predict:
 
 
 def unregularised_network(points: Points, settings: Settings, seed: int) -> Predict:
-    """A network of the same shape without regularisation, `EarlyStoppingBP`."""
+    """A network of the same shape without regularisation, `EarlyStoppingBP`; no standard deviation."""
     train, validation, _ = settings["split"]
     network = EarlyStoppingBP(
         hidden=settings["hidden"],
@@ -63,7 +64,7 @@ def unregularised_network(points: Points, settings: Settings, seed: int) -> Pred
 
 
 def quadratic_surface(points: Points, settings: Settings, seed: int) -> Predict | None:
-    """The surrogate `repose.surrogate.quadratic.QuadraticSurface`, where there are more points than terms."""
+    """The surrogate `repose.surrogate.quadratic.QuadraticSurface`; None with too few points for its terms."""
     varying = np.count_nonzero(np.ptp(points.X, axis=0))
     if len(points.X) < QuadraticSurface.least_samples(int(varying)):
         return None
@@ -76,7 +77,7 @@ def gaussian_process(points: Points, settings: Settings, seed: int) -> Predict:
 
 
 def random_forest(points: Points, settings: Settings, seed: int) -> Predict:
-    """Random forest of `TREES` trees."""
+    """Random forest of `TREES` trees; no standard deviation."""
     from sklearn.ensemble import RandomForestRegressor
 
     forest = RandomForestRegressor(TREES, min_samples_leaf=2, max_features=0.5, random_state=seed)
@@ -86,7 +87,7 @@ def random_forest(points: Points, settings: Settings, seed: int) -> Predict:
 
 
 def gradient_boosting(points: Points, settings: Settings, seed: int) -> Predict:
-    """Gradient boosting with `ROUNDS` trees of depth 3 for each response."""
+    """Gradient boosting with `ROUNDS` trees of depth 3 for each response; no standard deviation."""
     from sklearn.ensemble import GradientBoostingRegressor
 
     boosts = [

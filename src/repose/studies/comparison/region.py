@@ -1,4 +1,4 @@
-"""The feasible region of a surrogate, and how much of it a list of solutions covers."""
+"""The feasible region of a surrogate, and its coverage by a list of solutions."""
 
 import math
 
@@ -10,13 +10,19 @@ from scipy.spatial.distance import pdist
 from repose.search.objective import Objective
 from repose.studies.comparison.searches import Respond
 
-FEWEST_FEASIBLE = 200  # of the reference sample, or nothing can be said about the region
-CLOUD = 5000  # reference points that coverage is taken over
+FEWEST_FEASIBLE = 200  # of the reference sample; with fewer the region is not known
+CLOUD = 5000  # reference points for the coverage
 LISTS = 10  # of random feasible points
 
 
 class Region:
-    """A uniform sample of the feasible region, and what a list of solutions can cover of it."""
+    """A uniform sample of the feasible region, as a reference for lists of solutions.
+
+    `respond` maps populations in [-1, 1] (n, d) to responses (n, k); `points`, a power of two, is the length of the
+    Sobol sequence over the box; `listed` is the length of a list. `share` of the box is feasible; `lists` hold random
+    feasible points (listed, d); `reach` is the median distance from a feasible point to the nearest point of such a
+    list. Fewer than `FEWEST_FEASIBLE` feasible points raise ValueError.
+    """
 
     def __init__(
         self, respond: Respond, objective: Objective, points: int, listed: int, dimensions: int, seed: int
@@ -38,7 +44,12 @@ class Region:
         self.reach = float(np.median([cKDTree(one).query(self.cloud)[0] for one in self.lists]))
 
     def spread(self, points: np.ndarray) -> dict[str, float]:
-        """How widely feasible points lie."""
+        """How widely feasible points (n, d) in [-1, 1] lie; all NaN with fewer than two points.
+
+        ``pairwise_distance`` is a mean. ``coverage`` is the share of the feasible region within `reach` of a point; a
+        half for as many random points. ``width`` is the mean over the parameters of their interval over the region's
+        (dispersion of Table 3). ``volume`` is the root of the determinant of their covariance over the region's.
+        """
         if len(points) < 2:
             return dict.fromkeys(("pairwise_distance", "coverage", "width", "volume"), math.nan)
         covered = cKDTree(points).query(self.cloud)[0] <= self.reach

@@ -30,7 +30,7 @@ LARGEST_PROCESS = 500  # points of a Gaussian process, whose time grows with the
 TRADES = (1, 2, 4, 8)  # seeds per point, at the main design's number of simulations
 JUDGED_AT = 1024  # points of a Sobol sequence
 FITS = {name: models.MODELS[name] for name in ("network", "Gaussian process", "quadratic surface")}
-# Words of the generators of the factorial part: of factors beyond the free ones, the product of which.  (MM09)
+# Generators of the factorial part: each further factor is the product of these free factors (MM09).
 GENERATORS = {0: (), 1: ((0, 1, 2, 3, 4),), 2: ((0, 1, 2), (1, 2, 3))}
 
 
@@ -38,10 +38,11 @@ COMPOSITE_DIMENSIONS = 6
 
 
 def central_composite(n: int, d: int = COMPOSITE_DIMENSIONS) -> np.ndarray:
-    """Face-centred central composite design (MM09).
+    """Face-centred central composite design (n, d) in the unit cube (MM09).
 
-    It has corners (all, half or a quarter of the 2^6, the largest fraction that fits), 12 face centres and
-    the middle. What is left of n repeats these points in their order: the middle, the faces, the corners.
+    It has corners (all, half or a quarter of the 2^6, the largest fraction that fits), 12 face centres and the middle.
+    The rest of n repeats these points in their order: the middle, the faces, the corners. ValueError for another d than
+    6, or n below 29.
     """
     if d != COMPOSITE_DIMENSIONS or n < 29:
         raise ValueError(f"n is {n}, d {d}; allowed: at least 29 points in 6 dimensions")
@@ -66,7 +67,7 @@ DESIGNS: dict[str, Design] = {
 
 
 def designs_for(d: int) -> dict[str, Design]:
-    """The designs that exist in d dimensions."""
+    """Designs that exist in d dimensions, by name: functions of a size, d and a seed."""
     return {
         name: make
         for name, make in DESIGNS.items()
@@ -75,13 +76,13 @@ def designs_for(d: int) -> dict[str, Design]:
 
 
 class Case(NamedTuple):
-    """What all emulated cases share."""
+    """The common data of all emulated cases."""
 
     stand_in: emulator.Emulator
     space: ParameterSpace
-    names: Sequence[str]
-    settings: Mapping[str, Any]
-    seed: int
+    names: Sequence[str]  # responses, (k,)
+    settings: Mapping[str, Any]  # section `network`, with at most `REPETITION_STARTS` starts
+    seed: int  # of the repetitions
 
 
 def table_of(
@@ -92,7 +93,11 @@ def table_of(
     seeds: int,
     seed: int,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Designs, and points against seeds."""
+    """Comparison of designs, and of points against seeds; with a summary of the emulator.
+
+    `sets` are as `points.read_sets` returns them; `settings` is the section `network`; `seeds` is the number of runs of
+    a sample of the main design; `seed` is for the repetitions.
+    """
     main, pool, fresh = sets
     settings = {**settings, "starts": min(settings["starts"], REPETITION_STARTS)}
     stand_in = emulator.chosen_by_cross_validation(pool, settings, seed)
@@ -118,7 +123,7 @@ def run(
 
 
 def _emulator_summary(stand_in, pool, names):
-    """What emulator.json tells; the correlation is a number for two responses and a matrix for others."""
+    """Content of emulator.json; the correlation is a number for two responses and a matrix for others."""
     correlation = stand_in.noise.correlation
     return {
         "mean": stand_in.name,
@@ -210,13 +215,13 @@ def _on_truth(truth, predicted):
 
 
 def _on_fresh(fresh, predicted):
-    """The same from noisy means, the noise taken off."""
+    """The same from noisy means, the noise subtracted."""
     columns = zip(fresh.means().T, fresh.known_errors().T, predicted.T, strict=True)
     return [scores.accuracy(y, se, p) for y, se, p in columns]
 
 
 def _rows(case, names, scored):
-    """One row for each response: mean and standard error over the repetitions."""
+    """A row for each response: mean and standard error over the repetitions."""
     for k, response in enumerate(names):
         row = case | {"response": response, "repetitions": len(scored)}
         for key in ("explainable", "rmse"):

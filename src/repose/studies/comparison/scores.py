@@ -1,7 +1,7 @@
 """How well predictions meet noisy means: R2, the part of it that can be explained, error bars that hold.
 
 The mean of a test point has a noise of its own, which no prediction can meet. R2 of the means counts this noise as a
-fault of the prediction; the explainable share (`repose.chain.train.r2_noise_corrected`) takes it off both sums.
+fault of the prediction; the explainable share (`repose.chain.train.r2_noise_corrected`) subtracts it from both sums.
 """
 
 import math
@@ -18,7 +18,11 @@ LEVELS = (0.5, 0.9)
 
 
 def accuracy(means: np.ndarray, errors: np.ndarray, predicted: np.ndarray) -> dict[str, Any]:
-    """R2, explainable share and root mean squared error of one response at m points."""
+    """R2, explainable share and root mean squared error of one response at m points.
+
+    `errors` are standard errors of the means. ``reachable_r2`` is the R2 of the noise-free means themselves, None where
+    all means are alike. ``rmse`` is that of the noise-free means, 0 where chance makes its square negative.
+    """
     total = np.sum((means - means.mean()) ** 2)
     noise = np.sum(errors**2)
     return {
@@ -37,7 +41,11 @@ def bootstrap(
     seed: int = 0,
     confidence: float = 0.95,
 ) -> dict[str, tuple[float, ...]]:
-    """Percentile intervals of ``r2`` and ``explainable`` of `accuracy`; test points are drawn with replacement."""
+    """Percentile intervals of ``r2`` and ``explainable`` of `accuracy`; test points are drawn with replacement.
+
+    Each interval is (low, high). Draws in which all points are alike are left out. Fewer than three points raise
+    ValueError.
+    """
     m = len(means)
     if m < 3:
         raise ValueError(f"{m} points; allowed: at least 3")
@@ -56,13 +64,16 @@ def bootstrap(
 
 
 def on_runs(values: np.ndarray, predicted: np.ndarray) -> float | None:
-    """R2 of predictions on single runs."""
+    """R2 of predictions (m,) on single runs (m, seeds), NaN where a run failed; None where all are alike."""
     ok = np.isfinite(values)
     return r2(values[ok], np.broadcast_to(predicted[:, None], values.shape)[ok])
 
 
 def on_few_seeds(values: np.ndarray, predicted: np.ndarray, seeds: int) -> float | None:
-    """R2 of predictions on means over few runs: the mean over disjoint groups of the runs."""
+    """R2 of predictions on means over few runs: the mean over disjoint groups of the runs.
+
+    `values` (m, runs) are NaN where a run failed. None where a point has fewer than `seeds` runs.
+    """
     groups = values.shape[1] // seeds
     if groups == 0:
         return None
@@ -78,7 +89,9 @@ def calibration(
 ) -> dict[str, float]:
     """How well the error bars of one response hold.
 
-    A calibrated model has the levels themselves, and 1.
+    ``coverage_50`` and ``coverage_90`` are shares of the means inside the intervals of `LEVELS`;
+    ``standardised_square`` is the mean square of the deviations in standard deviations. A calibrated model has the
+    levels themselves, and 1. `std` is of the predicted noise-free mean; the noise of the test point is added.
     """
     z = (means - predicted) / np.sqrt(std**2 + errors**2)
     covered = {
@@ -89,7 +102,10 @@ def calibration(
 
 
 def mean_and_error(values: ArrayLike) -> tuple[float, float]:
-    """Mean and standard error of repetitions."""
+    """Mean and standard error of repetitions (n,).
+
+    The error is NaN for a single value; both are NaN where a value is missing.
+    """
     values = np.array(values, dtype=float)
     error = values.std(ddof=1) / math.sqrt(len(values)) if len(values) > 1 else math.nan
     return float(values.mean()), float(error)

@@ -35,7 +35,11 @@ class Spent(Exception):
 
 
 class Log:
-    """Counts and keeps what a search evaluates, and ends it by `Spent` when the evaluations are used up."""
+    """Counts and keeps the evaluations of a search, and ends it by `Spent` when they are used up.
+
+    `respond` maps populations in [-1, 1] (n, d) to responses (n, k). Points and fitness are kept in the order of the
+    calls.
+    """
 
     def __init__(self, respond: Respond, objective: Objective, evaluations: int, dimensions: int):
         self.respond, self.objective, self.dimensions = respond, objective, dimensions
@@ -58,15 +62,15 @@ class Log:
         return self._keep(points, self.respond(points))
 
     def of_one(self, x: np.ndarray) -> float:
-        """Fitness of one point."""
+        """Fitness of one point (d,) in [-1, 1]."""
         return float(self(np.asarray(x)[None])[0])
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
-        """Deviations of one point's responses from the targets."""
+        """Deviations (k,) of one point's responses from the targets, in widths of their ranges; x (d,) in [-1, 1]."""
         return self._residuals(np.asarray(x)[None])[0]
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
-        """Derivatives of the deviations, by differences into the box; costs d evaluations."""
+        """Derivatives (k, d) of the deviations, by differences into the box; d evaluations, x is counted already."""
         steps = STEP * np.where(np.asarray(x) > 0, -1.0, 1.0)
         moved = self._residuals(np.asarray(x) + np.diag(steps))
         return ((moved - self._residuals_at(x)) / steps[:, None]).T
@@ -96,7 +100,7 @@ class Log:
 
 
 def miga(log: Log, seed: int, **settings: Any) -> None:
-    """The multi-island genetic algorithm."""
+    """The multi-island genetic algorithm; `settings` are those of `repose.search.miga.OPERATORS`."""
     search = MIGA(log.dimensions, **settings, seed=seed)
     while True:
         search.tell(log(search.ask()))
@@ -150,7 +154,7 @@ def least_squares(log: Log, seed: int) -> None:
 
 
 def uniform(log: Log, seed: int) -> None:
-    """Uniform points."""
+    """Uniform random points."""
     random = np.random.default_rng(seed)
     while True:
         log(random.uniform(-1, 1, (2000, log.dimensions)))
@@ -166,7 +170,10 @@ SEARCHES: dict[str, Search] = {
 
 
 def searches(section: Mapping[str, Any]) -> dict[str, tuple[Search, int | None]]:
-    """All searches."""
+    """All searches by name, each with its own number of evaluations; None means the common number.
+
+    `section` is `miga` of the configuration.
+    """
     own = {key: section[key] for key in OPERATORS}
     alone = own | {"islands": 1, "population": section["islands"] * section["population"]}
     whole = section["rounds"] * section["generations"] * alone["population"]
@@ -181,7 +188,7 @@ def searches(section: Mapping[str, Any]) -> dict[str, tuple[Search, int | None]]
 def logged(
     search: Search, respond: Respond, objective: Objective, evaluations: int, dimensions: int, seed: int
 ) -> tuple[Log, float]:
-    """One search with all its evaluations used."""
+    """One search with all its evaluations used, and its time [s]; arguments as for `Log`."""
     log, began = Log(respond, objective, evaluations, dimensions), time.perf_counter()
     with suppress(Spent):
         search(log, seed)

@@ -3,7 +3,7 @@
 For equal numbers of samples, each method of `proposals` proposes one set of parameters for the targets.
 
 The truth is an emulator: a Gaussian process (Matern 5/2, a length for each parameter) fitted to all samples that are
-given. The error of a proposal is that of the truth's responses there, free of noise. Data come in two kinds:
+given. The error of a proposal is that of the truth's noise-free responses there. Data come in two kinds:
 
 real
     random subsets of the samples themselves; the truth has seen them too, so errors come out too small where the subset
@@ -37,8 +37,8 @@ from repose.studies.comparison.proposals import proposed
 class Samples(NamedTuple):
     """Samples of one or several studies."""
 
-    points: Points
-    covariance: np.ndarray
+    points: Points  # X (n, d): places in the ranges
+    covariance: np.ndarray  # (k, k), of a single run about its sample's mean
 
     @property
     def errors(self) -> np.ndarray:
@@ -52,7 +52,10 @@ class Samples(NamedTuple):
 
 
 def samples_of(points: Points) -> Samples:
-    """Points with the covariance of a single run."""
+    """Points with the covariance of a single run; X (n, d) are places in the ranges.
+
+    ValueError if too few points have two runs.
+    """
     good = points.good()
     values, number = points.values[good], np.nonzero(good)[0]
     within = [variance.variance_components(column, number).within for column in values.T]
@@ -67,7 +70,10 @@ def samples_of(points: Points) -> Samples:
 def read_samples(
     datasets: Sequence[str | Path], runs: Sequence[str | Path], space: ParameterSpace, names: Sequence[str]
 ) -> Samples:
-    """Samples of files that the verb dataset wrote, in pairs."""
+    """Samples of files that the verb dataset wrote, in pairs.
+
+    InputError if a file is bad, the numbers of files differ, or too few samples have two runs.
+    """
     if len(datasets) != len(runs):
         raise InputError("command line", "runs", len(runs), f"as many files as datasets, {len(datasets)}")
     points = joined([read(*pair, names) for pair in zip(datasets, runs, strict=True)])
@@ -85,12 +91,15 @@ def matern(inputs: int) -> Any:
 
 
 def truth_of(samples: Samples, seed: int) -> Emulator:
-    """The emulator of all samples that proposals are judged by."""
+    """The emulator of all samples, the judge of proposals; `seed` is for the points of the kernel fit and the folds."""
     return with_process(samples.points, samples.errors, samples.covariance, matern, seed)
 
 
 def emulated(samples: Samples, truth: Emulator, count: int, random: np.random.Generator) -> Points:
-    """A new Latin hypercube of `count` samples whose runs scatter about the truth as real ones do."""
+    """A new Latin hypercube of `count` samples whose runs scatter about the truth as real ones do.
+
+    Each has as many runs as `samples` have on average.
+    """
     dimensions = samples.points.X.shape[1]
     unit = stats.qmc.LatinHypercube(dimensions, rng=random).random(count)
     return truth.pour(unit, samples.seeds, random)
@@ -99,7 +108,11 @@ def emulated(samples: Samples, truth: Emulator, count: int, random: np.random.Ge
 def compared(
     samples: Samples, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """All methods on real and emulated data."""
+    """All methods on real and emulated data: means with standard errors over the repetitions, and every proposal.
+
+    `settings` holds ``samples`` (a list of numbers), ``repetitions``, ``local_starts``, ``seed``, and the sections
+    ``network`` and ``miga``. Numbers of samples above the available number have emulated data alone.
+    """
     truth = truth_of(samples, settings["seed"])
     available, rows = len(samples.points.X), []
     for count in settings["samples"]:
@@ -133,7 +146,7 @@ def run(
 
 
 def _rows(about, data, truth, space, targets, settings, random):
-    """Rows of whole_proposals.csv of one set of data, one for each method."""
+    """Rows of whole_proposals.csv of one set of data, a row for each method."""
     found = proposed(data, space, targets, settings, random)
     objective = Objective.of(targets)
     for name, (place, evaluations) in found.items():
@@ -172,7 +185,7 @@ def _table(proposals, truth, targets, available):
 
 
 def message(table: pd.DataFrame, targets: Targets) -> str:
-    """The largest number of samples in words, one line for each method."""
+    """Results for the largest number of samples in words, a line for each method of whole.csv."""
     lines = []
     for kind, group in table.groupby("data", sort=False):
         last = group[group["samples"] == group["samples"].max()]

@@ -1,4 +1,4 @@
-"""Runs of the user's simulator: which ones to make first, and the table that comes back, checked."""
+"""Runs of the user's simulator: the first runs to make, and the check of the returned table."""
 
 import math
 import os
@@ -20,13 +20,17 @@ ROUNDED = 1e-6  # of a range: a table may have been rounded by a spreadsheet
 
 
 def first_runs(study: OwnStudy) -> pd.DataFrame:
-    """The runs to begin with: a Latin hypercube over the ranges, each sample several times."""
+    """The first runs, as `runs_of_points`: a Latin hypercube over the ranges, each sample several times."""
     section = study.sequential
     return runs_of_points(start(study.space, section, study.seed), study.space, section["seeds"], 1)
 
 
 def runs_of_points(unit: np.ndarray, space: ParameterSpace, seeds: int, first: int) -> pd.DataFrame:
-    """A row for each run."""
+    """A row for each run: ``sample`` from `first`, ``run`` from 1, and the parameters.
+
+    `unit` (n, d) are samples in the unit cube. The `seeds` runs of a sample differ in the random numbers of the
+    simulator alone.
+    """
     values = space.values(unit).repeat(seeds, axis=0)
     table = pd.DataFrame(values, columns=list(space.names))
     table.insert(0, "sample", np.arange(first, first + len(unit)).repeat(seeds))
@@ -35,7 +39,7 @@ def runs_of_points(unit: np.ndarray, space: ParameterSpace, seeds: int, first: i
 
 
 def read_runs(path: str | os.PathLike, study: OwnStudy) -> pd.DataFrame:
-    """Read and check a table of runs."""
+    """Read a CSV file of runs and check it by `checked_runs`."""
     return checked_runs(study, read_rows(path, what="a CSV file of runs"), path)
 
 
@@ -45,7 +49,13 @@ def checked_runs(
     source: object = "runs",
     enough: bool = True,
 ) -> pd.DataFrame:
-    """A table of runs, checked."""
+    """Check a table of runs; return ``sample``, ``status``, parameters and responses.
+
+    Columns of fixed parameters, ``sample``, ``run`` and ``status`` are optional. Rows with the same parameters are
+    replicates. A run with another status than ``ok`` failed; its responses are not read. Samples are numbered in the
+    order of their first run, unless the table numbers them. `enough` also refuses too few good samples. InputError
+    names `source` and the row.
+    """
     if isinstance(rows, pd.DataFrame):
         rows = rows.to_dict("records")
     if not rows:
@@ -64,7 +74,11 @@ def checked_runs(
 
 
 def tell(study: OwnStudy, new: str | os.PathLike, record: str | os.PathLike) -> pd.DataFrame:
-    """Add runs to a record, which is made where there is none."""
+    """Add runs to a record and return all of its runs, which may be too few for a calibration.
+
+    Both are CSV files; a missing record is made. The record is written as a whole, after all of it was checked; on an
+    InputError it stays as it was.
+    """
     rows = _with_fixed(read_rows(new, what="a CSV file of runs"), study.space)
     checked_runs(study, rows, new, enough=False)
     before = read_rows(record, what="a CSV file of runs") if Path(record).exists() else []
@@ -99,7 +113,7 @@ def _number(cell, source, name, more=""):
 
 
 def _inside(value, name, space, source):
-    """A parameter within its range, or InputError; what a spreadsheet has rounded is put back."""
+    """A parameter within its range, or InputError; the rounding of a spreadsheet is undone."""
     if name in space.fixed:
         low = high = space.fixed[name]
     else:
@@ -141,13 +155,13 @@ def _require_enough(table, study, source):
 
 
 def _with_fixed(rows, space):
-    """The rows; a fixed parameter that has no column gets one."""
+    """The rows with columns for all fixed parameters."""
     missing = {name: value for name, value in space.fixed.items() if rows and name not in rows[0]}
     return [missing | dict(row) for row in rows]
 
 
 def _refuse_twice(table, rows, source):
-    """Refuse a run that is there twice, and a row whose numbers are all those of another one."""
+    """Refuse a duplicate run, and a row with all numbers equal to those of an earlier row."""
     if "run" in rows[0]:
         named = pd.Series(list(zip(table["sample"], (str(row["run"]).strip() for row in rows), strict=True)))
         if named.duplicated().any():
