@@ -1,11 +1,11 @@
 """Which particle, tension, filling and definition of the angle: combinations at the published solutions.
 
-A publication gives parameter sets with the piles that they made in its simulator. It may leave open the details
-of its particle, its contact law's tension, its funnel and its angle. Here each particle (`shape_study.particles`,
-changes of the section `berry`) is poured with each tension in several ways (`shape_study.fillings`, changes of `funnel`) with
-each published set, and every pile is measured by all definitions. A measuring cylinder is filled with each particle,
-too. `repose.studies.shape_rule` says how a few finalists are selected; these are poured again with fresh seeds, and one
-of them is chosen.
+A publication gives parameter sets with the piles that they made in its simulator. It may leave open the details of its
+particle, its contact law's tension, its funnel and its angle. Here each particle (`shape_study.particles`, changes of
+the section `berry`) is poured with each tension in several ways (`shape_study.fillings`, changes of `funnel`) with each
+published set, and every pile is measured by all definitions. A measuring cylinder is filled with each particle, too.
+`repose.studies.shape_rule` says how a few finalists are selected; these are poured again with fresh seeds, and one of
+them is chosen.
 """
 
 from collections.abc import Iterable, Mapping
