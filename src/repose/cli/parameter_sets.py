@@ -1,4 +1,4 @@
-"""Options that tell a simulation its contact parameters and seeds, and what they mean."""
+"""Options for the contact parameters and seeds of a simulation, and their values."""
 
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
@@ -43,7 +43,10 @@ STUDY_SEEDS = (
 def parameters(
     entries: Sequence[str], samples: str | None, sample: int | None, section: Mapping[str, Any]
 ) -> dict[str, float]:
-    """The six parameters by name: from --set, or from a row of --samples."""
+    """The six parameters by name: from --set, or from the row of --samples whose column sample is --sample.
+
+    `section` is `parameters` of the configuration; a parameter that is not set has the centre of its range.
+    """
     given = pairs(entries, "--set")
     if samples:
         if given or sample is None:
@@ -60,7 +63,7 @@ def parameters(
 
 
 def run_seeds(given: list[int] | None) -> list[int]:
-    """Seeds from --seed."""
+    """Seeds from --seed, without it seed 1; InputError unless they are distinct whole numbers from 0."""
     given = given or [1]
     if min(given) < 0 or len(set(given)) < len(given):
         raise InputError("command line", "--seed", given, "distinct whole numbers from 0")
@@ -68,7 +71,10 @@ def run_seeds(given: list[int] | None) -> list[int]:
 
 
 def pour_seeds(args: Namespace, study_seed: int, apparatus: str = streams.UNNAMED) -> list[int]:
-    """Seeds from --seed, or the study's own from --seeds."""
+    """Seeds from --seed, or the study's own from --seeds, for the purpose and sample of `args`.
+
+    `study_seed` is `design.seed` of the configuration.
+    """
     if args.seeds is None:
         return run_seeds(args.seed)
     if args.seed or args.seeds < 1:

@@ -1,4 +1,4 @@
-"""What a verb of the command line is: a function with a summary, an example and options."""
+"""A verb of the command line: a function with a summary, an example and options."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -10,7 +10,7 @@ PROGRAM = "python -m repose"
 
 
 class Option:
-    """One option or positional argument, in the words of `argparse.ArgumentParser.add_argument`."""
+    """One option or positional argument, with the arguments of `argparse.ArgumentParser.add_argument`."""
 
     def __init__(self, *names: str, **keywords: Any) -> None:
         self.names, self.keywords = names, keywords
@@ -28,18 +28,18 @@ CONFIG = Option(
 class Verb(NamedTuple):
     """A step that runs by name."""
 
-    run: Callable
-    summary: str
-    example: str
-    options: tuple
-    passes_on: bool = False
+    run: Callable  # takes the parsed options, does the step, and may return an exit status
+    summary: str  # as in `Family.verb`
+    example: str  # as in `Family.verb`
+    options: tuple  # of `Option`
+    passes_on: bool = False  # unknown words go into the list `args.rest`
 
     @property
     def name(self) -> str:
         return self.run.__name__
 
     def add_to(self, subparsers: Any) -> None:
-        """Add the verb's own parser to those of the program; what it parses has the verb's name as `verb`."""
+        """Add the verb's own parser to those of `add_subparsers`; its result has the verb's name as `verb`."""
         parser = subparsers.add_parser(
             self.name,
             description=f"{self.summary[0].upper()}{self.summary[1:]}.",
@@ -51,7 +51,7 @@ class Verb(NamedTuple):
 
 
 class Family:
-    """The verbs of one module, in the order in which they stand there."""
+    """The verbs of one module, in the order of the module."""
 
     def __init__(self) -> None:
         self.verbs: list[Verb] = []
@@ -66,7 +66,12 @@ class Family:
         options: Sequence[Option] = (),
         passes_on: bool = False,
     ) -> Callable[[Callable], Callable]:
-        """Decorator that makes a function the verb of the same name."""
+        """Decorator that makes a function the verb of the same name.
+
+        `summary` is one line of the help, without capital and full stop; `example` are the words after the name in a
+        call that parses. `out` is the default of --out, None for no --out. With `config` the verb takes --config; with
+        `passes_on` it passes unknown words on to another program.
+        """
         shared = [CONFIG] if config else []
         if out:
             kind = "file" if Path(out).suffix else "folder"
