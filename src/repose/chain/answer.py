@@ -1,4 +1,4 @@
-"""What a calibration came to: the parameters, and whether their simulated responses meet the targets."""
+"""The result of a calibration: the parameters, and whether their simulated responses meet the targets."""
 
 import os
 from collections.abc import Iterable, Mapping
@@ -14,23 +14,13 @@ from repose.core.targets import Targets
 
 
 class Files(NamedTuple):
-    """Where a strategy leaves its answer, in the folder of results.
+    """Where a strategy writes its answer, in the folder of results."""
 
-    Attributes
-    ----------
-    rule : str
-        The last rule that writes them.
-    summary, check, solutions : str
-        Answer, its simulation beside the targets, all parameter sets that were found.
-    advice : str
-        What helps where the prediction meets the targets and the simulation does not.
-    """
-
-    rule: str
-    summary: str
-    check: str
-    solutions: str
-    advice: str
+    rule: str  # the last rule that writes them
+    summary: str  # the answer
+    check: str  # its simulation beside the targets
+    solutions: str  # all parameter sets found
+    advice: str  # what helps if only the prediction meets the targets
 
 
 def _of_strategy(rule, folder, advice):
@@ -52,7 +42,7 @@ FILES = {
 }
 CARD = "card.json"
 WITHIN = {percent: f"within_{percent:g}_percent" for percent in PERCENT}
-# A table of before these probabilities lacks their columns, and an answer out of it would say that nothing is known.
+# A table of an older version lacks the columns of these probabilities; an answer from it would report nothing.
 COLUMNS = ("response", "simulated", "simulated_se", "n_seeds", "status", *WITHIN.values())
 REPORT = "report.html"
 # Exit status of a run that ended without a feasible solution.
@@ -61,32 +51,17 @@ NOT_FEASIBLE = 3
 
 @dataclass(frozen=True)
 class Check:
-    """One response of the representative solution, simulated with fresh seeds.
-
-    Attributes
-    ----------
-    response, unit : str
-        Its column, and the unit.
-    simulated, standard_error : float or None
-        Mean of the runs; None where they failed or one run has no error.
-    runs : int
-    status : str
-        How the runs ended; ``ok`` where they can be measured.
-    measured, sd : float
-        Mean and standard deviation of the physical repetitions.
-    low, high : float
-        The target range.
-    """
+    """One response of the representative solution, simulated with fresh seeds."""
 
     response: str
     unit: str
-    simulated: float | None
-    standard_error: float | None
+    simulated: float | None  # mean of the runs; None if they failed
+    standard_error: float | None  # None if they failed, or after a single run
     runs: int
-    status: str
-    measured: float
-    sd: float
-    low: float
+    status: str  # "ok" if the runs can be measured
+    measured: float  # mean of the physical repetitions
+    sd: float  # standard deviation of the physical repetitions
+    low: float  # of the target range
     high: float
 
     @property
@@ -103,7 +78,7 @@ class Check:
 
     @property
     def distance(self) -> str:
-        """How far the simulated mean lies from the measured one, in percent and in standard deviations."""
+        """Difference of the simulated from the measured mean, in percent and in standard deviations."""
         if self.simulated is None:
             return f"{self.response} unknown"
         off, percent = self.simulated - self.measured, 100 / abs(self.measured)
@@ -113,7 +88,7 @@ class Check:
 
     @property
     def miss(self) -> str:
-        """By how much the simulation misses the range, in words."""
+        """By how much the simulation misses the range, as text."""
         if self.margin is None:
             return f"{self.response}, which has no number"
         return f"{self.response} by {-self.margin:.2g} {self.unit}"
@@ -133,35 +108,18 @@ class Check:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a calibration came to.
+    """The result of a calibration.
 
-    Attributes
-    ----------
-    label : str
-        Of the study.
-    parameters : mapping of str to float
-        The representative solution.
-    feasible : bool
-        Whether the search found a set whose prediction meets the targets.
-    message : str
-        What the search says.
-    checks : tuple of Check
-        A check for each target.
-    folder : Path
-        Of the results.
-    within : mapping
-        Probability, by the runs of the check alone, that the means of all responses lie within so many percent of
-        their aims; None where it is not known.
-    files : Files
-        Its files there.
+    `within` has the probability, by percent of the aims, that all means lie so near to them; it comes from the runs of
+    the check alone, and None means unknown.
     """
 
-    label: str
-    parameters: Mapping[str, float]
-    feasible: bool
-    message: str
-    checks: tuple[Check, ...]
-    folder: Path
+    label: str  # of the study
+    parameters: Mapping[str, float]  # the representative solution
+    feasible: bool  # whether the search found a set whose prediction meets the targets
+    message: str  # of the search
+    checks: tuple[Check, ...]  # one for each target
+    folder: Path  # of the results
     within: Mapping[float, float | None]
     files: Files = FILES["published"]
 
@@ -172,7 +130,7 @@ class Answer:
 
     @property
     def verdict(self) -> str:
-        """Whether the simulation meets the targets; where it does not, by how much, and what helps."""
+        """Whether the simulation meets the targets; if not, by how much, and advice."""
         if self.met:
             return "Targets met by the simulation."
         if not self.feasible:
@@ -203,23 +161,9 @@ class Answer:
 
 
 def read(config: Mapping[str, Any], strategy: str = "published") -> Answer:
-    """The answer of a finished study.
+    """The answer of a finished study, from its folder of results.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    strategy : str, optional
-        Whose answer.
-
-    Returns
-    -------
-    Answer
-
-    Raises
-    ------
-    InputError
-        If the calibration has not been run, or a file of it is bad.
+    An InputError is raised before the calibration has been run.
     """
     folder, files = Path(config["results_dir"]), FILES[strategy]
     return read_files(config, folder / files.summary, folder / files.check, strategy)
@@ -231,26 +175,7 @@ def read_files(
     check_csv: str | os.PathLike,
     strategy: str = "published",
 ) -> Answer:
-    """The answer in the files that search and check wrote.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    summary_json, check_csv : path
-        What the verbs miga and validate wrote, or the check of another strategy.
-    strategy : str, optional
-        That wrote them.
-
-    Returns
-    -------
-    Answer
-
-    Raises
-    ------
-    InputError
-        If a file is missing or bad.
-    """
+    """The answer in the files of the verbs miga and validate, or of the check of another strategy."""
     keys = {"representative": dict, "feasible": bool, "message": str}
     summary = read_json(summary_json, keys, "an answer that a calibration wrote; run it first")
     rows = {row["response"]: row for row in read_rows(check_csv, COLUMNS, "what validate wrote")}
@@ -278,45 +203,17 @@ def read_files(
 
 
 def parameters_in_words(parameters: Mapping[str, float]) -> list[str]:
-    """A line for each parameter: its name, value and meaning.
-
-    Parameters
-    ----------
-    parameters : mapping of str to float
-
-    Returns
-    -------
-    list of str
-    """
+    """A line for each parameter: name, value and meaning."""
     return [f"  {name:7} {value:.4g}  {LABELS[name]}" for name, value in parameters.items()]
 
 
 def nearness(checks: Iterable[Check]) -> str:
-    """How near the simulated means are to the measured ones, in one sentence.
-
-    Parameters
-    ----------
-    checks : iterable of Check
-
-    Returns
-    -------
-    str
-    """
+    """How near the simulated means are to the measured ones, in one sentence."""
     return f"Simulated less measured: {', '.join(check.distance for check in checks)}."
 
 
 def probability_in_words(within: Mapping[float, float | None]) -> str:
-    """How probable it is that the answer meets all targets closely.
-
-    Parameters
-    ----------
-    within : mapping
-        As in `Answer`.
-
-    Returns
-    -------
-    str
-    """
+    """Probability that all means are near their targets, as text; `within` as in `Answer`."""
     if None in within.values():
         return "how near the means are to their targets is not known"
     told = ", ".join(f"within {percent:g} %: {value:.2f}" for percent, value in within.items())
@@ -324,7 +221,7 @@ def probability_in_words(within: Mapping[float, float | None]) -> str:
 
 
 def _check(target, row, source):
-    """A row of representative.csv beside its target."""
+    """A row of representative.csv with its target."""
     simulated, error, runs = (_number(row, key, source) for key in ("simulated", "simulated_se", "n_seeds"))
     return Check(
         *(target.name, target.response.unit, simulated, error, int(runs or 0), row["status"]),
@@ -333,7 +230,7 @@ def _check(target, row, source):
 
 
 def _number(row, key, source):
-    """A number of a table; None where there is none."""
+    """A number of a table; None if the cell is empty."""
     try:
         return float(row[key]) if row.get(key) else None
     except ValueError:

@@ -1,6 +1,6 @@
 """The material card: the answer of a calibration as one file, for people and for other programs.
 
-`card.schema.json` beside this file says what a card holds.
+`card.schema.json` beside this file defines the content of a card.
 """
 
 import json
@@ -29,7 +29,7 @@ SCHEMA_PATH = Path(__file__).with_name("card.schema.json")
 POSTERIOR, RANGE = "central 95 % of the posterior", "range of the parameter sets found"
 WHAT = "a material card"
 OK = "ok"
-FEWEST_RUNS = 2  # good ones of each bench test, to tell how probable it is that the targets are met
+FEWEST_RUNS = 2  # successful runs of each bench test, for the probability that the targets are met
 GRAIN = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "poisson_ratio")
 WALL = ("shear_modulus_pa", "poisson_ratio")
 TENSION = {
@@ -49,23 +49,9 @@ def make(
 ) -> dict[str, Any]:
     """The card of a finished calibration.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    answer : Answer
-    berry : mapping
-        What the verb ``berry`` writes.
-    particle : Particle
-    feasible : pandas.DataFrame
-        Parameter sets that the search found.
-    posterior : tuple of pandas.DataFrame, optional
-        Intervals (``parameter``, ``credible_low``, ``credible_high``) and draws. Without it the intervals are the
-        ranges of the sets found, and the correlations are theirs.
-
-    Returns
-    -------
-    dict
+    `berry` is the content of the file of the verb ``berry``, `feasible` the parameter sets found by the search.
+    `posterior` holds intervals (`parameter`, `credible_low`, `credible_high`) and draws; without it intervals and
+    correlations are those of the sets found.
     """
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     about = {
@@ -86,23 +72,10 @@ def assembled(
     feasible: "pd.DataFrame",
     posterior: "tuple[pd.DataFrame, pd.DataFrame] | None" = None,
 ) -> dict[str, Any]:
-    """A card of its parts.
+    """A card from its parts.
 
-    Parameters
-    ----------
-    about : mapping
-        What was simulated: grain, wall and laws, or the name of another simulator.
-    tests : mapping
-        For each response its ``definition`` and its ``bench``, as `repose.config.definitions.described`.
-    answer : Answer
-    space : ParameterSpace
-    targets : Targets
-    feasible, posterior
-        As `make` takes them.
-
-    Returns
-    -------
-    dict
+    `about` holds the simulated grain, wall and laws, or the name of another simulator; `tests` the `definition` and the
+    `bench` of each response (`repose.config.definitions.described`). `feasible` and `posterior` as in `make`.
     """
     draws = feasible if posterior is None else posterior[1]
     ends = _ends(space, feasible, posterior)
@@ -138,17 +111,7 @@ def assembled(
 
 
 def laws(config: Mapping[str, Any]) -> dict[str, str]:
-    """The contact laws in words.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    dict of str
-    """
+    """The contact laws of a configuration as text, by direction."""
     from repose.dem.laws import CONTACT_LAWS, COULOMB, ROLLING_LAWS
 
     settings = SimulationSettings.of(config)
@@ -159,7 +122,7 @@ def laws(config: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _ends(space, feasible, posterior):
-    """Interval of each parameter; of a fixed one none."""
+    """Interval of each parameter; (None, None) for a fixed parameter."""
     ends: dict[str, tuple[float | None, float | None]] = dict.fromkeys(space.names, (None, None))
     table = None if posterior is None else posterior[0].set_index("parameter")
     for name in space.free:
@@ -171,14 +134,14 @@ def _ends(space, feasible, posterior):
 
 
 def _given(name, space):
-    """How a parameter came to its value."""
+    """Origin of a parameter's value."""
     if name not in space.free:
         return "fixed"
     return "calibrated from a prior" if name in space.prior else "calibrated"
 
 
 def _grain(config, berry, particle):
-    """The grain as it is simulated."""
+    """The grain as simulated."""
     alike = config["berry"]["size_distribution"] == "none"
     return {
         "mean_axes_mm": [berry[key] for key in ("long_mm", "major_mm", "minor_mm")],
@@ -194,7 +157,7 @@ def _grain(config, berry, particle):
 
 
 def _rounded(value):
-    """Six digits: more are not measured."""
+    """Six digits; more are not measured."""
     return float(f"{value:.6g}")
 
 
@@ -205,7 +168,7 @@ def _paired(checks, targets):
 
 
 def _test(check: Check, target, about):
-    """One test that the parameters stand on."""
+    """The entry of one test of the calibration."""
     return {
         "response": check.response,
         "apparatus": target.response.apparatus,
@@ -224,7 +187,7 @@ def _test(check: Check, target, about):
 
 
 def _made_by():
-    """What made the card."""
+    """Version, configuration, engine and seed that made the card."""
     record = provenance.current() or provenance.machine()
     return {
         "version": record["repose"],
@@ -241,25 +204,9 @@ def run(
     files: Mapping[str, str | PathLike | None],
     out: str | PathLike,
 ) -> dict[str, Any]:
-    """Write the card of a finished calibration (`make`).
+    """Write the card of a finished calibration (`make`) and return it.
 
-    Parameters
-    ----------
-    config : mapping
-    answer : Answer
-    files : mapping
-        Paths ``berry``, ``particle``, ``feasible``; ``posterior`` and ``draws`` or None for both.
-    out : path
-
-    Returns
-    -------
-    dict
-        The card.
-
-    Raises
-    ------
-    InputError
-        For a file that is missing or bad.
+    `files` has the paths `berry`, `particle`, `feasible`, and `posterior` and `draws`, or None for both.
     """
     from repose.particle.berry_files import SIZE_COLUMNS, read_berry
     from repose.particle.particle import Particle
@@ -283,7 +230,7 @@ def run(
 
 
 def _path(files, name):
-    """A file that is needed."""
+    """A path that must be given."""
     path = files.get(name)
     if path is None:
         raise InputError("command line", f"--{name}", None, "the path of a file")
@@ -299,18 +246,9 @@ def _validator():
 
 
 def check(card: Mapping[str, Any], source: object) -> None:
-    """Refuse what is no card, and one that does not tell what its runs tell.
+    """Raise InputError, for all faults at once, if the content is no card, or lacks a probability that its runs give.
 
-    Parameters
-    ----------
-    card : mapping
-    source : object
-        Name of the file, for the message.
-
-    Raises
-    ------
-    InputError
-        For all faults at once.
+    `source` names the file in the message.
     """
     faults = sorted(_validator().iter_errors(card), key=lambda error: list(map(str, error.absolute_path)))
     raise_together(
@@ -330,21 +268,7 @@ def check(card: Mapping[str, Any], source: object) -> None:
 
 
 def read(path: str | PathLike) -> dict[str, Any]:
-    """A card.
-
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read or is no card.
-    """
+    """Read a card; raise InputError if the file cannot be read or is no card."""
     card = read_json(path, (), WHAT)
     check(card, path)
     return card

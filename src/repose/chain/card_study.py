@@ -1,4 +1,4 @@
-"""The study that a material card belongs to: its configuration tells what the card does not hold, and no other one."""
+"""The study of a material card: its configuration holds what the card does not."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -14,21 +14,7 @@ AGREEMENT = 1e-6  # relative
 
 
 def read(card_json: str | PathLike) -> dict[str, Any]:
-    """The card of a study that was poured here.
-
-    Parameters
-    ----------
-    card_json : path
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    InputError
-        If the file is no card, or that of another simulator.
-    """
+    """The card of a study that was simulated by this program; the card of another simulator raises InputError."""
     found = cards.read(card_json)
     if "simulator" in found:
         allowed = "none: the card of a study that was poured here"
@@ -37,21 +23,7 @@ def read(card_json: str | PathLike) -> dict[str, Any]:
 
 
 def configuration_beside(card_json: str | PathLike) -> Path:
-    """The configuration that a run has left beside its card.
-
-    Parameters
-    ----------
-    card_json : path
-
-    Returns
-    -------
-    Path
-
-    Raises
-    ------
-    InputError
-        If there is none.
-    """
+    """The configuration that a run wrote beside its card; InputError if there is none."""
     path = Path(card_json).with_name(CONFIG)
     if not path.is_file():
         allowed = f"the configuration of the study of {card_json}, as no {CONFIG} lies beside it"
@@ -66,25 +38,9 @@ def require_one_study(
     source: str | PathLike,
     berry: Mapping[str, Any],
 ) -> None:
-    """Refuse a card and a configuration of two studies.
+    """Raise InputError if card and configuration differ in label, grain, wall, contact laws or a bench test.
 
-    Parameters
-    ----------
-    card : mapping
-        That `read` gave.
-    card_json : path
-        Its file, for the message.
-    config : mapping
-        The whole configuration.
-    source : path
-        Its file.
-    berry : mapping
-        What the verb ``berry`` makes of the configuration.
-
-    Raises
-    ------
-    InputError
-        If they differ in label, grain, wall, contact laws or a bench test.
+    `berry` is the content of the file of the verb ``berry``.
     """
     unlike = list(_differences(card, config, berry))
     if unlike:
@@ -95,7 +51,7 @@ def require_one_study(
 
 
 def _differences(card, config, berry) -> Iterator[tuple[str, Any, Any]]:
-    """What the two tell unlike: key, the card's value, the configuration's."""
+    """The differences of the two: key, the card's value, the configuration's."""
     axes = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
     theirs = {"material": config["label"], "grain.mean_axes_mm": axes}
     theirs |= {f"grain.{key}": berry[key] for key in cards.GRAIN}
@@ -115,7 +71,7 @@ def _differences(card, config, berry) -> Iterator[tuple[str, Any, Any]]:
 
 
 def _same(one, other):
-    """Whether two values are the same; numbers to what a file holds of them."""
+    """Whether two values are the same; numbers to the precision of a file."""
     if isinstance(one, list) and isinstance(other, list):
         return len(one) == len(other) and all(map(_same, one, other))
     if isinstance(one, int | float) and isinstance(other, int | float):

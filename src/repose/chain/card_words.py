@@ -1,4 +1,4 @@
-"""Material cards for people: one of them, or two side by side."""
+"""Material cards as text for people: a single card, or two side by side."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
@@ -10,16 +10,7 @@ MET = {True: "met", False: "NOT met", None: "not simulated again"}
 
 
 def in_words(card: Mapping[str, Any]) -> str:
-    """A card for people.
-
-    Parameters
-    ----------
-    card : mapping
-
-    Returns
-    -------
-    str
-    """
+    """A card as text for people."""
     made = card["made_by"]
     free = list(card["correlations"])
     pairs = [(card["correlations"][a][b], a, b) for k, a in enumerate(free) for b in free[k + 1 :]]
@@ -44,7 +35,7 @@ def in_words(card: Mapping[str, Any]) -> str:
 
 
 def _about(card):
-    """What was simulated: grain, wall and laws, or another simulator."""
+    """The simulated grain, wall and laws, or the other simulator."""
     if "simulator" in card:
         chance = card["probability"]
         yield f"simulator: {card['simulator']}"
@@ -67,16 +58,7 @@ def _about(card):
 
 
 def compared(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
-    """Two cards side by side, and what makes their parameters hard to compare.
-
-    Parameters
-    ----------
-    one, other : mapping
-
-    Returns
-    -------
-    str
-    """
+    """Two cards side by side, with the differences that make their parameters hard to compare."""
     names = [card["material"] for card in (one, other)]
     rows = [["", *names]]
     for name in dict.fromkeys([*one["parameters"], *other["parameters"]]):
@@ -97,7 +79,7 @@ def compared(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
 
 
 def _differences(one, other):
-    """Sentences on what is not the same in two cards besides the grain."""
+    """Sentences on the differences of two cards besides the grain."""
     simulators = [card.get("simulator", "repose") for card in (one, other)]
     if simulators[0] != simulators[1]:
         yield f"Another simulator: {simulators[0]} | {simulators[1]}."
@@ -114,7 +96,7 @@ def _differences(one, other):
 
 
 def _other_tests(one, other):
-    """Sentences on responses that are not defined alike, and on bench tests that are not done alike."""
+    """Sentences on responses with different definitions, and on bench tests with different settings."""
     tests = [{test["response"]: test["definition"] for test in card["tests"]} for card in (one, other)]
     for name in (name for name in tests[0] if name in tests[1]):
         pair = [of[name] for of in tests]
@@ -162,12 +144,12 @@ def _simulated(test):
 
 
 def _check(test):
-    """A test of the card as the check that it was made of."""
+    """A test of the card as a `Check`."""
     return Check(**{field.name: test[field.name] for field in fields(Check)})
 
 
 def _test_in_words(test):
-    """One test, and what its response is."""
+    """A test with the definition of its response."""
     error = "" if test["standard_error"] is None else f" +- {test['standard_error']:.2g}"
     simulated = "no number" if test["simulated"] is None else f"{test['simulated']:.4g}{error} {test['unit']}"
     yield (
@@ -186,7 +168,7 @@ def _settings(section):
 
 
 def _benches(card):
-    """Settings of each bench test that is told, by its name."""
+    """Settings of each bench test with known settings, by its name."""
     return {test["apparatus"]: test["bench"] for test in card["tests"] if test["bench"] is not None}
 
 

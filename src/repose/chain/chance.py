@@ -1,4 +1,4 @@
-"""How probable it is that the pile of a parameter set meets all targets, by its own runs."""
+"""Probability that the pile of a parameter set meets all targets, by its own runs."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 
 from repose.core.targets import Targets
 
-PERCENT = (1.0, 2.0)  # of the aims, told beside every answer
+PERCENT = (1.0, 2.0)  # of the aims, reported with every answer
 DRAWS = 200_000
 SEED = 2026
 
@@ -15,23 +15,12 @@ SEED = 2026
 def chance_of_meeting(
     runs: Mapping[str, Sequence[Mapping[str, Any]]], targets: Targets, percent: float | None = None
 ) -> dict[str, float | None]:
-    """Probability that the simulator's own mean meets the target, for each target and for all together.
+    """Probability that the simulator's own mean meets the target, for each target and for `all` together.
 
-    A few runs tell the mean with an error. Without prior knowledge the mean, given the runs, has a multivariate t
-    distribution about the runs' mean, with n - 1 degrees of freedom. Bench tests are independent of each other.
-
-    Parameters
-    ----------
-    runs : mapping
-        For each bench test the measured runs of the parameter set, with their status and responses.
-    targets : Targets
-    percent : float, optional
-        A target is met within so many percent of its aim; without it, inside its range.
-
-    Returns
-    -------
-    dict
-        By name of the response, and ``all``. None where fewer than two runs gave the response.
+    A few runs give the mean with an error. Without prior knowledge the mean, given the runs, has a multivariate t
+    distribution about the runs' mean, with n - 1 degrees of freedom. Bench tests are independent of each other. `runs`
+    has the measured runs of each bench test. With `percent` a target is met within that many percent of its aim,
+    otherwise inside its range. None where fewer than two runs gave the response.
     """
     random = np.random.default_rng(SEED)
     found: dict[str, float | None] = dict.fromkeys((*targets.names, "all"))
@@ -55,7 +44,7 @@ def chance_of_meeting(
 
 
 def _values(runs, own):
-    """Responses (n, k) of the good runs of one bench test."""
+    """Responses (n, k) of the ok runs of a bench test."""
     rows = [[run[one.name] for one in own] for run in runs if run["status"] == "ok"]
     return np.array(rows, dtype=float).reshape(-1, len(own))
 

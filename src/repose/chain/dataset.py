@@ -1,7 +1,7 @@
 """Jobs of the bench tests to one table: the responses of each sample with their standard errors.
 
 Section 4.1.1 of the paper leaves out samples that formed no stable pile. Here they stay in the table with a status and
-a reason, and whoever reads the table leaves them out.
+a reason, and the readers of the table leave them out.
 
 `assemble` is a function of jobs; `run` reads and writes.
 """
@@ -25,7 +25,7 @@ from repose.core.runs import Recorded, summarise_runs
 from repose.core.seeds import UNNAMED
 from repose.core.targets import Targets
 
-SUMMARY = "_summary.json"  # behind the stem of a dataset
+SUMMARY = "_summary.json"  # follows the stem of a dataset's name
 RUN = ("seed", "status", "reason")
 Job = Mapping[str, Any]
 
@@ -33,24 +33,11 @@ Job = Mapping[str, Any]
 def assemble(
     samples: pd.DataFrame, jobs: Mapping[str, Mapping[int, Job]], targets: Targets
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The dataset and the single runs of a study.
+    """The dataset (a row for each sample) and the single runs (a row for each run) of a study.
 
-    Parameters
-    ----------
-    samples : pandas.DataFrame
-        The design: `sample` and the six parameters.
-    jobs : mapping
-        For each bench test of the targets the job of each sample (`read_jobs`).
-    targets : Targets
-        Their responses are the first columns.
-
-    Returns
-    -------
-    dataset : pandas.DataFrame
-        A row for each sample: parameters, `status`, `reason`, `n_seeds`, then means and standard errors. A sample is
-        ok where it is in every bench test; `n_seeds` is then the smallest number of ok runs.
-    runs : pandas.DataFrame
-        A row for each run. With several bench tests the column `apparatus` tells them apart.
+    `jobs` has the job of each sample by bench test (`read_jobs`). The dataset has the parameters, `status`, `reason`,
+    `n_seeds`, then means and standard errors, those of the targets first. A sample is ok if it is ok in every bench
+    test; `n_seeds` is then the smallest number of ok runs. With several bench tests the runs have a column `apparatus`.
     """
     summaries = [
         _merged({name: summarise(jobs[name][sample]["runs"], name, targets) for name in targets.apparatus})
@@ -68,53 +55,17 @@ def assemble(
 
 
 def recorded(apparatus: str, targets: Targets) -> Recorded:
-    """What the tables keep of the runs of a bench test: the targets that it gives, then what it always records.
-
-    Parameters
-    ----------
-    apparatus : str
-        Name of the bench test.
-    targets : Targets
-
-    Returns
-    -------
-    Recorded
-    """
+    """Responses of a bench test that the tables keep: its targets, then those that it always records."""
     return bench(apparatus).recorded.beginning_with(_own(targets, apparatus))
 
 
 def summarise(runs: Sequence[Mapping[str, Any]], apparatus: str, targets: Targets) -> dict[str, Any]:
-    """The runs of one sample in one bench test as one, its targets first; see `repose.core.runs.summarise_runs`.
-
-    Parameters
-    ----------
-    runs : sequence of mapping
-        One for each run.
-    apparatus : str
-        Name of the bench test.
-    targets : Targets
-
-    Returns
-    -------
-    dict
-    """
+    """Summary of the runs of a sample in one bench test, targets first; see `repose.core.runs.summarise_runs`."""
     return summarise_runs(runs, recorded(apparatus, targets))
 
 
 def counts(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
-    """How many samples and runs ended how, and the same in words.
-
-    Parameters
-    ----------
-    dataset : pandas.DataFrame
-        A row for each sample, with its status.
-    runs : pandas.DataFrame
-        A row for each run, with its status.
-
-    Returns
-    -------
-    dict
-    """
+    """Numbers of samples and of runs by status, and the same as text."""
     by_status = {status: int(n) for status, n in Counter(dataset["status"]).most_common()}
     left_out = dataset[dataset["status"] != "ok"]
     words = ", ".join(f"{n} {status}" for status, n in by_status.items() if status != "ok")
@@ -136,24 +87,7 @@ def counts(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
 
 
 def job_files(words: Iterable[str], samples_csv: str | os.PathLike) -> list[Path]:
-    """Files of jobs by their names, or by folders: a folder stands for the file of every sample in it.
-
-    Parameters
-    ----------
-    words : iterable of str
-        Files and folders.
-    samples_csv : path
-        The design.
-
-    Returns
-    -------
-    list of pathlib.Path
-
-    Raises
-    ------
-    InputError
-        If there is a folder, and the design cannot be read.
-    """
+    """Paths of job files. A folder stands for the files of all samples of the design in it."""
     paths = [Path(word) for word in words]
     samples = read_rows(samples_csv, ("sample",)) if any(path.is_dir() for path in paths) else []
     names = [f"{one['sample'].zfill(3)}.json" for one in samples]
@@ -168,32 +102,10 @@ def run(
     out_dir: str | os.PathLike,
     prefix: str = "",
 ) -> dict[str, Any]:
-    """Write dataset.csv, runs.csv and dataset_summary.json; return the summary.
+    """Write dataset.csv, runs.csv and dataset_summary.json; return the summary (`counts`, with `definitions`).
 
-    Parameters
-    ----------
-    samples_csv : path
-        The design.
-    job_json_paths : iterable of paths
-        A job's JSON file for each sample and bench test, in any order.
-    targets : Targets
-        Of the study.
-    definitions : mapping
-        How the study defines its responses (`repose.core.responses`); the summary keeps them.
-    out_dir : path
-        Folder to write.
-    prefix : str
-        Put before the three names.
-
-    Returns
-    -------
-    dict
-        See `counts`, with `definitions`.
-
-    Raises
-    ------
-    InputError
-        For a file that is missing, corrupt, of another sample or of other parameters.
+    The job files, one for each sample and bench test, may come in any order. A file that is missing, corrupt, of
+    another sample or of other parameters raises InputError. `prefix` stands before the three names.
     """
     samples = read_samples(samples_csv)
     dataset, runs = assemble(samples, read_jobs(job_json_paths, samples, targets), targets)
@@ -206,41 +118,13 @@ def run(
 
 
 def read_definitions(dataset_csv: str | os.PathLike) -> tuple[Definitions, Path]:
-    """How the responses of a dataset are defined, and the summary beside it that says so.
-
-    Parameters
-    ----------
-    dataset_csv : path
-
-    Returns
-    -------
-    definitions : mapping
-        Empty where no summary lies beside the dataset, or where the summary has none.
-    summary : pathlib.Path
-    """
+    """Definitions of the responses of a dataset, and the summary beside it that has them; empty if none."""
     summary, path = read_summary(dataset_csv)
     return summary.get("definitions", {}), path
 
 
 def read_summary(dataset_csv: str | os.PathLike) -> tuple[dict[str, Any], Path]:
-    """The summary beside a dataset.
-
-    Parameters
-    ----------
-    dataset_csv : path
-
-    Returns
-    -------
-    summary : dict
-        Empty where there is none.
-    path : pathlib.Path
-        Its file.
-
-    Raises
-    ------
-    InputError
-        If it is no summary.
-    """
+    """The summary beside a dataset, empty if there is none, and its path."""
     path = Path(dataset_csv)
     path = path.with_name(f"{path.stem}{SUMMARY}")
     return (read_json(path, what="the summary of a dataset") if path.is_file() else {}), path
@@ -249,25 +133,9 @@ def read_summary(dataset_csv: str | os.PathLike) -> tuple[dict[str, Any], Path]:
 def read_jobs(
     paths: Iterable[str | os.PathLike], samples: pd.DataFrame, targets: Targets
 ) -> dict[str, dict[int, Job]]:
-    """Jobs by bench test and sample, checked against the table that they were run from.
+    """Jobs by bench test, then by sample, checked against the table of samples.
 
-    Parameters
-    ----------
-    paths : iterable of path
-        Files of the jobs.
-    samples : pandas.DataFrame
-        The table of parameter sets.
-    targets : Targets
-
-    Returns
-    -------
-    dict
-        By name of the bench test, then by number of the sample.
-
-    Raises
-    ------
-    InputError
-        For a bad file, another sample or other parameters, two files of one sample and bench test, or none.
+    InputError for a bad file, another sample, other parameters, or if a sample and bench test has two files or none.
     """
     expected = samples.set_index("sample")[list(PARAMETERS)]
     jobs: dict[str, dict[int, Job]] = {name: {} for name in targets.apparatus}
@@ -295,24 +163,10 @@ def read_jobs(
 
 
 def read_job(path: str | os.PathLike, targets: Targets) -> tuple[Job, str]:
-    """One job and its bench test.
+    """A job and the name of its bench test.
 
-    Parameters
-    ----------
-    path : path
-    targets : Targets
-
-    Returns
-    -------
-    job : Job
-    apparatus : str
-        Name of the bench test.
-
-    Raises
-    ------
-    InputError
-        If the file is no job of a bench test of the targets, or a run has an unknown status, or is ok without
-        a finite number for a target.
+    InputError if the file is no job of a bench test of the targets, a run has an unknown status, or an ok run has no
+    finite number for a target.
     """
     job = read_json(path, {"sample": int, "parameters": dict, "runs": list}, "a job's JSON file")
     apparatus = job.get("apparatus", UNNAMED)
@@ -336,12 +190,12 @@ def read_job(path: str | os.PathLike, targets: Targets) -> tuple[Job, str]:
 
 
 def _own(targets, apparatus):
-    """Names of the targets that a bench test gives."""
+    """Names of the targets of a bench test."""
     return tuple(one.name for one in targets if one.response.apparatus == apparatus)
 
 
 def _merged(summaries):
-    """One summary of a sample out of those of its bench tests, by name."""
+    """The summary of a sample from those of its bench tests, by name."""
     first, *others = summaries.values()
     if not others:
         return first

@@ -21,8 +21,8 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 
 PHI_POWER = 16
-# The first power shapes the whole design; the higher ones press on its closest pairs alone, which is what
-# the minimum distance is about.
+# The first power shapes the whole design; the higher ones press on its closest pairs alone, which
+# set the minimum distance.
 # Powers 16, 32 and 64, as the number of squarings that lead from distance^2 to distance^power.
 PHI_DOUBLINGS = (3, 4, 5)
 # Positions keep this share of a stratum away from its edges, so that rounding in a file cannot move a point
@@ -32,86 +32,27 @@ ROUNDS_PER_POWER = 100
 
 
 def random_lhs(n: int, d: int, rng: np.random.Generator) -> np.ndarray:
-    """Random Latin hypercube: random pairing, random position in each stratum.
-
-    Parameters
-    ----------
-    n, d : int
-        Numbers of points and of columns.
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    numpy.ndarray, (n, d)
-        In the unit cube.
-    """
+    """Random Latin hypercube (n, d) in the unit cube: random pairing, random position in each stratum."""
     position = rng.uniform(EDGE_MARGIN, 1.0 - EDGE_MARGIN, (n, d))
     stratum = np.stack([rng.permutation(n) for _ in range(d)], axis=1)
     return (stratum + position) / n
 
 
 def minimum_distance(points: np.ndarray) -> float:
-    """Smallest Euclidean distance between two points: the maximin criterion.
-
-    Parameters
-    ----------
-    points : numpy.ndarray, (n, d)
-        At least two.
-
-    Returns
-    -------
-    float
-
-    References
-    ----------
-    Eq. 5 of the paper.
-    """
+    """Smallest Euclidean distance between two points (n, d): the maximin criterion, Eq. 5 of the paper."""
     return float(pdist(points).min())
 
 
 def phi_p(points: np.ndarray, power: float = PHI_POWER) -> float:
-    """Morris and Mitchell's criterion (sum of distance^-power)^(1/power); a small one is good.
+    """Morris and Mitchell's criterion (sum of distance^-power)^(1/power); a small value is good.
 
-    Parameters
-    ----------
-    points : numpy.ndarray, (n, d)
-        No two at the same place.
-    power : float, optional
-
-    Returns
-    -------
-    float
-        Goes to 1 / minimum distance as the power grows.
-
-    References
-    ----------
-    Morris and Mitchell 1995, J. Stat. Plan. Inference 43:381.
+    It goes to 1 / minimum distance as the power grows (Morris and Mitchell 1995, J. Stat. Plan. Inference 43:381).
     """
     return float(np.sum(pdist(points) ** -float(power)) ** (1.0 / power))
 
 
 def lhsdesign(n: int, d: int, iterations: int = 20, rng: np.random.Generator | None = None) -> np.ndarray:
-    """The paper's design: of `iterations` random Latin hypercubes the one with the largest minimum distance.
-
-    Parameters
-    ----------
-    n, d : int
-        At least 2 points and 1 column.
-    iterations : int
-        Number of hypercubes.
-    rng : numpy.random.Generator, optional
-        Where they are drawn from.
-
-    Returns
-    -------
-    numpy.ndarray, (n, d)
-        In the unit cube.
-
-    Raises
-    ------
-    ValueError
-        If n, d or iterations is too small.
-    """
+    """The paper's design (n, d): of `iterations` random Latin hypercubes the one with the largest minimum distance."""
     _check_size(n, d)
     if iterations < 1:
         raise ValueError(f"iterations is {iterations}; at least 1")
@@ -120,30 +61,11 @@ def lhsdesign(n: int, d: int, iterations: int = 20, rng: np.random.Generator | N
 
 
 def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
-    """Latin hypercube with points as far apart as exchanges within its columns can put them.
+    """Latin hypercube (n, d) whose points are as far apart as exchanges within its columns can put them.
 
-    Parameters
-    ----------
-    n, d : int
-        At least 2 points and 1 column.
-    seed : int or list of int
-        The same seed gives the same design.
-
-    Returns
-    -------
-    numpy.ndarray, (n, d)
-        In the unit cube.
-
-    Raises
-    ------
-    ValueError
-        If n or d is too small.
-
-    References
-    ----------
     Enhanced stochastic evolution (Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference 134:268) on phi_p, for powers
-    that grow; the best design by minimum distance is kept. It starts from `lhsdesign` with the same seed, so it
-    is never worse than that.
+    that grow; the best design by minimum distance is kept. It starts from `lhsdesign` with the same seed, so it is
+    never worse than that.
     """
     _check_size(n, d)
     rng = np.random.default_rng(seed)
@@ -158,24 +80,9 @@ def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
 
 
 def sobol(n: int, d: int, seed: int | list[int]) -> np.ndarray:
-    """First points of a scrambled Sobol sequence. A longer sequence of the same seed begins with a shorter one.
+    """First points (n, d) of a scrambled Sobol sequence.
 
-    Parameters
-    ----------
-    n, d : int
-        Numbers of points and of dimensions.
-    seed : int or list of int
-        Picks the scrambling.
-
-    Returns
-    -------
-    numpy.ndarray, (n, d)
-        In the unit cube.
-
-    Raises
-    ------
-    ValueError
-        If n or d is too small.
+    A longer sequence of the same seed begins with a shorter one.
     """
     _check_size(n, d)
     sequence = qmc.Sobol(d, scramble=True, rng=np.random.default_rng(seed))
@@ -183,18 +90,9 @@ def sobol(n: int, d: int, seed: int | list[int]) -> np.ndarray:
 
 
 def compare(designs: Mapping[str, np.ndarray]) -> pd.DataFrame:
-    """How well designs fill the cube.
+    """Quality of designs, by method: `method`, `samples`, `min_distance`, `phi_p`, `centred_discrepancy`.
 
-    Parameters
-    ----------
-    designs : mapping
-        Points (n, d) by the name of their method.
-
-    Returns
-    -------
-    pandas.DataFrame
-        `method`, `samples`, `min_distance`, `phi_p` (power 16), `centred_discrepancy` (Hickernell 1998, squared as
-        scipy gives it).
+    phi_p has the power 16; the discrepancy is that of Hickernell (1998), squared as in scipy.
     """
     rows = [
         {
@@ -210,32 +108,11 @@ def compare(designs: Mapping[str, np.ndarray]) -> pd.DataFrame:
 
 
 def design(space: ParameterSpace, samples: int, method: str, seed: int) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The parameter sets of a study, and how well each method fills the ranges.
+    """The parameter sets of a study (`sample` from 1, and the six parameters), and the table of `compare`.
 
-    Parameters
-    ----------
-    space : ParameterSpace
-        The free parameters fill their ranges evenly, also where there is a prior: the surrogate then holds for every
-        value that the prior allows, and the prior itself is applied in the search and the posterior. A fixed
-        parameter is a column with one value.
-    samples : int
-        Number of parameter sets, at least 2.
-    method : str
-        "lhsdesign" or "optimal".
-    seed : int
-        At least 0.
-
-    Returns
-    -------
-    table : pandas.DataFrame
-        `sample` from 1, and the six parameters.
-    comparison : pandas.DataFrame
-        See `compare`; for the methods random, lhsdesign and optimal in the free parameters.
-
-    Raises
-    ------
-    InputError
-        For a bad number, method or seed, and where the contact law cannot take a value of the space.
+    The free parameters fill their ranges evenly, also with a prior: the surrogate then holds for every value of the
+    prior, which is applied in the search and in the posterior. A fixed parameter is a column with one value. `method`
+    is "lhsdesign" or "optimal". InputError if the contact law cannot take a value of the space.
     """
     if not _is_integer(samples) or samples < 2:
         raise InputError("design", "samples", samples, "an integer of at least 2")
@@ -254,18 +131,7 @@ def design(space: ParameterSpace, samples: int, method: str, seed: int) -> tuple
 
 
 def parameter_sets(points: np.ndarray, space: ParameterSpace) -> pd.DataFrame:
-    """Points of the unit cube as a table.
-
-    Parameters
-    ----------
-    points : numpy.ndarray, (n, d)
-    space : ParameterSpace
-
-    Returns
-    -------
-    pandas.DataFrame
-        `sample` from 1, and the six parameters.
-    """
+    """Points (n, d) of the unit cube as a table: `sample` from 1, and the six parameters."""
     table = pd.DataFrame(space.values(points), columns=list(PARAMETERS))
     table.insert(0, "sample", np.arange(1, len(table) + 1))
     return table
@@ -274,25 +140,7 @@ def parameter_sets(points: np.ndarray, space: ParameterSpace) -> pd.DataFrame:
 def run(
     space: ParameterSpace, samples: int, method: str, seed: int, out_dir: str | os.PathLike
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Write samples.csv and comparison.csv; return both tables.
-
-    Parameters
-    ----------
-    space, samples, method, seed
-        As for `design`.
-    out_dir : path
-        Folder to write.
-
-    Returns
-    -------
-    table, comparison : pandas.DataFrame
-        See `design`.
-
-    Raises
-    ------
-    InputError
-        As in `design`.
-    """
+    """Write samples.csv and comparison.csv; return both tables (`design`)."""
     table, comparison = design(space, samples, method, seed)
     write_table(Path(out_dir) / "samples.csv", table, float_format="%.10g")
     write_table(Path(out_dir) / "comparison.csv", comparison, float_format="%.6g")

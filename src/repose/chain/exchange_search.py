@@ -104,26 +104,10 @@ def evolve(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Enhanced stochastic evolution on `repose.chain.design.phi_p` with p = 2^(doublings + 1).
 
-    Each round goes through the columns, takes the best of a few random exchanges and accepts it against a
-    random share of a threshold.
-
-    Parameters
-    ----------
-    start : numpy.ndarray, (n, d)
-        A Latin hypercube in the unit cube.
-    doublings : int
-        Number of squarings that lead from distance^2 to distance^p.
-    rounds : int
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    closest, widest : numpy.ndarray, (n, d)
-        The design of smallest phi_p, and the one of the largest minimum distance at the end of a round.
-
-    References
-    ----------
-    Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference 134:268.
+    Each round goes through the columns, takes the best of a few random exchanges and accepts it against a random share
+    of a threshold. The results are the design of smallest phi_p, and that of the largest minimum distance at the end of
+    a round; both (n, d), as `start` is a Latin hypercube (n, d) in the unit cube (Jin, Chen and Sudjianto 2005, J.
+    Stat. Plan. Inference 134:268).
     """
     n, d = start.shape
     points = start.copy()

@@ -28,21 +28,7 @@ TINY = 1e-12  # least error of a prediction, so that one can divide by it
 
 
 def expected_loss(surrogate: Surrogate, X: np.ndarray, targets: Targets) -> np.ndarray:
-    """Expectation of Eq. 11, for true means that are normal about their predictions.
-
-    Parameters
-    ----------
-    surrogate : Surrogate
-        With the errors of its predictions.
-    X : numpy.ndarray, (n, d)
-        Parameter sets.
-    targets : Targets
-        Deviations count by their weights.
-
-    Returns
-    -------
-    numpy.ndarray, (n,)
-    """
+    """Expectation (n,) of Eq. 11 at parameter sets X (n, d), for true means that are normal about their predictions."""
     error = np.sqrt(np.diagonal(surrogate.covariance(X), axis1=1, axis2=2))
     off = surrogate.predict(X) - targets.aim
     z = np.abs(off) / np.maximum(error, TINY)
@@ -52,22 +38,10 @@ def expected_loss(surrogate: Surrogate, X: np.ndarray, targets: Targets) -> np.n
 
 
 def least(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> dict[str, Any]:
-    """The parameter set of least expected loss.
+    """The parameter set of least expected loss: six parameters, predicted responses, and the entries of `judged`.
 
-    Parameters
-    ----------
-    surrogate : Surrogate
-        With the errors of its predictions.
-    space : ParameterSpace
-        Fixed parameters keep their values. Of sets that are equally good, those near the means of priors come first.
-    targets : Targets
-
-    Returns
-    -------
-    dict
-        The six parameters, the predicted responses, and what `judged` gives.
+    Of sets that are equally good, those near the means of priors come first.
     """
-
     preference = Preference.of(space)
 
     def loss(unit):
@@ -93,22 +67,10 @@ def least(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> dict
 
 
 def judged(surrogate: Surrogate, parameters: Mapping[str, float], targets: Targets) -> dict[str, Any]:
-    """What the surrogate says of a parameter set.
+    """Errors and probabilities of a parameter set by the surrogate.
 
-    Parameters
-    ----------
-    surrogate : Surrogate
-        With the errors of its predictions.
-    parameters : mapping
-        The six parameters.
-    targets : Targets
-
-    Returns
-    -------
-    dict
-        `predicted_se`, standard errors of the predicted means by the name of the response; `expected_error_percent`,
-        the root of the expected mean square of the relative deviations; `within`, the probability that all means lie
-        within so many percent of the aims.
+    `predicted_se`: standard errors of the predicted means by response; `expected_error_percent`: root of the expected
+    mean square of the relative deviations; `within`: probability that all means lie within some percent of the aims.
     """
     X = np.array([[parameters[name] for name in PARAMETERS]])
     mean, covariance, aim = surrogate.predict(X), surrogate.covariance(X), targets.aim

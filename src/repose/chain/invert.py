@@ -1,4 +1,4 @@
-"""The parameter sets whose predicted responses are the measured ones: section 3.3 of the paper, Table 3.
+"""The parameter sets whose predicted responses match the measured ones: section 3.3 of the paper, Table 3.
 
 `invert` searches with the multi-island genetic algorithm (`repose.search`) on the surrogate; `run` reads and writes.
 """
@@ -30,26 +30,16 @@ INTERVAL = ("low", "high", "dispersion_percent")
 
 @dataclass(frozen=True)
 class Inversion:
-    """What `invert` found.
+    """Result of `invert`.
 
-    Attributes
-    ----------
-    solutions : pandas.DataFrame
-        The representative, then the others, of least objective first: parameters, predicted responses, objective
-        (Eq. 11), violation, whether feasible, and which one is the representative. With a support the column
-        `warning`; with priors the column `prior_distance_sd`.
-    intervals : pandas.DataFrame
-        Table 3: interval and dispersion of each parameter, beside the published ones where there are any.
-    history : pandas.DataFrame
-        A row for each round of the search.
-    summary : dict
-        Counts, the representative solution, its distances from the ranges and from the targets, and a message.
+    `solutions` has the representative first, then the others by objective: parameters, predicted responses, `objective`
+    (Eq. 11), `violation`, `feasible`, `representative`; with a support `warning`, with priors `prior_distance_sd`.
     """
 
     solutions: pd.DataFrame
-    intervals: pd.DataFrame
-    history: pd.DataFrame
-    summary: dict[str, Any]
+    intervals: pd.DataFrame  # Table 3, beside the published intervals if there are any
+    history: pd.DataFrame  # a row for each round of the search
+    summary: dict[str, Any]  # counts, the representative, its distances from ranges and targets, a message
 
 
 def invert(
@@ -60,34 +50,12 @@ def invert(
     published: pd.DataFrame | None = None,
     support: Support | None = None,
 ) -> Inversion:
-    """Search the free parameters for predicted responses that are the targets.
+    """Search the free parameters for predicted responses that meet the targets.
 
-    Parameters
-    ----------
-    surrogate : Surrogate
-        Gives the k responses at parameter sets.
-    space : ParameterSpace
-        Which parameters are searched, and where. Fixed ones keep their value. Of parameter sets that meet the targets
-        equally well, those near the means of the priors come first (`repose.search.objective.Preference`).
-    targets : Targets
-        The k targets.
-    settings : mapping
-        The section `miga` of the configuration.
-    published : pandas.DataFrame, optional
-        Table 3 as published: `parameter`, `low`, `high`, `dispersion_percent`.
-    support : Support, optional
-        Of the samples; with it solutions beyond them carry a warning.
-
-    Returns
-    -------
-    Inversion
-        The best distinct feasible solutions; where fewer than 10 were met, the nearest others follow. Where none was
-        met, those of least objective. The representative is the set of least expected loss, or of least objective.
-
-    Raises
-    ------
-    InputError
-        If a target's aim lies outside its own range.
+    `settings` is the section `miga`. The result has the best distinct feasible solutions, filled up with the nearest
+    others to at least 10 if any is feasible; otherwise those of least objective. The representative is the set of least
+    expected loss, or of least objective. Among sets that meet the targets equally well, those near the means of the
+    priors come first. With a support, solutions beyond the samples get a warning.
     """
     for one in targets:
         if not one.low <= one.aim <= one.high:
@@ -143,32 +111,9 @@ def run(
 ) -> dict[str, Any]:
     """Invert a saved surrogate; write feasible.csv, intervals.csv, history.csv and summary.json; return the summary.
 
-    Where the surrogate knows its errors, the summary says what it tells of the representative.
-
-    Parameters
-    ----------
-    surrogate_json : path
-        What the verb network wrote.
-    space, targets, settings, support
-        As for `invert`.
-    table3_csv : path or None
-        Published intervals.
-    out_dir : path
-        Folder to write.
-    definitions : mapping, optional
-        How the study defines its responses.
-    source : object
-        Where these definitions stand, for the error.
-
-    Returns
-    -------
-    dict
-        See `Inversion.summary`.
-
-    Raises
-    ------
-    InputError
-        For a bad file, or a surrogate with other responses or other definitions of them.
+    If the surrogate knows its errors, the summary has those of the representative. A surrogate with other responses or
+    other definitions raises InputError; `source` names the file of the definitions in its message. Without `table3_csv`
+    there are no published intervals.
     """
     surrogate = load(surrogate_json, targets.names)
     require_same_definitions(surrogate.definitions, surrogate_json, definitions or {}, source)
@@ -182,13 +127,7 @@ def run(
 
 
 def write(found: Inversion, out_dir: str | os.PathLike) -> None:
-    """Write feasible.csv, intervals.csv, history.csv and summary.json.
-
-    Parameters
-    ----------
-    found : Inversion
-    out_dir : path
-    """
+    """Write feasible.csv, intervals.csv, history.csv and summary.json."""
     out = Path(out_dir)
     write_table(out / "feasible.csv", found.solutions)
     write_table(out / "intervals.csv", found.intervals)
@@ -197,18 +136,7 @@ def write(found: Inversion, out_dir: str | os.PathLike) -> None:
 
 
 def on_free_parameters(surrogate: Surrogate, space: ParameterSpace) -> Callable[[np.ndarray], np.ndarray]:
-    """The surrogate as a function of the free parameters.
-
-    Parameters
-    ----------
-    surrogate : Surrogate
-    space : ParameterSpace
-
-    Returns
-    -------
-    callable
-        From points (n, d) in [-1, 1] to responses (n, k).
-    """
+    """The surrogate as a function of the free parameters: points (n, d) in [-1, 1] to responses (n, k)."""
     respond = surrogate.response_function(space.complete(space.low)[0], space.complete(space.high)[0])
     if space.dimensions == len(PARAMETERS):
         return respond
@@ -227,20 +155,8 @@ def intervals(
 ) -> pd.DataFrame:
     """Table 3: interval and dispersion of each parameter over the solutions.
 
-    Parameters
-    ----------
-    solutions : pandas.DataFrame
-        With the six parameters as columns.
-    space : ParameterSpace
-        Their ranges.
-    published : pandas.DataFrame, optional
-        Table 3 as published.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each parameter: `variable`, `low`, `high`, `dispersion_percent`, which is the interval's width over
-        the range's, and with a published table the same three of it. The dispersion of a fixed parameter is 0.
+    Columns `variable`, `low`, `high`, `dispersion_percent` (width of the interval over that of the range; 0 for a fixed
+    parameter), and with a published table its three values as `published_*`.
     """
     range_of = dict(zip(space.free, zip(space.low, space.high, strict=True), strict=True))
     rows = []
@@ -257,22 +173,7 @@ def intervals(
 
 
 def message(responses: np.ndarray, targets: Targets, n_feasible: int, distance: float) -> str:
-    """What the search found, in words.
-
-    Parameters
-    ----------
-    responses : numpy.ndarray, (k,)
-        Of the representative.
-    targets : Targets
-    n_feasible : int
-        Number of feasible solutions.
-    distance : float
-        Least one of two solutions, in normalised parameters.
-
-    Returns
-    -------
-    str
-    """
+    """The result of the search as text, from the responses (k,) of the representative."""
     ranges = targets.in_words([f"{one.low:g}-{one.high:g}" for one in targets])
     best = f"the answer is predicted {targets.in_words([f'{value:.2f}' for value in responses])}"
     wanted = targets.in_words([f"{one.aim:g}" for one in targets])
@@ -314,7 +215,7 @@ def _summary(table, targets, settings, evaluations, n_feasible, feasible_met):
 
 
 def _behind(first, points, space, distance):
-    """The points (n, d) behind the set `first`, without those too near to it; the best of them stays."""
+    """The points (n, d) after the set `first`, without those too near to it; the best of them stays."""
     place = 2 * space.unit(np.array([[first[name] for name in PARAMETERS]])) - 1
     apart = np.linalg.norm(points - place, axis=1) >= distance
     apart[0] = True
@@ -322,5 +223,5 @@ def _behind(first, points, space, distance):
 
 
 def _outside(responses, low, high):
-    """How far each response (k,) lies outside low to high, as floats."""
+    """Distance of each response (k,) from the range low to high, as floats; 0 inside."""
     return [float(value) for value in np.maximum(np.maximum(low - responses, responses - high), 0.0)]

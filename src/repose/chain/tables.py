@@ -1,6 +1,7 @@
-"""The tables of a study, read again: whole, of one study, and in themselves consistent.
+"""Reading of a study's tables, with checks that they are whole, of one study, and consistent.
 
-A table that was cut, or that stands beside the runs of another study, has all its columns; only its rows tell.
+A table that was cut, or that stands beside the runs of another study, has all its columns; only its rows show the
+fault.
 """
 
 import os
@@ -14,28 +15,15 @@ from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS, check_value
 from repose.core.targets import Targets
 
-# Of a mean, or a standard error, with that of its runs: relative, and absolute where it is below 1.
+# Tolerance of a mean, or a standard error, against its runs: relative, and absolute below 1.
 AGREEMENT = 1e-6
 
 
 def read_dataset(dataset_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
     """The table of samples with its parameters, status, responses and errors.
 
-    Parameters
-    ----------
-    dataset_csv : path
-        What the verb dataset wrote. Where its summary lies beside it, that tells how many rows there are.
-    targets : Targets
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, rows are missing, a sample stands there twice, a parameter is beyond what the
-        contact law can take, or an ok sample has no response or one beyond the response's limits.
+    InputError if rows are missing (by the summary, if it lies beside), a sample is there twice, a parameter is beyond
+    the contact law, or an ok sample lacks a response or has one beyond the response's limits.
     """
     dataset = read_table(
         dataset_csv, ("sample", *PARAMETERS, "status", "n_seeds", *targets.names, *targets.errors)
@@ -52,28 +40,10 @@ def read_dataset(dataset_csv: str | os.PathLike, targets: Targets) -> pd.DataFra
 def read_runs(
     runs_csv: str | os.PathLike, targets: Targets, dataset: pd.DataFrame, dataset_csv: str | os.PathLike
 ) -> pd.DataFrame:
-    """The table of single runs that a table of samples was made from.
+    """The table of single runs of a table of samples.
 
-    Parameters
-    ----------
-    runs_csv : path
-        What the verb dataset wrote.
-    targets : Targets
-    dataset : pandas.DataFrame
-        Of `read_dataset`.
-    dataset_csv : path
-        Its file.
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, a run stands there twice, an ok run has no response or one beyond the response's
-        limits, or the runs are not those of the samples: other samples, other numbers of ok runs, other means or other
-        standard errors.
+    InputError if a run is there twice, an ok run lacks a response or has one beyond its limits, or if samples, numbers
+    of ok runs, means or standard errors differ from those of the table of samples.
     """
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
     several = "apparatus" in runs
@@ -90,7 +60,7 @@ def read_runs(
 
 
 def _check_means(runs, dataset, targets, runs_csv, dataset_csv):
-    """Refuse runs whose numbers, means or standard errors are not those of the samples."""
+    """Raise unless numbers, means and standard errors of the runs are those of the samples."""
     ok = runs[runs["status"] == "ok"].groupby("sample")
     count = ok.size().reindex(dataset["sample"], fill_value=0)
     for sample, n, n_seeds in zip(dataset["sample"], count, dataset["n_seeds"], strict=True):
@@ -117,7 +87,7 @@ def _check_means(runs, dataset, targets, runs_csv, dataset_csv):
 
 
 def _check_responses(table, targets, path):
-    """Refuse an ok row without a response, or with one beyond the response's limits."""
+    """Raise if an ok row lacks a response, or has one beyond the response's limits."""
     ok = table["status"] == "ok"
     for target in targets:
         name, low, high = target.name, target.response.low, target.response.high
@@ -129,7 +99,7 @@ def _check_responses(table, targets, path):
 
 
 def _refuse_twice(table, columns, path):
-    """Refuse rows that are there twice, by these columns."""
+    """Raise if rows are there twice, by these columns."""
     twice = table[columns].duplicated()
     if twice.any():
         row = int(twice.to_numpy().argmax())
@@ -138,7 +108,7 @@ def _refuse_twice(table, columns, path):
 
 
 def _check_count(table, path, dataset_csv, key):
-    """Refuse a table with another number of rows than the dataset's summary tells."""
+    """Raise if the number of rows is not that of the dataset's summary."""
     summary, summary_json = read_summary(dataset_csv)
     if key in summary and len(table) != summary[key]:
         raise InputError(path, "rows", len(table), f"{summary[key]}, the {key} of {summary_json}")

@@ -30,62 +30,35 @@ FEWEST_SAMPLES = 12  # 8 to train, 1 to validate, 3 to test: below that no R2 me
 
 @dataclass(frozen=True)
 class Training:
-    """What `train` gives.
+    """Result of `train`.
 
-    Attributes
-    ----------
-    model : Surrogate
-        Trained on all usable samples, or on the training part where the surrogate says so (`Surrogate.of_all_samples`).
-    metrics : dict
-        Numbers of samples, R2 and RMSE of each response in each part, and what the surrogate reports.
-    predictions : pandas.DataFrame
-        A row for each usable sample: its part, its responses, their predictions by the training part, and where the
-        model was fitted to all of them, what it predicts.
-    starts : pandas.DataFrame
-        A row for each start of the training, where the surrogate has starts.
+    `predictions` has a row for each usable sample: its part, its responses, their predictions by the training part,
+    and, if the model was fitted to all samples, the predictions of that fit.
     """
 
-    model: Surrogate
-    metrics: dict[str, Any]
+    model: Surrogate  # of all usable samples, or of the training part: `Surrogate.of_all_samples`
+    metrics: dict[str, Any]  # numbers of samples, R2 and RMSE by response and part, the surrogate's report
     predictions: pd.DataFrame
-    starts: pd.DataFrame
+    starts: pd.DataFrame  # a row for each start of the training; empty for a surrogate without starts
 
 
 @dataclass(frozen=True)
 class Replicates:
-    """What the runs of one sample tell of the noise.
+    """Noise of the responses, from the repeated runs of each sample.
 
-    Attributes
-    ----------
-    runs : numpy.ndarray, (samples,)
-        Runs of each sample, its weight; with several bench tests in runs of the first one.
-    covariance : numpy.ndarray, (k, k)
-        Of a single run about its sample's mean. Responses of different bench tests are independent; each block counts
-        by the runs that a sample of its bench test has.
-    freedom : float
-        Degrees of freedom of the covariance, the mean over the responses.
+    Responses of different bench tests are independent. With several bench tests, `runs` counts in runs of the first
+    one, and each block of the covariance is scaled by the runs that a sample of its bench test has.
     """
 
-    runs: np.ndarray
-    covariance: np.ndarray
-    freedom: float
+    runs: np.ndarray  # (samples,), runs of each sample: its weight
+    covariance: np.ndarray  # (k, k), of a single run about its sample's mean
+    freedom: float  # degrees of freedom of the covariance, mean over the responses
 
     @classmethod
     def of(cls, runs: pd.DataFrame, samples: Sequence[int], targets: Targets) -> Self | None:
-        """The replicates of some samples.
+        """The replicates of some samples; None if the scatter of a bench test has no full rank.
 
-        Parameters
-        ----------
-        runs : pandas.DataFrame
-            Single runs, with a column `apparatus` where they are of several bench tests.
-        samples : sequence of int
-        targets : Targets
-            The k responses.
-
-        Returns
-        -------
-        Replicates or None
-            None where the scatter of a bench test has no full rank.
+        `runs` has a column `apparatus` if there are several bench tests.
         """
         ok = runs[(runs["status"] == "ok") & runs["sample"].isin(samples)]
         covariance, freedom = np.zeros((len(targets), len(targets))), 0.0
@@ -104,7 +77,7 @@ class Replicates:
         return cls(np.mean(weights, axis=0), covariance, float(freedom))
 
     def arguments(self) -> dict[str, Any]:
-        """They as `repose.surrogate.base.Surrogate.fit` takes them."""
+        """Keyword arguments for `repose.surrogate.base.Surrogate.fit`."""
         return {"precision": self.runs, "noise_covariance": self.covariance, "noise_freedom": self.freedom}
 
 
@@ -116,31 +89,11 @@ def train(
     definitions: Definitions | None = None,
     source: object = "dataset",
 ) -> Training:
-    """Train a surrogate on the usable samples of a study.
+    """Train a surrogate on the usable samples of a study; at least 12, or InputError.
 
-    Parameters
-    ----------
-    dataset, runs : pandas.DataFrame
-        As `repose.chain.dataset` makes them: samples with their means and standard errors, and single runs.
-    targets : Targets
-        Their responses are learned.
-    settings : mapping
-        `surrogate`, by default "network", and the section `network` of the configuration: the surrogate's own
-        settings, `seed`, `split` (three shares), and `replicates`, False unless given: whether the runs of one sample
-        tell the noise, see `Replicates`. They do not where they have no scatter of full rank.
-    definitions : mapping, optional
-        How the responses are defined, to be kept with the model.
-    source : object
-        Where the dataset stands, for the error.
-
-    Returns
-    -------
-    Training
-
-    Raises
-    ------
-    InputError
-        With fewer than 12 usable samples, or for an unknown surrogate.
+    `dataset` and `runs` are those of `repose.chain.dataset`. `settings` is the section `network` with `surrogate`
+    (default "network"), `seed`, `split` (three shares) and `replicates` (default False): whether the runs of each
+    sample give the noise, see `Replicates`. `source` names the dataset in messages.
     """
     usable = dataset[dataset["status"] == "ok"].reset_index(drop=True)
     if len(usable) < FEWEST_SAMPLES:
@@ -190,28 +143,7 @@ def run(
 ) -> dict[str, Any]:
     """Train on files; write network.json, metrics.json, predictions.csv and starts.csv; return the metrics.
 
-    Parameters
-    ----------
-    dataset_csv, runs_csv : path
-        What the verb dataset wrote.
-    targets, settings
-        As for `train`.
-    out_dir : path
-        Folder to write.
-    definitions : mapping, optional
-        How the study defines its responses.
-    source : object
-        Where these definitions stand, for the error.
-
-    Returns
-    -------
-    dict
-        See `Training.metrics`.
-
-    Raises
-    ------
-    InputError
-        For a bad file, a dataset with other definitions, or fewer than 12 usable samples.
+    A dataset with other definitions raises InputError; `source` names the file of the definitions in its message.
     """
     dataset = read_dataset(dataset_csv, targets)
     runs = read_runs(runs_csv, targets, dataset, dataset_csv)
@@ -227,17 +159,7 @@ def run(
 
 
 def message(metrics: Mapping[str, Any]) -> str:
-    """The training in words: its errors at unseen samples, and for a network what its starts came to.
-
-    Parameters
-    ----------
-    metrics : mapping
-        Of `Training`.
-
-    Returns
-    -------
-    str
-    """
+    """The training as text: errors at unseen samples, and for a network the result of its starts."""
     responses = metrics["test"].items()
     words = [f"{name}: R2 {one['r2']:.3f}, error {one['rmse']:.3g}" for name, one in responses if one["r2"]]
     lines = [f"{metrics['n_test']} samples for the test: " + ", ".join(words)]
@@ -260,24 +182,9 @@ def restore(
     predictions_csv: str | os.PathLike,
     dataset_csv: str | os.PathLike,
 ) -> Surrogate:
-    """The trained surrogate, once its files are known to be of one training.
+    """The trained surrogate; InputError if its files are not of one training.
 
-    Parameters
-    ----------
-    surrogate_json, predictions_csv : path
-        What `run` wrote.
-    dataset_csv : path
-        What it read.
-
-    Returns
-    -------
-    Surrogate
-        Trained.
-
-    Raises
-    ------
-    InputError
-        For a bad file, and where the files are not of one training.
+    `dataset_csv` is the file that `run` read, the others are files that it wrote.
     """
     model = load(surrogate_json)
     predicted = [response(name, surrogate_json).predicted for name in model.outputs]
@@ -301,21 +208,9 @@ def restore(
 
 
 def split(samples: int, shares: Sequence[float], seed: int) -> dict[str, np.ndarray]:
-    """Split of samples into train, validation and test: a permutation by RandomState(seed), cut in three.
+    """Row numbers of train, validation and test: a permutation by RandomState(seed), cut in three.
 
-    Parameters
-    ----------
-    samples : int
-        Number of samples.
-    shares : sequence of float
-        Of train, validation and test. Train and validation are rounded down and test takes the rest, which is
-        the paper's 95, 20, 22 of 137.
-    seed : int
-
-    Returns
-    -------
-    dict of numpy.ndarray
-        Row numbers by name of the part.
+    Train and validation are rounded down and test takes the rest: the paper's 95, 20, 22 of 137.
     """
     # 0.7 * 90 is 62.99999999999999
     train, validation = (math.floor(share * samples + 1e-9) for share in shares[:2])
@@ -328,17 +223,6 @@ def rows_of(samples: pd.DataFrame, shares: Sequence[float], seed: int) -> dict[s
 
     Samples with a `round` (`repose.studies.refine`) are all for training. The others are split as if they
     were alone, so every round has the same test samples as the design.
-
-    Parameters
-    ----------
-    samples : pandas.DataFrame
-    shares, seed
-        As in `split`.
-
-    Returns
-    -------
-    dict of numpy.ndarray
-        Row numbers by name of the part.
     """
     added = samples["round"].notna().to_numpy() if "round" in samples else np.zeros(len(samples), bool)
     designed = np.flatnonzero(~added)
@@ -348,24 +232,12 @@ def rows_of(samples: pd.DataFrame, shares: Sequence[float], seed: int) -> dict[s
 
 
 def r2_noise_corrected(y: np.ndarray, predicted: np.ndarray, errors: np.ndarray) -> float | None:
-    """R2 against the responses' unknown means without noise.
+    """R2 against the unknown means of the responses, without noise; arguments (m,).
 
-    Parameters
-    ----------
-    y, predicted, errors : numpy.ndarray, (m,)
-        Noisy means of m samples, their predictions, and their standard errors.
-
-    Returns
-    -------
-    float or None
-        An estimate, so it may exceed one by chance. None without standard errors, or where the noise explains all of
-        SST.
-
-    Notes
-    -----
-    With y = mean + noise of variance se^2, independent of predictions made from other samples,
-    E[SSE] = sum (mean - predicted)^2 + sum se^2 and E[SST] = sum (mean - its average)^2 + (1 - 1/m) sum se^2.
-    Taking the noise off both sums gives 1 - (SSE - sum se^2) / (SST - (1 - 1/m) sum se^2).
+    With y = mean + noise of variance se^2, independent of predictions made from other samples, E[SSE] = sum (mean -
+    predicted)^2 + sum se^2 and E[SST] = sum (mean - its average)^2 + (1 - 1/m) sum se^2. Without the noise in both sums
+    R2 is 1 - (SSE - sum se^2) / (SST - (1 - 1/m) sum se^2). It is an estimate and may exceed 1 by chance. None without
+    standard errors, or if the noise explains all of SST.
     """
     noise = np.sum(errors**2)
     between = np.sum((y - np.mean(y)) ** 2) - (1 - 1 / len(y)) * noise
@@ -403,7 +275,7 @@ def _three_ways(usable, runs, Y, P, errors, test, names):
 
 
 def _finally(names):
-    """Columns of what the fit to all samples predicts."""
+    """Columns of the predictions by the fit to all samples."""
     return [derived(name, "final") for name in names]
 
 

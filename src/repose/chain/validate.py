@@ -1,6 +1,6 @@
 """Calibrated solutions simulated again: Table 4, the physical measurement, the published solutions in this engine.
 
-Section 4.2.1 of the paper. `solutions_to_simulate` says what is to be simulated, `validate` puts prediction,
+Section 4.2.1 of the paper. `solutions_to_simulate` selects the solutions, `validate` puts prediction,
 simulation and the physical measurement side by side; `write_solutions` and `run` read and write. Errors are relative,
 as in Table 4: |predicted - simulated| / simulated, and for the representative solution
 |simulated - physical| / physical, in percent.
@@ -38,28 +38,12 @@ def solutions_to_simulate(
     targets: Targets,
     count: int,
 ) -> pd.DataFrame:
-    """The solutions that are simulated again.
+    """The solutions to simulate again: `count` of ours besides the representative, and the published ones.
 
-    Parameters
-    ----------
-    feasible : pandas.DataFrame
-        Solutions as `repose.chain.invert` gives them, at least count + 1.
-    published : pandas.DataFrame or None
-        Published solutions; left out where they have none of the targets.
-    space : ParameterSpace
-        What the parameters are normalised by.
-    targets : Targets
-        Of the study.
-    count : int
-        Number of our solutions besides the representative.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each solution. `sample`: ours from 1, the representative first; the published from 101 in the order
-        of their table. `origin`: "miga" or "published". `solution`: its name in its own table. `role`:
-        "representative", "least objective" where that is another one, or "spread". Then the six parameters, and the
-        predictions of the network that the solution belongs to: the published network's for the published ones.
+    Columns: `sample` (ours from 1, the representative first; published ones from 101), `origin` ("miga" or
+    "published"), `solution` (its name in its own table), `role` ("representative", "least objective" or "spread"), the
+    six parameters, and predictions, for published solutions those of the published network. Published solutions are
+    left out if they have none of the targets, or if `published` is None.
     """
     columns = [*SOLUTION, *targets.predicted]
     ours = select_for_validation(feasible, count, space)
@@ -78,20 +62,8 @@ def solutions_to_simulate(
 def select_for_validation(solutions: pd.DataFrame, count: int, space: ParameterSpace) -> pd.DataFrame:
     """The representative solution, the one of least objective, and others that are spread over the cloud.
 
-    Each next one is the solution farthest, in normalised parameters, from those already chosen (Gonzalez
-    1985). They are feasible ones as long as there are enough.
-
-    Parameters
-    ----------
-    solutions : pandas.DataFrame
-    count : int
-        Number of the others.
-    space : ParameterSpace
-
-    Returns
-    -------
-    pandas.DataFrame
-        Rows of solutions, with a column `role`; fewer where `solutions` has fewer rows.
+    Each next solution is the farthest, in normalised parameters, from those already chosen (Gonzalez 1985). They are
+    feasible as long as there are enough. The result has a column `role`, and fewer rows if there are too few solutions.
     """
     if np.count_nonzero(solutions["feasible"]) > count:
         solutions = solutions[solutions["feasible"] | solutions["representative"]]
@@ -120,26 +92,10 @@ def validate(
 ) -> dict[str, pd.DataFrame]:
     """Prediction, simulation and the physical measurement side by side.
 
-    Parameters
-    ----------
-    solutions : pandas.DataFrame
-        As `solutions_to_simulate` gives them.
-    jobs : mapping
-        For each bench test the job of each solution (`repose.chain.dataset.read_jobs`).
-    targets : Targets
-        With the physical measurements.
-    published : pandas.DataFrame, optional
-        The published solutions with their own simulations.
-    support : Support, optional
-        Of the samples; with it a column `warning` says which solutions lie beyond them.
-
-    Returns
-    -------
-    dict
-        `table4`: our solutions. `representative`: one of them against the physical measurement, a row for each
-        response, with the probabilities that all are met within 1 % and 2 %. `published`: the published solutions in
-        this engine; it has no rows where there are none. A solution whose simulation failed keeps its row, with its
-        status and without numbers.
+    `table4`: our solutions. `representative`: that solution against the physical measurement, a row for each response,
+    with the probabilities that all are met within 1 % and 2 %. `published`: the published solutions in this engine,
+    perhaps no rows. A failed solution keeps its row, with its status and without numbers. With a support, `warning`
+    marks solutions beyond the samples.
     """
     simulated = assemble(solutions, jobs, targets)[0].drop(columns=["sample", *PARAMETERS])
     simulated = simulated.rename(columns={one.name: one.simulated for one in targets.responses})
@@ -163,18 +119,7 @@ def validate(
 
 
 def table4(rows: pd.DataFrame, responses: Iterable[Response]) -> pd.DataFrame:
-    """Table 4: predicted, simulated with its standard error, and relative error (%) of each solution.
-
-    Parameters
-    ----------
-    rows : pandas.DataFrame
-        A row for each solution.
-    responses : iterable of Response
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """Table 4: predicted, simulated with its standard error, and relative error (%) of each solution."""
     table = rows[["sample", "solution", "role", *PARAMETERS]].copy()
     for one in responses:
         table[one.predicted], table[one.simulated] = rows[one.predicted], rows[one.simulated]
@@ -186,19 +131,7 @@ def table4(rows: pd.DataFrame, responses: Iterable[Response]) -> pd.DataFrame:
 
 
 def against_physical(row: pd.Series, targets: Targets) -> pd.DataFrame:
-    """The representative solution's simulation against the physical measurement.
-
-    Parameters
-    ----------
-    row : pandas.Series
-        Of the representative solution.
-    targets : Targets
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each response.
-    """
+    """The representative solution's simulation against the physical measurement, a row for each response."""
     rows = []
     for one in targets:
         simulated = row[one.response.simulated]
@@ -222,20 +155,9 @@ def against_physical(row: pd.Series, targets: Targets) -> pd.DataFrame:
 def with_chances(
     table: pd.DataFrame, runs: Mapping[str, Sequence[Mapping[str, Any]]], targets: Targets
 ) -> pd.DataFrame:
-    """`against_physical` with the probabilities that all targets are met within some percent.
+    """The table of `against_physical` with the probabilities that all targets are met within 1 % and 2 %.
 
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Of `against_physical`.
-    runs : mapping
-        For each bench test the runs of the representative solution.
-    targets : Targets
-
-    Returns
-    -------
-    pandas.DataFrame
-        With the columns within_1_percent and within_2_percent; empty where fewer than two runs could be measured.
+    The new columns are empty if fewer than two runs could be measured.
     """
     chances = {f"within_{one:g}_percent": chance_of_meeting(runs, targets, one)["all"] for one in PERCENT}
     return table.assign(**chances)
@@ -244,20 +166,9 @@ def with_chances(
 def beside_published(
     rows: pd.DataFrame, published: pd.DataFrame | None, responses: Iterable[Response]
 ) -> pd.DataFrame:
-    """The published solutions: their simulation beside ours with its standard error, and ours less theirs.
+    """The published solutions: their simulation beside ours with its standard error, and ours minus theirs.
 
-    Parameters
-    ----------
-    rows : pandas.DataFrame
-        A row for each published solution that we simulated.
-    published : pandas.DataFrame or None
-        Table of the published solutions.
-    responses : iterable of Response
-        Only those that the published table has are compared.
-
-    Returns
-    -------
-    pandas.DataFrame
+    Only responses of the published table are compared.
     """
     table = rows[["sample", "solution", *PARAMETERS]].copy()
     if published is not None:
@@ -281,30 +192,7 @@ def write_solutions(
     count: int,
     out_csv: str | os.PathLike,
 ) -> pd.DataFrame:
-    """Write the parameter sets to simulate (`solutions_to_simulate`).
-
-    Parameters
-    ----------
-    feasible_csv : path
-        Solutions of the search.
-    published_csv : path or None
-        Published solutions.
-    space : ParameterSpace
-    targets : Targets
-    count : int
-        Number of solutions beside the representative one.
-    out_csv : path
-
-    Returns
-    -------
-    pandas.DataFrame
-        The table that was written.
-
-    Raises
-    ------
-    InputError
-        For a bad file, or too few solutions.
-    """
+    """Write the parameter sets to simulate and return them (`solutions_to_simulate`); InputError if too few."""
     needed = ("solution", *PARAMETERS, *targets.predicted, "objective", "feasible", "representative")
     feasible = read_table(feasible_csv, needed)
     if len(feasible) < count + 1:
@@ -322,31 +210,7 @@ def run(
     out_dir: str | os.PathLike,
     support: Support | None = None,
 ) -> dict[str, pd.DataFrame]:
-    """Write table4.csv, representative.csv and published.csv (`validate`); return the three tables.
-
-    Parameters
-    ----------
-    solutions_csv : path
-        Of `write_solutions`.
-    job_json_paths : iterable of paths
-        A job's JSON file for each of its samples and bench test.
-    published_csv : path or None
-        The published solutions.
-    targets, support
-        As for `validate`.
-    out_dir : path
-        Folder to write.
-
-    Returns
-    -------
-    dict of pandas.DataFrame
-        The tables by the names of their files.
-
-    Raises
-    ------
-    InputError
-        For a missing or bad file.
-    """
+    """Write table4.csv, representative.csv and published.csv (`validate`); return the three tables by these names."""
     solutions = read_samples(solutions_csv)
     check_columns(solutions_csv, solutions, (*SOLUTION, *targets.predicted))
     solutions["solution"] = solutions["solution"].astype(str)
@@ -358,24 +222,7 @@ def run(
 
 
 def write_published_solutions(published_csv: str | os.PathLike, out_csv: str | os.PathLike) -> pd.DataFrame:
-    """Write the published parameter sets to simulate, numbered as `solutions_to_simulate` numbers them.
-
-    Parameters
-    ----------
-    published_csv : path
-        Published solutions.
-    out_csv : path
-
-    Returns
-    -------
-    pandas.DataFrame
-        The table that was written: `sample` and the six parameters.
-
-    Raises
-    ------
-    InputError
-        For a bad file.
-    """
+    """Write the published parameter sets to simulate, numbered as in `solutions_to_simulate`; return the table."""
     published = read_table(published_csv, ("solution", *PARAMETERS))
     numbers = range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(published))
     table = pd.DataFrame({"sample": numbers, **{name: published[name] for name in PARAMETERS}})
@@ -384,5 +231,5 @@ def write_published_solutions(published_csv: str | os.PathLike, out_csv: str | o
 
 
 def _published(path):
-    """The published solutions, if there are any."""
+    """The published solutions; None if there are none."""
     return None if path is None else read_table(path, ("solution", *PARAMETERS))

@@ -55,19 +55,10 @@ EVERYDAY = ("new", "marker", "measure", "check", "plan", "run", "card", "export"
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run one verb.
+    """Run a verb; the exit status is 0, 1 where a verification misses, 2 where the input is at fault.
 
-    Each fault of the input is told in one line on stderr. It is no fault if the reader of stdout stops, such as `head`.
-
-    Parameters
-    ----------
-    words : sequence of str, optional
-        The command line after the program's name; that of the process by default.
-
-    Returns
-    -------
-    int
-        The exit status: 0; 1 where a verification misses; 2 where the input is at fault.
+    Each fault of the input is reported in one line on stderr. It is no fault if the reader of stdout stops, such as
+    `head`. `words` are the command line after the program's name, by default that of the process.
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a locale that has no ± is no reason to end

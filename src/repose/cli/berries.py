@@ -23,27 +23,9 @@ def berry_and_particle(
     berry_json: str | PathLike | None = None,
     particle_json: str | PathLike | None = None,
 ) -> "tuple[dict[str, Any], Particle]":
-    """The berry and its particle.
+    """The berry as in berry.json and its particle, each from its file or else from the checked configuration.
 
-    Parameters
-    ----------
-    config : dict
-        The checked configuration.
-    source : str or Origin
-        The configuration's file, named in the error.
-    berry_json, particle_json : path, optional
-        Files to read; without them both are made from the configuration.
-
-    Returns
-    -------
-    berry : dict
-        Content of berry.json.
-    particle : Particle
-
-    Raises
-    ------
-    InputError
-        If a file is bad, or the configuration names one that is.
+    `source` names the configuration in an InputError.
     """
     from repose.config import checks
     from repose.particle import berry, berry_files, build
@@ -63,19 +45,7 @@ def berry_and_particle(
 
 
 def write_berry(config: Mapping[str, Any], out_dir: str | PathLike) -> None:
-    """Write sizes and moduli of the configuration's berry, beside the published ones.
-
-    Parameters
-    ----------
-    config : mapping
-        The checked configuration.
-    out_dir : path
-
-    Raises
-    ------
-    InputError
-        If a file is bad.
-    """
+    """Write sizes and moduli of the configuration's berry, beside the published ones."""
     from repose.particle import berry
 
     section = config["berry"]
@@ -85,37 +55,19 @@ def write_berry(config: Mapping[str, Any], out_dir: str | PathLike) -> None:
 def write_particle(
     config: Mapping[str, Any], berry_json: str | PathLike, out_dir: str | PathLike
 ) -> "Particle":
-    """Write the configuration's particle.
-
-    Parameters
-    ----------
-    config : mapping
-        The checked configuration.
-    berry_json : path
-        What `write_berry` wrote.
-    out_dir : path
-
-    Returns
-    -------
-    Particle
-
-    Raises
-    ------
-    InputError
-        If a file is bad.
-    """
+    """Write the configuration's particle; `berry_json` is a file of `write_berry`."""
     from repose.particle import build
 
     return build.run(berry_json, config["berry"]["stl"], out_dir, **_how(config))
 
 
 def _table1(config):
-    """Published sizes of the configuration's crop, if there are some."""
+    """Published sizes of the configuration's crop, if there are any."""
     return beside(config["validation"]["published"], "table1.csv")
 
 
 def _material(section):
-    """Density, Poisson's ratio and shear modulus of the section `berry`; None what the compression tests give."""
+    """Density, Poisson's ratio and shear modulus of a section `berry`; None: derived from the compression tests."""
     return section["density_kg_m3"], section["poisson_ratio"], section["shear_modulus_pa"]
 
 

@@ -132,7 +132,7 @@ def validate(args: argparse.Namespace) -> None:
 
 
 def _support(args, config):
-    """The samples that tell an extrapolation, or None without a dataset; InputError for other definitions."""
+    """The samples for a warning of extrapolation; None without a dataset. InputError for other definitions."""
     if not args.dataset:
         return None
     from repose.chain.dataset import read_definitions

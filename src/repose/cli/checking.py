@@ -1,4 +1,4 @@
-"""The verb that checks a configuration and says what a run of it needs."""
+"""The verbs that check a configuration, and plan the cost of its run."""
 
 import argparse
 import contextlib
@@ -18,11 +18,11 @@ from repose.core.errors import InputError
 if TYPE_CHECKING:
     from repose.dem.time_steps import Limit
 
-# Volumes of particle and mesh that differ by less are the same to a pile.
+# A smaller difference between the volumes of particle and mesh does not matter to a pile.
 LARGEST_VOLUME_CHANGE = 0.05
 FEWEST_PILES = 3  # a standard deviation of fewer is a guess
 TICK_S = 1.0
-FAR = 1.5  # a time step that could be so much longer is worth a word
+FAR = 1.5  # a time step that could be longer by this factor is worth a hint
 
 family = Family()
 
@@ -59,7 +59,7 @@ def check(args: argparse.Namespace) -> None:
 
 
 def _about_the_grain(config, berry, particle) -> Iterator[str]:
-    """Sentences on time step and particle, and those of the bench tests."""
+    """Sentences on time step and particle, and hints of the bench tests."""
     from repose.apparatus import bench_tests
     from repose.apparatus.settings import SimulationSettings
     from repose.config import computed
@@ -84,18 +84,7 @@ def _about_the_grain(config, berry, particle) -> Iterator[str]:
 
 
 def about_step(step_s: float, limit: "Limit") -> str:
-    """How long the time step may be, and what a longer one saves.
-
-    Parameters
-    ----------
-    step_s : float
-        Of the configuration [s].
-    limit : repose.dem.time_steps.Limit
-
-    Returns
-    -------
-    str
-    """
+    """A sentence on the longest time step, with the time that a longer step than `step_s` saves."""
     from repose.config import computed
 
     advised = computed.advised_step_s(limit.time_step_s)
@@ -106,7 +95,7 @@ def about_step(step_s: float, limit: "Limit") -> str:
 
 
 def _about_the_targets(config) -> Iterator[str]:
-    """Warnings of measurements that cannot tell their scatter."""
+    """Warnings of measurements whose scatter is unknown."""
     for one in config["targets"]:
         name, piles = one["response"], one["repetitions"]
         if piles < FEWEST_PILES:
@@ -161,7 +150,7 @@ def plan(args: argparse.Namespace) -> None:
 
 
 def _costs(config, budgets, measured) -> Iterator[str]:
-    """A table of what each strategy takes, the configured one marked."""
+    """A table of the cost of each strategy, the configured one marked."""
     from repose.config import cost
     from repose.strategies import cost as strategies
     from repose.strategies import plan
@@ -189,7 +178,7 @@ def _costs(config, budgets, measured) -> Iterator[str]:
 
 
 def _berry_step_s(config, berry, particle):
-    """Time of a step of a grain on this machine, with a word on what takes a minute or two the first time."""
+    """Time of a step of a grain on this machine, with a message about the minute or two of the first time."""
     from repose.config import cost
 
     sentence = (
@@ -201,16 +190,7 @@ def _berry_step_s(config, berry, particle):
 
 @contextlib.contextmanager
 def seconds_told(sentence: str) -> Iterator[None]:
-    """Tell a sentence on stderr, and on a terminal the seconds as they pass.
-
-    Parameters
-    ----------
-    sentence : str
-
-    Yields
-    ------
-    None
-    """
+    """Print a sentence on stderr, and on a terminal the seconds as they pass."""
     terminal = sys.stderr.isatty()
     done = threading.Event()
 

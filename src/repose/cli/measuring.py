@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from repose.measure.photographs import Scale
     from repose.measure.settings import MeasureSettings
 
-# From a microscope's pixel to a heap of a hall [mm].
+# Pixel sizes from a microscope to a heap in a hall [mm].
 SCALES = (1e-3, 100.0)
 MOST_LEVEL_DEG = 25.0
 SIZES = "sizes.csv"  # of a crop's folder
@@ -92,7 +92,7 @@ def measure(args: argparse.Namespace) -> None:
 
 
 def _scale(args: argparse.Namespace) -> "Scale":
-    """What the command line says of the scale."""
+    """The scale from the command line."""
     from repose.measure.photographs import Scale
 
     def number(option: str, value: float, low: float, high: float) -> None:

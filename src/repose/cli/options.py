@@ -16,19 +16,7 @@ JSON = Option("--json", action="store_true", help="print as JSON")
 
 
 def file_options(files: Mapping[str, str], what: str = "") -> list[Option]:
-    """An option for each of several files.
-
-    Parameters
-    ----------
-    files : mapping of str to path
-        Default path of each option, by the option's name with underscores.
-    what : str, optional
-        Said in the help, before the path.
-
-    Returns
-    -------
-    list of Option
-    """
+    """An option for each file: its default path by the option's name with underscores; `what` begins the help."""
     return [
         Option(f"--{name.replace('_', '-')}", default=path, help=f"{what}({path})")
         for name, path in files.items()
@@ -36,41 +24,12 @@ def file_options(files: Mapping[str, str], what: str = "") -> list[Option]:
 
 
 def chosen_files(args: argparse.Namespace, files: Iterable[str]) -> dict[str, str]:
-    """The paths that the options of `file_options` were given.
-
-    Parameters
-    ----------
-    args : argparse.Namespace
-    files : iterable of str
-        Names of the options, as for `file_options`.
-
-    Returns
-    -------
-    dict of str
-        Paths by the same names.
-    """
+    """Paths of the options of `file_options`, by the same names."""
     return {name: getattr(args, name) for name in files}
 
 
 def pairs(entries: Iterable[str], option: str) -> dict[str, str]:
-    """NAME=VALUE entries of an option.
-
-    Parameters
-    ----------
-    entries : iterable of str
-    option : str
-        Named in the error.
-
-    Returns
-    -------
-    dict of str
-        Values by name.
-
-    Raises
-    ------
-    InputError
-        For an entry without name or value, or a name given twice.
-    """
+    """Values by name of the NAME=VALUE entries of an option; InputError for a bad entry or a name given twice."""
     found: dict[str, str] = {}
     for entry in entries:
         name, equals, value = entry.partition("=")

@@ -1,4 +1,4 @@
-"""Verbs for a simulator of the user's own: what to simulate, and what its runs say."""
+"""Verbs for a simulator of the user's own: the runs to simulate, and the answer from their results."""
 
 import argparse
 import sys
@@ -27,13 +27,7 @@ def _study(args: argparse.Namespace) -> "OwnStudy":
 
 
 def write_start(args: argparse.Namespace) -> None:
-    """Write the runs to begin with, samples.csv.
-
-    Parameters
-    ----------
-    args : argparse.Namespace
-        With ``config`` and ``out``, the folder.
-    """
+    """Write the runs to begin with, samples.csv, into the folder `args.out`."""
     from repose.core.files import write_table
     from repose.studies.own_simulator import first_runs
 
@@ -44,7 +38,7 @@ def write_start(args: argparse.Namespace) -> None:
 
 
 def _warn(words: str | None) -> None:
-    """A warning on stderr, where there is one."""
+    """Print a warning on stderr; nothing for None."""
     if words is not None:
         print(f"repose: WARNING: {words}", file=sys.stderr)
 

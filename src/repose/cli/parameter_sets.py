@@ -1,4 +1,4 @@
-"""Options that tell a simulation its contact parameters and seeds, and what they mean."""
+"""Options for the contact parameters and seeds of a simulation, and their values."""
 
 from argparse import Namespace
 from collections.abc import Mapping, Sequence
@@ -43,28 +43,9 @@ STUDY_SEEDS = (
 def parameters(
     entries: Sequence[str], samples: str | None, sample: int | None, section: Mapping[str, Any]
 ) -> dict[str, float]:
-    """The six parameters by name: from --set, or from a row of --samples.
+    """The six parameters by name: from --set, or from the row of --samples whose column sample is --sample.
 
-    Parameters
-    ----------
-    entries : sequence of str
-        NAME=VALUE of every --set.
-    samples : path or None
-        A CSV file with the columns sample and the six.
-    sample : int or None
-        A number in its column sample.
-    section : mapping
-        The section `parameters` of the configuration. A parameter that is not set has the centre of its range.
-
-    Returns
-    -------
-    dict
-        The six parameters.
-
-    Raises
-    ------
-    InputError
-        For a fault of an option, of the file, or of a value.
+    `section` is `parameters` of the configuration; a parameter that is not set has the centre of its range.
     """
     given = pairs(entries, "--set")
     if samples:
@@ -82,22 +63,7 @@ def parameters(
 
 
 def run_seeds(given: list[int] | None) -> list[int]:
-    """Seeds from --seed.
-
-    Parameters
-    ----------
-    given : list of int or None
-        None stands for seed 1.
-
-    Returns
-    -------
-    list of int
-
-    Raises
-    ------
-    InputError
-        Unless they are distinct whole numbers from 0.
-    """
+    """Seeds from --seed, without it seed 1; InputError unless they are distinct whole numbers from 0."""
     given = given or [1]
     if min(given) < 0 or len(set(given)) < len(given):
         raise InputError("command line", "--seed", given, "distinct whole numbers from 0")
@@ -105,25 +71,9 @@ def run_seeds(given: list[int] | None) -> list[int]:
 
 
 def pour_seeds(args: Namespace, study_seed: int, apparatus: str = streams.UNNAMED) -> list[int]:
-    """Seeds from --seed, or the study's own from --seeds.
+    """Seeds from --seed, or the study's own from --seeds, for the purpose and sample of `args`.
 
-    Parameters
-    ----------
-    args : argparse.Namespace
-        With ``seed``, ``seeds``, ``purpose`` and ``sample``.
-    study_seed : int
-        `design.seed` of the configuration.
-    apparatus : str, optional
-        Name of the bench test.
-
-    Returns
-    -------
-    list of int
-
-    Raises
-    ------
-    InputError
-        If both options are given, or one has a bad value.
+    `study_seed` is `design.seed` of the configuration.
     """
     if args.seeds is None:
         return run_seeds(args.seed)

@@ -6,7 +6,7 @@ from repose.cli.options import pairs
 from repose.cli.registry import Family, Option
 from repose.config import loader
 
-# Frames of the film of a pour; each takes most of a second to draw.
+# Frames of the film of a pour; each takes nearly a second to draw.
 FILM, SMALL_FILM = 72, 20
 
 family = Family()

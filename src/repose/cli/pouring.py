@@ -35,7 +35,7 @@ family = Family()
 
 
 class _Job(NamedTuple):
-    """A job as the command line asks for it: the arguments of `repose.apparatus.job.pour_job`."""
+    """A job from the command line: the arguments of `repose.apparatus.job.pour_job`."""
 
     test: "BenchTest"
     config: dict
@@ -96,7 +96,7 @@ def heap(args: argparse.Namespace) -> None:
 
 
 def _job(args: argparse.Namespace, apparatus: str) -> _Job:
-    """The job that the options ask for."""
+    """The job of the options."""
     from repose.apparatus import bench
     from repose.apparatus.settings import SimulationSettings
     from repose.dem.io.progress import display
@@ -190,22 +190,10 @@ def drum_tables(args: argparse.Namespace) -> None:
 
 
 def told(run: Mapping[str, Any], words: str) -> str:
-    """One run in words, or why there are none.
-
-    Parameters
-    ----------
-    run : mapping
-        A measured run.
-    words : str
-        The bench test's template of the run's values.
-
-    Returns
-    -------
-    str
-    """
+    """A measured run in words, by the bench test's template `words`; a failed run with its reason."""
     if run["status"] != "ok":
         return f"seed {run['seed']}: {run['status']}: {run['reason']}"
     try:
         return f"seed {run['seed']}: {words.format(**run)}"
-    except TypeError:  # a number that is no target and could not be measured
+    except TypeError:  # a response that is no target and could not be measured
         return f"seed {run['seed']}: ok"

@@ -1,4 +1,4 @@
-"""What a verb of the command line is: a function with a summary, an example and options."""
+"""A verb of the command line: a function with a summary, an example and options."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -10,28 +10,13 @@ PROGRAM = "python -m repose"
 
 
 class Option:
-    """One option or positional argument, in the words of `argparse.ArgumentParser.add_argument`.
-
-    Parameters
-    ----------
-    *names : str
-    **keywords
-    """
+    """One option or positional argument, with the arguments of `argparse.ArgumentParser.add_argument`."""
 
     def __init__(self, *names: str, **keywords: Any) -> None:
         self.names, self.keywords = names, keywords
 
     def but(self, **changes: Any) -> "Option":
-        """The same option with some keywords changed.
-
-        Parameters
-        ----------
-        **changes
-
-        Returns
-        -------
-        Option
-        """
+        """The same option with some keywords changed."""
         return Option(*self.names, **(self.keywords | changes))
 
 
@@ -41,37 +26,20 @@ CONFIG = Option(
 
 
 class Verb(NamedTuple):
-    """A step that runs by name.
+    """A step that runs by name."""
 
-    Attributes
-    ----------
-    run : callable
-        Takes the parsed options, does the step, and may return an exit status.
-    summary, example : str
-        As for `Family.verb`.
-    options : tuple of Option
-    passes_on : bool
-        Whether it takes words that none of its options takes, as the list `args.rest`.
-    """
-
-    run: Callable
-    summary: str
-    example: str
-    options: tuple
-    passes_on: bool = False
+    run: Callable  # takes the parsed options, does the step, and may return an exit status
+    summary: str  # as in `Family.verb`
+    example: str  # as in `Family.verb`
+    options: tuple  # of `Option`
+    passes_on: bool = False  # unknown words go into the list `args.rest`
 
     @property
     def name(self) -> str:
         return self.run.__name__
 
     def add_to(self, subparsers: Any) -> None:
-        """Add the verb's own parser to those of the program; what it parses has the verb's name as `verb`.
-
-        Parameters
-        ----------
-        subparsers : object
-            What `argparse.ArgumentParser.add_subparsers` gave.
-        """
+        """Add the verb's own parser to those of `add_subparsers`; its result has the verb's name as `verb`."""
         parser = subparsers.add_parser(
             self.name,
             description=f"{self.summary[0].upper()}{self.summary[1:]}.",
@@ -83,7 +51,7 @@ class Verb(NamedTuple):
 
 
 class Family:
-    """The verbs of one module, in the order in which they stand there."""
+    """The verbs of one module, in the order of the module."""
 
     def __init__(self) -> None:
         self.verbs: list[Verb] = []
@@ -100,25 +68,9 @@ class Family:
     ) -> Callable[[Callable], Callable]:
         """Decorator that makes a function the verb of the same name.
 
-        Parameters
-        ----------
-        summary : str
-            The verb in one line, as the help shows it, without capital and full stop.
-        example : str, optional
-            What follows the name in a call that parses.
-        out : str, optional
-            Default of --out; without it there is no --out.
-        config : bool, optional
-            Whether the verb takes --config.
-        options : sequence of Option, optional
-            Its further options.
-        passes_on : bool, optional
-            Whether the verb passes words on to another program.
-
-        Returns
-        -------
-        callable
-            The decorator.
+        `summary` is one line of the help, without capital and full stop; `example` are the words after the name in a
+        call that parses. `out` is the default of --out, None for no --out. With `config` the verb takes --config; with
+        `passes_on` it passes unknown words on to another program.
         """
         shared = [CONFIG] if config else []
         if out:

@@ -1,4 +1,4 @@
-"""Verbs of further responses: measure them on a pile, and tell how much information they add."""
+"""Verbs of further responses: measure them on a pile, and compare their information."""
 
 import argparse
 import math

@@ -17,7 +17,7 @@ CONFIG_OPTIONS = ("--configfile", "--configfiles")
 CORES_OPTIONS = ("-c", "--cores", "-j", "--jobs", "--profile", "--workflow-profile")
 PROFILE_OPTIONS = ("--profile", "--workflow-profile")
 SNAKEFILE_OPTIONS = ("-s", "--snakefile")
-# Where one of them is given, snakemake says what it says by itself.
+# With one of them snakemake shows its own output.
 CONFIG_VALUES = ("--config", "-C")
 PLAIN_OPTIONS = (
     *("-n", "--dry-run", "--dryrun", "-q", "--quiet", "-p", "--printshellcmds", "--verbose", "--debug-dag"),
@@ -59,31 +59,15 @@ def _display() -> list[str]:
 
 
 def uninterrupted(main: Callable[[list[str]], object], words: list[str], display: Sequence[str] = ()) -> int:
-    """Run snakemake; where Ctrl-C or a signal ends it, say in one sentence how to go on.
+    """Run snakemake's `main`; where Ctrl-C or a signal ends it, print in one sentence how to go on.
 
-    Parameters
-    ----------
-    main : callable
-        Of snakemake; it gets its command line.
-    words : list of str
-        What `repose run` was given.
-    display : sequence of str, optional
-        Options of snakemake that choose how it shows what it does.
-
-    Returns
-    -------
-    int
-        0, where snakemake returns without a status of its own.
-
-    Raises
-    ------
-    SystemExit
-        With snakemake's status; with 128 and the signal's number where one ended it, as a shell has it.
+    `words` are those of `repose run`, `display` further options of snakemake. SystemExit has snakemake's status, or 128
+    and the signal's number as in a shell; without either the result is 0.
     """
     ended_by: list[int] = []
 
     def stop(number, _frame):
-        # once: the next Ctrl-C kills at once, and those who wait for jobs are not interrupted in their tidying
+        # only once: the next Ctrl-C kills at once, and snakemake's cleanup after its jobs is not interrupted
         signal.signal(number, signal.SIG_DFL)
         ended_by.append(number)
         _interrupt_jobs()
@@ -106,15 +90,7 @@ def uninterrupted(main: Callable[[list[str]], object], words: list[str], display
 def check_words(words: Sequence[str]) -> None:
     """Refuse words that snakemake would answer with a traceback.
 
-    Parameters
-    ----------
-    words : sequence of str
-        What `repose run` was given.
-
-    Raises
-    ------
-    InputError
-        If a configuration cannot be read, a value of one has no name, or the number of cores is none.
+    InputError for a configuration that cannot be read, a value without a name, or a bad number of cores.
     """
     from repose.config.reading import read
 
@@ -135,13 +111,7 @@ def check_words(words: Sequence[str]) -> None:
 
 @contextlib.contextmanager
 def missing_targets_told() -> Iterator[None]:
-    """Tell of a target that nothing makes as of any bad input.
-
-    Raises
-    ------
-    InputError
-        If snakemake ended since it has no rule for a target.
-    """
+    """Turn snakemake's end at a target without a rule into an InputError."""
     from snakemake.logging import logger
 
     found: list[str] = []
@@ -165,7 +135,10 @@ def missing_targets_told() -> Iterator[None]:
 
 
 def _interrupt_jobs() -> None:
-    """End the jobs, which snakemake waits for; a terminal has told them, but who ends this program alone has not."""
+    """End the jobs, for which snakemake waits.
+
+    Ctrl-C on a terminal has reached them, a signal to this program alone has not.
+    """
     import psutil
 
     for job in psutil.Process().children(recursive=True):
@@ -174,17 +147,7 @@ def _interrupt_jobs() -> None:
 
 
 def configurations(words: Sequence[str]) -> list[str]:
-    """Files of configurations among the words.
-
-    Parameters
-    ----------
-    words : sequence of str
-        What `repose run` was given.
-
-    Returns
-    -------
-    list of str
-    """
+    """Files of configurations among the words of `repose run`."""
     found, option = [], ""
     for word in words:
         value = word
@@ -196,22 +159,12 @@ def configurations(words: Sequence[str]) -> list[str]:
 
 
 def catalogue(words: list[str]) -> str:
-    """The studies, each with a sentence and its cost in the configuration that the words name.
-
-    Parameters
-    ----------
-    words : list of str
-        What `repose run` was given; its configurations lie over the default, in their order.
-
-    Returns
-    -------
-    str
-    """
+    """The studies, each with a sentence and its cost in the configurations of the words, over the default."""
     from repose.config import cost, loader
     from repose.strategies import cost as strategies
 
     files = configurations(words)
-    config = loader.unchecked(*files)  # what cannot be read is told
+    config = loader.unchecked(*files)  # an unreadable file is reported
     try:
         config = loader.load(*files)
         costs = cost.costs(config)
@@ -230,7 +183,7 @@ def catalogue(words: list[str]) -> str:
 
 
 def _cost_of(config):
-    """What the strategy of a configuration costs, in words; or why the configuration cannot take it."""
+    """The cost of a configuration's strategy in words, or the reason why the configuration cannot take it."""
     from repose.config import cost
     from repose.strategies import cost as strategies
 
@@ -243,19 +196,11 @@ def _cost_of(config):
 
 
 def snakemake_words(words: list[str]) -> list[str]:
-    """The command line of snakemake for what `repose run` was given.
+    """The command line of snakemake for the words of `repose run`, options and targets in any order.
 
-    Parameters
-    ----------
-    words : list of str
-        Options of snakemake and targets, in any order.
-
-    Returns
-    -------
-    list of str
-        Targets first, since `--configfile` would take those after it for files; then the options. Without
-        `--cores` all cores work; without `--snakefile` the workflow is the program's own. A configuration or a
-        profile that the working folder lacks, such as config/quick.yaml, is the program's.
+    Targets come first, since `--configfile` would take later ones for files. Without `--cores` all cores work; without
+    `--snakefile` the workflow is the built-in one. A configuration or profile that the working folder lacks, such as
+    config/quick.yaml, is the built-in one too.
     """
     targets: list[str] = []
     options: list[str] = []
@@ -277,7 +222,7 @@ def snakemake_words(words: list[str]) -> list[str]:
 
 
 def _found(option, path):
-    """A value of an option; where it is a configuration or a profile that the working folder lacks, the program's."""
+    """A value of an option; a configuration or profile that the working folder lacks is the built-in one."""
     return str(places.find(path)) if option in (*CONFIG_OPTIONS, *PROFILE_OPTIONS) else path
 
 

@@ -1,6 +1,6 @@
-"""What `repose run` shows: bars by stage on a terminal, a line now and then elsewhere, and each failure with its log.
+"""The display of `repose run`: bars by stage on a terminal, a line now and then elsewhere, each failure with its log.
 
-Snakemake tells what it does as events; this is a handler of them, as its logger plugins are.
+Snakemake reports its work as events; this is a handler of them, as its logger plugins are.
 """
 
 import sys
@@ -23,12 +23,12 @@ from repose.cli.run_progress import RunProgress, in_words
 # Snakemake finds plugins by the name of a package; this one is registered by hand, under the name that it would have.
 PLUGIN = "snakemake_logger_plugin_repose"
 NAME = "repose"
-# A line without a terminal, at most so often.
+# Without a terminal, the shortest time between two lines.
 LINE_EVERY_S = 60.0
 REFRESH_PER_S = 2
 BAR_WIDTH = 30
 LOG_LINES = 20
-# What snakemake says on its way that helps no one who waits.
+# Messages of snakemake that do not help a user who waits.
 CHATTER = (
     "Assuming unrestricted",
     "Building DAG",
@@ -41,7 +41,7 @@ CHATTER = (
     "Will exit after finishing",
     "host:",
 )
-# A job's failure is told by the job's own event.
+# A job's failure is reported by the job's own event.
 TOLD_BY_THE_JOB = ("CalledProcessError", "RuleException", "SpawnedJobError")
 
 
@@ -61,16 +61,11 @@ class LogHandler(LogHandlerBase):
         self.logs: dict[int, str] = {}
         self.stages_said: set[str] = set()
         self.last_line_s = 0.0
-        # Events come in one thread, another draws. Nobody prints while he holds this: printing waits for the drawing.
+        # Events come in one thread, another draws. No printing under this lock: printing waits for the drawing.
         self.changing = threading.Lock()
 
     def emit(self, record: LogRecord) -> None:
-        """Take what snakemake tells.
-
-        Parameters
-        ----------
-        record : logging.LogRecord
-        """
+        """Take an event of snakemake."""
         try:
             with self.changing:
                 lines = list(self._told_by(record))
@@ -82,7 +77,7 @@ class LogHandler(LogHandlerBase):
             self.handleError(record)
 
     def close(self) -> None:
-        """Leave the bars as they are, and name what has failed."""
+        """Leave the bars as they are, and print the failures."""
         if self.live is not None:
             self.live.stop()
             self.live = None
@@ -94,7 +89,7 @@ class LogHandler(LogHandlerBase):
         super().close()
 
     def _told_by(self, record) -> Iterator[Text]:
-        """Take an event; what is to be said of it."""
+        """Take an event; yields the lines to print."""
         event, told = getattr(record, "event", None), record.__dict__
         if "plan" in told:
             self.progress.plan(*told["plan"])
@@ -115,7 +110,7 @@ class LogHandler(LogHandlerBase):
                 yield Text(record.getMessage())
 
     def _started(self, told) -> Iterator[Text]:
-        """A job begins; the first of a stage is said where there are no bars."""
+        """A job begins; without bars the first of a stage is printed."""
         if not told["output"]:  # a target, which makes nothing
             return
         number, rule = told["jobid"], told["rule_name"]
@@ -127,7 +122,7 @@ class LogHandler(LogHandlerBase):
         self.stages_said.add(job.stage)
 
     def _failed(self, told) -> Iterator[Text]:
-        """A job has failed: which, and the end of its log."""
+        """A job has failed: print it, and the end of its log."""
         number = told["jobid"]
         job = self.progress.fail(number)
         if job is None:
@@ -154,7 +149,7 @@ class LogHandler(LogHandlerBase):
             self.live.start()
 
     def _line(self) -> Iterator[Text]:
-        """How far the run is, now and then where there are no bars."""
+        """Progress of the run, now and then where there are no bars."""
         now = time.time()
         if self.live is None and self.progress.stages and now - self.last_line_s >= LINE_EVERY_S:
             self.last_line_s = now
@@ -163,7 +158,7 @@ class LogHandler(LogHandlerBase):
             yield Text(f"{done} of {total} jobs; {', '.join(self._facts(now))}")
 
     def _facts(self, now_s) -> Iterator[str]:
-        """Pours a minute, time left, and what has failed, in words."""
+        """Pours a minute, time left and failures, in words."""
         rate, left_s = self.progress.pours_a_minute(now_s), self.progress.left_s(now_s)
         if rate is not None:
             yield f"{rate:.2g} pours a minute"
@@ -172,7 +167,7 @@ class LogHandler(LogHandlerBase):
             yield f"{len(self.progress.failed)} failed"
 
     def _drawn(self) -> RenderableType:
-        """The bars, the facts and what runs now."""
+        """The bars, the facts and the running jobs."""
         with self.changing:
             now = time.time()
             rows = max(3, self.console.height - 5)
@@ -193,17 +188,7 @@ class LogHandler(LogHandlerBase):
 
 
 def last_lines(path: Path) -> list[str]:
-    """The end of a log.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    list of str
-        One line that says so where there is none.
-    """
+    """The last lines of a log, or a line that reports a missing or empty one."""
     try:
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
@@ -212,13 +197,7 @@ def last_lines(path: Path) -> list[str]:
 
 
 def register() -> list[str]:
-    """Make the display known to snakemake.
-
-    Returns
-    -------
-    list of str
-        The options of snakemake that choose it.
-    """
+    """Make the display known to snakemake; returns the options of snakemake that choose it."""
     from snakemake_interface_logger_plugins.registry import LoggerPluginRegistry
 
     LoggerPluginRegistry().register_plugin(PLUGIN, sys.modules[__name__])

@@ -1,4 +1,4 @@
-"""How far a run of the workflow is: what is done of each stage, pours a minute, time left, and what has failed.
+"""Progress of a run of the workflow: finished jobs of each stage, pours a minute, time left, and failures.
 
 All times are seconds of the system's clock, which also dates files.
 """
@@ -9,39 +9,22 @@ from pathlib import Path
 
 from repose.measure.saved_pours import POURS
 
-# Rates of a shorter time say little.
+# Rates of a shorter time are too uncertain.
 SHORTEST_RATE_S = 1.0
 
 
 @dataclass(frozen=True)
 class Running:
-    """A job that runs, or has failed.
-
-    Attributes
-    ----------
-    stage, message : str
-        Its stage, and what it does in words.
-    began_s : float
-    pours : int
-        Runs of a bench test that it was to make.
-    output : str
-        Its first output.
-    """
+    """A job that runs, or has failed."""
 
     stage: str
-    message: str
+    message: str  # its work in words
     began_s: float
-    pours: int
-    output: str = ""
+    pours: int  # planned runs of a bench test
+    output: str = ""  # its first output
 
     def made(self) -> int | None:
-        """Runs that it has made so far; those that it took from an earlier job are left out.
-
-        Returns
-        -------
-        int or None
-            None where the job keeps no runs one by one.
-        """
+        """Runs made so far, without those of an earlier job; None for a job that does not keep each run."""
         if not self.output.endswith(POURS):
             return None
         done = Path(self.output)
@@ -52,49 +35,29 @@ class Running:
 
 @dataclass
 class Stage:
-    """A stage of the workflow.
+    """A stage of the workflow."""
 
-    Attributes
-    ----------
-    done, total : int
-        Jobs.
-    """
-
-    done: int = 0
-    total: int = 0
+    done: int = 0  # jobs
+    total: int = 0  # jobs
 
 
 @dataclass
 class RunProgress:
-    """What is known of a run while it goes on.
+    """The state of a run while it goes on."""
 
-    Attributes
-    ----------
-    stages : dict of str to Stage
-        Those that have work, in the order of the workflow.
-    running, failed : dict of int to Running
-        By the job's number. A failed job that begins again is no failed one.
-    """
-
-    stages: dict[str, Stage] = field(default_factory=dict)
-    running: dict[int, Running] = field(default_factory=dict)
-    failed: dict[int, Running] = field(default_factory=dict)
-    _stage_of: Mapping[str, str] = field(default_factory=dict)
-    _planned: dict[int, tuple[int, float]] = field(default_factory=dict)
-    _done: dict[int, int] = field(default_factory=dict)
+    stages: dict[str, Stage] = field(default_factory=dict)  # those with work, in the order of the workflow
+    running: dict[int, Running] = field(default_factory=dict)  # by the job's number
+    failed: dict[int, Running] = field(default_factory=dict)  # by the job's number, until it begins again
+    _stage_of: Mapping[str, str] = field(default_factory=dict)  # stage of each rule
+    _planned: dict[int, tuple[int, float]] = field(default_factory=dict)  # runs, expected time on a core [s]
+    _done: dict[int, int] = field(default_factory=dict)  # by the job's number: runs made
     _began_s: float | None = None
     _first_pour_s: float | None = None
 
     def plan(self, stage_of: Mapping[str, str], jobs: Mapping[str, Mapping[int, tuple[int, float]]]) -> None:
-        """Take what the workflow is going to run.
+        """Take the stage of each rule, in the order of the workflow, and of each rule its planned jobs by number.
 
-        Parameters
-        ----------
-        stage_of : mapping of str to str
-            Stage of each rule, in the order of the workflow.
-        jobs : mapping of str to mapping
-            Of each rule its jobs by number: how many runs of a bench test each makes, and its expected time on a
-            core [s].
+        A job is its runs of a bench test and its expected time on a core [s].
         """
         self._stage_of = stage_of
         for name in dict.fromkeys(stage_of.values()):
@@ -104,20 +67,7 @@ class RunProgress:
         self._planned = {number: told for known in jobs.values() for number, told in known.items()}
 
     def start(self, number: int, rule: str, message: str, output: str, now_s: float) -> Running:
-        """A job begins, or begins again.
-
-        Parameters
-        ----------
-        number : int
-            Of the job.
-        rule, message, output : str
-            Its rule, what it does in words, and its first output.
-        now_s : float
-
-        Returns
-        -------
-        Running
-        """
+        """A job begins, or begins again; `message` is its work in words, `output` its first output."""
         name = self._stage_of.get(rule, rule)
         if number not in self._planned:  # a checkpoint has added it
             self._planned[number] = (0, 0.0)
@@ -131,12 +81,7 @@ class RunProgress:
         return job
 
     def finish(self, number: int) -> None:
-        """A job has ended well.
-
-        Parameters
-        ----------
-        number : int
-        """
+        """A job has ended well."""
         job = self.running.pop(number, None)
         if job is not None:
             made = job.made()
@@ -144,17 +89,7 @@ class RunProgress:
             self.stages[job.stage].done += 1
 
     def fail(self, number: int) -> Running | None:
-        """A job has failed.
-
-        Parameters
-        ----------
-        number : int
-
-        Returns
-        -------
-        Running or None
-            None if that is known already.
-        """
+        """A job has failed; None if that is known already."""
         job = self.running.pop(number, None)
         if job is not None:
             self.failed[number] = job
@@ -166,33 +101,16 @@ class RunProgress:
         return sum(self._done.values()) + sum(job.made() or 0 for job in self.running.values())
 
     def pours_a_minute(self, now_s: float) -> float | None:
-        """Rate since the first pour began.
-
-        Parameters
-        ----------
-        now_s : float
-
-        Returns
-        -------
-        float or None
-            None before the first is made.
-        """
+        """Rate since the first pour began; None before the first is made."""
         done = self.pours_done
         if not done or self._first_pour_s is None or now_s - self._first_pour_s < SHORTEST_RATE_S:
             return None
         return 60 * done / (now_s - self._first_pour_s)
 
     def left_s(self, now_s: float) -> float | None:
-        """Time that the planned jobs still take, if they go on as fast as those that are done.
+        """Time that the planned jobs still take, at the rate of the finished ones; None before that is known.
 
-        Parameters
-        ----------
-        now_s : float
-
-        Returns
-        -------
-        float or None
-            None before anything tells it: where pours are planned, before the first of them is made.
+        Where pours are planned, that is before the first of them is made.
         """
         pouring = any(pours for pours, _ in self._planned.values())
         began_s = self._first_pour_s if pouring else self._began_s
@@ -203,7 +121,7 @@ class RunProgress:
         return (whole_s - done_s) * (now_s - began_s) / done_s if done_s else None
 
     def _share_done(self, number: int) -> float:
-        """What part of a job is done."""
+        """The finished share of a job."""
         if number in self._done:
             return 1.0
         job = self.running.get(number)
@@ -211,16 +129,7 @@ class RunProgress:
 
 
 def in_words(seconds: float) -> str:
-    """A time that is known roughly.
-
-    Parameters
-    ----------
-    seconds : float
-
-    Returns
-    -------
-    str
-    """
+    """A rough time in words."""
     minutes = round(seconds / 60)
     if minutes < 1:
         return "less than a minute"

@@ -1,4 +1,4 @@
-"""Verbs around a study: speed, the verification suite, what a repository keeps."""
+"""Verbs around a study: speed, the verification suite, provenance, and the results that a repository keeps."""
 
 import argparse
 import json

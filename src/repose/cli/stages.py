@@ -1,4 +1,4 @@
-"""A verb as a stage: the files that its options name, and what it reads of the configuration."""
+"""A verb as a stage: the files of its options, and the settings that it reads."""
 
 import argparse
 import sys
@@ -19,21 +19,8 @@ NOT_READ = ("config", "out", "overlay", "stl", "verb", "sample", "samples", "res
 def stage(args: argparse.Namespace) -> Iterator[None]:
     """Run a verb as a stage; where its configuration is that of a folder of results, hold the folder meanwhile.
 
-    When it is done, it says so where the program's own crop stood in for the user's (`tell_of_own_crop`).
-
-    Parameters
-    ----------
-    args : argparse.Namespace
-        The verb's parsed options.
-
-    Yields
-    ------
-    None
-
-    Raises
-    ------
-    InputError
-        If its files are of different origin.
+    At the end it prints a message if the built-in crop stood in for the user's (`tell_of_own_crop`). InputError for
+    files of different origin.
     """
 
     def settings_of(config: Mapping[str, Any], apparatus: str | None) -> Any:
@@ -51,13 +38,7 @@ def stage(args: argparse.Namespace) -> Iterator[None]:
 
 
 def tell_of_own_crop(*files: str) -> None:
-    """Say so on stderr where the program's own crop stands in for a configuration that the folder lacks.
-
-    Parameters
-    ----------
-    *files : path
-        Configurations that were given.
-    """
+    """Print on stderr if the built-in crop stands in for a configuration that the folder lacks."""
     from repose.config import loader
     from repose.config.reading import read
 
@@ -70,17 +51,7 @@ def tell_of_own_crop(*files: str) -> None:
 
 
 def files_of(args: argparse.Namespace) -> Iterator[Path]:
-    """Files that the options of a verb name.
-
-    Parameters
-    ----------
-    args : argparse.Namespace
-
-    Yields
-    ------
-    Path
-        Of a folder its dataset, if it has one.
-    """
+    """Files that the options of a verb name; of a folder its dataset, if it has one."""
     for option, value in vars(args).items():
         if option in NOT_READ:
             continue

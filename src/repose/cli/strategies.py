@@ -1,4 +1,4 @@
-"""Verbs of the strategies: each analysis writes what the next step pours."""
+"""Verbs of the strategies: each analysis writes the parameter sets of the next step."""
 
 import argparse
 from pathlib import Path

@@ -1,1 +1,1 @@
-"""The configuration: read, checked, and what a run of it costs."""
+"""The configuration: reading, checks, and the cost of its run."""

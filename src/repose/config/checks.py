@@ -1,4 +1,4 @@
-"""Checks of a configuration: all that is wrong with it, or with the files that it names, is told at once."""
+"""Checks of a configuration and of the files that it names; all faults are reported at once."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -20,7 +20,7 @@ NAMED_FILES = (
     *("berry.sizes", "berry.compression", "berry.stl"),
     *("validation.published", "posterior.shape_study"),
 )
-# What the mean grain is made of, and what a time step must go with besides.
+# Keys of the mean grain, and further keys that limit the time step.
 GRAIN = ("berry", "validation.published")
 STEP = ("simulation", "wall", "parameters", "validation.published")
 
@@ -28,26 +28,10 @@ Result = TypeVar("Result")
 
 
 def check(config: dict[str, Any], source: str | Origin = "configuration") -> dict[str, Any]:
-    """Check a configuration of numbers by its schema and by the rules between keys.
+    """Check a configuration without `auto` by its schema and by the rules between keys, and return it.
 
-    Keys of the file's inputs are left to `check_inputs`.
-
-    Parameters
-    ----------
-    config : dict
-        Without `auto`.
-    source : str or Origin, optional
-        Name of the file, for the message.
-
-    Returns
-    -------
-    dict
-        The same configuration.
-
-    Raises
-    ------
-    InputError
-        For all faults at once; a rule is asked where each key that it reads is right by itself.
+    The files that it names are left to `check_inputs`. A rule is applied if each key that it reads is valid by itself.
+    One InputError holds all faults; `source` names the file in it.
     """
     checks = _Checks(config, source)
     checks.add((one.key, "a number; `auto` is for the file of a study") for one in computed.asked(config))
@@ -59,18 +43,7 @@ def check(config: dict[str, Any], source: str | Origin = "configuration") -> dic
 def check_inputs(config: dict[str, Any], source: str | Origin = "configuration") -> None:
     """Check the files that a checked configuration names, and that berry, bench test and time step fit together.
 
-    The berry's particle is made for it, and the engine is asked how long a time step may be.
-
-    Parameters
-    ----------
-    config : dict
-    source : str or Origin, optional
-        Name of the file, for the message.
-
-    Raises
-    ------
-    InputError
-        For all faults at once.
+    The berry's particle is made for it, and the engine gives the longest time step. One InputError holds all faults.
     """
     checks = _Checks(config, source)
     checks.read_files()
@@ -80,25 +53,9 @@ def check_inputs(config: dict[str, Any], source: str | Origin = "configuration")
 
 
 def complete(config: dict[str, Any], source: str | Origin, inputs: bool = True) -> dict[str, Any]:
-    """Compute what is `auto` in a configuration, and check it by all that `check` and `check_inputs` ask.
+    """Compute each `auto` of a configuration, and check it as `check` and `check_inputs` do.
 
-    Parameters
-    ----------
-    config : dict
-    source : str or Origin
-        Name of the file, for the message.
-    inputs : bool, optional
-        Whether the files that it names are checked; without it they are only read where a key that is `auto` needs it.
-
-    Returns
-    -------
-    dict
-        The same where nothing is `auto`.
-
-    Raises
-    ------
-    InputError
-        For all faults at once.
+    Without `inputs` the files that it names are only read where an `auto` needs them. One InputError holds all faults.
     """
     checks = _Checks(config, source)
     asked = computed.asked(config)
@@ -119,41 +76,27 @@ def complete(config: dict[str, Any], source: str | Origin, inputs: bool = True) 
 def unstable(
     config: Mapping[str, Any], particle: "Particle", mean: Mapping[str, Any]
 ) -> Iterator[tuple[str, str]]:
-    """A time step that the engine would refuse.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    particle : Particle
-    mean : mapping
-        What the verb ``berry`` writes.
-
-    Yields
-    ------
-    tuple of (str, str)
-        Dotted key, and what is allowed.
-    """
+    """A time step that the engine would refuse, as (key, what is allowed); `mean` is the result of the verb `berry`."""
     limit = computed.longest_step(config, particle, mean)
     if SimulationSettings.of(config).time_step_s > limit.time_step_s:
         yield "simulation.time_step_s", limit.allowed
 
 
 class _Checks:
-    """The faults of a configuration. A check is made where what it reads is known, and nothing is wrong with it."""
+    """The faults of a configuration. A check is made once all that it reads is known and valid."""
 
     def __init__(self, config: dict[str, Any], source: str | Origin) -> None:
         self.config, self.source = config, source
         errors = list(validator().iter_errors(config))
         self.faults: list[InputError] = list(input_errors(errors, config, source))
-        # keys whose values cannot be used; one that is only mistyped is missing all the same
+        # keys whose values cannot be used; a mistyped key is missing as well
         self.unknown = {fault.key for fault in self.faults} | missing_keys(errors)
-        self.asked: set[tuple[str, ...]] = set()  # rules, by what they read
+        self.asked: set[tuple[str, ...]] = set()  # rules already applied, by the keys that they read
         self.mean: dict[str, Any] | None = None
         self.particle: Particle | None = None
 
     def may_read(self, *keys: str) -> bool:
-        """Whether keys and sections hold what can be used."""
+        """Whether keys and sections are known and valid."""
         return not any(_overlap(key, unknown) for key in keys for unknown in self.unknown)
 
     def add(self, pairs: Iterable[tuple[str, str]]) -> None:
@@ -163,7 +106,7 @@ class _Checks:
             self.unknown.add(key)
 
     def found(self, key: str, function: Callable[..., Result], *arguments: Any) -> Result | None:
-        """What a function gives; where it refuses, None, a fault more, and the key cannot be used."""
+        """Result of a function; if it refuses its arguments, None, with a further fault and the key unusable."""
         try:
             return function(*arguments)
         except InputError as fault:
@@ -172,7 +115,7 @@ class _Checks:
             return None
 
     def ask_rules(self) -> None:
-        """Ask each rule that can be asked by now, once."""
+        """Apply each rule that can be applied by now, once."""
         if not isinstance(self.config, dict):
             return
         ready = [
@@ -209,7 +152,7 @@ class _Checks:
             self.particle = self.found("berry", build.of_settings, self.mean, self.config["berry"])
 
     def compute(self, asked: Iterable[computed.Computed]) -> None:
-        """Put numbers in place of each `auto` whose number follows from what is known."""
+        """Replace each `auto` by its number if that follows from what is known by now."""
         for one in asked:
             if self.may_read(*one.reads) and not (one.needs_grain and self.particle is None):
                 value = one.of(self.config, self.mean, self.particle)
@@ -217,7 +160,7 @@ class _Checks:
                 self.unknown.discard(one.key)
 
     def fit_together(self) -> None:
-        """Look whether the grain goes with the bench tests and the time step."""
+        """Check the grain against the bench tests and the time step."""
         if self.mean is not None:
             for test in used_tests(self.config):
                 if self.may_read(test.name):

@@ -1,4 +1,4 @@
-"""Numbers that follow from others: a key that is `auto` gets its own when the configuration is resolved.
+"""Numbers that follow from other keys: an `auto` is replaced by its number when the configuration is resolved.
 
 Only files that a user writes hold `auto`. What a study writes, its record of provenance included, holds numbers.
 """
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 AUTO = "auto"
 PIXELS_A_GRAIN = 32  # of a simulated pile's pictures, over the grain's equivalent diameter
-PIXELS_MM = (0.02, 5.0)  # what measure.mm_per_pixel may be
-STEP_SHARE = 0.9  # of the longest time step: an edit that shortens it a little asks for no other
+PIXELS_MM = (0.02, 5.0)  # allowed range of measure.mm_per_pixel
+STEP_SHARE = 0.9  # of the longest time step: an edit that shortens that a little needs no new step
 REST_S = 1.5  # from the last grain on the pile until the pile rests
-# Shares (training, validation, test): only a network needs samples that tell it when to stop.
+# Shares (training, validation, test): only a network has validation samples.
 SPLITS = {"network": [0.70, 0.15, 0.15], "network_ensemble": [0.70, 0.15, 0.15]}
 SPLIT_WITHOUT_NETWORK = [0.85, 0.0, 0.15]
 
@@ -30,22 +30,11 @@ Config = Mapping[str, Any]
 
 
 class Computed(NamedTuple):
-    """A key that may be `auto`.
+    """A key that may be `auto`."""
 
-    Attributes
-    ----------
-    key : str
-        Dotted.
-    reads : tuple of str
-        Dotted keys or sections that its number follows from.
-    of : function
-        ``of(config, berry, particle)`` gives the number. berry is what the verb ``berry`` writes; both are None where
-        the number does not follow from the grain.
-    """
-
-    key: str
-    reads: tuple[str, ...]
-    of: Callable[[Config, Any, Any], Any]
+    key: str  # dotted
+    reads: tuple[str, ...]  # dotted keys or sections that the number follows from
+    of: Callable[[Config, Any, Any], Any]  # (config, berry, particle), the last two None unless `needs_grain`
 
     @property
     def needs_grain(self) -> bool:
@@ -54,35 +43,15 @@ class Computed(NamedTuple):
 
 
 def asked(config: Config) -> list[Computed]:
-    """The keys of a configuration that are `auto`.
+    """Keys of a configuration that are `auto`, in an order in which each can be computed.
 
-    Parameters
-    ----------
-    config : mapping
-        May lack keys, and hold values that are not allowed.
-
-    Returns
-    -------
-    list of Computed
-        In an order in which each can be computed.
+    The configuration may lack keys, and hold values that are not allowed.
     """
     return [one for one in COMPUTED if _value(config, one.key) == AUTO]
 
 
 def filled(config: Config, key: str, value: Any) -> dict[str, Any]:
-    """A copy of a configuration with a number in place of `auto`.
-
-    Parameters
-    ----------
-    config : mapping
-    key : str
-        Dotted.
-    value : object
-
-    Returns
-    -------
-    dict
-    """
+    """A copy of a configuration with a number in place of the `auto` of a dotted key."""
     copied = copy.deepcopy(dict(config))
     section, name = key.split(".")
     copied[section][name] = value
@@ -92,17 +61,7 @@ def filled(config: Config, key: str, value: Any) -> dict[str, Any]:
 def longest_step(config: Config, particle: "Particle", mean: Mapping[str, Any]) -> "Limit":
     """The longest time step that the engine takes for every set of parameters of a study and its published table.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration; its time step is not read.
-    particle : Particle
-    mean : mapping
-        What the verb ``berry`` writes.
-
-    Returns
-    -------
-    repose.dem.time_steps.Limit
+    The time step of the configuration is not read; `mean` is the result of the verb `berry`.
     """
     from repose.apparatus.scene import longest_time_step
 
@@ -113,40 +72,18 @@ def longest_step(config: Config, particle: "Particle", mean: Mapping[str, Any]) 
 
 
 def advised_step_s(longest_s: float) -> float:
-    """The time step to take.
-
-    Parameters
-    ----------
-    longest_s : float
-        The longest one that the engine takes [s].
-
-    Returns
-    -------
-    float
-        `STEP_SHARE` of it [s]: two digits, rounded down.
-    """
+    """The recommended time step: `STEP_SHARE` of the longest one, two digits, rounded down."""
     unit = 10.0 ** (math.floor(math.log10(STEP_SHARE * longest_s)) - 1)
     return float(f"{math.floor(STEP_SHARE * longest_s / unit) * unit:.2g}")
 
 
 def axes_mm(berry: Mapping[str, Any]) -> Sequence[float]:
-    """Axes of the mean grain.
-
-    Parameters
-    ----------
-    berry : mapping
-        What the verb ``berry`` writes.
-
-    Returns
-    -------
-    sequence of float, (3,)
-        In mm, the longest first.
-    """
+    """Axes of the mean grain, the longest first, from the result of the verb `berry`."""
     return [berry[name] for name in ("long_mm", "major_mm", "minor_mm")]
 
 
 def _value(config, key):
-    """Value of a key; None where there is none."""
+    """Value of a key; None if missing."""
     try:
         return get(config, key)
     except (LookupError, TypeError, ValueError):
@@ -159,7 +96,7 @@ def _diameter_mm(berry):
 
 
 def _mm_per_pixel(_config, berry, _particle):
-    """So many pixels that a grain is round in the picture."""
+    """Enough pixels that a grain is round in the picture."""
     low, high = PIXELS_MM
     return min(max(float(f"{_diameter_mm(berry) / PIXELS_A_GRAIN:.2g}"), low), high)
 
@@ -170,18 +107,16 @@ def _factory_height_mm(_config, berry, _particle):
 
 
 def _factory_diameter_mm(config, berry, _particle):
-    """The inlet's disc but half a grain all around."""
+    """The inlet's disc less half a grain all around."""
     inlet = config["funnel"]["inlet_diameter_mm"]
     return float(f"{max(inlet - max(axes_mm(berry)), 0.5 * inlet):.3g}")
 
 
 def _duration_s(config, berry, particle):
-    """Until all grains are poured and have run out, have fallen, and lie.
+    """Until all grains are poured, have run out, have fallen and rest.
 
-    Notes
-    -----
-    Grains run out of an opening D at 0.58 rho_b sqrt(g) (D - 1.4 d)^2.5 in mass (Beverloo), so a pour that is faster
-    than this lasts as long as the running out. Where the opening is too narrow for this law the rate of pouring counts.
+    Grains run out of an opening D at 0.58 rho_b sqrt(g) (D - 1.4 d)^2.5 in mass (Beverloo). A pour that is faster than
+    this lasts as long as the discharge. Where the opening is too narrow for this law the rate of pouring counts.
     """
     from repose.apparatus.funnel_advice import PACKING
     from repose.apparatus.funnel_geometry import Funnel
@@ -196,12 +131,12 @@ def _duration_s(config, berry, particle):
 
 
 def _time_step_s(config, berry, particle):
-    """As long as the engine takes, but for a margin."""
+    """The longest that the engine takes, less a margin."""
     return advised_step_s(longest_step(config, particle, berry).time_step_s)
 
 
 def _split(config, _berry, _particle):
-    """The shares of the surrogate."""
+    """The shares for the configured surrogate."""
     return list(SPLITS.get(config["surrogate"], SPLIT_WITHOUT_NETWORK))
 
 

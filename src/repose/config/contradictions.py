@@ -1,4 +1,4 @@
-"""Rules between keys: each tells where a value of a configuration does not go with another one."""
+"""Rules between keys: each reports values that contradict each other."""
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
@@ -16,32 +16,14 @@ Pairs = Iterator[tuple[str, str]]
 
 
 class Rule(NamedTuple):
-    """A rule between keys.
+    """A rule between keys."""
 
-    Attributes
-    ----------
-    reads : tuple of str
-        Dotted keys, or whole sections, that it reads: it can be asked where each of them is right by itself.
-    faults : function
-        ``faults(config)`` yields (dotted key, what is allowed).
-    """
-
-    reads: tuple[str, ...]
-    faults: Callable[[Mapping[str, Any]], Pairs]
+    reads: tuple[str, ...]  # dotted keys or sections; the rule is applied if each is valid by itself
+    faults: Callable[[Mapping[str, Any]], Pairs]  # faults(config) yields (dotted key, what is allowed)
 
 
 def rules(config: Mapping[str, Any]) -> list[Rule]:
-    """The rules for a configuration.
-
-    Parameters
-    ----------
-    config : mapping
-        Those of a bench test are among them where its section is there.
-
-    Returns
-    -------
-    list of Rule
-    """
+    """The rules for a configuration, those of its bench tests included."""
     used = used_tests(config)
     return [
         Rule(("measure.fit_from", "measure.fit_to"), _of_the_fit),
@@ -62,21 +44,12 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
 
 
 def used_tests(config: Mapping[str, Any]) -> list[BenchTest]:
-    """Bench tests that have a section in the configuration.
-
-    Parameters
-    ----------
-    config : mapping
-
-    Returns
-    -------
-    list of BenchTest
-    """
+    """Bench tests whose section is in the configuration."""
     return [test for test in bench_tests() if test.name in config]
 
 
 def _of_moduli(config):
-    """Neither moduli nor tests that tell them."""
+    """Neither moduli nor compression tests."""
     for key in MODULI:
         name = key.removeprefix("berry.")
         if config["berry"]["compression"] is None and config["berry"][name] is None:
@@ -87,20 +60,20 @@ def _of_moduli(config):
 
 
 def _of_parameters(config):
-    """Nothing that a calibration could find."""
+    """No free parameter."""
     if not ParameterSpace.of(config["parameters"]).free:
         yield "parameters", "at least one that is not fixed: there is nothing to calibrate"
 
 
 def _of_the_split(config):
-    """Shares that are none."""
+    """Invalid shares."""
     split = config["network"]["split"]
     if abs(sum(split) - 1) > 1e-6 or split[0] == 0 or split[2] == 0:
         yield "network.split", "three shares that sum to 1, those of training and test above 0"
 
 
 def _of_refine(config):
-    """Jobs or neighbours that cannot be made."""
+    """Impossible numbers of jobs or neighbours."""
     refine = config["refine"]
     if refine["seeds"] > LARGEST_BLOCKS * refine["block"]:
         yield "refine.block", f"at least refine.seeds / {LARGEST_BLOCKS}"
@@ -127,15 +100,7 @@ def _of_the_surrogate(config):
 def strategy_contradictions(config: Mapping[str, Any]) -> Pairs:
     """A sequential start beyond its budget or without repeats; a response surface of too few factors or runs.
 
-    Parameters
-    ----------
-    config : mapping
-        Whose values are allowed, each by itself.
-
-    Yields
-    ------
-    tuple of (str, str)
-        Dotted key, and what is allowed.
+    Each value of the configuration is valid by itself. Yields (dotted key, what is allowed).
     """
     if config["strategy"] == "sequential":
         section, responses = config["sequential"], len(config["targets"])
@@ -160,7 +125,7 @@ def strategy_contradictions(config: Mapping[str, Any]) -> Pairs:
 
 
 def _of_seeds(config):
-    """Too few runs of a sample, in a bench test of the targets, for what the training wants to know of them."""
+    """Too few runs of a sample to compare them, in a bench test of the targets."""
     network = config["network"]
     targets = {target["apparatus"] for target in config["targets"]}
     for name in (test.name for test in used_tests(config) if test.name in targets):
@@ -173,7 +138,7 @@ def _of_seeds(config):
 
 
 def _of_targets(config):
-    """Targets that no bench test gives, given twice, or outside of their own range."""
+    """Targets without a bench test, duplicates, and values outside the allowed range."""
     seen = set()
     for k, target in enumerate(config["targets"]):
         key = f"targets.{k}"

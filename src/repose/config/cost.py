@@ -22,9 +22,9 @@ JOB_START_S = 2.5  # of a pour's job and of its measurement's
 REST_S = 120.0  # of a study besides its runs: posterior, figures, film and report, and snakemake itself
 # The pour that is timed: simulated time [s], and steps of a berry that take half a second.
 TIMED_S, TIMED_STEPS = 1.5, 1.0e7
-REPEATS = 3  # the least of them: other programs only slow a pour down
+REPEATS = 3  # the shortest time counts: other programs only slow a pour down
 FEWEST_TIMED = 20
-SEEDS = ("seeds", "checks")  # the ends of keys that tell how often a parameter set runs
+SEEDS = ("seeds", "checks")  # endings of keys for the number of runs of a parameter set
 # Purpose, number of parameter sets, seeds of each.
 Pours = Sequence[tuple[str, int, int]]
 
@@ -32,18 +32,7 @@ Pours = Sequence[tuple[str, int, int]]
 def run_s(config: Mapping[str, Any], name: str, berry_step_s: float = SECONDS_A_BERRY_STEP) -> float:
     """Wall time of a run of a bench test on one core, without its measurement.
 
-    Parameters
-    ----------
-    config : mapping
-    name : str
-        Of the bench test.
-    berry_step_s : float, optional
-        Wall time of a step of one berry; `measured_berry_step_s` measures it.
-
-    Returns
-    -------
-    float
-        Seconds.
+    `berry_step_s` is that of a step of one berry, as of `measured_berry_step_s`.
     """
     section, duration = config[name], bench(name).duration_s(config)
     berries = section.get("berries", 1)
@@ -52,16 +41,9 @@ def run_s(config: Mapping[str, Any], name: str, berry_step_s: float = SECONDS_A_
 
 
 def longest_job_s(config: Mapping[str, Any]) -> float:
-    """Wall time of the longest job that runs a bench test: one parameter set with the most seeds of any section.
+    """Wall time of the longest job of the funnel, the drum and the bench tests of the targets.
 
-    Parameters
-    ----------
-    config : mapping
-
-    Returns
-    -------
-    float
-        Seconds, for the funnel, the drum and the bench tests of the targets.
+    A job is one parameter set with the most seeds of any section.
     """
     sections = [section for section in config.values() if isinstance(section, Mapping)]
     seeds = max(section[key] for section in sections for key in section if key.endswith(SEEDS))
@@ -70,21 +52,10 @@ def longest_job_s(config: Mapping[str, Any]) -> float:
 
 
 def measured_berry_step_s(config: Mapping[str, Any], berry: Mapping[str, Any], particle: "Particle") -> float:
-    """Time of a step of one grain in a pile on a core of this machine, measured with small pours of about a second.
+    """Time [s] of a step of one grain in a pile on a core of this machine, from small pours of about a second.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    berry : mapping
-        What the verb ``berry`` writes.
-    particle : Particle
-
-    Returns
-    -------
-    float
-        Seconds of a core of its own: what other programs take meanwhile is left out. The first call on a machine
-        compiles the engine.
+    The time of other programs is left out. `berry` is the result of the verb `berry`. The first call on a machine
+    compiles the engine.
     """
     from repose.apparatus import funnel
 
@@ -112,21 +83,10 @@ def work(
     berry_step_s: float = SECONDS_A_BERRY_STEP,
     pours: Pours | None = None,
 ) -> dict[str, Any]:
-    """What a study takes.
+    """Cost of a study: `pours` of the funnel, `pour_s` of one of them, and `total_s` of the whole study on one core.
 
-    Parameters
-    ----------
-    config : mapping
-    berry_step_s : float, optional
-        As for `run_s`.
-    pours : sequence of (purpose, parameter sets, seeds), optional
-        Of another strategy than the published one; each set runs as often in every bench test of the targets.
-
-    Returns
-    -------
-    dict
-        ``pours``: of the funnel, as (purpose, parameter sets, seeds). ``pour_s``: wall time of one [s].
-        ``total_s``: of the whole study on one core [s], the other bench tests of its targets included.
+    `pours` are those of another strategy than the published one; each set runs as often in every bench test of the
+    targets, which `total_s` includes. `berry_step_s` as in `run_s`.
     """
     targets = Targets.of(config["targets"])
     pour_s = run_s(config, "funnel", berry_step_s) + SECONDS_A_VIEW * config["measure"]["views"]
@@ -160,21 +120,7 @@ def work(
 
 
 def job_s(config: Mapping[str, Any], name: str, runs: int) -> float:
-    """Wall time of a job of the workflow on one core, to compare jobs with one another.
-
-    Parameters
-    ----------
-    config : mapping
-    name : str
-        Of the bench test that it runs.
-    runs : int
-        How often; none for a job that only computes.
-
-    Returns
-    -------
-    float
-        Seconds.
-    """
+    """Wall time of a job of the workflow on one core, to compare jobs; without `runs` it only computes."""
     return JOB_START_S + (runs * run_s(config, name) if runs else 0.0)
 
 
@@ -200,17 +146,9 @@ NEEDED = {
 
 
 def offered(config: Mapping[str, Any]) -> list[str]:
-    """Targets of `repose run`.
+    """Targets of `repose run` whose section is in the configuration, the calibration first.
 
-    Parameters
-    ----------
-    config : mapping
-        May lack keys: then the target whose table of published solutions nobody can read is left out.
-
-    Returns
-    -------
-    list of str
-        Those whose section of the configuration is there; the calibration first.
+    The configuration may lack keys: then the target that needs the table of published solutions is left out.
     """
     try:
         responses = Targets.of(config["targets"]).responses
@@ -222,18 +160,9 @@ def offered(config: Mapping[str, Any]) -> list[str]:
 
 
 def costs(config: Mapping[str, Any]) -> dict[str, str]:
-    """What the studies of a workflow cost besides the calibration, in words: pours, and their time on one core.
+    """Cost of each study besides the calibration and the strategies, in words: pours, and their time on one core.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    dict of str
-        By target; the strategies are left out. Times are of pours; what uses the surrogate alone, seconds to minutes,
-        is left out.
+    Work with the surrogate alone, seconds to minutes, is left out.
     """
     of_all = work(config)
     pour_s = of_all["pour_s"]

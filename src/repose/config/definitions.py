@@ -1,4 +1,4 @@
-"""How a configuration defines the responses, and how it makes what they are measured on."""
+"""Definitions of the responses in a configuration, and settings of their bench tests."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -14,17 +14,9 @@ GRAIN = "berry_height_mm"
 
 
 def definitions_of(config: Mapping[str, Any]) -> Definitions:
-    """Definitions of the responses of the bench tests that a study is calibrated by.
+    """For each response of a study's bench tests the keys that define it, with their values.
 
-    Parameters
-    ----------
-    config : mapping
-
-    Returns
-    -------
-    mapping
-        For each response the keys that define it, with their values. Those of other bench tests are left out: the
-        study's files do not change with them.
+    Other bench tests are left out: the study's files do not change with them.
     """
     used = Targets.of(config["targets"]).apparatus
     return {
@@ -36,21 +28,11 @@ def definitions_of(config: Mapping[str, Any]) -> Definitions:
 
 
 def described(config: Mapping[str, Any], response: Response, berry: Mapping[str, Any]) -> dict[str, Any]:
-    """What a response is, and how the bench test is done that gives it.
+    """Definition of a response and settings of its bench test, with the units in the keys.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    response : Response
-    berry : mapping
-        What the verb ``berry`` writes: the height of a grain where the configuration has none.
-
-    Returns
-    -------
-    dict
-        ``definition``: its ``name``, and ``settings``, the keys that it reads. ``bench``: the keys of the bench test's
-        section that a run reads. Units stand in the keys.
+    `definition` holds its `name` and `settings`, the keys that it reads; `bench` the keys of the bench test's section
+    that a run reads. `berry`, the result of the verb `berry`, gives the grain's height where the configuration has
+    none.
     """
     from repose.measure.settings import MeasureSettings
 

@@ -1,6 +1,6 @@
 """The configuration: read strictly, checked against one schema and against itself before any work starts.
 
-Every fault ends in one InputError that tells file, key, value and what is allowed.
+Every fault ends in an InputError with the file, the key, the value and what is allowed.
 """
 
 import copy
@@ -20,33 +20,21 @@ FILES = {
     "validation": ("published",),
     "posterior": ("shape_study",),
 }
-CROP = ("sizes", "density_kg_m3", "stl")  # keys of `berry` that make a file a crop of its own
+CROP = ("sizes", "density_kg_m3", "stl")  # keys of `berry` that define a crop
 COMMAND_LINE = "command line (--config)"
-# Replaced, not merged: who lists two fillings wants two, and a parameter that is fixed has no prior of another file.
+# Replaced, not merged: two fillings in a list are all fillings, and a fixed parameter has no prior of another file.
 WHOLE = {f"shape_study.{key}" for key in ("particles", "fillings", "sensitivities")}
 WHOLE |= {f"parameters.{name}" for name in PARAMETERS}
 
 
 def load(*files: str | os.PathLike) -> dict[str, Any]:
-    """A study's configuration as the workflow reads it: what is `auto` computed, and checked.
+    """A study's configuration as the workflow reads it, with each `auto` computed, and checked.
 
-    Parameters
-    ----------
-    *files : path
-        Each may hold only the keys that differ. They lie, one over the other, over the defaults (`layers`). Looked
-        for as `places.find` does. A complete one needs no default: the folder's own may be edited while a workflow's
-        jobs read `RESULTS/config.json`.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read, or a value is not allowed. It names the file that the bad value came from.
+    Each file may hold only the keys that differ. They lie over the defaults (`layers`), each over the one before it. A
+    complete file needs no default, so the folder's own may be edited while the workflow's jobs read
+    `RESULTS/config.json`. InputError names the file of a bad value.
     """
-    from repose.config.checks import complete  # here and below: the help of a verb loads none of it
+    from repose.config.checks import complete  # imported here and below, so that help loads none of it
 
     config, source = _unchecked(files)
     config = complete(config, source, inputs=False)
@@ -55,26 +43,12 @@ def load(*files: str | os.PathLike) -> dict[str, Any]:
 
 
 def unchecked(*files: str | os.PathLike) -> dict[str, Any]:
-    """The same as its files have it: with what is `auto`, and with values that are not allowed.
-
-    Parameters
-    ----------
-    *files : path
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-    """
+    """The configuration of files as `load` reads it, but with `auto` and with values that are not allowed."""
     return _unchecked(files)[0]
 
 
 def _unchecked(files):
-    """The configuration of files over the defaults, and where each key came from."""
+    """The configuration of files over the defaults, and the file of each key."""
     from repose.config.schema import lacks_keys
 
     given = [places.find(path) for path in files]
@@ -85,20 +59,8 @@ def _unchecked(files):
 def layers(given: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
     """The files of a configuration, each to be read over the one before it: the default ones, then those given.
 
-    Parameters
-    ----------
-    given : sequence of path
-
-    Returns
-    -------
-    list of path
-        The program's own crop is among the defaults only where no other file is a crop of its own. So a crop that lacks
-        a key is told so, and does not run with the number of another one.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
+    The built-in crop is a default only if no other file defines a crop. So a missing key of a crop is reported, and no
+    number of another crop is used.
     """
     own = (places.root() / places.DEFAULT_CONFIG).resolve()
     defaults = places.configs()
@@ -107,22 +69,9 @@ def layers(given: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
 
 
 def own_crop_under(*files: str | os.PathLike) -> Path | None:
-    """The program's own crop, where a configuration stands on it in a folder that has none.
+    """The file of the built-in crop if a configuration uses it in a folder that has no configuration.
 
-    Parameters
-    ----------
-    *files : path
-        As for `load`.
-
-    Returns
-    -------
-    Path or None
-        None where the working folder has a configuration or is the program's, or the files need no default.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
+    None if the working folder has one or is the program's, or if the files need no default.
     """
     from repose.config.schema import lacks_keys
 
@@ -136,7 +85,7 @@ def own_crop_under(*files: str | os.PathLike) -> Path | None:
 
 
 def _is_a_crop(config):
-    """Whether a file tells a grain by what no default has: its sizes, its density, or a scan."""
+    """Whether a file defines a grain by a key that no default has: sizes, density or scan."""
     grain = config.get("berry")
     return isinstance(grain, dict) and any(grain.get(key) is not None for key in CROP)
 
@@ -146,23 +95,8 @@ def resolve(
 ) -> dict[str, Any]:
     """A workflow's configuration: later files over earlier ones, the command line over all; computed, checked.
 
-    Parameters
-    ----------
-    files : sequence of path
-        The first complete; the others may hold only some keys.
-    overrides : mapping, optional
-        Nested; its texts are read as YAML values.
-    inputs : bool, optional
-        Whether the files that it names are checked as well, and its berry is built, which takes seconds.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read, or a value is not allowed. It names the file that the bad value came from.
+    The first file is complete. `overrides` are nested; their texts are read as YAML. With `inputs` the files that it
+    names are checked and its berry is built, which takes seconds. InputError names the file of a bad value.
     """
     from repose.config.checks import complete
 
@@ -172,7 +106,7 @@ def resolve(
 def _over_each_other(
     files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None
 ) -> tuple[dict[str, Any], Origin]:
-    """The files' configurations, each over the one before it, under the overrides; and where each key came from."""
+    """The files' configurations, each over the one before it, under the overrides; and the file of each key."""
     config: dict[str, Any] = {}
     origin: dict[str, str] = {}
     for path in files:
@@ -195,13 +129,7 @@ def _with_files_found(config):
 
 
 def write_resolved(config: Mapping[str, Any], path: str | os.PathLike) -> None:
-    """Write a configuration as JSON, but only where that changes the file.
-
-    Parameters
-    ----------
-    config : mapping
-    path : path
-    """
+    """Write a configuration as JSON, but only where that changes the file."""
     path = Path(path)
     text = json.dumps(config, indent=1) + "\n"
     if not path.is_file() or path.read_text(encoding="utf-8") != text:

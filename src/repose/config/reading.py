@@ -1,4 +1,4 @@
-"""YAML in, strictly: a key once, numbers as numbers, and where each key came from."""
+"""Strict reading of YAML: no key twice, numbers as numbers, and the file of each key."""
 
 import os
 import re
@@ -10,32 +10,14 @@ import yaml
 
 from repose.core.errors import InputError
 
-MOST_CHARACTERS = (
-    200_000  # of all values once aliases are replaced by what they stand for; paper.yaml has some 5,000
-)
+MOST_CHARACTERS = 200_000  # of all values with their aliases replaced; paper.yaml has some 5,000
 
 
 class StrictLoader(yaml.SafeLoader):
-    """YAML that refuses a key given twice and reads 2e-4 as the number it is (YAML 1.1 takes it for text)."""
+    """YAML that refuses a key given twice and reads 2e-4 as a number (YAML 1.1 takes it for text)."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """The mapping of a node; called by PyYAML.
-
-        Parameters
-        ----------
-        node : yaml.MappingNode
-        deep : bool, optional
-            Whether to construct what the mapping holds at once.
-
-        Returns
-        -------
-        dict
-
-        Raises
-        ------
-        InputError
-            If a key stands twice; it names the line.
-        """
+        """The mapping of a node; called by PyYAML. InputError names the line of a key that stands twice."""
         seen = set()
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=deep)
@@ -55,21 +37,7 @@ StrictLoader.add_implicit_resolver(
 
 
 def read(path: str | os.PathLike) -> dict[str, Any]:
-    """The mapping in a YAML or JSON file, unchecked.
-
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    InputError
-        If there is no such file, its syntax is bad, or a key stands twice.
-    """
+    """The mapping in a YAML or JSON file, unchecked; InputError for a missing file, bad syntax or a key given twice."""
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8-sig")
@@ -84,23 +52,7 @@ def read(path: str | os.PathLike) -> dict[str, Any]:
 
 
 def parse(text: str, name: str) -> Any:
-    """YAML (of which JSON is a part) as plain values.
-
-    Parameters
-    ----------
-    text : str
-    name : str
-        Of the file, for the message.
-
-    Returns
-    -------
-    object
-
-    Raises
-    ------
-    InputError
-        If the syntax is bad, or a key stands twice; it names the line.
-    """
+    """YAML (of which JSON is a part) as plain values; InputError with the file's `name` and the line for bad syntax."""
     loader = None
     try:
         loader = StrictLoader(text)
@@ -118,11 +70,11 @@ def parse(text: str, name: str) -> Any:
         raise InputError(
             name, f"line {line}", error.problem, "valid YAML (indent by spaces, no tabs)"
         ) from None
-    except yaml.YAMLError as error:  # such as a byte that is no character of a text
+    except yaml.YAMLError as error:  # such as an invalid byte
         raise InputError(name, "content", " ".join(str(error).split()), "valid YAML") from None
     except InputError:
         raise
-    # what PyYAML lets through: a date without such a day, a tag without its value, too many brackets
+    # other errors of PyYAML: a day that does not exist, a tag without its value, too many brackets
     except (ValueError, LookupError, AttributeError, TypeError, ArithmeticError, RecursionError) as error:
         raise InputError(name, "content", str(error), "valid YAML") from None
     finally:
@@ -131,7 +83,7 @@ def parse(text: str, name: str) -> Any:
 
 
 def _characters(node, known):
-    """Characters of what a node stands for, its aliases replaced; a node inside itself counts as nothing there."""
+    """Characters of a node with its aliases replaced; a node inside itself has none there."""
     if id(node) not in known:
         known[id(node)] = 0
         if isinstance(node, yaml.ScalarNode):
@@ -143,49 +95,24 @@ def _characters(node, known):
 
 
 class Origin:
-    """Where each dotted key came from; a key that is nowhere is wanted in the last file, one in a list in the list's.
+    """The file of each dotted key; a missing key is that of the last file, `default`, a key in a list that of the list.
 
-    Parameters
-    ----------
-    origin : mapping of str to str
-        Name of the file of each dotted key.
-    default : str
-        Name of the last file.
-    shared : str, optional
-        Name of the file that every crop shares, which no user writes.
+    `shared` is the file that all crops share, which no user writes.
     """
 
     def __init__(self, origin, default, shared=""):
         self.origin, self.default, self.shared = origin, default, shared
 
     def of(self, key: str) -> str:
-        """Name of the file that holds a key.
-
-        Parameters
-        ----------
-        key : str
-            Dotted.
-
-        Returns
-        -------
-        str
-        """
+        """Name of the file that holds a dotted key."""
         of_list = key.split(".")
         place = next((k for k, step in enumerate(of_list) if step.isdigit()), len(of_list))
         return self.origin.get(".".join(of_list[:place]), self.default)
 
     def owner(self, key: str) -> str:
-        """Name of the file of the user's that a key belongs in, where it is missing or a default does not do.
+        """Name of the user's file to edit for a dotted key that is missing, or whose default does not fit.
 
-        Parameters
-        ----------
-        key : str
-            Dotted.
-
-        Returns
-        -------
-        str
-            That of the key, or else of the innermost section around it that a file besides the shared one has.
+        It is that of the key, or of the innermost section around it outside the shared file.
         """
         steps = key.split(".")
         for k in range(len(steps), 0, -1):
@@ -196,74 +123,24 @@ class Origin:
 
 
 def owner_of(source: "str | Origin", key: str) -> str:
-    """Name of the file of the user's that a key belongs in.
-
-    Parameters
-    ----------
-    source : str or Origin
-    key : str
-        Dotted.
-
-    Returns
-    -------
-    str
-    """
+    """Name of the user's file to edit for a dotted key."""
     return source.owner(key) if isinstance(source, Origin) else source
 
 
 def origin_of(source: "str | Origin", key: str) -> str:
-    """Name of the file that holds a key.
-
-    Parameters
-    ----------
-    source : str or Origin
-    key : str
-        Dotted.
-
-    Returns
-    -------
-    str
-    """
+    """Name of the file that holds a dotted key."""
     return source.of(key) if isinstance(source, Origin) else source
 
 
 def get(config: Any, key: str) -> Any:
-    """Value of a key.
-
-    Parameters
-    ----------
-    config : mapping
-    key : str
-        Dotted.
-
-    Returns
-    -------
-    object
-    """
+    """Value of a dotted key."""
     for step in key.split("."):
         config = config[int(step)] if isinstance(config, list) else config[step]
     return config
 
 
 def section(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """A section that may be absent, where it is needed.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    name : str
-        Of the section.
-
-    Returns
-    -------
-    mapping
-
-    Raises
-    ------
-    InputError
-        If the configuration has no such section.
-    """
+    """A section that may be absent; InputError if it is."""
     if name not in config:
         allowed = "a section of this name, as in config/config.yaml; a crop's own configuration may lack it"
         raise InputError("configuration", name, None, allowed)

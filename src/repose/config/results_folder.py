@@ -1,8 +1,8 @@
-"""The folder of a study's results: what `results_dir` may be.
+"""The folder of a study's results: allowed values of `results_dir`.
 
 Snakemake removes outputs before it makes them anew, and knows only their names. So a study starts in a folder that is
-new, holds nothing of these names, or is a study's already; and a study does not start where somebody's file lies in
-the place of a result.
+new, holds nothing of these names, or is a study's already. It does not start where a foreign file lies in the place of
+a result.
 """
 
 import json
@@ -19,7 +19,7 @@ OUR_OWN = (
     *("src", "config", "resources", "workflow", "profiles", "tests", "docs", "examples", "benchmarks"),
     "results/published",
 )
-# What the rules write there, first part of the path.
+# First part of the paths that the rules write there.
 WRITTEN = (
     *(
         "card.json",
@@ -50,18 +50,7 @@ Faults = Iterator[tuple[str, str]]
 
 
 def contradictions(results_dir: str) -> Faults:
-    """Faults of the path alone.
-
-    Parameters
-    ----------
-    results_dir : str
-        Of the schema's pattern.
-
-    Yields
-    ------
-    tuple of str
-        Key, and what is allowed.
-    """
+    """Faults of the path alone, as (key, what is allowed)."""
     folder = Path(results_dir).resolve()
     roots = {Path.cwd(), places.root().resolve()}
     kept = [root / own for root in roots for own in OUR_OWN]
@@ -72,17 +61,7 @@ def contradictions(results_dir: str) -> Faults:
 
 
 def taken(results_dir: str) -> Faults:
-    """What is in the way of results.
-
-    Parameters
-    ----------
-    results_dir : str
-
-    Yields
-    ------
-    tuple of str
-        Key, and what is allowed.
-    """
+    """Faults of the present content of the folder, as (key, what is allowed)."""
     folder = Path(results_dir)
     if any(one.exists() and not one.is_dir() for one in (folder, *folder.parents)):
         yield "results_dir", "a folder; a file is in its way"
@@ -96,20 +75,10 @@ def taken(results_dir: str) -> Faults:
 
 
 def refuse_strange(results_dir: str, is_result: Callable[[str], bool]) -> None:
-    """Refuse a folder where a result was changed, or where somebody's file lies in the place of a result.
+    """Refuse a folder where a result was changed, or where a foreign file lies in the place of a result.
 
-    What stands on a changed result would be wrong, and snakemake would remove a file that is in the place of a result.
-
-    Parameters
-    ----------
-    results_dir : str
-    is_result : callable
-        Whether a path is one that the study writes.
-
-    Raises
-    ------
-    InputError
-        For all of them at once.
+    A changed result would make its followers wrong, and snakemake would remove a file in the place of a result.
+    `is_result` takes a path. One InputError holds all faults.
     """
     found: dict[str, tuple[str, str, str]] = {}
     places: list[tuple[str, Sequence[str]]] = [(results_dir, WRITTEN)]
@@ -118,7 +87,7 @@ def refuse_strange(results_dir: str, is_result: Callable[[str], bool]) -> None:
         known = ledger.names(folder)
         found |= {str(path): CHANGED for path in ledger.changed(folder) if path.name in names}
         for path in (f"{folder}/{name}" for name in names if name not in known):
-            # an empty file holds nothing that could be lost; snakemake makes such marks
+            # an empty file holds nothing to lose; snakemake makes such marks
             if os.path.isfile(path) and os.path.getsize(path) and is_result(path):
                 found[path] = NOT_OURS
     raise_together([InputError(path, *told) for path, told in sorted(found.items())])

@@ -1,6 +1,6 @@
 """The schema of a configuration, and its faults in words.
 
-`schema.yaml` beside this file says which keys there are and their ranges; each bench test says it of its own section.
+`schema.yaml` beside this file has the keys and their ranges; each bench test has those of its own section.
 """
 
 import difflib
@@ -24,7 +24,7 @@ FRICTION_LIMIT = (
     "no longer a key: the tension decides (keep: the elastic part of the force, release: all of it), since other pairs "
     "break Coulomb's law; delete this line"
 )
-# Keys of earlier configurations, and where they went.
+# Keys of earlier configurations, and their present places.
 MOVED = {
     "heap": f"now the section funnel; its keys {', '.join(SHARED)} are in the section simulation",
     "target": "now the list targets: one entry for each response, with value, sd, repetitions and range",
@@ -41,7 +41,7 @@ def validator() -> Any:
 
 @cache
 def _validator(apparatus):
-    """The same for these bench tests, whose sections are part of the schema."""
+    """The validator for these bench tests, whose sections are part of the schema."""
     import jsonschema
 
     base = jsonschema.Draft202012Validator
@@ -64,17 +64,7 @@ def _validator(apparatus):
 
 
 def lacks_keys(config: Mapping[str, Any]) -> bool:
-    """Whether a configuration lacks any key.
-
-    Parameters
-    ----------
-    config : mapping
-        May hold values that are not allowed.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a configuration lacks any key; it may hold values that are not allowed."""
     return any(error.validator == "required" for error in validator().iter_errors(config))
 
 
@@ -90,17 +80,7 @@ def _not_increasing(validator, wanted, given, _):
 def input_errors(errors: Iterable[Any], config: Any, source: str | Origin) -> Iterator[InputError]:
     """Faults found by the schema as InputErrors; one inside a list of plain values names the whole list.
 
-    Parameters
-    ----------
-    errors : iterable of jsonschema.ValidationError
-    config : mapping
-    source : str or Origin
-        Name of the file, for the message.
-
-    Yields
-    ------
-    InputError
-        A mistyped key is also a missing one; the mistyping comes first, and the other is left out.
+    A mistyped key is also a missing key: only the mistyping is reported.
     """
     meant = set()
     for error in sorted(errors, key=lambda one: (one.validator != "additionalProperties", _place(one))):
@@ -121,7 +101,7 @@ def input_errors(errors: Iterable[Any], config: Any, source: str | Origin) -> It
                 allowed = MOVED.get(key, f"no such key; {hint}")
                 yield YamlError(origin_of(source, key), key, error.instance[extra], allowed)
         elif error.validator == "required":
-            # the schema tells each missing key alone, but not which one; `raise_together` tells each of these once
+            # the schema has a fault for each missing key, without its name; `raise_together` leaves out the duplicates
             for missing in error.validator_value:
                 key = ".".join([*path, missing])
                 if missing not in error.instance and key not in meant:
@@ -133,17 +113,7 @@ def input_errors(errors: Iterable[Any], config: Any, source: str | Origin) -> It
 
 
 def missing_keys(errors: Iterable[Any]) -> set[str]:
-    """Keys that a configuration must have and has not, among faults found by the schema.
-
-    Parameters
-    ----------
-    errors : iterable of jsonschema.ValidationError
-
-    Returns
-    -------
-    set of str
-        Dotted.
-    """
+    """Dotted keys that a configuration must have and has not, among faults found by the schema."""
     return {
         ".".join([*map(str, error.absolute_path), key])
         for error in errors
@@ -154,22 +124,12 @@ def missing_keys(errors: Iterable[Any]) -> set[str]:
 
 
 def subschema(path: Sequence[str]) -> dict[str, Any]:
-    """The schema of a key, references followed.
-
-    Parameters
-    ----------
-    path : sequence of str
-        Parts of the key.
-
-    Returns
-    -------
-    dict
-    """
+    """The schema of a key, given by its parts, with references followed."""
     schema = root = validator().schema
     for step in path:
         if step.isdigit():
             schema = schema["items"]
-        else:  # free names share one schema
+        else:  # free names share a schema
             schema = schema.get("properties", {}).get(step) or schema["additionalProperties"]
         while "$ref" in schema:
             schema = root["$defs"][schema["$ref"].rsplit("/", 1)[1]]
@@ -177,16 +137,7 @@ def subschema(path: Sequence[str]) -> dict[str, Any]:
 
 
 def allowed_by(schema: Mapping[str, Any]) -> str:
-    """In words, what a schema takes.
-
-    Parameters
-    ----------
-    schema : mapping
-
-    Returns
-    -------
-    str
-    """
+    """The allowed values of a schema, in words."""
     if "description" in schema:
         return schema["description"]
     if "enum" in schema:
@@ -209,7 +160,7 @@ def allowed_by(schema: Mapping[str, Any]) -> str:
 
 
 def _place(error):
-    """Where a fault lies, to sort by."""
+    """Place of a fault, to sort by."""
     return list(map(str, error.absolute_path))
 
 

@@ -1,6 +1,6 @@
-"""What each stage reads of the configuration: what its results stand on.
+"""Settings of the configuration that each stage reads, on which its results depend.
 
-The workflow and the record of provenance take it from here.
+The workflow and the record of provenance take them from here.
 """
 
 import functools
@@ -29,24 +29,12 @@ KEYS = {
     "drum_tables": ("measure.mm_per_pixel", "drum.fit_share", "drum.depth_bin_mm"),
     "validate": ("parameters", "targets", "validation.published"),
 }
-# Names of the study and its folder are in no result.
+# Names of the study and its folder, which no result depends on.
 NAMES = ("label", "results_dir")
 
 
 def sections(config: Config, *names: str) -> dict[str, Any]:
-    """Sections of a configuration, or single keys with dots.
-
-    Parameters
-    ----------
-    config : mapping
-    *names : str
-        As in ``berry`` or ``design.seed``.
-
-    Returns
-    -------
-    dict
-        By name.
-    """
+    """Sections of a configuration by name, or single dotted keys such as `design.seed`."""
     return {
         name: _in_order(functools.reduce(lambda part, key: part[key], name.split("."), config))
         for name in names
@@ -54,41 +42,19 @@ def sections(config: Config, *names: str) -> dict[str, Any]:
 
 
 def _in_order(value):
-    """With the keys of all mappings in the alphabet's order: snakemake compares texts, and files give any order."""
+    """With the keys of all mappings in alphabetical order: snakemake compares texts, and files give any order."""
     return {key: _in_order(value[key]) for key in sorted(value)} if isinstance(value, dict) else value
 
 
 def pouring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
-    """What a run of a bench test reads; what only measures it and the number of its seeds are left out.
-
-    Parameters
-    ----------
-    config : mapping
-    apparatus : str
-        Name of the bench test.
-
-    Returns
-    -------
-    dict
-    """
+    """Settings that a run of a bench test reads, without those of its measurement and the number of its seeds."""
     others = ("seeds", *bench(apparatus).measured_by)
     own = {key: value for key, value in _in_order(config[apparatus]).items() if key not in others}
     return sections(config, "wall", "simulation", "design.seed") | {apparatus: own}
 
 
 def measuring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
-    """What the measurement of a run reads.
-
-    Parameters
-    ----------
-    config : mapping
-    apparatus : str
-        Name of the bench test.
-
-    Returns
-    -------
-    dict
-    """
+    """Settings that the measurement of a run reads."""
     test = bench(apparatus)
     own = (f"{apparatus}.{key}" for key in test.measured_by)
     return sections(config, "measure", *own) | {"responses": [one.name for one in test.wanted(config)]}
@@ -97,22 +63,10 @@ def measuring(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
 def settings_of(
     config: Config, verb: str, apparatus: str | None = None, berry_is_made: bool = False
 ) -> dict[str, Any]:
-    """What a stage reads of a configuration, files by their content.
+    """Settings that the stage of a verb reads, with files by their content.
 
-    Parameters
-    ----------
-    config : mapping
-    verb : str
-        Name of the stage.
-    apparatus : str, optional
-        Name of the bench test that it runs or measures, by default the funnel.
-    berry_is_made : bool, optional
-        Whether it makes berry and particle itself.
-
-    Returns
-    -------
-    dict
-        For a stage that is not listed here the whole configuration but the names in it.
+    `apparatus` is the bench test that it runs or measures, None the funnel; with `berry_is_made` it makes berry and
+    particle itself. A stage that is not listed here reads the whole configuration except its names.
     """
     apparatus = apparatus or UNNAMED
     if verb == "pour":
@@ -142,15 +96,7 @@ def settings_of(
 def outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
     """Results that were made with other settings, or by another engine.
 
-    Parameters
-    ----------
-    config : mapping
-    paths : iterable of path
-        Of results; those that are missing or carry no record are left out.
-
-    Returns
-    -------
-    list of str
+    Paths that are missing or carry no record are left out.
     """
     found = []
     for path in paths:
@@ -178,5 +124,5 @@ def _with_contents(chosen):
 
 
 def _content(path):
-    """Hash of a file; None where it is missing, which is told by whoever reads it."""
+    """Hash of a file; None if missing: its reader reports it."""
     return hash_of_file(path) if Path(path).is_file() else None

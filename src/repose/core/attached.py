@@ -1,7 +1,7 @@
-"""Where a result carries its record of provenance.
+"""The record of provenance in a result, by type of file.
 
-A JSON file under the key ``provenance``, an .npz file as an array of this name, a PNG as a text of this name in its
-header. Every other file has it beside itself, in FILE.provenance.json.
+A JSON file has it under the key ``provenance``, an .npz file as an array of this name, a PNG as a text of this name in
+its header. Every other file has it beside itself, in FILE.provenance.json.
 """
 
 import json
@@ -19,7 +19,7 @@ KEY = "provenance"
 BESIDE = ".provenance.json"
 PNG = b"\x89PNG\r\n\x1a\n"
 HEADER = 33  # bytes of a PNG's signature and first chunk
-# A flipped bit may make an archive one with a password or with a method that is not there, a RuntimeError.
+# A flipped bit may turn on an archive's password or an unknown method, which is a RuntimeError.
 UNREADABLE = (
     *(OSError, EOFError, ValueError, KeyError, RuntimeError),
     *(zipfile.BadZipFile, zlib.error, struct.error),
@@ -27,48 +27,20 @@ UNREADABLE = (
 
 
 def write_beside(path: str | PathLike, record: Mapping[str, Any]) -> None:
-    """Write a record beside a file.
-
-    Parameters
-    ----------
-    path : path
-        Of the file.
-    record : mapping
-    """
+    """Write a record beside a file."""
     text = json.dumps(record, indent=1) + "\n"
     write_whole(f"{path}{BESIDE}", lambda handle: handle.write(text.encode()))
 
 
 def in_png(content: bytes, record: Mapping[str, Any]) -> bytes:
-    """A PNG with a record in its header.
-
-    Parameters
-    ----------
-    content : bytes
-        Of a PNG.
-    record : mapping
-
-    Returns
-    -------
-    bytes
-    """
+    """A PNG with a record in its header."""
     chunk = b"tEXt" + KEY.encode() + b"\0" + json.dumps(record).encode("ascii")
     framed = struct.pack(">I", len(chunk) - 4) + chunk + struct.pack(">I", zlib.crc32(chunk))
     return content[:HEADER] + framed + content[HEADER:]
 
 
 def read(path: str | PathLike) -> dict[str, Any] | None:
-    """The record of a file.
-
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    dict or None
-        None where it has none, or cannot be read.
-    """
+    """The record of a file; None if it has none or cannot be read."""
     path = Path(path)
     of_type = {".json": _from_json, ".npz": _from_npz, ".png": _from_png}.get(path.suffix, _from_beside)
     try:

@@ -1,4 +1,4 @@
-"""The exceptions: what a user's input can cause, and a pile without an angle."""
+"""The exceptions: faults of a user's input, and a pile without an angle."""
 
 import sys
 from collections.abc import Iterable
@@ -7,19 +7,13 @@ from repose.dem.errors import MOST_SHOWN, InputError, shown
 
 __all__ = ["BAD_INPUT", "InputError", "InputErrors", "NoFlankError", "YamlError", "raise_together", "tell"]
 
-BAD_INPUT = 2  # exit status where the input is at fault, of a verb and of the workflow
+BAD_INPUT = 2  # exit status of a verb and of the workflow for a fault of the input
 
-MOST_TOLD = 30  # a file of another program would be told key by key
+MOST_TOLD = 30  # or a file of another program would be reported key by key
 
 
 class YamlError(InputError):
-    """A fault of a file in YAML: null, true and false are told as they are written there.
-
-    Parameters
-    ----------
-    source, key, value, allowed
-        As of `InputError`.
-    """
+    """A fault of a file in YAML: null, true and false are printed as they are written there."""
 
     def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
         super().__init__(source, key, value, allowed)
@@ -27,12 +21,7 @@ class YamlError(InputError):
 
 
 class InputErrors(InputError):
-    """Several faults at once, one a line; `source`, `key`, `value` and `allowed` are those of the first.
-
-    Parameters
-    ----------
-    faults : sequence of InputError
-    """
+    """Several faults at once, one a line; `source`, `key`, `value` and `allowed` are those of the first."""
 
     def __init__(self, faults: list[InputError]) -> None:
         self.faults, first = faults, faults[0]
@@ -44,13 +33,7 @@ class InputErrors(InputError):
 
 
 class NoFlankError(ValueError):
-    """The picture or the pile has no flank to measure; `reason` says why.
-
-    Parameters
-    ----------
-    reason : str
-        Why there is no flank.
-    """
+    """The picture or the pile has no flank to measure, for this `reason`."""
 
     def __init__(self, reason: str) -> None:
         self.reason = reason
@@ -58,17 +41,9 @@ class NoFlankError(ValueError):
 
 
 def raise_together(faults: Iterable[InputError]) -> None:
-    """Raise all faults as one, if there are any.
+    """Raise all faults at once, if there are any.
 
-    Parameters
-    ----------
-    faults : iterable of InputError
-        One that is there twice is told once.
-
-    Raises
-    ------
-    InputError
-        The fault itself where there is one; `InputErrors` where there are more.
+    A single fault is raised as itself, several as `InputErrors`. Duplicates are reported once.
     """
     found = list({str(fault): fault for fault in faults}.values())
     if found:
@@ -76,19 +51,13 @@ def raise_together(faults: Iterable[InputError]) -> None:
 
 
 def tell(fault: object) -> None:
-    """Tell a fault of the input on stderr, a line each.
-
-    Parameters
-    ----------
-    fault : object
-        An exception, or its sentence.
-    """
+    """Print a fault of the input (an exception or its text) on stderr, a line each."""
     for line in str(fault).splitlines():
         print(f"repose: error: {line}", file=sys.stderr, flush=True)
 
 
 def _in_yaml(value):
-    """A value as YAML has it; texts in quotes."""
+    """A value as it is written in YAML; texts in quotes."""
     if isinstance(value, list) and not any(isinstance(one, list | dict) for one in value):
         text = f"[{', '.join(map(_in_yaml, value[:MOST_SHOWN]))}]"
         return text if len(text) <= MOST_SHOWN else shown(value)

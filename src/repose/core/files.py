@@ -1,9 +1,9 @@
 """Files: one writer and one reader for each type.
 
-A writer writes in one move, so a file is whole or not there; folders that are missing are made. It replaces only what
-this program wrote (`repose.core.ledger`). With the file it writes the record of provenance of the stage that runs, if
-one does. A reader turns every fault of a file into one `InputError` that names the file, what is wrong in it, what was
-found and what is allowed; it leaves the record out.
+A writer writes in one move, so a file is whole or not there; missing folders are made. It replaces only files that this
+program wrote (`repose.core.ledger`). With the file it writes the record of provenance of the current stage, if there is
+one. A reader turns every fault of a file into one `InputError` that names the file, the fault, the value found and the
+values allowed; it leaves the record out.
 """
 
 import csv
@@ -47,24 +47,12 @@ KINDS = {int: "an integer", float: "a number", str: "a text", list: "a list", di
 
 
 def write_text(path: Path_, text: str) -> None:
-    """Write a text as UTF-8, in one move.
-
-    Parameters
-    ----------
-    path : path
-    text : str
-    """
+    """Write a text as UTF-8, in one move."""
     write_bytes(path, text.encode())
 
 
 def write_bytes(path: Path_, content: bytes) -> None:
-    """Write a file of any type, in one move.
-
-    Parameters
-    ----------
-    path : path
-    content : bytes
-    """
+    """Write a file of any type, in one move."""
     record = provenance.current()
     inside = content.startswith(attached.PNG)
     if record and inside:
@@ -75,32 +63,13 @@ def write_bytes(path: Path_, content: bytes) -> None:
 
 
 def write_json(path: Path_, content: Any, indent: int = 1) -> None:
-    """Write content as JSON, in one move; numbers of numpy are written as plain numbers.
-
-    Parameters
-    ----------
-    path : path
-    content : mapping or list
-    indent : int, optional
-        Spaces of a level.
-    """
+    """Write content as JSON, in one move; numbers of numpy are written as plain numbers."""
     text = json_text(content, indent) + "\n"
     write_whole(path, lambda handle: handle.write(text.encode()))
 
 
 def json_text(content: Any, indent: int = 1) -> str:
-    """Content as JSON; numbers of numpy as plain numbers.
-
-    Parameters
-    ----------
-    content : mapping or list
-    indent : int, optional
-        Spaces of a level.
-
-    Returns
-    -------
-    str
-    """
+    """Content as JSON; numbers of numpy as plain numbers."""
     record = provenance.current()
     if record and isinstance(content, Mapping):
         content = {**content, attached.KEY: record}
@@ -110,30 +79,15 @@ def json_text(content: Any, indent: int = 1) -> str:
 def write_table(
     path: Path_, table: "pd.DataFrame", float_format: str | None = None, index: bool = False
 ) -> None:
-    """Write a table as CSV.
+    """Write a table as CSV, in one move.
 
-    Parameters
-    ----------
-    path : path
-        The file.
-    table : pandas.DataFrame
-        Its columns become the header.
-    float_format : str, optional
-        How floating-point numbers are written, as in ``%.6g``; by default with all digits.
-    index : bool
-        Whether the table's index is the first column.
+    `float_format` as in ``%.6g``; None means all digits. With `index` the table's index is the first column.
     """
     write_text(path, table.to_csv(index=index, float_format=float_format))
 
 
 def write_npz(path: Path_, arrays: Mapping[str, Any]) -> None:
-    """Write named arrays as a compressed .npz file, in one move.
-
-    Parameters
-    ----------
-    path : path
-    arrays : mapping of numpy.ndarray
-    """
+    """Write named arrays as a compressed .npz file, in one move."""
     import numpy as np
 
     record = provenance.current()
@@ -144,19 +98,9 @@ def write_npz(path: Path_, arrays: Mapping[str, Any]) -> None:
 
 
 def write_image(path: Path_, picture: "np.ndarray") -> None:
-    """Write a picture, in one move.
+    """Write a picture, in one move; its format follows the suffix of the path.
 
-    Parameters
-    ----------
-    path : path
-        Its suffix tells the format.
-    picture : numpy.ndarray of uint8, (height, width) or (height, width, 3)
-        Blue first.
-
-    Raises
-    ------
-    InputError
-        If no picture format has this suffix.
+    `picture` is (height, width) or (height, width, 3) of uint8, blue first. InputError if no format has this suffix.
     """
     import cv2
 
@@ -171,28 +115,13 @@ def write_image(path: Path_, picture: "np.ndarray") -> None:
 
 
 def read_table(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file") -> "pd.DataFrame":
-    """Read a CSV file in UTF-8, with or without a mark of its byte order.
+    """Read a CSV file in UTF-8, with or without a byte order mark.
 
-    Parameters
-    ----------
-    path : path
-        The file.
-    columns : iterable of str
-        Columns that it must have; it may have more. Where `is_number`, each cell is a finite number or empty.
-    what : str
-        What the file should be, for the error.
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, a column is missing or stands there twice, a row is shorter or longer than the
-        header, or a cell that must be a number is none.
+    `columns` must be there; more are allowed. In columns that are numbers (`is_number`) each cell is a finite number or
+    empty. InputError also for a column twice, or a row that is shorter or longer than the header. `what` describes the
+    file in messages, here and below.
     """
-    # pandas costs time at start-up that a pour should not pay
+    # pandas makes the start slow, which a pour should avoid
     import numpy as np
     import pandas as pd
 
@@ -213,22 +142,15 @@ def read_table(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file
 
 
 def is_number(column: str) -> bool:
-    """Whether the cells of a column are numbers: a contact parameter, a quantity with its unit, a count or a number.
-
-    Parameters
-    ----------
-    column : str
-        Its name.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether the cells of a column are numbers: a contact parameter, a quantity with its unit, or a count."""
     return column in COUNTS or column in PARAMETERS or (column.rpartition("_")[2] in UNITS and "_" in column)
 
 
 def _rows(path, columns, what):
-    """The text of a CSV file, and its rows as lists of text: a header with names that differ, then rows as long."""
+    """The text of a CSV file, and its rows as lists of text.
+
+    The names of the header differ, and all rows are as long as the header.
+    """
     try:
         text = Path(path).read_bytes().decode("utf-8-sig")
         rows = [row for row in csv.reader(io.StringIO(text, newline=""), strict=True) if row]
@@ -248,25 +170,9 @@ def _rows(path, columns, what):
 
 
 def read_rows(path: Path_, columns: Iterable[str] = (), what: str = "a CSV file") -> list[dict[str, str]]:
-    """Read a CSV file as text, without pandas.
+    """Read a CSV file as text, without pandas; errors as in `read_table`.
 
-    A number that ``float`` makes of its text is exact; `read_table` may give the neighbouring one.
-
-    Parameters
-    ----------
-    path : path
-    columns, what
-        As in `read_table`.
-
-    Returns
-    -------
-    list of dict of str
-        For each row, from column to text.
-
-    Raises
-    ------
-    InputError
-        As in `read_table`.
+    The ``float`` of such a text is exact; `read_table` may give the neighbouring number.
     """
     _, rows = _rows(path, columns, what)
     return [dict(zip(rows[0], row, strict=True)) for row in rows[1:]]
@@ -279,23 +185,7 @@ def read_json(
 ) -> dict[str, Any]:
     """Read a JSON file that holds a mapping.
 
-    Parameters
-    ----------
-    path : path
-        The file.
-    keys : iterable of str, or mapping from str to types
-        Keys that it must have, or the types that their values must have; it may have more.
-    what : str
-        What the file should be, for the error.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, holds no mapping, or a key is missing or of another type.
+    `keys` must be there, of the given types if it is a mapping; more are allowed.
     """
     try:
         content = json.loads(Path(path).read_bytes().decode("utf-8-sig"))
@@ -316,27 +206,7 @@ def read_json(
 
 
 def read_npz(path: Path_, keys: Iterable[str] = (), what: str = "an .npz file") -> dict[str, "np.ndarray"]:
-    """Read the arrays of an .npz file.
-
-    Parameters
-    ----------
-    path : path
-        The file.
-    keys : iterable of str
-        Arrays that it must have; it may have more.
-    what : str
-        What the file should be, for the error.
-
-    Returns
-    -------
-    dict
-        All arrays by name.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or an array is missing.
-    """
+    """All arrays of an .npz file by name; `keys` must be among them."""
     import numpy as np
 
     try:
@@ -351,22 +221,7 @@ def read_npz(path: Path_, keys: Iterable[str] = (), what: str = "an .npz file") 
 
 
 def check_columns(path: object, table: Iterable[str], columns: Iterable[str]) -> None:
-    """Refuse a table without some columns.
-
-    Parameters
-    ----------
-    path : object
-        Named in the error.
-    table : pandas.DataFrame or iterable of str
-        The table, or the list of its columns.
-    columns : iterable of str
-        All that it must have.
-
-    Raises
-    ------
-    InputError
-        If a column is missing.
-    """
+    """Raise InputError if a column is missing; `path` stands in the message."""
     columns = tuple(columns)
     for column in columns:
         if column not in table:

@@ -1,8 +1,7 @@
-"""What this program wrote in a folder: a file is replaced or removed only where it is one of these, unchanged.
+"""The files that this program wrote in a folder: only these, if unchanged, are replaced or removed.
 
 Each folder holds its ledger, the file `.repose`: a line for each file written there, with the SHA-256 of its content. A
-file that a user put there, or changed since, is in no line, so it stays. A line that a full disk cut off counts for
-nothing.
+file that a user put there, or changed since, is in no line, so it stays. A line that a full disk cut off is ignored.
 """
 
 import hashlib
@@ -23,21 +22,10 @@ ALLOWED = "a new name, or a file that repose wrote and nobody changed since"
 
 
 def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> None:
-    """Write a file in one move, unless that replaces something that this program did not write.
+    """Write a file in one move by the callable `write`, which gets the open file (bytes); missing folders are made.
 
-    Parameters
-    ----------
-    path : path
-        The file; folders that are missing are made.
-    write : callable
-        Gets the open file (bytes) and writes the content to it.
-
-    Raises
-    ------
-    InputError
-        If there is something else of this name.
-    OSError
-        If the file cannot be written; it names the file, and the earlier one is still there.
+    InputError if the path holds anything that this program did not write. OSError names the file, and the earlier file
+    is still there.
     """
     path = Path(path)
     check_replaceable(path)
@@ -50,24 +38,13 @@ def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> N
     try:
         write_in_one_move(path, write_and_note)
     except OSError as error:
-        if error.filename is None:  # a disk that is full does not say for which file
+        if error.filename is None:  # the error of a full disk names no file
             error.filename = str(path)
         raise
 
 
 def check_replaceable(path: str | os.PathLike) -> None:
-    """Refuse a path that holds something that this program did not write.
-
-    Parameters
-    ----------
-    path : path
-        It may be free.
-
-    Raises
-    ------
-    InputError
-        If it is taken by a folder, a link, a device or somebody else's file.
-    """
+    """Raise InputError if a path holds a folder, a link, a device or a file that this program did not write."""
     path = Path(path)
     if path.name in ("", "..", LEDGER) or not path.name.isprintable():
         raise InputError(path, "name", path.name, "that of a new file, in characters that can be printed")
@@ -76,17 +53,7 @@ def check_replaceable(path: str | os.PathLike) -> None:
 
 
 def is_ours(path: str | os.PathLike) -> bool:
-    """Whether this program wrote a file, and nobody changed it since.
-
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    bool
-        False for what is no plain file.
-    """
+    """Whether this program wrote a file, and nobody changed it since; False for anything but a plain file."""
     path = Path(path)
     if path.is_symlink() or not path.is_file():
         return False
@@ -95,39 +62,16 @@ def is_ours(path: str | os.PathLike) -> bool:
 
 
 def remove(path: str | os.PathLike) -> None:
-    """Remove a file of ours.
-
-    Parameters
-    ----------
-    path : path
-
-    Raises
-    ------
-    InputError
-        If this program did not write it, or somebody changed it since.
-    """
+    """Remove a file that this program wrote; InputError for any other, or if somebody changed it since."""
     if not is_ours(path):
         raise InputError(path, "file", "there already", ALLOWED)
     Path(path).unlink()
 
 
 def changed(folder: str | os.PathLike) -> list[Path]:
-    """Files that this program wrote in a folder, and that hold something else since: edited, or damaged.
+    """Files that this program wrote in a folder and that differ since: edited, or damaged; without lost files.
 
-    Parameters
-    ----------
-    folder : path
-        Those in it that hold others are not looked into.
-
-    Returns
-    -------
-    list of Path
-        By name; files that are lost are not among them.
-
-    Raises
-    ------
-    InputError
-        If the folder's ledger is no ledger.
+    Subfolders are not searched. InputError if the folder's ledger is no ledger, here and in `names`.
     """
     digests = defaultdict(set)
     for line in _lines(Path(folder)):
@@ -137,26 +81,12 @@ def changed(folder: str | os.PathLike) -> list[Path]:
 
 
 def names(folder: str | os.PathLike) -> set[str]:
-    """Names of the files that this program wrote in a folder, whatever became of them.
-
-    Parameters
-    ----------
-    folder : path
-
-    Returns
-    -------
-    set of str
-
-    Raises
-    ------
-    InputError
-        If the folder's ledger is no ledger.
-    """
+    """Names of the files that this program wrote in a folder, including files since deleted."""
     return {line[66:] for line in _lines(Path(folder))}
 
 
 def _lines(folder):
-    """The ledger's lines; none where there is no ledger."""
+    """The ledger's lines; none without a ledger."""
     path = folder / LEDGER
     if path.is_symlink() or not path.is_file():
         return frozenset()
@@ -177,7 +107,7 @@ def _note(path, digest):
     flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW
     handle = os.open(ledger, flags, 0o666)
     try:
-        # It begins with a new line, so that it is whole where a full disk cut off the one before.
+        # It begins with a new line, so that it is whole after a line that a full disk cut off.
         os.write(handle, os.fsencode(f"\n{line}\n"))
     finally:
         os.close(handle)

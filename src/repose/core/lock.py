@@ -16,28 +16,16 @@ from typing import IO
 
 from repose.core.errors import InputError
 
-# What a file system without locks answers.
+# Errors of a file system without locks.
 NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)
 WORKFLOW, JOBS = ".lock", ".jobs"  # a workflow holds the first; its jobs hold the second, together
 
 
 def take_folder(folder: str | os.PathLike) -> IO[str]:
-    """Take a folder of results for a workflow; wait for jobs that one that was killed left behind.
+    """Lock a folder of results for a workflow, after the jobs of a killed workflow have ended.
 
-    Parameters
-    ----------
-    folder : path
-        It is made where it is missing.
-
-    Returns
-    -------
-    file
-        Closed, it gives the folder back; so does the end of the process.
-
-    Raises
-    ------
-    InputError
-        If another workflow works on the folder.
+    A missing folder is made. The lock ends with the returned file, closed by hand or with the process. InputError if
+    another workflow works on the folder.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -60,16 +48,9 @@ def take_folder(folder: str | os.PathLike) -> IO[str]:
 
 @contextmanager
 def joined_folder(folder: str | os.PathLike) -> Iterator[None]:
-    """Hold a folder of results for a job; a workflow that comes anew does not start before the job has ended.
+    """Hold a folder of results for a job; a new workflow does not start before the job has ended.
 
-    Parameters
-    ----------
-    folder : path
-        Left alone where no workflow has worked on it.
-
-    Yields
-    ------
-    None
+    Without effect if no workflow has worked on the folder.
     """
     path = Path(folder) / JOBS
     if not os.access(path, os.W_OK):
@@ -81,7 +62,7 @@ def joined_folder(folder: str | os.PathLike) -> Iterator[None]:
 
 
 def _locked(file, kind):
-    """Whether a lock of this kind was free, and is held now."""
+    """Whether a lock of this kind was free, and is now held."""
     try:
         fcntl.flock(file, kind | fcntl.LOCK_NB)
     except BlockingIOError:

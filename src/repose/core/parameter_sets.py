@@ -14,23 +14,7 @@ COLUMNS = ("sample", *PARAMETERS)
 
 
 def read_samples(path: str | os.PathLike) -> "pd.DataFrame":
-    """All parameter sets of a table.
-
-    Parameters
-    ----------
-    path : path
-        CSV file.
-
-    Returns
-    -------
-    pandas.DataFrame
-        With the columns `sample` (each number once) and the six parameters; it may have more.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, a column is missing, or a sample stands there twice.
-    """
+    """All parameter sets of a table: `sample` (each number once), the six parameters, perhaps more columns."""
     samples = read_table(path, COLUMNS)
     twice = samples["sample"][samples["sample"].duplicated()]
     if len(twice):
@@ -39,25 +23,7 @@ def read_samples(path: str | os.PathLike) -> "pd.DataFrame":
 
 
 def read_sample(path: str | os.PathLike, number: int) -> dict[str, float]:
-    """The six parameters of one sample of a table, each exactly the number that stands there.
-
-    Parameters
-    ----------
-    path : path
-        CSV file.
-    number : int
-        Of the sample.
-
-    Returns
-    -------
-    dict of float
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, has no such sample, or a value is no number within the contact law's
-        limits.
-    """
+    """The six parameters of a sample of a table, without rounding; InputError beyond the contact law's limits."""
     rows = {row["sample"]: row for row in read_rows(path, COLUMNS)}
     if str(number) not in rows:
         raise InputError(path, "sample", number, f"one of {len(rows)}: {', '.join(list(rows)[:3])}, ...")

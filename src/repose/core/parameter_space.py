@@ -1,4 +1,4 @@
-"""The parameters of a study: ranges of those that it leaves open, fixed values, prior knowledge."""
+"""The parameters of a study: ranges of the free parameters, fixed values, prior knowledge."""
 
 import math
 from collections.abc import Mapping
@@ -10,31 +10,21 @@ import numpy as np
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS, PHYSICAL_LIMITS, check_value
 
-PRIOR_WIDTHS = 3.0  # of a prior's standard deviation, to each side, where no range is given
+PRIOR_WIDTHS = 3.0  # standard deviations of a prior to each side, if no range is given
 
 
 @dataclass(frozen=True)
 class ParameterSpace:
-    """The parameters of a study, of which `free` are searched.
+    """The parameters of a study, of which d, the `free` ones, are searched.
 
-    Attributes
-    ----------
-    free : tuple of str
-        Parameters that a study leaves open, in the order of `names`.
-    low, high : numpy.ndarray
-        Their ranges, (d,).
-    fixed : dict
-        Values of the others.
-    prior : dict
-        Mean and standard deviation of parameters that were measured with an error; normal, cut to the range.
-    names : tuple of str
-        Of all parameters: the six, or those of another simulator.
+    A prior is the mean and the standard deviation of a parameter that was measured with an error; it is normal, cut to
+    the range. `names` are all parameters: the six, or those of another simulator.
     """
 
-    free: tuple[str, ...]
-    low: np.ndarray
-    high: np.ndarray
-    fixed: dict[str, float] = field(default_factory=dict)
+    free: tuple[str, ...]  # in the order of `names`
+    low: np.ndarray  # (d,)
+    high: np.ndarray  # (d,)
+    fixed: dict[str, float] = field(default_factory=dict)  # values of the others
     prior: dict[str, tuple[float, float]] = field(default_factory=dict)
     names: tuple[str, ...] = PARAMETERS
 
@@ -47,24 +37,9 @@ class ParameterSpace:
     ) -> "ParameterSpace":
         """From the configuration's section `parameters`.
 
-        Parameters
-        ----------
-        section : mapping
-            For each parameter a range ``[low, high]``, ``{fixed: value}``, or ``{prior: {mean, sd}}`` with or without
-            a ``range``.
-        source : object
-            Where the section stands, for the error.
-        names : tuple of str, optional
-            Of all parameters.
-
-        Returns
-        -------
-        ParameterSpace
-
-        Raises
-        ------
-        InputError
-            If a parameter is missing or unknown, or a range is empty or no range.
+        Each parameter has a range ``[low, high]``, ``{fixed: value}``, or ``{prior: {mean, sd}}`` with or without a
+        ``range``. InputError if a parameter is missing or unknown, or a range is empty or no range; `source` stands in
+        its message.
         """
         for name in section:
             if name not in names:
@@ -87,18 +62,7 @@ class ParameterSpace:
         return cls(tuple(free), np.array(low), np.array(high), fixed, prior, names)
 
     def check_searchable(self, source: object = "parameters") -> None:
-        """Refuse a space that cannot be searched.
-
-        Parameters
-        ----------
-        source : object, optional
-            Named in the error.
-
-        Raises
-        ------
-        InputError
-            If nothing is free, or the contact law cannot take a value of the ranges or a fixed value.
-        """
+        """Raise InputError if nothing is free, or the contact law cannot take a value of the space."""
         if not self.free:
             raise InputError(source, "fixed", self.fixed, "at most five of the six parameters")
         for name, low, high in zip(self.free, self.low.tolist(), self.high.tolist(), strict=True):
@@ -123,33 +87,12 @@ class ParameterSpace:
         return {name: known[name] for name in self.names}
 
     def values(self, unit: np.ndarray) -> np.ndarray:
-        """Parameter sets of points in the unit cube.
-
-        Parameters
-        ----------
-        unit : numpy.ndarray, (n, d)
-            Free parameters.
-
-        Returns
-        -------
-        numpy.ndarray, (n, number of names)
-            In the order of `names`.
-        """
+        """Parameter sets (n, number of names) of points (n, d) in the unit cube."""
         unit = np.atleast_2d(np.asarray(unit, dtype=float))
         return self.complete(self.low + unit * (self.high - self.low))
 
     def complete(self, values: np.ndarray) -> np.ndarray:
-        """Parameter sets of the free parameters' values.
-
-        Parameters
-        ----------
-        values : numpy.ndarray, (n, d)
-
-        Returns
-        -------
-        numpy.ndarray, (n, number of names)
-            In the order of `names`.
-        """
+        """Parameter sets (n, number of names) from values (n, d) of the free parameters."""
         values = np.atleast_2d(np.asarray(values, dtype=float))
         columns = iter(values.T)
         return np.column_stack(
@@ -160,36 +103,14 @@ class ParameterSpace:
         )
 
     def unit(self, values: np.ndarray) -> np.ndarray:
-        """Points in the unit cube of parameter sets.
-
-        Parameters
-        ----------
-        values : numpy.ndarray, (n, number of names)
-            In the order of `names`.
-
-        Returns
-        -------
-        numpy.ndarray, (n, d)
-            Free parameters.
-        """
+        """Points (n, d) in the unit cube of parameter sets (n, number of names)."""
         values = np.atleast_2d(np.asarray(values, dtype=float))[
             :, [self.names.index(name) for name in self.free]
         ]
         return (values - self.low) / (self.high - self.low)
 
     def log_prior(self, unit: np.ndarray) -> np.ndarray:
-        """Log of the prior density.
-
-        Parameters
-        ----------
-        unit : numpy.ndarray, (n, d)
-            Points in the unit cube.
-
-        Returns
-        -------
-        numpy.ndarray, (n,)
-            Up to a constant; 0 without priors.
-        """
+        """Log of the prior density (n,), up to a constant, at points (n, d) in the unit cube; 0 without priors."""
         total = np.zeros(len(unit))
         for name, (mean, sd) in self.prior.items():
             k = self.free.index(name)
@@ -198,17 +119,9 @@ class ParameterSpace:
         return total
 
     def prior_cdf(self, unit: np.ndarray) -> np.ndarray:
-        """Distribution function of the prior of each parameter by itself; see `from_prior` for its inverse.
+        """Distribution function (n, d), 0 to 1, of each parameter's prior at points (n, d) in the unit cube.
 
-        Parameters
-        ----------
-        unit : numpy.ndarray, (n, d)
-            Points in the unit cube.
-
-        Returns
-        -------
-        numpy.ndarray, (n, d)
-            From 0 to 1.
+        `from_prior` is its inverse.
         """
         from scipy import stats
 
@@ -221,17 +134,9 @@ class ParameterSpace:
         return share
 
     def from_prior(self, share: np.ndarray) -> np.ndarray:
-        """Points that are distributed as the prior; inverts `prior_cdf`.
+        """Points (n, d) in the unit cube with the distribution of the prior, from uniform points (n, d).
 
-        Parameters
-        ----------
-        share : numpy.ndarray, (n, d)
-            Uniform points.
-
-        Returns
-        -------
-        numpy.ndarray, (n, d)
-            Points in the unit cube.
+        It inverts `prior_cdf`.
         """
         from scipy import stats
 
@@ -245,19 +150,7 @@ class ParameterSpace:
 
 
 def range_of(name: str, given: Any) -> tuple[float, float]:
-    """Lowest and highest value of a parameter; a fixed parameter has a range without width.
-
-    Parameters
-    ----------
-    name : str
-        Of the parameter.
-    given : as in the configuration
-        [low, high], or a mapping with `fixed`, or with `prior`.
-
-    Returns
-    -------
-    low, high : float
-    """
+    """Lowest and highest value of a parameter, given as in the configuration; equal for a fixed parameter."""
     if not isinstance(given, Mapping):
         return float(given[0]), float(given[1])
     if "fixed" in given:

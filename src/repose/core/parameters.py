@@ -24,32 +24,14 @@ SYMBOLS = {
     "mur_gp": r"$\mu_{r,gp}$",
 }
 
-# What the contact law itself can take; a study's ranges lie inside (Table 2).
+# Limits of the contact law itself; a study's ranges lie inside (Table 2).
 PHYSICAL_LIMITS = {name: (0.01, 1.0) if name.startswith("e_") else (0.0, math.inf) for name in PARAMETERS}
 
 
 def check_value(name: str, value: object, source: object, key: str | None = None) -> float:
-    """A parameter's value as a number that the contact law can take.
+    """A parameter's value, or its text, as a finite number within `PHYSICAL_LIMITS`; otherwise InputError.
 
-    Parameters
-    ----------
-    name : str
-        One of PARAMETERS.
-    value : float or str
-        A number, or the text of one.
-    source : path or str
-        The file it comes from, for the error.
-    key : str, optional
-        What the value is called there; by default the parameter's name.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    InputError
-        If the value is no finite number within PHYSICAL_LIMITS.
+    `source` and `key` (None: the parameter's name) stand in its message.
     """
     key = name if key is None else key
     try:

@@ -9,29 +9,15 @@ DEFAULT_CONFIG = "config/config.yaml"
 
 
 def root() -> Path:
-    """Folder that holds Snakefile, workflow, config, profiles and resources.
-
-    Returns
-    -------
-    Path
-        `repose/data` in an installed package; in a checkout the checkout itself.
-    """
+    """Folder with Snakefile, workflow, config, profiles and resources: `repose/data` if installed, or the checkout."""
     installed = PACKAGE / "data"
     return installed if installed.is_dir() else PACKAGE.parents[1]
 
 
 def find(path: str | os.PathLike) -> Path:
-    """A file or folder of the working folder, or else the one of the same name that comes with the program.
+    """The path itself if it exists in the working folder, or else the program's own file or folder of this name.
 
-    Parameters
-    ----------
-    path : path
-        Relative to the working folder, such as `resources/berries.csv`, or absolute.
-
-    Returns
-    -------
-    Path
-        The path as given where it exists, or where the program has none of this name; else the program's own.
+    The path is returned as given if neither exists.
     """
     path = Path(path)
     own = root() / path
@@ -39,13 +25,10 @@ def find(path: str | os.PathLike) -> Path:
 
 
 def configs() -> list[Path]:
-    """The default configurations; the keys of each replace those of the one before it.
+    """The default configurations; the keys of each replace those of the previous one.
 
-    Returns
-    -------
-    list of Path
-        What every crop shares; then the crop: `config.yaml` of the working folder, or where there is none the
-        program's own, and over that the working folder's `config/config.yaml`.
+    First the settings of every crop; then `config.yaml` of the working folder, or without it the program's own, and
+    over that the working folder's `config/config.yaml`.
     """
     method, default, study = find(METHOD_CONFIG), root() / DEFAULT_CONFIG, Path(DEFAULT_CONFIG)
     if study.is_file():

@@ -1,4 +1,4 @@
-"""How probable it is that mean responses lie within a tolerance of the targets.
+"""Probability that mean responses lie within a tolerance of the targets.
 
 (G92)  Genz 1992, Numerical computation of multivariate normal probabilities, J. Comput. Graph. Stat. 1, 141
 """
@@ -12,18 +12,9 @@ LEAST = 1e-300
 
 
 def within(mean: np.ndarray, covariance: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Probability that a normal vector lies in a box, for many vectors at once (G92).
+    """Probability (m,) that normal vectors (m, k) with covariance (m, k, k) lie in the box low to high (k,) (G92).
 
-    Parameters
-    ----------
-    mean : numpy.ndarray, (m, k)
-    covariance : numpy.ndarray, (m, k, k)
-    low, high : numpy.ndarray, (k,)
-
-    Returns
-    -------
-    numpy.ndarray, (m,)
-        Exact for one response; for two its error is below 0.001.
+    Exact for one response; for two its error is below 0.001.
     """
     k = mean.shape[1]
     root = np.linalg.cholesky(covariance)

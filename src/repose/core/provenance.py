@@ -1,18 +1,18 @@
-"""Provenance: what a result stands on, written with it.
+"""Provenance: the origin of a result, written with it.
 
 A stage is one verb with its settings and the files that it reads. While it runs, the writers of `repose.core.files`
-put its record into every file (`repose.core.attached` tells where). Without a stage, as in a user's own program, a
+put its record into every file (`repose.core.attached` defines where). Without a stage, as in a user's own program, a
 file carries no record.
 
 ========== =====================================================================================
 verb       which stage wrote the file, and in which bench test
 settings   hash of the keys of the configuration that the stage reads
-engine     hash of the source of the simulator and the bench tests that poured what it stands on
+engine     hash of the source of the simulator and the bench tests behind the result
 origin     hash of settings, engine and the origins of all files that it was made from
 seed       of the study
 ========== =====================================================================================
 
-and version, commit and processor type. These last ones tell apart, but are no reason to refuse a file.
+and version, commit and processor type. A difference in these three is no reason to refuse a file.
 """
 
 import hashlib
@@ -45,7 +45,7 @@ FORCED_TYPES = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "OPENBLAS_CORETYPE")
 
 @dataclass
 class _Stage:
-    """A verb that runs, the records of its files, and how its settings are chosen from the configuration."""
+    """The current verb, the records of its files, and the choice of its settings from the configuration."""
 
     about: dict[str, Any]
     inputs: list[tuple[Path, dict[str, Any] | None]]
@@ -66,25 +66,9 @@ def stage(
 ) -> Iterator[None]:
     """Let every file that is written meanwhile carry the record of a stage.
 
-    Parameters
-    ----------
-    verb : str
-        Name of the stage.
-    paths : iterable of Path
-        Files that it reads.
-    settings_of : function
-        Chooses from a configuration what the stage depends on; it also gets the name of the bench test.
-    apparatus : str, optional
-        Name of the bench test that it runs; that of its files where they are runs.
-
-    Yields
-    ------
-    None
-
-    Raises
-    ------
-    InputError
-        If the files are of different origin.
+    `paths` are its input files; InputError if they are of different origin. `settings_of` chooses from a configuration
+    the settings of the stage; it also gets the name of the bench test. `apparatus` None means the bench test of the
+    input files, if they are runs.
     """
     inputs = [(path, attached.read(path)) for path in paths]
     refuse_mixture(inputs)
@@ -100,26 +84,14 @@ def stage(
 
 
 def note_config(config: Mapping[str, Any]) -> None:
-    """Tell the stage that runs, if one does, its configuration.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    """
+    """Give the current stage, if there is one, its whole configuration."""
     running = _stage.get()
     if running is not None:
         running.config, running.record = config, None
 
 
 def current() -> dict[str, Any] | None:
-    """The record of the stage that runs.
-
-    Returns
-    -------
-    dict or None
-        None where no stage runs.
-    """
+    """The record of the current stage; None without one."""
     running = _stage.get()
     if running is not None and running.record is None:
         running.record = _record(running)
@@ -142,17 +114,9 @@ def _record(running):
 
 
 def refuse_mixture(inputs: Iterable[tuple[Path, Mapping[str, Any] | None]]) -> None:
-    """Refuse files that do not belong together.
+    """Raise InputError for results of two engines, or runs of two origins; it names both files.
 
-    Parameters
-    ----------
-    inputs : iterable of (path, record)
-        Files without a record, such as a user's own, belong to any others.
-
-    Raises
-    ------
-    InputError
-        For results of two engines, or runs of two origins. It names both files.
+    Files without a record, such as a user's own, go with any others.
     """
     engines: dict[str, Path] = {}
     origins: dict[tuple, tuple[str, Path]] = {}
@@ -174,46 +138,19 @@ def refuse_mixture(inputs: Iterable[tuple[Path, Mapping[str, Any] | None]]) -> N
 
 
 def hash_of(content: Any) -> str:
-    """Hash of numbers, texts, lists and mappings.
-
-    Parameters
-    ----------
-    content : object
-        What JSON can hold.
-
-    Returns
-    -------
-    str
-        16 hexadecimal digits.
-    """
+    """Hash, 16 hexadecimal digits, of content that JSON can hold."""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def hash_of_file(path: str | PathLike) -> str:
-    """Hash of a file's content.
-
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    str
-        16 hexadecimal digits.
-    """
+    """Hash, 16 hexadecimal digits, of a file's content."""
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
 
 
 @cache
 def machine() -> dict[str, str | None]:
-    """Versions, commit and processor type.
-
-    Returns
-    -------
-    dict of str
-        The commit is None outside a checkout.
-    """
-    from importlib import metadata  # costs time at start-up that the help of a verb should not pay
+    """Versions, commit (None outside a checkout) and processor type."""
+    from importlib import metadata  # slow to import, which the help of a verb should avoid
 
     return {
         "repose": __version__,
@@ -231,7 +168,7 @@ def _content(path):
 
 
 def _commit():
-    """Commit of the checkout that the package lies in, if it lies in one."""
+    """Commit of the checkout of the package; None outside a checkout."""
     root = PACKAGE.parents[1]
     if not (root / ".git").exists():
         return None
@@ -243,7 +180,7 @@ def _commit():
 
 
 def _processor():
-    """Name, family and model of the processor type, and what compiles or calculates for another type."""
+    """Name, family and model of the processor type, and settings that compile or calculate for another type."""
     try:
         lines = CPU_INFO.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

@@ -1,4 +1,4 @@
-"""Published tables that results are set beside."""
+"""Published tables for comparison with results."""
 
 import math
 import os
@@ -10,23 +10,13 @@ from repose.core.files import read_rows
 from repose.core.parameters import PARAMETERS, check_value
 from repose.core.responses import Response
 
-MOST = 899  # their numbers in a study are 101 to 999
+MOST = 899  # their sample numbers are 101 to 999
 
 
 def beside(path: str | os.PathLike | None, table: str) -> Path | None:
-    """Another published table of the same crop.
+    """Another published table of the crop, beside that of the solutions `path`; None if there is none.
 
-    Parameters
-    ----------
-    path : path or None
-        The published table of solutions, if there is one.
-    table : str
-        Name of a file that may lie beside it: table1.csv holds sizes, table3.csv intervals of the parameters.
-
-    Returns
-    -------
-    Path or None
-        None where there is no such file.
+    table1.csv holds sizes, table3.csv intervals of the parameters.
     """
     found = None if path is None else Path(path).with_name(table)
     return found if found and found.is_file() else None
@@ -35,20 +25,7 @@ def beside(path: str | os.PathLike | None, table: str) -> Path | None:
 def representative(path: str | os.PathLike | None) -> dict[str, float]:
     """The six contact parameters of the published representative solution.
 
-    Parameters
-    ----------
-    path : path or None
-        The published table of solutions.
-
-    Returns
-    -------
-    dict
-        By the parameters' names.
-
-    Raises
-    ------
-    InputError
-        If there is no table, or it has no such solution.
+    InputError if there is no table, or no such solution.
     """
     if path is None:
         raise InputError("configuration", "validation.published", None, "a table of published solutions")
@@ -59,25 +36,7 @@ def representative(path: str | os.PathLike | None) -> dict[str, float]:
 
 
 def published_count(path: str | os.PathLike | None, responses: Iterable[Response]) -> int:
-    """Number of published solutions that a study can be set beside.
-
-    Parameters
-    ----------
-    path : path or None
-        The published table of solutions, if there is one.
-    responses : iterable of Response
-        Those that the study is calibrated to.
-
-    Returns
-    -------
-    int
-        Number of solutions; 0 where the table has none of the responses.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read, or has no columns of the solutions' names and parameters.
-    """
+    """Number of published solutions for comparison; 0 without a table, or if it has none of the study's responses."""
     if path is None:
         return 0
     rows = read_rows(path, ("solution", *PARAMETERS))
@@ -85,20 +44,9 @@ def published_count(path: str | os.PathLike | None, responses: Iterable[Response
 
 
 def check_published(path: str | os.PathLike | None, responses: Iterable[Response]) -> None:
-    """Refuse a published table of solutions that cannot be simulated, or set beside a study.
+    """Raise InputError for a table of published solutions that cannot be simulated or compared; None passes.
 
-    Parameters
-    ----------
-    path : path or None
-        The table, if there is one.
-    responses : iterable of Response
-        Those that the study is calibrated to.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read, has no rows, a parameter is no number within the contact law's limits, or a
-        response is no number.
+    It must have rows, parameters within the contact law's limits, and numbers or empty cells as responses.
     """
     if path is None:
         return
@@ -117,35 +65,13 @@ def check_published(path: str | os.PathLike | None, responses: Iterable[Response
 
 
 def published_sets(path: str | os.PathLike | None) -> list[dict[str, float]]:
-    """Parameter sets of a published table of solutions that `check_published` has accepted.
-
-    Parameters
-    ----------
-    path : path or None
-        The table, if there is one.
-
-    Returns
-    -------
-    list of dict
-        The six contact parameters of each solution.
-    """
+    """Parameter sets of a published table that passed `check_published`; empty for None."""
     rows = [] if path is None else read_rows(path, ("solution", *PARAMETERS))
     return [{name: float(row[name]) for name in PARAMETERS} for row in rows]
 
 
 def published_responses(columns: Iterable[str], responses: Iterable[Response]) -> tuple[Response, ...]:
-    """Responses whose predicted and simulated values are among the columns of a published table.
-
-    Parameters
-    ----------
-    columns : iterable of str
-        Of the table.
-    responses : iterable of Response
-
-    Returns
-    -------
-    tuple of Response
-    """
+    """Responses whose predicted and simulated values are among the columns of a published table."""
     columns = set(columns)
     return tuple(one for one in responses if {one.predicted, one.simulated} <= columns)
 

@@ -1,4 +1,4 @@
-"""Runs of one parameter set: what they can end in, and the mean with its error that they give."""
+"""Runs of a parameter set: their final statuses, and the means of their responses with errors."""
 
 import math
 from collections import Counter
@@ -10,52 +10,21 @@ import numpy as np
 
 
 def error_of(column: str) -> str:
-    """Column of a quantity's standard error.
-
-    Parameters
-    ----------
-    column : str
-        Column of the quantity.
-
-    Returns
-    -------
-    str
-        With ``se`` before the unit, as in ``aor_se_deg``.
-    """
+    """Column of a quantity's standard error, with ``se`` before the unit: ``aor_se_deg``."""
     quantity, unit = column.rsplit("_", 1)
     return f"{quantity}_se_{unit}"
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """What the runs of a bench test record.
+    """Columns that the runs of a bench test record."""
 
-    Attributes
-    ----------
-    means : tuple of str
-        Columns that are averaged over a sample's runs.
-    without_error : tuple of str
-        Those of them that get no standard error.
-    single : tuple of str
-        Columns of the table of single runs.
-    """
-
-    means: tuple[str, ...]
-    without_error: tuple[str, ...] = ()
-    single: tuple[str, ...] = ()
+    means: tuple[str, ...]  # averaged over a sample's runs
+    without_error: tuple[str, ...] = ()  # means without a standard error
+    single: tuple[str, ...] = ()  # columns of the table of single runs
 
     def beginning_with(self, targets: Sequence[str]) -> "Recorded":
-        """The same with other columns in front, each with its standard error.
-
-        Parameters
-        ----------
-        targets : sequence of str
-            Columns.
-
-        Returns
-        -------
-        Recorded
-        """
+        """The same with other columns in front, each with its standard error."""
         return Recorded(
             tuple(dict.fromkeys((*targets, *self.means))),
             tuple(one for one in self.without_error if one not in targets),
@@ -70,31 +39,12 @@ class Recorded:
 
 
 def summarise_runs(runs: Sequence[Mapping[str, Any]], recorded: Recorded) -> dict[str, Any]:
-    """One sample out of its runs.
+    """Summary of a sample: `status`, `reason`, `n_seeds` (number of ok runs), then means and standard errors.
 
-    Parameters
-    ----------
-    runs : sequence of mappings
-        Records of the runs: ``status``, ``reason`` and the numbers.
-    recorded : Recorded
-        Which numbers are averaged.
-
-    Returns
-    -------
-    dict
-        ``status``, ``reason``, ``n_seeds`` (number of ok runs), then each number's mean and standard error.
-
-    Raises
-    ------
-    ValueError
-        Without any run.
-
-    Notes
-    -----
     A sample is ok when at least half of its runs, and at least one, are ok. Otherwise its status is the commonest
-    status of the other runs (the first met, of equals), and its numbers are None. Means are over the ok runs. The
-    standard error is sd / sqrt(n), with n - 1 degrees of freedom; it is None for a single run. A number that some ok
-    runs do not have is averaged over the others. The reason tells how many runs failed and why, also of an ok sample.
+    status of the other runs (the first met, of equals), and its numbers are None. Means are over the ok runs that have
+    the number. The standard error is sd / sqrt(n), with n - 1 degrees of freedom; None for a single run. The reason
+    gives number and cause of the failed runs, also of an ok sample. ValueError without any run.
     """
     if not runs:
         raise ValueError("runs is empty; allowed: at least one run")
@@ -116,17 +66,7 @@ def summarise_runs(runs: Sequence[Mapping[str, Any]], recorded: Recorded) -> dic
 
 
 def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]:
-    """Mean and its standard error.
-
-    Parameters
-    ----------
-    values : sequence of float
-
-    Returns
-    -------
-    mean, error : float or None
-        Both None without values; the error None for a single one.
-    """
+    """Mean and its standard error; both None without values, the error None for a single value."""
     numbers = np.array(values, dtype=float)
     if len(numbers) == 0:
         return None, None
@@ -135,19 +75,9 @@ def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]
 
 
 def reason(failed: Sequence[Mapping[str, Any]], total: int) -> str:
-    """Which runs failed, as in ``2 of 8 runs jammed (no discharge for 3 s)``.
+    """Text on the runs that failed, as in ``2 of 8 runs jammed (no discharge for 3 s)``; empty if none failed.
 
-    Parameters
-    ----------
-    failed : sequence of mapping
-        Runs that failed.
-    total : int
-        Number of all runs.
-
-    Returns
-    -------
-    str
-        Empty when none failed.
+    `total` counts all runs.
     """
     parts = []
     for status, count in Counter(run["status"] for run in failed).most_common():

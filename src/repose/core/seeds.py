@@ -2,7 +2,7 @@
 
 import zlib
 
-# What the random numbers of a pour are for: one stream each, so that no check reuses the pours it checks.
+# Purposes of a pour's random numbers: a stream each, so that no check reuses the pours that it checks.
 PURPOSES = {
     "design": 0,
     "validation": 1,
@@ -23,30 +23,15 @@ PURPOSES = {
 
 # The first bench test: its seeds and its files carry no name of a bench test.
 UNNAMED = "funnel"
-# The stream of the drum alone: its name tells the bench test.
+# The stream of the drum alone: its name implies the bench test.
 OF_THE_DRUM = "drum"
 
 
 def pour_seeds(study_seed: int, purpose: str, number: int, count: int, apparatus: str = UNNAMED) -> list[int]:
-    """Seeds of the pours of one parameter set.
+    """Seeds, 0 to 2^32 - 1, of the pours of a parameter set; the first k are the same for any larger count.
 
-    Parameters
-    ----------
-    study_seed : int
-        `design.seed` of the configuration.
-    purpose : str
-        One of `PURPOSES`.
-    number : int
-        Of the sample.
-    count : int
-        How many seeds. The first k are the same for any count of at least k.
-    apparatus : str
-        Bench test: each has streams of its own, so that its noise is independent of the others'.
-
-    Returns
-    -------
-    list of int
-        From 0 to 2^32 - 1.
+    `study_seed` is `design.seed` of the configuration, `purpose` one of `PURPOSES`, `number` that of the sample. Each
+    bench test has its own streams, so that its noise is independent of the others'.
     """
     import numpy as np
 

@@ -1,4 +1,4 @@
-"""Hashes of source code: which engine made a result."""
+"""Hashes of source code: the engine behind a result."""
 
 import hashlib
 from collections.abc import Iterable
@@ -6,32 +6,17 @@ from functools import cache
 
 from repose.core.places import PACKAGE
 
-ENGINE = ("dem", "apparatus")  # what a pour is made by: the simulator and the bench tests
+ENGINE = ("dem", "apparatus")  # a pour depends on the simulator and the bench tests
 
 
 @cache
 def engine_hash() -> str:
-    """Hash of the source of the simulator and the bench tests, 16 digits.
-
-    Returns
-    -------
-    str
-    """
+    """Hash of the source of the simulator and the bench tests, 16 digits."""
     return source_hash(ENGINE)
 
 
 def source_hash(rooms: Iterable[str]) -> str:
-    """Hash of the source of some rooms of the package, 16 digits.
-
-    Parameters
-    ----------
-    rooms : iterable of str
-        Names of rooms, as in ``dem``.
-
-    Returns
-    -------
-    str
-    """
+    """Hash of the source of some rooms of the package, such as ``dem``, 16 digits."""
     digest = hashlib.sha256()
     for room in rooms:
         for path in sorted((PACKAGE / room).rglob("*")):

@@ -1,4 +1,4 @@
-"""What a study is calibrated to: responses of bench tests with their measured values."""
+"""Targets of the calibration: responses of bench tests with their measured values."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,74 +12,37 @@ from repose.core.responses import Response, response
 
 @dataclass(frozen=True)
 class Target:
-    """One measured response.
-
-    Attributes
-    ----------
-    response : Response
-    value, sd : float
-        Mean and standard deviation of the physical repetitions, in the response's unit.
-    repetitions : int
-        How often it was measured.
-    low, high : float
-        A solution whose prediction lies between them is feasible.
-    aim : float
-        What the search goes for; the value unless the configuration says otherwise (Eq. 11-12 of the paper aim at the
-        centre of the range).
-    weight : float
-        Of this response in the search's objective.
-    """
+    """A measured response; all values in its unit."""
 
     response: Response
-    value: float
-    sd: float
+    value: float  # mean of the physical repetitions
+    sd: float  # standard deviation of the physical repetitions
     repetitions: int
-    low: float
+    low: float  # a solution is feasible if its prediction lies from low to high
     high: float
-    aim: float
-    weight: float = 1.0
+    aim: float  # goal of the search: `value`, or the centre of the range (Eq. 11-12 of the paper)
+    weight: float = 1.0  # in the search's objective
 
     @property
     def name(self) -> str:
-        """Of its response."""
+        """Column of its response."""
         return self.response.name
 
     @property
     def standard_error(self) -> float:
-        """Of the mean of the repetitions."""
+        """Standard error of the mean of the repetitions."""
         return self.sd / math.sqrt(self.repetitions)
 
 
 class Targets(Sequence[Target]):
-    """The targets of a study, in the order of the configuration; numbers as arrays (k,).
-
-    Parameters
-    ----------
-    targets : sequence of Target
-        One or more.
-    """
+    """The targets of a study, in the order of the configuration; numbers as arrays (k,)."""
 
     def __init__(self, targets: Sequence[Target]):
         self._targets = tuple(targets)
 
     @classmethod
     def of(cls, section: Sequence[Mapping[str, Any]]) -> "Targets":
-        """Targets of a configuration.
-
-        Parameters
-        ----------
-        section : sequence of mapping
-            The configuration's list `targets`.
-
-        Returns
-        -------
-        Targets
-
-        Raises
-        ------
-        InputError
-            If a response is unknown.
-        """
+        """Targets of the configuration's list `targets`; InputError if a response is unknown."""
         return cls(
             [
                 Target(
@@ -126,7 +89,7 @@ class Targets(Sequence[Target]):
 
     @property
     def apparatus(self) -> tuple[str, ...]:
-        """Bench tests that give them, each once."""
+        """Bench tests of the responses, each once."""
         return tuple(dict.fromkeys(one.response.apparatus for one in self))
 
     @property
@@ -158,18 +121,9 @@ class Targets(Sequence[Target]):
         return np.array([one.weight for one in self])
 
     def in_words(self, numbers: Sequence[str]) -> str:
-        """One number for each target, with its unit: ``32.5 deg and 66.1 mm``.
+        """Text with a number for each target and its unit: ``32.5 deg and 66.1 mm``.
 
-        Where two targets have the same unit, each number stands with its response.
-
-        Parameters
-        ----------
-        numbers : sequence of str
-            One for each target, as text.
-
-        Returns
-        -------
-        str
+        If two targets have the same unit, each number stands with its response.
         """
         units = [one.response.unit for one in self]
         several = len(set(units)) < len(units)

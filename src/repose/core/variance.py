@@ -20,112 +20,43 @@ CONFIDENCE = 0.95  # of every interval
 
 
 class Components(NamedTuple):
-    """Variance of one response; variances in its unit squared, intervals at CONFIDENCE.
+    """Variance of one response; variances in its unit squared, intervals at CONFIDENCE."""
 
-    Attributes
-    ----------
-    groups, values : int
-        Number of samples, and of runs.
-    mean : float
-        Of all runs.
-    within, within_low, within_high : float
-        sigma^2 with its interval.
-    between : float
-        tau^2.
-    icc, icc_low, icc_high : float
-        Intraclass correlation tau^2 / (tau^2 + sigma^2) with its interval.
-    harmonic_seeds : float
-        Harmonic mean of the number of runs of a sample.
-    """
-
-    groups: int
-    values: int
-    mean: float
-    within: float
+    groups: int  # number of samples
+    values: int  # number of runs
+    mean: float  # of all runs
+    within: float  # sigma^2
     within_low: float
     within_high: float
-    between: float
-    icc: float
+    between: float  # tau^2
+    icc: float  # intraclass correlation tau^2 / (tau^2 + sigma^2)
     icc_low: float
     icc_high: float
-    harmonic_seeds: float
+    harmonic_seeds: float  # harmonic mean of the runs of a sample
 
     def reachable_r2(self, seeds: ArrayLike) -> np.ndarray:
-        """R2 that the true means reach on means over seeds: tau^2 / (tau^2 + sigma^2 / seeds).
-
-        Parameters
-        ----------
-        seeds : array_like
-            Number of seeds.
-
-        Returns
-        -------
-        numpy.ndarray
-        """
+        """Highest possible R2 on means over seeds, that of the true means: tau^2 / (tau^2 + sigma^2 / seeds)."""
         total = self.between + self.within / np.asarray(seeds)
         return np.where(total > 0, self.between / np.where(total > 0, total, 1.0), 0.0)
 
     def standard_error(self, seeds: ArrayLike) -> np.ndarray:
-        """Standard error of a sample's mean over seeds.
-
-        Parameters
-        ----------
-        seeds : array_like
-            Number of seeds.
-
-        Returns
-        -------
-        numpy.ndarray
-            In the response's unit.
-        """
+        """Standard error of a sample's mean over seeds, in the response's unit."""
         return np.sqrt(self.within / np.asarray(seeds))
 
     def seeds_for(self, standard_error: float) -> int:
-        """Fewest seeds for a standard error.
-
-        Parameters
-        ----------
-        standard_error : float
-            The most that the standard error of a sample's mean may be, in the response's unit.
-
-        Returns
-        -------
-        int
-
-        Raises
-        ------
-        ValueError
-            If `standard_error` is not above 0.
-        """
+        """Fewest seeds for a standard error of a sample's mean, above 0, in the response's unit."""
         if not standard_error > 0:
             raise ValueError(f"standard_error is {standard_error!r}; allowed: above 0")
         return max(1, math.ceil(self.within / standard_error**2 * (1 - 1e-12)))
 
 
 def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
-    """Variance components of the runs of several samples.
+    """Variance components of a response (n,) of the runs of several samples `groups` (n,).
 
-    Parameters
-    ----------
-    values : array_like, (n,)
-        A response of every run.
-    groups : array_like, (n,)
-        The sample of every run.
-
-    Returns
-    -------
-    Components
-
-    Raises
-    ------
-    ValueError
-        For other shapes, values that are not finite, fewer than two groups, or no group with two values.
-
-    Notes
-    -----
-    tau^2 is (MSB - MSW) / n0 (SCM92), or 0 where that is negative. The interval of sigma^2 is that of chi^2. The
-    interval of the intraclass correlation is that of (TH78): F = h S^2 / MSW, where S^2 is the variance of the
-    groups' means and h the harmonic mean of their sizes. It is exact when all groups have the same size.
+    tau^2 is (MSB - MSW) / n0 (SCM92), or 0 if that is negative. The interval of sigma^2 is that of chi^2. The interval
+    of the intraclass correlation is that of (TH78): F = h S^2 / MSW, with S^2 the variance of the groups' means and h
+    the harmonic mean of their sizes. It is exact when all groups have the same size. ValueError with fewer than two
+    groups, no group with two values, or values that are not finite.
     """
     from scipy import stats  # half a second at start-up
 
@@ -161,21 +92,9 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
 
 
 def within_covariance(values: ArrayLike, groups: ArrayLike) -> tuple[np.ndarray, int]:
-    """Covariance of responses within samples.
+    """Covariance (k, k) of responses (n, k) about the means of their samples `groups` (n,), and its degrees of freedom.
 
-    Parameters
-    ----------
-    values : array_like, (n, k)
-        Responses of every run.
-    groups : array_like, (n,)
-        The sample of every run.
-
-    Returns
-    -------
-    covariance : numpy.ndarray, (k, k)
-        About the samples' means; zeros where no sample has two runs.
-    freedom : int
-        Its degrees of freedom: runs less samples.
+    The degrees of freedom are runs minus samples; the covariance is zero if no sample has two runs.
     """
     values = np.asarray(values, dtype=float)
     residuals = np.empty_like(values)
@@ -189,26 +108,9 @@ def within_covariance(values: ArrayLike, groups: ArrayLike) -> tuple[np.ndarray,
 def residual_correlation(
     first: ArrayLike, second: ArrayLike, groups: ArrayLike
 ) -> tuple[float, float, float, int]:
-    """Correlation of two responses within samples.
+    """Correlation of two responses (n,) within samples, its interval (Fisher's transformation), degrees of freedom.
 
-    Parameters
-    ----------
-    first, second : array_like, (n,)
-        The two responses of every run.
-    groups : array_like, (n,)
-        The sample of every run.
-
-    Returns
-    -------
-    correlation, low, high : float
-        Correlation of the deviations from the samples' means, and its interval by Fisher's transformation.
-    freedom : int
-        Degrees of freedom: runs less samples.
-
-    Raises
-    ------
-    ValueError
-        With fewer than four degrees of freedom, or a response that does not vary within samples.
+    ValueError with fewer than four degrees of freedom, or if a response does not vary within samples.
     """
     from scipy import stats  # half a second at start-up
 

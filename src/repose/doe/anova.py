@@ -1,6 +1,6 @@
 """The analysis of variance of a polynomial model, with the columns and statistics of Design-Expert.
 
-The sum of squares of a term is partial: what the residuals would gain if this term alone were left out.
+The sum of squares of a term is partial: the gain of the residuals if this term alone were left out.
 """
 
 import math
@@ -15,18 +15,7 @@ COLUMNS = ("source", "sum_of_squares", "df", "mean_square", "f", "p")
 
 
 def pure_error(model: Model) -> tuple[float, int]:
-    """Sum of squares and degrees of freedom of runs that were repeated, within their block.
-
-    Parameters
-    ----------
-    model : Model
-
-    Returns
-    -------
-    sum_of_squares : float
-    df : int
-        0 without a repeated run.
-    """
+    """Sum of squares and degrees of freedom (0 if none) of runs that were repeated, within their block."""
     keys = np.round(model.coded, 9)
     if model.blocks is not None:
         keys = np.column_stack([keys, model.blocks])
@@ -37,17 +26,9 @@ def pure_error(model: Model) -> tuple[float, int]:
 
 
 def anova(model: Model) -> pd.DataFrame:
-    """The ANOVA table.
+    """The ANOVA table with `COLUMNS`; F and p are nan if there is nothing to test by.
 
-    Parameters
-    ----------
-    model : Model
-
-    Returns
-    -------
-    pandas.DataFrame
-        `COLUMNS`; rows block (where there are any), model, each term, residual, lack of fit and pure error (where runs
-        were repeated), total. F and p are nan where there is nothing to test by.
+    Rows: block (if any), model, each term, residual, lack of fit and pure error (if runs were repeated), total.
     """
     ols, first = model.ols, 1 + model.block_columns
     residual, df_residual = float(ols.ssr), int(ols.df_resid)
@@ -78,19 +59,10 @@ def anova(model: Model) -> pd.DataFrame:
 
 
 def statistics(model: Model) -> dict[str, float]:
-    """Statistics of the fit.
+    """Statistics of the fit, as in Design-Expert; nan if nothing is left to estimate the error by.
 
-    Parameters
-    ----------
-    model : Model
-
-    Returns
-    -------
-    dict of float
-        ``std_dev``; ``mean`` of the response; ``cv_percent``; ``press``, the sum of the squared errors of predicting
-        each run from all others; ``r2``, ``adjusted_r2``, ``predicted_r2``, in which the blocks' part is left out of
-        the total, as in Design-Expert; ``adequate_precision``, the range of the predictions over their mean standard
-        error. nan where nothing is left to estimate the error by.
+    `press` is the sum of the squared errors of predicting each run from all others. The R2 values leave the blocks'
+    part out of the total. `adequate_precision` is the range of the predictions over their mean standard error.
     """
     ols, n = model.ols, len(model.response)
     residual, df = float(ols.ssr), int(ols.df_resid)
@@ -116,17 +88,10 @@ def statistics(model: Model) -> dict[str, float]:
 
 
 def effects(model: Model) -> pd.DataFrame:
-    """The terms in the order of their standardised effects, for the Pareto chart.
+    """The terms for the Pareto chart, the largest contribution first.
 
-    Parameters
-    ----------
-    model : Model
-
-    Returns
-    -------
-    pandas.DataFrame
-        term, coefficient in coded units with its standard_error, t (the standardised effect, without sign), p, and
-        contribution_percent: the term's partial sum of squares over the total. Largest first.
+    `term`, `coefficient` in coded units, `standard_error`, `t` (the standardised effect, without sign), `p`, and
+    `contribution_percent`: the term's partial sum of squares over the total.
     """
     first = 1 + model.block_columns
     table = anova(model).set_index("source")
@@ -145,19 +110,10 @@ def effects(model: Model) -> pd.DataFrame:
 
 
 def limits(model: Model, alpha: float = 0.05) -> dict[str, float]:
-    """The two lines of the Pareto chart.
+    """The two lines of the Pareto chart at level of significance `alpha`; nan without degrees of freedom.
 
-    Parameters
-    ----------
-    model : Model
-    alpha : float
-        Level of significance.
-
-    Returns
-    -------
-    dict of float
-        ``t``: a single term above it is significant. ``bonferroni``: of the studies in which no term has an
-        effect, at most a share alpha has a term above it.
+    `t`: a single term above it is significant. `bonferroni`: of the studies without any effect, at most a share alpha
+    has a term above it.
     """
     df = int(model.ols.df_resid)
     if not df:

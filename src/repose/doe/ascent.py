@@ -5,21 +5,9 @@ from numpy.typing import ArrayLike
 
 
 def direction(slopes: ArrayLike) -> np.ndarray:
-    """Unit vector of steepest ascent of a first-order model, in coded units.
+    """Unit vector (k,) of steepest ascent, from the slopes (k,) of a first-order model in coded units.
 
-    Parameters
-    ----------
-    slopes : array, (k,)
-        Coefficients of the factors in coded units.
-
-    Returns
-    -------
-    numpy.ndarray, (k,)
-
-    Raises
-    ------
-    ValueError
-        If no factor has an effect.
+    ValueError if no factor has an effect.
     """
     slopes = np.asarray(slopes, dtype=float)
     length = np.linalg.norm(slopes)
@@ -29,54 +17,21 @@ def direction(slopes: ArrayLike) -> np.ndarray:
 
 
 def towards(slopes: ArrayLike, missing: ArrayLike, scale: ArrayLike) -> np.ndarray:
-    """Unit vector along which several responses come nearest to their targets fastest, in coded units.
+    """Unit vector (k,) along which several responses come nearest to their targets fastest, in coded units.
 
     It is the steepest descent of the sum of the squared relative misses at the centre. With one response it is the
-    steepest ascent, or descent where the response is too large.
-
-    Parameters
-    ----------
-    slopes : array, (responses, k)
-        Coefficients of each response's first-order model in coded units.
-    missing : array, (responses,)
-        Target less the response at the centre.
-    scale : array, (responses,)
-        What a miss is measured by: the target, divided by the root of its weight.
-
-    Returns
-    -------
-    numpy.ndarray, (k,)
-
-    Raises
-    ------
-    ValueError
-        If the centre meets the targets, or no factor moves it towards them.
+    steepest ascent, or descent if the response is too large. `slopes` are (responses, k), `missing` is target minus
+    response at the centre, `scale` the target over the root of its weight. ValueError if the centre meets the targets,
+    or no factor moves it towards them.
     """
     slopes, scale = np.atleast_2d(np.asarray(slopes, dtype=float)), np.asarray(scale, dtype=float)
     return direction((np.asarray(missing, dtype=float) / scale**2) @ slopes)
 
 
 def path(along: ArrayLike, steps: int, largest: float = 1.0) -> np.ndarray:
-    """Points at equal distances from the centre along a direction, in coded units.
+    """Points (steps + 1, k) at equal distances along a direction in coded units, the centre first.
 
-    Parameters
-    ----------
-    along : array, (k,)
-        Direction.
-    steps : int
-        How many steps; at least one.
-    largest : float
-        Coded value of the fastest factor at the last step.
-
-    Returns
-    -------
-    numpy.ndarray, (steps + 1, k)
-        The centre first.
-
-    Raises
-    ------
-    ValueError
-        If there is no step.
+    `largest` is the coded value of the fastest factor at the last step.
     """
     if steps < 1:
         raise ValueError(f"{steps} steps; allowed: at least 1")

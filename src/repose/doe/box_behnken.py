@@ -26,32 +26,11 @@ CENTRES = {3: 3, 4: 3, 5: 6, 6: 6, 7: 6}
 
 
 def box_behnken(factors: int, centres: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """A Box-Behnken design in coded units, in standard order: each block's runs, then its centre runs.
+    """A Box-Behnken design (n, factors) of -1, 0 and 1 in standard order, and the block (n,), from 1, of each run.
 
-    Parameters
-    ----------
-    factors : int
-        3 to 7.
-    centres : int, optional
-        Centre runs of the whole design, at least one for each block; as printed by default. They are spread over the
-        blocks, which are orthogonal where each gets equally many.
-
-    Returns
-    -------
-    design : numpy.ndarray, (n, factors)
-        -1, 0 and 1.
-    blocks : numpy.ndarray, (n,)
-        Number of each run's block, from 1. Simulations have no days or batches, so they may leave it unused.
-
-    Raises
-    ------
-    ValueError
-        If the number of factors or of centre runs is not allowed.
-
-    References
-    ----------
-    Box and Behnken, Some new three level designs for the study of quantitative variables, Technometrics 2 (1960)
-    455-475.
+    `factors` is 3 to 7. `centres` are the centre runs of the whole design, at least one a block, None means as printed;
+    blocks with equally many are orthogonal. Simulations may ignore the blocks. Box and Behnken, Some new three level
+    designs for the study of quantitative variables, Technometrics 2 (1960) 455-475.
     """
     if factors not in BLOCKS:
         raise ValueError(f"{factors} factors; allowed: 3 to 7")

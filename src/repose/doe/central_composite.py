@@ -13,33 +13,12 @@ HALF_FROM = 5
 def central_composite(
     factors: int, axial: str = "rotatable", centres: int | None = None
 ) -> tuple[np.ndarray, float]:
-    """A central composite design in coded units, in standard order: factorial, axial, centre.
+    """A central composite design (n, factors) in coded units, in standard order, and the distance of its axial runs.
 
-    Parameters
-    ----------
-    factors : int
-        2 to 7.
-    axial : str
-        ``rotatable``: the axial runs lie at the fourth root of the number of factorial runs, so that the variance of a
-        prediction depends on its distance from the centre alone. ``face_centred``: they lie at 1, and three levels do.
-    centres : int, optional
-        Centre runs; those of Box and Hunter by default.
-
-    Returns
-    -------
-    design : numpy.ndarray, (n, factors)
-    alpha : float
-        Distance of the axial runs from the centre.
-
-    Raises
-    ------
-    ValueError
-        If the number of factors or of centre runs, or `axial`, is not allowed.
-
-    References
-    ----------
-    Box and Hunter, Multi-factor experimental designs for exploring response surfaces, Ann. Math. Statist. 28 (1957)
-    195-241.
+    `factors` is 2 to 7. `axial` "rotatable": the distance is the fourth root of the number of factorial runs, so that
+    the variance of a prediction depends on its distance from the centre alone; "face_centred": it is 1, which needs
+    three levels only. Box and Hunter, Multi-factor experimental designs for exploring response surfaces, Ann. Math.
+    Statist. 28 (1957) 195-241.
     """
     if factors not in CENTRES:
         raise ValueError(f"{factors} factors; allowed: 2 to 7")

@@ -7,60 +7,23 @@ from numpy.typing import ArrayLike
 
 
 def two_level(factors: int) -> np.ndarray:
-    """The full factorial of -1 and 1 in standard order: the first factor changes fastest.
-
-    Parameters
-    ----------
-    factors : int
-
-    Returns
-    -------
-    numpy.ndarray, (2^factors, factors)
-    """
+    """The full factorial (2^factors, factors) of -1 and 1 in standard order: the first factor changes fastest."""
     runs = np.arange(2**factors)
     return np.column_stack([2.0 * (runs >> k & 1) - 1.0 for k in range(factors)])
 
 
 @dataclass(frozen=True)
 class Coding:
-    """How coded units stand for natural ones.
-
-    Attributes
-    ----------
-    factors : tuple of str
-        Names.
-    centre : numpy.ndarray, (k,)
-        In natural units.
-    half : numpy.ndarray, (k,)
-        From the centre to the level that is coded 1, in natural units.
-    """
+    """Coded and natural units of k factors, converted into each other."""
 
     factors: tuple[str, ...]
-    centre: np.ndarray
-    half: np.ndarray
+    centre: np.ndarray  # (k,), natural units
+    half: np.ndarray  # (k,), from the centre to the level coded 1, natural units
 
     def natural(self, coded: ArrayLike) -> np.ndarray:
-        """Natural values of coded ones.
-
-        Parameters
-        ----------
-        coded : array, (..., k)
-
-        Returns
-        -------
-        numpy.ndarray, (..., k)
-        """
+        """Natural values (..., k) of coded values (..., k)."""
         return self.centre + np.asarray(coded, dtype=float) * self.half
 
     def coded(self, natural: ArrayLike) -> np.ndarray:
-        """Coded values of natural ones.
-
-        Parameters
-        ----------
-        natural : array, (..., k)
-
-        Returns
-        -------
-        numpy.ndarray, (..., k)
-        """
+        """Coded values (..., k) of natural values (..., k)."""
         return (np.asarray(natural, dtype=float) - self.centre) / self.half

@@ -16,20 +16,7 @@ ORDERS = ("linear", "interaction", "quadratic")
 def terms_of(factors: int, order: str) -> tuple[Term, ...]:
     """Terms of a model besides its constant: single factors, then products of two, then squares.
 
-    Parameters
-    ----------
-    factors : int
-    order : str
-        One of `ORDERS`; each has the terms of the one before.
-
-    Returns
-    -------
-    tuple of Term
-
-    Raises
-    ------
-    ValueError
-        If there is no such order.
+    `order` is one of `ORDERS`; each has the terms of the previous order.
     """
     if order not in ORDERS:
         raise ValueError(f"order {order!r}; allowed: {', '.join(ORDERS)}")
@@ -42,34 +29,13 @@ def terms_of(factors: int, order: str) -> tuple[Term, ...]:
 
 
 def columns(coded: ArrayLike, terms: Sequence[Term]) -> np.ndarray:
-    """Values of the terms.
-
-    Parameters
-    ----------
-    coded : array, (n, k)
-    terms : sequence of Term
-
-    Returns
-    -------
-    numpy.ndarray, (n, terms)
-    """
+    """Values (n, terms) of the terms at coded points (n, k)."""
     coded = np.atleast_2d(np.asarray(coded, dtype=float))
     return np.column_stack([coded[:, list(term)].prod(axis=1) for term in terms])
 
 
 def label(term: Term, factors: Sequence[str]) -> str:
-    """A term in words: ``A``, ``A*B``, ``A^2``.
-
-    Parameters
-    ----------
-    term : Term
-    factors : sequence of str
-        Names.
-
-    Returns
-    -------
-    str
-    """
+    """Name of a term: ``A``, ``A*B``, ``A^2``."""
     if len(term) == 2 and term[0] == term[1]:
         return f"{factors[term[0]]}^2"
     return "*".join(factors[k] for k in term)
@@ -77,28 +43,14 @@ def label(term: Term, factors: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class Model:
-    """A polynomial that was fitted to runs.
-
-    Attributes
-    ----------
-    factors : tuple of str
-        Names.
-    terms : tuple of Term
-    coded : numpy.ndarray, (n, k)
-        The runs.
-    response : numpy.ndarray, (n,)
-    blocks : numpy.ndarray, (n,), or None
-        Number of each run's block.
-    ols : object
-        Results of `statsmodels.api.OLS`; its columns are the constant, the blocks but the first, and the terms.
-    """
+    """A polynomial fitted to runs."""
 
     factors: tuple[str, ...]
     terms: tuple[Term, ...]
-    coded: np.ndarray
-    response: np.ndarray
-    blocks: np.ndarray | None
-    ols: Any
+    coded: np.ndarray  # (n, k), the runs
+    response: np.ndarray  # (n,)
+    blocks: np.ndarray | None  # (n,), number of each run's block; None without blocks
+    ols: Any  # results of `statsmodels.api.OLS`; columns: constant, blocks but the first, terms
 
     @property
     def block_columns(self) -> int:
@@ -122,30 +74,11 @@ class Model:
         return float(self.ols.params[0] + blocks.sum() / (1 + len(blocks)))
 
     def predict(self, coded: ArrayLike) -> np.ndarray:
-        """The response at points in coded units, averaged over the blocks.
-
-        Parameters
-        ----------
-        coded : array, (n, k)
-
-        Returns
-        -------
-        numpy.ndarray, (n,)
-        """
+        """The response (n,) at points (n, k) in coded units, averaged over the blocks."""
         return self.constant + columns(coded, self.terms) @ self.coefficients
 
     def standard_error(self, coded: ArrayLike) -> np.ndarray:
-        """Standard error of the predicted mean at points in coded units.
-
-        Parameters
-        ----------
-        coded : array, (n, k)
-
-        Returns
-        -------
-        numpy.ndarray, (n,)
-            nan where no degree of freedom is left for the error.
-        """
+        """Standard error (n,) of the mean at coded points (n, k); nan without a degree of freedom for the error."""
         values = columns(coded, self.terms)
         share = np.full((len(values), self.block_columns), 1.0 / (1 + self.block_columns))
         rows = np.hstack([np.ones((len(values), 1)), share, values])
@@ -159,28 +92,10 @@ def fit(
     order: str | Sequence[Term],
     blocks: ArrayLike | None = None,
 ) -> Model:
-    """Fit a polynomial to runs.
+    """Fit a polynomial to runs (n, k) in coded units.
 
-    Parameters
-    ----------
-    coded : array, (n, k)
-        Factors in coded units.
-    response : array, (n,)
-    factors : sequence of str
-        Names of the k factors.
-    order : str or sequence of Term
-        One of `ORDERS`, or the terms themselves.
-    blocks : array, (n,), optional
-        Number of each run's block; each block has a mean of its own.
-
-    Returns
-    -------
-    Model
-
-    Raises
-    ------
-    ValueError
-        If a value is not finite, or the runs do not determine the terms.
+    `order` is one of `ORDERS`, or the terms themselves. With `blocks`, the number (n,) of each run's block, each block
+    has a mean of its own. ValueError if a value is not finite, or the runs do not determine the terms.
     """
     coded, response = np.asarray(coded, dtype=float), np.asarray(response, dtype=float)
     if coded.ndim != 2 or coded.shape != (len(response), len(factors)):

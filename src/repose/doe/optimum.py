@@ -1,4 +1,4 @@
-"""Where fitted models meet their targets, inside the region of their design."""
+"""Optimum of fitted models inside the region of their design."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,43 +10,24 @@ from scipy import optimize
 from repose.doe.coding import two_level
 from repose.doe.model import Model
 
-MET = 1e-6  # a relative miss that small is none
+MET = 1e-6  # relative misses below this count as zero
 
 
 @dataclass(frozen=True)
 class Optimum:
-    """A point that models were searched for.
+    """Result of `optimum`."""
 
-    Attributes
-    ----------
-    coded : numpy.ndarray, (k,)
-    predicted : numpy.ndarray, (responses,)
-    met : bool
-        Whether the predictions are the targets.
-    desirability : float
-        Of `desirability`.
-    """
-
-    coded: np.ndarray
-    predicted: np.ndarray
-    met: bool
+    coded: np.ndarray  # (k,)
+    predicted: np.ndarray  # (responses,)
+    met: bool  # whether the predictions meet the targets
     desirability: float
 
 
 def desirability(predicted: ArrayLike, aims: ArrayLike, low: ArrayLike, high: ArrayLike) -> np.ndarray:
-    """How well predictions hit their targets, from 0 to 1.
+    """Desirability (n,) of predictions (n, responses), from 0 to 1.
 
     Each response counts 1 at its target and falls linearly to 0 at the ends of its range; the whole is the geometric
     mean (Derringer and Suich 1980).
-
-    Parameters
-    ----------
-    predicted : array, (n, responses)
-    aims, low, high : array, (responses,)
-
-    Returns
-    -------
-    numpy.ndarray, (n,)
     """
     predicted = np.atleast_2d(np.asarray(predicted, dtype=float))
     aims, low, high = (np.asarray(one, dtype=float) for one in (aims, low, high))
@@ -61,23 +42,11 @@ def desirability(predicted: ArrayLike, aims: ArrayLike, low: ArrayLike, high: Ar
 def optimum(
     models: Sequence[Model], aims: ArrayLike, scale: ArrayLike, low: ArrayLike, high: ArrayLike
 ) -> Optimum:
-    """The point of the cube from -1 to 1 at which the models come nearest to their targets.
+    """The point of the cube from -1 to 1 at which the models, one for each response, come nearest to their targets.
 
-    Few targets and many factors leave a whole curve or surface of such points. Of these, the one nearest to the centre
-    is taken: there the models are best known.
-
-    Parameters
-    ----------
-    models : sequence of Model
-        One for each response, of the same factors.
-    aims, scale : array, (responses,)
-        Targets, and what a miss is measured by: the target divided by the root of its weight.
-    low, high : array, (responses,)
-        Range of each response, for the desirability.
-
-    Returns
-    -------
-    Optimum
+    Few targets and many factors leave a whole curve or surface of such points. Of these, the point nearest to the
+    centre is taken: there the models are best known. `scale` is the target over the root of its weight; `low` and
+    `high` are the ranges, for the desirability. Arrays are (responses,).
     """
     aims, scale = np.asarray(aims, dtype=float), np.asarray(scale, dtype=float)
     count = len(models[0].factors)

@@ -17,31 +17,12 @@ GENERATORS = {
 
 
 def plackett_burman(factors: int, runs: int | None = None) -> np.ndarray:
-    """A Plackett-Burman design in coded units.
+    """A Plackett-Burman design (runs, factors) of -1 and 1.
 
-    Each row is the one before, moved one place to the right; the last row has all factors low. Columns without a factor
-    are left out: they are the dummy factors from which the analysis estimates the error.
-
-    Parameters
-    ----------
-    factors : int
-        Number k of factors.
-    runs : int, optional
-        A key of `GENERATORS`; the smallest that leaves at least three degrees of freedom for the error by default.
-
-    Returns
-    -------
-    numpy.ndarray, (runs, k)
-        -1 and 1.
-
-    Raises
-    ------
-    ValueError
-        If no design has this number of runs, or has fewer columns than there are factors.
-
-    References
-    ----------
-    Plackett and Burman, The design of optimum multifactorial experiments, Biometrika 33 (1946) 305-325.
+    Each row is the previous one, moved by a place to the right; the last row has all factors low. Columns without a
+    factor are left out: they are the dummy factors from which the analysis estimates the error. `runs` is a key of
+    `GENERATORS`; None means the smallest that leaves at least three degrees of freedom for the error. Plackett and
+    Burman, The design of optimum multifactorial experiments, Biometrika 33 (1946) 305-325.
     """
     if runs is None:
         large = [number for number in GENERATORS if number >= factors + 4]

@@ -1,8 +1,7 @@
 """The calibrated grain and its bench test as input of other simulation programs.
 
-`job` says what is exported, in SI units and in the words of no program. Each other module writes the deck of one
-program; the text of a deck stands in a template beside it. What a program does otherwise than this engine is a note
-that the deck begins with.
+`job` is the export in SI units, independent of any program. Each other module writes the deck of one program; the text
+of a deck stands in a template beside it. Differences of a program from this engine are notes at the head of the deck.
 """
 
 from collections.abc import Callable
@@ -26,21 +25,7 @@ PROGRAMS: dict[str, Callable[[Job], dict[str, str]]] = {
 
 
 def write(job: Job, program: str, folder: str | PathLike) -> list[Path]:
-    """Write the deck of a program.
-
-    Parameters
-    ----------
-    job : Job
-    program : str
-        One of `PROGRAMS`.
-    folder : path
-        Where its files go.
-
-    Returns
-    -------
-    list of Path
-        The files, the deck itself first.
-    """
+    """Write the deck of a program of `PROGRAMS` into a folder; return its files, the deck itself first."""
     paths = []
     for name, text in PROGRAMS[program](job).items():
         paths.append(Path(folder) / name)

@@ -1,4 +1,4 @@
-"""What is exported: a clump of spheres, its materials and contacts, and the pour, in the words of no program."""
+"""The data of an export: a clump of spheres, its materials and contacts, and the pour, independent of any program."""
 
 import math
 from collections.abc import Mapping
@@ -22,33 +22,21 @@ if TYPE_CHECKING:
 # Programs that damp each contact of a clump by itself need a shorter step than ours, which divides the damping.
 SHARE_OF_LIMIT = 0.5
 RAYLEIGH_SHARE = 0.2
-# Overlap over effective radius at which a contact is as stiff as a spring of constant stiffness that stands for it.
+# Overlap over effective radius at which a contact is as stiff as the spring of constant stiffness that replaces it.
 TYPICAL_OVERLAP = 0.01
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Contact of two materials.
-
-    Attributes
-    ----------
-    restitution, static_friction, rolling_friction : float
-        As calibrated: e, mu_s, mu_r.
-    damping_ratio : float
-        beta, with which an impact ends with this restitution, see `repose.dem.laws.hertz_mindlin.damping_ratio`.
-    effective_young_pa, effective_shear_pa : float
-        E* and G*.
-    effective_radius_m : float
-        R* of two spheres of the clump's mean radius, or of one on a wall.
-    """
+    """Contact of two materials, with the calibrated coefficients."""
 
     restitution: float
     static_friction: float
     rolling_friction: float
-    damping_ratio: float
-    effective_young_pa: float
-    effective_shear_pa: float
-    effective_radius_m: float
+    damping_ratio: float  # beta of this restitution: `dem.laws.hertz_mindlin.damping_ratio`
+    effective_young_pa: float  # E*
+    effective_shear_pa: float  # G*
+    effective_radius_m: float  # R* of two spheres of the mean radius, or of one on a wall
 
     @property
     def tangential_stiffness_n_m(self) -> float:
@@ -58,83 +46,38 @@ class Pair:
 
 @dataclass(frozen=True)
 class Job:
-    """The grain and its bench test.
+    """The grain and its bench test; vectors in the body's principal axes, the centre of mass at the origin."""
 
-    Attributes
-    ----------
-    label : str
-        Of the study.
-    spheres_m : numpy.ndarray, (M, 4)
-        Centres and radii in the body's principal axes, the centre of mass at the origin.
-    mass_kg, volume_m3 : float
-        Of the body; where spheres overlap they count once.
-    inertia_kg_m2 : numpy.ndarray, (3,)
-        Principal moments.
-    density_kg_m3 : float
-    bounding_radius_m : float
-    mean_radius_m : float
-        Of the spheres, each weighted with its free surface.
-    lever_m : float
-        Mean distance of the clump's surface from its centre, by area: the lever of the rolling resistance here.
-    grain, wall : repose.dem.Material
-    grains, on_wall : Pair
-        Grain with grain, grain with wall.
-    tension, contact_law : str
-        See `repose.dem.Simulation`.
-    funnel : Funnel
-    plate_radius_m, factory_radius_m, factory_height_m : float
-        The grain's centre appears in the factory's disc.
-    count : int
-        Grains.
-    rate_per_s, duration_s, gravity_m_s2 : float
-    time_step_s : float
-        Advised, see `make`.
-    rayleigh_s : float
-        Rayleigh time of the smallest sphere.
-    seed : int
-    notes : tuple of str
-        What of the study the deck cannot hold.
-    """
-
-    label: str
-    spheres_m: np.ndarray
-    mass_kg: float
-    volume_m3: float
-    inertia_kg_m2: np.ndarray
+    label: str  # of the study
+    spheres_m: np.ndarray  # (M, 4), centres and radii
+    mass_kg: float  # of the body
+    volume_m3: float  # of the body; overlaps of spheres count once
+    inertia_kg_m2: np.ndarray  # (3,), principal moments
     density_kg_m3: float
     bounding_radius_m: float
-    mean_radius_m: float
-    lever_m: float
+    mean_radius_m: float  # of the spheres, weighted by free surface
+    lever_m: float  # mean distance of the surface from the centre, by area: lever of the rolling resistance
     grain: dem.Material
     wall: dem.Material
-    grains: Pair
-    on_wall: Pair
-    tension: str
+    grains: Pair  # grain with grain
+    on_wall: Pair  # grain with wall
+    tension: str  # see `repose.dem.Simulation`
     contact_law: str
     funnel: Funnel
     plate_radius_m: float
-    factory_radius_m: float
+    factory_radius_m: float  # disc in which the grains' centres appear
     factory_height_m: float
-    count: int
+    count: int  # number of grains
     rate_per_s: float
     duration_s: float
     gravity_m_s2: float
-    time_step_s: float
-    rayleigh_s: float
+    time_step_s: float  # advised, see `make`
+    rayleigh_s: float  # Rayleigh time of the smallest sphere
     seed: int
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # features of the study that the deck cannot represent
 
     def steps(self, seconds: float) -> int:
-        """Time steps of a duration.
-
-        Parameters
-        ----------
-        seconds : float
-
-        Returns
-        -------
-        int
-        """
+        """Number of time steps of a duration."""
         return round(seconds / self.time_step_s)
 
 
@@ -145,32 +88,11 @@ def make(
     berry: Mapping[str, Any],
     seed: int = 1,
 ) -> Job:
-    """What is to be exported of a study.
+    """The export of a study: `config` is whole, `particle` a multisphere, `berry` from the file of the verb ``berry``.
 
-    The advised time step is half of the longest one that this engine allows the clump, at most half of the study's
-    own and at most a fifth of the Rayleigh time of the smallest sphere.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    parameters : mapping
-        The six contact parameters by name.
-    particle : Particle
-        A multisphere.
-    berry : mapping
-        What the verb ``berry`` writes.
-    seed : int, optional
-        Of the grains' places.
-
-    Returns
-    -------
-    Job
-
-    Raises
-    ------
-    InputError
-        If the particle has no spheres, the contact law is not Hertz and Mindlin's, or the rolling law no budget.
+    The advised time step is half of the longest step that this engine allows the clump, at most half of the study's own
+    and at most a fifth of the Rayleigh time of the smallest sphere. InputError if the particle has no spheres, the
+    contact law is not Hertz and Mindlin's, or the rolling law no budget.
     """
     settings, section = SimulationSettings.of(config), config["funnel"]
     if not particle.is_clump:
@@ -232,7 +154,7 @@ def make(
 
 
 def _notes(config):
-    """What of the study no deck holds."""
+    """Features of the study that no deck can represent."""
     if config["berry"]["size_distribution"] != "none":
         yield "the study's grains differ in size; here all are the mean grain"
     if config["funnel"]["orientation"] != "random":
@@ -241,20 +163,8 @@ def _notes(config):
 
 
 def rayleigh_time_s(material: dem.Material, density_kg_m3: float, radius_m: float) -> float:
-    """Rayleigh time of a sphere.
+    """Rayleigh time of a sphere, pi R sqrt(rho / G) / (0.1631 nu + 0.8766).
 
-    Parameters
-    ----------
-    material : repose.dem.Material
-    density_kg_m3, radius_m : float
-
-    Returns
-    -------
-    float
-        pi R sqrt(rho / G) / (0.1631 nu + 0.8766) [s].
-
-    References
-    ----------
     Thornton and Randall, in: Micromechanics of Granular Materials, Elsevier (1988) 133.
     """
     root = math.sqrt(density_kg_m3 / material.shear_modulus_pa)
@@ -262,18 +172,9 @@ def rayleigh_time_s(material: dem.Material, density_kg_m3: float, radius_m: floa
 
 
 def surface_means(spheres_m: np.ndarray, points: int = 2000) -> tuple[float, float]:
-    """Mean radius and mean distance from the centre over the free surface of a clump, by area.
+    """Mean radius and mean distance from the centre [m] over the free surface of a clump, by area.
 
-    Parameters
-    ----------
-    spheres_m : numpy.ndarray, (M, 4)
-        Centres and radii.
-    points : int, optional
-        On each sphere.
-
-    Returns
-    -------
-    radius_m, distance_m : float
+    `spheres_m` (M, 4) has centres and radii; `points` lie on each sphere.
     """
     directions = sphere_directions(points)
     areas = radii = distances = 0.0

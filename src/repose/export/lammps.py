@@ -16,23 +16,13 @@ from repose.export.laws import (
 )
 from repose.export.template import filled
 
-# Damping of the rolling spring over that which stops it at once, with the mass of a grain.
+# Damping of the rolling spring over its critical damping, with the mass of a grain.
 ROLLING_DAMPING = 0.5
 SPRINGS = {"hertz_mindlin": "mindlin", "hertz_mindlin_rescaled": "mindlin_rescale/force"}
 
 
 def deck(job: Job) -> dict[str, str]:
-    """The files of a LAMMPS run.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    dict of str
-        Texts by the names of their files: in.pour, grain.mol.
-    """
+    """The files of a LAMMPS run by name: in.pour, grain.mol."""
     half = max(job.plate_radius_m, 0.5 * job.funnel.inlet_diameter_m) + 4.0 * job.bounding_radius_m
     steps, cone = job.steps(job.duration_s), job.funnel.cone_line()
     on_wall = contact_words(job, job.on_wall)
@@ -67,18 +57,9 @@ def deck(job: Job) -> dict[str, str]:
 
 
 def contact_words(job: Job, pair: Pair) -> str:
-    """A contact in the words of pair_style granular.
+    """A contact in the keywords of pair_style granular.
 
-    Moduli stand for both surfaces: those of two equal ones with the pair's E*.
-
-    Parameters
-    ----------
-    job : Job
-    pair : Pair
-
-    Returns
-    -------
-    str
+    Moduli stand for both surfaces: those of two equal surfaces with the pair's E*.
     """
     poisson = job.grain.poisson_ratio
     young = 2.0 * (1.0 - poisson**2) * pair.effective_young_pa
@@ -94,16 +75,7 @@ def contact_words(job: Job, pair: Pair) -> str:
 
 
 def molecule(job: Job) -> str:
-    """The grain as a molecule template.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    str
-    """
+    """The grain as the text of a molecule template."""
     n = len(job.spheres_m)
     lines = ["a grain, from repose export", "", f"{n} atoms", f"{job.mass_kg:.9g} mass", "0 0 0 com"]
     lines += [" ".join(f"{value:.9g}" for value in (*job.inertia_kg_m2, 0.0, 0.0, 0.0)) + " inertia"]
@@ -142,7 +114,7 @@ def _tube(job, law):
 
 
 def _told(job):
-    """What LAMMPS does otherwise."""
+    """Differences of LAMMPS from this engine."""
     told = [
         rolled(job),
         damped_alone(),

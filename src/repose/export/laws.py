@@ -1,7 +1,7 @@
 """The study's laws in the numbers of other programs.
 
 A program that takes a coefficient of restitution finds its damping by a formula that lets the contact pull at the end
-(Tsuji, Tanaka and Ishida 1992). Where the study's contact never pulls, its damping is another one.
+(Tsuji, Tanaka and Ishida 1992). Where the study's contact never pulls, its damping is different.
 `equivalent_restitution` is the number with which the program's formula gives the study's damping; the program's normal
 force must then be limited to pushes.
 
@@ -17,18 +17,9 @@ from repose.export.job import Job, Pair
 
 
 def equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
-    """Coefficient of restitution with which Tsuji's formula gives a pair's damping ratio.
+    """Coefficient of restitution with which Tsuji's formula gives a pair's damping ratio beta.
 
-    Parameters
-    ----------
-    pair : Pair
-    least : float, optional
-        The smallest that the program takes.
-
-    Returns
-    -------
-    float
-        exp(-pi beta / sqrt(1 - beta^2)), 0 for beta from 1 on, or `least`.
+    exp(-pi beta / sqrt(1 - beta^2)), 0 for beta from 1 on; never below `least`, the smallest value of the program.
     """
     beta = pair.damping_ratio
     if beta >= 1.0:
@@ -37,67 +28,27 @@ def equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
 
 
 def rolling_coefficient(job: Job, pair: Pair) -> float:
-    """Coefficient of rolling friction where the lever is the effective radius of two spheres.
-
-    Parameters
-    ----------
-    job : Job
-    pair : Pair
-
-    Returns
-    -------
-    float
-        mu_r times the mean lever over the effective radius.
-    """
+    """Coefficient of rolling friction for a program whose lever is the effective radius of two spheres."""
     return pair.rolling_friction * job.lever_m / pair.effective_radius_m
 
 
 def rolling_stiffness(pair: Pair) -> float:
-    """Stiffness of a rolling spring [N m].
-
-    Parameters
-    ----------
-    pair : Pair
-
-    Returns
-    -------
-    float
-        That of the tangential spring times R*^2.
-    """
+    """Stiffness of a rolling spring [N m]: that of the tangential spring times R*^2."""
     return pair.tangential_stiffness_n_m * pair.effective_radius_m**2
 
 
 def skin_m(job: Job) -> float:
-    """By how much neighbour lists reach beyond the spheres [m].
+    """Reach of neighbour lists beyond the spheres [m]: three quarters of the mean radius.
 
-    A grain that falls at 2 m/s goes 0.4 mm in a step; with this skin the lists last for several steps.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    float
-        Three quarters of the mean radius.
+    A grain that falls at 2 m/s moves 0.4 mm in a step; with this skin the lists last for several steps.
     """
     return 0.75 * job.mean_radius_m
 
 
 def differences(job: Job, comment: str, told: list[str]) -> str:
-    """Head of a deck: the study, and what is not as in the study, as comment lines.
+    """Head of a deck as comment lines: the study, and the differences from it.
 
-    Parameters
-    ----------
-    job : Job
-    comment : str
-        What begins a comment.
-    told : list of str
-        What this program does otherwise.
-
-    Returns
-    -------
-    str
+    `comment` begins a line; `told` are the differences of the program.
     """
     return "\n".join(comment + line for line in _head(job, told))
 
@@ -121,17 +72,9 @@ def _head(job: Job, told: list[str]) -> Iterator[str]:
 
 
 def limited_friction(job: Job, rescales: bool = False) -> list[str]:
-    """The notes of a program whose Coulomb's limit takes the whole normal force, and whose spring may not be rescaled.
+    """Notes if the program limits friction by the whole normal force, or does not rescale the tangential spring.
 
-    Parameters
-    ----------
-    job : Job
-    rescales : bool, optional
-        Whether the program's spring is the study's.
-
-    Returns
-    -------
-    list of str
+    With `rescales` the program's spring is that of the study.
     """
     notes = []
     if COULOMB[job.tension] != "total":
@@ -160,17 +103,7 @@ def undamped_tangent() -> str:
 
 
 def rolled(job: Job) -> str:
-    """The note of a program whose rolling resistance is a limited spring between two spheres.
-
-    Parameters
-    ----------
-    job : Job
-        What is exported; its mean lever [m] is told.
-
-    Returns
-    -------
-    str
-    """
+    """The note of a program whose rolling resistance is a limited spring between two spheres."""
     return (
         "rolling resistance is a spring with a limit against the relative rotation (model C of Ai et al. 2011, without "
         "damping or with); in the study a budget of each body (model A). Its coefficients here are those of the study "

@@ -21,17 +21,7 @@ LEVER = 2.0
 
 
 def deck(job: Job) -> dict[str, str]:
-    """The files of a MercuryDPM driver.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    dict of str
-        Texts by the names of their files: Pour.cpp, funnel.stl.
-    """
+    """The files of a MercuryDPM driver by name: Pour.cpp, funnel.stl."""
     half = max(job.plate_radius_m, 0.5 * job.funnel.inlet_diameter_m) + 4.0 * job.bounding_radius_m
     pairs = {"gg": job.grains, "gp": job.on_wall}
     numbers: dict[str, float] = {}
@@ -73,7 +63,7 @@ def deck(job: Job) -> dict[str, str]:
 
 
 def _told(job):
-    """What MercuryDPM does otherwise, and what was not tried."""
+    """Differences of MercuryDPM from this engine, and features that were not tried."""
     told = [
         "this driver was neither compiled nor run by those who wrote it",
         rolled(job),

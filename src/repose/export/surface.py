@@ -13,16 +13,9 @@ LONGEST_ROW_M = 0.024
 
 
 def profile(funnel: Funnel) -> np.ndarray:
-    """Line (r, z) of the funnel from the inlet to the underside of the outlet's rounded edge.
+    """Line (N, 2) of r, z [m] from the funnel's inlet to the underside of the outlet's rounded edge.
 
-    Parameters
-    ----------
-    funnel : Funnel
-
-    Returns
-    -------
-    numpy.ndarray, (N, 2)
-        Metres. The points of the round edges lie on them.
+    The points of the round edges lie on them.
     """
     slope, edge = math.radians(funnel.cone_angle_deg), funnel.rim_radius_m
     core = 0.5 * funnel.outlet_diameter_m + edge
@@ -50,16 +43,9 @@ def _divided(points):
 
 
 def triangles(funnel: Funnel) -> np.ndarray:
-    """The funnel's surface.
+    """Triangles (T, 3, 3) of the funnel's surface: corners [m], counterclockwise seen from the axis.
 
-    Parameters
-    ----------
-    funnel : Funnel
-
-    Returns
-    -------
-    numpy.ndarray, (T, 3, 3)
-        Corners [m], counterclockwise seen from the axis. The corners lie on the surface of revolution.
+    The corners lie on the surface of revolution.
     """
     line = profile(funnel)
     angles = 2.0 * math.pi * np.arange(AROUND) / AROUND
@@ -79,16 +65,7 @@ def triangles(funnel: Funnel) -> np.ndarray:
 
 
 def stl(funnel: Funnel) -> str:
-    """The funnel's surface as the text of an STL file in metres.
-
-    Parameters
-    ----------
-    funnel : Funnel
-
-    Returns
-    -------
-    str
-    """
+    """The funnel's surface as the text of an STL file in metres."""
     corners = triangles(funnel)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Where to type the calibrated grain in EDEM and in Rocky, programs with windows.
+"""Tables of the entries for EDEM and Rocky, programs with windows.
 
 The names of the fields are from memory of the programs' windows: no manual was at hand, and neither program was run.
 """
@@ -12,17 +12,7 @@ Row = tuple[str, str, str]
 
 
 def edem(job: Job) -> dict[str, str]:
-    """What to type in EDEM.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    dict of str
-        Texts by the names of their files: edem.md, spheres.csv, funnel.stl.
-    """
+    """The entries for EDEM by file name: edem.md, spheres.csv, funnel.stl."""
     rolling = "Creator > Physics > Particle to Particle, and Particle to Geometry"
     rows: list[Row] = [
         *_materials(job, "Creator > Bulk Material", "Creator > Equipment Material"),
@@ -61,17 +51,7 @@ def edem(job: Job) -> dict[str, str]:
 
 
 def rocky(job: Job) -> dict[str, str]:
-    """What to type in Rocky.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    dict of str
-        Texts by the names of their files: rocky.md, funnel.stl.
-    """
+    """The entries for Rocky by file name: rocky.md, funnel.stl."""
     rows: list[Row] = [
         *_materials(job, "Materials > the grain's", "Materials > the wall's"),
         *_pairs(job, "Materials Interactions", None),

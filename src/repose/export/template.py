@@ -11,19 +11,7 @@ class _Text(string.Template):
 
 
 def filled(name: str, **values: object) -> str:
-    """A template of this folder with its places filled.
-
-    Parameters
-    ----------
-    name : str
-        Of the file.
-    **values
-        By the names of the places; a number is written with nine digits.
-
-    Returns
-    -------
-    str
-    """
+    """The template `name` of this folder with its places filled; a number is written with nine digits."""
     text = Path(__file__).with_name(name).read_text(encoding="utf-8")
     words = {key: f"{value:.9g}" if isinstance(value, float) else value for key, value in values.items()}
     return _Text(text).substitute(words)

@@ -19,19 +19,9 @@ from repose.export.template import filled
 
 
 def deck(job: Job) -> dict[str, str]:
-    """The files of a YADE run.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    dict of str
-        The text of pour.py by its name.
-    """
+    """The file of a YADE run by name: pour.py."""
     weights, inertia = member_masses(job)
-    # sqrt(5/6) beta is the damping over that which stops at once
+    # sqrt(5/6) beta is the damping over the critical damping
     damping = {
         name: math.sqrt(5.0 / 6.0) * pair.damping_ratio
         for name, pair in (("gg", job.grains), ("gp", job.on_wall))
@@ -74,21 +64,10 @@ def deck(job: Job) -> dict[str, str]:
 
 
 def member_masses(job: Job) -> tuple[np.ndarray, np.ndarray]:
-    """Shares of the mass and an inertia for each sphere, with which the clump has the body's.
+    """Shares (M,) of the mass, with sum 1, and the inertia (3,) of each sphere [kg m2] that give the clump the body's.
 
     The shares have their centre at the origin and no products of inertia, as nearly alike as that allows; the inertia
-    is what is left of the body's.
-
-    Parameters
-    ----------
-    job : Job
-
-    Returns
-    -------
-    weights : numpy.ndarray, (M,)
-        They add up to 1.
-    inertia : numpy.ndarray, (3,)
-        Of each sphere [kg m2].
+    is the rest of the body's.
     """
     x, y, z = job.spheres_m[:, :3].T
     size = job.bounding_radius_m
@@ -111,7 +90,7 @@ def _listed(values):
 
 
 def _told(job):
-    """What YADE does otherwise."""
+    """Differences of YADE from this engine."""
     told = [
         rolled(job),
         damped_alone(),

@@ -35,18 +35,10 @@ FOOT = 1.0  # the whole profile begins here: a column below it shows no pile
 
 
 class Line(NamedTuple):
-    """A side's angle and its line.
+    """Line through one side of a profile."""
 
-    Attributes
-    ----------
-    angle_deg : float
-        From the horizontal.
-    ends : tuple
-        Lower end and upper end, each (distance, height) in pixels.
-    """
-
-    angle_deg: float
-    ends: tuple[tuple[float, float], tuple[float, float]]
+    angle_deg: float  # from the horizontal
+    ends: tuple[tuple[float, float], tuple[float, float]]  # lower and upper end, each (distance, height)
 
 
 Measured = tuple[dict[str, tuple[float, Line, Line]], dict[str, str]]
@@ -58,72 +50,21 @@ Measured = tuple[dict[str, tuple[float, Line, Line]], dict[str, str]]
 def flank(profile: np.ndarray, low: float, high: float, rule: str = "columns") -> Line:
     """Definition "flank": the regression of height on distance between two heights (section 2.3 of the paper).
 
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    low, high : float
-        Ends of the band in pixels.
-    rule : str, optional
-        One of `FLANK_RULES`.
-
-    Returns
-    -------
-    Line
-
-    Raises
-    ------
-    NoFlankError
-        If the band gives no line that rises towards the crest.
+    Raises NoFlankError if the band gives no line that rises towards the crest; so do the other definitions.
     """
     return fitted(*points_between(profile, low, high, rule), low, high)
 
 
 def whole(profile: np.ndarray, rule: str = "columns") -> Line:
-    """Definition "whole": the regression over the whole side, from foot to crest.
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    rule : str, optional
-        One of `FLANK_RULES`.
-
-    Returns
-    -------
-    Line
-
-    Raises
-    ------
-    NoFlankError
-        If the side gives no line that rises towards the crest.
-    """
+    """Definition "whole": the regression over the whole side, from foot to crest."""
     return flank(profile, FOOT, float(profile[-1]), rule)
 
 
 def steepest(profile: np.ndarray, low: float, high: float, rule: str = "columns") -> Line:
     """Definition "steepest": the steepest line over any stretch of half the height between `low` and `high`.
 
-    The stretch moves by one pixel. The largest of many slopes is larger than the slope: on a lumpy flank this
-    choice biases the angle upwards.
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    low, high : float
-        Ends of the band in pixels.
-    rule : str, optional
-        One of `FLANK_RULES`.
-
-    Returns
-    -------
-    Line
-
-    Raises
-    ------
-    NoFlankError
-        If the band is too thin, the flank is a wall, or no stretch rises towards the crest.
+    The stretch moves by one pixel. The largest of many slopes is larger than the slope: on a lumpy flank this choice
+    biases the angle upwards.
     """
     distance, height = points_between(profile, low, high, rule)
     window = (high - low) / 2
@@ -145,21 +86,10 @@ def steepest(profile: np.ndarray, low: float, high: float, rule: str = "columns"
 def window_slopes(
     distance: np.ndarray, height: np.ndarray, lows: np.ndarray, highs: np.ndarray
 ) -> np.ndarray:
-    """Slope of the regression line of the points whose height lies in each window.
+    """Slope (windows,) of the regression line of the points in each window of heights; NaN if too few, or a wall.
 
-    It comes from sums accumulated over the points in order of height, so that all windows cost one pass.
-
-    Parameters
-    ----------
-    distance, height : numpy.ndarray, (points,)
-        Points of the boundary in pixels.
-    lows, highs : numpy.ndarray, (windows,)
-        Ends of the windows in pixels; both belong to the window.
-
-    Returns
-    -------
-    numpy.ndarray, (windows,)
-        Height over distance; NaN where there are too few points, or a wall.
+    Both ends belong to the window. The slopes come from sums accumulated over the points in order of height, so that
+    all windows cost one pass.
     """
     order = np.argsort(height, kind="stable")
     x, z = distance[order] - distance.mean(), height[order] - height.mean()
@@ -176,24 +106,9 @@ def window_slopes(
 
 
 def fitted(distance: np.ndarray, height: np.ndarray, low: float, high: float) -> Line:
-    """The regression line of height on distance.
+    """The regression line of height on distance, drawn from height `low` to height `high`.
 
-    Parameters
-    ----------
-    distance, height : numpy.ndarray, (points,)
-        Points of the boundary in pixels.
-    low, high : float
-        Heights between which the line is drawn, in pixels.
-
-    Returns
-    -------
-    Line
-        Its angle, and its ends at `low` and `high`.
-
-    Raises
-    ------
-    NoFlankError
-        If there are too few points, the points stand one above the other, or the line does not rise.
+    Raises NoFlankError if there are too few points, if they stand above each other, or if the line does not rise.
     """
     spread = distance - distance.mean() if distance.size else distance
     if distance.size < MIN_LEVELS or spread @ spread < distance.size * WALL_SD**2:
@@ -207,27 +122,10 @@ def fitted(distance: np.ndarray, height: np.ndarray, low: float, high: float) ->
 
 
 def secant(profile: np.ndarray, berry: float) -> Line:
-    """One side of the definition "secant": from the plate below the outermost place one berry high, to the
-    crest.
+    """One side of the definition "secant": from the outermost place one berry high, on the plate, to the crest.
 
-    The angle is atan(H / W) with W the half width, that place's distance from the crest's column. A pile's
+    The angle is atan(H / W) with W the half width, the distance of that place from the crest's column. A pile's
     secant is not the mean of its two sides: see `secant_of_pile`.
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    berry : float
-        Height of a berry in pixels.
-
-    Returns
-    -------
-    Line
-
-    Raises
-    ------
-    NoFlankError
-        If the pile is not higher than one berry, or its foot is not seen.
     """
     crest, height = profile.size - 1, float(profile[-1])
     if not 0 < berry < height:
@@ -241,19 +139,9 @@ def secant(profile: np.ndarray, berry: float) -> Line:
 
 
 def secant_of_pile(left: Line, right: Line) -> float:
-    """The secant of a pile from the lines of its two sides: atan(2 H / D), D = W_left + W_right.
+    """The secant of a pile in degrees, from the lines of its two sides: atan(2 H / D), D = W_left + W_right.
 
-    This does not depend on where between the flanks the highest berry happens to lie.
-
-    Parameters
-    ----------
-    left, right : Line
-        As `secant` gives them.
-
-    Returns
-    -------
-    float
-        Degrees.
+    This does not depend on the place of the highest berry between the flanks.
     """
     (foot_left, _), (crest_left, height) = left.ends
     (foot_right, _), (crest_right, _) = right.ends
@@ -269,27 +157,11 @@ def measure_sides(
     berry: float | None,
     rule: str,
 ) -> Measured:
-    """Every definition on both sides of a pile.
+    """All definitions on both sides of a pile; `profile` goes from foot to foot, `crest` is its highest column.
 
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of the whole pile in pixels, from foot to foot.
-    crest : int
-        Its highest column.
-    fit_from, fit_to : float or str
-        Ends of the flank: fractions of the height, or "berry", the height of one berry.
-    berry : float or None
-        Height of a berry in pixels; None where it is not known.
-    rule : str
-        One of `FLANK_RULES`.
-
-    Returns
-    -------
-    measured : dict
-        For each definition that could be measured: (angle in degrees, left Line, right Line).
-    reasons : dict of str
-        For each other definition: why it could not be measured.
+    The first dictionary holds (angle in degrees, left line, right line) of each measured definition, the second the
+    reason for each missing one. `fit_from` and `fit_to` are fractions of the height or "berry". `berry` is in pixels;
+    None means unknown.
     """
     height = float(profile[crest])
     sides = profile[: crest + 1], profile[crest:][::-1]

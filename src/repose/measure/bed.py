@@ -1,4 +1,4 @@
-"""What is measured of a bed in a drum that turns about the y axis: its surface, its first slip, the slipping layer.
+"""Measurements of a bed in a drum that turns about the y axis: its surface, its first slip, the slipping layer.
 
 The drum turns so that it carries the bed towards +x; seen along y, x points right and z up. The origin lies on the
 axis. The drum's frame turns with it: a bed that is carried along like a solid is at rest there.
@@ -19,40 +19,20 @@ SMALLEST_FIT = 8  # pixel columns that a line needs
 
 @dataclass(frozen=True)
 class Surface:
-    """Upper edge of the bed in the side view along the axis, and the line through its middle.
+    """Upper edge of the bed in the side view along the axis, and the line through its middle."""
 
-    Attributes
-    ----------
-    angle_deg : float
-        Of the line; above 0 where the bed is higher on the side to which the drum carries it.
-    profile_m : numpy.ndarray, (M, 2)
-        x and z of the edge, one row per pixel column.
-    line_m : numpy.ndarray, (2, 2)
-        The line's two ends (x, z).
-    """
-
-    angle_deg: float
-    profile_m: np.ndarray
-    line_m: np.ndarray
+    angle_deg: float  # of the line; positive if the bed is higher on the side to which the drum carries it
+    profile_m: np.ndarray  # (M, 2), x and z of the edge, one row per pixel column
+    line_m: np.ndarray  # (2, 2), x and z of the line's two ends
 
 
 @dataclass(frozen=True)
 class Slip:
-    """A slip that `find_slip` found, by rows of the record.
+    """Row numbers of a slip in the record, from `find_slip`."""
 
-    Attributes
-    ----------
-    begins : int
-        Row of the highest angle.
-    judged : int
-        Row at which the angle has fallen far enough.
-    ends : int
-        Row at which the bed is calm again.
-    """
-
-    begins: int
-    judged: int
-    ends: int
+    begins: int  # row of the highest angle
+    judged: int  # row at which the angle has fallen far enough
+    ends: int  # row at which the bed is calm again
 
 
 def measure_surface(
@@ -64,37 +44,11 @@ def measure_surface(
     fit_share: float,
     scales: np.ndarray | None = None,
 ) -> Surface:
-    """Surface of berries in a drum.
+    """Surface of berries in a drum of inner radius `radius_m`.
 
-    The edge is that of the silhouette: in each pixel column the highest point of any berry. The line is the
-    least-squares line through the middle `fit_share` of the edge's width, so that berries lifted along the
-    wall do not count.
-
-    Parameters
-    ----------
-    centres_m : numpy.ndarray, (N, 3)
-        In the world; the drum's axis is y.
-    quaternions : numpy.ndarray, (N, 4)
-        w, x, y, z, from the body to the world.
-    particle : ConvexBody
-        The shape of all of them.
-    radius_m : float
-        Inner radius of the drum.
-    mm_per_pixel : float
-        Scale of the silhouette.
-    fit_share : float
-        From 0 to 1.
-    scales : numpy.ndarray, (N,), optional
-        Sizes of the bodies relative to the particle; 1 without it.
-
-    Returns
-    -------
-    Surface
-
-    Raises
-    ------
-    ValueError
-        If there are too few columns.
+    The edge is the edge of the silhouette: in each pixel column the highest point of any berry. The line is the
+    least-squares line through the middle `fit_share` of the edge's width, so that berries lifted along the wall do
+    not count. Raises ValueError if the bed is too narrow. `scales` (N,) are sizes relative to the particle.
     """
     lifted = np.asarray(centres_m, float) + np.array([0.0, 0.0, radius_m])
     image = silhouette.silhouette(
@@ -117,36 +71,14 @@ def measure_surface(
 
 
 def to_drum_frame(centres_m: np.ndarray, turned_rad: float) -> np.ndarray:
-    """Positions as seen from a drum that has turned by an angle.
-
-    Parameters
-    ----------
-    centres_m : numpy.ndarray, (..., 3)
-    turned_rad : float
-
-    Returns
-    -------
-    numpy.ndarray, (..., 3)
-        Metres.
-    """
+    """Positions (..., 3) as seen from a drum that has turned by an angle."""
     cos, sin = math.cos(turned_rad), math.sin(turned_rad)
     x, z = centres_m[..., 0], centres_m[..., 2]
     return np.stack([cos * x + sin * z, centres_m[..., 1], cos * z - sin * x], axis=-1)
 
 
 def bed_angle(centres_m: np.ndarray) -> float:
-    """Angle of the bed's centre of mass about the axis.
-
-    Parameters
-    ----------
-    centres_m : numpy.ndarray, (N, 3)
-        In the world; the drum's axis is y.
-
-    Returns
-    -------
-    float
-        Degrees, from straight down towards +x.
-    """
+    """Angle of the bed's centre of mass about the axis in degrees, from straight down towards +x."""
     x, _, z = np.mean(centres_m, axis=0)
     return math.degrees(math.atan2(x, -z))
 
@@ -160,28 +92,9 @@ def relative_energy(
     frame_rad_s: np.ndarray,
     scales: np.ndarray | float = 1.0,
 ) -> float:
-    """Mean kinetic energy of a berry, translation and rotation, in a frame that turns about the origin.
+    """Mean kinetic energy of a berry [J], translation and rotation, in a frame that turns about the origin.
 
-    All arrays are in the world frame.
-
-    Parameters
-    ----------
-    centres_m : numpy.ndarray, (N, 3)
-    quaternions : numpy.ndarray, (N, 4)
-        w, x, y, z, from the body to the world.
-    velocities_m_s : numpy.ndarray, (N, 3)
-    turning_rad_s : numpy.ndarray, (N, 3)
-        Angular velocities of the berries.
-    particle : Particle
-    frame_rad_s : numpy.ndarray, (3,)
-        Angular velocity of the frame.
-    scales : numpy.ndarray, (N,), or float, optional
-        Sizes of the berries relative to the particle.
-
-    Returns
-    -------
-    float
-        Joule.
+    All arrays are in the world frame; `turning_rad_s` (N, 3) and `frame_rad_s` (3,) are angular velocities.
     """
     drift = velocities_m_s - np.cross(frame_rad_s, centres_m)
     turn = rotation_matrices(quaternions)
@@ -194,26 +107,12 @@ def relative_energy(
 def find_slip(
     bed_deg: np.ndarray, energy_j: np.ndarray, drop_deg: float, calm_energy_j: float
 ) -> Slip | None:
-    """First slip in a record.
+    """First slip in a record (T,) of the bed's angle and its energy in the drum's frame; None without a slip.
 
-    A slip is judged when the angle has fallen by `drop_deg` below the highest so far. It began at that
-    highest angle, and ends when the energy is below `calm_energy_j` again, or with the record. The angle is
-    that of the centre of mass and not of the surface: a few berries that roll change the surface's by more
-    than a degree, and the centre's not at all.
-
-    Parameters
-    ----------
-    bed_deg : numpy.ndarray, (T,)
-        Angle of the centre of mass.
-    energy_j : numpy.ndarray, (T,)
-        Kinetic energy of a berry in the drum's frame.
-    drop_deg, calm_energy_j : float
-        Fall of the angle that is a slip, and the energy below which it has ended.
-
-    Returns
-    -------
-    Slip or None
-        None where there is no slip.
+    A slip is found when the angle has fallen by `drop_deg` below the highest so far. It began at that highest angle,
+    and ends when the energy is below `calm_energy_j` again, or with the record. The angle is of the centre of mass
+    and not of the surface: a few rolling berries change the surface's by more than a degree, and the centre's not at
+    all.
     """
     bed = np.asarray(bed_deg, float)
     if not len(bed):
@@ -230,23 +129,10 @@ def find_slip(
 def slip_displacement(
     before_m: np.ndarray, after_m: np.ndarray, turned_rad: float, surface: Surface
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Depth of each berry below the surface before the slip, and its motion down along the surface.
+    """Depth of each berry below the surface before the slip, and its motion down along the surface, both in m.
 
-    The motion is that against the drum.
-
-    Parameters
-    ----------
-    before_m, after_m : numpy.ndarray, (N, 3)
-        Positions.
-    turned_rad : float
-        Angle by which the drum turned in between.
-    surface : Surface
-        Before the slip.
-
-    Returns
-    -------
-    depth, moved : numpy.ndarray, (N,)
-        Metres. NaN for a berry outside the part of the surface that was fitted.
+    The motion is relative to the drum, which turned by `turned_rad` in between. NaN outside the fitted part of the
+    surface.
     """
     (x0, z0), (x1, _) = surface.line_m
     slope = math.radians(surface.angle_deg)
@@ -259,19 +145,9 @@ def slip_displacement(
 
 
 def depth_profile(depth_m: np.ndarray, moved_m: np.ndarray, bin_m: float) -> np.ndarray:
-    """Motion of the berries by depth.
+    """Motion of the berries by depth, from `slip_displacement`, one row per bin.
 
-    Parameters
-    ----------
-    depth_m, moved_m : numpy.ndarray, (N,)
-        As `slip_displacement` gives them.
-    bin_m : float
-        Width of a bin.
-
-    Returns
-    -------
-    numpy.ndarray, (bins, 4)
-        Middle of the bin, mean motion and its standard deviation in m, and number of berries.
+    Columns: middle of the bin, mean motion, its standard deviation (all in m) and number of berries.
     """
     known = np.isfinite(depth_m)
     bins = np.floor(depth_m[known] / bin_m).astype(int)
@@ -283,18 +159,6 @@ def depth_profile(depth_m: np.ndarray, moved_m: np.ndarray, bin_m: float) -> np.
 
 
 def moved_share(moved_m: np.ndarray, particle: silhouette.ConvexBody) -> float:
-    """Share of berries that moved by more than the berry's equivalent diameter.
-
-    Parameters
-    ----------
-    moved_m : numpy.ndarray, (N,)
-        As `slip_displacement` gives it; NaN does not count.
-    particle : ConvexBody
-
-    Returns
-    -------
-    float
-        From 0 to 1.
-    """
+    """Share of berries, 0 to 1, that moved by more than the equivalent diameter; NaN does not count."""
     known = moved_m[np.isfinite(moved_m)]
     return float(np.mean(np.abs(known) > equivalent_diameter(particle))) if len(known) else 0.0

@@ -18,7 +18,7 @@ from repose.measure.sheet import Seen
 PHONE_FOCAL = 0.75  # of the longer side: the main camera of most phones
 LARGEST_LENS_ERROR = 0.004  # share of the distance from the picture's middle, at half its longer side
 LARGEST_FOCAL_ERROR = 0.05
-LARGEST_MISS = 1.5e-3  # of the longer side: a corner lies that far from where a flat sheet would show it
+LARGEST_MISS = 1.5e-3  # of the longer side: distance of a corner from its place on a flat sheet
 LARGEST_TILT_DEG = 25.0
 LARGEST_LOOK_DOWN_DEG = 8.0
 LARGEST_SIDE_PX = 1600  # of the side view
@@ -27,73 +27,32 @@ BELOW_MM = 3.0  # shown below the plate
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera as its photographs of the sheet tell it.
+    """A camera, calibrated from its photographs of the sheet."""
 
-    Attributes
-    ----------
-    matrix : numpy.ndarray, (3, 3)
-        Focal length and middle in pixels.
-    lens : numpy.ndarray, (5,)
-        Distortion in OpenCV's order; only k1 and k2 are used.
-    note : str
-        What the corners did not suffice for; empty where they sufficed.
-    """
-
-    matrix: np.ndarray
-    lens: np.ndarray
-    note: str
+    matrix: np.ndarray  # (3, 3), focal length and middle in pixels
+    lens: np.ndarray  # (5,), distortion in OpenCV's order; only k1 and k2 are used
+    note: str  # which corrections lacked corners; may be empty
 
 
 @dataclass(frozen=True)
 class SideView:
-    """The upright, metric view of a pile.
+    """The upright, metric view (H, W) of a pile."""
 
-    Attributes
-    ----------
-    image : numpy.ndarray of uint8, (H, W, 3)
-        Blue first.
-    seen : numpy.ndarray of bool, (H, W)
-        Where the photograph shows anything.
-    sheet : numpy.ndarray of bool, (H, W)
-        Where the sheet stands.
-    mm_per_pixel, base_row : float
-        Scale, and row of the plate.
-    tilt_deg : float
-        The largest of roll, pitch and yaw of the camera against this view.
-    """
-
-    image: np.ndarray
-    seen: np.ndarray
-    sheet: np.ndarray
+    image: np.ndarray  # (H, W, 3), BGR
+    seen: np.ndarray  # True inside the photograph
+    sheet: np.ndarray  # True on the printed sheet
     mm_per_pixel: float
-    base_row: float
-    tilt_deg: float
+    base_row: float  # row of the plate
+    tilt_deg: float  # largest of roll, pitch and yaw of the camera
 
 
 def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | None = None) -> Camera:
-    """Focal length and distortion from the sheet in several photographs of one camera.
+    """Focal length and distortion from the sheet in several photographs of one camera (Zhang 2000).
 
-    Parameters
-    ----------
-    views : sequence of Seen
-        One or more.
-    size : (int, int)
-        Width and height of the photographs in pixels.
-    focal_px : float, optional
-        Focal length that the photographs state; used where the corners do not tell it.
-
-    Returns
-    -------
-    Camera
-        Without distortion where the corners do not tell it well enough.
-
-    Notes
-    -----
     The middle of the picture is taken as the lens's, pixels as square, and the distortion as radial. A coefficient is
     used if its standard error moves a point at half the picture's longer side by less than 0.4 % of that distance.
+    Without enough corners the focal length is `focal_px`, or a phone's if that is None. `size` is (width, height).
 
-    References
-    ----------
     Zhang, Z. (2000). IEEE Trans. Pattern Anal. Mach. Intell. 22, 1330-1334.
     """
     long_side = max(size)
@@ -131,19 +90,9 @@ def calibrate(views: Sequence[Seen], size: tuple[int, int], focal_px: float | No
 
 
 class Pose:
-    """Where a camera stood, from the sheet in one photograph.
+    """Position and direction of a camera, from the sheet in one photograph; `size` is (width, height) in pixels.
 
-    Parameters
-    ----------
-    camera : Camera
-    sheet : Seen
-    size : (int, int)
-        Width and height of the photograph in pixels.
-
-    Raises
-    ------
-    NoFlankError
-        If the corners do not lie where a flat sheet shows them.
+    Raises NoFlankError if the corners do not fit a flat sheet.
     """
 
     def __init__(self, camera: Camera, sheet: Seen, size: tuple[int, int]):
@@ -165,18 +114,7 @@ class Pose:
             )
 
     def pixels_of(self, world: np.ndarray) -> np.ndarray:
-        """Where points of the world are seen.
-
-        Parameters
-        ----------
-        world : numpy.ndarray, (..., 3)
-            In mm, before the camera.
-
-        Returns
-        -------
-        numpy.ndarray, (..., 2)
-            Column and row.
-        """
+        """Column and row (..., 2) at which points of the world (..., 3) in mm are seen."""
         ahead = world @ self.turn.T + self.shift.ravel()
         x, y = ahead[..., 0] / ahead[..., 2], ahead[..., 1] / ahead[..., 2]
         square = x * x + y * y
@@ -187,51 +125,18 @@ class Pose:
         )
 
     def facing(self, axis_mm: float) -> np.ndarray:
-        """Level direction to the right in the plane through (axis, 0) that faces the camera.
-
-        Parameters
-        ----------
-        axis_mm : float
-            Place of the pile's axis along the sheet.
-
-        Returns
-        -------
-        numpy.ndarray, (3,)
-            Of length 1.
-        """
+        """Level unit vector (3,) to the right, in the plane through (axis, 0) that faces the camera."""
         away = np.array([axis_mm - self.eye[0], -self.eye[1], 0.0])
         return np.array([away[1], -away[0], 0.0]) / np.linalg.norm(away)
 
     def look_down_deg(self, axis_mm: float, height_mm: float) -> float:
-        """Angle below the horizontal at which the camera looks at a crest.
-
-        Parameters
-        ----------
-        axis_mm, height_mm : float
-            Place and height of the crest.
-
-        Returns
-        -------
-        float
-            Degrees; below 0 where the camera looks up.
-        """
+        """Angle below the horizontal at which the camera looks at a crest; negative if it looks up."""
         return math.degrees(
             math.atan2(self.eye[2] - height_mm, math.hypot(self.eye[0] - axis_mm, self.eye[1]))
         )
 
     def tilt_deg(self, right: np.ndarray) -> float:
-        """Largest angle by which the camera is rolled, or turned away from the plane that it is to show.
-
-        Parameters
-        ----------
-        right : numpy.ndarray, (3,)
-            As `facing` gives it.
-
-        Returns
-        -------
-        float
-            Degrees.
-        """
+        """Largest of the camera's roll, pitch and yaw against the view plane; `right` comes from `facing`."""
         ahead = self.turn[2]
         roll = math.degrees(math.atan2(self.turn[0][2], -self.turn[1][2]))  # 180 where it is upside down
         pitch = math.degrees(math.asin(np.clip(ahead[2], -1, 1)))
@@ -247,32 +152,11 @@ def side_view(
     longest: int,
     part: tuple[float, float, float] | None = None,
 ) -> tuple[SideView, float]:
-    """The upright view of what stands in the plane through the pile's axis.
+    """The upright view of the plane through the pile's axis, and the place of its left border in mm from the axis.
 
-    Parameters
-    ----------
-    image : numpy.ndarray of uint8, (H, W, 3)
-        The photograph.
-    pose : Pose
-    sheet_size_mm : (float, float)
-        Width and height of the sheet.
-    axis_mm : float or None
-        Place of the pile's axis along the sheet; None for the plane of the sheet itself.
-    longest : int
-        Most pixels along the longer side of the view.
-    part : (float, float, float), optional
-        Left, right and top of the part to show, in mm from the axis and from the plate; all without it.
-
-    Returns
-    -------
-    view : SideView
-    left_mm : float
-        Place of the view's left border, from the axis along the plane (from the sheet's corner without an axis).
-
-    Raises
-    ------
-    NoFlankError
-        If the camera is tilted too far, or does not see the plane.
+    `axis_mm` lies along the sheet; None means the plane of the sheet itself, with its lower left corner as the
+    origin. `longest` is the longer side of the view in pixels, at most. `part` is left, right and top in mm from the
+    axis and the plate; None means all. Raises NoFlankError if the camera is tilted too far or does not see the plane.
     """
     origin = np.array([axis_mm or 0.0, 0.0, 0.0])
     right = np.array([1.0, 0, 0]) if axis_mm is None else pose.facing(axis_mm)
@@ -300,7 +184,7 @@ def side_view(
     )
     width, height = pose.size
     seen = (pixels > 0).all(-1) & (pixels[..., 0] < width - 1) & (pixels[..., 1] < height - 1)
-    # The sheet stands in its own plane: mark it by what the camera sees there.
+    # The sheet stands in its own plane: mark the part of the view that it hides.
     edge = 0.02 * sheet_size_mm[0]
     wide, tall = sheet_size_mm
     corners = np.array(
@@ -351,7 +235,7 @@ def _extent(pose, origin, right):
 
 
 def _meet(eye, points, origin, right):
-    """Where the lines from the camera to points meet a plane: (along, up) in mm."""
+    """Points (along, up) in mm at which the lines from the camera to `points` meet a plane."""
     normal = np.cross(right, [0, 0, 1.0])
     ways = points - eye
     far = (origin - eye) @ normal / (ways @ normal)

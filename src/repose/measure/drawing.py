@@ -1,4 +1,4 @@
-"""Pictures of the measurement: what was found, drawn into the picture it was found in (Figure 6)."""
+"""Pictures of the measurement: boundary, lines and Height, drawn into the measured picture (Figure 6)."""
 
 from dataclasses import replace
 
@@ -8,23 +8,11 @@ import numpy as np
 from repose.measure.pile import Measurement, MeasureSettings, measure_segmented, with_response
 from repose.measure.segmentation import Segmentation, segment
 
-RED, GREEN, YELLOW, BLUE = (40, 40, 230), (60, 170, 40), (0, 200, 255), (220, 120, 20)  # blue first
+RED, GREEN, YELLOW, BLUE = (40, 40, 230), (60, 170, 40), (0, 200, 255), (220, 120, 20)  # BGR
 
 
 def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
-    """The picture with boundary, left line red, right line green, base and Height, as in Figure 6.
-
-    Parameters
-    ----------
-    image : numpy.ndarray of uint8, (H, W) or (H, W, 3)
-        Blue first.
-    measurement : Measurement
-
-    Returns
-    -------
-    numpy.ndarray of uint8, (H, W, 3)
-        Blue first.
-    """
+    """The picture with boundary, left line red, right line green, base and Height, as in Figure 6; BGR in and out."""
     picture, thick = _outlined(image, measurement.contour)
     right_end, base = picture.shape[1] - 1, measurement.base_row
     column, top = measurement.top
@@ -37,20 +25,7 @@ def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
 
 
 def overlay_of_refused(image: np.ndarray, pile: Segmentation | None) -> np.ndarray:
-    """The picture with base and boundary of what was taken for the pile, where it was refused.
-
-    Parameters
-    ----------
-    image : numpy.ndarray of uint8, (H, W) or (H, W, 3)
-        Blue first.
-    pile : Segmentation or None
-        None where nothing was found.
-
-    Returns
-    -------
-    numpy.ndarray of uint8, (H, W, 3)
-        Blue first.
-    """
+    """The refused picture with base and boundary of the part taken for the pile; None means nothing was found."""
     if pile is None:
         return _outlined(image, np.empty((0, 2), int))[0]
     contours = cv2.findContours(pile.mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
@@ -70,19 +45,7 @@ def _outlined(image, contour):
 
 
 def draw_line(picture: np.ndarray, start: tuple, end: tuple, colour: tuple, thickness: int) -> None:
-    """Draw a smooth line between sub-pixel points.
-
-    Parameters
-    ----------
-    picture : numpy.ndarray of uint8, (H, W, 3)
-        Changed in place.
-    start, end : (float, float)
-        (column, row).
-    colour : (int, int, int)
-        Blue first.
-    thickness : int
-        Pixels.
-    """
+    """Draw a smooth line between sub-pixel points (column, row) into the picture; colours are BGR."""
     a, b = (tuple(round(256 * value) for value in point) for point in (start, end))
     cv2.line(picture, a, b, colour, thickness, cv2.LINE_AA, 8)
 
@@ -94,22 +57,9 @@ def process_panels(
     *,
     base_row: float | None = None,
 ) -> dict[str, np.ndarray]:
-    """The pictures of the method's steps, in order.
+    """The pictures of the method's steps, in order: ``grey``, ``binary``, ``edge`` and ``boundary``, the overlay.
 
-    Parameters
-    ----------
-    image, mm_per_pixel, settings, base_row
-        As in `repose.measure.pile.measure_image`.
-
-    Returns
-    -------
-    dict of numpy.ndarray
-        ``grey``, ``binary`` and ``edge`` (H, W) uint8, and ``boundary``, the overlay (H, W, 3), blue first.
-
-    Raises
-    ------
-    InputError, NoFlankError
-        As in `repose.measure.pile.measure_image`.
+    Arguments and errors are those of `repose.measure.pile.measure_image`.
     """
     settings = replace(settings or MeasureSettings(), mm_per_pixel=mm_per_pixel)
     pile = segment(image, settings.largest_pile_only, base_row)

@@ -1,8 +1,8 @@
 """Find the pile in the upright view of a photograph whose background is not plain.
 
 Colours are compared as ratios of the channels, and brightness counts little: a shadow changes the brightness of a
-surface and hardly its colour. What differs from the background row by row is a first guess; GrabCut, which models the
-colours of both sides by mixtures and prefers short boundaries, corrects it.
+surface and hardly its colour. The difference from the background, row by row, is a first guess. GrabCut corrects it;
+it models the colours of both sides by mixtures and prefers short boundaries.
 
 References
 ----------
@@ -26,34 +26,18 @@ FINE_PX = 1200  # longer side of a view in which colours are compared, at least
 SHADOW_DARKEST = 1.6  # logarithm of the share of light that a shadow takes at most
 ITS_OWN_COLOUR = 22.0  # a shadow's colour lies nearer to that of the background
 
-NECK = 0.3  # of a grain's height: half the width of what joins a loose grain to the pile in the view
-GAP = 0.4  # of a grain's height: so much background below it, and a thing does not stand on the plate
+NECK = 0.3  # of a grain's height: half the width of the neck between a loose grain and the pile
+GAP = 0.4  # of a grain's height: a part with more background below it does not stand on the plate
 FAINT = 10.0  # difference of colours that texture and noise have too
 
 NOTHING = "nothing that stands on the plate differs from its background, or the background is not plain"
 
 
 def find(image: np.ndarray, hidden: np.ndarray, base_row: float) -> np.ndarray:
-    """Find the pile in a coarse view of the whole photograph.
+    """Find the pile in a coarse view of the whole photograph: a mask (H, W), 1 in the pile.
 
-    Parameters
-    ----------
-    image : numpy.ndarray of uint8, (H, W, 3)
-        Upright, blue first.
-    hidden : numpy.ndarray of bool, (H, W)
-        Where neither pile nor background is seen: outside the photograph, on the sheet.
-    base_row : float
-        Row of the plate.
-
-    Returns
-    -------
-    numpy.ndarray of uint8, (H, W)
-        1 where the pile is.
-
-    Raises
-    ------
-    NoFlankError
-        If no pile is found.
+    `hidden` is True outside the photograph and on the sheet, `base_row` is the row of the plate. Raises NoFlankError
+    if no pile is found.
     """
     above = math.ceil(base_row)
     colours = _fill(features(image), hidden)[:above]
@@ -73,26 +57,9 @@ def find(image: np.ndarray, hidden: np.ndarray, base_row: float) -> np.ndarray:
 def refine(
     image: np.ndarray, hidden: np.ndarray, base_row: float, coarse: np.ndarray, berry_px: float
 ) -> Segmentation:
-    """Find the boundary of a pile whose place is known.
+    """Find the boundary of a pile in a finer view; `coarse` is its mask (H, W), right to half a grain.
 
-    Parameters
-    ----------
-    image, hidden, base_row
-        As for `find`, of a finer view of the pile alone.
-    coarse : numpy.ndarray, (H, W)
-        1 where the pile is, to half a grain.
-    berry_px : float
-        Height of a grain in pixels.
-
-    Returns
-    -------
-    Segmentation
-        Its contrast is the mask, softened by a pixel.
-
-    Raises
-    ------
-    NoFlankError
-        If no pile is left.
+    The contrast of the result is the mask, softened by a pixel. Raises NoFlankError if no pile is left.
     """
     above = math.ceil(base_row)
     colours, coarse = _fill(features(image), hidden)[:above], coarse[:above]
@@ -113,20 +80,9 @@ def refine(
 
 
 def faint_share(image: np.ndarray, hidden: np.ndarray, pile: Segmentation, reach_px: float) -> float:
-    """Share of a pile's upper boundary at which the colours of both sides hardly differ.
+    """Share, 0 to 1, of a pile's upper boundary at which the colours of both sides hardly differ.
 
-    Parameters
-    ----------
-    image, hidden
-        As for `refine`.
-    pile : Segmentation
-    reach_px : float
-        How far from the boundary the colours of a side are taken.
-
-    Returns
-    -------
-    float
-        From 0 to 1.
+    The colours are means over `reach_px` from the boundary.
     """
     rows = len(pile.mask)
     colours = _fill(features(image), hidden)[:rows]
@@ -145,19 +101,10 @@ def faint_share(image: np.ndarray, hidden: np.ndarray, pile: Segmentation, reach
 
 
 def shadow_below(image: np.ndarray, mask: np.ndarray) -> int:
-    """Lowest rows of a pile that mostly have the background's colour and are only darker.
+    """Number of lowest rows of a pile that mostly have the background's colour and are only darker.
 
-    Parameters
-    ----------
-    image : numpy.ndarray of uint8, (H, W, 3)
-        Upright, blue first.
-    mask : numpy.ndarray of uint8, (H, W)
-        1 where the pile is.
-
-    Returns
-    -------
-    int
-        0 where the grains themselves have the background's colour, as in a grey picture: nothing can be told there.
+    It is 0 if the grains themselves have the background's colour, as in a grey picture: shadow and grain look the
+    same.
     """
     every = max(1, max(mask.shape) // FINE_PX)
     colours, mask = features(np.ascontiguousarray(image[::every, ::every])), mask[::every, ::every]
@@ -170,18 +117,7 @@ def shadow_below(image: np.ndarray, mask: np.ndarray) -> int:
 
 
 def features(image: np.ndarray) -> np.ndarray:
-    """Two ratios of the channels and the brightness, as logarithms.
-
-    Parameters
-    ----------
-    image : numpy.ndarray of uint8, (H, W, 3)
-        Blue first.
-
-    Returns
-    -------
-    numpy.ndarray of float32, (H, W, 3)
-        Around 128.
-    """
+    """Two ratios of the channels and the brightness, as logarithms scaled to lie around 128: float32 (H, W, 3)."""
     blue, green, red = cv2.split(cv2.GaussianBlur(image, (0, 0), 0.8).astype(np.float32) + DARK)
     parts = np.log(red / green), np.log(blue / green), np.log(red + green + blue)
     gains = COLOUR_GAIN, COLOUR_GAIN, BRIGHTNESS_GAIN
@@ -193,7 +129,7 @@ def features(image: np.ndarray) -> np.ndarray:
 
 
 def _fill(colours, hidden):
-    """Hidden pixels take the colour of the nearest one in their row that is seen."""
+    """Colours in which hidden pixels take the colour of the nearest visible pixel in their row."""
     columns = np.arange(hidden.shape[1])
     left = np.maximum.accumulate(np.where(hidden, -1, columns), axis=1)
     right = np.minimum.accumulate(np.where(hidden, 10**6, columns)[:, ::-1], axis=1)[:, ::-1]
@@ -204,7 +140,7 @@ def _fill(colours, hidden):
 
 
 def _background(colours, hidden):
-    """Background behind each pixel: a line through each row, first through its outer parts, without what stands out."""
+    """Background behind each pixel: a line through each row, fitted without outliers, at first to the outer parts."""
     width = hidden.shape[1]
     x = np.linspace(-1, 1, width, dtype=np.float32)[None, :, None]
     outer = (np.abs(x) > 1 - 2 * SIDES) & ~hidden[..., None]
@@ -225,7 +161,7 @@ def _background(colours, hidden):
 
 
 def _first_guess(difference, hidden):
-    """The part that stands on the plate and is wider than high; and other things that differ, such as a ruler."""
+    """Masks of the largest part that stands on the plate, wider than high, and of other things, such as a ruler."""
     size = np.sqrt((difference[..., :2] ** 2).sum(-1) + (0.5 * difference[..., 2]) ** 2)
     size = np.where(hidden, 0, cv2.GaussianBlur(size, (0, 0), 1.5))
     level, _ = cv2.threshold(
@@ -251,7 +187,7 @@ def _first_guess(difference, hidden):
 
 
 def _grab(colours, start):
-    """What GrabCut takes for the pile, from its marks."""
+    """The pile's mask by GrabCut, from its start marks."""
     picture = np.clip(colours, 0, 255).astype(np.uint8)
     marks = start.copy()
     cv2.setRNGSeed(1)
@@ -261,14 +197,14 @@ def _grab(colours, start):
 
 
 def _without_shadow(mask, difference):
-    """The mask without what has the background's colour and is darker, unless the pile itself is like that."""
+    """The mask without parts that have the background's colour and are darker, unless the pile itself is like that."""
     shadow = _of_a_shadow(mask, difference)
     shadow = cv2.morphologyEx(shadow.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     return np.where(shadow > 0, 0, mask).astype(np.uint8)
 
 
 def _of_a_shadow(mask, difference):
-    """Where the mask has the background's colour and is darker; nowhere if the upper part of the pile is like that."""
+    """Pixels of the mask with the background's colour, but darker; none if the upper part of the pile is like that."""
     distance = np.sqrt((difference[..., :2] ** 2).sum(-1))
     darker = -difference[..., 2] / BRIGHTNESS_GAIN
     shadow = (mask > 0) & (distance < ITS_OWN_COLOUR) & (darker > 0.08) & (darker < SHADOW_DARKEST)
@@ -280,14 +216,14 @@ def _of_a_shadow(mask, difference):
 
 
 def _without_floating(mask, gap_px):
-    """The mask without what has background below it: a loose grain that lies behind the pile on the plate."""
+    """The mask without parts above background: a loose grain that lies behind the pile on the plate."""
     upwards = mask[::-1] > 0
     empty = np.cumsum(~upwards, axis=0)
     return np.where((upwards & (empty <= gap_px))[::-1], 1, 0).astype(np.uint8)
 
 
 def _without_touching(mask, radius):
-    """The mask without low parts that only a neck narrower than two radii joins to it: loose grains at the foot."""
+    """The mask without loose grains at its foot: low parts joined only by a neck narrower than two radii."""
     if radius < 1:
         return mask
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))

@@ -1,4 +1,4 @@
-"""More responses of a pile that is there already, measured on saved pours.
+"""More responses of an existing pile, measured on saved pours.
 
 From the mean silhouette: R(z), half the pile's width at the height z, from outermost boundary to outermost boundary,
 mean of all views. b is the height of a berry and H the Height.
@@ -48,20 +48,9 @@ LEVELS = 200  # heights at which the silhouette's width is taken for the volume
 
 
 def offered(targets: Iterable[str], definition: str) -> tuple[str, ...]:
-    """Responses that an experimenter could take from the same pile beside the targets.
+    """Further responses that an experimenter could measure on the same pile, in the registry's order.
 
-    Parameters
-    ----------
-    targets : iterable of str
-        Names of the targets.
-    definition : str
-        The definition of the angle that ``aor_deg`` is (`measure.response`), one of `angles.DEFINITIONS`.
-
-    Returns
-    -------
-    tuple of str
-        All responses of the pile, in the order of the registry, without the targets, without ``aor_deg`` (which
-        is one of the definitions again), and, where ``aor_deg`` is a target, without its definition.
+    ``aor_deg`` is left out; `definition` (`measure.response`) is left out, too, if ``aor_deg`` is a target.
     """
     taken = {CALIBRATED_ANGLE, *targets}
     if CALIBRATED_ANGLE in targets:
@@ -70,21 +59,9 @@ def offered(targets: Iterable[str], definition: str) -> tuple[str, ...]:
 
 
 def mean_half_width(profiles: Sequence[np.ndarray], mm_per_pixel: float, levels_mm: ArrayLike) -> np.ndarray:
-    """Half the width of silhouettes at some heights, mean over the views.
+    """Half the width of silhouettes in mm at heights over the plate, mean over the views.
 
-    Parameters
-    ----------
-    profiles : sequence of numpy.ndarray, (W,)
-        Height of the upper edge in pixels for each column, as `pile.profile_of` gives it.
-    mm_per_pixel : float
-        Scale of the silhouettes.
-    levels_mm : array_like, (levels,)
-        Heights over the plate.
-
-    Returns
-    -------
-    numpy.ndarray, (levels,)
-        In mm. A view that is lower than a level counts as 0 there.
+    `profiles` come from `pile.profile_of`, (W,) in pixels. A view that is lower than a level counts as 0 there.
     """
     levels = np.asarray(levels_mm, dtype=float) / mm_per_pixel
     total = np.zeros(len(levels))
@@ -103,28 +80,9 @@ def of_profile(
     berry_mm: float,
     berries_mm3: float,
 ) -> dict[str, float]:
-    """The four numbers of the mean silhouette, by name.
+    """The four responses of the mean silhouette by name; `berries_mm3` is the volume of all berries in the pile.
 
-    Parameters
-    ----------
-    profiles : sequence of numpy.ndarray, (W,)
-        As for `mean_half_width`.
-    mm_per_pixel : float
-        Scale of the silhouettes.
-    height_mm, berry_mm : float
-        Height of the pile, and of a berry.
-    berries_mm3 : float
-        Volume of the berries in the pile.
-
-    Returns
-    -------
-    dict of float
-        ``base_radius_mm``, ``lower_deg``, ``upper_deg`` and ``packing_percent``.
-
-    Raises
-    ------
-    NoFlankError
-        If half of the pile is not above a berry.
+    Raises NoFlankError if half of the pile's height is not above a berry.
     """
     if not HALF * height_mm > berry_mm:
         raise NoFlankError(f"half of {height_mm:.1f} mm is not above a berry, {berry_mm:.1f} mm")
@@ -141,26 +99,9 @@ def of_profile(
 
 
 def of_scatter(centres_m: np.ndarray, in_pile: ArrayLike, on_plate_mm: float) -> dict[str, float]:
-    """Radius that holds 90 % of the berries on the plate, and the share of them outside the pile, by name.
+    """``radius_90_mm`` and ``loose_percent`` of the berries over the plate, whose radius is `on_plate_mm`.
 
-    Parameters
-    ----------
-    centres_m : numpy.ndarray, (N, 3)
-        Centres of the berries; those below the plate or beyond it are left out.
-    in_pile : array_like, (N,)
-        Which of them touch the pile.
-    on_plate_mm : float
-        Radius of the plate about the axis x = y = 0.
-
-    Returns
-    -------
-    dict of float
-        ``radius_90_mm`` and ``loose_percent``.
-
-    Raises
-    ------
-    NoFlankError
-        If nothing lies on the plate.
+    Raises NoFlankError if no berry lies on the plate.
     """
     distance = 1e3 * np.hypot(centres_m[:, 0], centres_m[:, 1])
     there = (distance <= on_plate_mm) & (centres_m[:, 2] > 0)
@@ -175,26 +116,8 @@ def of_pour(
 ) -> dict[str, float]:
     """All responses of `MEASURED` of one pour, by name.
 
-    Parameters
-    ----------
-    arrays : mapping
-        ``position``, ``quaternion``, ``in_pile`` and perhaps ``scale`` of the berries.
-    particle : Particle
-        That was poured.
-    settings : pile.MeasureSettings
-        How the pile is measured.
-    plate_mm : float
-        Diameter of the plate.
-
-    Returns
-    -------
-    dict of float
-        In the units of their names.
-
-    Raises
-    ------
-    NoFlankError
-        If there is no pile.
+    `arrays` holds ``position``, ``quaternion``, ``in_pile`` and, for berries of several sizes, ``scale``; `plate_mm`
+    is the plate's diameter. Raises NoFlankError if there is no pile.
     """
     settings = pile.with_berry_height(settings, particle)
     assert settings.berry_height_mm is not None
@@ -217,26 +140,9 @@ def of_pours(
     settings: pile.MeasureSettings,
     plate_mm: float,
 ) -> dict[tuple[int, int], dict[str, float]]:
-    """`MEASURED` of the good runs in files of pours.
+    """`MEASURED` of the good runs in files of pours, by (sample, seed); empty for a run without a pile.
 
-    Parameters
-    ----------
-    pours_json : iterable of path
-        ``NAME.pours.json`` of the pour job, with ``NAME.npz`` beside each.
-    good : set of (sample, seed)
-        Runs to measure.
-    particle, settings, plate_mm
-        As for `of_pour`.
-
-    Returns
-    -------
-    dict of dict of float
-        Responses by (sample, seed); none of a run that made no pile.
-
-    Raises
-    ------
-    InputError
-        If a file is bad.
+    Each ``NAME.pours.json`` has its ``NAME.npz`` in the same folder.
     """
     found = {}
     for path in map(Path, pours_json):
@@ -251,19 +157,9 @@ def of_pours(
 
 
 def joined(runs: pd.DataFrame, found: Mapping[tuple[int, int], Mapping[str, float]]) -> pd.DataFrame:
-    """The table of runs with the columns of `MEASURED`, NaN where nothing was found.
+    """The table of runs with the columns of `MEASURED`, NaN for runs without a result.
 
-    Parameters
-    ----------
-    runs : pandas.DataFrame
-        With the columns ``sample`` and ``seed``, and ``apparatus`` where there are several bench tests.
-    found : mapping
-        Of `of_pours`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row for each run, in the same order.
+    `runs` has ``sample``, ``seed`` and, with several bench tests, ``apparatus``; `found` comes from `of_pours`.
     """
     keys = runs[["sample", "seed"]].itertuples(index=False, name=None)
     of_run = [found.get(key, {}) if own else {} for key, own in zip(keys, _of_the_pile(runs), strict=True)]
@@ -278,32 +174,10 @@ def run(
     berry: Mapping[str, Any],
     out_csv: str | Path,
 ) -> pd.DataFrame:
-    """Measure every good run of a study's pours, and write the table.
+    """Measure every good run of a study's pours and write the table: ``sample``, ``seed``, ``status``, all responses.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    pours_json : iterable of path
-        As for `of_pours`.
-    runs_csv : path
-        Single runs as the verb dataset writes them, for the responses that are there already.
-    particle : Particle
-        That was poured.
-    berry : mapping
-        What the verb berry wrote.
-    out_csv : path
-        The table.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``sample``, ``seed``, ``status`` and all responses.
-
-    Raises
-    ------
-    InputError
-        If a file is bad, or a run is in no pour.
+    `runs_csv` holds the single runs from the verb dataset, `berry` the result of the verb berry. Raises InputError if
+    a run has no pour.
     """
     targets = [target["response"] for target in config["targets"]]
     known = (*targets, *offered(targets, config["measure"]["response"]))
@@ -323,12 +197,12 @@ def run(
 
 
 def _of_the_pile(runs):
-    """Which runs made a pile: all of them, or those of its bench test where there are several."""
+    """True for each run of the funnel; for all runs if there is only one bench test."""
     return runs["apparatus"] == BENCH if "apparatus" in runs else pd.Series(True, index=runs.index)
 
 
 def _or_nothing(saved, particle, settings, plate_mm):
-    """The responses of a pour, or none where there is no pile."""
+    """The responses of a pour; empty without a pile."""
     try:
         return of_pour(saved, particle, settings, plate_mm)
     except NoFlankError:

@@ -18,31 +18,10 @@ def of_pours(
     settings: pile.MeasureSettings,
     levels_mm: np.ndarray,
 ) -> pd.DataFrame:
-    """Half-widths of the good runs in files of pours.
+    """Half-widths in mm of the good runs (sample, seed) in files of pours, each beside its ``NAME.npz``.
 
-    Parameters
-    ----------
-    pours_json : iterable of path
-        ``NAME.pours.json`` of the pour job, with ``NAME.npz`` beside each.
-    good : set of (sample, seed)
-        Runs to measure.
-    particle : Particle
-        That was poured.
-    settings : pile.MeasureSettings
-        How the pile is seen.
-    levels_mm : numpy.ndarray, (levels,)
-        Heights over the plate.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``sample``, ``seed``, and a column for each level, its number; 0 mm above the crest. Runs without a pile are
-        left out.
-
-    Raises
-    ------
-    InputError
-        If a file is bad.
+    Columns: ``sample``, ``seed`` and the number of each level of `levels_mm`; 0 above the crest. Runs without a pile
+    are left out.
     """
     settings, rows = pile.with_berry_height(settings, particle), []
     for path in map(Path, pours_json):

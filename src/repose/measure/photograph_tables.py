@@ -1,4 +1,4 @@
-"""What photographs gave, as tables: each photograph, the mean of all, and the targets of a configuration."""
+"""Results of photographs as tables: each photograph, the mean of all, and the targets of a configuration."""
 
 import math
 from collections.abc import Sequence
@@ -12,38 +12,18 @@ from repose.measure.angles import DEFINITIONS, MEAN_KEYS
 from repose.measure.photographs import Photograph, mean_of
 from repose.measure.settings import MeasureSettings
 
-MEANT = ("aor_deg", "height_mm")  # what a target is made of
+MEANT = ("aor_deg", "height_mm")  # responses that become targets
 
 
 class Tables(NamedTuple):
-    """What photographs gave.
+    """Results of photographs."""
 
-    Attributes
-    ----------
-    photographs : pandas.DataFrame
-        One row each; empty cells where it was refused, `refused` says why.
-    summary : pandas.DataFrame
-        response, value (mean), sd and repetitions (number of photographs) of every definition.
-    """
-
-    photographs: pd.DataFrame
-    summary: pd.DataFrame
+    photographs: pd.DataFrame  # one row each; empty cells if refused, column `refused` has the reason
+    summary: pd.DataFrame  # a row per definition: response, value (mean), sd, repetitions
 
 
 def tables(found: Sequence[Photograph], how: MeasureSettings) -> Tables:
-    """Tables of photographs.
-
-    Parameters
-    ----------
-    found : sequence of Photograph
-        At least one was measured.
-    how : MeasureSettings
-        How they were.
-
-    Returns
-    -------
-    Tables
-    """
+    """Tables of photographs, at least one of which was measured."""
     rows = []
     for one in found:
         numbers: dict[str, Any] = one.measurement.record() if one.measurement is not None else {}
@@ -65,38 +45,17 @@ def tables(found: Sequence[Photograph], how: MeasureSettings) -> Tables:
 
 
 def write_tables(made: Tables, how: MeasureSettings, out: Path) -> None:
-    """Write photographs.csv, summary.csv and targets.yaml.
-
-    Parameters
-    ----------
-    made : Tables
-    how : MeasureSettings
-    out : pathlib.Path
-        Folder.
-    """
+    """Write photographs.csv, summary.csv and targets.yaml into the folder `out`."""
     write_table(out / "photographs.csv", made.photographs)
     write_table(out / "summary.csv", made.summary)
     write_text(out / "targets.yaml", targets(made, how))
 
 
 def targets(made: Tables, how: MeasureSettings) -> str:
-    """The measured responses as a configuration; a study takes it after its own.
+    """The measured responses as YAML, an overlay for the configuration of a study.
 
-    Parameters
-    ----------
-    made : Tables
-    how : MeasureSettings
-        Its definition belongs to the angle.
-
-    Returns
-    -------
-    str
-        YAML.
-
-    Notes
-    -----
-    The range is the mean and its standard error to each side, at least 1 % of the mean. One pile tells no scatter: its
-    standard deviation and range are null, and a study that takes them is refused until somebody fills them in.
+    The range is the mean and its standard error to each side, at least 1 % of the mean. One pile shows no scatter:
+    its standard deviation and range are null, and a study refuses them until the user fills them in.
     """
     grain = "" if how.berry_height_mm is None else f", berry_height_mm: {how.berry_height_mm:.6g}"
     lines = [
@@ -121,16 +80,7 @@ def targets(made: Tables, how: MeasureSettings) -> str:
 
 
 def as_record(made: Tables) -> dict[str, list]:
-    """The tables as lists of rows; no number is None.
-
-    Parameters
-    ----------
-    made : Tables
-
-    Returns
-    -------
-    dict of list of dict
-    """
+    """The tables as lists of rows; a missing number is None."""
     return {
         name: [{k: None if pd.isna(v) else v for k, v in row.items()} for row in table.to_dict("records")]
         for name, table in made._asdict().items()
@@ -138,20 +88,7 @@ def as_record(made: Tables) -> dict[str, list]:
 
 
 def told(found: Sequence[Photograph], made: Tables, how: MeasureSettings, out: Path) -> str:
-    """What the verb prints.
-
-    Parameters
-    ----------
-    found : sequence of Photograph
-    made : Tables
-    how : MeasureSettings
-    out : pathlib.Path
-        Folder.
-
-    Returns
-    -------
-    str
-    """
+    """The text that the verb prints; `out` is the folder of the overlays."""
     wide = max(len(one.path.name) for one in found)
     lines = []
     for one in found:

@@ -1,4 +1,4 @@
-"""Photographs of many repetitions: each is measured or refused, and their mean is what a target states.
+"""Photographs of many repetitions: each is measured or refused; their mean becomes a target.
 
 The sheet (`repose.measure.sheet`) gives scale, tilt, lens and the plate. With a scale alone the photograph is taken as
 it is: level, without distortion, before a plain background.
@@ -23,82 +23,37 @@ LARGEST_PX = 4000  # a photograph's longer side; a larger one is reduced
 COARSE_PX, FINE_PX = 700, 1200  # longer sides of the views in which a pile is found, and its boundary
 FAINT_SHARE = 0.2
 LARGEST_DIFFERENCE_DEG = 10.0  # of the two sides
-USUAL_GRAINS = 8  # in the height of a pile, where the height of a grain is not known
+USUAL_GRAINS = 8  # in the height of a pile, if the height of a grain is not known
 LOWEST_FOOT = 0.6  # of a grain's height: of the widest row over the lowest
-LARGEST_SHADOW = 0.3  # of a grain's height: what lies below the grains and has the background's colour
+LARGEST_SHADOW = 0.3  # of a grain's height: rows below the grains with the background's colour
 
 
 @dataclass(frozen=True)
 class Scale:
-    """What tells the scale of photographs.
+    """Scale of photographs: with the printed sheet only `square_mm` counts, without it the others."""
 
-    Attributes
-    ----------
-    square_mm : float
-        Side of a square of the printed sheet.
-    mm_per_pixel : float or None
-        Scale of all photographs, where no sheet is in them.
-    base_row : float or None
-        Row of the plate in the photographs, where no sheet is in them.
-    level_deg : float
-        By how much a level line rises to the right in the photographs, where no sheet is in them.
-    """
-
-    square_mm: float = sheet.SQUARE_MM
-    mm_per_pixel: float | None = None
-    base_row: float | None = None
-    level_deg: float = 0.0
+    square_mm: float = sheet.SQUARE_MM  # side of a square of the printed sheet
+    mm_per_pixel: float | None = None  # None means: the printed sheet gives the scale
+    base_row: float | None = None  # row of the plate; None means the pile's lowest row
+    level_deg: float = 0.0  # rise of a level line to the right in the photograph
 
 
 @dataclass
 class Photograph:
-    """What came of one photograph.
-
-    Attributes
-    ----------
-    path : pathlib.Path
-    view : numpy.ndarray of uint8, (H, W) or (H, W, 3)
-        The picture that was measured.
-    pile : Segmentation or None
-        What was taken for the pile.
-    measurement : Measurement or None
-        None where it is refused.
-    refused : str
-        Why.
-    facts : dict of float
-        mm_per_pixel, and with a sheet tilt_deg and look_down_deg.
-    note : str
-        What a reader of the numbers should know.
-    """
+    """Result of one photograph."""
 
     path: Path
-    view: np.ndarray
-    pile: Segmentation | None = None
-    measurement: Measurement | None = None
-    refused: str = ""
+    view: np.ndarray  # the measured picture, (H, W) or (H, W, 3), BGR
+    pile: Segmentation | None = None  # the part taken for the pile; None if nothing was found
+    measurement: Measurement | None = None  # None if refused
+    refused: str = ""  # the reason
+    # mm_per_pixel; with a sheet also tilt_deg and look_down_deg
     facts: dict[str, float] = field(default_factory=dict)
-    note: str = ""
+    note: str = ""  # warning for the reader of the numbers
 
 
 def load(path: Path) -> tuple[np.ndarray, float]:
-    """A photograph, reduced where it is larger than 4000 pixels.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-
-    Returns
-    -------
-    image : numpy.ndarray of uint8, (H, W, 3)
-        Blue first.
-    times : float
-        How many pixels of the file lie along one of the image.
-
-    Raises
-    ------
-    InputError
-        If there is no such picture.
-    """
+    """A photograph (H, W, 3), BGR, reduced if it is larger than 4000 pixels, and the factor of the reduction."""
     image = read_image(path)
     times = max(1.0, max(image.shape[:2]) / LARGEST_PX)
     if times > 1:
@@ -110,26 +65,9 @@ def load(path: Path) -> tuple[np.ndarray, float]:
 def cameras(
     paths: Sequence[Path], square_mm: float
 ) -> tuple[dict[Path, sheet.Seen | None], dict[tuple[int, int], camera.Camera]]:
-    """The sheet in each photograph, and the camera of each size of photographs.
+    """The sheet in each photograph by path, None if not seen; and the camera by (width, height).
 
-    Parameters
-    ----------
-    paths : sequence of pathlib.Path
-        Photographs, those of the sheet alone among them.
-    square_mm : float
-        Side of a square.
-
-    Returns
-    -------
-    seen : dict of Seen or None
-        By path.
-    cameras : dict of Camera
-        By (width, height); photographs of one size are those of one camera.
-
-    Raises
-    ------
-    InputError
-        If a file is no picture.
+    Photographs of one size are taken to come from one camera.
     """
     seen: dict[Path, sheet.Seen | None] = {}
     of_size: dict[tuple[int, int], list[sheet.Seen]] = {}
@@ -147,25 +85,10 @@ def cameras(
 def measure_all(
     paths: Sequence[Path], how: MeasureSettings, scale: Scale, lens: Sequence[Path] = ()
 ) -> list[Photograph]:
-    """Measure photographs.
+    """Measure photographs; `lens` are photographs of the sheet alone, by the same camera.
 
-    Parameters
-    ----------
-    paths : sequence of pathlib.Path
-    how : MeasureSettings
-    scale : Scale
-    lens : sequence of pathlib.Path, optional
-        Photographs of the sheet alone, by the same camera.
-
-    Returns
-    -------
-    list of Photograph
-        In the same order.
-
-    Raises
-    ------
-    InputError
-        If a file is no picture, or a photograph of the lens shows no sheet.
+    A bad photograph is refused in its result. Raises InputError if a file is no picture or a photograph of the lens
+    shows no sheet.
     """
     if scale.mm_per_pixel is not None:
         return [measure_plain(path, how, scale) for path in paths]
@@ -191,7 +114,7 @@ def measure_all(
 
 
 def _measure_with_sheet(one, where, lens, how, square_mm):
-    """Measure a photograph that shows the sheet; NoFlankError says why not."""
+    """Measure a photograph that shows the sheet; NoFlankError gives the reason for a refusal."""
     size, on_paper = one.view.shape[1::-1], sheet.size_mm(square_mm)
     pose = camera.Pose(lens, where, size)
     one.note, photograph = lens.note, one.view
@@ -230,23 +153,9 @@ def _measure_with_sheet(one, where, lens, how, square_mm):
 
 
 def measure_plain(path: Path, how: MeasureSettings, scale: Scale) -> Photograph:
-    """Measure a photograph without a sheet, or a silhouette.
+    """Measure a photograph without a sheet, or a silhouette; `scale` has `mm_per_pixel`.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-    how : MeasureSettings
-    scale : Scale
-        With `mm_per_pixel`.
-
-    Returns
-    -------
-    Photograph
-
-    Raises
-    ------
-    InputError
-        If the file is no picture, or `base_row` does not lie in it.
+    Raises InputError if the file is no picture, or `base_row` does not lie in it.
     """
     image, times = load(path)
     image, base = _levelled(image, scale.level_deg, scale.base_row and scale.base_row / times)
@@ -265,7 +174,7 @@ def measure_plain(path: Path, how: MeasureSettings, scale: Scale) -> Photograph:
 
 
 def _measured(one, how):
-    """Measurement of what was taken for the pile, if it is one."""
+    """Measurement of the part taken for the pile; NoFlankError if its sides differ too much."""
     how = replace(how, mm_per_pixel=one.facts["mm_per_pixel"])
     measurement = with_response(measure_segmented(one.pile, how))
     difference = abs(measurement.left_deg - measurement.right_deg)
@@ -278,21 +187,10 @@ def _measured(one, how):
 
 
 def seen_level(measurement: Measurement, look_down_deg: float) -> Measurement:
-    """Angles as a camera at the height of the crest would see them.
+    """The measurement with angles as seen by a camera at the height of the crest; the lines stay.
 
     A cone's outline is flatter from above or below: tan(seen)^2 = tan(true)^2 - tan(look down)^2, exactly, at any
     distance.
-
-    Parameters
-    ----------
-    measurement : Measurement
-    look_down_deg : float
-        Angle at which the camera looks down at the crest.
-
-    Returns
-    -------
-    Measurement
-        The same lines with larger angles.
     """
     lost = math.tan(math.radians(look_down_deg)) ** 2
 
@@ -307,7 +205,7 @@ def seen_level(measurement: Measurement, look_down_deg: float) -> Measurement:
 
 
 def _onto(mask, coarse, coarse_left, fine, fine_left):
-    """A mask of one view in the pixels of another; both start at places given in mm from the axis."""
+    """A mask of one view in the pixels of another; the left borders are in mm from the axis."""
     rows, columns = fine.image.shape[:2]
     x = (fine_left + fine.mm_per_pixel * np.arange(columns) - coarse_left) / coarse.mm_per_pixel
     y = coarse.base_row - (fine.base_row - np.arange(rows)) * fine.mm_per_pixel / coarse.mm_per_pixel
@@ -316,7 +214,7 @@ def _onto(mask, coarse, coarse_left, fine, fine_left):
 
 
 def _require_whole(mask, hidden):
-    """Refuse a pile that runs into what is not seen."""
+    """Raise NoFlankError if the pile touches a border of the picture or hidden pixels."""
     grown = cv2.dilate(mask, np.ones((5, 5), np.uint8)) > 0
     touching = (grown & hidden[: len(mask)]).sum()
     if touching > 0.03 * mask.shape[0] or mask[:, :2].any() or mask[:, -2:].any():
@@ -324,7 +222,7 @@ def _require_whole(mask, hidden):
 
 
 def _require_foot(image, pile, how):
-    """Refuse a base that is not seen, or is none: a shadow, or the near rim of a pile that is seen from above."""
+    """Raise NoFlankError if the base is not seen, or is a shadow or the near rim of a pile seen from above."""
     if pile.mask[-1].any():
         raise NoFlankError(
             "the pile runs out of the picture at the bottom: its foot is not seen; "
@@ -346,7 +244,7 @@ def _require_foot(image, pile, how):
 
 
 def _levelled(image, level_deg, base_row):
-    """A photograph turned so that a level line is level, and the plate's row in it, in its middle column."""
+    """A photograph turned by `level_deg`, and the plate's row in it, in its middle column."""
     if level_deg == 0:
         return image, base_row
     rows, columns = image.shape[:2]
@@ -361,7 +259,7 @@ def _levelled(image, level_deg, base_row):
 
 
 def _stated_focal(path, long_side):
-    """Focal length in pixels from the EXIF entry of the equivalent on 36 mm film; None without one."""
+    """Focal length in pixels from the EXIF entry of the equivalent on 36 mm film; None without an entry."""
     from PIL import Image
 
     try:
@@ -373,18 +271,7 @@ def _stated_focal(path, long_side):
 
 
 def mean_of(values: Sequence[float]) -> tuple[float, float, int]:
-    """Mean, standard deviation of one (n - 1) and number; the deviation of a single one is unknown, NaN.
-
-    Parameters
-    ----------
-    values : sequence of float
-        One or more.
-
-    Returns
-    -------
-    mean, sd : float
-    number : int
-    """
+    """Mean, sample standard deviation (n - 1; NaN for a single value) and number of values."""
     number = len(values)
     mean = math.fsum(values) / number
     sd = (

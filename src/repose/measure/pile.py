@@ -1,13 +1,13 @@
 """Angle of repose and Height of a pile, from a photograph or from a simulation seen from the side.
 
 The steps are the paper's (section 2.3, Figure 6): grey, threshold, edge, boundary, a straight line through
-the left and one through the right flank; the angle of repose is the mean of the two arctangents, the Height
-that of the highest point over the base. A simulation is projected to a silhouette first and then goes the
-same way.
+the left and one through the right flank. The angle of repose is the mean of the two arctangents, the Height
+is the height of the highest point over the base. A simulation is projected to a silhouette first and then goes
+the same way.
 
-What the paper leaves open is which part of a lumpy boundary the line goes through. Four definitions are
-measured on every pile (`repose.measure.angles`), and the configuration names one of them as the response. Their
-biases and their noise stand in docs/measurement.md.
+The paper leaves open which part of a lumpy boundary the line goes through. Four definitions are measured on every
+pile (`repose.measure.angles`), and the configuration names one of them as the response. Their biases and their
+noise are in docs/measurement.md.
 """
 
 from collections.abc import Iterator
@@ -60,29 +60,10 @@ def measure_image(
     *,
     base_row: float | None = None,
 ) -> Measurement:
-    """Measure the pile in a picture (section 2.3).
+    """Measure the pile in a side view (section 2.3): a photograph, BGR, or a silhouette.
 
-    Parameters
-    ----------
-    image : numpy.ndarray of uint8, (H, W) or (H, W, 3)
-        A photograph from the side (BGR) or a silhouette. The pile may be darker or brighter than the
-        background, see `repose.measure.segmentation.segment`.
-    mm_per_pixel : float
-        Of this picture, instead of the settings'.
-    settings : MeasureSettings, optional
-    base_row : float, optional
-        Row of the plate, where it is not the pile's lowest row.
-
-    Returns
-    -------
-    Measurement
-
-    Raises
-    ------
-    InputError
-        If an argument cannot be used.
-    NoFlankError
-        If the picture shows the pile cut off at its top or upside down, or the response cannot be measured.
+    `mm_per_pixel` replaces the settings'. `base_row` is the row of the plate; None means the pile's lowest row.
+    Raises NoFlankError if the pile is cut off at its top or upside down, or the response cannot be measured.
     """
     settings = replace(settings or MeasureSettings(), mm_per_pixel=mm_per_pixel)
     pile = segment(image, settings.largest_pile_only, base_row)
@@ -91,40 +72,14 @@ def measure_image(
 
 
 def with_response(measurement: Measurement) -> Measurement:
-    """The measurement itself, if it has its response.
-
-    Parameters
-    ----------
-    measurement : Measurement
-
-    Returns
-    -------
-    Measurement
-
-    Raises
-    ------
-    NoFlankError
-        If the response could not be measured.
-    """
+    """The measurement itself; NoFlankError if its response could not be measured."""
     if measurement.response not in measurement.angles:
         raise NoFlankError(measurement.reasons[measurement.response])
     return measurement
 
 
 def profile_of(pile: Segmentation) -> tuple[np.ndarray, int]:
-    """Heights of a pile's upper edge over its base, and the highest column.
-
-    Parameters
-    ----------
-    pile : Segmentation
-
-    Returns
-    -------
-    profile : numpy.ndarray, (W,)
-        Pixels.
-    crest : int
-        The middle one, where several columns are highest.
-    """
+    """Heights of a pile's upper edge over its base (W,) in pixels, and the highest column, the middle of several."""
     edge = upper_edge(pile.mask, pile.contrast, pile.level)
     profile = np.where(np.isnan(edge), 0.0, np.maximum(pile.base_row - edge, 0.0))
     highest = np.flatnonzero(profile >= profile.max() - 1e-6)
@@ -132,17 +87,7 @@ def profile_of(pile: Segmentation) -> tuple[np.ndarray, int]:
 
 
 def measure_segmented(pile: Segmentation, settings: MeasureSettings) -> Measurement:
-    """Measurement of a picture that is split into pile and background; it may lack the response.
-
-    Parameters
-    ----------
-    pile : Segmentation
-    settings : MeasureSettings
-
-    Returns
-    -------
-    Measurement
-    """
+    """Measurement of a picture that is split into pile and background; its response may be missing."""
     profile, crest = profile_of(pile)
     scale = settings.mm_per_pixel
     berry = None if settings.berry_height_mm is None else settings.berry_height_mm / scale
@@ -170,22 +115,7 @@ def measure_segmented(pile: Segmentation, settings: MeasureSettings) -> Measurem
 
 
 def read_image(path: str | PathLike) -> np.ndarray:
-    """A picture file, turned upright by its EXIF entry.
-
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    numpy.ndarray of uint8, (H, W, 3)
-        BGR.
-
-    Raises
-    ------
-    InputError
-        If there is no such file, or it is no picture.
-    """
+    """A picture file as (H, W, 3), BGR, turned upright by its EXIF entry."""
     path = Path(path)
     if not path.is_file():
         raise InputError(path, "picture", "no such file", "an existing picture file (PNG, JPEG, TIFF, BMP)")
@@ -212,31 +142,11 @@ def measure_pile(
     members: np.ndarray | None = None,
     scales: np.ndarray | None = None,
 ) -> PileResult:
-    """Measure simulated bodies on the plate z = 0 from `settings.views` sides.
+    """Measure simulated bodies on the plate z = 0 from `settings.views` sides; `quaternions` (N, 4) are w, x, y, z.
 
-    Parameters
-    ----------
-    centres_m : numpy.ndarray, (N, 3)
-    quaternions : numpy.ndarray, (N, 4)
-        w, x, y, z, from the body to the world.
-    particle : ConvexBody
-    settings : MeasureSettings, optional
-    members : numpy.ndarray of bool, (N,), optional
-        Bodies of the largest cluster in contact; used when `settings.largest_pile_only`. Without it the
-        largest connected part of each silhouette is taken, which cannot tell a loose berry in front of the
-        pile from the pile.
-    scales : numpy.ndarray, (N,), optional
-        Sizes of the bodies relative to the particle; 1 without it.
-
-    Returns
-    -------
-    PileResult
-        A definition that cannot be measured in more than half of the views is None in it.
-
-    Raises
-    ------
-    NoFlankError
-        If there is no pile.
+    `members` marks the largest cluster in contact, used if `settings.largest_pile_only`; None means the largest
+    connected part of each silhouette, which cannot exclude a loose berry in front of the pile. `scales` (N,) are
+    sizes relative to the particle. Raises NoFlankError if there is no pile.
     """
     settings = with_berry_height(settings or MeasureSettings(), particle)
     height_m, views = pile_views(centres_m, quaternions, particle, settings, members, scales)
@@ -261,24 +171,9 @@ def pile_views(
     members: np.ndarray | None = None,
     scales: np.ndarray | None = None,
 ) -> tuple[float, Iterator[Segmentation]]:
-    """The highest point in metres, and an iterator over the views' Segmentations.
+    """Height of the highest point in m, and an iterator over the views; arguments as in `measure_pile`.
 
-    Parameters
-    ----------
-    centres_m, quaternions, particle, members, scales
-        As in `measure_pile`.
-    settings : MeasureSettings
-        With the height of a berry.
-
-    Returns
-    -------
-    height_m : float
-    views : iterator of Segmentation
-
-    Raises
-    ------
-    NoFlankError
-        If there is no pile.
+    The settings must have the height of a berry. Raises NoFlankError if there is no pile.
     """
     kept = np.ones(len(centres_m), bool)
     if members is not None and settings.largest_pile_only:
@@ -308,34 +203,14 @@ def pile_views(
 
 
 def with_berry_height(settings: MeasureSettings, particle: ConvexBody) -> MeasureSettings:
-    """The settings with the particle's equivalent diameter where they have no berry's height.
-
-    Parameters
-    ----------
-    settings : MeasureSettings
-    particle : ConvexBody
-
-    Returns
-    -------
-    MeasureSettings
-    """
+    """The settings; a missing height of a berry becomes the particle's equivalent diameter."""
     if settings.berry_height_mm is not None:
         return settings
     return replace(settings, berry_height_mm=1e3 * equivalent_diameter(particle))
 
 
 def equivalent_diameter(particle: ConvexBody) -> float:
-    """Equivalent diameter (Eq. 1) of the body's own extents: the cube root of the product of its three axes.
-
-    Parameters
-    ----------
-    particle : ConvexBody
-
-    Returns
-    -------
-    float
-        Metres.
-    """
+    """Equivalent diameter in m (Eq. 1): the cube root of the product of the body's extents along its three axes."""
     axes = np.concatenate([np.eye(3), -np.eye(3)])
     reach = (particle.support_point(axes) * axes).sum(axis=1)
     return float(np.prod(reach[:3] + reach[3:]) ** (1 / 3))

@@ -3,7 +3,7 @@
 A profile is one side of a pile, as in `repose.measure.angles`: heights (M,) over the plate from outside the foot to the
 crest, one a pixel column, in pixels.
 
-Where the boundary is lumpy, a rule tells which points are taken; `FLANK_RULES` names the rules and can take another:
+On a lumpy boundary a rule selects the points; `FLANK_RULES` names the rules, and a new rule is added there:
 
 levels
     at every height the middle of the outermost and the innermost place where the boundary crosses it. The
@@ -27,132 +27,50 @@ Points = tuple[np.ndarray, np.ndarray]
 
 
 def levels_between(low: float, high: float) -> np.ndarray:
-    """Heights one pixel apart inside a band.
-
-    Parameters
-    ----------
-    low, high : float
-        Ends of the band in pixels.
-
-    Returns
-    -------
-    numpy.ndarray, (levels,)
-        In pixels, rising; none where no whole height lies inside.
-    """
+    """Whole heights in pixels inside a band, rising; may be empty."""
     return np.arange(math.ceil(low), math.floor(high) + 1, dtype=float)
 
 
 def crossing(profile: np.ndarray, index: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Where a profile rises through some heights, between columns by linear interpolation.
+    """Columns at which a profile rises through some heights, by linear interpolation.
 
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    index : numpy.ndarray of int, (levels,)
-        First column at or above each height; from 1.
-    heights : numpy.ndarray, (levels,)
-        In pixels.
-
-    Returns
-    -------
-    numpy.ndarray, (levels,)
-        Columns, at most one before `index`.
+    `index` (levels,) is the first column at or above each height, from 1.
     """
     before, after = profile[index - 1], profile[index]
     return index - (after - heights) / (after - before)
 
 
 def outermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Where, coming from the foot, the profile first reaches each height.
+    """Column, between pixels, at which the profile first reaches each height, from the foot inwards.
 
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    heights : numpy.ndarray, (levels,)
-        In pixels, above the first height of the profile and at most its largest.
-
-    Returns
-    -------
-    numpy.ndarray, (levels,)
-        Columns, between pixels.
+    The heights lie above the first height of the profile and at most at its largest.
     """
     return crossing(profile, np.searchsorted(np.maximum.accumulate(profile), heights), heights)
 
 
 def innermost_crossing(profile: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Where, coming from the foot, the profile last rises through each height.
+    """Column, between pixels, at which the profile last rises through each height, from the foot inwards.
 
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    heights : numpy.ndarray, (levels,)
-        In pixels, above the first height of the profile and at most its last.
-
-    Returns
-    -------
-    numpy.ndarray, (levels,)
-        Columns, between pixels.
+    The heights lie above the first height of the profile and at most at its last.
     """
     never_lower = np.minimum.accumulate(profile[::-1])[::-1]
     return crossing(profile, np.searchsorted(never_lower, heights), heights)
 
 
 def points_by_levels(profile: np.ndarray, low: float, high: float) -> Points:
-    """Rule "levels": the middle of outermost and innermost crossing of each height.
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    low, high : float
-        Ends of the band in pixels.
-
-    Returns
-    -------
-    distances, heights : numpy.ndarray, (levels,)
-        Pixels.
-    """
+    """Rule "levels": the middle of outermost and innermost crossing of each height."""
     heights = levels_between(low, high)
     return 0.5 * (outermost_crossing(profile, heights) + innermost_crossing(profile, heights)), heights
 
 
 def points_by_rows(profile: np.ndarray, low: float, high: float) -> Points:
-    """Rule "rows": the outermost crossing of each height.
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    low, high : float
-        Ends of the band in pixels.
-
-    Returns
-    -------
-    distances, heights : numpy.ndarray, (levels,)
-        Pixels.
-    """
+    """Rule "rows": the outermost crossing of each height."""
     heights = levels_between(low, high)
     return outermost_crossing(profile, heights), heights
 
 
 def points_by_columns(profile: np.ndarray, low: float, high: float) -> Points:
-    """Rule "columns": the column tops inside the band.
-
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels.
-    low, high : float
-        Ends of the band in pixels.
-
-    Returns
-    -------
-    distances, heights : numpy.ndarray, (columns,)
-        Pixels.
-    """
+    """Rule "columns": the column tops inside the band."""
     distance = np.flatnonzero((profile >= low) & (profile <= high))
     return distance.astype(float), profile[distance]
 
@@ -161,26 +79,9 @@ FLANK_RULES = {"levels": points_by_levels, "rows": points_by_rows, "columns": po
 
 
 def points_between(profile: np.ndarray, low: float, high: float, rule: str) -> Points:
-    """Points that a rule takes from a band of one side.
+    """Points of one side inside a band, by a rule of `FLANK_RULES`: distances and heights in pixels.
 
-    Parameters
-    ----------
-    profile : numpy.ndarray, (M,)
-        Heights of one side in pixels, from outside the foot to the crest.
-    low, high : float
-        Ends of the band in pixels.
-    rule : str
-        One of `FLANK_RULES`.
-
-    Returns
-    -------
-    distances, heights : numpy.ndarray, (points,)
-        Pixels.
-
-    Raises
-    ------
-    NoFlankError
-        If the band is too thin, or the foot is not seen.
+    Raises NoFlankError if the band is too thin, or the foot is not seen.
     """
     if levels_between(low, high).size < MIN_LEVELS:
         raise NoFlankError(f"the flank is only {high - low:.0f} pixels high, {MIN_LEVELS} are needed")

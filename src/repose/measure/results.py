@@ -1,4 +1,4 @@
-"""What is found on a pile: on one picture, or from all sides of a simulation."""
+"""Results of a pile: of one picture, or of all views of a simulation."""
 
 from dataclasses import dataclass
 
@@ -9,22 +9,12 @@ from repose.measure.angles import DEFINITIONS, MEAN_KEYS, VIEW_KEYS
 
 @dataclass(frozen=True)
 class Angle:
-    """One definition on one picture.
-
-    Attributes
-    ----------
-    left_deg, right_deg : float
-        Of the two sides.
-    aor_deg : float
-        Of the pile.
-    lines : tuple
-        (left, right), each ((column, row) below, (column, row) above) in pixels.
-    """
+    """Angles of a picture by one definition."""
 
     left_deg: float
     right_deg: float
-    aor_deg: float
-    lines: tuple
+    aor_deg: float  # of the pile
+    lines: tuple  # (left, right), each ((column, row) below, (column, row) above)
 
 
 @dataclass(frozen=True)
@@ -32,35 +22,16 @@ class Measurement:
     """Result of one picture.
 
     `left_deg`, `right_deg`, `aor_deg` and `lines` are those of the definition `response`.
-
-    Attributes
-    ----------
-    response : str
-        The definition that is the angle of repose.
-    angles : dict of Angle
-        For each definition that could be measured.
-    reasons : dict of str
-        Why the other definitions could not be measured.
-    height_mm : float
-        Of the highest point over the plate.
-    base_row : float
-        Row of the plate.
-    top : (float, float)
-        (column, row) of the highest point.
-    contour : numpy.ndarray, (M, 2)
-        (column, row) of the boundary's pixels.
-    pile_is : str
-        "darker" or "brighter" than the background.
     """
 
-    response: str
-    angles: dict
-    reasons: dict
-    height_mm: float
-    base_row: float
-    top: tuple
-    contour: np.ndarray
-    pile_is: str
+    response: str  # the definition used as the angle of repose
+    angles: dict  # `Angle` by definition
+    reasons: dict  # why the other definitions could not be measured
+    height_mm: float  # of the highest point over the plate
+    base_row: float  # row of the plate
+    top: tuple  # (column, row) of the highest point
+    contour: np.ndarray  # (M, 2), column and row of the boundary's pixels
+    pile_is: str  # "darker" or "brighter" than the background
 
     @property
     def left_deg(self) -> float:
@@ -83,13 +54,7 @@ class Measurement:
         return self.angles[self.response].lines
 
     def record(self) -> dict[str, float | None]:
-        """The response's two sides and every definition, to 0.001.
-
-        Returns
-        -------
-        dict of float or None
-            By name; None where it could not be measured.
-        """
+        """The response's two sides, the Height and every definition by name, to 0.001; None if not measured."""
         sides = {key: round(getattr(self, key), 3) for key in ("left_deg", "right_deg", "aor_deg")}
         found = {
             MEAN_KEYS[name]: round(self.angles[name].aor_deg, 3) if name in self.angles else None
@@ -100,49 +65,24 @@ class Measurement:
 
 @dataclass(frozen=True)
 class PileResult:
-    """A simulated pile.
+    """Result of a simulated pile, seen from V sides."""
 
-    Attributes
-    ----------
-    response : str
-        The definition that is the angle of repose.
-    height_mm : float
-        Exact, from the bodies themselves.
-    view_height_mm : numpy.ndarray, (V,)
-        Of the silhouettes.
-    left, right, aor : dict of numpy.ndarray, (V,)
-        Degrees for each definition; NaN in a view where it could not be measured.
-    reasons : dict of str
-        Why, of the first such view.
-    """
-
-    response: str
-    height_mm: float
-    view_height_mm: np.ndarray
-    left: dict
+    response: str  # the definition used as the angle of repose
+    height_mm: float  # exact, from the bodies themselves
+    view_height_mm: np.ndarray  # (V,), of the silhouettes
+    left: dict  # degrees (V,) by definition, NaN if not measured; likewise `right` and `aor`
     right: dict
     aor: dict
-    reasons: dict
+    reasons: dict  # by definition: the reason in the first view without it
 
     def mean_deg(self, name: str) -> float | None:
-        """Mean of a definition over the views.
-
-        Parameters
-        ----------
-        name : str
-            One of `DEFINITIONS`.
-
-        Returns
-        -------
-        float or None
-            None where more than half of the views have none.
-        """
+        """Mean of a definition over the views; None if it could not be measured in more than half of them."""
         seen = np.isfinite(self.aor[name])
         return float(self.aor[name][seen].mean()) if 2 * seen.sum() >= seen.size else None
 
     @property
     def aor_deg(self) -> float | None:
-        """The angle of repose; None where the response could not be measured."""
+        """The angle of repose; None if the response could not be measured."""
         return self.mean_deg(self.response)
 
     @property
@@ -156,13 +96,7 @@ class PileResult:
         return self.right[self.response]
 
     def record(self) -> dict[str, float | None]:
-        """All responses of the pile.
-
-        Returns
-        -------
-        dict of float or None
-            By name; None where it could not be measured.
-        """
+        """All responses of the pile by name; None if not measured."""
         views = {VIEW_KEYS[name]: _or_none(self.aor[name][0]) for name in DEFINITIONS}
         means = {MEAN_KEYS[name]: self.mean_deg(name) for name in DEFINITIONS}
         heights = {"height_mm": self.height_mm, "height_view_mm": _or_none(self.view_height_mm[0])}
@@ -170,5 +104,5 @@ class PileResult:
 
 
 def _or_none(value):
-    """A number, or None for one that is not finite."""
+    """A finite number, else None."""
     return float(value) if np.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""Where the berries of a pour came to rest, to the responses of their pile."""
+"""Responses of a pile from the final positions of its berries."""
 
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
@@ -21,26 +21,11 @@ def pile_responses(
     plate_mm: float,
     further: Iterable[str] = (),
 ) -> tuple[dict[str, Any], dict[str, str]]:
-    """Responses of a pile by name.
+    """Responses of a pile by name, and the reasons for missing ones.
 
-    Parameters
-    ----------
-    arrays : mapping
-        ``position`` (N, 3) [m], ``quaternion`` (N, 4), ``in_pile`` (N,) and, where berries differ in size, ``scale``
-        (N,).
-    particle : Particle
-    settings : MeasureSettings
-    plate_mm : float
-        Diameter of the plate.
-    further : iterable of str
-        Names of the responses of `repose.measure.further_responses` that are measured, too.
-
-    Returns
-    -------
-    found : dict
-        Numbers by name; None for an angle that cannot be measured in half of the views.
-    reasons : dict
-        Why a response could not be measured, by its name.
+    An angle is None if more than half of the views lack it. `arrays` holds ``position`` (N, 3) [m], ``quaternion``
+    (N, 4), ``in_pile`` (N,) and, for berries of several sizes, ``scale`` (N,); `plate_mm` is the plate's diameter.
+    `further` names responses of `repose.measure.further_responses` to add.
     """
     found: dict[str, Any] = {}
     reasons: dict[str, str] = {}
@@ -77,19 +62,9 @@ def side_view(
     settings: pile.MeasureSettings,
     azimuth_deg: float = 0.0,
 ) -> np.ndarray:
-    """Silhouette of a pour's pile, the plate at its lower border.
+    """Silhouette (H, W) of a pour's pile, the plate at its lower border; `arrays` as in `pile_responses`.
 
-    It shows all berries where the settings keep loose ones.
-
-    Parameters
-    ----------
-    arrays, particle, settings
-        As in `pile_responses`.
-    azimuth_deg : float, optional
-
-    Returns
-    -------
-    numpy.ndarray of uint8, (H, W)
+    Without `settings.largest_pile_only` it shows all berries.
     """
     kept = arrays["in_pile"] if settings.largest_pile_only else np.ones(len(arrays["position"]), bool)
     sizes = {"scales": arrays["scale"][kept]} if "scale" in arrays else {}

@@ -1,4 +1,4 @@
-"""Files of saved pours, read: NAME.pours.json says how each pour ended, NAME.npz where its berries lie."""
+"""Reading of saved pours: NAME.pours.json holds the status of each pour, NAME.npz the final positions."""
 
 import re
 from collections.abc import Iterable
@@ -17,23 +17,7 @@ WHAT = f"NAME{POURS} as the verb pour writes it"
 
 
 def read_pours(path: str | PathLike) -> dict[str, Any]:
-    """Read the JSON file of a job's pours.
-
-    Parameters
-    ----------
-    path : path
-        Of ``NAME.pours.json``.
-
-    Returns
-    -------
-    dict
-        With ``pours``, a list of records that have a seed and a status.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or holds something else.
-    """
+    """Read the JSON file of a job's pours; each of its ``pours`` has a seed and a status."""
     job = read_json(path, what=WHAT)
     pours = job.get("pours")
     if not str(path).endswith(POURS) or not isinstance(pours, list) or not pours:
@@ -45,51 +29,17 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
 
 
 def saved_positions(path: str | PathLike) -> dict[str, np.ndarray]:
-    """All arrays of a job's .npz file.
-
-    Parameters
-    ----------
-    path : path
-        Of ``NAME.npz``.
-
-    Returns
-    -------
-    dict of numpy.ndarray
-        Each named NAME_SEED.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or holds something else.
-    """
+    """All arrays of a job's .npz file, with the keys NAME_SEED."""
     return read_npz(path, what="the .npz file that the verb pour wrote")
 
 
 def pour_arrays(
     arrays: dict[str, np.ndarray], seed: object, source: object, kinds: Iterable[str] = KINDS
 ) -> dict[str, np.ndarray]:
-    """Arrays of one pour by name, without its seed.
+    """Arrays of one pour by name, such as ``position``, from arrays with the keys NAME_SEED.
 
-    Parameters
-    ----------
-    arrays : dict
-        Of a job's .npz file, each named NAME_SEED.
-    seed : int or str
-        Of the pour.
-    source : path
-        Named in the error.
-    kinds : iterable of str, optional
-        Arrays that the pour must have; it may have more, such as ``scale``.
-
-    Returns
-    -------
-    dict of numpy.ndarray
-        By name, such as ``position``.
-
-    Raises
-    ------
-    InputError
-        If an array is missing.
+    The pour must have the arrays `kinds`, else InputError; it may have more, such as ``scale``. `source` is the file
+    named in the error.
     """
     ending = f"_{seed}"
     found = {key.removesuffix(ending): values for key, values in arrays.items() if key.endswith(ending)}
@@ -100,23 +50,7 @@ def pour_arrays(
 
 
 def first_pour(path: str | PathLike) -> dict[str, np.ndarray]:
-    """The arrays of the first seed in a job's .npz file.
-
-    Parameters
-    ----------
-    path : path
-        Of ``NAME.npz``.
-
-    Returns
-    -------
-    dict of numpy.ndarray
-        By name, such as ``position``.
-
-    Raises
-    ------
-    InputError
-        If the file is missing or holds something else.
-    """
+    """The arrays of the first seed in a job's .npz file, by name, such as ``position``."""
     arrays = saved_positions(path)
     seeds = [match.group(1) for key in arrays if (match := re.fullmatch(r"position_(.+)", key))]
     if not seeds:
@@ -125,16 +59,6 @@ def first_pour(path: str | PathLike) -> dict[str, np.ndarray]:
 
 
 def positions_beside(pours_json: str | PathLike) -> Path:
-    """The .npz file that belongs to a NAME.pours.json.
-
-    Parameters
-    ----------
-    pours_json : path
-        Of ``NAME.pours.json``.
-
-    Returns
-    -------
-    pathlib.Path
-    """
+    """The .npz file that belongs to a NAME.pours.json."""
     path = Path(pours_json)
     return path.with_name(path.name.removesuffix(POURS) + ".npz")

@@ -1,4 +1,4 @@
-"""Where the pile of a picture ends and the background begins, to a fraction of a pixel.
+"""The boundary between pile and background of a picture, to a fraction of a pixel.
 
 Rows count downwards from the picture's top; a pixel's centre has whole coordinates, as in OpenCV.
 """
@@ -20,67 +20,32 @@ HIGHEST_CENTROID = 0.55  # over the base, relative to the height of the pile; a 
 
 @dataclass(frozen=True)
 class Segmentation:
-    """A picture split into pile and background.
+    """A picture split into pile and background."""
 
-    Attributes
-    ----------
-    grey : numpy.ndarray of uint8, (H, W)
-        The picture without its colours.
-    contrast : numpy.ndarray of float32, (H, W)
-        Distance of each pixel from the background, in tone or colour.
-    level : float
-        The contrast at which the pile begins (Otsu).
-    mask : numpy.ndarray of uint8, (H, W)
-        1 where the pile is; holes are filled, the plate is left out.
-    base_row : float
-        Row of the pile's lower edge.
-    pile_is : str
-        "darker" or "brighter" than the background.
-    """
-
-    grey: np.ndarray
-    contrast: np.ndarray
-    level: float
-    mask: np.ndarray
-    base_row: float
-    pile_is: str
+    grey: np.ndarray  # uint8 (H, W)
+    contrast: np.ndarray  # float32 (H, W), distance of each pixel from the background, in tone or colour
+    level: float  # the contrast at which the pile begins (Otsu)
+    mask: np.ndarray  # uint8 (H, W), 1 in the pile; holes are filled, the plate is left out
+    base_row: float  # row of the pile's lower edge
+    pile_is: str  # "darker" or "brighter" than the background
 
 
 def segment(image: np.ndarray, largest_pile_only: bool = True, base_row: float | None = None) -> Segmentation:
-    """Split a picture into pile and background.
+    """Split a picture, BGR or grey, into pile and background.
 
-    Polarity is never assumed. The border strip (the upper edge and both sides) shows background; the pile is
-    what differs from it: in tone, or in colour (red fruit on a grey board of the same brightness), darker or
-    brighter.
+    Polarity is never assumed. The border strip (the upper edge and both sides) shows background; the pile differs
+    from it in tone, or in colour (red fruit on a grey board of the same brightness), darker or brighter.
 
-    The background is a quadratic surface for each channel, fitted to that strip with outliers trimmed, which
-    takes tilted light and vignetting out. Then follow median and Gaussian filters and Otsu's threshold on the
-    distance from the background, and holes (highlights) are filled. A picture of two tones is binary already:
-    it skips fitting and filters, which could only round its corners.
+    The background is a quadratic surface for each channel, fitted to that strip with outliers trimmed, which takes
+    tilted light and vignetting out. Then follow median and Gaussian filters and Otsu's threshold on the distance from
+    the background, and holes (highlights) are filled. A picture of two tones is binary already: it skips fitting and
+    filters, which could only round its corners.
 
-    Rows that are "pile" from border to border are a plate or table that differs from the background as the
-    fruit does: the pile stands on the first of them. Otherwise the base is the pile's lowest row, or
-    `base_row`.
+    Rows that are "pile" from border to border are a plate or table that differs from the background as the fruit
+    does: the pile stands on the first of them. Otherwise the base is the pile's lowest row. A given `base_row` comes
+    before both.
 
-    Parameters
-    ----------
-    image : numpy.ndarray of uint8, (H, W) or (H, W, 3)
-        Colours in the order BGR.
-    largest_pile_only : bool, optional
-        Whether only the largest connected part counts.
-    base_row : float, optional
-        Row of the plate, where the caller knows it.
-
-    Returns
-    -------
-    Segmentation
-
-    Raises
-    ------
-    InputError
-        If the picture or `base_row` cannot be used.
-    NoFlankError
-        If the picture shows no pile.
+    Raises NoFlankError if the picture shows no pile.
     """
     image = checked(image)
     grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
@@ -107,23 +72,7 @@ def segment(image: np.ndarray, largest_pile_only: bool = True, base_row: float |
 
 
 def checked(image: np.ndarray) -> np.ndarray:
-    """A picture as contiguous bytes, of one channel if its three are the same.
-
-    Parameters
-    ----------
-    image : numpy.ndarray of uint8, (H, W) or (H, W, 3)
-        At least 20 by 20 pixels.
-
-    Returns
-    -------
-    numpy.ndarray of uint8, (H, W) or (H, W, 3)
-        The same picture.
-
-    Raises
-    ------
-    InputError
-        If the type or the shape is another one.
-    """
+    """The picture as contiguous bytes, of one channel if its three are the same; InputError if it is unusable."""
     image = np.asarray(image)
     if image.dtype != np.uint8:
         raise InputError("picture", "pixel type", str(image.dtype), "uint8")
@@ -140,18 +89,7 @@ def checked(image: np.ndarray) -> np.ndarray:
 
 
 def border(shape: tuple[int, ...]) -> np.ndarray:
-    """The strip that shows background: the upper edge and both sides, 3 % of the picture wide.
-
-    Parameters
-    ----------
-    shape : tuple of int
-        Of the picture: height and width, and perhaps channels.
-
-    Returns
-    -------
-    numpy.ndarray of bool, (H, W)
-        Where the strip is.
-    """
+    """Mask (H, W) of the strip that shows background: upper edge and both sides, 3 % of the picture wide."""
     strip = max(2, round(0.03 * min(shape)))
     where = np.zeros(shape[:2], dtype=bool)
     where[:strip] = where[:, :strip] = where[:, -strip:] = True
@@ -159,18 +97,7 @@ def border(shape: tuple[int, ...]) -> np.ndarray:
 
 
 def two_tone_contrast(grey: np.ndarray) -> np.ndarray | None:
-    """Distance from the background's tone in a picture of two tones at most.
-
-    Parameters
-    ----------
-    grey : numpy.ndarray of uint8, (H, W)
-        The picture.
-
-    Returns
-    -------
-    numpy.ndarray of float32, (H, W), or None
-        Tones, from 0; None where the picture has more than two.
-    """
+    """Distance (H, W) from the background's tone in a picture of at most two tones; None for a picture with more."""
     tones = np.flatnonzero(cv2.calcHist([grey], [0], None, [256], [0, 256]).ravel())
     if tones.size > 2:
         return None
@@ -179,17 +106,9 @@ def two_tone_contrast(grey: np.ndarray) -> np.ndarray | None:
 
 
 def background_contrast(image: np.ndarray) -> np.ndarray:
-    """Distance of each pixel from the background surface that is fitted to the border strip.
+    """Distance (H, W) in tones from the background surface that is fitted to the border strip.
 
-    Parameters
-    ----------
-    image : numpy.ndarray of uint8, (H, W) or (H, W, 3)
-        The picture.
-
-    Returns
-    -------
-    numpy.ndarray of float32, (H, W)
-        Tones; of a coloured picture the root of the sum of squares of its channels.
+    In a coloured picture it is the root of the sum of squares over the channels.
     """
     rows, columns = image.shape[:2]
     y, x = np.linspace(-1, 1, rows, dtype=np.float32)[:, None], np.linspace(-1, 1, columns, dtype=np.float32)
@@ -202,8 +121,8 @@ def background_contrast(image: np.ndarray) -> np.ndarray:
     for channel in image.reshape(rows, columns, -1).transpose(2, 0, 1):
         seen = channel[where].astype(float)
         kept = np.ones(seen.size, dtype=bool)
-        # A plate or a stray berry in the strip is a minority: start from the median tone, then trim what
-        # stands out.
+        # A plate or a stray berry in the strip is a minority: start from the median tone, then trim the
+        # outliers.
         centre = np.full(seen.size, np.median(seen))
         for _ in range(4):
             miss = np.abs(seen - centre)
@@ -217,27 +136,8 @@ def background_contrast(image: np.ndarray) -> np.ndarray:
 
 
 def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
-    """Otsu's level of the contrast, and what lies above it.
+    """Otsu's level of the contrast, and the mask (H, W) of the pixels above it; NoFlankError without contrast.
 
-    Parameters
-    ----------
-    contrast : numpy.ndarray of float32, (H, W)
-        Distance from the background.
-
-    Returns
-    -------
-    level : float
-        In the contrast's unit.
-    mask : numpy.ndarray of uint8, (H, W)
-        1 above the level, 0 elsewhere.
-
-    Raises
-    ------
-    NoFlankError
-        If nothing differs from the background.
-
-    References
-    ----------
     Otsu, N. (1979). IEEE Trans. Syst. Man Cybern. 9, 62-66.
     """
     peak = float(contrast.max())
@@ -253,19 +153,9 @@ def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def plate_row(mask: np.ndarray) -> float | None:
-    """Upper edge of a plate that counts as "pile" from border to border.
+    """Upper edge, between two rows, of a plate that counts as "pile" from border to border; None without a plate.
 
     Above a plate the mask narrows abruptly; above the foot of a pile that the picture cuts off it does not.
-
-    Parameters
-    ----------
-    mask : numpy.ndarray of uint8, (H, W)
-        1 where the picture differs from its background.
-
-    Returns
-    -------
-    float or None
-        Row between two pixels; None where there is no plate.
     """
     share = mask.mean(axis=1)
     from_border_to_border = mask[:, :3].any(axis=1) & mask[:, -3:].any(axis=1) & (share > 0.97)
@@ -276,24 +166,9 @@ def plate_row(mask: np.ndarray) -> float | None:
 
 
 def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
-    """The pile of a mask, with holes filled.
+    """The pile of a mask, with holes filled: the largest part, or all parts of at least 1 % of its area.
 
-    Parameters
-    ----------
-    mask : numpy.ndarray of uint8, (H, W)
-        1 where pile is.
-    largest_only : bool
-        Whether only the largest connected part is kept, or all but specks below 1 % of it.
-
-    Returns
-    -------
-    numpy.ndarray of uint8, (H, W)
-        1 where the kept parts are.
-
-    Raises
-    ------
-    NoFlankError
-        If the mask is empty.
+    Raises NoFlankError if the mask is empty.
     """
     contours = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
     if not contours:
@@ -306,18 +181,9 @@ def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
 
 
 def require_upright(mask: np.ndarray) -> None:
-    """Refuse a pile whose top is not seen, or that stands on its top.
+    """Raise NoFlankError if the pile touches the upper border of the picture, or stands on its top.
 
-    Parameters
-    ----------
-    mask : numpy.ndarray of uint8, (H, W)
-        1 where the pile is.
-
-    Raises
-    ------
-    NoFlankError
-        If the pile touches the picture's upper border, or if most of it lies high: the centroid of a triangle, and of
-        any pile that widens downward, is below the middle of its height.
+    The centroid of a pile that widens downward lies below the middle of its height.
     """
     if mask[0].any():
         raise NoFlankError("the pile runs out of the picture at the top: its crest is not seen")
@@ -330,18 +196,7 @@ def require_upright(mask: np.ndarray) -> None:
 
 
 def upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.ndarray:
-    """Row at which each column's pile begins, between pixels by linear interpolation.
-
-    Parameters
-    ----------
-    mask, contrast, level : numpy.ndarray, numpy.ndarray, float
-        As in `Segmentation`.
-
-    Returns
-    -------
-    numpy.ndarray, (W,)
-        Rows; NaN in a column without pile.
-    """
+    """Upper row of the pile in each column (W,), between pixels by linear interpolation; NaN without pile."""
     top = mask.argmax(axis=0)
     column = np.arange(mask.shape[1])
     inner = contrast[top, column]
@@ -352,18 +207,7 @@ def upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.ndarr
 
 
 def lower_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> float:
-    """Row of the pile's lowest point: the picture's lower border where the pile is cut off by it.
-
-    Parameters
-    ----------
-    mask, contrast, level : numpy.ndarray, numpy.ndarray, float
-        As in `Segmentation`; the mask is not empty.
-
-    Returns
-    -------
-    float
-        In pixels, between rows.
-    """
+    """Row of the pile's lowest point, between pixels; the lower border of a picture that cuts the pile off."""
     if mask[-1].any():
         return mask.shape[0] - 0.5
     return mask.shape[0] - 1 - float(np.nanmin(upper_edge(mask[::-1], contrast[::-1], level)))

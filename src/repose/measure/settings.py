@@ -12,39 +12,16 @@ from repose.measure.profile_points import FLANK_RULES
 
 @dataclass(frozen=True)
 class MeasureSettings:
-    """How a pile is measured.
+    """How a pile is measured; InputError if a value is not allowed."""
 
-    Attributes
-    ----------
-    views : int
-        Side views, evenly over half a turn; the other half mirrors them. From 1 to 360.
-    mm_per_pixel : float
-        Scale of the silhouettes.
-    response : str
-        The definition that is the angle of repose, one of `DEFINITIONS`.
-    fit_from, fit_to : float or str
-        Ends of the flank: each a fraction of the pile's height, or "berry", the height of one berry.
-    berry_height_mm : float or None
-        None stands for that of the particle.
-    largest_pile_only : bool
-        Whether only the largest connected part counts.
-    flank : str
-        Rule of the lines, one of `FLANK_RULES`.
-
-    Raises
-    ------
-    InputError
-        If a value is not allowed.
-    """
-
-    views: int = 18
-    mm_per_pixel: float = 0.25
-    response: str = "flank"
-    fit_from: float | str = 0.1
-    fit_to: float | str = 0.8
-    berry_height_mm: float | None = None
-    largest_pile_only: bool = True
-    flank: str = "columns"
+    views: int = 18  # side views, evenly over half a turn; the other half mirrors them
+    mm_per_pixel: float = 0.25  # scale of the silhouettes
+    response: str = "flank"  # the definition used as the angle of repose, one of `DEFINITIONS`
+    fit_from: float | str = 0.1  # lower end of the flank: share of the height, or "berry" (one berry high)
+    fit_to: float | str = 0.8  # upper end, likewise
+    berry_height_mm: float | None = None  # None means the particle's equivalent diameter
+    largest_pile_only: bool = True  # False: loose berries count, too
+    flank: str = "columns"  # rule for the points of a line, one of `FLANK_RULES`
 
     def __post_init__(self):
         if isinstance(self.views, bool) or not isinstance(self.views, int) or not 1 <= self.views <= 360:
@@ -61,7 +38,7 @@ class MeasureSettings:
         self._check_band()
 
     def _check_band(self):
-        """InputError unless the two ends of the flank can be used together."""
+        """Raise InputError unless the two ends of the flank can be used together."""
         start, end = self.fit_from, self.fit_to
         if start != "berry" and not (isinstance(start, int | float) and 0 <= start <= 0.9):
             raise InputError("measure", "fit_from", start, "berry, or from 0 to 0.9")
@@ -74,24 +51,10 @@ class MeasureSettings:
 
     @classmethod
     def of(cls, section: Mapping[str, Any], berry: Mapping[str, Any]) -> "MeasureSettings":
-        """Settings from a section of a configuration.
+        """Settings from the section `measure` of a configuration and the result of `repose berry`.
 
-        Parameters
-        ----------
-        section : mapping
-            The section `measure`.
-        berry : mapping
-            What `repose berry` wrote. Where it has long_mm, major_mm and minor_mm, and the section no height
-            of a berry, the height is the mean berry's equivalent diameter (Eq. 1).
-
-        Returns
-        -------
-        MeasureSettings
-
-        Raises
-        ------
-        InputError
-            If a value is not allowed.
+        A missing height of a berry becomes the mean berry's equivalent diameter (Eq. 1), if `berry` has its three
+        axes.
         """
         settings = cls(**section)
         axes: list[Any] = [berry.get(key) for key in ("long_mm", "major_mm", "minor_mm")]

@@ -1,4 +1,4 @@
-"""The printed sheet that tells scale, tilt and lens: chessboard and markers (ChArUco), upright on the plate.
+"""The printed sheet for scale, tilt and lens: chessboard and markers (ChArUco), upright on the plate.
 
 Its lower edge stands on the plate, in the plane of the pile's crest, its face to the camera. Places on it are (x, z) in
 millimetres from its lower left corner.
@@ -21,53 +21,21 @@ CHECK_MM = 100.0  # length of the line that shows whether the printer scaled the
 
 @dataclass(frozen=True)
 class Seen:
-    """The sheet in one photograph.
+    """Corners of squares of the sheet, found in one photograph."""
 
-    Attributes
-    ----------
-    places_mm : numpy.ndarray, (N, 2)
-        Corners of squares on the sheet: x to the right and z up, from its lower left corner.
-    pixels : numpy.ndarray, (N, 2)
-        The same corners in the photograph: column and row.
-    """
-
-    places_mm: np.ndarray
-    pixels: np.ndarray
+    places_mm: np.ndarray  # (N, 2), x to the right and z up, from the lower left corner of the sheet
+    pixels: np.ndarray  # (N, 2), column and row of the same corners
 
 
 def size_mm(square_mm: float = SQUARE_MM) -> tuple[float, float]:
-    """Width and height of the sheet, cut out.
-
-    Parameters
-    ----------
-    square_mm : float, optional
-        Side of a square as printed.
-
-    Returns
-    -------
-    width, height : float
-        In mm.
-    """
+    """Width and height of the sheet, cut out; `square_mm` is the side of a square as printed."""
     return (COLUMNS + 2 * MARGIN_SHARE) * square_mm, (ROWS + 2 * MARGIN_SHARE) * square_mm
 
 
 def find(image: np.ndarray, square_mm: float = SQUARE_MM) -> Seen | None:
-    """Find the sheet in a photograph.
-
-    Parameters
-    ----------
-    image : numpy.ndarray of uint8, (H, W) or (H, W, 3)
-        The photograph.
-    square_mm : float, optional
-        Side of a square as printed.
-
-    Returns
-    -------
-    Seen or None
-        None where fewer than 8 corners are seen, or all of them in one line.
-    """
+    """Find the sheet in a photograph; None if fewer than 8 corners are seen, or all of them in one line."""
     choices = cv2.aruco.CharucoParameters()
-    # One pattern of the background taken for a marker would refuse the whole board; the pose tells a wrong corner.
+    # One pattern of the background taken for a marker would refuse the whole board; the pose detects a wrong corner.
     choices.checkMarkers = False
     corners, numbers = cv2.aruco.CharucoDetector(_board(square_mm), choices).detectBoard(image)[:2]
     if numbers is None or len(numbers) < MIN_CORNERS:
@@ -81,19 +49,7 @@ def find(image: np.ndarray, square_mm: float = SQUARE_MM) -> Seen | None:
 
 
 def drawing(square_mm: float = SQUARE_MM, pixels_per_mm: int = 8) -> tuple[np.ndarray, int]:
-    """The sheet as a picture, white margin included.
-
-    Parameters
-    ----------
-    square_mm : float, optional
-        Side of a square.
-    pixels_per_mm : int, optional
-
-    Returns
-    -------
-    picture : numpy.ndarray of uint8, (H, W)
-    pixels_per_mm : int
-    """
+    """The sheet as a grey picture (H, W), white margin included; and its pixels per mm."""
     width, height = (round(side * pixels_per_mm) for side in size_mm(square_mm))
     margin = round(MARGIN_SHARE * square_mm * pixels_per_mm)
     picture = np.full((height, width), 255, np.uint8)
@@ -103,18 +59,7 @@ def drawing(square_mm: float = SQUARE_MM, pixels_per_mm: int = 8) -> tuple[np.nd
 
 
 def pdf(square_mm: float = SQUARE_MM) -> bytes:
-    """The sheet on a page of A4, with the line along which it is cut and a line of known length.
-
-    Parameters
-    ----------
-    square_mm : float, optional
-        Side of a square; the sheet fits on the page up to 25 mm.
-
-    Returns
-    -------
-    bytes
-        A PDF file.
-    """
+    """The sheet as a PDF on A4, with a cutting line and a line of known length; squares up to 25 mm fit."""
     import io
 
     from matplotlib.figure import Figure

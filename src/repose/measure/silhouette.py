@@ -29,18 +29,7 @@ class ConvexBody(Protocol):
     """
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
-        """Points of the body that touch its tangent planes.
-
-        Parameters
-        ----------
-        n : numpy.ndarray, (..., 3)
-            Unit normals of the planes in the body's frame.
-
-        Returns
-        -------
-        numpy.ndarray, (..., 3)
-            In m.
-        """
+        """Points (..., 3) in m at which tangent planes touch the body; `n` are unit normals in the body's frame."""
         ...
 
 
@@ -52,31 +41,12 @@ def outlines(
     inset_m: float = 0.0,
     scales: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Outline polygons of bodies in orthographic side views.
+    """Outline polygons of bodies in orthographic side views: (views, N, OUTLINE_DIRECTIONS, 2), (u, z) in m.
 
-    The view from azimuth a shows u = x cos a + y sin a to the right and z up. A convex body's outline is the
-    curve of its support points in the directions of the picture plane, so each vertex is exact. A body of M
-    spheres (`particle.spheres_m`) has M outlines, a circle each.
-
-    Parameters
-    ----------
-    centres_m : numpy.ndarray, (N, 3)
-        z is up.
-    quaternions : numpy.ndarray, (N, 4)
-        w, x, y, z, from the body to the world.
-    particle : ConvexBody
-        The shape of all of them.
-    azimuths_deg : array_like, (views,)
-        Directions of the views about z.
-    inset_m : float, optional
-        Moves the outlines inwards along their normals.
-    scales : numpy.ndarray, (N,), optional
-        Sizes of the bodies relative to the particle; 1 without it.
-
-    Returns
-    -------
-    numpy.ndarray, (views, N or N * M, OUTLINE_DIRECTIONS, 2)
-        Metres (u, z).
+    The view from azimuth a shows u = x cos a + y sin a to the right and z up. A convex body's outline is the curve of
+    its support points in the directions of the picture plane, so each vertex is exact. A body of M spheres
+    (`particle.spheres_m`) has M outlines, a circle each. `inset_m` moves the outlines inwards. `quaternions` are w,
+    x, y, z, from the body to the world; `scales` (N,) are sizes relative to the particle.
     """
     azimuth = np.radians(np.asarray(azimuths_deg, dtype=float))
     right = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros_like(azimuth)], axis=-1)
@@ -102,24 +72,7 @@ def outlines(
 def spheres_of(
     centres_m: np.ndarray, quaternions: np.ndarray, particle: ConvexBody, scales: np.ndarray
 ) -> np.ndarray | None:
-    """Spheres of N bodies of M spheres each.
-
-    Parameters
-    ----------
-    centres_m : numpy.ndarray, (N, 3)
-        Of the bodies.
-    quaternions : numpy.ndarray, (N, 4)
-        w, x, y, z, from the body to the world.
-    particle : ConvexBody
-        The shape of all of them.
-    scales : numpy.ndarray, (N,)
-        Sizes of the bodies relative to the particle.
-
-    Returns
-    -------
-    numpy.ndarray, (N * M, 4), or None
-        Centre and radius in m; None for a body that is made of none.
-    """
+    """Centre and radius in m, (N * M, 4), of the spheres of N bodies; None for a body that is not made of spheres."""
     own = getattr(particle, "spheres_m", None)
     if own is None or not len(own):
         return None
@@ -132,24 +85,7 @@ def spheres_of(
 def top_of(
     centres_m: np.ndarray, quaternions: np.ndarray, particle: ConvexBody, scales: np.ndarray | None = None
 ) -> float:
-    """Height of the highest point of bodies over z = 0; exact, from the bodies themselves.
-
-    Parameters
-    ----------
-    centres_m : numpy.ndarray, (N, 3)
-        z is up.
-    quaternions : numpy.ndarray, (N, 4)
-        w, x, y, z, from the body to the world.
-    particle : ConvexBody
-        The shape of all of them.
-    scales : numpy.ndarray, (N,), optional
-        Sizes of the bodies relative to the particle; 1 without it.
-
-    Returns
-    -------
-    float
-        In m.
-    """
+    """Height in m of the highest point of bodies over z = 0; exact, from the bodies themselves."""
     up_body = rotation_matrices(quaternions)[:, 2, :]
     reach = (particle.support_point(up_body) * up_body).sum(axis=1)
     return float(
@@ -158,25 +94,10 @@ def top_of(
 
 
 def paint(polygons_m: np.ndarray, mm_per_pixel: float, extent: Extent) -> np.ndarray:
-    """One view's outlines, filled into a picture: pile dark on light.
+    """One view's outlines (u, z), filled into a picture (H, W): pile dark on light, z = 0 at its lower border.
 
-    OpenCV fills every pixel that an outline touches, half a pixel too many all around. The outlines are
-    therefore expected half a pixel inside the body; a filled disc then has its true area and extents to 0.03
-    pixel (tested).
-
-    Parameters
-    ----------
-    polygons_m : numpy.ndarray, (N, M, 2)
-        Outlines (u, z), half a pixel inside the bodies.
-    mm_per_pixel : float
-        Scale of the picture.
-    extent : (float, float, float)
-        Left, right and top of the view in metres.
-
-    Returns
-    -------
-    numpy.ndarray of uint8, (H, W)
-        Its lower border is z = 0.
+    OpenCV fills every pixel that an outline touches, half a pixel too many all around. The outlines are therefore
+    expected half a pixel inside the body; a filled disc then has its true area and extents to 0.03 pixel (tested).
     """
     left_m, right_m, top_m = extent
     pixel_m = mm_per_pixel * 1e-3
@@ -192,20 +113,7 @@ def paint(polygons_m: np.ndarray, mm_per_pixel: float, extent: Extent) -> np.nda
 
 
 def frame(polygons_m: np.ndarray, mm_per_pixel: float) -> Extent:
-    """The view that holds all outlines, with a margin of background around them.
-
-    Parameters
-    ----------
-    polygons_m : numpy.ndarray, (..., 2)
-        Outlines (u, z).
-    mm_per_pixel : float
-        Scale of the picture.
-
-    Returns
-    -------
-    left_m, right_m, top_m : float
-        Ends of the view in metres.
-    """
+    """Left, right and top in m of the view that holds all outlines and a margin of background."""
     margin = MARGIN_PX * mm_per_pixel * 1e-3
     return (
         float(polygons_m[..., 0].min()) - margin,
@@ -223,29 +131,9 @@ def silhouette(
     extent: Extent | None = None,
     scales: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Exact orthographic side view of bodies on the plate z = 0, the pile dark on a light background.
+    """Exact orthographic side view (H, W) of bodies on the plate z = 0, the pile dark on a light background.
 
-    Parameters
-    ----------
-    azimuth_deg : float, optional
-        Direction of the view about z.
-    mm_per_pixel : float, optional
-        Scale of the picture.
-    centres_m : numpy.ndarray, (N, 3)
-        z is up.
-    quaternions : numpy.ndarray, (N, 4)
-        w, x, y, z, from the body to the world.
-    particle : ConvexBody
-        Anything with `support_point`.
-    extent : (float, float, float), optional
-        Left, right and top of the view in metres; all bodies and a margin without it.
-    scales : numpy.ndarray, (N,), optional
-        Sizes of the bodies relative to the particle; 1 without it.
-
-    Returns
-    -------
-    numpy.ndarray of uint8, (H, W)
-        Its lower border is the plate.
+    `extent` is left, right and top in m; None means all bodies and a margin. The lower border is the plate.
     """
     polygons = outlines(centres_m, quaternions, particle, [azimuth_deg], mm_per_pixel * 0.5e-3, scales)[0]
     return paint(polygons, mm_per_pixel, extent or frame(polygons, mm_per_pixel))

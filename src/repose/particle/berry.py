@@ -20,55 +20,22 @@ Numbers = Any
 
 
 def equivalent_diameter(long: Numbers, major: Numbers, minor: Numbers) -> Numbers:
-    """Diameter of the sphere with the same product of axes (Eq. 1).
-
-    Parameters
-    ----------
-    long, major, minor : float or array
-        Full axes, in one unit.
-
-    Returns
-    -------
-    float or array
-        In the axes' unit.
-    """
+    """Diameter of the sphere with the same product of full axes (Eq. 1), in their unit."""
     return np.cbrt(long * major * minor)
 
 
 def sphericity(long: Numbers, major: Numbers, minor: Numbers) -> Numbers:
-    """Equivalent diameter over the long axis (Eq. 1, there in percent).
-
-    Parameters
-    ----------
-    long, major, minor : float or array
-        Full axes, in one unit.
-
-    Returns
-    -------
-    float or array
-        From 0 to 1.
-    """
+    """Equivalent diameter over the long axis, 0 to 1 (Eq. 1, there in percent)."""
     return equivalent_diameter(long, major, minor) / long
 
 
 def elastic_modulus(
     force_n: Numbers, length_m: Numbers, breadth_m: Numbers, width_1_m: Numbers, width_2_m: Numbers
 ) -> Numbers:
-    """Elastic modulus E: stress over strain in the loading direction W (Eq. 2).
+    """Elastic modulus E [Pa]: stress over strain in the loading direction W (Eq. 2).
 
-    The section is the ellipse across the load, pi / 4 * length * breadth.
-
-    Parameters
-    ----------
-    force_n, length_m, breadth_m : float or array
-        Load, and the axes of the section across it.
-    width_1_m, width_2_m : float or array
-        Extent along the load, before and after.
-
-    Returns
-    -------
-    float or array
-        Pa.
+    The section is the ellipse across the load, pi / 4 * length * breadth. `width_1_m` and `width_2_m` are the extents
+    along the load, before and after.
     """
     section = math.pi / 4 * length_m * breadth_m
     return force_n / section / ((width_1_m - width_2_m) / width_1_m)
@@ -77,50 +44,21 @@ def elastic_modulus(
 def poisson_ratio(length_1: Numbers, length_2: Numbers, width_1: Numbers, width_2: Numbers) -> Numbers:
     """Poisson's ratio: strain of the length over strain of the loaded width, taken positive (Eq. 3).
 
-    Parameters
-    ----------
-    length_1, length_2, width_1, width_2 : float or array
-        Before and after, in one unit.
-
-    Returns
-    -------
-    float or array
+    The extents before (1) and after (2) are in one unit.
     """
     return np.abs(((length_2 - length_1) / length_1) / ((width_2 - width_1) / width_1))
 
 
 def shear_modulus(elastic_modulus_pa: float, poisson: float) -> float:
-    """Shear modulus G = E / (2 (1 + nu)) (Eq. 4).
-
-    Parameters
-    ----------
-    elastic_modulus_pa, poisson : float
-        E and nu.
-
-    Returns
-    -------
-    float
-        Pa.
-    """
+    """Shear modulus G = E / (2 (1 + nu)) (Eq. 4)."""
     return elastic_modulus_pa / (2 * (1 + poisson))
 
 
 def moduli(tests: pd.DataFrame) -> tuple[float, float, float]:
-    """Moduli from compression tests.
+    """E [Pa], nu and G [Pa] from compression tests (`read_compression`).
 
-    Parameters
-    ----------
-    tests : pandas.DataFrame
-        As `read_compression` gives it.
-
-    Returns
-    -------
-    elastic_modulus_pa, poisson_ratio, shear_modulus_pa : float
-
-    Raises
-    ------
-    and nu are means over the tests. G follows from the two means by Eq. 4 and is not averaged over the tests, so that
-        the three fit each other.
+    E and nu are means over the tests. G follows from the two means by Eq. 4 and is not averaged over the tests, so that
+    the three fit each other.
     """
     elastic = elastic_modulus(
         tests["force_n"],
@@ -136,20 +74,10 @@ def moduli(tests: pd.DataFrame) -> tuple[float, float, float]:
 
 
 def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
-    """Statistics of the sizes beside the published ones (Table 1).
+    """Statistics of the sizes (`read_sizes`) beside the published ones (Table 1), a row for each dimension.
 
-    Parameters
-    ----------
-    sizes : pandas.DataFrame
-        As `read_sizes` gives it.
-    published : pandas.DataFrame
-        Columns dimension, unit, maximum, minimum, mean.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each dimension: dimension, unit, n, maximum, minimum, mean, sd (n - 1), then published_ and
-        difference_ (ours less published) of maximum, minimum and mean; empty where nothing is published.
+    `dimension`, `unit`, `n`, `maximum`, `minimum`, `mean`, `sd` (n - 1), then `published_*` and `difference_*` (ours
+    minus published); empty without a published value.
     """
     axes = [sizes[column] for column in SIZE_COLUMNS]
     dimensions = {column: ("mm", sizes[column]) for column in SIZE_COLUMNS}
@@ -179,34 +107,12 @@ def measured_berry(
     shear_modulus_pa: float | None = None,
     source: object = "berry",
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Statistics and material of the measured berries.
+    """Statistics (`summarise`) and material of the measured berries.
 
-    Parameters
-    ----------
-    sizes : pandas.DataFrame
-        As `read_sizes` gives it.
-    tests : pandas.DataFrame or None
-        As `read_compression` gives it; None where Poisson's ratio and shear modulus are both given.
-    published : pandas.DataFrame
-        Published statistics: columns dimension, maximum, minimum, mean.
-    density_kg_m3 : float
-    poisson, shear_modulus_pa : float, optional
-        Replace those of the compression tests. The elastic modulus follows by Eq. 4.
-    source : object
-        Named in the error where the compression tests give an impossible material.
-
-    Returns
-    -------
-    summary : pandas.DataFrame
-        See `summarise`.
-    berry : dict
-        Mean axes [mm], density, moduli [Pa], number of berries, whether the data are a reconstruction, and the spread
-        of the sizes.
-
-    Raises
-    ------
-    InputError
-        If the material is impossible, or compression tests are missing.
+    The second result has mean axes [mm], density, moduli [Pa], number of berries, whether the data are a
+    reconstruction, and the spread of the sizes. `poisson` and `shear_modulus_pa` replace those of the compression
+    tests; E follows by Eq. 4. `tests` may be None if both are given. InputError for an impossible material; `source`
+    stands in its message.
     """
     check_material(density_kg_m3, poisson, shear_modulus_pa)
     reconstruction = sizes.attrs["reconstruction"]
@@ -232,7 +138,7 @@ def measured_berry(
     berry |= {"n": len(sizes), "reconstruction": bool(reconstruction)}
     spread = _spread(sizes, published)
     berry |= {key: float(f"{value:.10g}") for key, value in zip(size_distribution.KEYS, spread, strict=True)}
-    # the published statistics are those of the crop that the reconstruction stands for
+    # the published statistics are those of the reconstructed crop
     beside = published if sizes.attrs["reconstruction"] else published.iloc[:0]
     return summarise(sizes, beside), berry
 
@@ -247,25 +153,7 @@ def of_files(
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
     """`measured_berry` of files.
 
-    Parameters
-    ----------
-    sizes_csv : path
-    table1_csv : path or None
-        Published sizes; not read where `sizes_csv` was measured.
-    compression_csv : path or None
-        Not read where both moduli are given.
-    density_kg_m3 : float
-    poisson_ratio, shear_modulus_pa : float, optional
-
-    Returns
-    -------
-    summary, berry
-        As `measured_berry` gives them.
-
-    Raises
-    ------
-    InputError
-        If a file is bad, or a value impossible.
+    `compression_csv` is not read if both moduli are given. `table1_csv` has the published sizes, None without any.
     """
     check_material(density_kg_m3, poisson_ratio, shear_modulus_pa)
     given = poisson_ratio is not None and shear_modulus_pa is not None
@@ -285,26 +173,7 @@ def run(
     poisson_ratio: float | None = None,
     shear_modulus_pa: float | None = None,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Write summary.csv and berry.json of `of_files`.
-
-    Parameters
-    ----------
-    sizes_csv, compression_csv, table1_csv
-        As in `of_files`.
-    out_dir : path
-    density_kg_m3, poisson_ratio, shear_modulus_pa
-        As in `of_files`.
-
-    Returns
-    -------
-    summary, berry
-        As `measured_berry` gives them.
-
-    Raises
-    ------
-    InputError
-        If a file is bad, or a value impossible.
-    """
+    """Write summary.csv and berry.json (`of_files`)."""
     summary, berry = of_files(
         sizes_csv, compression_csv, table1_csv, density_kg_m3, poisson_ratio, shear_modulus_pa
     )
@@ -314,8 +183,10 @@ def run(
 
 
 def _spread(sizes, published):
-    """Relative standard deviation and extremes of the equivalent diameter: of the sizes, or inferred from the published
-    range where they are a reconstruction and there is such a range."""
+    """Relative standard deviation and extremes of the equivalent diameter.
+
+    They come from the sizes, or from the published range if the sizes are a reconstruction and there is such a range.
+    """
     rows = published.set_index("dimension")
     if not sizes.attrs["reconstruction"] or "equivalent_diameter_mm" not in rows.index:
         return size_distribution.of_sizes(equivalent_diameter(*(sizes[column] for column in SIZE_COLUMNS)))
@@ -329,22 +200,7 @@ def check_material(
     shear_modulus_pa: float | None = None,
     source: object = "berry",
 ) -> None:
-    """Refuse an impossible material.
-
-    Parameters
-    ----------
-    density_kg_m3, shear_modulus_pa : float or None
-        Positive; None is not checked.
-    poisson_ratio : float or None, optional
-        From 0 to 0.5; None is not checked.
-    source : object, optional
-        Named in the error.
-
-    Raises
-    ------
-    InputError
-        If a value is out of its limits.
-    """
+    """Raise InputError for an impossible material; None is not checked, `source` stands in the message."""
     for key, value in (("density_kg_m3", density_kg_m3), ("shear_modulus_pa", shear_modulus_pa)):
         if value is not None and not (math.isfinite(value) and value > 0):
             raise InputError(source, key, value, "a positive number")

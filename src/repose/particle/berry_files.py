@@ -29,26 +29,10 @@ RECONSTRUCTION_MARK = "reconstruction"
 
 
 def read_sizes(path: str | PathLike) -> pd.DataFrame:
-    """Sizes of measured berries.
+    """Full axes of measured berries [mm]: `long_mm`, `major_mm`, `minor_mm`, a row for each berry.
 
-    Lines that start with # are comments. ``attrs["reconstruction"]`` of the table tells whether one of them
-    says that the file is a reconstruction.
-
-    Parameters
-    ----------
-    path : path
-        CSV file with the columns long_mm, major_mm, minor_mm.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Full axes in mm, a row for each berry.
-
-    Raises
-    ------
-    InputError
-        If the file or a column is missing, a value is no positive number, or axes are not in the order long
-        >= major >= minor. It names file, row, column and value.
+    Lines that start with # are comments; `attrs["reconstruction"]` is True if a comment marks the file as a
+    reconstruction. InputError if a value is no positive number, or not long >= major >= minor.
     """
     sizes = _read_numbers(path, SIZE_COLUMNS)
     if len(sizes) < 2:
@@ -65,27 +49,11 @@ def read_sizes(path: str | PathLike) -> pd.DataFrame:
 
 
 def read_compression(path: str | PathLike) -> pd.DataFrame:
-    """Compression tests.
+    """Compression tests: `test`, `force_n`, `length_1_mm`, `length_2_mm`, `width_1_mm`, `width_2_mm`, `breadth_mm`.
 
-    The berry lies on its broad side. The load therefore runs along its minor diameter W, and the section that
-    carries it has the axes L and breadth.
-
-    Parameters
-    ----------
-    path : path
-        CSV file with the columns of the table.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each test: test (a number), force_n (F, N), length_1_mm and length_2_mm (L before and
-        after), width_1_mm and width_2_mm (W, the loaded axis, before and after), breadth_mm (the third axis,
-        before).
-
-    Raises
-    ------
-    InputError
-        As in `read_sizes`, and where the load does not shorten W.
+    The berry lies on its broad side. The load runs along its minor diameter W (width), and the section that carries it
+    has the axes L (length) and breadth; 1 is before, 2 after. InputError as in `read_sizes`, and if the load does not
+    shorten W.
     """
     tests = _read_numbers(path, COMPRESSION_COLUMNS)
     if tests.empty:
@@ -101,23 +69,9 @@ def read_compression(path: str | PathLike) -> pd.DataFrame:
 
 
 def read_berry(path: str | PathLike, needed: Iterable[str] = SIZE_COLUMNS) -> dict[str, Any]:
-    """What the verb berry wrote.
+    """The file of the verb berry; `needed` are keys that it must have.
 
-    Parameters
-    ----------
-    path : path
-        JSON file.
-    needed : iterable of str, optional
-        Keys that it must have.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, lacks a key, or a quantity of the berry is no positive number.
+    InputError if a key is missing, or a quantity of the berry is no positive number.
     """
     berry = read_json(path, needed, WRITTEN)
     for key in (*needed, *(one for one in POSITIVE if one in berry)):

@@ -54,37 +54,13 @@ AXES = ("long_mm", "major_mm", "minor_mm")
 def fit_particle(
     mesh: trimesh.Trimesh, density_kg_m3: float, stl: str = "", source: object = "mesh", kind: str = "smooth"
 ) -> Particle:
-    """Convex particle fitted to the support values of a mesh.
+    """Convex particle fitted to the support values of a mesh (mm, principal pose).
 
-    Mass is density times the particle's own volume: an ellipsoid holds less than a fuller berry of the same
-    axes. A mesh whose vertices lie on an ellipsoid is recognised as this ellipsoid. Its facets cut into the
-    ellipsoid, so volume, mass and inertia are the ellipsoid's, a little above the mesh's own. Deviations
-    include what the facets cut off.
-
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        In mm, in its principal pose as `load_mesh` gives it.
-    density_kg_m3 : float
-        Above 0.
-    stl : str, optional
-        File name to keep with the particle.
-    source : object, optional
-        What error messages call the mesh.
-    kind : str, optional
-        "ellipsoid": a single ellipsoid. "smooth": the sum of as few co-axial ellipsoids (up to 3) as bring
-        the rms deviation of the support values under 0.2 % of the mean radius or the largest under 1 % of the
-        smallest extent, or the best sum.
-
-    Returns
-    -------
-    Particle
-
-    Raises
-    ------
-    InputError
-        If even the best is off by more than 15 % of the mean radius or 10 % of the volume (a single
-        ellipsoid: 20 %).
+    Mass is density times the particle's own volume: an ellipsoid holds less than a fuller berry of the same axes. A
+    mesh whose vertices lie on an ellipsoid becomes this ellipsoid, a little above the mesh's own volume; deviations
+    include the parts that its facets cut off. `kind` "smooth" is the sum of as few co-axial ellipsoids (up to 3) as
+    `fit_components` needs. InputError if the best is off by more than 15 % of the mean radius or 10 % of the volume (a
+    single ellipsoid: 20 %).
     """
     _check_density(density_kg_m3, source)
     n = sphere_directions(DIRECTIONS)
@@ -127,33 +103,11 @@ def make_particle(
     stl: str = "",
     source: object = "mesh",
 ) -> Particle:
-    """Particle of any kind from a mesh.
+    """Particle of any of the `KINDS` from a mesh (mm, principal pose).
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        In mm, in its principal pose.
-    density_kg_m3 : float
-        Above 0.
-    kind : str
-        One of `KINDS`: ellipsoid, smooth, multisphere.
-    spheres : int, optional
-        Of a multisphere: the most spheres, see `sphere_packing.pack`.
-    surface : str, optional
-        Of a multisphere: "smooth" or "rough".
-    stl : str, optional
-        File name to keep with the particle.
-    source : object, optional
-        What error messages call the mesh.
-
-    Returns
-    -------
-    Particle
-
-    Raises
-    ------
-    InputError
-        If the mesh cannot be represented so.
+    `spheres` is the largest number, and `surface` "smooth" or "rough" the kind, of a multisphere
+    (`sphere_packing.pack`). `stl` is a file name to keep; `source` names the mesh in messages. InputError if the kind
+    cannot represent the mesh.
     """
     if kind not in KINDS:
         raise InputError(source, "particle", kind, ", ".join(KINDS))
@@ -182,18 +136,9 @@ def make_particle(
 
 
 def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, Any]]:
-    """Particles of one mesh, compared with it.
+    """Rows of the particles of one mesh, the mesh first: volume, mass, principal moments, extents, deviations.
 
-    Parameters
-    ----------
-    particles : mapping of Particle or InputError
-        By name, all of the same mesh. A particle that could not be made is an InputError, and its row says
-        why.
-
-    Returns
-    -------
-    list of dict
-        The mesh first: volume, mass, principal moments, extents, deviations.
+    A particle that could not be made is an InputError; its row gives the reason.
     """
     made = [particle for particle in particles.values() if isinstance(particle, Particle)]
     rows = [_row("mesh", made[0].mesh)] if made else []
@@ -215,20 +160,11 @@ def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, An
 
 
 class Made(NamedTuple):
-    """A particle with what it was made from.
+    """A particle with its mesh."""
 
-    Attributes
-    ----------
-    stl : bytes
-        Content of the mesh file: mm, principal pose.
-    particle : Particle
-    comparison : list of dict
-        Rows of `compare`: all kinds of particles beside the mesh.
-    """
-
-    stl: bytes
+    stl: bytes  # content of the mesh's file: mm, principal pose
     particle: Particle
-    comparison: list[dict[str, Any]]
+    comparison: list[dict[str, Any]]  # rows of `compare`: all kinds of particles beside the mesh
 
 
 def make(
@@ -241,35 +177,11 @@ def make(
     surface: str = "smooth",
     source: object = MESH_FILE,
 ) -> Made:
-    """The particle of a berry, with its mesh.
+    """The particle of a berry, with its mesh, and all kinds of particles beside each other.
 
-    The mesh is the user's scan; or else built from the mean axes and the mass; without a mass it is the ellipsoid of
-    the mean axes. The particle is made from the mesh as its file holds it, in single precision.
-
-    Parameters
-    ----------
-    berry : mapping
-        With ``long_mm``, ``major_mm``, ``minor_mm`` and ``density_kg_m3``, and perhaps the moduli.
-    scan : trimesh.Trimesh, optional
-        As `load_mesh` gives it.
-    kind : str, optional
-        One of `KINDS`.
-    mass_g : float, optional
-        Of the mean berry.
-    spheres, surface : int, str, optional
-        Of a multisphere, see `sphere_packing.pack`.
-    source : object, optional
-        Named in errors of the mesh.
-
-    Returns
-    -------
-    Made
-        The particle, its mesh, and all kinds of particles beside each other.
-
-    Raises
-    ------
-    InputError
-        If the mesh is bad, or cannot be represented so.
+    The mesh is the user's scan; or it is built from the mean axes and the mass; without a mass it is the ellipsoid of
+    the mean axes. The particle is made from the mesh as in its file, in single precision. `berry` has `long_mm`,
+    `major_mm`, `minor_mm`, `density_kg_m3`, and perhaps the moduli. The other options are those of `make_particle`.
     """
     density = berry["density_kg_m3"]
     stl = _stl(berry, scan, mass_g)
@@ -288,23 +200,9 @@ def make(
 
 
 def of_settings(berry: Mapping[str, Any], section: Mapping[str, Any]) -> Particle:
-    """The particle of a configuration, the same as `make` gives, without the others beside it.
+    """The particle of a configuration, the same as by `make`, without the comparison.
 
-    Parameters
-    ----------
-    berry : mapping
-        As for `make`.
-    section : mapping
-        The section ``berry`` of the configuration.
-
-    Returns
-    -------
-    Particle
-
-    Raises
-    ------
-    InputError
-        If the mesh is bad, or cannot be represented so.
+    `section` is `berry` of the configuration.
     """
     scan = None if section["stl"] is None else load_mesh(section["stl"])
     source = section["stl"] or MESH_FILE
@@ -329,28 +227,9 @@ def run(
     out_dir: str | PathLike = "results/berry",
     **how: Any,
 ) -> Particle:
-    """Write berry.stl, particle.json and particles.csv.
+    """Write berry.stl, particle.json and particles.csv (`make` with the options `how`); return the particle.
 
-    Parameters
-    ----------
-    berry_json : path
-        What the verb ``berry`` wrote.
-    stl : path, optional
-        The user's mesh.
-    out_dir : path, optional
-        Folder of the three files.
-    **how
-        The options of `make`.
-
-    Returns
-    -------
-    Particle
-        What particle.json holds.
-
-    Raises
-    ------
-    InputError
-        If a file or mesh is bad, or cannot be represented so.
+    `berry_json` is the file of the verb ``berry``; `stl` is the user's mesh, None for a built mesh.
     """
     import pandas as pd
 

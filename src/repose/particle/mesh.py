@@ -1,7 +1,4 @@
-"""Meshes of berries: read, judged, turned to their principal axes; volume, moments and extents of what they enclose.
-
-A mesh is in millimetres, all else in metres.
-"""
+"""Meshes of berries: reading, checks, principal pose; volume, moments and extents of their bodies."""
 
 from dataclasses import dataclass
 from io import BytesIO
@@ -22,44 +19,14 @@ CONVEX_SHARE = 0.95
 
 
 def ellipsoid_mesh(axes_mm: ArrayLike, subdivisions: int = 4) -> trimesh.Trimesh:
-    """Watertight mesh of an ellipsoid; its vertices lie on the ellipsoid.
-
-    Parameters
-    ----------
-    axes_mm : array_like, (3,)
-        Full axes.
-    subdivisions : int, optional
-        Of the faces of an icosahedron.
-
-    Returns
-    -------
-    trimesh.Trimesh
-        In mm.
-    """
+    """Watertight mesh of an ellipsoid with full axes (3,); its vertices lie on the ellipsoid."""
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.5)
     mesh.apply_scale(np.asarray(axes_mm, dtype=float))
     return mesh
 
 
 def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
-    """Mesh of a file, centred and turned to its principal axes.
-
-    Parameters
-    ----------
-    path : path
-        STL or another format that trimesh reads, in mm.
-
-    Returns
-    -------
-    trimesh.Trimesh
-        In mm.
-
-    Raises
-    ------
-    InputError
-        If the file is no mesh, or the mesh is not closed, inside out, of implausible size, or so far from
-        convex that no convex particle could stand for it.
-    """
+    """Mesh [mm] of a file that trimesh reads, such as STL, in its principal pose and checked (`check_mesh`)."""
     path = Path(path)
     if not path.is_file():
         raise InputError(path, "file", None, "an existing mesh file, such as an STL in millimetres")
@@ -72,63 +39,21 @@ def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
 
 
 def stl_of(mesh: trimesh.Trimesh) -> bytes:
-    """The mesh as the content of an STL file, in single precision.
-
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        In mm.
-
-    Returns
-    -------
-    bytes
-        The binary format.
-    """
+    """A mesh [mm] as the content of a binary STL file, in single precision."""
     content = mesh.export(file_type="stl")
     assert isinstance(content, bytes)
     return content
 
 
 def mesh_of(stl: bytes, source: object) -> trimesh.Trimesh:
-    """The mesh of an STL file's content, as `load_mesh` gives it.
-
-    Parameters
-    ----------
-    stl : bytes
-        As `stl_of` gives it.
-    source : object
-        Named in the error.
-
-    Returns
-    -------
-    trimesh.Trimesh
-        In mm.
-
-    Raises
-    ------
-    InputError
-        As in `load_mesh`.
-    """
+    """The mesh of the content of an STL file, as by `load_mesh`; `source` stands in messages."""
     mesh: Any = trimesh.load(BytesIO(stl), file_type="stl", force="mesh")
     check_mesh(mesh, source)
     return principal_pose(mesh)
 
 
 def check_mesh(mesh: trimesh.Trimesh, source: object) -> None:
-    """Refuse a mesh that no particle can be made from.
-
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        In mm.
-    source : object
-        Named in the error.
-
-    Raises
-    ------
-    InputError
-        Unless the mesh is closed, faces outwards, has a plausible size, and is nearly convex.
-    """
+    """Raise InputError unless a mesh [mm] is closed, faces outwards, has a plausible size, and is nearly convex."""
     if len(mesh.faces) < 4:
         raise InputError(source, "faces", len(mesh.faces), "a closed surface of at least 4 faces")
     if not np.isfinite(mesh.vertices).all():
@@ -152,23 +77,14 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> None:
 
 
 def principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Copy of a mesh with its centre of mass at the origin and its principal axes along x (the longest), y
-    and z.
+    """Copy of a mesh in its principal pose.
 
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        In any unit.
-
-    Returns
-    -------
-    trimesh.Trimesh
-        In the same unit.
+    Its centre of mass is at the origin, its principal axes lie along x (the longest), y and z.
     """
     # Ascending moments: the smallest belongs to the longest axis.
     axes = np.linalg.eigh(mesh.moment_inertia).eigenvectors.T
     for k in range(2):
-        # One of the two signs, so that the pose does not hang on the eigenvector routine.
+        # A fixed sign, so that the pose does not depend on the eigenvector routine.
         axes[k] *= np.sign(axes[k, np.argmax(np.abs(axes[k]))])
     axes[2] = np.cross(axes[0], axes[1])
     posed = mesh.copy()
@@ -178,56 +94,23 @@ def principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """What a closed mesh encloses.
-
-    Attributes
-    ----------
-    volume_m3, mass_kg : float
-    inertia_kg_m2 : numpy.ndarray, (3,)
-        Principal moments.
-    axes_m : numpy.ndarray, (3,)
-        Full extents along x, y, z.
-    """
+    """Inertial properties of a closed mesh."""
 
     volume_m3: float
     mass_kg: float
-    inertia_kg_m2: np.ndarray
-    axes_m: np.ndarray
+    inertia_kg_m2: np.ndarray  # (3,), principal moments
+    axes_m: np.ndarray  # (3,), full extents along x, y, z
 
 
 def body_of(mesh: trimesh.Trimesh, density_kg_m3: float) -> Body:
-    """Volume, mass, moments and extents of a mesh: exact integrals over the polyhedron.
-
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        In mm, in its principal pose.
-    density_kg_m3 : float
-
-    Returns
-    -------
-    Body
-    """
+    """Volume, mass, moments and extents of a mesh (mm, principal pose): exact integrals over the polyhedron."""
     inertia = np.diag(mesh.moment_inertia) / mesh.density * density_kg_m3 * MM**5
     volume = float(mesh.volume) * MM**3
     return Body(volume, density_kg_m3 * volume, inertia, np.ptp(mesh.vertices, axis=0) * MM)
 
 
 def mesh_support(mesh: trimesh.Trimesh, n: np.ndarray) -> np.ndarray:
-    """Support values of a mesh: its extent from the origin in each direction.
-
-    Parameters
-    ----------
-    mesh : trimesh.Trimesh
-        In any unit.
-    n : numpy.ndarray, (N, 3)
-        Unit vectors.
-
-    Returns
-    -------
-    numpy.ndarray, (N,)
-        In the mesh's unit.
-    """
+    """Support values (N,) of a mesh in its unit: extents from the origin in the directions n (N, 3)."""
     vertices = np.asarray(mesh.convex_hull.vertices)
     # In chunks: a scan's hull times all directions would fill gigabytes.
     return np.concatenate([(part @ vertices.T).max(axis=1) for part in np.array_split(n, 1 + len(n) // 500)])

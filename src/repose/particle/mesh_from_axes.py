@@ -26,14 +26,7 @@ RINGS, SECTORS = 64, 96
 def profile_exponents(shape: float) -> tuple[float, float]:
     """Exponents (m, k) of the profile (1 - abs(t)^m)^k.
 
-    Parameters
-    ----------
-    shape : float
-        Shape number: 2 is the ellipsoid; above it the number is m, below it 1/k.
-
-    Returns
-    -------
-    m, k : float
+    A shape number of 2 is the ellipsoid; above it the number is m, below it 1/k.
     """
     return (shape, 1 / shape) if shape >= 2 else (2.0, 1 / shape)
 
@@ -83,34 +76,11 @@ def berry_mesh(
     wrinkle_depth_mm: float = 0.0,
     source: object = "berry",
 ) -> tuple[trimesh.Trimesh, float]:
-    """Closed mesh of a berry with given axes, mass and density; it holds mass / density exactly.
+    """Closed mesh [mm] with given axes, mass and density, and its shape number (`profile_exponents`).
 
-    Parameters
-    ----------
-    axes_mm : sequence of float, (3,)
-        Full axes, the longest first; with grooves those over the ridges.
-    mass_g, density_kg_m3 : float
-    taper : float, optional
-        How much wider the berry is at one end, over its mean width. The widths ``axes_mm[1:]`` are then the
-        largest.
-    wrinkles : int, optional
-        Number of grooves along the berry.
-    wrinkle_depth_mm : float, optional
-        Depth of the grooves at the belly.
-    source : object, optional
-        Named in the error.
-
-    Returns
-    -------
-    mesh : trimesh.Trimesh
-        In mm.
-    shape : float
-        Shape number, see `profile_exponents`.
-
-    Raises
-    ------
-    InputError
-        If a value is out of its limits; it names the value and what is allowed.
+    It holds mass / density exactly. `axes_mm` are full axes, the longest first; with grooves those over the ridges,
+    with a taper the largest widths. `taper` is the excess width at an end over the mean width. `wrinkle_depth_mm` is
+    the depth of the grooves at the belly. InputError for a value out of its limits.
     """
     axes = np.asarray(axes_mm, float)
     if not (axes.shape == (3,) and np.isfinite(axes).all() and axes[0] >= axes[1] >= axes[2] > 0):
@@ -143,18 +113,7 @@ def berry_mesh(
 
 
 def fullness(shape: float) -> float:
-    """Share of the box around it that a smooth body fills, V / (L W T), in closed form.
-
-    Parameters
-    ----------
-    shape : float
-        Shape number, see `profile_exponents`.
-
-    Returns
-    -------
-    float
-        Of the body without taper and wrinkles.
-    """
+    """Share of its bounding box that a smooth body fills, V / (L W T), in closed form; no taper, no wrinkles."""
     m, k = profile_exponents(shape)
     beta = math.gamma(1 / m) * math.gamma(2 * k + 1) / math.gamma(1 / m + 2 * k + 1)
     return math.pi / 4 * beta / m

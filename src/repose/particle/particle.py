@@ -1,4 +1,4 @@
-"""The particle a simulation pours: a convex body by its support function, or a rigid clump of spheres."""
+"""The simulated particle: a convex body by its support function, or a rigid clump of spheres."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -24,50 +24,24 @@ def _no_spheres():
 class Particle:
     """Rigid particle in its body frame: principal axes, x the longest, centre of mass at the origin.
 
-    Attributes
-    ----------
-    kind : str
-        ellipsoid, smooth or multisphere.
-    semi_axes_m : numpy.ndarray, (K, 3)
-        Half axes of the K co-axial ellipsoids whose support functions add up to the body's. K = 1 is an
-        ellipsoid, K = 0 a multisphere.
-    density_kg_m3 : float
-    volume_m3 : float
-        Of the body; of a multisphere the union of its spheres.
-    mass_kg : float
-        Of a multisphere: that of the mesh.
-    inertia_kg_m2 : numpy.ndarray, (3,)
-        Principal moments; of a multisphere those of the mesh.
-    bounding_radius_m : float
-        Distance of the farthest point from the centre.
-    deviation_max_m, deviation_rms_m : float
-        Largest and rms difference from the mesh, of the support values; of a multisphere, of the surfaces.
-    mesh_volume_m3 : float or None
-        Of the mesh itself; None without a mesh, as are the other two.
-    stl : str
-        Name of the mesh's file.
-    spheres_m : numpy.ndarray, (M, 4)
-        Centre x, y, z and radius of a multisphere's spheres; M = 0 for the others.
-    mesh_inertia_kg_m2 : numpy.ndarray, (3,), or None
-        Principal moments of the mesh at the same density.
-    mesh_axes_m : numpy.ndarray, (3,), or None
-        Full extents of the mesh.
+    The support function of a convex body is the sum of those of K co-axial ellipsoids. A multisphere has the mass and
+    the moments of its mesh, and the volume of the union of its spheres.
     """
 
-    kind: str
-    semi_axes_m: np.ndarray
+    kind: str  # ellipsoid, smooth or multisphere
+    semi_axes_m: np.ndarray  # (K, 3), half axes of the ellipsoids; K = 1: ellipsoid, K = 0: multisphere
     density_kg_m3: float
     volume_m3: float
     mass_kg: float
-    inertia_kg_m2: np.ndarray
-    bounding_radius_m: float
-    deviation_max_m: float
-    deviation_rms_m: float
-    mesh_volume_m3: float | None = None
-    stl: str = ""
-    spheres_m: np.ndarray = field(default_factory=_no_spheres)
-    mesh_inertia_kg_m2: np.ndarray | None = None
-    mesh_axes_m: np.ndarray | None = None
+    inertia_kg_m2: np.ndarray  # (3,), principal moments
+    bounding_radius_m: float  # distance of the farthest point from the centre
+    deviation_max_m: float  # from the mesh, of support values; of a multisphere, of surfaces
+    deviation_rms_m: float  # likewise
+    mesh_volume_m3: float | None = None  # of the mesh itself; None without a mesh
+    stl: str = ""  # name of the mesh's file
+    spheres_m: np.ndarray = field(default_factory=_no_spheres)  # (M, 4), x, y, z, radius
+    mesh_inertia_kg_m2: np.ndarray | None = None  # (3,), at the same density; None without a mesh
+    mesh_axes_m: np.ndarray | None = None  # (3,), full extents; None without a mesh
 
     @property
     def is_clump(self) -> bool:
@@ -88,36 +62,14 @@ class Particle:
         return Body(self.mesh_volume_m3, mass, self.mesh_inertia_kg_m2, self.mesh_axes_m)
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Support values: the extent from the centre in each direction.
-
-        Parameters
-        ----------
-        n : numpy.ndarray, (..., 3)
-            Unit vectors in the body frame.
-
-        Returns
-        -------
-        numpy.ndarray, (...)
-            Metres.
-        """
+        """Support values (...) [m]: extents from the centre in the directions n (..., 3) of the body frame."""
         n = np.asarray(n, dtype=float)
         if self.is_clump:
             return (n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]).max(axis=-1)
         return support_fit.support(self.semi_axes_m, n)
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
-        """Touching points, the gradient of the support function.
-
-        Parameters
-        ----------
-        n : numpy.ndarray, (..., 3)
-            Unit vectors in the body frame.
-
-        Returns
-        -------
-        numpy.ndarray, (..., 3)
-            Metres.
-        """
+        """Touching points (..., 3) [m] for directions n (..., 3): the gradient of the support function."""
         n = np.asarray(n, dtype=float)
         if self.is_clump:
             farthest = self.spheres_m[(n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]).argmax(axis=-1)]
@@ -125,17 +77,7 @@ class Particle:
         return support_fit.support_point(self.semi_axes_m, n)
 
     def dem_shape(self, material: str) -> Shape | Clump:
-        """The engine's shape of the particle.
-
-        Parameters
-        ----------
-        material : str
-            Name of a material.
-
-        Returns
-        -------
-        Shape or Clump
-        """
+        """The engine's shape of the particle, with the name of its material."""
         if self.is_clump:
             return Clump(self.spheres_m, self.mass_kg, self.inertia_kg_m2, material)
         return Shape(self.semi_axes_m, self.mass_kg, self.inertia_kg_m2, material)
@@ -150,17 +92,7 @@ class Particle:
 
     @classmethod
     def of_record(cls, record: Mapping[str, Any]) -> "Particle":
-        """The particle of a record.
-
-        Parameters
-        ----------
-        record : mapping
-            As `record` gives it.
-
-        Returns
-        -------
-        Particle
-        """
+        """The particle of a `record`."""
         values = {name: record[name] for name in ("kind", "density_kg_m3", "stl")}
         for name, (key, unit) in FIELDS.items():
             value = record[key]
@@ -172,31 +104,12 @@ class Particle:
         return cls(**values)
 
     def save(self, path: str | PathLike) -> None:
-        """Write the particle as JSON, see `record`.
-
-        Parameters
-        ----------
-        path : path
-        """
+        """Write the particle as JSON, see `record`."""
         write_json(path, self.record(), indent=2)
 
     @classmethod
     def load(cls, path: str | PathLike) -> "Particle":
-        """Read what `save` wrote.
-
-        Parameters
-        ----------
-        path : path
-
-        Returns
-        -------
-        Particle
-
-        Raises
-        ------
-        InputError
-            If the file is missing, or holds something else.
-        """
+        """Read a file of `save`; InputError if it is something else."""
         what = "a file of `repose shape`"
         keys = ("kind", "density_kg_m3", "stl", *(key for key, _ in FIELDS.values()))
         record = read_json(path, keys, what)
@@ -216,7 +129,7 @@ KINDS = ("ellipsoid", "smooth", "multisphere")
 
 
 def _check_numbers(path, key, value, shape):
-    """Refuse what are no finite numbers of this shape, above zero where only such make sense."""
+    """Raise unless the values are finite numbers of this shape, positive where necessary."""
     try:
         numbers = np.array(value, dtype=float)
         numbers = numbers.reshape(shape) if numbers.size == 0 and shape else numbers

@@ -9,7 +9,7 @@ from scipy.special import ndtr, ndtri
 
 from repose.core.errors import InputError
 
-# Range of n = 50 normal values expected, in standard deviations (Tippett 1925): what Table 1 lets us infer.
+# Expected range of n = 50 normal values, in standard deviations (Tippett 1925): all that Table 1 allows.
 PUBLISHED_N, PUBLISHED_RANGE_SD = 50, 4.498
 KEYS = ("scale_sd", "scale_low", "scale_high")
 # A stream of its own: the places and orientations of a pour stay those of berries that are all alike.
@@ -17,17 +17,7 @@ STREAM = 1
 
 
 def of_sizes(diameters_mm: np.ndarray) -> tuple[float, float, float]:
-    """Spread of measured equivalent diameters, over their mean.
-
-    Parameters
-    ----------
-    diameters_mm : numpy.ndarray, (N,)
-        Of single berries, at least two.
-
-    Returns
-    -------
-    sd, smallest, largest : float
-    """
+    """Standard deviation, smallest and largest of measured equivalent diameters (N,), over their mean."""
     mean = float(np.mean(diameters_mm))
     return (
         float(np.std(diameters_mm, ddof=1)) / mean,
@@ -37,33 +27,17 @@ def of_sizes(diameters_mm: np.ndarray) -> tuple[float, float, float]:
 
 
 def of_range(maximum: float, minimum: float, mean: float) -> tuple[float, float, float]:
-    """Spread of 50 equivalent diameters of which only the range is published, over their mean.
+    """Standard deviation, smallest and largest of 50 equivalent diameters, over their mean, from the published range.
 
     The expected range of 50 normal values is 4.498 standard deviations.
-
-    Parameters
-    ----------
-    maximum, minimum, mean : float
-        In one unit.
-
-    Returns
-    -------
-    sd, smallest, largest : float
     """
     return (maximum - minimum) / PUBLISHED_RANGE_SD / mean, minimum / mean, maximum / mean
 
 
 def normalisation(sd: float, low: float, high: float) -> float:
-    """Cube root of E[x^3] of a normal x of mean 1 that is cut off; x over it keeps the mean volume.
+    """Cube root of E[x^3] of a truncated normal x of mean 1; x over it keeps the mean volume.
 
-    Parameters
-    ----------
-    sd, low, high : float
-        Standard deviation and the two ends, over the mean.
-
-    Returns
-    -------
-    float
+    `sd`, `low` and `high` are over the mean.
     """
     nodes, weights = np.polynomial.legendre.leggauss(60)
     x = low + (high - low) * (nodes + 1) / 2
@@ -72,24 +46,7 @@ def normalisation(sd: float, low: float, high: float) -> float:
 
 
 def smallest(distribution: str, berry: Mapping[str, float]) -> float:
-    """The smallest scale that `of_pour` can draw.
-
-    Parameters
-    ----------
-    distribution : str
-        "none" or "measured".
-    berry : Mapping[str, float]
-        With scale_sd, scale_low and scale_high.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    InputError
-        If the spread is missing in `berry`.
-    """
+    """The smallest scale of `of_pour`; arguments as there."""
     if distribution == "none":
         return 1.0
     sd, low, high = _spread(berry)
@@ -97,21 +54,9 @@ def smallest(distribution: str, berry: Mapping[str, float]) -> float:
 
 
 def draw(rng: np.random.Generator, count: int, sd: float, low: float, high: float) -> np.ndarray:
-    """Scales s of single berries with E[s^3] = 1.
+    """Scales s (count,) of single berries with E[s^3] = 1; all 1 if `sd` is 0.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Source of the numbers.
-    count : int
-        Number of berries.
-    sd, low, high : float
-        Standard deviation and the two ends, over the mean.
-
-    Returns
-    -------
-    numpy.ndarray, (count,)
-        All 1 where `sd` is 0.
+    `sd` and the ends `low` and `high` are over the mean.
     """
     if sd == 0:
         return np.ones(count)
@@ -129,28 +74,9 @@ def _spread(berry):
 
 
 def of_pour(distribution: str, berry: Mapping[str, Any], seed: int, count: int) -> tuple[np.ndarray, float]:
-    """Scales of the berries of one pour.
+    """Scales (count,) of the berries of a pour, and the largest possible scale.
 
-    Parameters
-    ----------
-    distribution : str
-        "none" or "measured".
-    berry : mapping
-        With scale_sd, scale_low and scale_high, as `berry.run` writes it.
-    seed : int
-        Of the pour.
-    count : int
-
-    Returns
-    -------
-    scales : numpy.ndarray, (count,)
-    largest : float
-        The largest scale there can be.
-
-    Raises
-    ------
-    InputError
-        If the spread is missing in `berry`.
+    `distribution` is "none" or "measured"; `berry` has `scale_sd`, `scale_low`, `scale_high`, or InputError.
     """
     if distribution == "none":
         return np.ones(count), 1.0

@@ -26,79 +26,26 @@ AXIS_BOUNDS = (0.05, 10.0)
 
 
 def component_supports(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Support value of each component.
-
-    Parameters
-    ----------
-    semi_axes : numpy.ndarray, (K, 3)
-        Half axes of the components, in any unit.
-    n : numpy.ndarray, (..., 3)
-        Unit vectors.
-
-    Returns
-    -------
-    numpy.ndarray, (..., K)
-        In the unit of the half axes.
-    """
+    """Support values (..., K) of components with half axes (K, 3) in the directions n (..., 3); one unit of length."""
     return np.sqrt(np.square(n) @ np.square(semi_axes).T)
 
 
 def support(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Support values of the sum of components.
-
-    Parameters
-    ----------
-    semi_axes : numpy.ndarray, (K, 3)
-        Half axes of the components, in any unit.
-    n : numpy.ndarray, (..., 3)
-        Unit vectors.
-
-    Returns
-    -------
-    numpy.ndarray, (...)
-        In the unit of the half axes.
-    """
+    """Support values (...) of the sum of components with half axes (K, 3) in the directions n (..., 3)."""
     return component_supports(semi_axes, n).sum(axis=-1)
 
 
 def support_point(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Touching points: the gradient of the support function, sum over components of s^2 n / h_k.
-
-    Parameters
-    ----------
-    semi_axes : numpy.ndarray, (K, 3)
-        Half axes of the components, in any unit.
-    n : numpy.ndarray, (..., 3)
-        Unit vectors.
-
-    Returns
-    -------
-    numpy.ndarray, (..., 3)
-        In the unit of the half axes.
-    """
+    """Touching points (..., 3): the gradient of the support function, sum over components of s^2 n / h_k."""
     return n * ((1.0 / component_supports(semi_axes, n)) @ np.square(semi_axes))
 
 
 def recognise_ellipsoid(
     vertices: np.ndarray, radius: float, n: np.ndarray, measured: np.ndarray
 ) -> np.ndarray | None:
-    """Half axes of the ellipsoid on which all vertices lie.
+    """Half axes (1, 3) of the ellipsoid on which all vertices (V, 3) lie; None if there is none.
 
-    Parameters
-    ----------
-    vertices : numpy.ndarray, (V, 3)
-        In the unit of the radius.
-    radius : float
-        Mean radius of the body.
-    n : numpy.ndarray, (N, 3)
-        Unit vectors.
-    measured : numpy.ndarray, (N,)
-        Support values of the body in these directions.
-
-    Returns
-    -------
-    numpy.ndarray, (1, 3), or None
-        In the unit of the radius; None where there is no such ellipsoid.
+    `radius` is the mean radius of the body; `measured` (N,) are its support values in the directions n (N, 3).
     """
     x = vertices / radius
     if len(x) < 12:
@@ -127,26 +74,11 @@ def recognise_ellipsoid(
 def fit_components(
     n: np.ndarray, measured: np.ndarray, radius: float, counts: Sequence[int] = COMPONENTS
 ) -> np.ndarray:
-    """Half axes of the sum of co-axial ellipsoids nearest to measured support values.
+    """Half axes (K, 3) of the co-axial ellipsoids whose sum is nearest to measured support values, the longest first.
 
-    The components are enough when the rms deviation is below 0.2 % of the mean radius or the largest
-    deviation below 1 % of the smallest extent.
-
-    Parameters
-    ----------
-    n : numpy.ndarray, (N, 3)
-        Unit vectors.
-    measured : numpy.ndarray, (N,)
-        Support values in these directions.
-    radius : float
-        Mean radius of the body.
-    counts : sequence of int, optional
-        Numbers of components to try, the fewest first.
-
-    Returns
-    -------
-    numpy.ndarray, (K, 3)
-        In the unit of the radius, the longest component first.
+    The components are enough when the rms deviation is below 0.2 % of the mean radius or the largest deviation below 1
+    % of the smallest extent. `measured` (N,) are the values in the directions n (N, 3), `radius` is the mean radius,
+    `counts` the numbers of components to try, the fewest first.
     """
     best, best_rms = np.zeros((0, 3)), math.inf
     extents = measured[np.argmax(n, axis=0)]
@@ -186,7 +118,7 @@ def _starts(count, extents, radius):
         return [extents[None]]
     rng = np.random.default_rng(count)
     shares = [rng.dirichlet(np.full(count, 2.0), size=3).T for _ in range(3)]
-    # Needles along one axis each beside a body: what fuller or more pointed shapes than an ellipsoid want.
+    # Needles along one axis each beside a body: for fuller or more pointed shapes than an ellipsoid.
     for axis in range(3):
         share = np.full((count, 3), 0.1)
         share[0, axis] = 0.7
@@ -230,23 +162,11 @@ def _surface_quadrature(latitudes=200, longitudes=250):
 
 
 def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:
-    """Volume of a body, and the integrals of x_i^2 over it.
+    """Volume [m3] of a body with half axes (K, 3) [m], and the integrals (3,) of x_i^2 over it [m5].
 
-    The body is the union of cones from its centre over the surface x(n) = grad h, whose element of area is
-    det Q dOmega, Q = grad grad h on the tangent plane: V = 1/3 int h det Q dOmega, and the integral of x_i^2
-    is 1/5 int x_i^2 h det Q dOmega.
-
-    Parameters
-    ----------
-    semi_axes : numpy.ndarray, (K, 3)
-        Metres.
-
-    Returns
-    -------
-    volume : float
-        m3.
-    integrals : numpy.ndarray, (3,)
-        m5.
+    The body is the union of cones from its centre over the surface x(n) = grad h, whose element of area is det Q
+    dOmega, Q = grad grad h on the tangent plane: V = 1/3 int h det Q dOmega, and the integral of x_i^2 is 1/5 int x_i^2
+    h det Q dOmega.
     """
     if len(semi_axes) == 1:
         volume = 4 / 3 * math.pi * float(semi_axes[0].prod())
@@ -263,18 +183,7 @@ def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def bounding_radius(semi_axes: np.ndarray) -> float:
-    """Distance of the farthest surface point from the centre: the maximum of h over all directions.
-
-    Parameters
-    ----------
-    semi_axes : numpy.ndarray, (K, 3)
-        Half axes of the components, in any unit.
-
-    Returns
-    -------
-    float
-        In the unit of the half axes.
-    """
+    """Distance of the farthest surface point from the centre: the maximum of h; half axes (K, 3)."""
     n = np.concatenate([np.eye(3), sphere_directions(1000)])
     n = n[np.argsort(-support(semi_axes, n))[:50]]
     # h is convex and homogeneous, so moving n to its own support point never lowers h.

@@ -1,1 +1,1 @@
-"""What a reader sees: pictures, films, pages, figures."""
+"""Output for readers: pictures, films, pages, figures."""

@@ -1,4 +1,4 @@
-"""What stands behind the berries of a picture: the inside of the drum."""
+"""Background of a picture of berries: the inside of the drum."""
 
 import math
 from dataclasses import dataclass
@@ -13,29 +13,15 @@ MARKS, MARK_RAD = 12, 0.035  # around the rim, and half as wide as this
 
 @dataclass(frozen=True)
 class DrumInside:
-    """A cylinder about the y axis, open towards a camera that looks along +y on the axis, closed behind.
+    """A cylinder about the y axis, open towards a camera that looks along +y on the axis, closed behind."""
 
-    Attributes
-    ----------
-    radius_m, length_m, thickness_m : float
-        Inner radius, length and thickness of the wall.
-    turned_rad : float
-        How far it has turned about -y; the marks on its rim show it.
-    """
-
-    radius_m: float
+    radius_m: float  # inner
     length_m: float
     thickness_m: float
-    turned_rad: float = 0.0
+    turned_rad: float = 0.0  # about -y; the marks on the rim show it
 
     def outline(self) -> np.ndarray:
-        """Points that a picture of it has to hold: both rims.
-
-        Returns
-        -------
-        numpy.ndarray, (144, 3)
-            In m.
-        """
+        """Points (144, 3) in m that a picture must contain: both rims."""
         angle = np.linspace(0.0, 2.0 * math.pi, 72, endpoint=False)
         outer, half = self.radius_m + self.thickness_m, 0.5 * self.length_m
         return np.concatenate(
@@ -46,21 +32,9 @@ class DrumInside:
         )
 
     def meet(self, eye_m: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where rays meet the drum, its rim or its back.
+        """Depth (H, W) in m along the view, infinite for a ray that misses the drum, and unit normal (H, W, 3).
 
-        Parameters
-        ----------
-        eye_m : numpy.ndarray, (3,)
-            Origin of the rays in m.
-        rays : numpy.ndarray, (H, W, 3)
-            Directions, scaled to unit depth along the view.
-
-        Returns
-        -------
-        depth : numpy.ndarray, (H, W)
-            In m along the view; infinite for a ray that meets nothing.
-        normal : numpy.ndarray, (H, W, 3)
-            Unit normals there.
+        `rays` (H, W, 3) start at the eye and are scaled to unit depth along the view.
         """
         half = 0.5 * self.length_m
         front, back = ((y - eye_m[1]) / rays[..., 1] for y in (-half, half))
@@ -79,21 +53,9 @@ class DrumInside:
         return np.where(mouth <= self.radius_m + self.thickness_m, depth, np.inf), normal
 
     def paint(self, place: np.ndarray, normal: np.ndarray, lit: np.ndarray, sky: np.ndarray) -> np.ndarray:
-        """Colours of places on the drum.
+        """Colours (M, 3) of places on the drum: red, green and blue, 0 to 1 or a little above.
 
-        Parameters
-        ----------
-        place : numpy.ndarray, (M, 3)
-            In m.
-        normal : numpy.ndarray, (M, 3)
-            As `meet` gives them.
-        lit, sky : numpy.ndarray, (M,)
-            Shares of the light and of the sky that reach the places, 0 to 1.
-
-        Returns
-        -------
-        numpy.ndarray, (M, 3)
-            Red, green and blue, 0 to 1 or a little above.
+        `normal` comes from `meet`; `lit` and `sky` (M,) are the shares of light and sky that reach the places.
         """
         tone = (0.62 + 0.38 * lit) * (0.35 + 0.65 * sky) * (0.86 + 0.14 * normal[:, 2])
         colour = DRUM_TONE * 1.1 * tone[:, None]

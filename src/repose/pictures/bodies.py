@@ -13,7 +13,7 @@ from repose.dem.tessellation import tessellate
 class Drawable(Protocol):
     """A shape that can be drawn: `repose.dem.Shape`, or a `Particle`.
 
-    One that is made of spheres has them as `spheres_m` besides: (M, 4), centre and radius in m.
+    A shape that is made of spheres also has `spheres_m`, (M, 4): centre and radius in m.
     """
 
     @property
@@ -21,64 +21,29 @@ class Drawable(Protocol):
         """Distance of its farthest point from its centre in m."""
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Support function of the body.
+        """Support function: distance (...,) in m of the tangent plane with normal `n` from the centre.
 
-        Parameters
-        ----------
-        n : numpy.ndarray, (..., 3)
-            Unit directions in the body's frame.
-
-        Returns
-        -------
-        numpy.ndarray, (...,)
-            Distance of the tangent plane with the normal n from the centre, in m.
+        `n` (..., 3) are unit vectors in the body's frame.
         """
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
-        """Farthest point of the body in a direction.
-
-        Parameters
-        ----------
-        n : numpy.ndarray, (..., 3)
-            Unit directions in the body's frame.
-
-        Returns
-        -------
-        numpy.ndarray, (..., 3)
-            In m.
-        """
+        """Farthest points (..., 3) in m of the body in the unit directions `n` of the body's frame."""
 
 
 @dataclass(frozen=True)
 class Bodies:
-    """The N bodies to be drawn, of S shapes with V points and T triangles each.
+    """The N bodies to be drawn, of S shapes with V points and T triangles each."""
 
-    Attributes
-    ----------
-    normals : numpy.ndarray, (S, V, 3)
-        Unit normals at the points of each shape.
-    triangles : numpy.ndarray of int, (T, 3)
-        Numbers of their points, the same for all shapes.
-    shape_ids : numpy.ndarray of int, (N,)
-        Number of each body's shape.
-    turn : numpy.ndarray, (N, 3, 3)
-        Rotation of each body, body to world.
-    vertices : numpy.ndarray, (N, V, 3)
-        Points of each body in the world, in m.
-    owner : numpy.ndarray of int, (N,)
-        The body to which a part belongs; itself for a body of one part.
-    """
-
-    normals: np.ndarray
-    triangles: np.ndarray
-    shape_ids: np.ndarray
-    turn: np.ndarray
-    vertices: np.ndarray
-    owner: np.ndarray
+    normals: np.ndarray  # (S, V, 3), unit normals at the points of each shape
+    triangles: np.ndarray  # int (T, 3), numbers of their points, the same for all shapes
+    shape_ids: np.ndarray  # int (N,), number of each body's shape
+    turn: np.ndarray  # (N, 3, 3), rotation, body to world
+    vertices: np.ndarray  # (N, V, 3), points of each body in the world, in m
+    owner: np.ndarray  # int (N,), the body to which a part belongs; itself for a body of one part
 
 
 class _Ball:
-    """A sphere of radius 1, of which bodies of spheres are made up."""
+    """A sphere of radius 1, the part of bodies that are made of spheres."""
 
     bounding_radius_m = 1.0
 
@@ -98,23 +63,8 @@ def place_bodies(
 ) -> Bodies:
     """Bodies at their places, ready to be drawn; each sphere of a body of spheres is a part of its own.
 
-    Parameters
-    ----------
-    centres : numpy.ndarray, (N, 3)
-        In m.
-    quaternions : numpy.ndarray, (N, 4)
-        w, x, y, z, body to world.
-    shapes : sequence of Drawable
-        The shapes there are.
-    shape_ids : numpy.ndarray of int, (N,)
-        Place of each body's shape in that sequence.
-    scales : numpy.ndarray, (N,)
-        Size of each body over that of its shape.
-
-    Returns
-    -------
-    Bodies
-        In the order of the input; the parts of bodies of spheres ordered by shape.
+    `centres` are in m, `quaternions` w, x, y, z, body to world; `shape_ids` (N,) are places in `shapes`. The order is
+    that of the input; parts are ordered by shape.
     """
     if any(_spheres(shape) is not None for shape in shapes):
         return _place_parts(centres, quaternions, shapes, shape_ids, scales)
@@ -134,7 +84,7 @@ def _place_parts(
     shape_ids: np.ndarray,
     scales: np.ndarray,
 ) -> Bodies:
-    """The same where a shape consists of spheres."""
+    """`Bodies` if a shape consists of spheres: each sphere is a part."""
     turn = rotation_matrices(quaternions)
     parts = []
     for kind, shape in enumerate(shapes):

@@ -36,36 +36,12 @@ def animate_pour(
     max_bytes: int = 3_000_000,
     colour: str = GRAIN,
 ) -> None:
-    """Write a short endless animation of a pour.
+    """Write an endless animation of a pour as .gif or .webp; frames are spread evenly over the time.
 
-    Parameters
-    ----------
-    trajectory : path
-        An .npz file with time_s (T,), position (T, N, 3) [m], NaN for berries that are not there yet, quaternion
-        (T, N, 4) and scale (N,), 1 where it is missing.
-    particle : Particle or Shape
-        The berries' shape.
-    out_path : path
-        A .gif or .webp file.
-    walls : sequence of Frustum
-        Drawn translucent.
-    frames : int
-        Number of pictures, evenly spread over the time; the last one is shown longer.
-    frame_s : float
-        How long each is shown [s].
-    width, height : int
-        Pixels.
-    elevation_deg, azimuth_deg : float
-        Direction from which the camera looks.
-    max_bytes : int
-        Colours are reduced until the file is no larger.
-    colour : str
-        Of the grains, as #rrggbb.
-
-    Raises
-    ------
-    InputError
-        For another ending, a trajectory that cannot be read, or a file that stays too large.
+    `trajectory` is an .npz file with time_s (T,), position (T, N, 3) [m], NaN before a berry appears, quaternion (T,
+    N, 4) and perhaps scale (N,). `frame_s` is the time that a frame is shown. Colours are reduced until the file has
+    at most `max_bytes`. `colour` is #rrggbb. Raises InputError for a bad trajectory, another ending or a file that
+    stays too large.
     """
     out_path = _checked(out_path)
     record = read_npz(trajectory, KEYS, "the trajectory of a pour")
@@ -95,28 +71,10 @@ def animate(
     max_bytes: int = 3_000_000,
     **view: Any,
 ) -> None:
-    """Write a short endless animation of any simulation.
+    """Write an endless animation of any simulation; `frames` come from `repose.dem.Recorder.frames`.
 
-    Parameters
-    ----------
-    simulation : Simulation
-        For its shapes and walls.
-    frames : mapping
-        What `repose.dem.Recorder.frames` returns.
-    out_path : path
-        A .gif or .webp file.
-    pictures : int
-        Number of frames shown, evenly spread over the time; the last one is shown longer.
-    frame_s, max_bytes
-        See `animate_pour`.
-    **view
-        See `repose.pictures.render.render_bodies`; the picture holds what is there at the first and at the last frame
-        unless frame_m is given.
-
-    Raises
-    ------
-    InputError
-        For another ending, no frames, or a file that stays too large.
+    `view` goes to `repose.pictures.render.render_bodies`; without frame_m the picture contains the first and the last
+    frame. Files and errors are those of `animate_pour`.
     """
     out_path = _checked(out_path)
     if not len(frames["time_s"]):
@@ -149,21 +107,9 @@ def animate_drum(
     max_bytes: int = 3_900_000,
     colour: str = GRAIN,
 ) -> None:
-    """Write a short endless animation of a drum that turns, seen along its axis with its rim, whose marks turn with it.
+    """Write an endless animation of a turning drum, seen along its axis; the marks on its rim turn with it.
 
-    Parameters
-    ----------
-    trajectory : path
-        An .npz file as that of `animate_pour`, with turned_deg (T,) besides.
-    section : mapping
-        The configuration's `drum`.
-    particle, out_path, frames, frame_s, width, max_bytes, colour
-        See `animate_pour`; the picture is a square.
-
-    Raises
-    ------
-    InputError
-        As `animate_pour`.
+    `trajectory` is as for `animate_pour`, with turned_deg (T,) in addition; `section` is the configuration's `drum`.
     """
     out_path = _checked(out_path)
     record = read_npz(trajectory, (*KEYS, "turned_deg"), "the trajectory of a drum")
@@ -183,19 +129,7 @@ def animate_drum(
 
 
 def drum_inside(section: Mapping[str, Any], turned_rad: float) -> DrumInside:
-    """The drum as a backdrop, turned by an angle.
-
-    Parameters
-    ----------
-    turned_rad : float
-        How far it has turned.
-    section : mapping
-        The section `drum` of the configuration.
-
-    Returns
-    -------
-    DrumInside
-    """
+    """The drum as a backdrop; `section` is the configuration's `drum`."""
     thickness_m = 1e-3 * section["wall_thickness_mm"]
     radius_m = 0.5e-3 * section["outer_diameter_mm"] - thickness_m
     return DrumInside(radius_m, 1e-3 * section["length_mm"], thickness_m, float(turned_rad))
@@ -208,7 +142,7 @@ def _moving(record: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, n
 
 
 def _checked(out_path: str | Path) -> Path:
-    """The path, if its ending is one that can be written."""
+    """The path; InputError for an ending that cannot be written."""
     out_path = Path(out_path)
     if out_path.suffix.lower() not in FORMATS:
         raise InputError(out_path, "ending", out_path.suffix, ".gif or .webp")
@@ -221,7 +155,7 @@ def _spread(times: np.ndarray, frames: int) -> np.ndarray:
 
 
 def _write_within(pictures: Sequence[np.ndarray], frame_s: float, out_path: Path, max_bytes: int) -> None:
-    """Write RGB pictures, with as many colours as max_bytes allow; InputError where none do."""
+    """Write RGB pictures with as many colours as max_bytes allows; InputError if even the fewest take more."""
     images = [Image.fromarray(picture) for picture in pictures]
     shown_ms = [round(1000 * frame_s)] * (len(images) - 1) + [round(1000 * LAST_S)]
     kind, content = FORMATS[out_path.suffix.lower()], b""

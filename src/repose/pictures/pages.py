@@ -11,21 +11,6 @@ th { border-bottom: 2px solid #555; }
 
 
 def page(title: str, body: str, style: str = STYLE) -> str:
-    """An HTML page.
-
-    Parameters
-    ----------
-    title : str
-        Plain text.
-    body : str
-        HTML.
-    style : str, optional
-        CSS.
-
-    Returns
-    -------
-    str
-        HTML.
-    """
+    """An HTML page; `title` is plain text, `body` HTML and `style` CSS."""
     head = f'<meta charset="utf-8"><title>{html.escape(title)}</title><style>{style}</style>'
     return f"<!doctype html>\n<html><head>{head}</head>\n<body>{body}</body></html>\n"

@@ -40,29 +40,11 @@ def _rasterise(x, y, near, triangles, nearest, body, weights, corner):
 def draw(
     x: np.ndarray, y: np.ndarray, near: np.ndarray, triangles: np.ndarray, shape: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """What each pixel of a picture shows of triangles, the nearest first.
+    """Draw triangles of N bodies with V points each into a z-buffer (H, W); a larger `near` is nearer.
 
-    Parameters
-    ----------
-    x, y : numpy.ndarray, (N, V)
-        Places of the bodies' points in pixels, row 0 on top.
-    near : numpy.ndarray, (N, V)
-        The larger, the nearer.
-    triangles : numpy.ndarray of int, (T, 3)
-        Numbers of their points, the same for all bodies.
-    shape : tuple of int
-        Height H and width W in pixels.
-
-    Returns
-    -------
-    nearest : numpy.ndarray of float32, (H, W)
-        `near` of what is seen; minus infinity where nothing is.
-    body : numpy.ndarray of int, (H, W)
-        Number of the body, -1 where there is none.
-    corner : numpy.ndarray of int, (H, W)
-        Number of the triangle.
-    weights : numpy.ndarray of float32, (H, W, 2)
-        Shares of the triangle's second and third point.
+    `x` and `y` (N, V) are in pixels, row 0 on top; `triangles` (T, 3) are the same for all bodies. Returns `near` of
+    the visible point (minus infinity if none), the body's number (-1 if none), the triangle's number and the shares
+    (H, W, 2) of its second and third point.
     """
     nearest = np.full(shape, -np.inf, np.float32)
     body, corner = np.full(shape, -1, np.int32), np.zeros(shape, np.int32)
@@ -93,20 +75,9 @@ def _spiral(taps):
 
 @numba.njit(cache=True)
 def place_of(camera, shape, row, column, depth, place):
-    """Where the ray of a pixel is at a depth, as `repose.pictures.scenery.Camera.rays` has it.
+    """Write the place (3,) in m at a depth along the ray of a pixel.
 
-    Parameters
-    ----------
-    camera : tuple
-        Its eye (3,) in m, its axes (3, 3) and its focal length in pixels, see `repose.pictures.scenery.Camera`.
-    shape : tuple of int
-        Height and width of its picture in pixels.
-    row, column : int
-        The pixel.
-    depth : float
-        In m along the view.
-    place : numpy.ndarray, (3,)
-        Written: the place in m.
+    `camera` is eye (3,) in m, axes (3, 3) and focal length in pixels, see `repose.pictures.scenery.Camera`.
     """
     eye, axes, focal = camera
     right, up = (column + 0.5 - shape[1] / 2) / focal, (shape[0] / 2 - row - 0.5) / focal
@@ -116,35 +87,11 @@ def place_of(camera, shape, row, column, depth, place):
 
 @numba.njit(cache=True)
 def lit_fraction(depth, normals, camera, light_map, axes, origin, pixel_m, softness_m, bias_m, taps):
-    """Share of the light that reaches what each pixel shows, from a depth map seen from the light.
+    """Share (H, W) of the light that reaches each visible point, from a depth map seen from the light.
 
-    Parameters
-    ----------
-    depth : numpy.ndarray of float32, (H, W)
-        In m along the view, infinite where nothing is.
-    normals : numpy.ndarray of float32, (H, W, 3)
-        Directions in which a point is moved by `bias_m`, away from its own surface.
-    camera : tuple
-        See `place_of`.
-    light_map : numpy.ndarray of float32, (R, C)
-        Largest height towards the light in m.
-    axes : numpy.ndarray, (3, 3)
-        Rows: two axes across the light, then towards it.
-    origin : numpy.ndarray, (2,)
-        Of the map, across the light in m.
-    pixel_m : float
-        Size of a pixel of the map.
-    softness_m : float
-        Radius about a point in which the map is looked up.
-    bias_m : float
-        How far a surface must stand before a point to shade it.
-    taps : int
-        Number of look-ups for a point.
-
-    Returns
-    -------
-    numpy.ndarray of float32, (H, W)
-        0 to 1; 1 where nothing is.
+    It is 1 without a point. `light_map` holds the largest height towards the light in m; the rows of `axes` are two
+    axes across the light, then towards it; `origin` is in m across the light. `softness_m` is the radius of the
+    `taps` look-ups, `bias_m` the distance at which a surface begins to shade a point. `camera` is as in `place_of`.
     """
     rows, columns = depth.shape
     lit = np.ones((rows, columns), np.float32)
@@ -174,23 +121,9 @@ def lit_fraction(depth, normals, camera, light_map, axes, origin, pixel_m, softn
 
 @numba.njit(cache=True)
 def openness(depth, normals, camera, wanted, radius_m, taps):
-    """Share of the sky that what each pixel shows sees past its neighbours in the picture.
+    """Share (H, W) of the sky that each visible point sees past its neighbours in the picture; 1 outside `wanted`.
 
-    Parameters
-    ----------
-    depth, normals, camera
-        See `lit_fraction`.
-    wanted : numpy.ndarray of bool, (H, W)
-        Which pixels are asked for, of those that show something.
-    radius_m : float
-        Radius in which neighbours are looked up, and length by which their shade grows weaker with the distance.
-    taps : int
-        Number of neighbours looked up for a point.
-
-    Returns
-    -------
-    numpy.ndarray of float32, (H, W)
-        0 to 1; 1 where none is asked for.
+    `radius_m` is the radius of the `taps` look-ups; the shade of a neighbour fades over the same length.
     """
     rows, columns = depth.shape
     open_sky = np.ones((rows, columns), np.float32)

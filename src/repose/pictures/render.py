@@ -42,25 +42,9 @@ def render_pile(
     scales: np.ndarray | None = None,
     colour: str = shading.GRAIN,
 ) -> np.ndarray:
-    """A shaded picture of grains of one shape.
+    """A shaded picture (height, width, 3), RGB, of grains of one shape; arguments as in `render_bodies`.
 
-    Parameters
-    ----------
-    centres_m, quaternions, scales, elevation_deg, azimuth_deg, width, height, frame_m, supersample, field_of_view_deg
-        See `render_bodies`.
-    colour : str
-        Of the grains, as #rrggbb.
-    particle : Particle or Shape
-        The shape of all of them.
-    walls : sequence of Frustum, optional
-        Drawn translucent.
-    backdrop : Backdrop, optional
-        What stands behind the grains instead of a plate at z = 0.
-
-    Returns
-    -------
-    numpy.ndarray
-        RGB, uint8, (height, width, 3).
+    `walls` are drawn translucent; a `backdrop` replaces the plate at z = 0.
     """
     setting = Setting(None if backdrop else 0.0, frusta=tuple(walls or ()), backdrop=backdrop)
     view = (elevation_deg, azimuth_deg, width, height, frame_m, supersample, field_of_view_deg)
@@ -83,39 +67,12 @@ def render_bodies(
     field_of_view_deg: float = FIELD_OF_VIEW_DEG,
     colour: str = shading.GRAIN,
 ) -> np.ndarray:
-    """A shaded picture of bodies of several shapes and sizes. The same input gives the same picture.
+    """A shaded picture (height, width, 3), RGB, of bodies of several shapes and sizes; same input, same picture.
 
-    Parameters
-    ----------
-    centres_m : numpy.ndarray
-        (N, 3) [m]; a body with a NaN is not drawn.
-    quaternions : numpy.ndarray
-        (N, 4), w, x, y, z, body to world.
-    shapes : sequence of Shape or Particle
-        Convex or of spheres; each of another colour.
-    shape_ids : numpy.ndarray, optional
-        (N,), place of a body's shape in that sequence; by default the first.
-    scales : numpy.ndarray, optional
-        (N,), by default 1.
-    setting : Setting, optional
-        By default a plate at z = 0.
-    elevation_deg, azimuth_deg : float
-        Direction from which the camera looks.
-    width, height : int
-        Pixels; the height is 0.6 of the width unless given.
-    frame_m : numpy.ndarray, optional
-        Points (M, 3) [m] that the picture has to hold; by default what is there.
-    supersample : int
-        Rays along each side of a pixel.
-    field_of_view_deg : float
-        Of the camera.
-    colour : str
-        Of the first shape, as #rrggbb.
-
-    Returns
-    -------
-    numpy.ndarray
-        RGB, uint8, (height, width, 3).
+    A body with a NaN is not drawn. `quaternions` are w, x, y, z, body to world; `shape_ids` are places in `shapes`,
+    None means the first. `setting` None means a plate at z = 0. The picture contains the points `frame_m` (M, 3),
+    None means all bodies and walls. `height` None means 0.6 of the width. `supersample` is the number of rays along
+    each side of a pixel; `colour` (#rrggbb) is of the first shape.
     """
     setting = setting or Setting()
     height = height or round(0.6 * width)
@@ -136,20 +93,7 @@ def render_bodies(
 
 
 def render_simulation(simulation: Simulation, **view: Any) -> np.ndarray:
-    """A shaded picture of a simulation as it is now.
-
-    Parameters
-    ----------
-    simulation : Simulation
-        Its bodies and walls are drawn.
-    **view
-        From `render_bodies`: elevation_deg, azimuth_deg, width, height, frame_m, supersample, field_of_view_deg.
-
-    Returns
-    -------
-    numpy.ndarray
-        RGB, uint8, (height, width, 3).
-    """
+    """A shaded picture (height, width, 3), RGB, of a simulation at its present time; `view` goes to `render_bodies`."""
     centres = np.where(simulation.present[:, None], simulation.positions, np.nan)
     shapes = list(simulation.shapes.values())
     ids, scales = simulation.shape_ids, simulation.scales

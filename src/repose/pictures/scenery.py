@@ -1,4 +1,4 @@
-"""What a picture shows besides the bodies: walls, and the camera that sees them."""
+"""Scenery of a picture of bodies: walls, and the camera that sees them."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,29 +14,19 @@ from repose.dem.surfaces import Cone
 from repose.dem.tessellation import cone_circles, endless, in_world, plane_polygon
 
 FIELD_OF_VIEW_DEG = 24.0
-BAND_PIXELS = 65_536  # worked on at once: their temporary arrays take tens of MB
+BAND_PIXELS = 65_536  # per band: the temporary arrays of a band take tens of MB
 LENGTHS = ("inlet_diameter", "outlet_diameter", "tube_length", "rim_radius", "outlet_height")
 
 
 @dataclass(frozen=True)
 class Frustum:
-    """A wall of revolution about the z axis of a frame.
+    """A wall of revolution about the z axis of a frame."""
 
-    Attributes
-    ----------
-    z_low_m, r_low_m : float
-        Height and radius of its lower end.
-    z_high_m, r_high_m : float
-        Height and radius of its upper end.
-    frame : tuple of float, (12,)
-        Origin in m and rotation (frame to world, by rows); the world's own unless given.
-    """
-
-    z_low_m: float
+    z_low_m: float  # height and radius of the lower end
     r_low_m: float
-    z_high_m: float
+    z_high_m: float  # height and radius of the upper end
     r_high_m: float
-    frame: tuple = (0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1)
+    frame: tuple = (0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1)  # origin in m, rotation to the world by rows
 
     @property
     def slope(self) -> float:
@@ -46,15 +36,9 @@ class Frustum:
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """A flat opaque wall, seen from one side only.
+    """A flat opaque wall, seen from one side only."""
 
-    Attributes
-    ----------
-    corners_m : numpy.ndarray, (M, 3)
-        Corners of a convex polygon, anticlockwise from the side it is seen from.
-    """
-
-    corners_m: np.ndarray
+    corners_m: np.ndarray  # (M, 3), convex, anticlockwise from the visible side
 
     @property
     def normal(self) -> np.ndarray:
@@ -68,101 +52,40 @@ class Backdrop(Protocol):
     """A surface behind all bodies, such as `repose.pictures.backdrop.DrumInside`."""
 
     def meet(self, eye_m: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where rays meet the surface.
+        """Depth (H, W) in m along the view, infinite for a ray that misses the surface, and unit normal (H, W, 3).
 
-        Parameters
-        ----------
-        eye_m : numpy.ndarray, (3,)
-            Origin of the rays in m.
-        rays : numpy.ndarray, (H, W, 3)
-            Directions, scaled to unit depth along the view.
-
-        Returns
-        -------
-        depth : numpy.ndarray, (H, W)
-            In m along the view; infinite for a ray that meets nothing.
-        normal : numpy.ndarray, (H, W, 3)
-            Unit normals there.
+        `rays` (H, W, 3) start at the eye and are scaled to unit depth along the view.
         """
 
     def paint(self, place: np.ndarray, normal: np.ndarray, lit: np.ndarray, sky: np.ndarray) -> np.ndarray:
-        """Colours of places on the surface.
+        """Colours (M, 3) of places on the surface: red, green and blue, 0 to 1 or a little above.
 
-        Parameters
-        ----------
-        place : numpy.ndarray, (M, 3)
-            In m.
-        normal : numpy.ndarray, (M, 3)
-            As `meet` gives them.
-        lit, sky : numpy.ndarray, (M,)
-            Shares of the light and of the sky that reach the places, 0 to 1.
-
-        Returns
-        -------
-        numpy.ndarray, (M, 3)
-            Red, green and blue, 0 to 1 or a little above.
+        `normal` comes from `meet`; `lit` and `sky` (M,) are the shares of light and sky that reach the places.
         """
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What stands about the bodies.
+    """Scenery around the bodies."""
 
-    Attributes
-    ----------
-    plate_m : float or None
-        Height of an endless plate.
-    panels : tuple of Panel
-        Opaque walls.
-    frusta : tuple of Frustum
-        Translucent walls.
-    backdrop : Backdrop or None
-        What is seen behind all of them.
-    """
-
-    plate_m: float | None = 0.0
-    panels: tuple[Panel, ...] = ()
-    frusta: tuple[Frustum, ...] = ()
-    backdrop: Backdrop | None = None
+    plate_m: float | None = 0.0  # height of an endless plate; None means no plate
+    panels: tuple[Panel, ...] = ()  # opaque
+    frusta: tuple[Frustum, ...] = ()  # translucent
+    backdrop: Backdrop | None = None  # behind all of them
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera.
+    """A pinhole camera; `width` and `height` are in pixels."""
 
-    Attributes
-    ----------
-    eye_m : numpy.ndarray, (3,)
-        Where it stands.
-    axes : numpy.ndarray, (3, 3)
-        Rows: right, up, forward.
-    focal_px : float
-        Focal length in pixels.
-    width, height : int
-        Of the picture in pixels.
-    """
-
-    eye_m: np.ndarray
-    axes: np.ndarray
+    eye_m: np.ndarray  # (3,)
+    axes: np.ndarray  # (3, 3), rows: right, up, forward
     focal_px: float
     width: int
     height: int
 
     def project(self, points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Places of points in the picture.
-
-        Parameters
-        ----------
-        points_m : numpy.ndarray, (..., 3)
-            In the world.
-
-        Returns
-        -------
-        x, y : numpy.ndarray, (...,)
-            In pixels, row 0 on top.
-        near : numpy.ndarray, (...,)
-            Inverse depth in 1/m.
-        """
+        """Columns and rows of points in pixels, row 0 on top, and their inverse depth in 1/m."""
         seen = (points_m - self.eye_m) @ self.axes.T
         near = 1.0 / seen[..., 2]
         x = self.width / 2 + self.focal_px * seen[..., 0] * near
@@ -170,35 +93,16 @@ class Camera:
         return x, y, near
 
     def rays(self, rows: slice = slice(None)) -> np.ndarray:
-        """Direction of each pixel's ray in the world.
-
-        Parameters
-        ----------
-        rows : slice, optional
-            The R rows asked for, by default all.
-
-        Returns
-        -------
-        numpy.ndarray, (R, width, 3)
-            Scaled to unit depth along the view.
-        """
+        """Direction (R, width, 3) of each pixel's ray in the world, scaled to unit depth along the view."""
         x = (np.arange(self.width) + 0.5 - self.width / 2) / self.focal_px
         y = (self.height / 2 - np.arange(self.height)[rows] - 0.5) / self.focal_px
         right, up, forward = self.axes
         return x[None, :, None] * right + y[:, None, None] * up + forward
 
     def bands(self, multiple: int = 1) -> Iterator[slice]:
-        """Rows of the picture, band by band: what works on a band needs little memory, however large the picture is.
+        """Rows of the picture, band by band: work on a band needs little memory, however large the picture is.
 
-        Parameters
-        ----------
-        multiple : int, optional
-            Of which the number of rows of each band is a multiple; the last band takes what is left.
-
-        Yields
-        ------
-        slice
-            Rows of a band.
+        The number of rows of a band is a multiple of `multiple`; the last band takes the rest.
         """
         step = multiple * max(1, BAND_PIXELS // (multiple * self.width))
         for first in range(0, self.height, step):
@@ -206,18 +110,7 @@ class Camera:
 
 
 def funnel_walls(section: Mapping[str, Any]) -> list[Frustum]:
-    """The funnel's walls.
-
-    Parameters
-    ----------
-    section : mapping
-        The section `funnel` of the configuration, in mm and degrees.
-
-    Returns
-    -------
-    list of Frustum
-        The tube, where there is one, and the cone.
-    """
+    """The funnel's cone and, if it has one, its tube; `section` is the configuration's `funnel`."""
     funnel = Funnel(
         **{f"{key}_m": section[f"{key}_mm"] / 1e3 for key in LENGTHS},
         cone_angle_deg=section["cone_angle_deg"],
@@ -239,24 +132,9 @@ def look_at(
     margin: float = 1.06,
     field_of_view_deg: float = FIELD_OF_VIEW_DEG,
 ) -> Camera:
-    """A `Camera` that sees all points from a direction, with a margin around them.
+    """A `Camera` that sees all points from a direction.
 
-    Parameters
-    ----------
-    points_m : numpy.ndarray, (M, 3)
-        What the picture holds.
-    width, height : int
-        Of the picture in pixels.
-    elevation_deg, azimuth_deg : float, optional
-        Direction from the points to the camera.
-    margin : float, optional
-        Size of the picture over that of the points in it.
-    field_of_view_deg : float, optional
-        Of the longer side of the picture.
-
-    Returns
-    -------
-    Camera
+    `margin` is the size of the picture over that of the points; the field of view is that of the longer side.
     """
     el, az = math.radians(elevation_deg), math.radians(azimuth_deg)
     back = np.array([math.cos(az) * math.cos(el), math.sin(az) * math.cos(el), math.sin(el)])
@@ -274,23 +152,9 @@ def look_at(
 def outline(
     centres: np.ndarray, reach: float, walls: Sequence[Frustum], panels: Sequence[Panel] = ()
 ) -> np.ndarray:
-    """Points that a picture of bodies and walls has to hold.
+    """Points (M, 3) in m that a picture of bodies and walls must contain; without panels also the origin.
 
-    Parameters
-    ----------
-    centres : numpy.ndarray, (N, 3)
-        Of the bodies, in m.
-    reach : float
-        Largest bounding radius of a body in m.
-    walls : sequence of Frustum
-        Walls of revolution.
-    panels : sequence of Panel, optional
-        Flat walls; without one the origin is held too.
-
-    Returns
-    -------
-    numpy.ndarray, (M, 3)
-        In m.
+    `reach` is the largest bounding radius of a body in m.
     """
     spread = np.array(np.meshgrid([-reach, reach], [-reach, reach], [-reach, reach])).reshape(3, -1).T
     around = np.linspace(0, 2 * math.pi, 36, endpoint=False)
@@ -310,23 +174,10 @@ def outline(
 def setting_of(
     simulation: Simulation, planes: np.ndarray | None = None, wall_frames: np.ndarray | None = None
 ) -> Setting:
-    """The `Setting` of a simulation's walls where they are now, or at places of a recorded frame.
+    """The `Setting` of a simulation's walls, at present or at places of a recorded frame.
 
-    A level endless plane below all others is the plate; planes end at the simulation's box; rounded edges are
-    not drawn.
-
-    Parameters
-    ----------
-    simulation : Simulation
-        Its walls are shown.
-    planes : numpy.ndarray, (P, 7), optional
-        As `repose.dem.Recorder` keeps them.
-    wall_frames : numpy.ndarray, (C, 12), optional
-        As `repose.dem.Recorder` keeps them.
-
-    Returns
-    -------
-    Setting
+    A level endless plane below all others is the plate; planes end at the simulation's box; rounded edges are not
+    drawn. `planes` (P, 7) and `wall_frames` (C, 12) come from `repose.dem.Recorder`; None means the present.
     """
     planes = simulation.walls.planes if planes is None else planes
     wall_frames = simulation.walls.frames if wall_frames is None else wall_frames

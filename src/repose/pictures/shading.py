@@ -14,30 +14,17 @@ from repose.pictures.view import View
 BACKGROUND = np.array([0.975, 0.977, 0.980])
 PLATE = np.array([0.835, 0.842, 0.850])
 FUNNEL = np.array([0.40, 0.50, 0.58])
-GRAIN = "#cca86b"  # of a grain whose colour nobody tells
+GRAIN = "#cca86b"  # default grain colour
 OTHERS = np.array([[0.30, 0.42, 0.56], [0.45, 0.52, 0.26], [0.76, 0.125, 0.045]])  # second shape and on
 PANEL_SHARE = 0.93  # of the plate's brightness
 LIGHT = np.array([0.42, -0.38, 0.82]) / np.linalg.norm([0.42, -0.38, 0.82])  # in the camera's heading, z up
 
 
 def tints_of(body: np.ndarray, shape: np.ndarray, count: int, shapes: int, colour: str = GRAIN) -> np.ndarray:
-    """Colours of N bodies or parts; no two bodies are alike.
+    """Colours (N, 3) of N bodies or parts, red, green, blue, about 0 to 1; no two bodies are alike.
 
-    Parameters
-    ----------
-    body : numpy.ndarray of int, (N,)
-        Number of the body; parts of one body have the same.
-    shape : numpy.ndarray of int, (N,)
-        Number of its shape.
-    count, shapes : int
-        Numbers of all bodies, and of shapes.
-    colour : str, optional
-        Of the first shape, as #rrggbb.
-
-    Returns
-    -------
-    numpy.ndarray, (N, 3)
-        Red, green and blue, 0 to 1 or a little beyond.
+    `body` and `shape` (N,) are numbers; parts of one body share theirs. `count` and `shapes` are the numbers of all
+    bodies and shapes; `colour` (#rrggbb) is of the first shape.
     """
     first = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
     colours = np.array([first, *(OTHERS[k % len(OTHERS)] for k in range(shapes - 1))])
@@ -56,29 +43,10 @@ def paint(
     setting: Setting,
     supersample: int,
 ) -> np.ndarray:
-    """The picture of what each pixel of a camera shows.
+    """The picture (H / supersample, W / supersample, 3), RGB, of a camera's view.
 
-    Parameters
-    ----------
-    camera : Camera
-        That sees it.
-    view : View
-        What each pixel shows.
-    tints : numpy.ndarray, (N, 3)
-        Colours of the bodies, as `tints_of` gives them.
-    lit, sky : numpy.ndarray, (H, W)
-        What `light_and_sky` gave.
-    frame : numpy.ndarray, (P, 3)
-        Points that the picture holds in m; the plate fades out beyond them.
-    setting : Setting
-        Walls and backdrop.
-    supersample : int
-        The camera's pixels along each side of a pixel of the picture.
-
-    Returns
-    -------
-    numpy.ndarray of uint8, (H / supersample, W / supersample, 3)
-        Red, green and blue.
+    `tints` come from `tints_of`, `lit` and `sky` from `light_and_sky`. The plate fades out beyond the points `frame`
+    (P, 3) in m.
     """
     height, width = camera.height // supersample, camera.width // supersample
     picture = np.empty((height, width, 3), np.uint8)
@@ -97,23 +65,9 @@ def paint(
 def light_and_sky(
     camera: Camera, bodies: Bodies, view: View, largest: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Shares of the light and of the sky that reach what each pixel shows.
+    """Shares (H, W) of the light and of the sky that reach each visible point; 1 without a point.
 
-    Parameters
-    ----------
-    camera : Camera
-        The light turns with it.
-    bodies : Bodies
-        They cast the shadows.
-    view : View
-        What each pixel shows.
-    largest : float
-        Largest bounding radius of the bodies in m.
-
-    Returns
-    -------
-    lit, sky : numpy.ndarray of float32, (H, W)
-        0 to 1; 1 where nothing is.
+    The light turns with the camera. `largest` is the largest bounding radius of the bodies in m.
     """
     if not len(bodies.vertices):
         lit, sky = np.ones((2, *view.depth.shape), np.float32)
@@ -133,7 +87,7 @@ def light_and_sky(
 
 
 def _place(camera: Camera, view: View, rays: np.ndarray, where: np.ndarray) -> np.ndarray:
-    """Places (M, 3) in m of what some pixels show."""
+    """Places (M, 3) in m of the points that some pixels show."""
     return camera.eye_m + view.depth[where][:, None] * rays[where]
 
 
@@ -146,7 +100,7 @@ def _paint_bodies(
     sky: np.ndarray,
     tints: np.ndarray,
 ) -> None:
-    """Paint what shows a body."""
+    """Paint the pixels that show a body."""
     hit = view.hit
     colour = np.clip(tints[view.body[hit]], 0, 1)
     sight = rays[hit] / np.linalg.norm(rays[hit], axis=1, keepdims=True)
@@ -219,7 +173,7 @@ def _blend_walls(
     rays: np.ndarray,
     depth: np.ndarray,
 ) -> None:
-    """Draw translucent frusta over the picture: far sides first, each only where nothing stands before it."""
+    """Draw translucent frusta over the picture: far sides first, each only if nothing stands before it."""
     sides = [side for wall in walls for side in _sides(wall, camera, rays)]
     for side in order:
         wall, distance, met = sides[side]
@@ -243,7 +197,7 @@ def _blend_walls(
 
 
 def _sides(wall: Frustum, camera: Camera, rays: np.ndarray) -> list[tuple[Frustum, np.ndarray, np.ndarray]]:
-    """Far and near side of a frustum's endless cone: distance (H, W) along each ray, and which rays meet it."""
+    """Far and near side of a frustum's endless cone: distance (H, W) along each ray, and mask of the rays that hit."""
     turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
     eye, own_rays = (camera.eye_m - wall.frame[:3]) @ turn, rays @ turn
     r_eye = wall.r_low_m + wall.slope * (eye[2] - wall.z_low_m)

@@ -1,4 +1,4 @@
-"""What each pixel of a picture shows: a body, a flat wall, the plate, the backdrop or nothing."""
+"""Content of each pixel of a picture: a body, a flat wall, the plate, the backdrop or nothing."""
 
 from dataclasses import dataclass, fields
 
@@ -11,70 +11,34 @@ from repose.pictures.scenery import Camera, Panel, Setting
 
 @dataclass(frozen=True)
 class View:
-    """What each pixel of a picture (H, W) shows: a body, a flat wall, the plate, the backdrop, or nothing.
+    """Content of each pixel of a picture (H, W): a body, a flat wall, the plate, the backdrop, or nothing.
 
     A pixel takes 22 bytes, so that a large picture fits into the memory.
-
-    Attributes
-    ----------
-    body : numpy.ndarray of int32, (H, W)
-        Number of the body or part, -1 where none is seen.
-    plate, behind : numpy.ndarray of bool, (H, W)
-        Whether it is the plate; whether it is the backdrop.
-    depth : numpy.ndarray of float32, (H, W)
-        In m along the view, infinite where nothing is.
-    normal : numpy.ndarray of float32, (H, W, 3)
-        Unit normal.
     """
 
-    body: np.ndarray
-    plate: np.ndarray
-    behind: np.ndarray
-    depth: np.ndarray
-    normal: np.ndarray
+    body: np.ndarray  # int32, number of the body or part, -1 if none
+    plate: np.ndarray  # bool
+    behind: np.ndarray  # bool, the backdrop
+    depth: np.ndarray  # float32, in m along the view, infinite if nothing is seen
+    normal: np.ndarray  # float32 (H, W, 3), unit normal
 
     @property
     def hit(self) -> np.ndarray:
-        """Whether it is a body, (H, W)."""
+        """Mask (H, W) of the bodies."""
         return self.body >= 0
 
     @property
     def panel(self) -> np.ndarray:
-        """Whether it is a panel, (H, W)."""
+        """Mask (H, W) of the panels."""
         return np.isfinite(self.depth) & ~(self.hit | self.plate | self.behind)
 
     def rows(self, rows: slice) -> "View":
-        """The same of some rows, in the same memory.
-
-        Parameters
-        ----------
-        rows : slice
-            Which.
-
-        Returns
-        -------
-        View
-        """
+        """The view of some rows, in the same memory."""
         return View(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
 def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
-    """What each pixel of a camera shows of bodies in a setting.
-
-    Parameters
-    ----------
-    camera : Camera
-        That looks.
-    bodies : Bodies
-        As `place_bodies` gives them.
-    setting : Setting
-        Walls and backdrop.
-
-    Returns
-    -------
-    View
-        Of the camera's pixels.
-    """
+    """The view of a camera on bodies, from `place_bodies`, in a setting."""
     shape = (camera.height, camera.width)
     nearest, body, corner, weights = raster.draw(*camera.project(bodies.vertices), bodies.triangles, shape)
     plate, behind = np.zeros(shape, bool), np.zeros(shape, bool)
@@ -88,7 +52,7 @@ def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
 
 
 def _look_at(view: View, nearest: np.ndarray, eye: np.ndarray, rays: np.ndarray, setting: Setting) -> None:
-    """Write what rays meet before or besides the bodies, whose inverse depth is given."""
+    """Write depth, normal and kind of walls, plate and backdrop; `nearest` is the inverse depth of the bodies."""
     view.body[nearest <= 0] = -1  # behind the camera
     depth = np.where(view.hit, 1.0 / nearest, np.inf)
     view.normal[..., 2] = 1.0
@@ -119,7 +83,7 @@ def _on_bodies(bodies: Bodies, part: np.ndarray, triangle: np.ndarray, weights: 
 
 
 def _panel_depths(panel: Panel, eye: np.ndarray, rays: np.ndarray) -> np.ndarray:
-    """Depth (H, W) at which each ray meets a panel from its good side, infinite where it does not."""
+    """Depth (H, W) at which each ray meets a panel from its visible side; infinite for a ray that misses it."""
     normal, corners = panel.normal, panel.corners_m
     towards = rays @ normal
     with np.errstate(divide="ignore", invalid="ignore"):

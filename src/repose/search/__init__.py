@@ -1,1 +1,1 @@
-"""Searches on a surrogate: the optimiser (`miga`), and what it minimises and keeps (`objective`)."""
+"""Searches on a surrogate: the optimiser (`miga`), its objective and its archive (`objective`)."""

@@ -43,36 +43,11 @@ OPERATORS = (
 
 
 class MIGA:
-    """Ask for a population, tell its fitness; once each per generation.
+    """The multi-island genetic algorithm by ask and tell, once each per generation.
 
-    Parameters
-    ----------
-    dimensions : int
-        Number of genes, each in [-1, 1].
-    islands, population : int
-        Number of islands, and of individuals on each.
-    generations : int
-        Between two migrations.
-    tournament : int
-        Individuals of which the best becomes a parent.
-    mutation_probability, mutation_amplitude : float
-        Of each gene, and the standard deviation of its change.
-    seed : int
-        Of numpy's RandomState.
-
-    Attributes
-    ----------
-    best : numpy.ndarray, (dimensions,)
-        Best point so far, or None.
-    best_fitness : float
-        Its fitness.
-    generation, evaluations : int
-        Number of generations, and of points, whose fitness was told.
-
-    Raises
-    ------
-    ValueError
-        If a setting is out of its limits.
+    Each gene lies in [-1, 1]. `generations` is the number between two migrations, `mutation_amplitude` the standard
+    deviation of a gene's change. `best` (dimensions,) is the best point so far, None before the first `tell`.
+    ValueError if a setting is out of its limits.
     """
 
     def __init__(
@@ -109,13 +84,7 @@ class MIGA:
         return self._points
 
     def tell(self, fitness: np.ndarray) -> None:
-        """Breed the next generation from the fitness of the current one.
-
-        Parameters
-        ----------
-        fitness : numpy.ndarray, (islands * population,)
-            Of the points that `ask` gave, in their order.
-        """
+        """Breed the next generation from the fitness (islands * population,) of the points of `ask`, in their order."""
         islands, population, dimensions = self.shape
         points, fitness = self._points, np.asarray(fitness, dtype=float)
         self.evaluations += len(points)
@@ -140,7 +109,7 @@ class MIGA:
         self._points = children.reshape(islands * population, dimensions)
 
     def _migrate(self, points, fitness, order):
-        """Round the ring."""
+        """Migration round the ring."""
         return migrate(points, fitness, order)
 
     def _cross(self, a, b, step):
@@ -168,21 +137,10 @@ class MIGA:
 
 
 def migrate(points: np.ndarray, fitness: np.ndarray, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Replace the worst of each island by the best of the one before it in the ring.
+    """Copies in which the best of each island replaces the worst of the next one in the ring.
 
-    Parameters
-    ----------
-    points : numpy.ndarray, (islands * population, dimensions)
-        The population.
-    fitness : numpy.ndarray, (islands * population,)
-        Its fitness.
-    order : numpy.ndarray, (islands, population)
-        Row numbers of each island, best first.
-
-    Returns
-    -------
-    points, fitness : numpy.ndarray
-        Changed copies.
+    `points` (islands * population, dimensions) have `fitness` (islands * population,); `order` (islands, population)
+    holds the row numbers of each island, best first.
     """
     points, fitness = points.copy(), fitness.copy()
     best, worst_of_next = order[:, 0], np.roll(order[:, -1], -1)
@@ -192,28 +150,14 @@ def migrate(points: np.ndarray, fitness: np.ndarray, order: np.ndarray) -> tuple
 
 @dataclass(frozen=True)
 class Minimum:
-    """What `islands_ga` found; names as in `scipy.optimize.OptimizeResult`.
+    """Result of `islands_ga`; names as in `scipy.optimize.OptimizeResult`."""
 
-    Attributes
-    ----------
-    x : numpy.ndarray, (dimensions,)
-        The best point.
-    fun : float
-        Its value.
-    nfev, nit : int
-        Number of evaluations and of generations.
-    success : bool or None
-        Whether `fun` is at most the target; None without a target.
-    history : numpy.ndarray, (nit,)
-        The best value so far after each generation.
-    """
-
-    x: np.ndarray
-    fun: float
-    nfev: int
-    nit: int
-    success: bool | None
-    history: np.ndarray
+    x: np.ndarray  # (dimensions,), the best point
+    fun: float  # its value
+    nfev: int  # number of evaluations
+    nit: int  # number of generations
+    success: bool | None  # whether `fun` is at most the target; None without a target
+    history: np.ndarray  # (nit,), the best value so far after each generation
 
 
 def islands_ga(
@@ -223,30 +167,11 @@ def islands_ga(
     target: float | None = None,
     **settings: Any,
 ) -> Minimum:
-    """Minimise a function of whole populations with `MIGA`; return a `Minimum`.
+    """Minimise a function of whole populations with `MIGA`.
 
-    Parameters
-    ----------
-    objective : callable
-        Gets points (n, dimensions) in the units of the bounds, gives values (n,). An infinite value is a point to
-        avoid.
-    bounds : array_like, (dimensions, 2)
-        Lowest and highest of each variable.
-    rounds : int
-        Migrations. Rounds times generations times islands times population points are evaluated.
-    target : float, optional
-        A value at which the search ends early.
-    **settings
-        Those of `MIGA`.
-
-    Returns
-    -------
-    Minimum
-
-    Raises
-    ------
-    ValueError
-        For bounds or settings out of their limits, and for an objective that gives another shape or no number.
+    `objective` takes points (n, dimensions) in the units of the bounds and returns values (n,); an infinite value marks
+    a point to avoid. `rounds` is the number of migrations. The search ends early at the value `target`. `settings` are
+    those of `MIGA`. ValueError for bad bounds or settings, another shape, or NaN.
     """
     bounds = np.asarray(bounds, dtype=float)
     if bounds.ndim != 2 or bounds.shape[1] != 2 or not np.isfinite(bounds).all():

@@ -28,19 +28,9 @@ HISTORY = ("round", "generation", "evaluations", "best_objective", "mean_objecti
 class Objective:
     """Eq. 11-12: deviation of k responses from their targets, each in widths of its range.
 
-    Parameters
-    ----------
-    low, high : array_like, (k,)
-        The targets' ranges.
-    target : array_like, (k,), optional
-        Inside them; their centres (Eq. 12) by default.
-    weight : array_like, (k,), optional
-        Of each response in F; 1 by default.
-    margin : float
-        What is added to the fitness of points outside the ranges, besides F_max: the most that is ever added to the
-        fitness of points inside (`Preference.largest`).
-    constrained : bool
-        Whether points outside the ranges are worse than all inside; otherwise the fitness is F everywhere.
+    Arrays are (k,). `target` None means the centres of the ranges (Eq. 12), `weight` None means 1. `margin` is added to
+    the fitness of points outside the ranges: the most that is ever added inside (`Preference.largest`). Unless
+    `constrained`, the fitness is F everywhere.
     """
 
     def __init__(
@@ -56,18 +46,7 @@ class Objective:
 
     @classmethod
     def of(cls, targets: Targets, margin: float = 0.0, constrained: bool = True) -> "Objective":
-        """The objective of a study's targets.
-
-        Parameters
-        ----------
-        targets : Targets
-        margin, constrained : optional
-            See `Objective`.
-
-        Returns
-        -------
-        Objective
-        """
+        """The objective of a study's targets."""
         return cls(targets.low, targets.high, targets.aim, targets.weight, margin, constrained)
 
     def __call__(self, responses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -78,19 +57,7 @@ class Objective:
         return F, outside.sum(axis=1)
 
     def fitness(self, F: np.ndarray, V: np.ndarray) -> np.ndarray:
-        """What the search minimises: F inside the ranges; outside them more than any point inside has.
-
-        Parameters
-        ----------
-        F : numpy.ndarray, (n,)
-            Distance from the targets.
-        V : numpy.ndarray, (n,)
-            Violation of the ranges; 0 inside.
-
-        Returns
-        -------
-        numpy.ndarray, (n,)
-        """
+        """The minimised fitness (n,): F inside the ranges (V = 0); outside, more than that of any point inside."""
         return F + (V > 0) * self.infeasible + self.penalty * V
 
 
@@ -101,29 +68,14 @@ class Preference:
     A parameter set whose measured parameters lie z standard deviations off costs 0.01 z^2 / 2 more: for z = 1 as much
     as half a percent of a target's range. So the targets come first. Among the many parameter sets that meet them
     equally well the search takes those near the measured values.
-
-    Attributes
-    ----------
-    mean, sd : numpy.ndarray, (d,)
-        In the search's coordinates [-1, 1]; the standard deviation is infinite where there is no prior.
     """
 
-    mean: np.ndarray
-    sd: np.ndarray
+    mean: np.ndarray  # (d,), in the search's coordinates [-1, 1]
+    sd: np.ndarray  # (d,), likewise; infinite for a parameter without a prior
 
     @classmethod
     def of(cls, space: ParameterSpace) -> "Preference | None":
-        """The preference of a study's parameters.
-
-        Parameters
-        ----------
-        space : ParameterSpace
-
-        Returns
-        -------
-        Preference or None
-            None without priors.
-        """
+        """The preference of a study's parameters; None without priors."""
         if not space.prior:
             return None
         mean, sd = np.zeros(space.dimensions), np.full(space.dimensions, np.inf)
@@ -134,26 +86,16 @@ class Preference:
         return cls(mean, sd)
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
-        """What points (n, d) in [-1, 1] cost, (n,)."""
+        """Cost (n,) of points (n, d) in [-1, 1]."""
         return PRIOR_WEIGHT / 2 * (((points - self.mean) / self.sd) ** 2).sum(axis=1)
 
     @property
     def largest(self) -> float:
-        """The most that a point can cost."""
+        """The highest cost of a point."""
         return float(self(np.where(self.mean > 0, -1.0, 1.0)[None])[0])
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Distance from the measured values.
-
-        Parameters
-        ----------
-        points : numpy.ndarray, (n, d)
-
-        Returns
-        -------
-        numpy.ndarray, (n,)
-            Standard deviations.
-        """
+        """Distance (n,) of points (n, d) from the measured values, in standard deviations."""
         return np.sqrt(2 / PRIOR_WEIGHT * self(points))
 
 
@@ -161,23 +103,8 @@ class Archive:
     """The best distinct points out of any number met, in bounded memory.
 
     Two points are distinct when they lie at least `distance` apart, Euclidean in normalised parameters. A point is
-    kept, best fitness first, when it is distinct from every better one that is kept.
-
-    Parameters
-    ----------
-    dimensions : int
-        Of a point.
-    distance : float
-        Least distance of two points.
-    capacity, buffer : int
-        Most points that are kept, and that wait to be thinned.
-
-    Attributes
-    ----------
-    points : numpy.ndarray, (kept, dimensions)
-        After `thin`, best first.
-    fitness : numpy.ndarray, (kept,)
-        Their fitness.
+    kept, best fitness first, when it is distinct from every better one that is kept. `points` (kept, dimensions) and
+    `fitness` (kept,) are up to date after `thin`; `buffer` is the number of points that wait for it.
     """
 
     def __init__(self, dimensions: int, distance: float, capacity: int, buffer: int = 20_000) -> None:
@@ -187,13 +114,7 @@ class Archive:
         self._n_waiting, self._worst = 0, math.inf
 
     def add(self, points: np.ndarray, fitness: np.ndarray) -> None:
-        """Offer points to the archive.
-
-        Parameters
-        ----------
-        points : numpy.ndarray, (n, dimensions)
-        fitness : numpy.ndarray, (n,)
-        """
+        """Offer points (n, dimensions) with their fitness (n,)."""
         better = fitness < self._worst
         if not better.any():
             return
@@ -206,7 +127,7 @@ class Archive:
             self._n_waiting += len(points[rows])
 
     def thin(self) -> None:
-        """Take what waits into `points` and `fitness`, best first."""
+        """Merge the waiting points into `points` and `fitness`, best first."""
         points = np.concatenate([self.points, *(p for p, _ in self._waiting)])
         fitness = np.concatenate([self.fitness, *(f for _, f in self._waiting)])
         kept = distinct(points, fitness, self.distance, self.capacity)
@@ -217,24 +138,7 @@ class Archive:
 
 
 def distinct(points: np.ndarray, fitness: np.ndarray, distance: float, most: int) -> np.ndarray:
-    """Rows of the best distinct points.
-
-    Parameters
-    ----------
-    points : numpy.ndarray, (n, d)
-        Any points.
-    fitness : numpy.ndarray, (n,)
-        Small is good.
-    distance : float
-        Least distance of a point from every better one that is taken.
-    most : int
-        How many are taken at most.
-
-    Returns
-    -------
-    numpy.ndarray, (taken,)
-        Row numbers, best first.
-    """
+    """Row numbers of the best distinct points (n, d), best first, at most `most`; a small fitness is good."""
     rows = np.argsort(fitness, kind="stable")
     columns = np.ascontiguousarray(points[rows].T)
     kept: list[int] = []
@@ -254,30 +158,10 @@ def search(
     settings: Mapping[str, Any],
     preference: Preference | None = None,
 ) -> tuple[Archive, list[tuple], int]:
-    """One whole search with `MIGA`.
+    """A whole search with `MIGA`: the archive, thinned; a row (`HISTORY`) per round; the number of feasible points met.
 
-    Parameters
-    ----------
-    respond : callable
-        Gets points (n, dimensions) in [-1, 1], gives their responses (n, k).
-    objective : Objective
-        Of the k responses.
-    dimensions : int
-        Number of parameters that are searched.
-    settings : mapping
-        The section `miga` of the configuration.
-    preference : Preference, optional
-        Prior knowledge of the parameters.
-
-    Returns
-    -------
-    archive : Archive
-        Thinned. It holds five times `solutions` points, as a point that is thinned away may lose its better neighbour
-        later.
-    history : list of tuples
-        A row for each round, with the columns HISTORY.
-    feasible_met : int
-        Number of feasible points that were met.
+    `respond` maps points (n, dimensions) in [-1, 1] to responses (n, k). `settings` is the section `miga`. The archive
+    holds five times `solutions` points, as a point that is thinned away may lose its better neighbour later.
     """
     miga = MIGA(dimensions, **{key: settings[key] for key in OPERATORS}, seed=settings["seed"])
     archive = Archive(dimensions, settings["distance"], 5 * settings["solutions"])

@@ -1,4 +1,4 @@
-"""A strategy's answer in the files of the chain's: material card, message at the end and report read one form."""
+"""A strategy's answer in the files of the chain: material card, final message and report read one format."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -16,29 +16,14 @@ from repose.core.targets import Targets
 
 
 class Found(NamedTuple):
-    """What a strategy found.
+    """Result of a strategy."""
 
-    Attributes
-    ----------
-    values : numpy.ndarray, (6,)
-        The answer.
-    predicted : numpy.ndarray, (k,)
-        Its predicted responses.
-    others : numpy.ndarray, (n, 6)
-        Parameter sets that are predicted inside all ranges, the best first.
-    others_predicted : numpy.ndarray, (n, k)
-    steps : sequence of str
-        How it was found, a sentence each.
-    note : str
-        What the message says besides, a sentence.
-    """
-
-    values: np.ndarray
-    predicted: np.ndarray
-    others: np.ndarray
-    others_predicted: np.ndarray
-    steps: Sequence[str]
-    note: str = ""
+    values: np.ndarray  # (6,), the answer
+    predicted: np.ndarray  # (k,), its predicted responses
+    others: np.ndarray  # (n, 6), sets that are predicted inside all ranges, the best first
+    others_predicted: np.ndarray  # (n, k)
+    steps: Sequence[str]  # how it was found, a sentence each
+    note: str = ""  # a further sentence of the message
 
 
 def write(
@@ -51,16 +36,7 @@ def write(
 ) -> None:
     """Write solutions.csv, table4.csv, representative.csv and summary.json.
 
-    Parameters
-    ----------
-    found : Found
-    checked : pandas.DataFrame
-        Single runs of the answer, simulated again.
-    space : ParameterSpace
-    targets : Targets
-    out_dir : path
-    more : mapping
-        Further content of summary.json.
+    `checked` holds the single runs of the answer, simulated again; `more` is further content of summary.json.
     """
     row: dict[str, Any] = {"sample": 1, "solution": "1", "role": "representative"}
     row |= dict(zip(space.names, found.values.tolist(), strict=True))
@@ -84,20 +60,9 @@ def write(
 
 
 def apart(unit: np.ndarray, distance: float, most: int) -> np.ndarray:
-    """The first points that keep a distance from all before them.
+    """Row numbers of the first points (n, d) of the unit cube that keep a distance from all before them.
 
-    Parameters
-    ----------
-    unit : numpy.ndarray, (n, d)
-        In the unit cube, the best first.
-    distance : float
-        In half ranges, as in `miga.distance`.
-    most : int
-
-    Returns
-    -------
-    numpy.ndarray of int
-        At most `most` rows.
+    At most `most` rows; `distance` is in half ranges, as `miga.distance`.
     """
     kept: list[int] = []
     for k, point in enumerate(unit):
@@ -109,18 +74,7 @@ def apart(unit: np.ndarray, distance: float, most: int) -> np.ndarray:
 
 
 def verdict(found: Found, targets: Targets) -> tuple[bool, str]:
-    """Whether the answer is predicted inside all ranges, and a sentence.
-
-    Parameters
-    ----------
-    found : Found
-    targets : Targets
-
-    Returns
-    -------
-    feasible : bool
-    message : str
-    """
+    """Whether the answer is predicted inside all ranges, and a message."""
     feasible = bool(((found.predicted >= targets.low) & (found.predicted <= targets.high)).all())
     words = targets.in_words([f"{value:.4g}" for value in found.predicted])
     ranges = targets.in_words([f"{one.low:g}-{one.high:g}" for one in targets])
@@ -132,18 +86,7 @@ def verdict(found: Found, targets: Targets) -> tuple[bool, str]:
 def solutions(found: Found, feasible: bool, space: ParameterSpace, targets: Targets) -> pd.DataFrame:
     """The answer, then the other parameter sets.
 
-    Parameters
-    ----------
-    found : Found
-    feasible : bool
-        Whether the answer is.
-    space : ParameterSpace
-    targets : Targets
-
-    Returns
-    -------
-    pandas.DataFrame
-        solution from 1, parameters, predicted responses, feasible, representative.
+    Columns: `solution` from 1, parameters, predicted responses, `feasible`, `representative`.
     """
     table = pd.DataFrame(np.vstack([found.values, found.others]), columns=list(space.names))
     table.insert(0, "solution", np.arange(1, len(table) + 1))
@@ -163,7 +106,7 @@ def _by_bench(runs, targets):
 
 
 def _simulated(runs, targets):
-    """Mean, standard error and number of the runs of the answer, as a row of Table 4 has them."""
+    """Mean, standard error and number of the runs of the answer, as in a row of Table 4."""
     row: dict[str, Any] = {}
     counts = []
     for one in targets:

@@ -1,4 +1,4 @@
-"""What a strategy pours."""
+"""Number of pours of a strategy."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -8,40 +8,21 @@ from repose.core.parameter_space import ParameterSpace
 from repose.doe.box_behnken import box_behnken
 from repose.doe.central_composite import central_composite
 
-OTHERS = ("response_surface", "sequential")  # beside the published one
+OTHERS = ("response_surface", "sequential")  # besides the published strategy
 
 Pours = tuple[tuple[str, int, int], ...]
 
 
 def misfit(config: Mapping[str, Any]) -> str | None:
-    """Why a configuration cannot take its strategy.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    str or None
-        None where it can.
-    """
+    """Why a configuration cannot use its strategy; None if it can."""
     faults = (f"{key}; allowed: {allowed}" for key, allowed in strategy_contradictions(config))
     return next((f"not with this configuration: {fault}" for fault in faults), None)
 
 
 def pours(config: Mapping[str, Any]) -> Pours | None:
-    """What the strategy of a configuration pours.
+    """Pours of a configuration's strategy as (purpose, parameter sets, seeds).
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    tuple or None
-        As (purpose, parameter sets, seeds); None for the published strategy, which `repose.config.cost` counts.
+    None for the published strategy, whose pours `repose.config.cost` counts.
     """
     if config["strategy"] == "sequential":
         section = config["sequential"]
@@ -50,17 +31,9 @@ def pours(config: Mapping[str, Any]) -> Pours | None:
 
 
 def response_surface(config: Mapping[str, Any]) -> Pours:
-    """The steps of a response surface, as (purpose, parameter sets, seeds).
+    """The steps of a response surface as (purpose, parameter sets, seeds), at most.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    tuple
-        At most: the screening may keep fewer parameters than `response_surface.most_factors`.
+    The screening may keep fewer parameters than `response_surface.most_factors`.
     """
     section = config["response_surface"]
     factors = min(section["most_factors"], ParameterSpace.of(config["parameters"]).dimensions)

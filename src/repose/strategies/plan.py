@@ -31,49 +31,24 @@ TOLERANCES = (1.0, 2.0)  # percent, those of the table
 
 
 class Plan(NamedTuple):
-    """What a budget of pours can be expected to give.
+    """Expected results of a budget of pours.
 
-    Attributes
-    ----------
-    noise_percent : numpy.ndarray, (k,)
-        Scatter of a pour, in percent of each target.
-    measured : bool
-        Whether it comes from runs.
-    needed : dict of float to int
-        For each tolerance in percent the pours at one parameter set after which the noise alone leaves all means known
-        so well, with probability `CERTAINTY`.
-    budgets : pandas.DataFrame
-        pours; within_1_percent and within_2_percent, probabilities that the answer of the sequential strategy is so
-        near to all targets; within_1_percent_se and within_2_percent_se, their standard errors from the number of
-        hidden parameter sets.
+    `budgets` has `pours`, `within_1_percent` and `within_2_percent`, the probabilities that the answer of the
+    sequential strategy is so near to all targets, and their standard errors `*_se` from the number of hidden parameter
+    sets.
     """
 
-    noise_percent: np.ndarray
-    measured: bool
-    needed: dict[float, int]
+    noise_percent: np.ndarray  # (k,), scatter of a pour, in percent of each target
+    measured: bool  # whether the scatter comes from runs
+    needed: dict[float, int]  # pours by tolerance in percent, for the noise alone with `CERTAINTY`
     budgets: pd.DataFrame
 
 
 def plan(config: Mapping[str, Any], runs: pd.DataFrame | None = None, source: object = "runs") -> Plan:
-    """What a budget of pours can be expected to give.
+    """Expected results of budgets of pours.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    runs : pandas.DataFrame, optional
-        Single runs with replicates of samples, which tell the noise; without them it is `NOISE_PERCENT`.
-    source : object, optional
-        Where they stand, for the error.
-
-    Returns
-    -------
-    Plan
-
-    Raises
-    ------
-    InputError
-        If the runs do not tell the noise.
+    The noise comes from `runs`, single runs with replicates of samples; without runs it is `NOISE_PERCENT`. InputError
+    if the runs have too few replicates; `source` names them in its message.
     """
     targets = Targets.of(config["targets"])
     noise = default_noise(targets) if runs is None else measured_noise(runs, targets, source)
@@ -113,34 +88,16 @@ def chances(responses: int, percent: float) -> pd.DataFrame:
 
 
 def share_error(share: pd.Series, trials: pd.Series) -> pd.Series:
-    """Standard error of a probability that is known as a share of trials, also where all or none succeeded.
+    """Standard error of a probability that is known as a share of trials, also if all or none succeeded.
 
-    Parameters
-    ----------
-    share : pandas.Series
-    trials : pandas.Series
-        Their number.
-
-    Returns
-    -------
-    pandas.Series
-        Standard deviation of the beta distribution that the trials leave of a uniform prior.
+    It is the standard deviation of the beta distribution after these trials, from a uniform prior.
     """
     middle = (share * trials + 1) / (trials + 2)
     return np.sqrt(middle * (1 - middle) / (trials + 3))
 
 
 def default_noise(targets: Targets) -> np.ndarray:
-    """Covariance of a pour where nothing is measured.
-
-    Parameters
-    ----------
-    targets : Targets
-
-    Returns
-    -------
-    numpy.ndarray, (k, k)
-    """
+    """Covariance (k, k) of a pour if nothing is measured."""
     sd = NOISE_PERCENT / 100 * np.abs(targets.aim)
     correlation = np.where(_same_bench(targets), CORRELATION, 0.0)
     np.fill_diagonal(correlation, 1.0)
@@ -148,24 +105,10 @@ def default_noise(targets: Targets) -> np.ndarray:
 
 
 def measured_noise(runs: pd.DataFrame, targets: Targets, source: object = "runs") -> np.ndarray:
-    """Covariance of a pour about its sample's mean.
+    """Covariance (k, k) of a pour about its sample's mean.
 
-    Parameters
-    ----------
-    runs : pandas.DataFrame
-        sample, status and the responses; with several bench tests apparatus.
-    targets : Targets
-    source : object, optional
-        For the error.
-
-    Returns
-    -------
-    numpy.ndarray, (k, k)
-
-    Raises
-    ------
-    InputError
-        If too few samples have two good runs.
+    `runs` has `sample`, `status`, the responses, and `apparatus` with several bench tests. InputError if too few
+    samples have two ok runs.
     """
     noise = np.zeros((len(targets), len(targets)))
     for bench in targets.apparatus:
@@ -182,46 +125,17 @@ def measured_noise(runs: pd.DataFrame, targets: Targets, source: object = "runs"
 
 
 def read_runs(path: str | os.PathLike, targets: Targets) -> pd.DataFrame:
-    """The runs of an earlier study, or of its beginning.
-
-    Parameters
-    ----------
-    path : path
-        What the verb dataset wrote.
-    targets : Targets
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
-    """
+    """The runs (runs.csv) of an earlier study, or of its beginning."""
     return read_table(path, ("sample", "status", *targets.names))
 
 
 def disk_mb(config: Mapping[str, Any], pours: int) -> float:
-    """What pours take on the disk.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    pours : int
-        In each bench test of the targets.
-
-    Returns
-    -------
-    float
-        Megabytes.
-    """
+    """Disk space of a number of pours in each bench test of the targets."""
     grains = sum(config[name].get("berries", 1) for name in Targets.of(config["targets"]).apparatus)
     return 1e-6 * BYTES_A_GRAIN * grains * pours
 
 
 def _same_bench(targets):
-    """Which pairs of responses come from one bench test, (k, k)."""
+    """Mask (k, k) of the pairs of responses of the same bench test."""
     bench = np.array([one.response.apparatus for one in targets])
     return bench[:, None] == bench

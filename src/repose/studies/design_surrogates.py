@@ -1,4 +1,4 @@
-"""Surrogates of many responses over a design, each by itself, and how far each is off on samples it has not seen."""
+"""Surrogates of many responses over a design, one for each, and their errors on samples they have not seen."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -15,26 +15,15 @@ from repose.studies.responses_over_design import (
 from repose.surrogate import make
 
 NOISY = 0.5  # a response with less signal than this share of its noise is not modelled
-WORST_R2 = 0.2  # nor is one whose surrogate explains less
+WORST_R2 = 0.2  # nor is a response whose surrogate explains less
 
 Predict = Callable[[np.ndarray], np.ndarray]
 
 
 def fitted(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> Predict:
-    """A surrogate of one response on all samples that have it.
+    """A surrogate of one response on all samples that have it: from parameter sets (n, 6) to the response (n,).
 
-    Parameters
-    ----------
-    X : numpy.ndarray, (samples, 6)
-        Parameters.
-    known : Known
-    settings : mapping
-        ``surrogate``, its name, and what it needs.
-
-    Returns
-    -------
-    function
-        From parameter sets (n, 6) to the response (n,).
+    X (samples, 6) are parameters; `settings` holds ``surrogate``, its name, and the settings of that surrogate.
     """
     there = np.isfinite(known.mean)
     model = make(settings["surrogate"], settings).fit(X[there], known.mean[there][:, None])
@@ -42,52 +31,22 @@ def fitted(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> Predict:
 
 
 class Surrogates(NamedTuple):
-    """The responses that have a surrogate.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Of the k responses.
-    predict : function
-        From parameter sets (n, 6) to all responses (n, k).
-    fold : numpy.ndarray of int, (samples,)
-        In which fold of the cross-validation each sample is left out.
-    without : list of function
-        For each fold the same as `predict`, by surrogates that have not seen its samples.
-    correlation : numpy.ndarray, (k, k)
-        Of the noise from run to run.
-    covariance : numpy.ndarray, (k, k)
-        S_s of the surrogates' own errors, from the cross-validation.
-    r2 : dict
-        Of each response that was tried, by cross-validation on the means.
-    left_out : list of str
-        Responses with too little signal, or too bad a surrogate.
-    """
+    """The responses that have a surrogate; k is their number."""
 
     names: tuple[str, ...]
-    predict: Predict
-    fold: np.ndarray
-    without: list[Predict]
-    correlation: np.ndarray
-    covariance: np.ndarray
-    r2: dict[str, float]
-    left_out: list[str]
+    predict: Predict  # parameter sets (n, 6) to all responses (n, k)
+    fold: np.ndarray  # (samples,), the fold that leaves each sample out
+    without: list[Predict]  # for each fold `predict` by surrogates that have not seen its samples
+    correlation: np.ndarray  # (k, k), of the noise from run to run
+    covariance: np.ndarray  # (k, k), S_s of the surrogates' own errors, by cross-validation
+    r2: dict[str, float]  # of each response that was tried, by cross-validation on the means
+    left_out: list[str]  # responses with too little signal, or too bad a surrogate
 
     @classmethod
     def of(cls, data: Data, base: Sequence[str], settings: Mapping[str, Any]) -> "Surrogates":
-        """Surrogates of all responses that have enough signal.
+        """Surrogates of all responses with enough signal; those of `base` are kept in any case.
 
-        Parameters
-        ----------
-        data : Data
-        base : sequence of str
-            Responses that are kept in any case.
-        settings : mapping
-            ``surrogate``, ``folds``, ``seed`` and what the surrogate needs.
-
-        Returns
-        -------
-        Surrogates
+        `settings` holds ``surrogate``, ``folds``, ``seed`` and the settings of that surrogate.
         """
         count, folds = len(data.X), settings["folds"]
         fold = np.random.default_rng(settings["seed"]).permutation(count) % folds
@@ -126,5 +85,5 @@ def _without(known, hidden):
 
 
 def _together(models):
-    """One function of all responses."""
+    """A single function for all responses."""
     return lambda points: np.column_stack([model(points) for model in models])

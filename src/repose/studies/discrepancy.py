@@ -1,7 +1,7 @@
-"""What the simulator cannot do with any parameters: the covariance of its discrepancies.
+"""Covariance of the discrepancies: deviations of the simulator that no parameters remove.
 
 Where a shape study was made it is the evidence. Its plausible models have the axes, mass, volume and packing of the
-measured berry, and differ in what nobody knows: surface, tension, filling, definition of the angle. Poured with the
+measured berry, and differ in unknown features: surface, tension, filling, definition of the angle. Poured with the
 same parameters they make different piles. Weighted by how well each describes the published piles, their spread is the
 discrepancy (`of_shape_study`).
 
@@ -30,75 +30,37 @@ MODEL = ("particle", "tension", "filling")
 def of_targets(
     targets: Targets, runs: pd.DataFrame, percent: float, correlation: float, study: np.ndarray | None = None
 ) -> np.ndarray:
-    """Covariance S_d of the discrepancies of a study's targets.
+    """Covariance S_d (k, k) of the discrepancies of a study's k targets.
 
-    Parameters
-    ----------
-    targets : Targets
-        The k targets; the stated share is of their values.
-    runs : pandas.DataFrame
-        Runs of the design, for the signs.
-    percent, correlation : float
-        As `sizes` and `covariance` take them, where nothing is known.
-    study : numpy.ndarray, (k, k), optional
-        Covariance of `of_shape_study`; it takes the place of what is stated.
-
-    Returns
-    -------
-    numpy.ndarray, (k, k)
+    `percent` of the targets' values and `correlation` are stated values, as for `sizes` and `covariance`; `runs` of the
+    design give the signs. `study`, the covariance of `of_shape_study`, replaces the stated values; None means there is
+    none.
     """
     if study is not None:
         return study
     means = runs.groupby("sample")[list(targets.names)].mean().to_numpy()
     apparatus = [
         one.apparatus for one in targets.responses
-    ]  # those of a user's own simulator are known to no one else
+    ]  # responses of a user's own simulator are not registered
     return covariance(targets.names, percent / 100 * np.abs(targets.value), means, correlation, apparatus)
 
 
 class OfModels(NamedTuple):
-    """How the models of a shape study differ from the published piles.
+    """Differences of the models of a shape study from the published piles."""
 
-    Attributes
-    ----------
-    mean : numpy.ndarray, (k,)
-        Weighted mean of the differences, in the responses' units.
-    covariance : numpy.ndarray, (k, k)
-        About it.
-    models : float
-        Number of models that the weights leave, 1 / sum w^2.
-    """
-
-    mean: np.ndarray
-    covariance: np.ndarray
-    models: float
+    mean: np.ndarray  # (k,), weighted mean of the differences, in the responses' units
+    covariance: np.ndarray  # (k, k), about the mean
+    models: float  # effective number of models by their weights, 1 / sum w^2
 
 
 def of_shape_study(combinations_csv: str | os.PathLike, targets: Targets) -> OfModels:
     """Mean and covariance of the responses over the plausible models of a shape study.
 
-    Parameters
-    ----------
-    combinations_csv : path
-        The table ``combinations.csv`` of the verb `shape_study`: a row for each particle, tension, filling and
-        definition of the angle; plausible are those that are `eligible`.
-    targets : Targets
-        The k targets.
-
-    Returns
-    -------
-    OfModels
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read, lacks a target's response, or the weights leave fewer than `FEWEST_MODELS` models.
-
-    Notes
-    -----
-    A model counts by how well it describes the published piles: its weight is exp(-d^2 / 2), and d its distance in
-    standard deviations. The definitions of one model count as one. The pours of a combination are few: the mean square
-    of its standard errors is taken off each variance; the correlation is that of the differences as they are.
+    `combinations_csv` is a table of the verb `shape_study`; plausible rows are `eligible`. The weight of a model is
+    exp(-d^2 / 2), and d the distance in standard deviations from the published piles. The definitions of one model
+    count as one. The pours of a combination are few: the mean square of its standard errors is subtracted from each
+    variance; the correlation is that of the differences as they are. InputError if the weights leave fewer than
+    `FEWEST_MODELS` models.
     """
     columns = [derived(name, "difference") for name in targets.names]
     needed = (*MODEL, "eligible", "distance", *columns, *targets.errors)
@@ -129,23 +91,10 @@ def sizes(
     percent: Mapping[str, float] | float,
     smallest: Mapping[str, float],
 ) -> np.ndarray:
-    """Standard deviation of the discrepancy of each response.
+    """Standard deviation (k,) of the discrepancy of each response, in its unit.
 
-    Parameters
-    ----------
-    names : sequence of str, (k,)
-        Responses.
-    means : numpy.ndarray, (k,)
-        Their means.
-    percent : float, or mapping of float
-        Of each mean; by name, where they differ.
-    smallest : mapping of float
-        The smallest one by unit, as in ``{"deg": 0.5}``; a unit that is not there has none.
-
-    Returns
-    -------
-    numpy.ndarray, (k,)
-        In the responses' units. A response with 0 percent has none at all.
+    `percent` is of each of the `means` (k,), or by name; 0 percent means no discrepancy at all. `smallest` holds the
+    smallest standard deviation by unit, as in ``{"deg": 0.5}``; other units have none.
     """
     found = []
     for name, mean in zip(names, means, strict=True):
@@ -162,25 +111,11 @@ def covariance(
     correlation: float,
     apparatus: Sequence[str] | None = None,
 ) -> np.ndarray:
-    """Covariance S_d of the discrepancies.
+    """Covariance S_d (k, k) of the discrepancies; those of different bench tests are independent.
 
-    Parameters
-    ----------
-    names : sequence of str, (k,)
-        Responses.
-    sd : numpy.ndarray, (k,)
-        Of `sizes`.
-    means : numpy.ndarray, (samples, k)
-        Means of the samples, for the signs; NaN where a sample has no run.
-    correlation : float
-        Of two responses of one bench test, without its sign; from 0 to below 1.
-    apparatus : sequence of str, (k,), optional
-        The bench test of each response; by default as it is registered.
-
-    Returns
-    -------
-    numpy.ndarray, (k, k)
-        Discrepancies of different bench tests are independent.
+    `sd` (k,) is of `sizes`. `means` (samples, k) give the signs; they are NaN where a sample has no run. `correlation`
+    is that of two responses of one bench test, without its sign, from 0 to below 1. `apparatus` is the bench test of
+    each response; None means as registered.
     """
     found = np.diag(sd**2)
     if apparatus is None:

@@ -19,22 +19,9 @@ JOB = "a job of a bench test, measured by the verb measure_runs"
 
 
 def jobs_in(folders: Iterable[str | Path]) -> list[Path]:
-    """Measured jobs in some folders.
+    """Measured jobs in some folders of the verb measure_runs, sorted in each folder.
 
-    Parameters
-    ----------
-    folders : iterable of path
-        What the verb measure_runs wrote into.
-
-    Returns
-    -------
-    list of Path
-        Sorted in each folder.
-
-    Raises
-    ------
-    InputError
-        If a folder holds none.
+    A folder without a job raises InputError.
     """
     found: list[Path] = []
     for folder in folders:
@@ -46,24 +33,10 @@ def jobs_in(folders: Iterable[str | Path]) -> list[Path]:
 
 
 def read_jobs(paths: Iterable[str | Path], samples: np.ndarray) -> dict[str, pd.DataFrame]:
-    """Good runs of each further bench test.
+    """Good runs of each further bench test, by its name: ``sample`` and its responses.
 
-    Parameters
-    ----------
-    paths : iterable of path
-        Files of the verb measure_runs, of any bench tests but that of the pile.
-    samples : numpy.ndarray of int
-        Numbers of the design's samples.
-
-    Returns
-    -------
-    dict of pandas.DataFrame
-        By the name of the bench test: ``sample`` and its responses.
-
-    Raises
-    ------
-    InputError
-        If a file is bad, of the pile, or of another sample.
+    `samples` are numbers of the design's usable samples. InputError if a file is bad, of the pile, or of another
+    sample.
     """
     rows: dict[str, list[dict]] = {}
     for path in paths:
@@ -86,27 +59,10 @@ def read_jobs(paths: Iterable[str | Path], samples: np.ndarray) -> dict[str, pd.
 def with_jobs(
     data: Data, samples: np.ndarray, jobs: dict[str, pd.DataFrame], source: object = "runs"
 ) -> Data:
-    """The data with the responses of further bench tests.
+    """The data with the responses of further bench tests; a response that the data have already stays as it is.
 
-    Parameters
-    ----------
-    data : Data
-    samples : numpy.ndarray of int, (m,)
-        Number of each sample of the data, in its order.
-    jobs : dict of pandas.DataFrame
-        Of `read_jobs`.
-    source : object, optional
-        Named in the error.
-
-    Returns
-    -------
-    Data
-        A response that the data have already stays as it is.
-
-    Raises
-    ------
-    InputError
-        If too few samples of a bench test have two good runs, which tell its noise.
+    `samples` (m,) are the numbers of the data's samples in their order; `jobs` come from `read_jobs`. InputError, which
+    names `source`, if too few samples of a bench test have two good runs for an estimate of the noise.
     """
     known, runs = dict(data.known), [data.runs]
     for apparatus, table in jobs.items():
@@ -129,23 +85,10 @@ def read(
     definition: str,
     folders: Iterable[str | Path] = (),
 ) -> Data:
-    """The responses of the pile, and of other bench tests that were run with samples of the same design.
+    """Responses of the pile, and of other bench tests that were run with samples of the same design.
 
-    Parameters
-    ----------
-    runs_csv, dataset_csv, targets, definition
-        As `responses_over_design.read` takes them.
-    folders : iterable of path, optional
-        What the verb measure_runs wrote into, of other bench tests.
-
-    Returns
-    -------
-    Data
-
-    Raises
-    ------
-    InputError
-        As `responses_over_design.read`, `jobs_in`, `read_jobs` and `with_jobs`.
+    `folders` are those of the verb measure_runs, for other bench tests; the other arguments are as for
+    `responses_over_design.read`.
     """
     data = responses_over_design.read(runs_csv, dataset_csv, targets, definition)
     table = read_table(dataset_csv, ("sample", "status"))

@@ -1,4 +1,4 @@
-"""Whether the intervals keep their word: how often they hold parameters that were known, and hidden.
+"""Coverage of the intervals: how often they hold parameters that were known, and hidden.
 
 A hidden truth is a sample of the design. Its responses are the means of its own pours, with a discrepancy drawn for
 them; its direct tests are drawn, too. The surrogates have not seen it: they are those of the cross-validation's fold
@@ -29,22 +29,9 @@ def coverage(
 ) -> pd.DataFrame:
     """Share of the 95 % intervals that hold the hidden truth.
 
-    Parameters
-    ----------
-    data : Data
-    surrogates : Surrogates
-    tests : Tests
-    space : ParameterSpace
-    settings : mapping
-        ``hidden_truths`` and what `prior_points` and `discrepancy_of` take.
-    sets : mapping
-        Tests of each set, by a label.
-
-    Returns
-    -------
-    pandas.DataFrame
-        One row a set and parameter, and one a set for ``all`` parameters: share that holds, its standard error over
-        the truths, mean width over the range, number of truths, and the posteriors' effective number of points.
+    A row for each set and parameter, and a row ``all`` for each set: ``coverage``, its standard error over the truths,
+    mean width over the range, number of truths, and the posteriors' effective number of points. `sets` holds the tests
+    of each set by a label; `settings` holds ``hidden_truths`` and the keys of `prior_points` and `discrepancy_of`.
     """
     k, names = len(surrogates.names), surrogates.names
     tested = [i for i, name in enumerate(space.free) if direct(name) in tests.columns]

@@ -1,4 +1,4 @@
-"""How the posterior hangs on the discrepancy, and the region of parameters that the measurements do not exclude.
+"""How the posterior depends on the discrepancy, and the region of parameters that the measurements do not exclude.
 
 Both weigh the same points of a Sobol sequence over the prior, so nothing is sampled anew and the results are
 deterministic.
@@ -27,23 +27,15 @@ from repose.surrogate.base import Surrogate
 POINTS = 2**14
 PERCENT = (0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 CORRELATED = 0.9
-IMPLAUSIBLE = 3.0  # (P94)
-CELLS = 16  # of a parameter in a projection on two
+IMPLAUSIBLE = 3.0  # standard deviations (P94)
+CELLS = 16  # of each parameter in a projection on two
 
 Observation = Callable[[float, float], tuple[np.ndarray, np.ndarray]]
 """From size (percent) and correlation of a stated discrepancy to `repose.studies.likelihood.observation`."""
 
 
 class Points:
-    """Points of the prior, and what the surrogate says there.
-
-    Parameters
-    ----------
-    model : Surrogate
-        With the errors of its predictions.
-    space : ParameterSpace
-        The d free parameters and their priors.
-    """
+    """Points of the prior, with the surrogate's predictions and their covariances there."""
 
     def __init__(self, model: Surrogate, space: ParameterSpace) -> None:
         self.quantile = qmc.Sobol(space.dimensions, scramble=False).random(POINTS) + 0.5 / POINTS
@@ -58,25 +50,12 @@ def curve(
     observed: Observation,
     study: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> pd.DataFrame:
-    """Bits and intervals over the size of the discrepancy.
+    """Information and intervals over the size of the discrepancy, a row for each size and correlation.
 
-    Parameters
-    ----------
-    points : Points
-    space : ParameterSpace
-    targets : Targets
-    observed : callable
-        See `Observation`.
-    study : (numpy.ndarray, numpy.ndarray), optional
-        `repose.studies.likelihood.observation` with the covariance of a shape study.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each size and correlation: `discrepancy_percent`, `discrepancy_correlation`, `evidence` ("stated"),
-        `information_bits`, `effective_points`, and of each free parameter the ends of its 95 % interval and its bits.
-        Correlated rows only where a bench test gives several targets. Last a row of the shape study, where there is
-        one, whose size is the root mean square over the targets.
+    Columns: `discrepancy_percent`, `discrepancy_correlation`, `evidence` ("stated" or "shape study"),
+    `information_bits`, `effective_points`, and for each free parameter the ends of its 95 % interval and its bits.
+    Correlated rows exist only where a bench test gives several targets. `study` is the observation with the covariance
+    of a shape study; its row is the last, and its size the root mean square over the targets.
     """
     several = len(targets.apparatus) < len(targets)
     rows = [
@@ -127,39 +106,20 @@ def _marginal(name, points, k, weight, space, effective):
 
 
 def implausibility(points: Points, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """How many standard deviations the worst response lies from its measurement (C97).
+    """Distance (n,) of the worst response from its measurement, in standard deviations (C97).
 
-    Parameters
-    ----------
-    points : Points
-    mean, covariance : numpy.ndarray
-        Of `repose.studies.likelihood.observation`, (k,) and (k, k).
-
-    Returns
-    -------
-    numpy.ndarray, (n,)
+    `mean` (k,) and `covariance` (k, k) come from `repose.studies.likelihood.observation`.
     """
     variance = np.diagonal(points.covariance, axis1=1, axis2=2) + np.diagonal(covariance)
     return np.sqrt((points.predicted - mean) ** 2 / variance).max(axis=1)
 
 
 def region(points: Points, space: ParameterSpace, implausible: np.ndarray) -> tuple[float, pd.DataFrame]:
-    """The region that is not implausible, and its projections on pairs of parameters.
+    """Share of the prior that is not implausible, and the projections of this region on pairs of parameters.
 
-    Parameters
-    ----------
-    points : Points
-    space : ParameterSpace
-    implausible : numpy.ndarray, (n,)
-        Of `implausibility`.
-
-    Returns
-    -------
-    share : float
-        Of the prior that is not implausible.
-    projections : pandas.DataFrame
-        A row for each cell of each pair: the parameters `x` and `y`, the middle of the cell in their quantiles of the
-        prior, the least implausibility in it and the share of it that is not implausible.
+    A row for each cell of each pair: the parameters `x` and `y`, the middle of the cell in their quantiles of the
+    prior, the least implausibility in it, and the share of it that is not implausible. `implausible` (n,) is of
+    `implausibility`.
     """
     kept = implausible < IMPLAUSIBLE
     cell = np.minimum((points.quantile * CELLS).astype(int), CELLS - 1)
@@ -182,19 +142,7 @@ def region(points: Points, space: ParameterSpace, implausible: np.ndarray) -> tu
 
 
 def message(table: pd.DataFrame, share: float) -> str:
-    """The curve and the region in words.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Of `curve`.
-    share : float
-        Of `region`.
-
-    Returns
-    -------
-    str
-    """
+    """The curve and the region in words."""
     lines = []
     stated = table[table["evidence"] == "stated"]
     for correlation, own in stated.groupby("discrepancy_correlation"):

@@ -1,7 +1,7 @@
 """Information that observed responses hold about the parameters, by importance sampling over the prior.
 
 The points are a Sobol sequence over the prior, weighted by the likelihood. They are the same for all sets of responses,
-truths and draws of the noise, so two sets differ only by what is in them. The result is deterministic.
+truths and draws of the noise, so two sets differ only by their responses. The result is deterministic.
 """
 
 import math
@@ -19,19 +19,9 @@ NEGLIGIBLE = 1e-20  # weight of a point that adds nothing: a million of them add
 
 
 def places_of(space: ParameterSpace, quantile: np.ndarray) -> np.ndarray:
-    """Places in the ranges of quantiles of the prior of each free parameter.
+    """Places (n, d) in the ranges, from 0 to 1, of quantiles (n, d) of the prior of each free parameter.
 
     A parameter without a prior of its own is uniform over its range: its place is its quantile.
-
-    Parameters
-    ----------
-    space : ParameterSpace
-    quantile : numpy.ndarray, (n, d)
-
-    Returns
-    -------
-    numpy.ndarray, (n, d)
-        From 0 to 1.
     """
     place = quantile.copy()
     for name, distribution in _normal_priors(space).items():
@@ -41,16 +31,7 @@ def places_of(space: ParameterSpace, quantile: np.ndarray) -> np.ndarray:
 
 
 def prior_widths(space: ParameterSpace) -> np.ndarray:
-    """Widths of the prior's 95 % intervals, over the ranges.
-
-    Parameters
-    ----------
-    space : ParameterSpace
-
-    Returns
-    -------
-    numpy.ndarray, (d,)
-    """
+    """Widths (d,) of the prior's 95 % intervals, over the ranges."""
     widths = np.full(space.dimensions, CREDIBLE)
     tails = [(1 - CREDIBLE) / 2, (1 + CREDIBLE) / 2]
     for name, distribution in _normal_priors(space).items():
@@ -70,18 +51,11 @@ def _normal_priors(space):
 
 
 class Prior:
-    """Points of the prior, all of one weight, and what the surrogates predict there.
+    """Points of the prior, all of one weight, with the surrogates' predictions there.
 
-    Parameters
-    ----------
-    quantile : numpy.ndarray, (n, d)
-        Quantiles of the prior, evenly spread.
-    predicted : numpy.ndarray, (n, k)
-        Responses.
-    place : numpy.ndarray, (n, d), optional
-        Places in the ranges; the quantiles where every prior is uniform.
-    widths : numpy.ndarray, (d,), optional
-        Of the prior's 95 % intervals, in places.
+    `quantile` (n, d) are quantiles of the prior, evenly spread; `predicted` (n, k) are responses. `place` (n, d) are
+    places in the ranges; None means the quantiles, for uniform priors. `widths` (d,) are those of the prior's 95 %
+    intervals, in places; None means uniform priors.
     """
 
     def __init__(
@@ -98,57 +72,24 @@ class Prior:
         self.order = np.argsort(self.place, axis=0)
 
     def weights(self, observed: np.ndarray, columns: Sequence[int], covariance: np.ndarray) -> np.ndarray:
-        """Posterior probability of each point.
-
-        Parameters
-        ----------
-        observed, columns, covariance
-            As in `posterior`.
-
-        Returns
-        -------
-        numpy.ndarray, (n,)
-        """
+        """Posterior probability (n,) of each point; arguments as for `posterior`."""
         return Likelihood(self, columns, covariance).weights(observed)
 
     def posterior(
         self, observed: np.ndarray, columns: Sequence[int], covariance: np.ndarray
     ) -> tuple[float, np.ndarray, np.ndarray, float]:
-        """What observing some responses tells.
+        """Result of `told` for an observation of some responses.
 
-        Parameters
-        ----------
-        observed : numpy.ndarray, (k,)
-            All responses.
-        columns : sequence of int
-            Those that are observed.
-        covariance : numpy.ndarray, (k, k)
-            Of all responses.
-
-        Returns
-        -------
-        tuple
-            As of `told`.
+        `observed` (k,) and `covariance` (k, k) are of all responses; `columns` are the numbers of the observed ones.
         """
         return self.told(self.weights(observed, columns, covariance))
 
     def told(self, weight: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, float]:
-        """What weighted points tell.
+        """Information in weighted points: bits, bits and widths (d,) of the parameters, effective number of points.
 
-        Parameters
-        ----------
-        weight : numpy.ndarray, (n,)
-            Posterior probability of each point.
-
-        Returns
-        -------
-        bits : float
-            Kullback-Leibler divergence of the joint posterior from the prior.
-        parameter_bits, widths : numpy.ndarray, (d,)
-            The same of each parameter alone, as `posterior.information_bits` has it, for weighted points; and the
-            width of its 95 % interval over the prior's.
-        effective : float
-            Effective number of points.
+        `weight` (n,) is the posterior probability of each point. Bits are Kullback-Leibler divergences from the prior:
+        of the joint posterior, and of each parameter alone as in `repose.studies.sampler.information_bits`. A width is
+        that of the 95 % interval over the prior's.
         """
         effective = 1 / (weight**2).sum()
         bits = []
@@ -161,18 +102,7 @@ class Prior:
         return joint_bits(weight), np.array(bits), widths, effective
 
     def intervals(self, weight: np.ndarray) -> np.ndarray:
-        """Central 95 % intervals of the parameters.
-
-        Parameters
-        ----------
-        weight : numpy.ndarray, (n,)
-            Posterior probability of each point.
-
-        Returns
-        -------
-        numpy.ndarray, (2, d)
-            Lower and upper ends, in places.
-        """
+        """Lower and upper ends (2, d) of the central 95 % intervals, in places; `weight` (n,) is the posterior."""
         tail, found = (1 - CREDIBLE) / 2, []
         for k, order in enumerate(self.order.T):
             ends = np.searchsorted(np.cumsum(weight[order]), [tail, 1 - tail])
@@ -181,15 +111,9 @@ class Prior:
 
 
 class Likelihood:
-    """Of some responses at all points of a prior; made once, for many observations.
+    """Likelihood of some responses at all points of a prior; made once, for many observations.
 
-    Parameters
-    ----------
-    prior : Prior
-    columns : sequence of int
-        Responses that are observed.
-    covariance : numpy.ndarray, (k, k)
-        Of all responses.
+    `columns` are the numbers of the observed responses; `covariance` (k, k) is of all responses.
     """
 
     def __init__(self, prior: Prior, columns: Sequence[int], covariance: np.ndarray):
@@ -198,17 +122,7 @@ class Likelihood:
         self.predicted = np.linalg.solve(self.root, prior.predicted[:, self.columns].T)
 
     def weights(self, observed: np.ndarray) -> np.ndarray:
-        """Posterior probability of each point.
-
-        Parameters
-        ----------
-        observed : numpy.ndarray, (k,)
-            All responses.
-
-        Returns
-        -------
-        numpy.ndarray, (n,)
-        """
+        """Posterior probability (n,) of each point; `observed` (k,) are all responses."""
         off = self.predicted - np.linalg.solve(self.root, observed[self.columns])[:, None]
         log_weight = -0.5 * np.einsum("kn,kn->n", off, off)
         weight = np.exp(log_weight - log_weight.max())
@@ -216,17 +130,7 @@ class Likelihood:
 
 
 def joint_bits(weight: np.ndarray) -> float:
-    """Kullback-Leibler divergence of weighted points from equal weights.
-
-    Parameters
-    ----------
-    weight : numpy.ndarray, (n,)
-
-    Returns
-    -------
-    float
-        Bits.
-    """
+    """Kullback-Leibler divergence of weighted points from equal weights, in bits."""
     heavy = weight[weight > NEGLIGIBLE]
     return float(heavy @ np.log2(heavy * len(weight)))
 
@@ -234,25 +138,12 @@ def joint_bits(weight: np.ndarray) -> float:
 def averaged(
     prior: Prior, truths: np.ndarray, errors: np.ndarray, columns: Sequence[int], covariance: np.ndarray
 ) -> dict[str, Any]:
-    """Means over plausible truths of what a set of responses tells, with their standard errors.
+    """Information in some responses: means over plausible truths, with their standard errors.
 
-    Parameters
-    ----------
-    prior : Prior
-    truths : numpy.ndarray, (t,)
-        Row numbers of the prior's points.
-    errors : numpy.ndarray, (t, k)
-        Unit normal numbers, the noise of the observations.
-    columns : sequence of int
-        Responses that are observed.
-    covariance : numpy.ndarray, (k, k)
-        Of all responses.
-
-    Returns
-    -------
-    dict
-        ``bits``, ``bits_se``; ``parameter_bits``, ``widths``, ``widths_se``, each (d,); ``effective``, the least
-        effective number of points; ``all``, the joint bits (t,) of every truth.
+    `truths` (t,) are row numbers of the prior's points; `errors` (t, k) are unit normal numbers for the noise;
+    `columns` and `covariance` are as for `Likelihood`. Keys: ``bits``, ``bits_se``; ``parameter_bits``, ``widths``,
+    ``widths_se``, each (d,); ``effective``, the least effective number of points; ``all``, the joint bits (t,) of every
+    truth.
     """
     root, likelihood = np.linalg.cholesky(covariance), Likelihood(prior, columns, covariance)
     found = [
@@ -280,21 +171,10 @@ def in_order(
     base: Sequence[str],
     covariance: np.ndarray,
 ) -> list[dict[str, Any]]:
-    """Greedy order of the responses beside the base: at each place the one that adds most.
+    """Greedy order of the responses beside the base: at each place the response that adds most.
 
-    Parameters
-    ----------
-    prior, truths, errors, covariance
-        As for `averaged`.
-    names : sequence of str, (k,)
-        Responses.
-    base : sequence of str
-        Those that are known already.
-
-    Returns
-    -------
-    list of dict
-        ``place``, ``response``, ``bits`` of it with all before it, and ``gain_bits``.
+    Rows have ``place``, ``response``, ``bits`` of it with all before it, and ``gain_bits``. `base` is known already;
+    the other arguments are as for `averaged`.
     """
     root = np.linalg.cholesky(covariance)
     rows: list[dict[str, Any]] = []

@@ -1,12 +1,12 @@
 """Several tests at once: which few of them, bench tests and direct tests of a parameter, narrow the parameters enough.
 
 A bench test is observed with all its responses that can be modelled. A direct test, such as an inclined plane, observes
-one parameter itself with a standard deviation. What each of them tells before it is made is reckoned as in
+one parameter itself with a standard deviation. Its information before it is made is computed as in
 `repose.studies.second_responses`, for plausible truths, with a discrepancy that is correlated within a bench test
 (`repose.studies.discrepancy`).
 
 All sets of at most `most_tests` tests are ranked in the normal approximation with a linear model; the best of them are
-reckoned again by importance sampling. A set is as good as its widest interval among the `parameters` narrowest ones.
+computed again by importance sampling. A set is as good as its widest interval among the `parameters` narrowest ones.
 """
 
 import itertools
@@ -29,27 +29,17 @@ from repose.studies.observables import PILE, direct, discrepancy_of, tests_of, w
 from repose.studies.plausible import measured_covariance, plausible_truths, prior_points
 from repose.studies.responses_over_design import Data
 
-VERIFIED = 12  # sets that are reckoned by importance sampling, beside single tests and pairs
+VERIFIED = 12  # sets for importance sampling, beside single tests and pairs
 NORMAL_WIDTH = float(np.diff(stats.norm.interval(information.CREDIBLE))[0])  # in standard deviations
 
 
 def approximate_widths(
     prior: information.Prior, columns: Sequence[int], covariance: np.ndarray
 ) -> np.ndarray:
-    """Widths of the 95 % intervals in the normal approximation with a linear model.
+    """Widths (d,) of the 95 % intervals in the normal approximation with a linear model.
 
-    Parameters
-    ----------
-    prior : information.Prior
-    columns : sequence of int
-        Numbers that are observed.
-    covariance : numpy.ndarray, (k, k)
-        Of all of them.
-
-    Returns
-    -------
-    numpy.ndarray, (d,)
-        In places; at most those of the prior.
+    They are in places, and at most those of the prior. `columns` are the observed numbers; `covariance` (k, k) is of
+    all.
     """
     design = np.column_stack([np.ones(len(prior.place)), prior.place])
     slopes = np.linalg.lstsq(design, prior.predicted[:, columns], rcond=None)[0][1:]
@@ -59,46 +49,18 @@ def approximate_widths(
 
 
 def merit(widths: np.ndarray, parameters: int) -> float:
-    """Widest interval among the narrowest ones.
-
-    Parameters
-    ----------
-    widths : numpy.ndarray, (d,)
-    parameters : int
-        How many of them count.
-
-    Returns
-    -------
-    float
-    """
+    """Widest interval among the `parameters` narrowest ones."""
     return float(np.sort(widths)[min(parameters, len(widths)) - 1])
 
 
 def study(
     data: Data, targets: Targets, space: ParameterSpace, settings: Mapping[str, Any]
 ) -> tuple[dict[str, pd.DataFrame], dict[str, Any]]:
-    """What single tests, pairs and the best sets tell, and how often the intervals hold hidden truths.
+    """Tables ``tests``, ``pairs``, ``sets`` and ``coverage``, and a summary.
 
-    Parameters
-    ----------
-    data : Data
-        Responses of all bench tests over the design.
-    targets : Targets
-        For plausible truths, and the number of repetitions.
-    space : ParameterSpace
-    settings : mapping
-        The sections ``second_responses`` and ``joint_targets``.
-
-    Returns
-    -------
-    tables : dict
-        ``tests``, ``pairs``, ``sets`` and ``coverage``.
-    summary : dict
-
-    Raises
-    ------
-    InputError
-        If fewer points of the prior than ``truths`` meet all targets.
+    They show the information in single tests, pairs and the best sets, and how often the intervals hold hidden truths.
+    `data` has all bench tests; `settings` joins the sections ``second_responses`` and ``joint_targets``. InputError if
+    fewer points of the prior than ``truths`` meet all targets.
     """
     surrogates = Surrogates.of(data, targets.names, settings)
     names = surrogates.names
@@ -203,17 +165,7 @@ def _sorted(rows, column, ascending):
 
 
 def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> str:
-    """The study in words.
-
-    Parameters
-    ----------
-    tables, summary
-        As `study` gives them.
-
-    Returns
-    -------
-    str
-    """
+    """The study in words."""
     lines = [
         f"{row.set}: {row.bits:.2f} ± {row.bits_se:.2f} bits, {row.gain_bits:.2f} beside the targets"
         for row in tables["tests"].itertuples()
@@ -242,24 +194,7 @@ def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> s
 def run(
     data: Data, targets: Targets, space: ParameterSpace, settings: Mapping[str, Any], out_dir: str | Path
 ) -> str:
-    """Write tests.csv, pairs.csv, sets.csv, coverage.csv and joint.json.
-
-    Parameters
-    ----------
-    data, targets, space, settings
-        As in `study`.
-    out_dir : path
-
-    Returns
-    -------
-    str
-        The message.
-
-    Raises
-    ------
-    InputError
-        As in `study`.
-    """
+    """Write tests.csv, pairs.csv, sets.csv, coverage.csv and joint.json; return the message."""
     tables, summary = study(data, targets, space, settings)
     for name, table in tables.items():
         write_table(Path(out_dir) / f"{name}.csv", table)

@@ -9,7 +9,7 @@ The physical means of the k targets, y (k,), are taken as normal about the surro
         as simulated runs of one sample are unless something else is known; responses of different bench tests are
         independent. S_y holds the scatter from run to run, so the surrogate's noise term is left out.
     S_d
-        Discrepancy, what the model cannot do with any parameters: `repose.studies.discrepancy` (Kennedy & O'Hagan
+        Discrepancy, which no parameters of the model remove: `repose.studies.discrepancy` (Kennedy & O'Hagan
         2001, J. R. Stat. Soc. B 63, 425, with a constant in place of a process).
     S_w
         Of the surrogate's prediction of the mean.
@@ -28,28 +28,10 @@ from repose.core.targets import Targets
 def observation(
     targets: Targets, correlation: np.ndarray, discrepancy: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Physical means and the part of their covariance that does not depend on the parameters.
+    """Physical means (k,) and the part S_y + S_d (k, k) of their covariance that does not depend on the parameters.
 
-    Parameters
-    ----------
-    targets : Targets
-        The k targets.
-    correlation : numpy.ndarray, (k, k)
-        Correlations of the measured responses from pile to pile.
-    discrepancy : numpy.ndarray, (k, k)
-        Covariance S_d.
-
-    Returns
-    -------
-    mean : numpy.ndarray
-        (k,), in the responses' units.
-    covariance : numpy.ndarray
-        S_y + S_d, (k, k).
-
-    Raises
-    ------
-    ValueError
-        If the correlations are not those of a covariance matrix of full rank.
+    `correlation` (k, k) is that of the measured responses from pile to pile, `discrepancy` (k, k) is S_d. ValueError if
+    `correlation` is not positive definite.
     """
     correlation = np.asarray(correlation, dtype=float)
     if np.linalg.eigvalsh(correlation)[0] <= 0:
@@ -59,21 +41,10 @@ def observation(
 
 
 def measured_correlation(targets: Targets, simulated: np.ndarray, stated: float | str) -> np.ndarray:
-    """Correlation of the measured responses.
+    """Correlation (k, k) of the measured responses.
 
-    Parameters
-    ----------
-    targets : Targets
-        The k targets.
-    simulated : numpy.ndarray, (k, k)
-        Of simulated runs of one sample, measured as the configuration says.
-    stated : float or str
-        Of any two responses of one bench test, where the physical piles were measured in another way; or
-        ``simulated``.
-
-    Returns
-    -------
-    numpy.ndarray, (k, k)
+    `simulated` (k, k) is that of simulated runs of one sample. `stated` is ``simulated``, or a number for any two
+    responses of one bench test, where the physical piles were measured in another way.
     """
     if isinstance(stated, str):
         return simulated
@@ -86,21 +57,10 @@ def measured_correlation(targets: Targets, simulated: np.ndarray, stated: float 
 def log_likelihood(
     responses: np.ndarray, covariances: np.ndarray, mean: np.ndarray, covariance: np.ndarray
 ) -> np.ndarray:
-    """Log of the normal density N(mean; responses, covariance + covariances).
+    """Log (n,) of the normal density N(mean; responses, covariance + covariances).
 
-    Parameters
-    ----------
-    responses : numpy.ndarray
-        Predictions (n, k).
-    covariances : numpy.ndarray
-        Of the predictions, (n, k, k).
-    mean, covariance : numpy.ndarray
-        Of `observation`, (k,) and (k, k).
-
-    Returns
-    -------
-    numpy.ndarray
-        (n,).
+    `responses` (n, k) are predictions and `covariances` (n, k, k) theirs; `mean` and `covariance` come from
+    `observation`.
     """
     total = covariance + covariances
     off = mean - responses
@@ -112,18 +72,10 @@ def log_likelihood(
 def misfit(
     responses: np.ndarray, covariances: np.ndarray, mean: np.ndarray, covariance: np.ndarray
 ) -> dict[str, float]:
-    """How well the best draw meets the measurements.
+    """Deviation of the best draw from the measurements; arguments as for `log_likelihood`.
 
-    Parameters
-    ----------
-    responses, covariances, mean, covariance
-        As in `log_likelihood`.
-
-    Returns
-    -------
-    dict
-        squared_distance: the smallest, in standard deviations; p_value: its chi^2 tail with k degrees of
-        freedom.
+    ``squared_distance`` is the smallest, in standard deviations; ``p_value`` is its chi^2 tail with k degrees of
+    freedom.
     """
     off = mean - responses
     best = float(_squared_distance(off, covariance + covariances).min())

@@ -20,7 +20,7 @@ from repose.measure.angles import DEFINITIONS, measure_sides
 from repose.particle.particle import Particle
 from repose.studies.pour_correlation import correlations
 
-# Name in the tables: what differs from the configuration's measurement, and the definition.
+# Name in the tables: changes of the configuration's measurement, and the definition.
 VARIANTS: dict[str, tuple[dict[str, Any], str]] = {
     "flank": ({}, "flank"),
     "flank, rows": ({"flank": "rows"}, "flank"),
@@ -50,21 +50,8 @@ def tables_of(
 ) -> dict[str, pd.DataFrame]:
     """The tables ``noise``, ``correlation``, ``pour_correlation`` and ``bias``.
 
-    Parameters
-    ----------
-    piles : pandas.DataFrame
-        Piles of the design, of `measured_piles`.
-    fixed : pandas.DataFrame
-        Piles of the published representative solution.
-    particle : Particle
-    settings : pile.MeasureSettings
-        With the height of a berry.
-    shapes : int
-        Piles of each known shape and angle.
-
-    Returns
-    -------
-    dict of pandas.DataFrame
+    `piles` are those of the design, `fixed` those of the published representative solution, both from `measured_piles`.
+    `settings` need the height of a berry; `shapes` is the number of piles of each known shape and angle.
     """
     return {
         "noise": noise_table(piles, fixed),
@@ -85,30 +72,9 @@ def run(
 ) -> dict[str, pd.DataFrame]:
     """Write piles.csv and the tables of `tables_of` into out_dir; return these tables.
 
-    Parameters
-    ----------
-    heaps : sequence of path
-        ``NAME.npz`` of the design's jobs, with ``NAME.pours.json`` beside each.
-    representative : path
-        That of the published representative solution.
-    particle : Particle
-    section : mapping
-        The configuration's `measure`.
-    berry : mapping
-        What the verb berry wrote.
-    out_dir : path
-    shapes : int
-        Piles of each known shape and angle.
-
-    Returns
-    -------
-    dict of pandas.DataFrame
-        See `tables_of`.
-
-    Raises
-    ------
-    InputError
-        If a file is bad, or there are fewer than two jobs.
+    `heaps` are ``NAME.npz`` of the design's jobs, with ``NAME.pours.json`` beside each; `representative` is that of the
+    published representative solution. `section` is `measure` of the configuration, `berry` the result of the verb
+    berry. InputError with fewer than two jobs.
     """
     if len(heaps) < 2:
         raise InputError("command line", "heaps", len(heaps), "at least two jobs of the design")
@@ -126,20 +92,9 @@ def run(
 
 
 def measured_piles(npz: str | Path, particle: Particle, settings: pile.MeasureSettings) -> pd.DataFrame:
-    """Measurements of the good pours of a job.
+    """Measurements of the good pours of a job's .npz file: ``sample``, ``seed``, ``Height`` and every variant.
 
-    Parameters
-    ----------
-    npz : path
-        The job's .npz file.
-    particle : Particle
-    settings : MeasureSettings
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each good pour: ``sample``, ``seed``, ``Height`` and every variant. A variant is the mean of
-        all views; with " (view)" behind its name it is that of the first view.
+    A variant is the mean of all views; with " (view)" behind its name it is that of the first view.
     """
     npz = Path(npz)
     job = saved_pours.read_pours(npz.with_name(npz.stem + saved_pours.POURS))
@@ -160,25 +115,11 @@ def measured_piles(npz: str | Path, particle: Particle, settings: pile.MeasureSe
 def variants_of(
     poured: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings
 ) -> dict[str, float]:
-    """Height and every variant of the angle of one pour, all from the same silhouettes.
+    """Height [mm] and every variant [deg] of the angle of one pour, all from the same silhouettes.
 
-    Parameters
-    ----------
-    poured : mapping
-        ``position``, ``quaternion``, and perhaps ``in_pile`` and ``scale`` of the berries.
-    particle : Particle
-    settings : pile.MeasureSettings
-
-    Returns
-    -------
-    dict
-        ``Height`` [mm] and the variants [deg], means over the views; a name with " (view)" behind it is of
-        the first view. NaN where a variant cannot be measured in half of the views.
-
-    Raises
-    ------
-    NoFlankError
-        If there is no pile; see `repose.measure.pile.pile_views`.
+    `poured` holds ``position``, ``quaternion``, and perhaps ``in_pile`` and ``scale`` of the berries. Values are means
+    over the views, or of the first view with " (view)" behind the name; NaN where a variant cannot be measured in half
+    of the views. NoFlankError if there is no pile.
     """
     height_m, views = pile.pile_views(
         poured["position"],
@@ -200,20 +141,9 @@ def variants_of(
 
 
 def variants_of_profile(profile: np.ndarray, crest: int, settings: pile.MeasureSettings) -> dict[str, float]:
-    """Every variant [deg] on one profile.
+    """Every variant [deg] on one profile; NaN where it cannot be measured.
 
-    Parameters
-    ----------
-    profile : numpy.ndarray, (W,)
-        Height of the upper edge in pixels for each column.
-    crest : int
-        Column of the crest.
-    settings : pile.MeasureSettings
-
-    Returns
-    -------
-    dict
-        NaN where a variant cannot be measured.
+    `profile` (W,) is the height of the upper edge in pixels, `crest` the column of the crest.
     """
     berry = float(settings.berry_height_mm or math.nan) / settings.mm_per_pixel
     known, found = {}, {}
@@ -229,17 +159,9 @@ def variants_of_profile(profile: np.ndarray, crest: int, settings: pile.MeasureS
 def noise_table(piles: pd.DataFrame, fixed: pd.DataFrame) -> pd.DataFrame:
     """Noise and signal of Height and of each variant.
 
-    Parameters
-    ----------
-    piles, fixed
-        As for `tables_of`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Mean over the design; mean and scatter from seed to seed at the published solution; scatter from seed
-        to seed over the design (``within``), spread from sample to sample without that noise (``between``),
-        and their ratio. The last three are given over all views and in one.
+    ``published_mean`` and ``published_sd`` (from seed to seed) are of the published solution. Over the design,
+    ``within`` is the scatter from seed to seed, ``between`` the spread from sample to sample without that noise, and
+    ``ratio`` their ratio; they are over all views, and in one (``_view``).
     """
     rows = []
     for name in ("Height", *VARIANTS):
@@ -256,18 +178,6 @@ def noise_table(piles: pd.DataFrame, fixed: pd.DataFrame) -> pd.DataFrame:
 def spreads(piles: pd.DataFrame, name: str) -> tuple[float, float]:
     """Standard deviation within a sample, from seed to seed, and between the samples' noise-free means.
 
-    Parameters
-    ----------
-    piles : pandas.DataFrame
-    name : str
-        Of the column.
-
-    Returns
-    -------
-    within, between : float
-
-    Notes
-    -----
     One-way analysis of variance: within^2 is the mean of the samples' variances weighted by their degrees of
     freedom; the variance of the samples' means is that of the noise-free means plus the mean of within^2 / n.
     """
@@ -281,16 +191,7 @@ def spreads(piles: pd.DataFrame, name: str) -> tuple[float, float]:
 
 
 def correlation_table(piles: pd.DataFrame) -> pd.DataFrame:
-    """Correlation of the samples' means of the four definitions and Height.
-
-    Parameters
-    ----------
-    piles : pandas.DataFrame
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """Correlation of the samples' means of the four definitions and Height."""
     return piles.groupby("sample")[[*DEFINITIONS, "Height"]].mean().corr()
 
 
@@ -298,19 +199,9 @@ def correlation_table(piles: pd.DataFrame) -> pd.DataFrame:
 
 
 def bias_table(particle: Particle, settings: pile.MeasureSettings, shapes: int) -> pd.DataFrame:
-    """Bias of every variant over piles of every angle.
+    """Bias of every variant over piles of every angle: mean and root mean square of its errors [deg].
 
-    Parameters
-    ----------
-    particle : Particle
-    settings : MeasureSettings
-    shapes : int
-        Number of filled cones of each angle; the strewn triangles are four times as many.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each variant: mean and root mean square of its errors [deg].
+    `shapes` is the number of filled cones of each angle; the strewn triangles are four times as many.
     """
     errors: dict[str, list[dict[str, float]]] = {"filled": [], "strewn": []}
     for angle in ANGLES_DEG:
@@ -334,24 +225,9 @@ def bias_table(particle: Particle, settings: pile.MeasureSettings, shapes: int) 
 def filled_cone(
     angle_deg: float, particle: Particle, rng: np.random.Generator, berries: int = CONE_BERRIES
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Random berries that fill a cone.
+    """Random berries that fill a cone: centres (N, 3) [m] and quaternions (N, 4).
 
-    The berries may overlap. Their centres fill a cone one mean radius inside the cone of 62 mm and the given
-    angle.
-
-    Parameters
-    ----------
-    angle_deg : float
-    particle : Particle
-    rng : numpy.random.Generator
-    berries : int, optional
-        Number of berries.
-
-    Returns
-    -------
-    centres : numpy.ndarray, (N, 3)
-        Metres.
-    quaternions : numpy.ndarray, (N, 4)
+    The berries may overlap. Their centres fill a cone one mean radius inside the cone of 62 mm and the given angle.
     """
     a, height = math.radians(angle_deg), 1e-3 * CONE_HEIGHT_MM
     reach = pile.equivalent_diameter(particle) / 2
@@ -365,20 +241,9 @@ def filled_cone(
 
 
 def strewn_triangle(angle_deg: float, rng: np.random.Generator, mm_per_pixel: float) -> np.ndarray:
-    """Profile of a triangle of 62 mm with discs strewn along both flanks.
+    """Profile (W,) in pixels of a triangle of 62 mm with discs strewn along both flanks.
 
     The discs are 10 to 20 mm wide, and their tops scatter 4 mm about the flank.
-
-    Parameters
-    ----------
-    angle_deg : float
-    rng : numpy.random.Generator
-    mm_per_pixel : float
-
-    Returns
-    -------
-    numpy.ndarray, (W,)
-        Pixels.
     """
     a = math.radians(angle_deg)
     half = CONE_HEIGHT_MM / math.tan(a) + 25

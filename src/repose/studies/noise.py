@@ -1,7 +1,7 @@
-"""Noise floor: how far the runs of one sample scatter, how far samples differ, what more seeds buy.
+"""Noise floor: scatter of the runs of one sample, differences between samples, gain from more seeds.
 
-The statistics stand in `repose.core.variance`. Here they are applied to the table of runs, for each target by itself
-and for each pair of targets that one bench test gives.
+The statistics are in `repose.core.variance`. Here they are applied to the table of runs, for each target by itself
+and for each pair of targets of one bench test.
 """
 
 import math
@@ -23,41 +23,17 @@ WANTED_PERCENT = (0.5, 1.0, 2.0)  # standard errors, in percent of the target
 
 
 class NoiseFloor(NamedTuple):
-    """Tables of the noise floor.
+    """Tables of the noise floor."""
 
-    Attributes
-    ----------
-    responses : pandas.DataFrame
-        One row per target: variances, intraclass correlation, what a perfect predictor reaches (``noise.csv``).
-    seeds : pandas.DataFrame
-        Standard error and reachable R2 of a mean over 1 to `MOST_SEEDS` seeds (``seeds.csv``).
-    summary : dict
-        The rows by response, and the correlations (``noise.json``).
-    """
-
-    responses: pd.DataFrame
-    seeds: pd.DataFrame
-    summary: dict[str, Any]
+    responses: pd.DataFrame  # noise.csv: a row for each target with variances, ICC and reachable R2
+    seeds: pd.DataFrame  # seeds.csv: error and reachable R2 of a mean over 1 to `MOST_SEEDS` seeds
+    summary: dict[str, Any]  # noise.json: the rows by response, and the correlations
 
 
 def read_runs(runs_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
-    """The table of runs of a study.
+    """All runs of a study, failed ones included, from the table of `repose.chain.dataset`.
 
-    Parameters
-    ----------
-    runs_csv : path
-        As `repose.chain.dataset` writes it.
-    targets : Targets
-
-    Returns
-    -------
-    pandas.DataFrame
-        All runs, those that failed as well.
-
-    Raises
-    ------
-    InputError
-        If a column is missing, or a target has no sample with two usable runs, or usable runs of one sample alone.
+    InputError if a target has no sample with two usable runs, or usable runs of one sample alone.
     """
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
     for name in targets.names:
@@ -69,69 +45,29 @@ def read_runs(runs_csv: str | os.PathLike, targets: Targets) -> pd.DataFrame:
 
 
 def of_bench(runs: pd.DataFrame, apparatus: str) -> pd.DataFrame:
-    """The runs of one bench test; a table without the column apparatus has those of a single one.
-
-    Parameters
-    ----------
-    runs : pandas.DataFrame
-    apparatus : str
-        Name of the bench test.
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """The runs of one bench test; a table without the column apparatus has a single bench test."""
     return runs[runs["apparatus"] == apparatus] if "apparatus" in runs else runs
 
 
 def usable(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
-    """The runs that ended well and have a number for each of some responses.
-
-    Parameters
-    ----------
-    runs : pandas.DataFrame
-    names : tuple of str
-        Of the responses.
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """The runs with status ok and a number for each of the responses."""
     return runs[(runs["status"] == "ok") & runs[list(names)].notna().all(axis=1)]
 
 
 def within_correlation(
     runs: pd.DataFrame, targets: Targets
 ) -> tuple[np.ndarray, dict[str, dict[str, float]]]:
-    """Correlation of the responses from run to run of one sample.
+    """Correlation (k, k) of the responses from run to run of one sample, and its pairs.
 
     Responses of one bench test come from the same runs and are correlated. Responses of different bench tests are
-    independent: no run gives both.
-
-    Parameters
-    ----------
-    runs : pandas.DataFrame
-        With the columns sample, status and the k responses.
-    targets : Targets
-        The k targets.
-
-    Returns
-    -------
-    matrix : numpy.ndarray
-        Correlations (k, k), 1 on the diagonal, 0 between bench tests.
-    pairs : dict
-        For each pair of one bench test, named ``"first, second"``: value, its interval low and high (Fisher's
-        transformation), degrees_of_freedom.
-
-    Raises
-    ------
-    ValueError
-        If a pair has fewer than four degrees of freedom, or a response does not vary within samples.
+    independent: no run gives both. A pair ``"first, second"`` has value, its interval low and high (Fisher's
+    transformation), and degrees_of_freedom. ValueError if a pair has fewer than four of them, or a response does not
+    vary within samples.
     """
     matrix, pairs = np.eye(len(targets)), {}
     for bench in targets.apparatus:
         rows = [k for k, one in enumerate(targets) if one.response.apparatus == bench]
-        # the same runs for all pairs of a bench test, so that the matrix is one of a covariance
+        # the same runs for all pairs of a bench test, so that the matrix is positive semidefinite
         ok = usable(runs, tuple(targets.names[k] for k in rows))
         for i, j in combinations(rows, 2):
             first, second = targets.names[i], targets.names[j]
@@ -143,38 +79,15 @@ def within_correlation(
 
 
 def told(pairs: dict[str, dict[str, float]]) -> dict[str, Any]:
-    """Correlations as the JSON files have them: by the names of the pair, or the only pair by itself.
-
-    Parameters
-    ----------
-    pairs : dict of dict
-        Numbers of each pair of responses, by the pair's name.
-
-    Returns
-    -------
-    dict
-    """
+    """Correlations as in the JSON files: by the names of the pair, or the only pair by itself."""
     return next(iter(pairs.values())) if len(pairs) == 1 else pairs
 
 
 def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
-    """Variance components of every target, and what more seeds would buy.
+    """Variance components of every target, and the gain from more seeds.
 
-    Parameters
-    ----------
-    runs : pandas.DataFrame
-        With the columns sample, status and the responses; at least two samples, one of them with two usable runs.
-    targets : Targets
-        A standard error is also given in percent of the target's aim.
-
-    Returns
-    -------
-    NoiseFloor
-
-    Raises
-    ------
-    ValueError
-        As `within_correlation` and `repose.core.variance.variance_components`.
+    `runs` need at least two samples, one of them with two usable runs. A standard error is also in percent of the
+    target's aim. ValueError as `within_correlation` and `repose.core.variance.variance_components`.
     """
     seeds = np.arange(1, MOST_SEEDS + 1)
     table, rows = pd.DataFrame({"seeds": seeds}), []
@@ -199,22 +112,7 @@ def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
 def run(runs_csv: str | os.PathLike, targets: Targets, out_dir: str | os.PathLike) -> dict[str, Any]:
     """Read the runs, write noise.csv, seeds.csv and noise.json; return the summary.
 
-    Parameters
-    ----------
-    runs_csv : path
-        As `repose.chain.dataset` writes it.
-    targets : Targets
-    out_dir : path
-
-    Returns
-    -------
-    dict
-        `NoiseFloor.summary`.
-
-    Raises
-    ------
-    InputError
-        As `read_runs`, and where the runs are too few or too alike for a correlation.
+    InputError as `read_runs`, and if the runs are too few or too alike for a correlation.
     """
     runs = read_runs(runs_csv, targets)
     try:
@@ -231,17 +129,7 @@ def run(runs_csv: str | os.PathLike, targets: Targets, out_dir: str | os.PathLik
 
 
 def message(summary: dict[str, Any], targets: Targets) -> str:
-    """The noise floor in words, one line per response.
-
-    Parameters
-    ----------
-    summary : dict
-    targets : Targets
-
-    Returns
-    -------
-    str
-    """
+    """The noise floor in words, a line for each response."""
     lines = []
     for target in targets:
         name, unit, row = target.name, target.response.unit, summary["responses"][target.name]

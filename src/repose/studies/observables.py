@@ -1,4 +1,4 @@
-"""What could be observed: the responses of bench tests, and parameters that have a direct test."""
+"""Possible observations: the responses of bench tests, and parameters that have a direct test."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -16,47 +16,19 @@ PILE = "pile"
 
 
 class Tests(NamedTuple):
-    """What could be observed.
+    """Possible tests; k numbers in all, those of the responses before those of the parameters."""
 
-    Attributes
-    ----------
-    columns : dict
-        For each test the columns of its numbers: those of the responses, then those of the parameters.
-    minutes : dict
-        Of an experimenter's work for each test.
-    covariance : numpy.ndarray, (k, k)
-        Of all these numbers about what the model says of them.
-    """
-
-    columns: dict[str, list[int]]
-    minutes: dict[str, float]
-    covariance: np.ndarray
+    columns: dict[str, list[int]]  # columns of the numbers of each test
+    minutes: dict[str, float]  # of an experimenter's work for each test
+    covariance: np.ndarray  # (k, k), of the numbers about the model's predictions
 
     def of(self, chosen: Sequence[str]) -> list[int]:
-        """Columns of several tests.
-
-        Parameters
-        ----------
-        chosen : sequence of str
-
-        Returns
-        -------
-        list of int
-        """
+        """Columns of several tests."""
         return [column for name in chosen for column in self.columns[name]]
 
 
 def direct(name: str) -> str:
-    """Name of the direct test of a parameter.
-
-    Parameters
-    ----------
-    name : str
-
-    Returns
-    -------
-    str
-    """
+    """Name of the direct test of a parameter."""
     return f"direct {name}"
 
 
@@ -65,25 +37,9 @@ def tests_of(
 ) -> Tests:
     """The bench tests of some responses and the direct tests of the free parameters.
 
-    Parameters
-    ----------
-    names : sequence of str, (r,)
-        Responses.
-    of_responses : numpy.ndarray, (r, r)
-        Covariance of their observations about the surrogates' predictions.
-    space : ParameterSpace
-    settings : mapping
-        ``minutes`` by bench test; ``direct_tests``: ``sd`` and ``minutes`` by parameter.
-
-    Returns
-    -------
-    Tests
-        Parameters are observed as places in their ranges.
-
-    Raises
-    ------
-    InputError
-        If the minutes of a bench test are missing.
+    `of_responses` (r, r) is the covariance of their observations about the surrogates' predictions; parameters are
+    observed as places in their ranges. `settings` holds ``minutes`` by bench test, and ``direct_tests`` with ``sd`` and
+    ``minutes`` by parameter. InputError if the minutes of a bench test are missing.
     """
     columns: dict[str, list[int]] = {}
     for k, name in enumerate(names):
@@ -105,32 +61,14 @@ def tests_of(
 
 
 def with_parameters(prior: information.Prior, tested: Sequence[int]) -> None:
-    """Let the places of some parameters count as predictions, too.
-
-    Parameters
-    ----------
-    prior : information.Prior
-        It is changed.
-    tested : sequence of int
-        Free parameters that have a direct test.
-    """
+    """Add the places of the free parameters `tested` to the predictions of `prior`, in place."""
     prior.predicted = np.hstack([prior.predicted, prior.place[:, list(tested)]])
 
 
 def discrepancy_of(data: Data, names: Sequence[str], settings: Mapping[str, Any]) -> np.ndarray:
-    """Covariance S_d of the discrepancies of some responses.
+    """Covariance S_d (k, k) of the discrepancies of some responses.
 
-    Parameters
-    ----------
-    data : Data
-    names : sequence of str, (k,)
-        Responses.
-    settings : mapping
-        ``discrepancy_percent``, ``discrepancy_correlation``, ``smallest_discrepancy``.
-
-    Returns
-    -------
-    numpy.ndarray, (k, k)
+    `settings` holds ``discrepancy_percent``, ``discrepancy_correlation`` and ``smallest_discrepancy``.
     """
     means = np.array([data.known[name].row["mean"] for name in names])
     sd = discrepancy.sizes(names, means, settings["discrepancy_percent"], settings["smallest_discrepancy"])

@@ -1,4 +1,4 @@
-"""Observations that nobody has made yet: points of the prior, plausible truths among them, and the scatter of means."""
+"""Hypothetical observations: points of the prior, plausible truths among them, and the scatter of means."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -16,19 +16,9 @@ from repose.studies.responses_over_design import Data
 def prior_points(
     space: ParameterSpace, settings: Mapping[str, Any], predict: Callable[[np.ndarray], np.ndarray]
 ) -> information.Prior:
-    """A Sobol sequence over the prior, and what is predicted there.
+    """A Sobol sequence over the prior, with predictions.
 
-    Parameters
-    ----------
-    space : ParameterSpace
-    settings : mapping
-        ``points`` and ``seed``.
-    predict : function
-        From parameter sets (n, 6) to responses (n, k).
-
-    Returns
-    -------
-    information.Prior
+    `settings` holds ``points`` and ``seed``; `predict` maps parameter sets (n, 6) to responses (n, k).
     """
     quantile = stats.qmc.Sobol(space.dimensions, rng=settings["seed"]).random(settings["points"])
     place = information.places_of(space, quantile)
@@ -38,24 +28,11 @@ def prior_points(
 def measured_covariance(
     data: Data, names: Sequence[str], correlation: np.ndarray, targets: Targets
 ) -> np.ndarray:
-    """Covariance S_y of the means of all repetitions.
+    """Covariance S_y (k, k) of the means of all repetitions.
 
-    A response that is no target is measured as often as the target that was measured least. Two responses
-    have the repetitions of the one that was measured less often in common, so the larger number divides their
-    covariance.
-
-    Parameters
-    ----------
-    data : Data
-    names : sequence of str, (k,)
-        Responses.
-    correlation : numpy.ndarray, (k, k)
-        Of the noise from run to run.
-    targets : Targets
-
-    Returns
-    -------
-    numpy.ndarray, (k, k)
+    A response that is no target is measured as often as the target that was measured least. Two responses have the
+    repetitions of the one that was measured less often in common, so the larger number divides their covariance.
+    `correlation` (k, k) is of the noise from run to run.
     """
     own, least = {one.name: one.repetitions for one in targets}, min(one.repetitions for one in targets)
     repetitions = np.array([own.get(name, least) for name in names])
@@ -68,25 +45,8 @@ def plausible_truths(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points of the prior that meet all targets, drawn at random, and unit normal numbers for their observations.
 
-    Parameters
-    ----------
-    predicted : numpy.ndarray, (n, k)
-        At the points of the prior.
-    names : sequence of str, (k,)
-    targets : Targets
-    settings : mapping
-        ``truths`` and ``seed``.
-
-    Returns
-    -------
-    rows : numpy.ndarray, (truths,)
-        Row numbers.
-    normal : numpy.ndarray, (truths, k)
-
-    Raises
-    ------
-    InputError
-        If there are fewer than ``truths`` of them.
+    Row numbers (truths,) of `predicted` (n, k), and numbers (truths, k). `settings` holds ``truths`` and ``seed``.
+    InputError if fewer than ``truths`` points meet all targets.
     """
     values = predicted[:, [list(names).index(name) for name in targets.names]]
     rows = np.flatnonzero(((values >= targets.low) & (values <= targets.high)).all(axis=1))

@@ -1,4 +1,4 @@
-"""The pool: points simulated once for all comparisons, some to train on and fresh ones to judge by.
+"""The pool: points simulated once for all comparisons, some for training and fresh ones for tests.
 
 Both sets are scrambled Sobol sequences, so a comparison that wants fewer points takes the first ones, and a larger
 pool keeps those that were simulated. The scramblings are independent of each other and of the main design.
@@ -16,60 +16,25 @@ from repose.core.parameter_space import ParameterSpace
 
 
 class PointSet(NamedTuple):
-    """One set of points.
+    """A set of points."""
 
-    Attributes
-    ----------
-    prefix : str
-        What the names of its files begin with.
-    size : str
-        Key of its size in the configuration's section `pool`.
-    scrambling : int
-    """
-
-    prefix: str
-    size: str
-    scrambling: int
+    prefix: str  # of the names of its files
+    size: str  # key of its size in the section `pool`
+    scrambling: int  # number of the scrambling of its Sobol sequence
 
 
 SETS = {"pool": PointSet("", "samples", 0), "fresh": PointSet("fresh_", "fresh_samples", 1)}
 
 
 def points_of(name: str, space: ParameterSpace, settings: Mapping[str, Any]) -> pd.DataFrame:
-    """Points of a set.
-
-    Parameters
-    ----------
-    name : str
-        One of `SETS`.
-    space : ParameterSpace
-    settings : mapping
-        The configuration's section `pool`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``sample``, numbered from 1, and the six parameters.
-    """
+    """Points of a set of `SETS`: ``sample`` from 1, and the six parameters; `settings` is the section `pool`."""
     one = SETS[name]
     unit = design.sobol(settings[one.size], space.dimensions, [settings["seed"], one.scrambling])
     return design.parameter_sets(unit, space)
 
 
 def run(space: ParameterSpace, settings: Mapping[str, Any], out_dir: str | Path) -> dict[str, pd.DataFrame]:
-    """Write samples.csv and fresh_samples.csv.
-
-    Parameters
-    ----------
-    space, settings
-        As in `points_of`.
-    out_dir : path
-
-    Returns
-    -------
-    dict of pandas.DataFrame
-        Both tables by set.
-    """
+    """Write samples.csv and fresh_samples.csv; return both tables by set."""
     tables = {name: points_of(name, space, settings) for name in SETS}
     for name, table in tables.items():
         write_table(Path(out_dir) / f"{SETS[name].prefix}samples.csv", table, float_format="%.10g")

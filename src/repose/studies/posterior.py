@@ -1,7 +1,7 @@
 """Posterior of the free parameters given the physical measurements.
 
 The prior is uniform on the range of each parameter, or normal and cut to the range where the parameter was measured.
-The likelihood is that of `repose.studies.likelihood`; `repose.studies.sampler` draws from the posterior.
+The likelihood is defined in `repose.studies.likelihood`; `repose.studies.sampler` draws from the posterior.
 """
 
 import functools
@@ -31,27 +31,17 @@ from repose.surrogate.support import Support
 CREDIBLE = 0.95
 DRAWS_KEPT = 4000
 LARGEST_R_HAT, FEWEST_EFFECTIVE = 1.01, 400  # Vehtari et al. 2021, Bayesian Analysis 16, 667
-# Kullback-Leibler information, in bits: halving the range is worth one.
+# Kullback-Leibler information, in bits: half the range is worth 1 bit.
 DETERMINED, UNDETERMINED = 1.0, 0.2
 MOSTLY = 0.5
 
 
 class Posterior(NamedTuple):
-    """What the posterior says.
+    """Tables and summary of the posterior."""
 
-    Attributes
-    ----------
-    parameters : pandas.DataFrame
-        One row a free parameter: intervals, information, convergence, statement (``posterior.csv``).
-    draws : pandas.DataFrame
-        Parameter sets, their predictions and the standard errors of these (``draws.csv``).
-    summary : dict
-        The terms of the likelihood, fit, information, convergence, statements (``posterior.json``).
-    """
-
-    parameters: pd.DataFrame
-    draws: pd.DataFrame
-    summary: dict[str, Any]
+    parameters: pd.DataFrame  # posterior.csv: a row for each free parameter
+    draws: pd.DataFrame  # draws.csv: parameter sets, predictions, their standard errors
+    summary: dict[str, Any]  # posterior.json: likelihood, fit, information, convergence, statements
 
 
 def infer(
@@ -64,35 +54,12 @@ def infer(
     beside: Mapping[str, pd.DataFrame],
     study: np.ndarray | None = None,
 ) -> Posterior:
-    """Sample the posterior and say what it determines.
+    """Sample the posterior and state which parameters it determines.
 
-    Parameters
-    ----------
-    model : Predictor
-        Trained on the responses of the targets, with the errors of its predictions.
-    support : Support
-        Of the samples that it was trained on.
-    runs : pandas.DataFrame
-        Runs of the samples, for the correlation of the responses.
-    space : ParameterSpace
-        Fixed parameters keep their values; the others are sampled.
-    targets : Targets
-    settings : mapping
-        The section `posterior` of the configuration: discrepancy_percent, discrepancy_correlation, walkers, steps,
-        seed; measured_correlation, by default that of simulated runs.
-    beside : mapping
-        Intervals of the parameters from elsewhere, by name: tables with the index parameter and columns low, high.
-    study : numpy.ndarray, (k, k), optional
-        Covariance of the discrepancies where a shape study is their evidence.
-
-    Returns
-    -------
-    Posterior
-
-    Raises
-    ------
-    ValueError
-        If the runs are too few or too alike for a correlation.
+    `support` is of the training samples; `runs` give the correlation of the responses. `settings` is the section
+    `posterior`; without measured_correlation that of simulated runs is taken. `beside` holds other intervals by name:
+    tables with the index parameter and columns low, high. `study` (k, k) is the covariance of the discrepancies by a
+    shape study; None means stated values. ValueError if the runs are too few or too alike for a correlation.
     """
     observed, pairs = _observed(runs, targets, settings)
     assumed = settings["discrepancy_percent"], settings["discrepancy_correlation"]
@@ -159,34 +126,13 @@ def run(
     definitions: Definitions | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
-    """Read what `infer` needs; write the posterior, its curve over the discrepancy, and what is not implausible.
+    """Read the inputs of `infer`; write the posterior, its curve over the discrepancy, and the region not excluded.
 
     The files are posterior.csv, draws.csv, discrepancy.csv, region.csv and posterior.json, whose content is returned.
-
-    Parameters
-    ----------
-    files : mapping
-        Paths of network, predictions, dataset, runs, feasible and table3, which is None without published intervals.
-    space : ParameterSpace
-    targets : Targets
-    settings : mapping
-        As `infer` takes them, and shape_study, a table for `repose.studies.discrepancy.of_shape_study` or None.
-    out_dir : path
-    definitions : mapping, optional
-        How the study defines its responses.
-    source : object
-        Where these definitions stand, for the error.
-
-    Returns
-    -------
-    dict
-        `Posterior.summary`.
-
-    Raises
-    ------
-    InputError
-        For a bad file, files that do not belong together, other responses or definitions than the targets', runs of
-        one seed alone, or no free parameter.
+    `files` has the paths network, predictions, dataset, runs, feasible and table3, which is None without published
+    intervals. `settings` may hold shape_study, a table for `repose.studies.discrepancy.of_shape_study`. `definitions`
+    are those of the study's responses; `source` names them in the error. InputError if files do not belong together, or
+    no parameter is free.
     """
     if not space.dimensions:
         raise InputError("configuration", "parameters", "all fixed", "at least one range or prior")
@@ -220,20 +166,20 @@ def run(
 
 
 def _observed(runs, targets, settings):
-    """From the covariance of the discrepancies to the physical means and their covariance; pairs of correlations."""
+    """Function from S_d to the physical means and their covariance, and the pairs of correlations."""
     stated = settings.get("measured_correlation", "simulated")
     try:
         simulated, pairs = noise.within_correlation(runs, targets)
     except ValueError:
         if isinstance(stated, str):
             raise
-        simulated, pairs = np.eye(len(targets)), {}  # what is stated needs no runs
+        simulated, pairs = np.eye(len(targets)), {}  # a stated correlation needs no runs
     correlation = measured_correlation(targets, simulated, stated)
     return functools.partial(observation, targets, correlation), pairs
 
 
 def _beside_the_posterior(model, space, targets, settings, runs, study, out):
-    """Write discrepancy.csv and region.csv; what is said of them in the summary."""
+    """Write discrepancy.csv and region.csv; return their entries of the summary."""
     observed, _ = _observed(runs, targets, settings)
     points = implausibility.Points(model, space)
 
@@ -251,17 +197,7 @@ def _beside_the_posterior(model, space, targets, settings, runs, study, out):
 
 
 def statement(row: Mapping[str, Any]) -> str:
-    """What the measurements say of one parameter, in words.
-
-    Parameters
-    ----------
-    row : mapping
-        Row of posterior.csv.
-
-    Returns
-    -------
-    str
-    """
+    """Statement on one parameter in words, from its row of posterior.csv."""
     bits, name = row["information_bits"], row["parameter"]
     where = f"{row['credible_low']:.3g} to {row['credible_high']:.3g}"
     share = f"{100 * row['width_ratio']:.0f} % of the prior's width, {bits:.2f} bits"
@@ -275,16 +211,7 @@ def statement(row: Mapping[str, Any]) -> str:
 
 
 def message(summary: Mapping[str, Any]) -> str:
-    """Statements, fit and convergence in words.
-
-    Parameters
-    ----------
-    summary : mapping
-
-    Returns
-    -------
-    str
-    """
+    """Statements, fit and convergence in words."""
     lines = list(summary["statements"].values())
     fit = summary["misfit"]
     bits, error = summary["information_bits"], summary["information_se_bits"]
@@ -313,7 +240,7 @@ def _parameters(
     times: np.ndarray,
     beside: Mapping[str, pd.DataFrame],
 ) -> pd.DataFrame:
-    """Rows of posterior.csv, one a free parameter."""
+    """Rows of posterior.csv, a row for each free parameter."""
     shares, ends = space.prior_cdf(unit), _prior_interval(space)
     rows = []
     for k, name in enumerate(space.free):

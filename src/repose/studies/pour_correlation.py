@@ -20,16 +20,9 @@ FEWEST = 4  # degrees of freedom
 def correlations(piles: pd.DataFrame) -> pd.DataFrame:
     """Correlation of each angle with the Height, from pile to pile of one sample.
 
-    Parameters
-    ----------
-    piles : pandas.DataFrame
-        As `repose.studies.measurement_study.measured_piles` gives them.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each definition and number of views: `measured`, `views`, `correlation` with its 95 % interval
-        `low` and `high` (Fisher's transformation), and `degrees_of_freedom`. Left out where there are fewer than four.
+    `piles` come from `repose.studies.measurement_study.measured_piles`. A row for each definition and number of views;
+    ``low`` and ``high`` are the 95 % interval (Fisher's transformation). Rows with fewer than four degrees of freedom
+    are left out.
     """
     rows: list[dict[str, Any]] = []
     for views, suffix in WAYS.items():

@@ -1,4 +1,4 @@
-"""The whole profile as a target: what its principal components tell beside angle and Height.
+"""The whole profile as a target: information in its principal components beside angle and Height.
 
 The profile of a pile is half its width R(z) at many heights z. Over a design it varies along few directions, the
 principal components of the samples' mean profiles. Each component has a surrogate of its own. Measured profiles are
@@ -39,36 +39,14 @@ PROFILE, BOTH = "profile", "profile and both numbers"
 
 
 def levels_mm(highest_mm: float) -> np.ndarray:
-    """Heights at which a profile is taken.
-
-    Parameters
-    ----------
-    highest_mm : float
-        Height of the highest pile.
-
-    Returns
-    -------
-    numpy.ndarray, (levels,)
-    """
+    """Heights (levels,) at which a profile is taken, up to that of the highest pile."""
     return SPACING_MM * np.arange(1, max(2, int(highest_mm / SPACING_MM)) + 1)
 
 
 def principal(means: np.ndarray, most: int = MOST_COMPONENTS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Principal components of profiles.
+    """Principal components of profiles (samples, levels): centre (levels,), directions, shares of the variance.
 
-    Parameters
-    ----------
-    means : numpy.ndarray, (samples, levels)
-    most : int, optional
-        Components at most.
-
-    Returns
-    -------
-    centre : numpy.ndarray, (levels,)
-    directions : numpy.ndarray, (levels, components)
-        Of length 1, each at right angles to the others.
-    share : numpy.ndarray, (components,)
-        Of the samples' variance.
+    The directions (levels, components) have length 1 and are orthogonal; at most `most` components are kept.
     """
     centre = means.mean(axis=0)
     _, size, rows = np.linalg.svd(means - centre, full_matrices=False)
@@ -84,34 +62,12 @@ def study(
     space: ParameterSpace,
     settings: Mapping[str, Any],
 ) -> tuple[dict[str, pd.DataFrame], dict[str, Any]]:
-    """What the whole profile tells beside angle and Height.
+    """Information in the whole profile beside angle and Height: ``components``, ``information`` and a summary.
 
-    Parameters
-    ----------
-    X : numpy.ndarray, (samples, 6)
-        Parameters.
-    samples : numpy.ndarray of int, (samples,)
-        Their numbers.
-    runs : pandas.DataFrame
-        Good runs: ``sample``, ``aor_deg``, ``height_mm`` and half-widths [mm] by the number of their level.
-    levels : int
-        How many levels.
-    targets : Targets
-        For plausible truths; the Height among them.
-    space : ParameterSpace
-    settings : mapping
-        The sections ``second_responses`` and ``joint_targets``.
-
-    Returns
-    -------
-    tables : dict
-        ``components`` and ``information``.
-    summary : dict
-
-    Raises
-    ------
-    InputError
-        If fewer points of the prior than ``truths`` meet the targets.
+    X (samples, 6) are parameters, `samples` their numbers. `runs` are good runs: ``sample``, ``aor_deg``, ``height_mm``
+    and half-widths [mm] by the number of their level. The Height is one of the targets. `settings` joins the sections
+    ``second_responses`` and ``joint_targets``. InputError if fewer points of the prior than ``truths`` meet the
+    targets.
     """
     own = [name for name in dict.fromkeys((*TWO_NUMBERS, *targets.names)) if name in runs]
     widths = runs[list(range(levels))].to_numpy(float)
@@ -206,17 +162,7 @@ def _discrepancy(percent, correlated, centre, directions, own, known, settings):
 
 
 def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> str:
-    """The study in words.
-
-    Parameters
-    ----------
-    tables, summary
-        As `study` gives them.
-
-    Returns
-    -------
-    str
-    """
+    """The study in words."""
     lines = [f"{summary['components']} components of the profile have a surrogate"]
     for row in tables["information"].itertuples():
         label = response(row.set).label if row.set in TWO_NUMBERS else row.set
@@ -235,24 +181,7 @@ def run(
     settings: Mapping[str, Any],
     out_dir: str | Path,
 ) -> str:
-    """Write components.csv, information.csv and profiles.json.
-
-    Parameters
-    ----------
-    X, samples, runs, levels, targets, space, settings
-        As in `study`.
-    out_dir : path
-
-    Returns
-    -------
-    str
-        The message.
-
-    Raises
-    ------
-    InputError
-        As in `study`.
-    """
+    """Write components.csv, information.csv and profiles.json; return the message."""
     tables, summary = study(X, samples, runs, levels, targets, space, settings)
     for name, table in tables.items():
         write_table(Path(out_dir) / f"{name}.csv", table)

@@ -1,6 +1,6 @@
 """The loop closed: the search's answer is simulated, added to the data, the surrogate refitted, the search run again.
 
-Round 0 simulates what the main chain proposes. Every round runs its proposal with many fresh seeds and a few
+Round 0 simulates the proposal of the main chain. Every round runs its proposal with many fresh seeds and a few
 neighbours with fewer, and is judged by the simulated means of the proposal alone (`repose.studies.verdict`). As long as
 these miss a target, all points so far join the training samples, the refitted surrogate is corrected near the last
 proposal, and the search runs again there: docs/refinement.md says why.
@@ -29,21 +29,7 @@ ROUNDING = 1e-9  # of a place in the box, in ranges
 
 
 def search_box(space: ParameterSpace, centre: Mapping[str, float], reach: float) -> ParameterSpace:
-    """The part of the ranges that lies near a point.
-
-    Parameters
-    ----------
-    space : ParameterSpace
-    centre : mapping
-        Parameter to value; it may have more than the free parameters.
-    reach : float
-        Half the width of the box, in ranges; the box is cut to the ranges.
-
-    Returns
-    -------
-    ParameterSpace
-        The same parameters with narrower ranges.
-    """
+    """The ranges narrowed to a box about `centre`; `reach` is half the width of the box, in ranges."""
     middle = np.array([float(centre[name]) for name in space.free])
     step = reach * (space.high - space.low)
     return replace(
@@ -60,27 +46,11 @@ def propose(
     round_: int,
     study_seed: int,
 ) -> pd.DataFrame:
-    """What a round simulates: the representative solution, and neighbours around it.
+    """The jobs of a round: the representative solution, and neighbours around it.
 
-    The neighbours are a Latin hypercube in the box in which the next round searches.
-
-    Parameters
-    ----------
-    solutions : pandas.DataFrame
-        feasible.csv of the search.
-    model : Surrogate
-        That was searched, for the predictions.
-    space : ParameterSpace
-    targets : Targets
-    section : mapping
-        `refine` of the configuration.
-    round_, study_seed : int
-        Number of the round; ``design.seed``.
-
-    Returns
-    -------
-    pandas.DataFrame
-        sample, the six parameters, role, seeds, predictions, and the search's warning of the representative solution.
+    The neighbours are a Latin hypercube in the box in which the next round searches. `solutions` is feasible.csv,
+    `model` the searched surrogate, `section` is `refine`. Columns: sample, the six parameters, role, seeds,
+    predictions, and the search's warning of the representative solution.
     """
     best = solutions[solutions["representative"]].iloc[0]
     table = pd.DataFrame(jobs(section, round_), columns=["sample", "role", "seeds"])
@@ -100,22 +70,8 @@ def propose(
 def extended(design: pd.DataFrame, rounds: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """The samples, or runs, of a design and of all rounds so far as one table.
 
-    Parameters
-    ----------
-    design : pandas.DataFrame
-        With the column sample.
-    rounds : sequence of pandas.DataFrame
-        With the same columns; their samples are numbered by round.
-
-    Returns
-    -------
-    pandas.DataFrame
-        With the column round, which is empty for the design's own rows. `repose.chain.train` has all other rows train.
-
-    Raises
-    ------
-    ValueError
-        If a sample is there twice, or is numbered like the design's.
+    The column round is empty for the design's own rows; all other rows are training samples of `repose.chain.train`.
+    ValueError if a sample is there twice, or is numbered like the design's.
     """
     added = pd.concat(rounds, ignore_index=True)
     added["round"] = round_of(added["sample"])
@@ -132,31 +88,10 @@ def corrected(
 ) -> tuple[Surrogate, np.ndarray, int]:
     """The surrogate, shifted so that it meets the refined samples inside a box on average.
 
-    The refit follows the whole design and keeps a few percent of error where it matters. The mean of what is left at
-    the refined samples inside the box, weighted by their seeds, is added to its predictions.
-
-    Parameters
-    ----------
-    model : Surrogate
-        Any of them.
-    dataset : pandas.DataFrame
-        Of `extended`.
-    box : ParameterSpace
-    targets : Targets
-
-    Returns
-    -------
-    model : Surrogate
-        A shifted copy.
-    offset : numpy.ndarray
-        What was added (k,), in the responses' units.
-    count : int
-        How many samples the offset is the mean of.
-
-    Raises
-    ------
-    ValueError
-        If no usable refined sample lies inside the box.
+    The refit follows the whole design and keeps a few percent of error where it matters. The mean residual of the
+    refined samples inside the box, weighted by their seeds, is added to its predictions. Returns a shifted copy, the
+    offset (k,), and its number of samples. `dataset` is of `extended`. ValueError if no usable refined sample lies
+    inside the box.
     """
     added = dataset[dataset["round"].notna() & (dataset["status"] == "ok")]
     points = added[list(box.free)].to_numpy(float)
@@ -182,36 +117,10 @@ def search(
 ) -> tuple[Surrogate, invert.Inversion]:
     """Correct a surrogate near the last proposal and search there.
 
-    The search begins in an eighth of the box of `refine.reach` and widens it until the targets are met: of all
-    parameter sets that would do, one near the last proposal is wanted, where the correction holds.
-
-    Parameters
-    ----------
-    model : Surrogate
-        Refitted to `dataset`.
-    dataset : pandas.DataFrame
-        Of `extended`.
-    centre : mapping
-        Parameters of the last proposal, by name.
-    space : ParameterSpace
-    targets : Targets
-    config : mapping
-        The sections refine and miga of the configuration.
-    published, support
-        As `repose.chain.invert.invert` takes them.
-
-    Returns
-    -------
-    model : Surrogate
-        The corrected one.
-    found : Inversion
-        Of the smallest box in which the targets are met, or of the whole box; its summary also has the keys reach,
-        offset and offset_samples.
-
-    Raises
-    ------
-    ValueError
-        If no usable refined sample lies near the last proposal.
+    The search begins in an eighth of the box of `refine.reach` and widens it until the targets are met: of all suitable
+    parameter sets, one near the last proposal is wanted, where the correction holds. `model` is refitted to `dataset`
+    (of `extended`); `centre` is the last proposal. The summary of the inversion also has reach, offset and
+    offset_samples. ValueError if no usable refined sample lies near the last proposal.
     """
     reach, tolerance = config["refine"]["reach"], config["refine"]["tolerance_percent"] / 100
     model, offset, count = corrected(model, dataset, search_box(space, centre, reach), targets)

@@ -33,29 +33,10 @@ def run_propose(
     definitions: Definitions | None = None,
     source: object = "configuration",
 ) -> pd.DataFrame:
-    """Write what a round simulates; return it.
+    """Write and return the jobs of a round; see `repose.studies.refine.propose`.
 
-    Parameters
-    ----------
-    feasible_csv, surrogate_json : path
-        What the search wrote, and what it searched.
-    space, targets, section, round_, study_seed
-        As for `repose.studies.refine.propose`.
-    out_csv : path
-    definitions : mapping, optional
-        How the study defines its responses.
-    source : object
-        Where these definitions stand, for the error.
-
-    Returns
-    -------
-    pandas.DataFrame
-        See `repose.studies.refine.propose`.
-
-    Raises
-    ------
-    InputError
-        For a bad file, other responses or definitions than the targets', or a round that cannot be numbered.
+    `feasible_csv` is of the search, `surrogate_json` the searched surrogate. `definitions` are those of the study's
+    responses; `source` names them in the error. InputError for other responses or definitions, or a negative round.
     """
     if round_ < 0:
         raise InputError("command line", "--round", round_, "0 or more")
@@ -78,25 +59,8 @@ def run_extended(
 ) -> dict[str, pd.DataFrame]:
     """Write dataset.csv and runs.csv of the design and of all rounds so far; return them by name.
 
-    dataset_summary.json beside them holds the definitions of the responses.
-
-    Parameters
-    ----------
-    dataset_csv, runs_csv : path
-        Of the design.
-    round_dirs : sequence of path
-        Folders with dataset.csv and runs.csv of a round.
-    out_dir : path
-
-    Returns
-    -------
-    dict of pandas.DataFrame
-        ``dataset`` and ``runs``.
-
-    Raises
-    ------
-    InputError
-        For a bad file, samples that are there twice, or a round with other definitions than the design.
+    dataset_summary.json beside them holds the definitions of the responses. Each folder of a round has dataset.csv and
+    runs.csv. InputError for a sample that is there twice, or a round with other definitions than the design.
     """
     definitions, design_json = read_definitions(dataset_csv)
     for folder in round_dirs:
@@ -118,22 +82,7 @@ def run_extended(
 
 
 def centre_of(proposal_csv: str | os.PathLike) -> dict[str, float]:
-    """Parameters of the proposal in a file of `run_propose`.
-
-    Parameters
-    ----------
-    proposal_csv : path
-
-    Returns
-    -------
-    dict of float
-        By name.
-
-    Raises
-    ------
-    InputError
-        If the file has no proposal.
-    """
+    """Parameters by name of the proposal in a file of `run_propose`; without a proposal InputError."""
     table = read_table(proposal_csv, ("sample", *PARAMETERS, "role"))
     own = table[table["role"] == PROPOSAL]
     if own.empty:
@@ -155,34 +104,9 @@ def run_search(
 ) -> dict[str, Any]:
     """Correct the surrogate near the last proposal and search there; return the summary of the search.
 
-    The corrected surrogate is written as network.json, beside what `repose.chain.invert.write` writes.
-
-    Parameters
-    ----------
-    surrogate_json, proposal_csv : path
-        The refitted surrogate, and the last proposal.
-    dataset_csv : path
-        Of `run_extended`.
-    space, targets, config
-        As for `repose.studies.refine.search`.
-    table3_csv : path or None
-        Published intervals.
-    out_dir : path
-    definitions : mapping, optional
-        How the study defines its responses.
-    source : object
-        Where these definitions stand, for the error.
-
-    Returns
-    -------
-    dict
-        See `repose.studies.refine.search`.
-
-    Raises
-    ------
-    InputError
-        For a bad file, other responses or definitions than the targets', or a dataset without a usable sample near
-        the last proposal.
+    The corrected surrogate is written as network.json, beside the files of `repose.chain.invert.write`.
+    `surrogate_json` is the refitted surrogate, `dataset_csv` of `run_extended`, `table3_csv` the published intervals or
+    None. InputError for other responses or definitions than the targets', or no usable sample near the last proposal.
     """
     columns = ("sample", *PARAMETERS, "status", *targets.names, "n_seeds", "round")
     dataset = read_table(dataset_csv, columns)

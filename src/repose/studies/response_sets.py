@@ -29,35 +29,16 @@ WAYS = {
 
 
 def base_label(responses: Sequence[Response]) -> str:
-    """Name of the set of all targets, as in ``AoR and Height``.
-
-    Parameters
-    ----------
-    responses : sequence of Response
-
-    Returns
-    -------
-    str
-    """
+    """Name of the set of all targets, as in ``AoR and Height``."""
     symbols = [one.symbol for one in responses]
     return " and ".join(filter(None, [", ".join(symbols[:-1]), symbols[-1]]))
 
 
 def sets_of(names: Sequence[str], responses: Sequence[Response]) -> dict[str, tuple[str, ...]]:
-    """Sets of responses to compare, by label.
+    """Sets of responses to compare, by label; `names` are all modelled responses, `responses` those of the targets.
 
-    Parameters
-    ----------
-    names : sequence of str
-        All responses that are modelled.
-    responses : sequence of Response
-        Those of the targets.
-
-    Returns
-    -------
-    dict
-        The first target alone (where there are several), the targets, and the targets with each further response. Then
-        the targets with all responses of the pile, and with all responses (where some are not of the pile).
+    The first target alone (where there are several), the targets, and the targets with each further response. Then the
+    targets with all responses of the pile, and with all responses (where some are not of the pile).
     """
     base = tuple(one.name for one in responses)
     extra = [name for name in names if name not in base]
@@ -72,37 +53,16 @@ def sets_of(names: Sequence[str], responses: Sequence[Response]) -> dict[str, tu
 
 
 def source_of(name: str) -> str:
-    """Where a response comes from, as the tables say it.
-
-    Parameters
-    ----------
-    name : str
-        Of the response.
-
-    Returns
-    -------
-    str
-        "pile", or the name of another bench test.
-    """
+    """Source of a response in the tables: "pile", or the name of another bench test."""
     bench = response(name).apparatus
     return "pile" if bench == further_responses.BENCH else bench
 
 
 def ways_of(names: Sequence[str], base: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Further responses by the way in which an experimenter gets them.
+    """Further responses by the experimenter's way to get them.
 
-    Parameters
-    ----------
-    names : sequence of str
-        All responses that are modelled.
-    base : sequence of str
-        Those of the targets.
-
-    Returns
-    -------
-    dict of tuple of str
-        By a name of `OF_THE_PILE` or ``profile``, or that of another bench test. What the outline in the photographs
-        gives is one way.
+    A way is a name of `OF_THE_PILE`, ``profile``, or another bench test. All responses from the outline in the
+    photographs are one way. `names` are all modelled responses, `base` those of the targets.
     """
     found: dict[str, list[str]] = {}
     for name in names:
@@ -114,24 +74,9 @@ def ways_of(names: Sequence[str], base: Sequence[str]) -> dict[str, tuple[str, .
 
 
 def minutes_of(way: str, minutes: Mapping[str, float]) -> float:
-    """An experimenter's work for a way.
+    """An experimenter's work for a way [minutes], all repetitions together.
 
-    Parameters
-    ----------
-    way : str
-        Of `ways_of`.
-    minutes : mapping of float
-        `second_responses.minutes` of the configuration.
-
-    Returns
-    -------
-    float
-        Minutes, for all repetitions together.
-
-    Raises
-    ------
-    InputError
-        If the configuration does not say it.
+    `minutes` is `second_responses.minutes` of the configuration; InputError if it lacks the way.
     """
     if way not in minutes:
         allowed = f"minutes of work for {way}, beside {', '.join(minutes)}"

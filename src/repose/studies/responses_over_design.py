@@ -19,63 +19,31 @@ from repose.surrogate.accuracy import r2
 from repose.surrogate.bayesian_bp import BayesianBP
 
 FEWEST_SAMPLES = 12
-EPOCHS = 300  # of the surrogates, most
+EPOCHS = 300  # of the surrogates, at most
 
 
 class Known(NamedTuple):
-    """One response over the design.
+    """A response over the design."""
 
-    Attributes
-    ----------
-    mean, error : numpy.ndarray, (samples,)
-        Mean of each sample and its standard error; NaN where the sample has no run.
-    row : dict
-        Numbers for the table: mean, sd_within, sd_between, signal_to_noise, icc, samples, runs.
-    """
-
-    mean: np.ndarray
-    error: np.ndarray
-    row: dict[str, Any]
+    mean: np.ndarray  # (samples,), NaN where the sample has no run
+    error: np.ndarray  # (samples,), standard error of the mean
+    row: dict[str, Any]  # mean, sd_within, sd_between, signal_to_noise, icc, samples, runs
 
 
 class Data(NamedTuple):
-    """What the study starts from.
+    """Responses over a design, the input of a study."""
 
-    Attributes
-    ----------
-    X : numpy.ndarray, (samples, 6)
-        Parameters.
-    known : dict
-        `Known` of each response by name; the targets come first.
-    runs : pandas.DataFrame
-        Good single runs: ``sample`` and the responses of the pile.
-    """
-
-    X: np.ndarray
-    known: dict[str, Known]
-    runs: pd.DataFrame
+    X: np.ndarray  # (samples, 6), parameters
+    known: dict[str, Known]  # by response; the targets come first
+    runs: pd.DataFrame  # good single runs: ``sample`` and the responses
 
 
 def over_design(values: np.ndarray, groups: np.ndarray, samples: np.ndarray) -> Known:
     """Means and errors of a response over the samples, and its signal to noise.
 
-    Parameters
-    ----------
-    values : numpy.ndarray, (n,)
-        The response of single runs; NaN values are left out.
-    groups : numpy.ndarray, (n,)
-        The sample of each run.
-    samples : numpy.ndarray, (m,)
-        Order of the result.
-
-    Returns
-    -------
-    Known
-
-    Notes
-    -----
-    The errors come from the variance within samples, pooled over all of them: the few runs of one sample do not tell
-    its own.
+    `values` (n,) are single runs, NaN left out, and `groups` (n,) their samples; `samples` (m,) is the order of the
+    result. The errors come from the variance within samples, pooled over all of them: a sample has too few runs for its
+    own.
     """
     good = np.isfinite(values)
     values, groups = values[good], groups[good]
@@ -108,23 +76,8 @@ def _means(values, groups, samples, within):
 def read(runs_csv: str | Path, dataset_csv: str | Path, targets: Targets, definition: str) -> Data:
     """The study's data, of the pile alone.
 
-    Parameters
-    ----------
-    runs_csv : path
-        What the verb measure_responses wrote.
-    dataset_csv : path
-    targets : Targets
-    definition : str
-        `measure.response` of the configuration.
-
-    Returns
-    -------
-    Data
-
-    Raises
-    ------
-    InputError
-        If a file is bad, fewer than 12 samples can be used, or too few samples have two runs.
+    `runs_csv` is of the verb measure_responses, `definition` is `measure.response`. InputError if fewer than 12 samples
+    can be used, or too few samples have two runs.
     """
     table = read_table(dataset_csv, ("sample", *PARAMETERS, "status"))
     table = table[table["status"] == "ok"]
@@ -144,19 +97,10 @@ def read(runs_csv: str | Path, dataset_csv: str | Path, targets: Targets, defini
 
 
 def noise_correlation(runs: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
-    """Correlation of responses from run to run within samples.
+    """Correlation (k, k) of responses from run to run within samples.
 
-    Parameters
-    ----------
-    runs : pandas.DataFrame
-        Single runs: ``sample`` and responses.
-    names : sequence of str, (k,)
-        Responses; those that are not in the table have a correlation of 0 with all others, and so have responses of
-        different bench tests, which come from different runs.
-
-    Returns
-    -------
-    numpy.ndarray, (k, k)
+    It is 0 for a response that is not in the table, and for responses of different bench tests, which come from
+    different runs.
     """
     found = np.eye(len(names))
     for test in dict.fromkeys(response(name).apparatus for name in names):
@@ -174,19 +118,9 @@ def noise_correlation(runs: pd.DataFrame, names: Sequence[str]) -> np.ndarray:
 
 
 def trained(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> BayesianBP:
-    """A network of one response on all samples that have it.
+    """A network of one response on all samples that have it; X (samples, 6) are parameters.
 
-    Parameters
-    ----------
-    X : numpy.ndarray, (samples, 6)
-        Parameters.
-    known : Known
-    settings : mapping
-        ``hidden``, ``epochs``, ``starts`` and ``seed``.
-
-    Returns
-    -------
-    BayesianBP
+    `settings` holds ``hidden``, ``epochs``, ``starts`` and ``seed``.
     """
     there = np.isfinite(known.mean)
     model = BayesianBP(
@@ -201,19 +135,9 @@ def trained(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> Bayesia
 
 
 def left_out(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> np.ndarray:
-    """Predictions of each sample by networks trained without it.
+    """Predictions (samples,) of each sample by networks trained without it; NaN where it has no run.
 
-    Parameters
-    ----------
-    X, known
-        As in `trained`.
-    settings : mapping
-        As in `trained`, with ``folds``.
-
-    Returns
-    -------
-    numpy.ndarray, (samples,)
-        NaN where the sample has no run.
+    `settings` are as in `trained`, with ``folds``.
     """
     there = np.flatnonzero(np.isfinite(known.mean))
     fold = np.random.RandomState(settings["seed"]).permutation(len(there)) % settings["folds"]
@@ -227,44 +151,18 @@ def left_out(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> np.nda
 
 
 def cross_validated_r2(known: Known, predicted: np.ndarray) -> float:
-    """R2 of the predictions of `left_out`.
-
-    Parameters
-    ----------
-    known : Known
-    predicted : numpy.ndarray, (samples,)
-
-    Returns
-    -------
-    float
-        NaN where all means are alike.
-    """
+    """R2 of the predictions of `left_out`; NaN where all means are alike."""
     there = np.isfinite(predicted)
     found = r2(known.mean[there], predicted[there])
     return math.nan if found is None else found
 
 
 def surrogate_covariance(residuals: np.ndarray, errors: np.ndarray, correlation: np.ndarray) -> np.ndarray:
-    """Covariance S_s of the surrogates' own errors.
+    """Covariance S_s (k, k) of the surrogates' own errors.
 
-    Parameters
-    ----------
-    residuals : numpy.ndarray, (samples, k)
-        Of the cross-validation; NaN where a sample has no run.
-    errors : numpy.ndarray, (samples, k)
-        Standard errors of the means.
-    correlation : numpy.ndarray, (k, k)
-        Of the noise of the means.
-
-    Returns
-    -------
-    numpy.ndarray, (k, k)
-        In the responses' units; positive definite.
-
-    Notes
-    -----
-    The covariance of the residuals less the noise of the means, made positive. Two responses are compared over the
-    samples that have both.
+    The covariance of the residuals less the noise of the means, made positive definite. Two responses are compared over
+    the samples that have both. `residuals` (samples, k) are of the cross-validation, NaN where a sample has no run;
+    `errors` (samples, k) are standard errors of the means, and `correlation` (k, k) is of their noise.
     """
     k = residuals.shape[1]
     found = np.zeros((k, k))
@@ -275,6 +173,6 @@ def surrogate_covariance(residuals: np.ndarray, errors: np.ndarray, correlation:
             found[i, j] = np.mean(residuals[both, i] * residuals[both, j] - noise_part)
     scale = np.sqrt(np.nanmean(residuals**2, axis=0))
     values, vectors = np.linalg.eigh(found / np.outer(scale, scale))
-    # pairwise estimates need not fit together; an error of 1 % of a residual is as good as none
+    # pairwise estimates need not be consistent; an error of 1 % of a residual is as good as none
     values = np.maximum(values, 1e-4)
     return (vectors * values) @ vectors.T * np.outer(scale, scale)

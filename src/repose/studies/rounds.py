@@ -12,21 +12,10 @@ PROPOSAL, NEIGHBOUR = "proposal", "neighbour"
 
 
 def jobs(section: Mapping[str, Any], round_: int) -> list[tuple[int, str, int]]:
-    """Jobs of a round: the proposal in blocks of seeds, then the neighbours.
+    """Jobs (sample, role, seeds) of a round: the proposal in blocks of seeds, then the neighbours.
 
-    A block is one job, so that all cores work and a kill costs one block.
-
-    Parameters
-    ----------
-    section : mapping
-        `refine` of the configuration: seeds, block, neighbours, neighbour_seeds.
-    round_ : int
-        From 0.
-
-    Returns
-    -------
-    list of (sample, role, seeds)
-        Its number, `PROPOSAL` or `NEIGHBOUR`, and how many seeds are run.
+    A block is one job, so that all cores work and a kill costs one block. `section` is `refine`; `round_` counts from
+    0.
     """
     first, block = OF_A_ROUND * (round_ + 1), section["block"]
     counts = [min(block, section["seeds"] - start) for start in range(0, section["seeds"], block)]
@@ -36,52 +25,21 @@ def jobs(section: Mapping[str, Any], round_: int) -> list[tuple[int, str, int]]:
 
 
 def round_of(sample: int) -> int:
-    """Round to which a sample belongs.
-
-    Parameters
-    ----------
-    sample : int
-        Its number.
-
-    Returns
-    -------
-    int
-        -1 for a sample of the design.
-    """
+    """Round to which a sample number belongs; -1 for a sample of the design."""
     return sample // OF_A_ROUND - 1
 
 
 def goes_on(verdict: Mapping[str, Any], before: Mapping[str, Any] | None = None) -> bool:
     """Whether another round has something to gain: the bar is missed and there are new data to learn from.
 
-    Where the targets are out of reach, the loop goes on as long as it comes nearer.
-
-    Parameters
-    ----------
-    verdict : mapping
-        Of `repose.studies.verdict`: outcome, number of usable samples, whether the targets are out of reach, objective.
-    before : mapping, optional
-        Of the round before.
-
-    Returns
-    -------
-    bool
+    Where the targets are out of reach, the loop goes on as long as it comes nearer. `before` is the verdict of the
+    round before; both are of `repose.studies.verdict`.
     """
     return verdict["outcome"] != "within" and verdict["usable"] > 0 and not stuck(verdict, before)
 
 
 def stuck(verdict: Mapping[str, Any], before: Mapping[str, Any] | None) -> bool:
-    """Whether a round whose targets are out of reach came no nearer than the one before.
-
-    Parameters
-    ----------
-    verdict, before
-        As `goes_on` takes them.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a round with targets out of reach came no nearer than the round before."""
     if before is None or not verdict["out_of_reach"] or None in (verdict["objective"], before["objective"]):
         return False
     return verdict["objective"] >= before["objective"]

@@ -22,23 +22,13 @@ Density = Callable[[np.ndarray], np.ndarray]
 class Chains(NamedTuple):
     """Draws of a density.
 
-    Attributes
-    ----------
-    points : numpy.ndarray, (ensembles, draws, d)
-        In order of time.
-    log_density : numpy.ndarray, (ensembles, draws)
-        There, as it was given.
-    times : numpy.ndarray, (d,)
-        Autocorrelation times in steps, means over the ensembles (Goodman & Weare 2010, Comm. App. Math. Comp. Sci. 5,
-        65).
-    density_time : float
-        That of the log density.
+    The autocorrelation times are those of Goodman & Weare 2010, Comm. App. Math. Comp. Sci. 5, 65.
     """
 
-    points: np.ndarray
-    log_density: np.ndarray
-    times: np.ndarray
-    density_time: float
+    points: np.ndarray  # (ensembles, draws, d), in order of time
+    log_density: np.ndarray  # (ensembles, draws), at the points
+    times: np.ndarray  # (d,), autocorrelation times in steps, means over the ensembles
+    density_time: float  # that of the log density
 
 
 def sample(
@@ -46,24 +36,8 @@ def sample(
 ) -> Chains:
     """Draw from a density in the unit cube.
 
-    Walkers start anywhere in the cube; the first half of the steps is dropped.
-
-    Parameters
-    ----------
-    log_density : callable
-        Points (n, d) in the unit cube to (n,). Outside the cube the density is zero.
-    dimensions : int
-        d.
-    walkers, steps : int
-        Of each ensemble.
-    seed : int
-        The same seed gives the same draws.
-    ensembles : int
-        Number of independent ensembles.
-
-    Returns
-    -------
-    Chains
+    Walkers start anywhere in the cube; the first half of the steps is dropped. `log_density` maps points (n, d) in the
+    cube to (n,); outside the density is zero. `walkers` and `steps` are of each ensemble.
     """
     import emcee
 
@@ -92,20 +66,9 @@ def sample(
 
 
 def split_r_hat(chains: np.ndarray) -> np.ndarray:
-    """R-hat of chains, each cut in two (Gelman et al. 2013, Bayesian Data Analysis, 11.4).
+    """R-hat (d,) of chains (m, n, d), each cut in two (Gelman et al. 2013, Bayesian Data Analysis, 11.4).
 
-    Parameters
-    ----------
-    chains : numpy.ndarray, (m, n, d)
-
-    Returns
-    -------
-    numpy.ndarray, (d,)
-
-    Raises
-    ------
-    ValueError
-        For chains of fewer than four steps or of another shape.
+    Chains of fewer than four steps raise ValueError.
     """
     chains = np.asarray(chains, dtype=float)
     if chains.ndim != 3 or chains.shape[1] < 4:
@@ -120,29 +83,11 @@ def split_r_hat(chains: np.ndarray) -> np.ndarray:
 
 
 def information_bits(draws: np.ndarray, effective: float) -> float:
-    """Kullback-Leibler divergence of one parameter's posterior from its prior, in bits.
+    """Kullback-Leibler divergence of one parameter's posterior from its prior, in bits, at least 0.
 
-    Parameters
-    ----------
-    draws : numpy.ndarray
-        Values (n,) in [0, 1] of the prior's distribution function at the posterior's draws; under the prior they are
-        uniform.
-    effective : float
-        Number of independent draws that they are worth.
-
-    Returns
-    -------
-    float
-        At least 0.
-
-    Notes
-    -----
-    The divergence of a histogram. Its expected excess for `effective` independent draws, (bins - 1) / (2
-    effective ln 2), is subtracted.
-
-    References
-    ----------
-    Miller 1955, Note on the bias of information estimates.
+    `draws` (n,) are values of the prior's distribution function at the posterior's draws. It is the divergence of a
+    histogram. Its expected excess for `effective` independent draws, (bins - 1) / (2 effective ln 2), is subtracted
+    (Miller 1955, Note on the bias of information estimates).
     """
     share = np.histogram(draws, bins=BINS, range=(0, 1))[0] / len(draws)
     filled = share[share > 0]
@@ -159,32 +104,12 @@ def joint_information_bits(
     prior_draws: int = PRIOR_DRAWS,
     from_prior: Density | None = None,
 ) -> tuple[float, float]:
-    """Kullback-Leibler divergence of the whole posterior from the prior, in bits.
+    """Kullback-Leibler divergence of the whole posterior from the prior, in bits, and its standard error.
 
-    It is E_posterior[log L] - log E_prior[L]. The second mean is over a scrambled Sobol sequence; its standard error
-    is reckoned as if the points were independent, which makes it too large rather than too small.
-
-    Parameters
-    ----------
-    log_likelihood : callable
-        log L (n,) of points (n, d) in the unit cube, without the prior.
-    drawn : numpy.ndarray, (n,)
-        log L at draws of the posterior; all of them, for neighbours in time are alike.
-    effective : float
-        Number of independent draws that their mean is worth.
-    dimensions : int
-        d.
-    seed : int
-        Of the Sobol sequence.
-    prior_draws : int
-        Points of the Sobol sequence, a power of two.
-    from_prior : callable, optional
-        Makes draws of the prior out of uniform points (n, d); by default the prior is uniform.
-
-    Returns
-    -------
-    bits, error : float
-        The divergence and its standard error, of both means.
+    It is E_posterior[log L] - log E_prior[L]. The second mean is over a scrambled Sobol sequence; its standard error is
+    computed as for independent points, which makes it too large rather than too small. `log_likelihood` gives log L
+    (n,) at points (n, d) in the unit cube, without the prior. `drawn` (n,) is log L at all draws of the posterior,
+    worth `effective` independent draws. `from_prior` maps uniform points to the prior; None means a uniform prior.
     """
     points = stats.qmc.Sobol(dimensions, rng=seed).random(prior_draws)
     points = points if from_prior is None else from_prior(points)

@@ -1,4 +1,4 @@
-"""What to measure next: how far a further response narrows the posterior of the parameters.
+"""The next measurement to make: how far a further response narrows the posterior of the parameters.
 
 A few numbers do not determine six parameters. For the targets and for each further response r
 (`further_responses.offered`, and those of other bench tests that were run with samples of the design):
@@ -12,8 +12,8 @@ information
     of a set of responses, over the prior: KL of the posterior from the prior, in bits; and for each parameter the bits
     and the width of its 95 % interval over the prior's
 
-Nobody has measured these responses, so observations are made up: a plausible truth theta* is a point whose predicted
-targets lie in their ranges, and
+These responses are not measured yet, so observations are hypothetical: a plausible truth theta* is a point whose
+predicted targets lie in their ranges, and
 
     y = f(theta*) + e,  e ~ N(0, S_y + S_s + S_d)
 
@@ -21,11 +21,11 @@ targets lie in their ranges, and
         Mean of as many repetitions as the targets have, each scattering as runs of one sample do, with their
         correlations.
     S_s
-        The surrogates' own error: covariance of the cross-validated residuals, less what the noise of the means adds.
+        The surrogates' own error: covariance of the cross-validated residuals, less the noise of the means.
     S_d
-        What the model cannot do with any parameters: a share of each response's mean, but no less than a smallest one
-        in the response's unit, independent; once none, once `discrepancy_percent`, or the response's own in
-        `discrepancies`.
+        Discrepancy, which no parameters of the model remove: a share of each response's mean, but no less than a
+        smallest value in the response's unit, independent; once none, once `discrepancy_percent`, or the response's
+        own in `discrepancies`.
 
 The posterior is that of importance sampling (`repose.studies.information`).
 """
@@ -56,7 +56,7 @@ from repose.studies.responses_over_design import (
 )
 
 NOISY = 0.5  # a response with less signal than this share of its noise is not modelled
-WORST_R2 = 0.2  # nor is one whose surrogate explains less, as after few runs of the drum
+WORST_R2 = 0.2  # nor is a response whose surrogate explains less, as after few runs of the drum
 FEWEST_EFFECTIVE = 30
 WAYS_COLUMNS = (
     "discrepancy_percent",
@@ -70,50 +70,23 @@ WAYS_COLUMNS = (
 
 
 class Modelled(NamedTuple):
-    """The responses that have a surrogate.
-
-    Attributes
-    ----------
-    names : list of str
-    predicted : dict
-        Cross-validated predictions (samples,) of every response that was tried.
-    correlation : numpy.ndarray, (k, k)
-        Of the noise from run to run.
-    surrogate : numpy.ndarray, (k, k)
-        S_s.
-    """
+    """The responses that have a surrogate; k is their number."""
 
     names: list[str]
-    predicted: dict[str, np.ndarray]
-    correlation: np.ndarray
-    surrogate: np.ndarray
+    predicted: dict[str, np.ndarray]  # cross-validated (samples,), of every response that was tried
+    correlation: np.ndarray  # (k, k), of the noise from run to run
+    surrogate: np.ndarray  # (k, k), S_s
 
 
 def study(
     data: Data, targets: Targets, space: ParameterSpace, settings: Mapping[str, Any]
 ) -> tuple[dict[str, pd.DataFrame], dict[str, Any]]:
-    """How far each set of responses narrows the posterior.
+    """Narrowing of the posterior by each set of responses: tables and a summary.
 
-    Parameters
-    ----------
-    data : Data
-    targets : Targets
-    space : ParameterSpace
-    settings : mapping
-        ``points``, ``truths``, ``folds``, ``seed``, ``discrepancy_percent``, and ``hidden``, ``epochs`` and ``starts``
-        of the surrogates; ``smallest_discrepancy`` by unit, and ``minutes`` of an experimenter's work by way.
-        ``discrepancies`` gives some responses a discrepancy of their own, by name [%].
-
-    Returns
-    -------
-    tables : dict
-        ``responses``, ``information``, ``narrowing``, ``ways`` and ``order``.
-    summary : dict
-
-    Raises
-    ------
-    InputError
-        If fewer points of the prior than ``truths`` meet all targets.
+    The tables are ``responses``, ``information``, ``narrowing``, ``ways`` and ``order``. `settings` holds ``points``,
+    ``truths``, ``folds``, ``seed``, ``discrepancy_percent``, the surrogates' ``hidden``, ``epochs`` and ``starts``,
+    ``smallest_discrepancy`` by unit, and ``minutes`` of work by way; ``discrepancies`` [%] by response are optional.
+    InputError if fewer points of the prior than ``truths`` meet all targets.
     """
     model = modelled(data, targets.names, settings)
     prior = prior_of(data, model.names, space, settings)
@@ -159,19 +132,7 @@ def study(
 
 
 def modelled(data: Data, base: Sequence[str], settings: Mapping[str, Any]) -> Modelled:
-    """Which responses have enough signal and a good enough surrogate; the base is kept in any case.
-
-    Parameters
-    ----------
-    data : Data
-    base : sequence of str
-        Names of the targets.
-    settings : mapping
-
-    Returns
-    -------
-    Modelled
-    """
+    """Responses with enough signal and a good enough surrogate; those of `base`, the targets, are always kept."""
     known = data.known
     names = [name for name in known if name in base or known[name].row["signal_to_noise"] >= NOISY]
     predicted = {name: left_out(data.X, known[name], settings) for name in names}
@@ -187,20 +148,7 @@ def modelled(data: Data, base: Sequence[str], settings: Mapping[str, Any]) -> Mo
 def prior_of(
     data: Data, names: Sequence[str], space: ParameterSpace, settings: Mapping[str, Any]
 ) -> information.Prior:
-    """A Sobol sequence over the prior and the predictions there of networks trained on all samples.
-
-    Parameters
-    ----------
-    data : Data
-    names : sequence of str
-        Of the responses.
-    space : ParameterSpace
-    settings : mapping
-
-    Returns
-    -------
-    information.Prior
-    """
+    """A Sobol sequence over the prior and the predictions there of networks trained on all samples."""
     models = [trained(data.X, data.known[name], settings) for name in names]
     return prior_points(
         space, settings, lambda points: np.column_stack([model.predict(points) for model in models])
@@ -215,23 +163,10 @@ def observed_covariance(
     apart: Mapping[str, float] | None = None,
     smallest: Mapping[str, float] | None = None,
 ) -> np.ndarray:
-    """Covariance S_y + S_s + S_d of observed and predicted responses.
+    """Covariance S_y + S_s + S_d (k, k) of observed and predicted responses.
 
-    Parameters
-    ----------
-    data : Data
-    model : Modelled
-    targets : Targets
-    percent : float
-        Discrepancy of each response, of its mean.
-    apart : mapping of float, optional
-        The same of single responses, by name.
-    smallest : mapping of float, optional
-        The smallest discrepancy by unit; see `repose.studies.discrepancy.sizes`.
-
-    Returns
-    -------
-    numpy.ndarray, (k, k)
+    The discrepancy is `percent` of each mean, or that of `apart` by response, but not below `smallest` by unit; see
+    `repose.studies.discrepancy.sizes`.
     """
     means = np.array([data.known[name].row["mean"] for name in model.names])
     own = {name: (apart or {}).get(name, percent) for name in model.names}
@@ -241,17 +176,7 @@ def observed_covariance(
 
 
 def message(tables: Mapping[str, pd.DataFrame], summary: Mapping[str, Any]) -> str:
-    """What to measure next, in words.
-
-    Parameters
-    ----------
-    tables, summary
-        As `study` gives them.
-
-    Returns
-    -------
-    str
-    """
+    """The next measurement to make, in words."""
     rows = tables["information"]
     rows = rows[rows["discrepancy_percent"] == rows["discrepancy_percent"].iloc[0]]
     single = rows[rows["set"].isin(summary["modelled"])].sort_values(
@@ -324,25 +249,9 @@ def run(
     settings: Mapping[str, Any],
     out_dir: str | Path,
 ) -> str:
-    """Write responses.csv, information.csv, narrowing.csv, ways.csv, order.csv and responses.json.
+    """Write responses.csv, information.csv, narrowing.csv, ways.csv, order.csv and responses.json; return the message.
 
-    Parameters
-    ----------
-    data : Data
-        From `further_runs.read`.
-    targets, space, settings
-        As in `study`.
-    out_dir : path
-
-    Returns
-    -------
-    str
-        The message.
-
-    Raises
-    ------
-    InputError
-        As in `study`.
+    `data` come from `further_runs.read`.
     """
     tables, summary = study(data, targets, space, settings)
     for name, table in tables.items():

@@ -34,29 +34,11 @@ Function = Callable[[np.ndarray], np.ndarray]
 def indices(
     function: Function, low: np.ndarray, high: np.ndarray, samples: int, resamples: int, seed: int
 ) -> dict[str, np.ndarray]:
-    """First-order and total Sobol indices with intervals.
+    """First-order and total Sobol indices with intervals, each (outputs, d).
 
-    Parameters
-    ----------
-    function : callable
-        Points (n, d) to (n, outputs). It is evaluated at samples (d + 2) points.
-    low, high : array_like
-        Ranges (d,).
-    samples : int
-        Rows of the Sobol sequence, a power of two.
-    resamples : int
-        Bootstrap samples of these rows, for percentile intervals.
-    seed : int
-
-    Returns
-    -------
-    dict
-        first, first_low, first_high, total, total_low, total_high, each (outputs, d).
-
-    Raises
-    ------
-    ValueError
-        If samples is no power of two, or an output does not vary.
+    `function` maps points (n, d) to (n, outputs); it is evaluated at samples (d + 2) points. `low` and `high` (d,) are
+    ranges. `resamples` of the rows give percentile intervals by bootstrap. ValueError if `samples` is no power of two,
+    or an output does not vary.
     """
     if samples < 2 or samples & (samples - 1):
         raise ValueError(f"samples is {samples!r}; allowed: a power of two")
@@ -71,7 +53,7 @@ def indices(
         raise ValueError("an output of the function does not vary; allowed: outputs that do")
 
     def of(rows):
-        # scipy centres what it is given in place
+        # scipy centres its arguments in place
         values = {"f_A": f_A[:, rows].copy(), "f_B": f_B[:, rows].copy(), "f_AB": f_AB[:, :, rows].copy()}
         found = stats.sobol_indices(func=values, n=samples)
         return np.reshape([found.first_order, found.total_order], (2, -1, d))
@@ -94,23 +76,9 @@ def main_effects(
     points: int = EFFECT_POINTS,
     draws: int = EFFECT_DRAWS,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean outputs over all other inputs, along each input.
+    """Values (d, points) along each input, and mean outputs (d, points, outputs) over all other inputs.
 
-    Parameters
-    ----------
-    function, low, high, seed
-        As for `indices`.
-    points : int
-        Values along each input.
-    draws : int
-        Points over which a mean is taken.
-
-    Returns
-    -------
-    grid : numpy.ndarray
-        Values of the inputs (d, points).
-    means : numpy.ndarray
-        (d, points, outputs).
+    A mean is over `draws` points; the other arguments are as for `indices`.
     """
     low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
     base = low + (high - low) * stats.qmc.Sobol(len(low), rng=seed).random(draws)
@@ -129,29 +97,10 @@ def main_effects(
 def analyse(
     model: Surrogate, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Sobol indices and main effects of a surrogate.
+    """Tables sobol.csv and main_effects.csv of a surrogate: Sobol indices and mean responses.
 
-    Parameters
-    ----------
-    model : Surrogate
-        Of the responses of the targets.
-    space : ParameterSpace
-        Only free parameters vary.
-    targets : Targets
-    settings : mapping
-        The section `sensitivity` of the configuration: samples, resamples, seed.
-
-    Returns
-    -------
-    indices : pandas.DataFrame
-        One row for each response and free parameter (``sobol.csv``).
-    effects : pandas.DataFrame
-        Mean responses along each free parameter (``main_effects.csv``).
-
-    Raises
-    ------
-    ValueError
-        As `indices`.
+    Only free parameters vary. `settings` is the section `sensitivity`: samples, resamples, seed. ValueError as
+    `indices`.
     """
 
     def respond(values):
@@ -185,27 +134,8 @@ def run(
 ) -> pd.DataFrame:
     """Read a surrogate, write sobol.csv and main_effects.csv; return the first table.
 
-    Parameters
-    ----------
-    surrogate_json : path
-        What the verb network wrote.
-    space, targets, settings
-        As `analyse` takes them.
-    out_dir : path
-    definitions : mapping, optional
-        How the study defines its responses.
-    source : object
-        Where these definitions stand, for the error.
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Raises
-    ------
-    InputError
-        For a bad file, other responses or definitions than the targets', a response that does not vary, or no free
-        parameter.
+    `definitions` are those of the study's responses; `source` names them in the error. InputError for other responses
+    or definitions than the targets', a response that does not vary, or no free parameter.
     """
     if not space.dimensions:
         raise InputError("configuration", "parameters", "all fixed", "at least one range or prior")
@@ -225,16 +155,7 @@ def _values(function: Function, unit: np.ndarray, low: np.ndarray, high: np.ndar
 
 
 def message(table: pd.DataFrame) -> str:
-    """First-order and total indices in words, one line per response.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-
-    Returns
-    -------
-    str
-    """
+    """First-order and total indices in words, a line for each response."""
     lines = []
     for response, rows in table.groupby("response", sort=False):
         order = rows.sort_values("total", ascending=False)

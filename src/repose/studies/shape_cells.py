@@ -1,4 +1,4 @@
-"""Cells of the shape study: what is poured, and the settings of each.
+"""Cells of the shape study and the settings of each.
 
 A cell is a particle with a tension and a filling (`shape_rule.CELL`), poured for a purpose, its kind.
 """
@@ -35,14 +35,6 @@ def first_cells(config: Config) -> list[str]:
     """Names KIND-PARTICLE-TENSION-FILLING of the jobs of the selection.
 
     The measuring cylinder is filled with the first tension alone: berries at rest hardly pull.
-
-    Parameters
-    ----------
-    config : mapping
-
-    Returns
-    -------
-    list of str
     """
     study = config["shape_study"]
     names = []
@@ -57,15 +49,7 @@ def first_cells(config: Config) -> list[str]:
 def second_cells(config: Config, finalists: pd.DataFrame) -> list[str]:
     """Names of the jobs with fresh seeds: the finalists, the reference, and the sensitivities of the first finalist.
 
-    Parameters
-    ----------
-    config : mapping
-    finalists : pandas.DataFrame
-        With the columns `shape_rule.CELL`.
-
-    Returns
-    -------
-    list of str
+    `finalists` has the columns `shape_rule.CELL`.
     """
     study = config["shape_study"]
     cells = ["-".join(row) for row in finalists[CELL].drop_duplicates().itertuples(index=False, name=None)]
@@ -75,19 +59,7 @@ def second_cells(config: Config, finalists: pd.DataFrame) -> list[str]:
 
 
 def check(config: Config, source: str = "configuration") -> None:
-    """Check every particle, filling and sensitivity of the study.
-
-    Parameters
-    ----------
-    config : mapping
-    source : str, optional
-        Named in the error.
-
-    Raises
-    ------
-    InputError
-        If one of them is no good configuration.
-    """
+    """Check every particle, filling and sensitivity of the study; an InputError names `source`."""
     study = config["shape_study"]
     for key, section in (("main_fillings", "fillings"), ("all_fillings_of", "particles")):
         for name in study[key]:
@@ -104,20 +76,7 @@ def check(config: Config, source: str = "configuration") -> None:
 
 
 def changed(config: Config, section: str, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """A copy of the configuration with some keys of a section changed.
-
-    Parameters
-    ----------
-    config : mapping
-    section : str
-        Name of the section.
-    changes : mapping
-        Values by key.
-
-    Returns
-    -------
-    dict
-    """
+    """A copy of the configuration with some keys of a section changed."""
     other = copy.deepcopy(dict(config))
     other[section] = other[section] | changes
     return other
@@ -126,18 +85,7 @@ def changed(config: Config, section: str, changes: Mapping[str, Any]) -> dict[st
 def compared_targets(config: Config) -> list[Target]:
     """Targets that are compared: those of the pile that the published table has, in their order.
 
-    Parameters
-    ----------
-    config : mapping
-
-    Returns
-    -------
-    list of Target
-
-    Raises
-    ------
-    InputError
-        If the configuration names no published table, or the table has none of them.
+    InputError if the configuration names no published table, or the table has none of them.
     """
     path = config["validation"]["published"]
     if path is None:
@@ -151,20 +99,9 @@ def compared_targets(config: Config) -> list[Target]:
 
 
 def parameter_sets(config: Config, samples_csv: str | Path, kind: str) -> pd.DataFrame:
-    """Parameter sets of a kind of job.
+    """Parameter sets of a kind of job: ``set``, the six parameters, and the published piles where there are some.
 
-    Parameters
-    ----------
-    config : mapping
-    samples_csv : path
-        Table of the design's samples.
-    kind : str
-        Of the job.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``set``, the six parameters, and the published piles where there are some.
+    `samples_csv` is the table of the design's samples.
     """
     if kind == "design":
         table = read_table(samples_csv, ("sample", *PARAMETERS)).head(config["shape_study"]["design_samples"])
@@ -176,15 +113,7 @@ def parameter_sets(config: Config, samples_csv: str | Path, kind: str) -> pd.Dat
 def published_sets(config: Config) -> pd.DataFrame:
     """The published solutions, the representative last, with the published numbers of their piles.
 
-    A solution without a published pile is known only as nearly the physical pile, which stands for it.
-
-    Parameters
-    ----------
-    config : mapping
-
-    Returns
-    -------
-    pandas.DataFrame
+    For a solution without a published pile the values of the physical pile are taken, which it nearly meets.
     """
     targets = compared_targets(config)
     simulated = [one.response.simulated for one in targets]
@@ -213,26 +142,9 @@ def _is_cell(config, cell):
 
 
 def cell_settings(config: Config, cell: str) -> tuple[str, dict[str, str], dict[str, Any]]:
-    """Settings of a cell.
+    """Kind of a cell KIND-PARTICLE-TENSION-FILLING, its names by `shape_rule.CELL`, and its configuration.
 
-    Parameters
-    ----------
-    config : mapping
-    cell : str
-        KIND-PARTICLE-TENSION-FILLING.
-
-    Returns
-    -------
-    kind : str
-    names : dict of str
-        By `shape_rule.CELL`.
-    config : dict
-        Of the cell.
-
-    Raises
-    ------
-    InputError
-        If there is no such cell.
+    InputError if there is no such cell.
     """
     if not _is_cell(config, cell):
         allowed = "KIND-PARTICLE-TENSION-FILLING of the section shape_study"
@@ -247,17 +159,7 @@ def cell_settings(config: Config, cell: str) -> tuple[str, dict[str, str], dict[
 
 
 def dependencies(config: Config, cell: str) -> dict[str, Any]:
-    """Settings on which the pours and measurements of a cell depend.
-
-    Parameters
-    ----------
-    config : mapping
-    cell : str
-
-    Returns
-    -------
-    dict
-    """
+    """Settings on which the pours and measurements of a cell depend."""
     kind, _, own = cell_settings(config, cell)
     seeds = [KINDS.get(kind, SENSITIVITY)[0], *(["design_samples"] if kind == "design" else [])]
     found = {key: own["shape_study"][key] for key in seeds} | {"seed": own["design"]["seed"]}

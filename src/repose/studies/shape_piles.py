@@ -30,25 +30,10 @@ LEVELS = 200
 def measured(
     arrays: Mapping[str, np.ndarray], particle: Particle, settings: pile.MeasureSettings
 ) -> dict[str, float | None]:
-    """Numbers of a pile.
+    """Numbers of a pile: ``height_mm``, the angle by each definition of `COLUMNS`, and `DENSITY`.
 
-    Parameters
-    ----------
-    arrays : mapping
-        ``position``, ``quaternion``, ``in_pile`` and ``scale`` of a pour.
-    particle : Particle
-    settings : MeasureSettings
-
-    Returns
-    -------
-    dict
-        ``height_mm``; the angle by each definition of `COLUMNS`, mean over the views, None where fewer than half of
-        them have one; and `DENSITY`.
-
-    Raises
-    ------
-    NoFlankError
-        If there is no pile.
+    `arrays` holds ``position``, ``quaternion``, ``in_pile`` and ``scale`` of a pour. An angle is the mean over the
+    views, None where fewer than half of them have it. NoFlankError if there is no pile.
     """
     settings = pile.with_berry_height(settings, particle)
     members, centres = arrays["in_pile"], arrays["position"].astype(float)
@@ -79,26 +64,12 @@ def core_density(
     height_mm: float,
     berry_mm: float,
 ) -> float | None:
-    """Bulk density in the core of a pile: mass of the berries whose centres lie there, over the core's volume.
+    """Bulk density in the core of a pile [kg/m3]: mass of the berries with centres there, over the core's volume.
 
     The core begins one berry's height below the surface of the body of revolution of the mean silhouette. Near the
     plate berries lie in layers, and a sharp lower end would count a layer or miss it; so mass and volume get a weight
-    that rises from 0 to 1 over one berry's height, from half a berry above the plate.
-
-    Parameters
-    ----------
-    centres_m : numpy.ndarray, (N, 3)
-        Of the pile's berries.
-    masses_kg : numpy.ndarray, (N,)
-    profiles : sequence of numpy.ndarray, (W,)
-        Of the views, as `pile.profile_of` gives them.
-    mm_per_pixel, height_mm, berry_mm : float
-        Of a picture, the pile, and a berry.
-
-    Returns
-    -------
-    float or None
-        kg/m3; None where the pile has no core.
+    that rises from 0 to 1 over one berry's height, from half a berry above the plate. `centres_m` is (N, 3),
+    `masses_kg` (N,), the profiles (W,) come from `pile.profile_of`. None where the pile has no core.
     """
     top = height_mm - berry_mm
     if top <= 1.5 * berry_mm:
@@ -113,7 +84,7 @@ def core_density(
 
 
 def _weight(height_mm, berry_mm):
-    """How much of a height belongs to the core."""
+    """Share of a height that belongs to the core."""
     return np.clip(height_mm / berry_mm - 0.5, 0.0, 1.0)
 
 

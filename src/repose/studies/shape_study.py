@@ -1,11 +1,11 @@
 """Which particle, tension, filling and definition of the angle: combinations at the published solutions.
 
-A publication gives parameter sets with the piles that they made in its simulator. It may leave open what its particle,
-its contact law's tension, its funnel and its angle were in detail. Here each particle (`shape_study.particles`, changes
-of the section `berry`) is poured with each tension in several ways (`shape_study.fillings`, changes of `funnel`) with
-each published set, and every pile is measured by all definitions. A measuring cylinder is filled with each particle,
-too. `repose.studies.shape_rule` says how a few finalists are selected; these are poured again with fresh seeds, and one
-of them is chosen.
+A publication gives parameter sets with the piles that they made in its simulator. It may leave open the details of its
+particle, its contact law's tension, its funnel and its angle. Here each particle (`shape_study.particles`, changes of
+the section `berry`) is poured with each tension in several ways (`shape_study.fillings`, changes of `funnel`) with each
+published set, and every pile is measured by all definitions. A measuring cylinder is filled with each particle, too.
+`repose.studies.shape_rule` says how a few finalists are selected; these are poured again with fresh seeds, and one of
+them is chosen.
 """
 
 from collections.abc import Iterable, Mapping
@@ -35,7 +35,7 @@ from repose.studies.shape_cells import (
 )
 from repose.studies.shape_rule import COMBINATION
 
-# What is kept of a cell's particle.
+# Keys that are kept of a cell's particle.
 ABOUT = (
     "particle",
     "spheres",
@@ -58,25 +58,9 @@ def poured(
 ) -> pd.DataFrame:
     """Pour and measure all sets of a cell with all their seeds.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    cell : str
-        Name of the cell.
-    sets : pandas.DataFrame
-        Of `parameter_sets`.
-    particle : Particle
-        The cell's.
-    berry : mapping
-        What the verb berry wrote.
-    kept : Path, optional
-        Folder of runs that are kept (`repose.apparatus.kept_runs`), so that none is made twice.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each pour, with the columns of `shape_tables.run_columns`.
+    A row for each pour, with the columns of `shape_tables.run_columns`. `sets` are of `parameter_sets`, `berry` is the
+    result of the verb berry. `kept` is a folder of kept runs (`repose.apparatus.kept_runs`), so that none is made
+    twice; None keeps none.
     """
     kind, names, own = cell_settings(config, cell)
     key, purpose = KINDS.get(kind, SENSITIVITY)
@@ -92,7 +76,7 @@ def poured(
 
 
 def _one_pour(config, kind, parameters, seed, particle, berry, path):
-    """The record of one pour with what is measured on it."""
+    """The record of one pour with its measurements."""
     from repose.apparatus import bench
 
     test = bench(CYLINDER if kind == "bulk" else BENCH)
@@ -112,7 +96,7 @@ def _one_pour(config, kind, parameters, seed, particle, berry, path):
 
 
 def _kept_run(test, config, parameters, seed, particle, berry, path):
-    """One run: the kept one if it is the same, else a new one, which is kept where there is a path."""
+    """One run: the kept run if it is the same, else a new run, which is kept where there is a path."""
     from repose.apparatus import kept_runs
     from repose.apparatus.job import about_job
 
@@ -130,27 +114,12 @@ def run_cell(
 ) -> None:
     """Pour and measure one cell; write OUT/CELL.csv of its pours and OUT/CELL.json of its particle.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    cell : str
-        Name of the cell.
-    berry_json : path
-        What the verb berry wrote.
-    samples_csv : path
-        The design.
-    out_dir : path
-
-    Raises
-    ------
-    InputError
-        If a file is bad, or the study has no such cell.
+    `samples_csv` is the design. InputError if the study has no such cell.
     """
     from repose.particle import build
 
     kind, names, own = cell_settings(config, cell)
-    provenance.note_config(own)  # other cells' settings are none of this one's
+    provenance.note_config(own)  # this cell does not depend on other cells' settings
     section, out = own["berry"], Path(out_dir)
     particle = build.run(
         berry_json,
@@ -178,24 +147,7 @@ def run_cell(
 
 
 def read_cells(config: Config, cell_csvs: Iterable[str | Path]) -> shape_tables.Study:
-    """The study of some cells.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    cell_csvs : iterable of path
-        What `run_cell` wrote, the JSON files beside them.
-
-    Returns
-    -------
-    shape_tables.Study
-
-    Raises
-    ------
-    InputError
-        If a file is bad.
-    """
+    """The study of some cells, from the CSV files of `run_cell` and the JSON files beside them."""
     targets, paths = compared_targets(config), [Path(path) for path in cell_csvs]
     columns = shape_tables.run_columns(targets)
     runs = pd.concat([read_table(path, columns) for path in paths], ignore_index=True)
@@ -209,23 +161,7 @@ def read_cells(config: Config, cell_csvs: Iterable[str | Path]) -> shape_tables.
 def run_selection(config: Config, cell_csvs: Iterable[str | Path], out_dir: str | Path) -> None:
     """Write particles.csv, piles.csv, sets.csv, combinations.csv and finalists.csv.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    cell_csvs : iterable of path
-        Of the first cells.
-    out_dir : path
-
-    Returns
-    -------
-    dict
-        The tables, and the content of choice.json as ``choice``.
-
-    Raises
-    ------
-    InputError
-        If a file is bad.
+    `cell_csvs` are those of the first cells.
     """
     for name, table in read_cells(config, cell_csvs).selection().items():
         write_table(Path(out_dir) / f"{name}.csv", table, float_format="%.6g")
@@ -236,25 +172,7 @@ def run_verdict(
 ) -> dict[str, Any]:
     """Write fresh.csv, fresh_sets.csv, noise.csv and choice.json; return the choice.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    cell_csvs : iterable of path
-        Of all cells.
-    finalists_csv : path
-        What `run_selection` wrote.
-    out_dir : path
-
-    Returns
-    -------
-    dict
-        Content of choice.json.
-
-    Raises
-    ------
-    InputError
-        If a file is bad.
+    `cell_csvs` are those of all cells, `finalists_csv` is of `run_selection`.
     """
     finalists = read_table(finalists_csv, (*COMBINATION, "distance", "role"))
     tables, choice = read_cells(config, cell_csvs).verdict(finalists)

@@ -1,6 +1,6 @@
 """Tables of the shape study: particles, piles, combinations beside the published piles, and the choice.
 
-`repose.studies.shape_rule` is the rule that they apply.
+They apply the rule `repose.studies.shape_rule`.
 """
 
 import math
@@ -22,51 +22,22 @@ NOISE_COLUMNS = (*CELL, "response", "signal", "noise", "signal_to_noise", "stand
 
 
 def run_columns(targets: Iterable[Target]) -> tuple[str, ...]:
-    """Columns of a cell's table of pours: where it belongs, the targets, angles by every definition, densities.
-
-    Parameters
-    ----------
-    targets : iterable of Target
-
-    Returns
-    -------
-    tuple of str
-    """
+    """Columns of a cell's table of pours: the cell, the targets, angles by every definition, densities."""
     own = (one.name for one in targets if one.name != CALIBRATED_ANGLE)
     about = ("kind", *CELL, "set", "seed", "status")
     return tuple(dict.fromkeys((*about, *own, *COLUMNS.values(), DENSITY, *BULK)))
 
 
 def measured_as(target: Target, definition: str) -> str:
-    """Column of the runs that holds a target where the angle is of a given definition.
-
-    Parameters
-    ----------
-    target : Target
-    definition : str
-
-    Returns
-    -------
-    str
-    """
+    """Column of the runs that holds a target, if the angle is of the given definition."""
     return COLUMNS[definition] if target.name == CALIBRATED_ANGLE else target.name
 
 
 class Study:
-    """Pours of a study, with what is needed to judge them.
+    """Pours of a study, with the data for their judgement.
 
-    Parameters
-    ----------
-    runs : pandas.DataFrame
-        With the columns of `run_columns`.
-    abouts : iterable of mapping
-        The particle of each cell.
-    published : pandas.DataFrame
-        ``set`` and the published pile of each.
-    targets : sequence of Target
-        Those that are compared.
-    mass_g, density_kg_m3 : float
-        Of the measured berry.
+    `runs` has the columns of `run_columns`; `abouts` describe the particle of each cell; `published` has ``set`` and
+    the published pile of each. Mass and density are those of the measured berry.
     """
 
     def __init__(
@@ -84,27 +55,11 @@ class Study:
         self.particles = pd.DataFrame(rows).drop_duplicates("particle", ignore_index=True)
 
     def of(self, kind: str) -> pd.DataFrame:
-        """Pours of a kind.
-
-        Parameters
-        ----------
-        kind : str
-            One of `shape_cells.KINDS`, or the name of a sensitivity.
-
-        Returns
-        -------
-        pandas.DataFrame
-            Rows of the runs.
-        """
+        """Pours of a kind: one of `shape_cells.KINDS`, or the name of a sensitivity."""
         return self.runs[self.runs["kind"] == kind]
 
     def selection(self) -> dict[str, pd.DataFrame]:
-        """Tables of the first pours: ``particles``, ``piles``, ``sets``, ``combinations``, ``finalists``.
-
-        Returns
-        -------
-        dict of pandas.DataFrame
-        """
+        """Tables of the first pours: ``particles``, ``piles``, ``sets``, ``combinations``, ``finalists``."""
         piles = pile_table(self.of("published"), self.of("bulk"), self.density)
         sets = set_table(self.of("published"), self.published, self.targets)
         combinations = judged(combination_table(sets, self.targets), piles, self.particles)
@@ -115,15 +70,7 @@ class Study:
     def verdict(self, finalists: pd.DataFrame) -> tuple[dict[str, pd.DataFrame], dict[str, Any]]:
         """Tables of the fresh pours, ``fresh``, ``fresh_sets`` and ``noise``, and the choice.
 
-        Parameters
-        ----------
-        finalists : pandas.DataFrame
-            Of `selection`.
-
-        Returns
-        -------
-        tables : dict of pandas.DataFrame
-        choice : dict
+        `finalists` is the table of `selection`.
         """
         noise = noise_table(self.of("design"), self.targets)
         sets = set_table(self.runs[self.runs["kind"] != "design"], self.published, self.targets)
@@ -170,17 +117,8 @@ class Study:
 def pile_table(piles: pd.DataFrame, bulk: pd.DataFrame, density_kg_m3: float) -> pd.DataFrame:
     """Share of pours that made a pile, packing inside the piles, and bulk density in the measuring cylinder.
 
-    Parameters
-    ----------
-    piles, bulk : pandas.DataFrame
-        Pours of the funnel and of the cylinder.
-    density_kg_m3 : float
-        Of the berry.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each cell; the cylinder's numbers are those of its particle.
+    A row for each cell; the cylinder's numbers are those of its particle. `piles` are pours of the funnel, `bulk` of
+    the cylinder.
     """
     rows = []
     for key, group in piles.groupby(CELL, sort=False):
@@ -199,17 +137,7 @@ def pile_table(piles: pd.DataFrame, bulk: pd.DataFrame, density_kg_m3: float) ->
 
 
 def set_table(runs: pd.DataFrame, published: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
-    """Mean, standard error and difference from the published pile of each cell, definition and parameter set.
-
-    Parameters
-    ----------
-    runs, published : pandas.DataFrame
-    targets : sequence of Target
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """Mean, standard error and difference from the published pile of each cell, definition and parameter set."""
     rows, pairs = [], published.set_index("set")
     for key, group in runs[runs["set"].isin(pairs.index)].groupby(["kind", *CELL, "set"], sort=False):
         about = dict(zip(["kind", *CELL, "set"], key, strict=True))
@@ -232,23 +160,11 @@ def _off(target):
 
 
 def combination_table(sets: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
-    """Each combination over all published sets, the nearest first.
+    """Each combination over all published sets, the nearest first; `sets` is of `set_table`.
 
-    Parameters
-    ----------
-    sets : pandas.DataFrame
-        Of `set_table`.
-    targets : sequence of Target
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Notes
-    -----
-    Mean differences with standard errors, to which a set with a single pile adds as much as the others do on average;
-    the number of sets within the physical pile's standard deviations
-    sd_i; and the distance, the root of the mean over the sets of the sum of (difference_i / sd_i)^2.
+    Columns: mean differences with standard errors, the number of sets within the physical pile's standard deviations
+    sd_i, and the distance, which is the root of the mean over the sets of the sum of (difference_i / sd_i)^2. In the
+    standard errors a set with a single pile counts as much as the others on average.
     """
     rows = []
     for key, group in sets.groupby(COMBINATION, sort=False):
@@ -274,16 +190,7 @@ def combination_table(sets: pd.DataFrame, targets: Sequence[Target]) -> pd.DataF
 
 
 def judged(combinations: pd.DataFrame, piles: pd.DataFrame, particles: pd.DataFrame) -> pd.DataFrame:
-    """Combinations with what the rule asks of particle and pile, those that fulfil it first.
-
-    Parameters
-    ----------
-    combinations, piles, particles : pandas.DataFrame
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """Combinations with the rule's criteria of particle and pile, those that fulfil them first."""
     wanted = ["packing", "packing_se", "share_of_piles"]
     table = combinations.merge(piles[[*CELL, *wanted]], on=CELL, how="left")
     table = table.merge(particles[["particle", "measured_berry"]], on="particle", how="left")
@@ -296,16 +203,9 @@ def judged(combinations: pd.DataFrame, piles: pd.DataFrame, particles: pd.DataFr
 
 
 def with_signal(combinations: pd.DataFrame, noise: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
-    """Combinations with the signal-to-noise ratio of their angle; of the first target, where the angle is none.
+    """Combinations with the signal-to-noise ratio of their angle.
 
-    Parameters
-    ----------
-    combinations, noise : pandas.DataFrame
-    targets : sequence of Target
-
-    Returns
-    -------
-    pandas.DataFrame
+    It is that of the first target, where the angle is no target.
     """
     with_angle = any(one.name == CALIBRATED_ANGLE for one in targets)
     judged_by = combinations["definition"] if with_angle else targets[0].response.quantity
@@ -318,19 +218,8 @@ def with_signal(combinations: pd.DataFrame, noise: pd.DataFrame, targets: Sequen
 def noise_table(runs: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:
     """Signal and noise of every definition of the angle and of the other targets, for each cell.
 
-    Parameters
-    ----------
-    runs : pandas.DataFrame
-    targets : sequence of Target
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Notes
-    -----
-    noise: standard deviation from seed to seed. signal: that of the true means over the designed parameter
-    sets: the spread of the sets' means less what the noise adds to it. The standard error of their ratio
+    noise: standard deviation from seed to seed. signal: standard deviation of the true means over the designed
+    parameter sets, which is the spread of the sets' means less the part of the noise. The standard error of their ratio
     comes from leaving out one set at a time (jackknife).
     """
     others = [one for one in targets if one.name != CALIBRATED_ANGLE]
@@ -368,7 +257,7 @@ def _ratio(sets):
 
 
 def _mean(values):
-    """Mean and standard error of what is there; no error of a single value."""
+    """Mean and standard error without missing values; the error of a single value is NaN."""
     values = values.dropna().astype(float)
     mean = float(values.mean()) if len(values) else math.nan
     return mean, float(values.std(ddof=1) / math.sqrt(len(values))) if len(values) > 1 else math.nan

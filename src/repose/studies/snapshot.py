@@ -8,7 +8,7 @@ from repose.core.attached import BESIDE
 from repose.core.errors import InputError
 from repose.core.ledger import write_whole
 
-# What is kept, by folder of the results; logs, timings and positions of single pours stay behind.
+# Files that are kept, by folder of the results; logs, timings and positions of single pours stay behind.
 KEPT = {
     ".": ("*.csv", "dataset_summary.json", "config.json", "report.html", "card.json"),
     "berry": ("*.csv", "*.json"),
@@ -56,23 +56,8 @@ MANIFEST = "snapshot.txt"  # in a snapshot: its files, one a line
 def take(results_dir: str | Path, out: str | Path) -> list[Path]:
     """Copy tables and pictures of a study to a folder of its own, where they replace those of an earlier snapshot.
 
-    Parameters
-    ----------
-    results_dir : path
-        Folder of a finished study.
-    out : path
-        Folder of the snapshot: new, empty, or an earlier snapshot to which nobody added a file.
-
-    Returns
-    -------
-    list of Path
-        The copied files.
-
-    Raises
-    ------
-    InputError
-        If the study is not finished, a file is too large to be kept in a repository, or the folder holds anything that
-        no snapshot wrote.
+    `out` must be new, empty, or an earlier snapshot to which nobody added a file. Returns the copied files. InputError
+    if the study is not finished, a file is larger than `LARGEST_FILE`, or `out` holds any other file.
     """
     source, out = Path(results_dir), Path(out)
     files = _kept(source, KEPT)
@@ -95,17 +80,9 @@ def take(results_dir: str | Path, out: str | Path) -> list[Path]:
 
 
 def of_optional_studies(results_dir: str | Path) -> str:
-    """Hash of what a snapshot keeps of the optional studies: another one is a reason to take it anew.
+    """Hash of the optional studies' files in a snapshot, 16 hexadecimal digits.
 
-    Parameters
-    ----------
-    results_dir : path
-        Folder of a study.
-
-    Returns
-    -------
-    str
-        16 hexadecimal digits.
+    Another hash is a reason to take the snapshot anew.
     """
     source = Path(results_dir)
     files = _kept(source, (folder for folder in KEPT if folder not in CHAIN))

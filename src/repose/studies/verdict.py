@@ -1,4 +1,4 @@
-"""What a round of the refinement has shown: simulated beside predicted and target, and what may be claimed.
+"""Result of a round of the refinement: simulated beside predicted and target, and the claim that follows.
 
 A round is judged by the simulated means of its proposal alone, from fresh seeds. It is within the bar when every mean
 is within ``refine.tolerance_percent`` of its target, with a standard error below ``refine.standard_error_percent`` of
@@ -31,26 +31,12 @@ OUTCOMES = ("within", "not within", "not precise", "no pile")
 def judge(
     proposal: pd.DataFrame, runs: pd.DataFrame, targets: Targets, section: Mapping[str, Any], round_: int
 ) -> dict[str, Any]:
-    """What a round has shown, as one row.
+    """Result of a round as one row.
 
-    Parameters
-    ----------
-    proposal : pandas.DataFrame
-        Of `repose.studies.refine.propose`.
-    runs : pandas.DataFrame
-        All runs of the round.
-    targets : Targets
-        A mean is compared with the target's aim.
-    section : mapping
-        `refine` of the configuration: tolerance_percent, standard_error_percent.
-    round_ : int
-
-    Returns
-    -------
-    dict
-        Parameters, number of runs; of each response target, prediction, simulated mean, standard error and deviations;
-        objective (Eq. 11) of the simulated means; whether the targets are out of reach, as the prediction itself misses
-        the bar; outcome, one of `OUTCOMES`, its reason, and the search's warning. NaN where there is no number.
+    `proposal` is of `repose.studies.refine.propose`, `runs` are all runs of the round, `section` is `refine`. Columns:
+    parameters, number of runs; of each response target, prediction, simulated mean, standard error and deviations;
+    objective (Eq. 11) of the simulated means; out_of_reach, where the prediction itself misses the bar; outcome of
+    `OUTCOMES`, its reason, and the search's warning. NaN for a missing number.
     """
     rows = proposal[proposal["role"] == PROPOSAL]
     own = runs[runs["sample"].isin(rows["sample"])].astype(object)
@@ -100,14 +86,14 @@ def _numbers(
 
 
 def _number(value: float | None) -> float:
-    """A number, NaN for none."""
+    """A number, NaN for None."""
     return np.nan if value is None else float(value)
 
 
 def _outcome(
     row: Mapping[str, Any], summary: Mapping[str, Any], targets: Targets, section: Mapping[str, Any]
 ) -> tuple[str, str]:
-    """Outcome of a round, and how far each response is off."""
+    """Outcome of a round, and the deviation of each response in words."""
     if summary["status"] != "ok":
         return "no pile", f"{summary['status']}: {summary['reason']}"
     words, far, vague = [], False, False
@@ -134,19 +120,7 @@ def why_stopped(
 ) -> str:
     """Why the loop ends after a round, in words.
 
-    Parameters
-    ----------
-    verdict : mapping
-        Of the last round.
-    limit : int
-        How often the surrogate may be refitted.
-    targets : Targets
-    before : mapping, optional
-        Of the round before.
-
-    Returns
-    -------
-    str
+    `verdict` is of the last round, `before` of the round before it; `limit` is the largest number of refits.
     """
     row = f"round {verdict['round']}"
     if verdict["outcome"] == "within":
@@ -159,17 +133,7 @@ def why_stopped(
 
 
 def claim(verdict: Mapping[str, Any], targets: Targets) -> str:
-    """What the last round's own runs say of its proposal, in words.
-
-    Parameters
-    ----------
-    verdict : mapping
-    targets : Targets
-
-    Returns
-    -------
-    str
-    """
+    """Claim for the proposal of the last round in words, from the round's own runs."""
     if verdict["outcome"] == "no pile":
         return "none: the proposal gives no pile"
     values = []
@@ -185,22 +149,10 @@ def claim(verdict: Mapping[str, Any], targets: Targets) -> str:
 def points(
     proposal: pd.DataFrame, dataset: pd.DataFrame, row: Mapping[str, Any], targets: Targets
 ) -> pd.DataFrame:
-    """All points of a round, the proposal as one.
+    """All points of a round, the proposal as one: the table round.csv.
 
-    Parameters
-    ----------
-    proposal : pandas.DataFrame
-        Of `repose.studies.refine.propose`.
-    dataset : pandas.DataFrame
-        Of the round's own jobs.
-    row : mapping
-        Of `judge`.
-    targets : Targets
-
-    Returns
-    -------
-    pandas.DataFrame
-        Parameters, seeds, predicted, simulated, standard errors and status (``round.csv``).
+    `proposal` is of `repose.studies.refine.propose`, `dataset` of the round's own jobs, `row` of `judge`. Columns:
+    parameters, seeds, predicted, simulated, standard errors and status.
     """
     measured = [column for one in targets for column in (one.name, one.response.error)]
     shown = dataset[["sample", "n_seeds", *targets.names, *targets.errors, "status", "reason"]]
@@ -226,26 +178,8 @@ def run(
 ) -> dict[str, Any]:
     """Judge a round: write round.csv, the table of `points`, and verdict.json; return the latter.
 
-    Parameters
-    ----------
-    proposal_csv : path
-        Of `repose.studies.refine_files.run_propose`.
-    dataset_csv, runs_csv : path
-        Of the round's own jobs, as the verb dataset writes them.
-    targets : Targets
-    section : mapping
-        `refine` of the configuration.
-    out_dir : path
-
-    Returns
-    -------
-    dict
-        Of `judge`, with the number of usable samples.
-
-    Raises
-    ------
-    InputError
-        For a bad file, or samples of the proposal that the dataset lacks.
+    It is the row of `judge` with ``usable``, the number of usable samples. InputError if the dataset lacks a sample of
+    the proposal.
     """
     proposal = read_samples(proposal_csv)
     dataset = read_table(dataset_csv, ("sample", "status", "n_seeds", *targets.names, *targets.errors))
@@ -263,26 +197,9 @@ def run(
 def run_tables(
     verdict_jsons: Sequence[str | os.PathLike], limit: int, targets: Targets, out_dir: str | os.PathLike
 ) -> dict[str, Any]:
-    """Write rounds.csv, one row for each round, and summary.json: why the loop stopped, what may be claimed.
+    """Write rounds.csv, a row for each round, and summary.json with the reason of the stop; return the summary.
 
-    Parameters
-    ----------
-    verdict_jsons : sequence of path
-        Of `run`, one per round, in any order.
-    limit : int
-        How often the surrogate may be refitted.
-    targets : Targets
-    out_dir : path
-
-    Returns
-    -------
-    dict
-        Content of summary.json.
-
-    Raises
-    ------
-    InputError
-        For a bad file, or rounds that are not 0, 1, 2, ...
+    It also holds the claim. `verdict_jsons` are of `run`, in any order. InputError if the rounds are not 0, 1, 2, ...
     """
     keys = {"round": int, "outcome": str}
     verdicts = [read_json(path, keys, "what the verb refine_judge wrote") for path in verdict_jsons]
@@ -306,24 +223,7 @@ def run_tables(
 
 
 def in_words(summary_json: str | os.PathLike, label: str) -> str:
-    """What a finished refinement came to, as the end of a run tells it.
-
-    Parameters
-    ----------
-    summary_json : path
-        Of `run_tables`.
-    label : str
-        Of the study.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    InputError
-        If the file is missing or bad.
-    """
+    """Result of a finished refinement for the end of a run; `summary_json` is of `run_tables`."""
     keys = {"met": bool, "why": str, "solution": dict, "claim": str, "pours": int}
     summary = read_json(summary_json, keys, "what the verb refine_tables wrote")
     met = "Refined: targets met" if summary["met"] else "Refined: targets NOT met"
@@ -339,7 +239,7 @@ def in_words(summary_json: str | os.PathLike, label: str) -> str:
 
 
 def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
-    """The row for JSON, which knows no NaN."""
+    """The row for JSON, which has no NaN: None instead."""
     return {
         key: None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()
     }

@@ -1,4 +1,4 @@
-"""Surrogates of the simulator, and where their samples are thin.
+"""Surrogates of the simulator, and the support of their samples.
 
 Importing this package registers every surrogate (`repose.surrogate.base`).
 """

@@ -52,65 +52,27 @@ FROM_SETTINGS = ("hidden", "epochs", "goal", "starts", "seed", "prior")
 class BayesianBP(Surrogate):
     """Two-layer network trained by Bayesian regularisation from several starts; of the converged the best is kept.
 
-    Parameters
-    ----------
-    hidden : int
-        Neurons of the hidden layer.
-    epochs : int
-        Most accepted steps of a start.
-    goal : float
-        Mean squared error of the scaled outputs at which training stops.
-    starts : int
-        Independent Nguyen-Widrow starts. Where none has converged, the best of all is kept.
-    mu, mu_decrease, mu_increase, mu_max, min_gradient : float
-        Marquardt's damping, and the norm of the objective's gradient at which a start ends.
-    scaled_range : (float, float)
-        Interval onto which each input and output is mapped by its minimum and maximum in the training data.
-    seed : int
-        Start k draws from ``RandomState([seed, k])``, so it is the same start however many others there are.
-    prior : str
-        "one" alpha for all weights, as published (FH); "layers", one each for input weights, hidden biases, and output
-        weights with their biases (M92); or "inputs", as "layers" but with one for each input's weights, so that an
-        input without effect fades (M94).
-
-    Attributes
-    ----------
-    W1_, b1_, W2_, b2_ : array (hidden, inputs), (hidden,), (outputs, hidden), (outputs,)
-    input_min_, input_max_, output_min_, output_max_ : array
-        Ends that are mapped to those of `scaled_range`.
-    alpha_ : float, or array where there are several priors
-    beta_, gamma_, log_evidence_ : float
-    epochs_, best_start_, converged_starts_, n_residuals_ : int
-    at_cap_ : list of str
-        Classes of weights whose alpha is the largest allowed.
-    stop_reason_ : str
-        Of the start that was kept: goal, gradient, mu, evidence or epochs.
-    noise_std_ : array (outputs,)
-        Of a single value of precision 1, in units of y.
-    posterior_root_ : array (N, N)
-        A root of the covariance of the weights.
-    starts_ : list of dict
-        One for each start.
-    training_ : dict
-        Samples and the covariance of their noise.
+    If no start has converged, the best of all is kept. `prior` is "one" alpha for all weights, as published (FH);
+    "layers", one each for input weights, hidden biases, and output weights with their biases (M92); or "inputs", as
+    "layers" but with one for each input's weights, so that an input without effect fades (M94).
     """
 
     of_all_samples = False  # as published: fitted to the training part
 
     def __init__(
         self,
-        hidden: int = 12,
-        epochs: int = 1500,
-        goal: float = 1e-4,
-        starts: int = 20,
-        mu: float = 0.005,
+        hidden: int = 12,  # neurons of the hidden layer
+        epochs: int = 1500,  # most accepted steps of a start
+        goal: float = 1e-4,  # mean squared error of the scaled outputs at which training stops
+        starts: int = 20,  # independent, each from Nguyen-Widrow weights
+        mu: float = 0.005,  # Marquardt's damping
         mu_decrease: float = 0.1,
         mu_increase: float = 10.0,
         mu_max: float = 1e10,
-        min_gradient: float = 1e-7,
-        scaled_range: tuple[float, float] = (0.1, 0.9),
-        seed: int = 2026,
-        prior: str = "one",
+        min_gradient: float = 1e-7,  # norm of the objective's gradient at which a start ends
+        scaled_range: tuple[float, float] = (0.1, 0.9),  # of inputs and outputs in training
+        seed: int = 2026,  # start k draws from RandomState([seed, k])
+        prior: str = "one",  # one of `PRIORS`
     ) -> None:
         self.hidden, self.epochs, self.goal, self.starts = hidden, epochs, goal, starts
         self.mu, self.mu_decrease, self.mu_increase, self.mu_max = mu, mu_decrease, mu_increase, mu_max
@@ -119,18 +81,7 @@ class BayesianBP(Surrogate):
 
     @classmethod
     def of(cls, settings: Mapping[str, Any]) -> Self:
-        """A network with `hidden`, `epochs`, `goal`, `starts`, `seed` and `prior` of the settings.
-
-        Parameters
-        ----------
-        settings : mapping
-            The section `network` of the configuration, with `seed`.
-
-        Returns
-        -------
-        BayesianBP
-            Untrained.
-        """
+        """An untrained network with `hidden`, `epochs`, `goal`, `starts`, `seed` and `prior` of the settings."""
         return cls(**{key: settings[key] for key in FROM_SETTINGS if key in settings})
 
     def fit(
@@ -142,34 +93,11 @@ class BayesianBP(Surrogate):
         noise_covariance: ArrayLike | None = None,
         noise_freedom: float = 0.0,
     ) -> Self:
-        """Train.
+        """Train; `precision`, `noise_covariance` and `noise_freedom` as in `Surrogate.fit`.
 
-        Parameters
-        ----------
-        X : array (samples, inputs)
-        y : array (samples,) or (samples, outputs)
-        sample_weight : array (samples,), optional
-            How often a sample counts, as in scikit-learn: 2 is the sample twice, 0 not at all.
-        precision : array (samples,) or (samples, outputs), optional
-            The noise variance of a residual is 1 / (2 beta precision). log_evidence_ leaves out sum log precision / 2.
-        noise_covariance : array (outputs, outputs), optional
-            Of the noise of a sample's outputs, up to a factor. Outputs of one experiment share its noise; taken as
-            independent, the shared part looks like a signal to be learned. With it the network is trained on
-            combinations of the outputs whose noises are independent (A35). `precision` then is one number a sample.
-        noise_freedom : float, optional
-            Degrees of freedom with which replicates gave `noise_covariance`, then that of one value of precision 1.
-            Their scatter enters likelihood and evidence, so that the noise is not the network's guess alone.
-
-        Returns
-        -------
-        BayesianBP
-            The same one.
-
-        Raises
-        ------
-        ValueError
-            For a setting out of its limits, wrong shapes, values that are not finite, negative weights, precisions
-            not above zero, a matrix that is no covariance, and when no start ends with a finite evidence.
+        `sample_weight` (samples,) is how often a sample counts, as in scikit-learn. With a covariance the network is
+        trained on combinations of the outputs whose noises are independent (A35). ValueError for a setting or sample
+        that is not allowed, or when no start ends with a finite evidence.
         """
         settings = self._checked_settings()
         X, Y, count, precision = checked_samples(X, y, sample_weight, precision)
@@ -193,22 +121,14 @@ class BayesianBP(Surrogate):
         self.converged_starts_ = len(converged)
         self.best_start_ = max(converged or range(self.starts), key=lambda k: ends[k]["log_evidence"])
         names = class_names(self.prior, self.inputs or range(X.shape[1]))
+        # classes of weights whose alpha is the largest allowed
         self.at_cap_ = [names[c] for c in ends[self.best_start_]["at_cap"]]
         self._keep(ends[self.best_start_])
         self.n_residuals_ = t.size
         return self
 
     def of_start(self, k: int) -> Self:
-        """The network that start k of the `fit` ended with.
-
-        Parameters
-        ----------
-        k : int
-
-        Returns
-        -------
-        BayesianBP
-        """
+        """The network at the end of start k of `fit`."""
         other = copy.copy(self)
         other._keep(self.ends_[k])
         return other
@@ -222,32 +142,14 @@ class BayesianBP(Surrogate):
         self.W1_, self.b1_, self.W2_, self.b2_ = unpack(w, *sizes)
         self.alpha_, self.beta_, self.gamma_ = end["alpha"], end["beta"], end["gamma"]
         self.log_evidence_, self.epochs_ = end["log_evidence"], end["epochs"]
-        self.stop_reason_ = end["stop_reason"]
+        self.stop_reason_ = end["stop_reason"]  # goal, gradient, mu, evidence or epochs
         self._set_errors(posterior_root(end["alpha_of_weight"], self.beta_, end["JJ"]), self._mixing)
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
-        """Responses, and their standard deviations.
+        """Responses, (samples, outputs) or (samples,) as in `fit`, and with `return_std` their standard deviations.
 
-        Parameters
-        ----------
-        X : array, (samples, inputs)
-        return_std : bool, optional
-            Whether to return the standard deviations too.
-        noise : bool, optional
-            Whether they contain the noise of a single target of precision 1 (`noise_std_`). Without it the
-            uncertainty of the mean remains.
-
-        Returns
-        -------
-        mean : numpy.ndarray, (samples, outputs), or (samples,) as it was fitted
-        std : numpy.ndarray
-            Of the same shape, in units of y: sqrt(1 / (2 beta) + g' H^-1 g) with g the output's gradient by
-            the weights (M92). Only with `return_std`.
-
-        Raises
-        ------
-        ValueError
-            If the network is not trained, or X has another shape.
+        These are sqrt(1 / (2 beta) + g' H^-1 g) with g the output's gradient by the weights (M92), in units of y;
+        without `noise` the first term is left out.
         """
         if not hasattr(self, "W1_"):
             raise ValueError("predict was called before fit")
@@ -265,23 +167,10 @@ class BayesianBP(Surrogate):
         return hasattr(self, "posterior_root_")
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Covariance of the responses by the uncertainty of the weights alone.
+        """Covariance (samples, outputs, outputs) of the responses by the uncertainty of the weights alone.
 
-        The outputs share the hidden layer, so their errors are correlated.
-
-        Parameters
-        ----------
-        X : array, (samples, inputs)
-
-        Returns
-        -------
-        numpy.ndarray, (samples, outputs, outputs)
-            In units of y squared.
-
-        Raises
-        ------
-        ValueError
-            If the network was saved without its training data.
+        The outputs share the hidden layer, so their errors are correlated. ValueError if the network was saved without
+        its training data.
         """
         roots = self._weight_roots(np.asarray(X, dtype=float)) * self._stretch()[:, None]
         return roots @ roots.transpose(0, 2, 1)
@@ -314,7 +203,7 @@ class BayesianBP(Surrogate):
         ]
 
     def to_dict(self) -> dict[str, Any]:
-        """Scalings, weights, and what the errors of the weights are computed from."""
+        """Scalings, weights, and the data for the errors of the weights."""
         lists = {key: getattr(self, key + "_").tolist() for key in ARRAYS}
         content = {"scaled_range": list(self.scaled_range), "activation": ["tansig", "purelin"], **lists}
         if not hasattr(self, "training_"):
@@ -366,6 +255,7 @@ class BayesianBP(Surrogate):
     def _set_errors(self, root, mixing):
         """The weights' posterior and the noise, both of the outputs as they were before mixing."""
         unmix = np.linalg.inv(mixing)
+        # a root (N, N) of the covariance of the weights; noise of a single value of precision 1, in units of y
         self.posterior_root_ = mix_outputs(root, unmix, self.hidden)
         self.noise_std_ = np.linalg.norm(unmix, axis=0) * self._stretch() / math.sqrt(2 * self.beta_)
 

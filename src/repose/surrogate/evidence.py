@@ -23,28 +23,12 @@ def log_evidence(
     n: float,
     classes: Sequence[Any] = (slice(None),),
 ) -> float:
-    """log p(D | alpha, beta) by Laplace's approximation at the most probable weights (M92).
+    """Log p(D | alpha, beta) by Laplace's approximation at the most probable weights (M92); -inf if it is no number.
 
-    Likelihood (beta/pi)^(n/2) exp(-beta E_d), prior (alpha/pi)^(N/2) exp(-alpha E_w),
-    H = 2 beta J'J + 2 alpha I:
-    log p = n/2 log(beta/pi) + N/2 log(2 alpha) - 1/2 log det H - beta E_d - alpha E_w,
-    with N/2 log(2 alpha) summed over the classes of weights where there are several.
-
-    Parameters
-    ----------
-    alpha, Ew : float, or array (classes,)
-    beta, Ed : float
-    JJ : array (N, N)
-        J'J of the weighted residuals.
-    n : float
-        Number of residuals.
-    classes : sequence
-        As `two_layer.weight_classes` gives them.
-
-    Returns
-    -------
-    float
-        -inf where that is no number, so such a start is never the best.
+    Likelihood (beta/pi)^(n/2) exp(-beta E_d), prior (alpha/pi)^(N/2) exp(-alpha E_w), H = 2 beta J'J + 2 alpha I:
+    log p = n/2 log(beta/pi) + N/2 log(2 alpha) - 1/2 log det H - beta E_d - alpha E_w, with N/2 log(2 alpha) summed
+    over the classes of weights (`two_layer.weight_classes`) where there are several. JJ is J'J (N, N) of the weighted
+    residuals, n their number.
     """
     alpha, Ew = np.atleast_1d(alpha), np.atleast_1d(Ew)
     if not (np.all(alpha > 0) and beta > 0):
@@ -57,21 +41,10 @@ def log_evidence(
 
 
 def posterior_root(alpha: np.ndarray, beta: float, JJ: np.ndarray) -> np.ndarray:
-    """A root R of the covariance of the weights about the most probable ones, R R' = H^-1 (M92).
+    """A root R (N, N) of the covariance of the weights about the most probable ones, R R' = H^-1 (M92).
 
-    H = 2 beta J'J + 2 diag(alpha). It is made symmetric about its prior first, so that rounding can make no variance
-    negative.
-
-    Parameters
-    ----------
-    alpha : array (N,)
-        Of each weight.
-    beta : float
-    JJ : array (N, N)
-
-    Returns
-    -------
-    numpy.ndarray, (N, N)
+    H = 2 beta J'J + 2 diag(alpha), alpha (N,) of each weight. It is made symmetric about its prior first, so that
+    rounding can make no variance negative.
     """
     prior_root = 1 / np.sqrt(2 * alpha)
     eigenvalues, vectors = np.linalg.eigh(2 * beta * prior_root[:, None] * JJ * prior_root)
@@ -79,20 +52,7 @@ def posterior_root(alpha: np.ndarray, beta: float, JJ: np.ndarray) -> np.ndarray
 
 
 def of_each_weight(alpha: np.ndarray, classes: Sequence[Any], N: int) -> np.ndarray:
-    """alpha of each weight from alpha of each class.
-
-    Parameters
-    ----------
-    alpha : numpy.ndarray, (classes,)
-    classes : sequence
-        Indices of the weights of each class, as `two_layer.weight_classes` gives them.
-    N : int
-        Number of weights.
-
-    Returns
-    -------
-    numpy.ndarray, (N,)
-    """
+    """The alpha of each weight (N,) from the alpha of each class; `classes` as of `two_layer.weight_classes`."""
     of_weight = np.empty(N)
     for value, c in zip(alpha, classes, strict=True):
         of_weight[c] = value

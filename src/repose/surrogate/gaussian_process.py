@@ -28,12 +28,7 @@ FIRST_NOISE = 0.1  # in variances of the response
 class GaussianProcess(Surrogate):
     """Processes with the covariance s^2 exp(-1/2 sum ((x_i - x'_i) / l_i)^2) and noise (RW06, eq. 5.1).
 
-    The numbers s^2, l_i and the variance of the noise maximise the marginal likelihood. It has no settings.
-
-    Attributes
-    ----------
-    processes_ : list of sklearn.gaussian_process.GaussianProcessRegressor
-        One for each combination of the outputs.
+    The hyperparameters s^2, l_i and the noise variance maximise the marginal likelihood. There are no settings.
     """
 
     @classmethod
@@ -51,26 +46,8 @@ class GaussianProcess(Surrogate):
     ) -> Self:
         """Learn from samples.
 
-        Parameters
-        ----------
-        X : array, (n, d)
-        Y : array, (n, k)
-        precision : array, (n,) or (n, k), optional
-            See `Surrogate.fit`.
-        noise_covariance : array, (k, k), optional
-            Without it the responses are learned independently; with it, their combinations with independent
-            noises (A35).
-        noise_freedom : float, optional
-            Not used: the noise is estimated with the other numbers.
-
-        Returns
-        -------
-        GaussianProcess
-
-        Raises
-        ------
-        ValueError
-            As in `Surrogate.fit`.
+        Without `noise_covariance` the responses are learned independently; with it, their combinations with independent
+        noises (A35). `noise_freedom` is not used: the noise is estimated with the other hyperparameters.
         """
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
@@ -107,7 +84,7 @@ class GaussianProcess(Surrogate):
         )
 
     def _fit(self, kernels):
-        """A process for each combination of the outputs (RW06, Algorithm 2.1)."""
+        """A process for each combination of the outputs (RW06, Algorithm 2.1), as `processes_`."""
         from sklearn.exceptions import ConvergenceWarning
         from sklearn.gaussian_process import GaussianProcessRegressor
 
@@ -132,16 +109,7 @@ class GaussianProcess(Surrogate):
         return means @ self._unmixing + self.offset_, np.sqrt(variances @ self._unmixing**2)
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Covariance of the predicted means; diagonal without a `noise_covariance`.
-
-        Parameters
-        ----------
-        X : array, (n, d)
-
-        Returns
-        -------
-        numpy.ndarray, (n, k, k)
-        """
+        """Covariance of the predicted means; diagonal without a `noise_covariance`."""
         x = (checked_points(X, len(self.low_)) - self.low_) / self.width_
         roots = np.sqrt(self._moments(x)[1])[:, :, None] * self._unmixing
         return roots.transpose(0, 2, 1) @ roots
@@ -149,23 +117,12 @@ class GaussianProcess(Surrogate):
     def _moments(self, x):
         """Means and variances (n, k) of the combinations, without noise."""
         means, stds = zip(*(one.predict(x, return_std=True) for one in self.processes_), strict=True)
-        # scikit-learn adds the noise to the variance; the mean's own is wanted
+        # scikit-learn adds the noise to the variance of the mean
         variances = np.column_stack(stds) ** 2 - self._noise_variances
         return np.column_stack(means), np.maximum(variances, 0.0)
 
     def response_function(self, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-        """The means as one matrix product, an exponential and another product for each process.
-
-        Parameters
-        ----------
-        low, high : numpy.ndarray, (d,)
-            What -1 and 1 stand for.
-
-        Returns
-        -------
-        callable
-            From points (n, d) to responses (n, k).
-        """
+        """The means as one matrix product, an exponential and another product for each process."""
         middle, half = np.add(low, high) / 2, np.subtract(high, low) / 2
         parts = []
         for one in self.processes_:
@@ -186,12 +143,12 @@ class GaussianProcess(Surrogate):
         return respond
 
     def report(self) -> dict[str, Any]:
-        """Log marginal likelihood and numbers of each process."""
+        """Log marginal likelihood and hyperparameters of each process."""
         likelihood = [float(one.log_marginal_likelihood_value_) for one in self.processes_]
         return {"log_marginal_likelihood": likelihood, "kernels": self._kernels()}
 
     def to_dict(self) -> dict[str, Any]:
-        """The numbers of the processes, and the samples."""
+        """The hyperparameters of the processes, and the samples."""
         covariance = self.noise_covariance_
         return {
             "kernels": self._kernels(),
@@ -201,7 +158,7 @@ class GaussianProcess(Surrogate):
         }
 
     def _kernels(self):
-        """The numbers of each process, in variances of its values and ranges of the inputs."""
+        """Hyperparameters of each process, in variances of its values and ranges of the inputs."""
         return [
             {
                 "variance": float(one.kernel_.k1.k1.constant_value),
@@ -213,16 +170,7 @@ class GaussianProcess(Surrogate):
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """The processes of a `to_dict`; their numbers are not estimated again.
-
-        Parameters
-        ----------
-        content : mapping
-
-        Returns
-        -------
-        GaussianProcess
-        """
+        """The processes of a `to_dict`; their hyperparameters are not estimated again."""
         from sklearn.gaussian_process.kernels import RBF, ConstantKernel
 
         model, training = cls(), content["training"]

@@ -9,7 +9,7 @@ Notation: w all N weights, n residuals (samples times outputs), E_d and E_w plai
 F = beta E_d + alpha E_w. Weights may fall into classes c with an alpha_c each; then E_w and alpha are vectors.
 
 Where replicates are known, n and E_d hold their scatter about the samples' means as well: no weights can change it, but
-it tells beta. Likelihood and evidence are then those of the single runs.
+it determines beta. Likelihood and evidence are then those of the single runs.
 
 With several alpha the re-estimation (FH 2-3) passes the largest evidence and goes on: it takes no account of how the
 weights change with alpha, so small weights of the inputs and large ones of the outputs drift apart without end. Such a
@@ -29,7 +29,7 @@ STATISTICS = ("log_evidence", "gamma", "alpha", "beta", "mse", "epochs", "stop_r
 LARGEST_ALPHA = 1e6  # weights of 0.0007 in scaled units: an input that has faded
 SMALLEST = 1e-30  # E_d of outputs that a network meets exactly
 PATIENCE = 60  # epochs without a larger evidence
-NEAR = 1.0  # F above its minimum, so nats, below which Laplace's approximation says something
+NEAR = 1.0  # F above its minimum, in nats, below which Laplace's approximation holds
 # F above its minimum at which a start has converged: the weights are 0.14 of a standard deviation from the best ones
 CONVERGED = 0.01
 DESCENT = 100  # most steps to the minimum of F with alpha and beta kept
@@ -40,13 +40,7 @@ SMALLEST_MU = float(np.finfo(float).tiny)
 
 @dataclass(frozen=True)
 class Settings:
-    """How a start is trained.
-
-    Parameters
-    ----------
-    epochs, goal, mu, mu_decrease, mu_increase, mu_max, min_gradient, prior
-        As for `repose.surrogate.bayesian_bp.BayesianBP`.
-    """
+    """Settings of the training of a start, as of `repose.surrogate.bayesian_bp.BayesianBP`."""
 
     epochs: int
     goal: float
@@ -66,15 +60,15 @@ class Settings:
 
 
 class _Data(NamedTuple):
-    """What a start is trained on, and how its weights fall into classes."""
+    """Training data of a start, and the classes of its weights."""
 
-    x: np.ndarray
-    t: np.ndarray
-    root_weight: np.ndarray
-    n: float
-    pure_error: float
-    classes: list
-    size: np.ndarray
+    x: np.ndarray  # (samples, inputs), scaled
+    t: np.ndarray  # (samples, outputs), scaled
+    root_weight: np.ndarray  # (samples, outputs), square root of each residual's weight
+    n: float  # number of residuals, those of the replicates included
+    pure_error: float  # sum of squares of the replicates about their samples' means
+    classes: list  # indices of the weights of each class
+    size: np.ndarray  # (classes,), weights of each class
 
 
 @dataclass
@@ -89,7 +83,7 @@ class _Point:
 
 
 class _State(NamedTuple):
-    """Weights with the alpha, beta and gamma that the data ask for there."""
+    """Weights with the alpha, beta and gamma re-estimated there."""
 
     at: _Point
     alpha: np.ndarray
@@ -122,28 +116,12 @@ def train_start(
     settings: Settings,
     pure_error: tuple[float, float] = (0.0, 0.0),
 ) -> dict[str, Any]:
-    """Train from the weights w (FH 1-4).
+    """Train from the weights w (N,) (FH 1-4); x, t and `root_weight` have a row for each sample, x and t are scaled.
 
-    Parameters
-    ----------
-    w : array (N,)
-        Where the training starts.
-    x, t : array (samples, inputs), (samples, outputs)
-        Scaled inputs and scaled targets.
-    root_weight : array (samples, outputs)
-        Square root of each residual's weight.
-    n : float
-        Number of residuals; of weighted samples the sum of their counts.
-    settings : Settings
-    pure_error : (float, float), optional
-        Sum of squares of the replicates about their samples' means, scaled and weighted as the residuals, and how many
-        independent ones it has.
-
-    Returns
-    -------
-    dict
-        `w`, `JJ` and `alpha_of_weight` (N,) at the end, and `STATISTICS`: among them `decrement`, how far the
-        objective is above its minimum, and `at_cap`, the classes whose alpha is the largest allowed.
+    n is the number of residuals; of weighted samples the sum of their counts. `pure_error` is the sum of squares of the
+    replicates about their samples' means, scaled and weighted as the residuals, and its degrees of freedom. Returns
+    `w`, `JJ` and `alpha_of_weight` (N,) at the end, and `STATISTICS`: among them `decrement`, the height of the
+    objective above its minimum, and `at_cap`, the classes whose alpha is the largest allowed.
     """
     hidden = (w.size - t.shape[1]) // (x.shape[1] + 1 + t.shape[1])
     classes = weight_classes(settings.prior, x.shape[1], hidden, t.shape[1])
@@ -167,7 +145,7 @@ def train_start(
 
 
 def _train(w, data, n, settings):
-    """State at the end, number of epochs, and why it is the end."""
+    """State at the end, number of epochs, and the reason of the end."""
     # FH 0 sets alpha = 0, with which gamma is N and beta negative as soon as n < N; any small prior avoids it
     alpha, mu = np.full(len(data.classes), 0.01), max(settings.mu, SMALLEST_MU)
     of_weight = of_each_weight(alpha, data.classes, w.size)
@@ -232,7 +210,7 @@ def _gamma(at, state, data):
 
 
 def _re_estimated(at, state, data):
-    """The state at new weights: alpha, gamma and beta that the data ask for there."""
+    """The state at new weights: alpha, gamma and beta re-estimated there."""
     gamma = _gamma(at, state, data)
     # (FH 3); gamma of a class that has faded may be lost in rounding
     alpha = np.where(gamma > 0, gamma / (2 * np.maximum(at.Ew, SMALLEST)), state.alpha)
@@ -253,22 +231,7 @@ def _square_sums(w, classes):
 
 
 def residuals(w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray) -> np.ndarray:
-    """Weighted residuals of the network.
-
-    Parameters
-    ----------
-    w : numpy.ndarray, (N,)
-    x : numpy.ndarray, (samples, inputs)
-        Scaled.
-    t : numpy.ndarray, (samples, outputs)
-        Scaled.
-    root_weight : numpy.ndarray, (samples, outputs)
-        Root of each residual's weight.
-
-    Returns
-    -------
-    numpy.ndarray, (samples * outputs,)
-    """
+    """Weighted residuals of the network (samples * outputs,); x and t are scaled."""
     hidden = (w.size - t.shape[1]) // (x.shape[1] + 1 + t.shape[1])
     W1, b1, W2, b2 = unpack(w, x.shape[1], hidden, t.shape[1])
     return ((np.tanh(x @ W1.T + b1) @ W2.T + b2 - t) * root_weight).ravel()
@@ -277,17 +240,6 @@ def residuals(w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarr
 def linearise(
     w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Weighted residuals of the network, and their derivative by the weights.
-
-    Parameters
-    ----------
-    w, x, t, root_weight
-        As in `residuals`.
-
-    Returns
-    -------
-    residuals : numpy.ndarray, (samples * outputs,)
-    derivative : numpy.ndarray, (samples * outputs, N)
-    """
+    """`residuals`, and their derivatives by the weights (samples * outputs, N)."""
     y, J = jacobian(w, x, t.shape[1])
     return ((y - t) * root_weight).ravel(), (J * root_weight[:, :, None]).reshape(t.size, w.size)

@@ -1,7 +1,7 @@
 """The mean of the networks that several starts ended with, with the scatter among them in its errors.
 
 Starts of `repose.surrogate.bayesian_bp.BayesianBP` end at different networks, whose evidence hardly differs. The error
-bars of each are those about its own weights; what the networks disagree about is in none of them. Here the prediction
+bars of each are those about its own weights; the disagreement of the networks is in none of them. Here the prediction
 is a mixture of the networks: its mean is the mean of their means, its covariance the mean of their covariances plus the
 covariance of their means. Nothing more is trained than for the best network alone.
 
@@ -22,44 +22,21 @@ from repose.surrogate.levenberg_marquardt import CONVERGED
 from repose.surrogate.samples import checked_points
 from repose.surrogate.two_layer import response_function, scale, width
 
-# Laplace's approximation of the evidence has errors of such a size; starts that stay further below found less.
+# Laplace's approximation of the evidence has errors of this size; starts further below found a worse network.
 NATS = 50.0
 OF_EACH = ("W1", "b1", "W2", "b2")
 
 
 @register("network_ensemble")
 class NetworkEnsemble(Surrogate):
-    """Networks of all converged starts whose log evidence is near the largest; the best one comes first.
-
-    Parameters
-    ----------
-    network : BayesianBP
-        Untrained, with the settings of the training.
-
-    Attributes
-    ----------
-    members_ : list of BayesianBP
-    near_ : list of int
-        Numbers of their starts.
-    """
+    """Networks of all converged starts whose log evidence is within `NATS` of the largest; the best comes first."""
 
     def __init__(self, network: BayesianBP) -> None:
         self.members_ = [network]
 
     @classmethod
     def of(cls, settings: Mapping[str, Any]) -> Self:
-        """Networks with the settings that `BayesianBP.of` takes.
-
-        Parameters
-        ----------
-        settings : mapping
-            The section `network` of the configuration, with `seed`.
-
-        Returns
-        -------
-        NetworkEnsemble
-            Untrained.
-        """
+        """Untrained networks with the settings of `BayesianBP.of`."""
         return cls(BayesianBP.of(settings))
 
     def fit(
@@ -90,16 +67,7 @@ class NetworkEnsemble(Surrogate):
         return mean, np.sqrt(variance + noise * np.mean([one.noise_std_**2 for one in self.members_], axis=0))
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Covariance of the mixture's means, without noise (LPB17).
-
-        Parameters
-        ----------
-        X : array, (n, d)
-
-        Returns
-        -------
-        numpy.ndarray, (n, k, k)
-        """
+        """Covariance of the mixture's means, without noise (LPB17)."""
         means = self._means(X)
         off = means - means.mean(axis=0)
         own = np.mean([one.covariance(X) for one in self.members_], axis=0)
@@ -130,16 +98,7 @@ class NetworkEnsemble(Surrogate):
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """The networks of a `to_dict`.
-
-        Parameters
-        ----------
-        content : mapping
-
-        Returns
-        -------
-        NetworkEnsemble
-        """
+        """The networks of a `to_dict`."""
         model = cls(BayesianBP.from_dict(content))
         for other in content["others"]:
             whole = {**content, **other, "training": content["training"] | other["training"]}

@@ -22,13 +22,7 @@ from repose.surrogate.two_layer import width
 class QuadraticSurface(Surrogate):
     """Second-order model y = A b + noise, one vector of coefficients b for each response (MM09).
 
-    An input that does not vary has no terms. It has no settings.
-
-    Attributes
-    ----------
-    coefficients_ : array (terms, outputs)
-    residual_covariance_ : array (outputs, outputs)
-        Of single values of precision 1, from the residuals.
+    An input that does not vary has no terms. There are no settings.
     """
 
     @classmethod
@@ -37,17 +31,7 @@ class QuadraticSurface(Surrogate):
 
     @staticmethod
     def least_samples(inputs: int) -> int:
-        """Fewest samples: one more than the terms.
-
-        Parameters
-        ----------
-        inputs : int
-            Number of inputs that vary.
-
-        Returns
-        -------
-        int
-        """
+        """Fewest samples for so many inputs that vary: one more than the terms."""
         return (inputs + 1) * (inputs + 2) // 2 + 1
 
     def fit(
@@ -61,28 +45,8 @@ class QuadraticSurface(Surrogate):
     ) -> Self:
         """Learn from samples.
 
-        The covariance of the noise comes from the residuals.
-
-        Parameters
-        ----------
-        X : array, (n, d)
-        Y : array, (n, k)
-        precision : array, (n,) or (n, k), optional
-            See `Surrogate.fit`.
-        noise_covariance : array, (k, k), optional
-            Checked and not used: all responses have the same terms, and then correlated noise does not change
-            the coefficients (Z62).
-        noise_freedom : float, optional
-            Not used: the noise comes from the residuals.
-
-        Returns
-        -------
-        QuadraticSurface
-
-        Raises
-        ------
-        ValueError
-            As in `Surrogate.fit`.
+        The covariance of the noise comes from the residuals. `noise_freedom` is not used; `noise_covariance` is only
+        checked: all responses have the same terms, and then correlated noise does not change the coefficients (Z62).
         """
         X, Y, _, precision = checked_samples(X, Y, None, precision)
         independent_mixing(noise_covariance, np.ones(Y.shape[1]), precision)
@@ -116,16 +80,7 @@ class QuadraticSurface(Surrogate):
         return mean, np.sqrt((leverage + noise) * self._variances)
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Covariance of the predicted means: S_kl a'(R_k R_l')a with S of the residuals (Z62).
-
-        Parameters
-        ----------
-        X : array, (n, d)
-
-        Returns
-        -------
-        numpy.ndarray, (n, k, k)
-        """
+        """Covariance of the predicted means: S_kl a'(R_k R_l')a with S of the residuals (Z62)."""
         a = self._terms(checked_points(X, len(self.low_)))
         paths = np.stack([a @ root for root in self._roots], axis=1)
         return paths @ paths.transpose(0, 2, 1) * self.residual_covariance_
@@ -140,7 +95,7 @@ class QuadraticSurface(Surrogate):
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """The samples, of which the fit is computed again, and the coefficients for a reader."""
+        """The samples, from which the fit is computed again, and the coefficients for a reader."""
         training = {key: value.tolist() for key, value in self.training_.items()}
         return {
             "coefficients": self.coefficients_.tolist(),
@@ -150,16 +105,7 @@ class QuadraticSurface(Surrogate):
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """The surface of a `to_dict`.
-
-        Parameters
-        ----------
-        content : mapping
-
-        Returns
-        -------
-        QuadraticSurface
-        """
+        """The surface of a `to_dict`."""
         training = content["training"]
         model = cls().fit(training["inputs"], training["outputs"], precision=training["precision"])
         model.offset_ = np.asarray(content["offset"], dtype=float)

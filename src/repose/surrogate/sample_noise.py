@@ -5,16 +5,7 @@ from sklearn.gaussian_process.kernels import WhiteKernel
 
 
 class SampleNoise(WhiteKernel):
-    """Noise of variance noise_level / precision_i for sample i of the training data, noise_level for a new one.
-
-    Parameters
-    ----------
-    noise_level : float
-        Variance of a value of precision 1; estimated.
-    noise_level_bounds : (float, float)
-    precision : array (samples,)
-        Of the training samples, in their order.
-    """
+    """Noise of variance noise_level / precision_i for sample i of the training data, noise_level for a new sample."""
 
     def __init__(self, noise_level=1.0, noise_level_bounds=(1e-5, 1e5), precision=()):
         super().__init__(noise_level, noise_level_bounds)

@@ -1,4 +1,4 @@
-"""What a fit is given: samples in one form, and how their noise enters.
+"""Samples of a fit in one form, and their noise.
 
 (A35)  Aitken 1935, on least squares and linear combination of observations: residuals whose noises are correlated
        are made independent by a root of their covariance
@@ -11,27 +11,13 @@ from numpy.typing import ArrayLike
 def independent_mixing(
     noise_covariance: ArrayLike | None, stretch: np.ndarray, precision: np.ndarray
 ) -> np.ndarray:
-    """Combinations of the outputs whose noises are independent (A35).
+    """Matrix (outputs, outputs) from scaled outputs to combinations with independent noises of one variance (A35).
 
-    Parameters
-    ----------
-    noise_covariance : array (outputs, outputs) or None
-        Of the noise of a sample's outputs, up to a factor; None for independent outputs, which stay as they are.
-    stretch : array (outputs,)
-        Units of an output in one unit of its scaled values.
-    precision : array (samples, outputs)
-        As in `Surrogate.fit`.
-
-    Returns
-    -------
-    numpy.ndarray, (outputs, outputs)
-        Scaled outputs times this matrix have independent noises of one variance. Its determinant is one, so the
-        combinations stay about as wide as the outputs.
-
-    Raises
-    ------
-    ValueError
-        If the matrix is no covariance, or the precision differs between outputs although it is given.
+    Outputs of one experiment share its noise; taken as independent, the shared part looks like a signal.
+    `noise_covariance` is known up to a factor; None means independent outputs, which stay as they are. `stretch`
+    (outputs,) is the unit of the scaled outputs in units of y. The determinant is one, so the combinations stay about
+    as wide as the outputs. ValueError if the matrix is no covariance, or if outputs of a sample then differ in
+    precision.
     """
     if noise_covariance is None:
         return np.eye(len(stretch))
@@ -50,28 +36,11 @@ def independent_mixing(
 def pure_error(
     noise_covariance: ArrayLike | None, freedom: float, stretch: np.ndarray, mixing: np.ndarray
 ) -> tuple[float, float]:
-    """Scatter of replicates about their samples' means, in mixed outputs of one variance.
+    """Sum of squares and number of residuals of replicates about their samples' means, in mixed outputs.
 
-    Parameters
-    ----------
-    noise_covariance : array (outputs, outputs) or None
-        Of one value of precision 1, in units of y.
-    freedom : float
-        Its degrees of freedom; 0 where it is known up to a factor alone.
-    stretch : array (outputs,)
-        As in `independent_mixing`.
-    mixing : array (outputs, outputs)
-        What `independent_mixing` gave.
-
-    Returns
-    -------
-    sum_of_squares, residuals : float
-        Zeros without degrees of freedom.
-
-    Raises
-    ------
-    ValueError
-        For negative degrees of freedom, or without a covariance.
+    The mixed outputs have one variance. `noise_covariance` is that of one value of precision 1, in units of y;
+    `freedom` are its degrees of freedom, 0 where it is known up to a factor alone: then both results are 0. `stretch`
+    and `mixing` as in `independent_mixing`.
     """
     if freedom == 0:
         return 0.0, 0.0
@@ -87,30 +56,9 @@ def checked_samples(
     sample_weight: ArrayLike | None = None,
     precision: ArrayLike | None = None,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Samples as arrays of one form.
+    """X (samples, inputs), Y (samples, outputs), counts (samples,) and precision (samples, outputs), all finite.
 
-    Parameters
-    ----------
-    X : array_like, (samples, inputs)
-    y : array_like, (samples,) or (samples, outputs)
-    sample_weight : array_like, (samples,), optional
-        How often a sample counts.
-    precision : array_like, (samples,) or (samples, outputs), optional
-        See `Surrogate.fit`.
-
-    Returns
-    -------
-    X : numpy.ndarray, (samples, inputs)
-    Y : numpy.ndarray, (samples, outputs)
-    count : numpy.ndarray, (samples,)
-    precision : numpy.ndarray, (samples, outputs)
-        All finite, and only of samples whose weight is above zero.
-
-    Raises
-    ------
-    ValueError
-        For other shapes, values that are not finite, negative weights, precisions that are not above zero, or fewer
-        than two samples with a weight.
+    Samples of weight 0 are left out. ValueError for other shapes or values, or fewer than two samples with a weight.
     """
     X, Y = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
     Y = Y[:, None] if Y.ndim == 1 else Y
@@ -136,22 +84,7 @@ def checked_samples(
 
 
 def checked_points(X: ArrayLike, inputs: int) -> np.ndarray:
-    """Parameter sets as an array of one form.
-
-    Parameters
-    ----------
-    X : array_like, (samples, inputs)
-    inputs : int
-
-    Returns
-    -------
-    numpy.ndarray, (samples, inputs)
-
-    Raises
-    ------
-    ValueError
-        If X has another shape.
-    """
+    """Parameter sets as an array (samples, inputs); ValueError for another shape."""
     X = np.asarray(X, dtype=float)
     if X.ndim != 2 or X.shape[1] != inputs:
         raise ValueError(f"X has shape {X.shape}; allowed: (samples, {inputs})")

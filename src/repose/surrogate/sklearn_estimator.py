@@ -9,7 +9,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from repose.surrogate.bayesian_bp import BayesianBP
 
 
-class BayesianBPRegressor(RegressorMixin, BayesianBP, BaseEstimator):
+class BayesianBPRegressor(RegressorMixin, BayesianBP, BaseEstimator):  # noqa: D101  (it has that of its base)
     __doc__ = BayesianBP.__doc__
 
     def fit(

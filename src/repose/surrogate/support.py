@@ -1,4 +1,4 @@
-"""Where a surrogate is asked beyond its data: parameter sets at a bound, or where samples are thin.
+"""Warnings where a surrogate is asked beyond its data: parameter sets at a bound, or where samples are thin.
 
 A parameter set gets a warning when a parameter lies within 1 % of its range from an end, when the nearest sample is
 farther away than most samples are from their nearest neighbour, or when its leverage in a quadratic model is larger
@@ -24,28 +24,9 @@ DISTANCE_QUANTILE = 0.95
 
 
 class Support:
-    """What a set of samples covers.
+    """The region that samples cover; their points (n, d) lie in ranges from low to high (d,).
 
-    Parameters
-    ----------
-    points : array (n, d)
-        Parameters of the samples.
-    low, high : array (d,)
-        Ranges of the parameters. A parameter with low = high is fixed and plays no part.
-    names : sequence of str
-        Of the d parameters.
-
-    Attributes
-    ----------
-    farthest : float
-        Distance to the nearest other sample, in ranges, that 95 % of the samples keep below.
-    largest_leverage : float
-        Of all samples; infinite where the samples are too few for a quadratic model.
-
-    Raises
-    ------
-    ValueError
-        For other shapes, or fewer than two samples.
+    A parameter with low = high is fixed and plays no part. ValueError for other shapes, or fewer than two samples.
     """
 
     def __init__(
@@ -61,32 +42,17 @@ class Support:
         unit = self._unit(points)
         self.tree = cKDTree(unit)
         left_out = self.tree.query(unit, k=2)[0][:, 1]  # the nearest one besides itself
-        self.farthest = float(np.quantile(left_out, DISTANCE_QUANTILE))
+        self.farthest = float(np.quantile(left_out, DISTANCE_QUANTILE))  # in ranges
         terms = quadratic_terms(unit)
         self.root, self.largest_leverage = None, np.inf
-        # with as many coefficients as samples every sample has leverage 1, which tells nothing
+        # with as many coefficients as samples every sample has leverage 1, which is no information
         if len(terms) > terms.shape[1] and np.linalg.matrix_rank(terms) == terms.shape[1]:
             self.root = np.linalg.inv(np.linalg.qr(terms, mode="r"))
             self.largest_leverage = float(self._leverage(unit).max())
 
     @classmethod
     def of_dataset(cls, dataset_csv: str | os.PathLike, space: ParameterSpace) -> Self:
-        """The support of the usable samples of a study.
-
-        Parameters
-        ----------
-        dataset_csv : path
-        space : ParameterSpace
-
-        Returns
-        -------
-        Support
-
-        Raises
-        ------
-        InputError
-            If the file cannot be read, or has fewer than two usable samples.
-        """
+        """The support of the usable samples of a study; InputError for a bad file, or fewer than two of them."""
         table = read_table(dataset_csv, ("sample", *PARAMETERS, "status"))
         usable = table[table["status"] == "ok"]
         if len(usable) < 2:
@@ -95,74 +61,26 @@ class Support:
         return cls(usable[list(PARAMETERS)].to_numpy(float), low, high)
 
     def at_bounds(self, points: np.ndarray) -> np.ndarray:
-        """Which free parameters lie within 1 % of their range from an end.
-
-        Parameters
-        ----------
-        points : numpy.ndarray, (m, d)
-
-        Returns
-        -------
-        numpy.ndarray of bool, (m, d)
-        """
+        """Whether each parameter of the points (m, d) is free and lies within 1 % of its range from an end."""
         unit = self._unit(points)
         found = np.zeros((len(unit), len(self.names)), dtype=bool)
         found[:, self._free] = (unit <= BOUND_SHARE) | (unit >= 1 - BOUND_SHARE)
         return found
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Distance to the nearest sample.
-
-        Parameters
-        ----------
-        points : numpy.ndarray, (m, d)
-
-        Returns
-        -------
-        numpy.ndarray, (m,)
-            In ranges.
-        """
+        """Distance of each point to the nearest sample, in ranges."""
         return self.tree.query(self._unit(points))[0]
 
     def leverage(self, points: np.ndarray) -> np.ndarray:
-        """Leverage in a quadratic model of the samples (C79).
-
-        Parameters
-        ----------
-        points : numpy.ndarray, (m, d)
-
-        Returns
-        -------
-        numpy.ndarray, (m,)
-            0 with too few samples for such a model.
-        """
+        """Leverage in a quadratic model of the samples (C79); 0 with too few samples for such a model."""
         return self._leverage(self._unit(points))
 
     def is_thin(self, points: np.ndarray) -> np.ndarray:
-        """Whether points lie where samples are thin.
-
-        Parameters
-        ----------
-        points : numpy.ndarray, (m, d)
-
-        Returns
-        -------
-        numpy.ndarray of bool, (m,)
-        """
+        """Whether points lie where samples are thin."""
         return (self.distance(points) > self.farthest) | (self.leverage(points) > self.largest_leverage)
 
     def warnings(self, points: np.ndarray) -> list[str]:
-        """A warning in words for each point.
-
-        Parameters
-        ----------
-        points : numpy.ndarray, (m, d)
-
-        Returns
-        -------
-        list of str, (m,)
-            Empty where there is nothing to warn of.
-        """
+        """A warning in words for each point; an empty text where there is none."""
         points = np.atleast_2d(np.asarray(points, dtype=float))
         bounds, middle = self.at_bounds(points), (self.low + self.high) / 2
         distance, leverage = self.distance(points), self.leverage(points)
@@ -199,16 +117,9 @@ class Support:
 
 
 def quadratic_terms(unit: np.ndarray) -> np.ndarray:
-    """Terms of a quadratic model: 1, x_i and x_i x_j of the centred points.
+    """Terms of a quadratic model, (m, (d + 1)(d + 2) / 2): 1, x_i and x_i x_j of the centred points.
 
-    Parameters
-    ----------
-    unit : numpy.ndarray, (m, d)
-        Points in the unit cube.
-
-    Returns
-    -------
-    numpy.ndarray, (m, (d + 1)(d + 2) / 2)
+    The points `unit` lie in the unit cube.
     """
     x = np.column_stack([np.ones(len(unit)), 2 * unit - 1])
     i, j = np.triu_indices(x.shape[1])

@@ -21,18 +21,7 @@ ARRAYS = ("input_min", "input_max", "output_min", "output_max", "W1", "b1", "W2"
 
 
 def evaluate(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
-    """Responses of a network (Eq. 6-8).
-
-    Parameters
-    ----------
-    network : mapping
-        `ARRAYS` and `scaled_range`, as arrays or lists.
-    X : array (samples, inputs)
-
-    Returns
-    -------
-    numpy.ndarray, (samples, outputs)
-    """
+    """Responses (samples, outputs) of a network (Eq. 6-8), which holds `ARRAYS` and `scaled_range`."""
     a = {key: np.asarray(network[key], dtype=float) for key in (*ARRAYS, "scaled_range")}
     low, high = a["scaled_range"]
     x = scale(np.asarray(X, dtype=float), a["input_min"], a["input_max"], (low, high))
@@ -43,22 +32,10 @@ def evaluate(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
 def response_function(
     network: Mapping[str, Any], low: np.ndarray, high: np.ndarray
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """The same network as a function of points in [-1, 1].
+    """The same network as a function of points in [-1, 1], which stand for `low` and `high`.
 
-    Every scaling is folded into the weights. Two small matrix products and a tanh remain, for a search that
-    calls the function millions of times.
-
-    Parameters
-    ----------
-    network : mapping
-        As for `evaluate`.
-    low, high : array (inputs,)
-        What -1 and 1 stand for.
-
-    Returns
-    -------
-    callable
-        From points (n, inputs) to responses (n, outputs).
+    Every scaling is folded into the weights. Two small matrix products and a tanh remain, for a search that calls the
+    function millions of times.
     """
     a = {key: np.asarray(network[key], dtype=float) for key in (*ARRAYS, "scaled_range")}
     bottom, top = a["scaled_range"]
@@ -75,20 +52,9 @@ def response_function(
 def nguyen_widrow(
     inputs: int, hidden: int, outputs: int, scaled_range: tuple[float, float], seed: Any
 ) -> np.ndarray:
-    """Random weights with the slopes of the neurons spread over the interval of the inputs (NW90).
+    """Random weights (N,) with the slopes of the neurons spread over the interval of the inputs (NW90).
 
-    Parameters
-    ----------
-    inputs, hidden, outputs : int
-        Numbers of neurons.
-    scaled_range : (float, float)
-        Interval of the inputs.
-    seed : int or sequence of int
-        Of numpy's RandomState.
-
-    Returns
-    -------
-    numpy.ndarray, (N,)
+    `scaled_range` is that interval; `seed` is that of numpy's RandomState.
     """
     random = np.random.RandomState(seed)
     length = 0.7 * hidden ** (1 / inputs)  # (NW90)
@@ -105,39 +71,14 @@ def nguyen_widrow(
 def unpack(
     w: np.ndarray, inputs: int, hidden: int, outputs: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Views of the weights by layer.
-
-    Parameters
-    ----------
-    w : numpy.ndarray, (N,)
-    inputs, hidden, outputs : int
-        Numbers of neurons.
-
-    Returns
-    -------
-    W1, b1, W2, b2 : numpy.ndarray
-        (hidden, inputs), (hidden,), (outputs, hidden), (outputs,).
-    """
+    """Views W1, b1, W2, b2 of the weights by layer."""
     ends = np.cumsum([hidden * inputs, hidden, outputs * hidden])
     W1, b1, W2, b2 = np.split(w, ends)
     return W1.reshape(hidden, inputs), b1, W2.reshape(outputs, hidden), b2
 
 
 def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
-    """Weights of a network with other outputs: those of the given network times `mixing`.
-
-    Parameters
-    ----------
-    w : array (N,) or (N, columns)
-    mixing : array (outputs, outputs)
-    hidden : int
-        Neurons of the hidden layer.
-
-    Returns
-    -------
-    numpy.ndarray
-        Of the shape of w.
-    """
+    """Weights of the network whose outputs are those of w, (N,) or (N, columns), times `mixing` (outputs, outputs)."""
     outputs = len(mixing)
     first = len(w) - outputs * (hidden + 1)
     W2 = w[first : len(w) - outputs].reshape(outputs, -1)
@@ -147,19 +88,9 @@ def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
 
 
 def weight_classes(prior: str, inputs: int, hidden: int, outputs: int) -> list[Any]:
-    """Classes of weights that share an alpha (M92, M94).
+    """Classes of weights that share an alpha, each an index into w (M92, M94); `prior` is one of `PRIORS`.
 
-    Parameters
-    ----------
-    prior : str
-        One of `PRIORS`: one class, the two layers and the hidden biases, or a class for each input as well.
-    inputs, hidden, outputs : int
-        Numbers of neurons.
-
-    Returns
-    -------
-    list
-        Of each class an index into w.
+    They are all weights; or the two layers and the hidden biases; or the same with a class for each input's weights.
     """
     if prior == "one":
         return [slice(None)]
@@ -171,19 +102,7 @@ def weight_classes(prior: str, inputs: int, hidden: int, outputs: int) -> list[A
 
 
 def class_names(prior: str, inputs: Sequence[Any]) -> list[str]:
-    """Names of the classes of weights, in the order of `weight_classes`.
-
-    Parameters
-    ----------
-    prior : str
-        One of `PRIORS`.
-    inputs : sequence
-        Names of the inputs.
-
-    Returns
-    -------
-    list of str
-    """
+    """Names of the classes of weights, in the order of `weight_classes`."""
     if prior == "one":
         return ["all weights"]
     first = [f"weights of {name}" for name in inputs] if prior == "inputs" else ["weights of the inputs"]
@@ -191,21 +110,9 @@ def class_names(prior: str, inputs: Sequence[Any]) -> list[str]:
 
 
 def jacobian(w: np.ndarray, x: np.ndarray, outputs: int) -> tuple[np.ndarray, np.ndarray]:
-    """Scaled outputs and their derivatives by the weights.
+    """Scaled outputs (samples, outputs) and their derivatives by the weights (samples, outputs, N).
 
     The chain rule of the paper's step (3), for each output by itself as Levenberg-Marquardt needs it (HM94).
-
-    Parameters
-    ----------
-    w : array (N,)
-    x : array (samples, inputs)
-        Scaled.
-    outputs : int
-
-    Returns
-    -------
-    y : array (samples, outputs)
-    J : array (samples, outputs, N)
     """
     samples, inputs = x.shape
     hidden = (w.size - outputs) // (inputs + 1 + outputs)
@@ -225,31 +132,10 @@ def jacobian(w: np.ndarray, x: np.ndarray, outputs: int) -> tuple[np.ndarray, np
 
 
 def scale(X: np.ndarray, minimum: np.ndarray, maximum: np.ndarray, interval: Sequence[float]) -> np.ndarray:
-    """mapminmax: the minimum of each column to the lower end of an interval, the maximum to the upper end.
-
-    Parameters
-    ----------
-    X : numpy.ndarray, (samples, columns)
-    minimum, maximum : numpy.ndarray, (columns,)
-    interval : (float, float)
-
-    Returns
-    -------
-    numpy.ndarray, (samples, columns)
-    """
+    """mapminmax: the minimum of each column to the lower end of an interval, the maximum to the upper end."""
     return interval[0] + (X - minimum) / width(minimum, maximum) * (interval[1] - interval[0])
 
 
 def width(minimum: np.ndarray, maximum: np.ndarray) -> np.ndarray:
-    """Width of each column's range.
-
-    Parameters
-    ----------
-    minimum, maximum : numpy.ndarray, (columns,)
-
-    Returns
-    -------
-    numpy.ndarray, (columns,)
-        1 for a column that does not vary.
-    """
+    """Width of each column's range; 1 for a column that does not vary."""
     return np.where(maximum > minimum, maximum - minimum, 1.0)

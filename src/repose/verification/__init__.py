@@ -1,4 +1,4 @@
-"""Verification of the simulator: known answers beside its own, as a table, plots and tests."""
+"""Verification of the simulator: its results beside known references, as a table, plots and tests."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -45,7 +45,7 @@ CASES = {
     "packing": packing.poured_packing,
     "convergence": convergence.time_steps,
 }
-# Cases that take many minutes and run only when they are asked for.
+# Cases that take many minutes and run only when named.
 EXPENSIVE = ("convergence",)
 
 __all__ = ["CASES", "EXPENSIVE", "FULL", "Effort", "run"]
@@ -56,26 +56,9 @@ def run(
     effort: Effort = FULL,
     told: Callable[[str, Result], Any] | None = None,
 ) -> dict[str, Result]:
-    """Run cases of the verification suite.
+    """Run cases of the verification suite, by default all but `EXPENSIVE`; an unknown name raises InputError.
 
-    Parameters
-    ----------
-    names : iterable of str, optional
-        By default all cases but the expensive ones.
-    effort : Effort
-        How much work the statistical cases do.
-    told : callable, optional
-        Called with the name and the `case.Result` of each case as it ends.
-
-    Returns
-    -------
-    dict
-        From name to `case.Result`.
-
-    Raises
-    ------
-    InputError
-        If a name is not one of `CASES`.
+    `told` is called with the name and the `Result` of each case as it ends.
     """
     chosen = list(names) if names else [name for name in CASES if name not in EXPENSIVE]
     for name in chosen:

@@ -1,4 +1,4 @@
-"""What a case of the verification suite gives back: results beside references, and the data of one plot."""
+"""The result of a case of the verification suite: numbers beside references, and the data of its plot."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,41 +14,21 @@ PASSED, MISSED, KNOWN, REPORTED = "passed", "MISSED", "known deviation", "report
 
 @dataclass(frozen=True)
 class Row:
-    """One number of a case beside its reference.
-
-    Attributes
-    ----------
-    quantity, unit : str
-        What it is.
-    reference : float or str
-        A number; a text where there is none, or an interval.
-    source : str
-        Of the reference.
-    result : float
-        What the simulator gives.
-    deviation : float or None
-        Of the result from the reference, relative unless the reference is zero.
-    tolerance : float or None
-        Largest deviation allowed; None where nothing is asserted.
-    status : str
-        One of `PASSED`, `MISSED`, `KNOWN`, `REPORTED`.
-    note : str
-        Why a row misses or is not asserted.
-    """
+    """A result of a case beside its reference."""
 
     quantity: str
     unit: str
-    reference: object
-    source: str
-    result: float
-    deviation: float | None
-    tolerance: float | None
-    status: str
-    note: str = ""
+    reference: object  # a number; a text for an interval, or empty without a reference
+    source: str  # of the reference
+    result: float  # of the simulator
+    deviation: float | None  # relative to the reference, or to a given scale; None if not computed
+    tolerance: float | None  # largest allowed deviation; None if the deviation is not judged
+    status: str  # PASSED, MISSED, KNOWN or REPORTED
+    note: str = ""  # why the row misses or is not judged
 
     @property
     def passed(self) -> bool:
-        """False only for a row that misses its tolerance without a reason known beforehand."""
+        """False only for a row that misses its tolerance without a known reason."""
         return self.status != MISSED
 
 
@@ -64,23 +44,8 @@ def close(
 ) -> Row:
     """A result that has to agree with a reference.
 
-    Parameters
-    ----------
-    quantity, unit, source : str
-        See `Row`.
-    result, reference : float
-        The two numbers.
-    tolerance : float, optional
-        0.3 % for a closed form and 2.5 % for a digitised value, unless given.
-    scale : float, optional
-        What the difference is divided by; the reference unless given.
-    known : str
-        Why the row is known to miss: it is then shown with its deviation and not counted as a failure.
-
-    Returns
-    -------
-    Row
-        Passed, missed, or known to deviate; the deviation is that of the two numbers over `scale`.
+    The deviation is the difference over `scale`, by default over the reference. The default tolerance is 0.3 % for a
+    closed form and 2.5 % for a digitised value. `known` is the reason for an expected miss, which is not a failure.
     """
     if tolerance is None:
         tolerance = DIGITISED_TOLERANCE if source.startswith("digitised") else CLOSED_TOLERANCE
@@ -91,43 +56,13 @@ def close(
 
 
 def at_most(quantity: str, unit: str, result: float, limit: float, source: str) -> Row:
-    """A result that must not exceed a limit.
-
-    Parameters
-    ----------
-    quantity, unit : str
-        Name and unit of the result.
-    result, limit : float
-        The two numbers, in that unit.
-    source : str
-        Of the limit.
-
-    Returns
-    -------
-    Row
-        Passed or missed; without a deviation.
-    """
+    """A result that must not exceed a limit."""
     status = PASSED if result <= limit else MISSED
     return Row(quantity, unit, f"at most {limit:.7g}", source, result, None, None, status)
 
 
 def within(quantity: str, unit: str, result: float, low: float, high: float, source: str) -> Row:
-    """A result that has to lie in a published range.
-
-    Parameters
-    ----------
-    quantity, unit : str
-        Name and unit of the result.
-    result, low, high : float
-        The number and the ends of the range, in that unit.
-    source : str
-        Of the range.
-
-    Returns
-    -------
-    Row
-        Passed or missed; without a deviation.
-    """
+    """A result that has to lie in a published range."""
     status = PASSED if low <= result <= high else MISSED
     return Row(quantity, unit, f"{low:g} to {high:g}", source, result, None, None, status)
 
@@ -135,24 +70,7 @@ def within(quantity: str, unit: str, result: float, low: float, high: float, sou
 def reported(
     quantity: str, unit: str, result: float, note: str, reference: float | str = "", source: str = ""
 ) -> Row:
-    """A result that is shown and not judged; with a number as reference its deviation too.
-
-    Parameters
-    ----------
-    quantity, unit : str
-        Name and unit of the result.
-    result : float
-    note : str
-        Shown beside the result.
-    reference : float or str, optional
-    source : str, optional
-        Of the reference.
-
-    Returns
-    -------
-    Row
-        Neither passed nor missed.
-    """
+    """A result that is shown and not judged; with a number as reference the row has a deviation too."""
     deviation = None
     if isinstance(reference, float) and reference != 0.0:
         deviation = abs(result - reference) / abs(reference)
@@ -161,70 +79,34 @@ def reported(
 
 @dataclass(frozen=True)
 class Curve:
-    """A line of a plot; reference curves are drawn as lines, results as markers unless `line`.
+    """A line of a plot; reference curves are drawn as lines, results as markers unless `line`."""
 
-    Attributes
-    ----------
-    label : str
-        In the legend.
-    x, y : array_like, (N,)
-        In the units of the panel's labels.
-    reference : bool
-        Whether it is what the results are compared with.
-    line : bool
-        Whether a result is drawn as a line.
-    error : array_like, (N,), or None
-        Half lengths of the error bars of y.
-    """
-
-    label: str
-    x: object
-    y: object
-    reference: bool = False
-    line: bool = False
-    error: object = None
+    label: str  # in the legend
+    x: object  # (N,), in the units of the panel's labels
+    y: object  # (N,)
+    reference: bool = False  # whether the results are compared with this curve
+    line: bool = False  # whether a result is drawn as a line
+    error: object = None  # (N,), half lengths of the error bars of y; None: no bars
 
 
 @dataclass(frozen=True)
 class Panel:
-    """One pair of axes.
+    """One pair of axes."""
 
-    Attributes
-    ----------
-    x_label, y_label : str
-        With the units.
-    curves : tuple of Curve
-        In the order of the legend.
-    log_x : bool
-        Whether x is on a logarithmic scale.
-    """
-
-    x_label: str
-    y_label: str
-    curves: tuple
+    x_label: str  # with the unit
+    y_label: str  # with the unit
+    curves: tuple  # `Curve`s in the order of the legend
     log_x: bool = False
 
 
 @dataclass(frozen=True)
 class Result:
-    """A case: its title, what is compared with what, rows and the panels of its plot.
-
-    Attributes
-    ----------
-    title : str
-        Of the case.
-    compared : str
-        What is compared with what.
-    rows : list of Row
-        The numbers.
-    panels : list of Panel
-        Of the plot; none where nothing is drawn.
-    """
+    """A case: its title, the two sides of the comparison, rows and the panels of its plot."""
 
     title: str
-    compared: str
-    rows: list
-    panels: list = field(default_factory=list)
+    compared: str  # both sides of the comparison, in words
+    rows: list  # of `Row`
+    panels: list = field(default_factory=list)  # of `Panel`; empty: no plot
 
     @property
     def passed(self) -> bool:
@@ -234,27 +116,13 @@ class Result:
 
 @dataclass(frozen=True)
 class Effort:
-    """How much work the statistical cases do; FULL is what the verb does.
+    """Size of the statistical cases; FULL is that of the verb."""
 
-    Attributes
-    ----------
-    hits : int
-        Impacts of each kind in the energy cases.
-    berries : int
-        In the poured packing.
-    seeds : int
-        Runs of each time step in the convergence case.
-    pile : tuple or None
-        What these runs need: configuration, particle, moduli; None for no runs.
-    laws : mapping
-        The force laws of every case: tension, contact_law and rolling_law of `repose.dem.Simulation`.
-    """
-
-    hits: int = 10_000
-    berries: int = 400
-    seeds: int = 2
-    pile: tuple | None = None
-    laws: Mapping[str, Any] = field(default_factory=dict)
+    hits: int = 10_000  # impacts of each kind in the energy cases
+    berries: int = 400  # in the poured packing
+    seeds: int = 2  # runs of each time step in the convergence case
+    pile: tuple | None = None  # (configuration, particle, moduli) of these runs; None: no runs
+    laws: Mapping[str, Any] = field(default_factory=dict)  # force laws of every case, for `Simulation`
 
     @property
     def tension(self) -> str:

@@ -1,4 +1,4 @@
-"""What the time step does to restitution and to the responses of a pile."""
+"""Effect of the time step on restitution and on the responses of a pile."""
 
 import math
 import re
@@ -25,26 +25,9 @@ REFUSED = "refused by the simulator"
 
 
 def restitution_at(step_s: float, **laws: Any) -> tuple[float, float]:
-    """Restitution of two spheres of a berry's volume that meet at 1.4 m/s.
+    """Mean restitution, and its standard error, of two spheres of a berry's volume that meet at 1.4 m/s.
 
-    The impact begins at `PHASES` places within a time step, evenly spread.
-
-    Parameters
-    ----------
-    step_s : float
-        Time step in seconds.
-    **laws : str
-        Of the `Simulation`.
-
-    Returns
-    -------
-    mean, error : float
-        Mean of all places, and its standard error.
-
-    Raises
-    ------
-    ValueError
-        If the simulator refuses the step as too long.
+    The impact begins at `PHASES` evenly spaced places within a time step. ValueError if the simulator refuses the step.
     """
     found = []
     for phase in np.arange(PHASES) / PHASES:
@@ -58,18 +41,7 @@ def restitution_at(step_s: float, **laws: Any) -> tuple[float, float]:
 
 
 def longest_step_named(message: str) -> float:
-    """Time step that the simulator names where it refuses one.
-
-    Parameters
-    ----------
-    message : str
-        Text of the refusal.
-
-    Returns
-    -------
-    float
-        In seconds; NaN where the text names none.
-    """
+    """Longest time step [s] that the simulator's refusal names; NaN if the message has none."""
     named = re.search(r"at most ([-+.e\d]+)", message)
     return float(named.group(1)) if named else math.nan
 
@@ -97,18 +69,9 @@ def _runs(step_s: float, pile: tuple, seeds: int) -> list[dict[str, Any]]:
 
 
 def time_steps(effort: Effort) -> Result:
-    """Restitution at each of `TIME_STEPS_S`, and the targets' responses where a configuration is given.
+    """Restitution at each of `TIME_STEPS_S`, and the targets' responses if `effort.pile` is given.
 
-    Parameters
-    ----------
-    effort : Effort
-        `pile` and `seeds` say what is poured.
-
-    Returns
-    -------
-    Result
-        One row is judged: the restitution at the finest step. A step that the simulator refuses has a row
-        that says so.
+    Only the restitution at the finest step is judged. A step that the simulator refuses has a row for the refusal.
     """
     rows, bounces, piles = [], [], []
     for step in TIME_STEPS_S:

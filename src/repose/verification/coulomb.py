@@ -14,18 +14,18 @@ from .restitution import STIFFER, particles
 
 ASKED = np.array([0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9])
 FRICTION, NORMAL_M_S = 0.3, 0.5
-SLIDES = 10.0  # tangential velocity over that which the impact takes
+SLIDES = 10.0  # tangential velocity over the limit of sliding
 STEPS_PER_CONTACT = 1500
 
-# The path: overlap at which the slide begins, the slide, and how much deeper the contact is pressed.
+# The path: overlap at the start of the slide, length of the slide, further overlap.
 LOW_M, SLIDE_M, DEEPER_M = 2e-4, 2e-4, 8e-4
 SPEED_M_S, STEP_S = 0.01, 5e-5
 SPRING_NOTE = "the spring S_t delta_t of the present stiffness gives energy; hertz_mindlin_rescaled does not"
-HEAVY = 1e9  # density of a body that nothing moves, over a berry's
+HEAVY = 1e9  # density of an immovable body, over a berry's
 
 
 def lowest_under_centre(shape: Shape | Clump) -> np.ndarray:
-    """Quaternion with which the point of a body that touches a floor first lies under its centre of mass."""
+    """Quaternion (w, x, y, z) that puts a body's first point of contact with a floor under its centre of mass."""
     if not isinstance(shape, Clump):
         return np.array([1.0, 0.0, 0.0, 0.0])
     centres, radii = shape.spheres_m[:, :3], shape.spheres_m[:, 3]
@@ -38,7 +38,7 @@ def lowest_under_centre(shape: Shape | Clump) -> np.ndarray:
 
 
 def sliding_loss(shape: Shape | Clump, contact: Contact, **laws: Any) -> float:
-    """Tangential velocity that a body loses in a stiff impact on a floor in which it slides throughout [m/s]."""
+    """Tangential velocity [m/s] that a body loses in a stiff impact on a floor with sliding throughout."""
     berry, wall = (Material(STIFFER * m.shear_modulus_pa, m.poisson_ratio) for m in (BERRY, PVC))
     kinds: Any = {"body": shape}
 
@@ -74,13 +74,7 @@ def sliding_loss(shape: Shape | Clump, contact: Contact, **laws: Any) -> float:
 
 
 def sliding_hits(effort: Effort) -> Result:
-    """A body that slides through a hit loses mu (1 + e) V: sphere, smooth body and clumps, e from .05 to .9.
-
-    Returns
-    -------
-    Result
-        The loss over mu (1 + e) V beside 1, for each body and restitution.
-    """
+    """A body that slides through a hit loses mu (1 + e) V: sphere, smooth body and clumps, e from .05 to .9."""
     rows, curves = [], [Curve("mu (1 + e) V", ASKED, np.ones(len(ASKED)), reference=True)]
     for name, body in particles().items():
         shares = []
@@ -101,10 +95,10 @@ def sliding_hits(effort: Effort) -> Result:
 
 
 def loop_work(forward: bool, **laws: Any) -> float:
-    """Work that a floor does on a body that nothing moves, over a closed path without slip [J].
+    """Work [J] of a floor on an immovable body, over a closed path without slip.
 
-    Forward the floor rises to a small overlap, slides, rises further, slides back and sinks. The reverse path is the
-    same with the two heights at which it slides exchanged.
+    Forward the floor rises to a small overlap, slides, rises further, slides back and sinks. The reverse path exchanges
+    the heights of the two slides.
     """
     shape = Shape.ellipsoid(BERRY_M, HEAVY * BERRY_DENSITY, "berry")
     contact = Contact(1.0, 100.0, 0.0)
@@ -140,13 +134,7 @@ def loop_work(forward: bool, **laws: Any) -> float:
 
 
 def closed_loop(effort: Effort) -> Result:
-    """A contact led over a closed path without slip gives no energy: slide, press, slide back, unload.
-
-    Returns
-    -------
-    Result
-        Energy that comes out more than went in, forward and reverse, beside 0.
-    """
+    """A contact led over a closed path without slip gives no energy: slide, press, slide back, unload."""
     rows = []
     for way, forward in (
         ("slide, press, slide back, unload", True),

@@ -19,22 +19,16 @@ FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)
 TUBED = Funnel(0.15, 0.032, 60.0, 0.02, 0.001, 0.1)
 STEP = 5e-5
 CREATED = 1e-5  # the free rotation between two hits keeps its energy to some 1e-6
-HIT = 0.999  # an impact is one that has taken this share of the energy
+HIT = 0.999  # a throw whose energy ratio falls below this is an impact
 SPHERE_M = (0.007, 0.007, 0.007)
 ELASTIC_NOTE = "R* turns with the ellipsoids: the potential is not exactly conservative"
 WALL_NOTE = "R* jumps where the cone passes into its edge and follows the body on the cone; also of spheres"
-MUCH = 1.05  # a throw that gains more than this ratio is counted
+MUCH = 1.05  # throws with a larger energy ratio are counted
 SPACING, LANE = 0.2, 12  # distance of isolated impacts [m] and how many of them lie in a row
 
 
 def cloud_momentum(effort: Effort) -> Result:
-    """A cloud of 64 berries that fly together, collide and fly apart keeps its momentum and angular momentum.
-
-    Returns
-    -------
-    Result
-        Drift of momentum and angular momentum over the sums of their sizes; kinetic energy that is left.
-    """
+    """A cloud of 64 berries that fly together, collide and fly apart keeps its momentum and angular momentum."""
     rng = np.random.default_rng(5)
     simulation = berry_simulation(
         Contact(0.4, 0.5, 0.0),
@@ -100,7 +94,7 @@ def cloud_momentum(effort: Effort) -> Result:
 
 
 def _ratios(simulation: Simulation, checks: int, steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """Largest kinetic energy at any look and the last one, both over the first (N,)."""
+    """Largest kinetic energy at any look, and the last one, both over the first (N,)."""
     start = simulation.kinetic_energies()
     most = np.zeros(len(start))
     for _ in range(checks):
@@ -116,29 +110,10 @@ def pair_hits(
     step: float = STEP,
     **laws: Any,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Energy after collisions of isolated pairs of ellipsoids, over the energy before.
+    """Energy of isolated pairs of ellipsoids after a collision, over the energy before.
 
-    A pair that still touches at the end is left out: it holds elastic energy.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Of directions, orientations, velocities and spins.
-    contact : Contact
-        Between the ellipsoids.
-    axes : tuple of float, (3,), optional
-        Semi-axes in m.
-    step : float, optional
-        Time step in seconds.
-    **laws : str
-        Of the `Simulation`.
-
-    Returns
-    -------
-    most : numpy.ndarray, (pairs,)
-        Largest ratio at any of ten looks.
-    final : numpy.ndarray, (pairs,)
-        Ratio at the last look.
+    Returns the largest ratio of ten looks and the last one, each (pairs,). `axes` are semi-axes in m, `step` is in s. A
+    pair that still touches at the end holds elastic energy and is left out.
     """
     n = LANE * LANE
     edge = LANE * SPACING
@@ -166,7 +141,7 @@ def pair_hits(
         simulation.run_steps(round(140 * STEP / step))
         energies = simulation.kinetic_energies()
         most = np.maximum(most, (energies[0::2] + energies[1::2]) / start)
-    # a pair that still touches holds elastic energy: it is no finished impact
+    # a pair that still touches holds elastic energy: its impact is not finished
     apart = np.ones(n, bool)
     apart[simulation.contacts()[:, 0] // 2] = False
     return most[apart], ((energies[0::2] + energies[1::2]) / start)[apart]
@@ -175,23 +150,9 @@ def pair_hits(
 def funnel_hits(
     rng: np.random.Generator, contact: Contact, kind: str, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Energy of one berry thrown at a funnel from inside, over its energy before.
+    """Energy of a berry thrown at a funnel from inside, over the energy before.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Of place, orientation, velocity and spin.
-    contact : Contact
-        Of the berry with the funnel.
-    kind : str
-        What it is thrown at: "cone", "rim" or "tube".
-    **laws : str
-        Of the `Simulation`.
-
-    Returns
-    -------
-    most, final : numpy.ndarray, (1,)
-        Largest ratio at any of ten looks, and the one at the last.
+    Returns the largest ratio of ten looks and the last one, each (1,). `kind` is "cone", "rim" or "tube".
     """
     funnel = TUBED if kind == "tube" else FUNNEL
     simulation = berry_simulation(
@@ -217,22 +178,7 @@ def funnel_hits(
 def shell_hits(
     rng: np.random.Generator, contact: Contact, _kind: str, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Energy of berries in a row along a drum, each thrown at the shell, over their energy before.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Of places, orientations, velocities and spins.
-    contact : Contact
-        Of a berry with the shell.
-    **laws : str
-        Of the `Simulation`.
-
-    Returns
-    -------
-    most, final : numpy.ndarray, (40,)
-        Largest ratio at any of ten looks, and the one at the last.
-    """
+    """Energy of 40 berries along a drum, each thrown at the shell, over the energy before: as `funnel_hits`, (40,)."""
     n, radius, spacing = 40, 0.06, 0.06
     length = n * spacing
     simulation = berry_simulation(
@@ -263,18 +209,7 @@ KINDS: dict[str, Any] = {
 
 
 def energy_of_hits(effort: Effort) -> Result:
-    """No impact with e below 1 and without rolling friction leaves with more energy than it came with.
-
-    Parameters
-    ----------
-    effort : Effort
-        `hits` impacts of each of `KINDS`.
-
-    Returns
-    -------
-    Result
-        The largest ratio of each kind beside 1, with room for the rounding of the free rotation.
-    """
+    """No impact with e below 1 and without rolling friction leaves with more energy than it came with."""
     rows, curves = [], []
     for kind, throw in KINDS.items():
         rng = np.random.default_rng([13, len(kind)])
@@ -303,18 +238,7 @@ def energy_of_hits(effort: Effort) -> Result:
 
 
 def elastic_impacts(effort: Effort) -> Result:
-    """How far the force is from conservative: e = 1 and no friction; pairs, spheres as a control, and a funnel.
-
-    Parameters
-    ----------
-    effort : Effort
-        `hits` impacts of each body.
-
-    Returns
-    -------
-    Result
-        Change of energy of berries at two time steps, reported; of spheres, judged.
-    """
+    """How far the force is from conservative: e = 1 and no friction; pairs, spheres as a control, and a funnel."""
     bodies = (
         ("berries", BERRY_M, STEP),
         ("berries, a fifth of the time step", BERRY_M, STEP / 5),

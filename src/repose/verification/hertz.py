@@ -10,27 +10,15 @@ from repose.dem import Material
 from repose.dem.laws.hertz_mindlin import damping_ratio
 from repose.dem.materials import effective_moduli
 
-RIGID = 1e9  # how many times stiffer than the sphere a wall is that stands for a rigid one
+RIGID = 1e9  # stiffness of a rigid wall over the sphere's
 
 
 @dataclass(frozen=True)
 class Solid:
-    """Elastic constants and density of a sphere.
+    """Elastic constants and density of a sphere."""
 
-    Attributes
-    ----------
-    name : str
-        In the rows of a case.
-    elastic_modulus_pa : float
-        Young's modulus E.
-    poisson_ratio : float
-        Poisson's ratio.
-    density_kg_m3 : float
-        Density.
-    """
-
-    name: str
-    elastic_modulus_pa: float
+    name: str  # in the rows of a case
+    elastic_modulus_pa: float  # Young's modulus
     poisson_ratio: float
     density_kg_m3: float
 
@@ -40,18 +28,7 @@ class Solid:
         return Material(self.elastic_modulus_pa / (2.0 * (1.0 + self.poisson_ratio)), self.poisson_ratio)
 
     def sphere_mass(self, radius_m: float) -> float:
-        """Mass of a solid sphere.
-
-        Parameters
-        ----------
-        radius_m : float
-            Of the sphere.
-
-        Returns
-        -------
-        float
-            In kg.
-        """
+        """Mass of a solid sphere [kg]."""
         return self.density_kg_m3 * 4.0 / 3.0 * math.pi * radius_m**3
 
 
@@ -59,26 +36,13 @@ class Solid:
 class Hertz:
     """Elastic impact of two spheres, or of a sphere on a plane.
 
-    Attributes
-    ----------
-    mass : float
-        Effective mass m* in kg.
-    radius : float
-        Effective radius R* in m.
-    young : float
-        Effective modulus E* in Pa.
-    speed : float
-        Of approach, in m/s.
-
-    References
-    ----------
     Johnson, K. L. (1985). Contact Mechanics. Cambridge University Press, section 11.4.
     """
 
-    mass: float
-    radius: float
-    young: float
-    speed: float
+    mass: float  # effective mass m* [kg]
+    radius: float  # effective radius R* [m]
+    young: float  # effective modulus E* [Pa]
+    speed: float  # of approach [m/s]
 
     @property
     def overlap_m(self) -> float:
@@ -99,24 +63,11 @@ class Hertz:
     def history(
         self, restitution: float, count: int = 400, tension: str = "keep"
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The damped impact from its differential equation (Tsuji 1992).
+        """Time [s], overlap [m] and normal force [N] of the damped impact (Tsuji 1992), each (count,).
 
-        m* d2(delta)/dt2 = -F, F = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) b sqrt(S m*) d(delta)/dt, S = 2 E*
-        sqrt(R* delta), b the damping ratio; in units in which overlap, mass and speed are 1.
-
-        Parameters
-        ----------
-        restitution : float
-            Of the contact, above 0 and at most 1.
-        count : int, optional
-            Number of times.
-        tension : {"keep", "release"}, optional
-            Whether the contact lasts until the overlap ends, or until the force vanishes.
-
-        Returns
-        -------
-        time, overlap, force : numpy.ndarray, (count,)
-            Seconds since the contact began, m, and the normal force in N.
+        m* d2(delta)/dt2 = -F, F = 4/3 E* sqrt(R*) delta^1.5 + 2 sqrt(5/6) b sqrt(S m*) d(delta)/dt,
+        S = 2 E* sqrt(R* delta), b the damping ratio; solved in units in which overlap, mass and speed are 1. With
+        `tension` "keep" the contact lasts until the overlap ends, with "release" until the force vanishes.
         """
         damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(restitution, tension) * math.sqrt(15.0 / 8.0)
 
@@ -143,58 +94,17 @@ class Hertz:
 
 
 def hertz_of_pair(solid: Solid, radius_m: float, speed_m_s: float) -> Hertz:
-    """Elastic impact of two equal spheres.
-
-    Parameters
-    ----------
-    solid : Solid
-        Of both spheres.
-    radius_m : float
-        Of both spheres.
-    speed_m_s : float
-        Of approach.
-
-    Returns
-    -------
-    Hertz
-        With m* = m / 2 and R* = R / 2.
-    """
+    """Elastic impact of two equal spheres: m* = m / 2, R* = R / 2."""
     young, _ = effective_moduli(solid.material, solid.material)
     return Hertz(0.5 * solid.sphere_mass(radius_m), 0.5 * radius_m, young, speed_m_s)
 
 
 def hertz_on_plane(solid: Solid, radius_m: float, speed_m_s: float) -> Hertz:
-    """Elastic impact of a sphere on the wall that stands for a rigid plane.
-
-    Parameters
-    ----------
-    solid : Solid
-        Of the sphere.
-    radius_m : float
-        Of the sphere.
-    speed_m_s : float
-        Of approach.
-
-    Returns
-    -------
-    Hertz
-        With the mass and the radius of the sphere.
-    """
+    """Elastic impact of a sphere on a rigid plane (`rigid`): m* = m, R* = R."""
     young, _ = effective_moduli(solid.material, rigid(solid.material))
     return Hertz(solid.sphere_mass(radius_m), radius_m, young, speed_m_s)
 
 
 def rigid(material: Material) -> Material:
-    """A material so stiff that beside another one it counts as rigid.
-
-    Parameters
-    ----------
-    material : Material
-        The other one.
-
-    Returns
-    -------
-    Material
-        Its shear modulus is `RIGID` times larger; Poisson's ratio is the same.
-    """
+    """A material with `RIGID` times the shear modulus and the same Poisson's ratio."""
     return Material(RIGID * material.shear_modulus_pa, material.poisson_ratio)

@@ -26,23 +26,10 @@ STILL = (0.0, 0.0, 0.0)
 def pair_history(
     solid: Solid, radius_m: float, speed_m_s: float, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Elastic impact of two equal spheres, head-on, each with half the speed of approach.
+    """Elastic head-on impact of two equal spheres, each with half the speed of approach.
 
-    Parameters
-    ----------
-    solid : Solid
-        Of both spheres.
-    radius_m : float
-        Of both spheres.
-    speed_m_s : float
-        Of approach.
-    **laws : str
-        Of the `Simulation`.
-
-    Returns
-    -------
-    time, overlap, force : numpy.ndarray, (steps,)
-        Seconds since the contact began, m, and the normal force in N, at the time steps in contact.
+    Returns time since the contact began [s], overlap [m] and normal force [N] at the time steps in contact, each
+    (steps,).
     """
     hertz = hertz_of_pair(solid, radius_m, speed_m_s)
     step = hertz.duration_s / STEPS_PER_CONTACT
@@ -73,26 +60,7 @@ def pair_history(
 def plane_history(
     solid: Solid, radius_m: float, speed_m_s: float, restitution: float = 1.0, **laws: Any
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Impact of a sphere on a rigid plane, along its normal and without friction.
-
-    Parameters
-    ----------
-    solid : Solid
-        Of the sphere.
-    radius_m : float
-        Of the sphere.
-    speed_m_s : float
-        Of approach.
-    restitution : float, optional
-        Of the contact.
-    **laws : str
-        Of the `Simulation`.
-
-    Returns
-    -------
-    time, overlap, force : numpy.ndarray, (steps,)
-        Seconds since the contact began, m, and the normal force in N, at the time steps in contact.
-    """
+    """Impact of a sphere on a rigid plane, along its normal and without friction; results as of `pair_history`."""
     simulation, steps = sphere_over_plane(
         solid, radius_m, frictionless(restitution), (0.0, 0.0, -speed_m_s), **laws
     )
@@ -127,22 +95,9 @@ def _history(
 
 
 def duration_of(time: np.ndarray, overlap: np.ndarray) -> float:
-    """Contact time of an impact.
+    """Contact time [s] from the time and overlap of `pair_history`.
 
-    It ends after the last step in contact, by the time in which the overlap that is left is undone at its
-    last speed.
-
-    Parameters
-    ----------
-    time : numpy.ndarray, (steps,)
-        Seconds since the contact began.
-    overlap : numpy.ndarray, (steps,)
-        In m, as `pair_history` gives it.
-
-    Returns
-    -------
-    float
-        In seconds.
+    The overlap at the last step in contact is extrapolated to zero with its last speed.
     """
     step = time[1] - time[0]
     return time[-1] + step * overlap[-1] / (overlap[-2] - overlap[-1])
@@ -182,14 +137,6 @@ def _elastic(title: str, compared: str, cases: Sequence[tuple], published: Mappi
 def two_spheres(effort: Effort) -> Result:
     """Test 1: two equal spheres of radius 10 mm, head-on at 10 m/s each, elastic.
 
-    Returns
-    -------
-    Result
-        Peak force, largest overlap and contact time of glass and limestone beside Hertz; of glass beside the
-        digitised values too.
-
-    References
-    ----------
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 1.
     """
     cases = [
@@ -207,14 +154,6 @@ def two_spheres(effort: Effort) -> Result:
 def sphere_on_plane(effort: Effort) -> Result:
     """Test 2: a sphere of radius 0.1 m on a rigid plane at 0.2 m/s, elastic.
 
-    Returns
-    -------
-    Result
-        Peak force, largest overlap and contact time of two alloys beside Hertz; of the aluminium alloy beside
-        the digitised values too.
-
-    References
-    ----------
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 2.
     """
     cases = [
@@ -230,16 +169,8 @@ def sphere_on_plane(effort: Effort) -> Result:
 
 
 def damped_impact(effort: Effort) -> Result:
-    """Test 3: restitution out for restitution in, a sphere of radius 2.5 mm on a rigid plane at 3.9 m/s.
+    """Test 3: simulated for nominal restitution, a sphere of radius 2.5 mm on a rigid plane at 3.9 m/s.
 
-    Returns
-    -------
-    Result
-        Restitution of two solids beside the one asked for; peak forces beside the damped equation
-        (`Hertz.history`).
-
-    References
-    ----------
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 3.
     """
     asked = np.linspace(0.2, 1.0, 9)
@@ -277,7 +208,7 @@ def damped_impact(effort: Effort) -> Result:
 
 
 def _restitution(solid: Solid, restitution: float, **laws: Any) -> float:
-    """Restitution that the simulator gives where one is asked for, in the third test."""
+    """Simulated restitution for a nominal one, in the third test."""
     contact = Contact(restitution, 0.0, 0.0)
     simulation, steps = sphere_over_plane(solid, 0.0025, contact, (0.0, 0.0, -3.9), **laws)
     simulation.run_steps(steps)

@@ -13,7 +13,7 @@ from .hertz import Solid, hertz_on_plane, rigid
 STEPS_PER_CONTACT = 1500  # time steps in the contact time of Hertz
 FLOOR = (0.0, 0.0, 0.0)
 UP = (0.0, 0.0, 1.0)
-# Half the axes and the density of a published fruit (Ji et al. 2026): a long body that is soft.
+# Semi-axes [m] and density [kg/m3] of a published fruit (Ji et al. 2026): a long, soft body.
 BERRY_M = (0.01057, 0.005685, 0.00494)
 BERRY_DENSITY = 840.47
 BERRY = Material(4.3e4, 0.32)
@@ -28,28 +28,9 @@ def sphere_over_plane(
     spin_rad_s: Sequence[float] = (0.0, 0.0, 0.0),
     **laws: Any,
 ) -> tuple[Simulation, int]:
-    """A sphere just above a rigid plane, without gravity.
+    """A sphere just above a rigid plane, without gravity, and the number of steps until it has surely left.
 
-    Parameters
-    ----------
-    solid : Solid
-        Of the sphere.
-    radius_m : float
-        Of the sphere.
-    contact : Contact
-        Of the sphere with the plane.
-    velocity_m_s : sequence of float, (3,)
-        Towards the plane, z negative.
-    spin_rad_s : sequence of float, (3,), optional
-        Angular velocity.
-    **laws : str
-        Of the `Simulation`.
-
-    Returns
-    -------
-    simulation : Simulation
-    steps : int
-        Steps until the sphere has surely left.
+    The z component of `velocity_m_s` is negative.
     """
     hertz = hertz_on_plane(solid, radius_m, abs(velocity_m_s[2]))
     step = hertz.duration_s / STEPS_PER_CONTACT
@@ -77,20 +58,7 @@ def sphere_over_plane(
 
 
 def steps_of_impact(restitution: float, tension: str = "keep") -> int:
-    """Time steps after which an impact is over: a damped contact lasts longer than an elastic one.
-
-    Parameters
-    ----------
-    restitution : float
-        Of the contact, above 0 and at most 1.
-    tension : {"keep", "release", "cut"}, optional
-        How the contact ends, see `Simulation`.
-
-    Returns
-    -------
-    int
-        At `STEPS_PER_CONTACT` time steps in the contact time of Hertz.
-    """
+    """Time steps of an impact, at `STEPS_PER_CONTACT` in Hertz's contact time: a damped contact lasts longer."""
     return int(STEPS_PER_CONTACT * (1.3 + 1.5 * damping_ratio(restitution, tension)))
 
 
@@ -104,28 +72,7 @@ def spheres(
     step_s: float,
     **laws: Any,
 ) -> Simulation:
-    """Two spheres in space, without gravity, each of its own solid and radius.
-
-    Parameters
-    ----------
-    solids : sequence of Solid, (2,)
-        Of the spheres.
-    radii_m : sequence of float, (2,)
-        Of the spheres.
-    contact : Contact
-        Between the spheres.
-    places_m, velocities_m_s, spins_rad_s : sequence, (2, 3)
-        Of the two centres; the last are angular velocities.
-    step_s : float
-        Time step in seconds.
-    **laws : str
-        Of the `Simulation`.
-
-    Returns
-    -------
-    Simulation
-        Of two bodies.
-    """
+    """Two spheres in space, without gravity; places, velocities and spins have shape (2, 3)."""
     names = ("a", "b")
     reach = 4.0 * max(radii_m)
     simulation = Simulation(
@@ -155,32 +102,8 @@ def berry_simulation(
 ) -> Simulation:
     """An empty simulation of berries, with walls of PVC; without gravity unless asked for.
 
-    Parameters
-    ----------
-    contact : Contact
-        Of berries with each other and with the walls.
-    step_s : float
-        Time step in seconds.
-    capacity : int, optional
-        The most berries.
-    walls : mapping, optional
-        Walls by name, of the material "wall".
-    material : Material, optional
-        Of the berries.
-    axes : tuple of float, (3,), optional
-        Semi-axes of the ellipsoids in m; half the mean axes unless given.
-    **keywords
-        Of `Simulation`. The box reaches 0.1 m to each side unless given.
-
-    Returns
-    -------
-    Simulation
-        Its shape is named "berry".
-
-    Raises
-    ------
-    ValueError
-        If the simulator refuses a value.
+    The shape of the berries is named "berry", `axes` are its semi-axes in m. `walls` have the material "wall".
+    `keywords` are those of `Simulation`; the box reaches 0.1 m to each side by default.
     """
     shape = Shape.ellipsoid(axes, BERRY_DENSITY, "berry")
     keywords.setdefault("gravity_m_s2", (0.0, 0.0, 0.0))
@@ -198,33 +121,11 @@ def berry_simulation(
 
 
 def random_direction(rng: np.random.Generator) -> np.ndarray:
-    """A uniformly random unit vector.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Source of the numbers.
-
-    Returns
-    -------
-    numpy.ndarray, (3,)
-        Of length 1.
-    """
+    """A uniformly random unit vector."""
     n = rng.normal(size=3)
     return n / np.linalg.norm(n)
 
 
 def frictionless(restitution: float = 1.0) -> Contact:
-    """A contact without any friction.
-
-    Parameters
-    ----------
-    restitution : float, optional
-        Of the contact.
-
-    Returns
-    -------
-    Contact
-        Without static and rolling friction.
-    """
+    """A contact without any friction."""
     return Contact(restitution, 0.0, 0.0)

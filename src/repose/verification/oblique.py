@@ -1,9 +1,9 @@
 """Oblique impacts: tests 4 and 5 of Chung & Ooi (2011), Granular Matter 13, 643-656.
 
 A sphere that slides through the whole impact loses the tangential velocity mu (1 + e) V_n and gains the spin
-5/2 mu (1 + e) V_n / R; that is so when the surface moves faster than 7/2 mu (1 + e) V_n by a margin. Coulomb's limit
-gives just that when it takes the elastic normal force and the contact may pull, or all of the normal force and the
-contact is released. Where the sphere sticks, the answer is that of the tangential spring, and stands beside the
+5/2 mu (1 + e) V_n / R. This holds when the surface moves faster than 7/2 mu (1 + e) V_n by a margin. Coulomb's limit
+gives exactly that when it takes the elastic normal force and the contact may pull, or all of the normal force and the
+contact is released. Where the sphere sticks, the result is that of the tangential spring, and stands beside the
 equation of that spring (`equation_of_hit`).
 """
 
@@ -40,7 +40,7 @@ SPRING_NOTE = (
 EQUATION = "equation of the spring, solved in 20,000 steps"
 ARM_NOTE = "the lever arm is R - delta / 2, not R: the contact lies in the middle of the overlap"
 LAW = "mu times the limiting force times R - delta / 2, integrated by scipy over the impact"
-SLIDES = 1.25  # how far beyond the limit of sliding a case counts as gross sliding
+SLIDES = 1.25  # gross sliding: above this multiple of the limit of sliding
 
 
 def impact(
@@ -51,72 +51,23 @@ def impact(
     spin_rad_s: Sequence[float],
     **laws: Any,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Motion of a sphere after an impact on the rigid plane.
-
-    Parameters
-    ----------
-    solid : Solid
-        Of the sphere.
-    radius_m : float
-        Of the sphere.
-    contact : Contact
-        Of the sphere with the plane.
-    velocity_m_s : sequence of float, (3,)
-        Before the impact; z negative.
-    spin_rad_s : sequence of float, (3,)
-        Angular velocity before the impact.
-    **laws : str
-        Of the `Simulation`.
-
-    Returns
-    -------
-    velocity, spin : numpy.ndarray, (3,)
-        After the impact, m/s and rad/s.
-    """
+    """Velocity [m/s] and spin [rad/s] of a sphere after an impact on the rigid plane, each (3,)."""
     simulation, steps = sphere_over_plane(solid, radius_m, contact, velocity_m_s, spin_rad_s, **laws)
     simulation.run_steps(steps)
     return simulation.velocities[0].copy(), simulation.angular_velocities[0].copy()
 
 
 def sliding_impulse(contact: Contact, normal_m_s: Any) -> Any:
-    """Change of the tangential velocity of rigid bodies in gross sliding: mu (1 + e) V_n.
-
-    Parameters
-    ----------
-    contact : Contact
-        Gives mu and e.
-    normal_m_s : float or numpy.ndarray
-        Normal speed V_n before the impact.
-
-    Returns
-    -------
-    float or numpy.ndarray
-        In m/s, of the shape of `normal_m_s`.
-    """
+    """Change of the tangential velocity [m/s] of rigid bodies in gross sliding: mu (1 + e) V_n."""
     return contact.static_friction * (1.0 + contact.restitution) * normal_m_s
 
 
 def sliding_spin(contact: Contact, hertz: Hertz, radius_m: float, tension: str = "keep") -> float:
-    """Change of spin in gross sliding by the law that the engine solves.
+    """Size of the change of spin [rad/s] in gross sliding, by the law that the engine solves.
 
     It is mu times the integral of F (R - delta / 2) / I: the contact lies in the middle of the overlap. F is the
-    elastic part of the damped impact's force where the contact may pull, all of it where it may not.
-
-    Parameters
-    ----------
-    contact : Contact
-        Gives mu and e.
-    hertz : Hertz
-        Elastic impact of the same sphere on the plane.
-    radius_m : float
-        Of the sphere.
-    tension : {"keep", "release"}, optional
-        How the contact ends.
-
-    Returns
-    -------
-    float
-        Size of the change in rad/s.
+    elastic part of the damped impact's force where the contact may pull, all of it where it may not. `hertz` is the
+    elastic impact of the same sphere on the plane.
     """
     time, overlap, force = hertz.history(contact.restitution, 4000, tension)
     if tension == "keep":
@@ -134,28 +85,10 @@ def sliding_rows(
     before: tuple[float, float],
     tension: str = "keep",
 ) -> list[Row]:
-    """Gross sliding beside rigid bodies and the engine's lever arm.
+    """Rows of gross sliding: change of velocity judged by rigid bodies, change of spin by `sliding_spin`.
 
-    Parameters
-    ----------
-    at : str
-        Begins the name of each row.
-    contact : Contact
-        Of the sphere with the plane.
-    hertz : Hertz
-        Elastic impact of the same sphere on the plane.
-    radius_m : float
-        Of the sphere.
-    found, before : tuple of float, (2,)
-        Tangential velocity [m/s] and spin [rad/s] after and before the impact.
-    tension : {"keep", "release"}, optional
-        How the contact ends.
-
-    Returns
-    -------
-    list of Row
-        Change of velocity, judged by rigid bodies; change of spin, judged by `sliding_spin`, and beside rigid
-        bodies, where the deviation is known.
+    The spin also stands beside rigid bodies, where the deviation is known. `found` and `before` are tangential velocity
+    [m/s] and spin [rad/s] after and before the impact. `at` begins the name of each row.
     """
     rigid = sliding_impulse(contact, hertz.speed)
     velocity, spin = found
@@ -171,13 +104,6 @@ def sliding_rows(
 def angles(effort: Effort) -> Result:
     """Test 4: aluminium oxide, radius 2.5 mm, 3.9 m/s at angles of 5 to 85 degrees from the normal.
 
-    Returns
-    -------
-    Result
-        Tangential restitution and spin beside gross sliding, the equation of the spring and the digitised values.
-
-    References
-    ----------
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 4.
     """
     contact, radius, speed = Contact(0.98, 0.092, 0.0), 0.0025, 3.9
@@ -188,7 +114,7 @@ def angles(effort: Effort) -> Result:
         tangential = speed * math.sin(math.radians(angle))
         normal = speed * math.cos(math.radians(angle))
         v, w = impact(ALUMINIUM_OXIDE, radius, contact, (tangential, 0.0, -normal), STILL, **effort.laws)
-        # the published sense of rotation is the opposite of ours
+        # the published sense of rotation is opposite
         kept.append(v[0] / tangential)
         spins.append(-w[1])
         lost = sliding_impulse(contact, normal)
@@ -255,28 +181,11 @@ SPRINGS = ("hertz_mindlin", "hertz_mindlin_rescaled")
 def equation_of_hit(
     solid: Solid, hertz: Hertz, contact: Contact, tangential_m_s: float, spring: str, tension: str
 ) -> float:
-    """Tangential velocity of a sphere after a hit on the rigid plane, by the equations of its spring.
+    """Tangential velocity [m/s] of a sphere after a hit on the rigid plane, by the equations of its spring.
 
     In small steps, with the force of the spring itself: S_t times its path, or grown by S_t times the path of the step,
-    and lowered with the contact circle.
-
-    Parameters
-    ----------
-    solid, contact
-        Of the sphere, and of the sphere with the plane.
-    hertz : Hertz
-        Elastic impact of the same sphere on the plane.
-    tangential_m_s : float
-        Before the impact.
-    spring : {"hertz_mindlin", "hertz_mindlin_rescaled"}
-        The contact law.
-    tension : {"keep", "release"}
-        How the contact ends.
-
-    Returns
-    -------
-    float
-        In m/s.
+    and lowered with the contact circle. `hertz` is the elastic impact of the same sphere; `tangential_m_s` is before
+    the impact; `spring` is the contact law.
     """
     young, shear = effective_moduli(solid.material, rigid(solid.material))
     damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(contact.restitution, tension)
@@ -305,16 +214,8 @@ def equation_of_hit(
 
 
 def tangential_speeds(effort: Effort) -> Result:
-    """Test 5: radius 10 um, normal 5 m/s, e 1, mu 0.3, tangential velocities of 0.5 to 25 m/s; steel and
-    polyethylene.
+    """Test 5: radius 10 um, normal 5 m/s, tangential 0.5 to 25 m/s, e 1, mu 0.3; steel and polyethylene.
 
-    Returns
-    -------
-    Result
-        Velocity and spin in gross sliding; the branch of sticking is drawn and not judged.
-
-    References
-    ----------
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 5.
     """
     contact, radius, normal = Contact(1.0, 0.3, 0.0), 1e-5, 5.0

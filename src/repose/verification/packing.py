@@ -16,7 +16,7 @@ GRAVITY = 9.81
 STIFF = Material(1.3e6, 0.32)  # thirty times a berry, so that overlaps under the weight stay below a per cent
 STEP = 5e-5
 FALL_S = 2.0  # time to fall and come to rest
-MARGIN = 0.012  # what lies nearer to floor, top or side walls is not the core [m]
+MARGIN = 0.012  # distance of the core from floor, top and side walls [m]
 RADIUS = 0.006
 BOXES = 4  # poured boxes: the solid fraction of one box of 100 berries scatters by 0.015
 
@@ -33,14 +33,7 @@ SOURCES = (
 
 
 def hexagonal_packing(effort: Effort) -> Result:
-    """Rows of spheres without friction between a floor and walls settle into their lattice and stay.
-
-    Returns
-    -------
-    Result
-        Force on the floor beside the weight; distance from the lattice, motion and kinetic energy beside
-        their limits.
-    """
+    """Rows of spheres without friction between a floor and walls settle into their lattice and stay."""
     rows_of, columns = 6, 8
     shape = Shape.sphere(RADIUS, BERRY_DENSITY, "sphere")
     width = columns * 2.0 * RADIUS
@@ -108,18 +101,6 @@ def poured_packing(effort: Effort) -> Result:
 
     The numbers are means over `BOXES` boxes.
 
-    Parameters
-    ----------
-    effort : Effort
-        `berries` fall into each box.
-
-    Returns
-    -------
-    Result
-        Solid fraction and coordination number beside published ranges.
-
-    References
-    ----------
     Schaller (2012), and Delaney, Hilton and Cleary (2011), for berries with friction; Donev et al. (2004),
     Science 303, 990, for berries without.
     """
@@ -204,26 +185,10 @@ def _top(simulation: Simulation) -> float:
 def solid_fraction_profile(
     simulation: Simulation, side: float, points: int = 900
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Share of the room that berries fill, over the height.
+    """Share of the volume that berries fill, over the height: middles of the slices [m] and shares, each (slices,).
 
-    It is the share of random points inside a berry, in slices 4 mm thick. Points within `MARGIN` of a side
-    wall are left out.
-
-    Parameters
-    ----------
-    simulation : Simulation
-        Berries of `BERRY_M` in a box from 0 to `side`.
-    side : float
-        Width of the box in m.
-    points : int, optional
-        Random points in each slice.
-
-    Returns
-    -------
-    heights : numpy.ndarray, (slices,)
-        Middles of the slices in m.
-    shares : numpy.ndarray, (slices,)
-        From 0 to 1.
+    It is the share of random points inside a berry, in slices 4 mm thick with `points` each. Points within `MARGIN` of
+    a side wall are left out. The box reaches from 0 to `side` in m.
     """
     rng = np.random.default_rng(31)
     heights = np.arange(0.002, simulation.positions[:, 2].max(), 0.004)
@@ -243,21 +208,9 @@ def solid_fraction_profile(
 
 
 def coordination(simulation: Simulation, side: float, top: float) -> float:
-    """Mean number of touching neighbours of the berries in the core.
+    """Mean number of touching neighbours of the berries in the core, `MARGIN` away from the walls and the top.
 
-    Parameters
-    ----------
-    simulation : Simulation
-        Berries in a box from 0 to `side`.
-    side : float
-        Width of the box in m.
-    top : float
-        Height of the filling in m. The core lies `MARGIN` away from the walls and the top.
-
-    Returns
-    -------
-    float
-        Neighbours of a berry.
+    The box reaches from 0 to `side`, its filling up to `top`, in m.
     """
     x, y, z = simulation.positions.T
     margin = MARGIN

@@ -37,17 +37,7 @@ img {{ max-width: 100%; }}
 
 
 def write(results: Mapping[str, Result], out_dir: str | Path, laws: Mapping[str, str]) -> None:
-    """Write index.html, verification.csv and one PNG for each case.
-
-    Parameters
-    ----------
-    results : mapping
-        From name to `case.Result`.
-    out_dir : path
-        Folder of the files.
-    laws : mapping
-        The force laws of every case.
-    """
+    """Write index.html, verification.csv and one PNG for each case."""
     out_dir = Path(out_dir)
     _write_csv(results, out_dir / "verification.csv")
     for name, result in results.items():
@@ -70,18 +60,7 @@ def _write_csv(results: Mapping[str, Result], path: Path) -> None:
 
 
 def draw(result: Result) -> Figure:
-    """The figure of a case: its panels side by side.
-
-    Parameters
-    ----------
-    result : Result
-        With at least one panel.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One pair of axes for each panel.
-    """
+    """The figure of a case that has panels: they stand side by side."""
     figure = style.new_figure(style.PAGE if len(result.panels) > 1 else 1.3 * style.COLUMN, 3.2)
     axes = figure.subplots(1, len(result.panels), squeeze=False)[0]
     for ax, panel in zip(axes, result.panels, strict=True):

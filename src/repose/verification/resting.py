@@ -19,48 +19,20 @@ ELLIPTIC_NOTE = "the engine takes R* = sqrt(R1 R2) in the law of spheres; Hertz'
 
 
 def resting_overlap(mass: float, radius: float, material: Material) -> float:
-    """Overlap that carries the weight of a sphere on a plate of PVC: (m g / (4/3 E* sqrt(R*)))^(2/3).
+    """Overlap [m] that carries the weight of a sphere on a plate of PVC: (m g / (4/3 E* sqrt(R*)))^(2/3).
 
-    Parameters
-    ----------
-    mass : float
-        In kg.
-    radius : float
-        Radius of curvature R* in m.
-    material : Material
-        Of the sphere.
-
-    Returns
-    -------
-    float
-        In m.
+    `mass` is in kg; `radius` is the radius of curvature R* in m.
     """
     young, _ = effective_moduli(material, PVC)
     return (mass * GRAVITY / (4.0 / 3.0 * young * math.sqrt(radius))) ** (2.0 / 3.0)
 
 
 def elliptic_overlap(mass: float, radii: Sequence[float], young: float) -> float:
-    """Hertz's overlap of an elliptic contact under a body's weight.
+    """Hertz's overlap [m] of an elliptic contact under the weight of a body of `mass` [kg].
 
-    The eccentricity e solves R1 / R2 = (E(e) / (1 - e^2) - K(e)) / (K(e) - E(e)) with complete elliptic
-    integrals of e^2.
+    The eccentricity e solves R1 / R2 = (E(e) / (1 - e^2) - K(e)) / (K(e) - E(e)) with complete elliptic integrals of
+    e^2. `radii` are the relative radii of curvature R1 and R2 in m, the larger first; `young` is E* in Pa.
 
-    Parameters
-    ----------
-    mass : float
-        In kg.
-    radii : sequence of float, (2,)
-        Relative radii of curvature R1 and R2 in m, the larger first.
-    young : float
-        Effective modulus E* in Pa.
-
-    Returns
-    -------
-    float
-        In m.
-
-    References
-    ----------
     Johnson, K. L. (1985). Contact Mechanics. Cambridge University Press, Eq. 4.26-4.28.
     """
     low, high = 1e-9, 1.0 - 1e-9
@@ -78,13 +50,7 @@ def elliptic_overlap(mass: float, radii: Sequence[float], young: float) -> float
 
 
 def berry_at_rest(effort: Effort) -> Result:
-    """A berry lies on a plate, each of its axes vertical in turn, at the overlap of its curvature.
-
-    Returns
-    -------
-    Result
-        Overlap beside the law of spheres with R* = sqrt(R1 R2), judged; beside the elliptic one, reported.
-    """
+    """A berry lies on a plate, each of its axes vertical in turn, at the overlap of its curvature."""
     quarter = math.sqrt(0.5)
     turns = {
         "shortest": (1, 0, 0, 0),
@@ -129,32 +95,17 @@ def berry_at_rest(effort: Effort) -> Result:
 
 
 def rocking_period(a: float, c: float) -> float:
-    """Period of a berry that rocks without slipping, at small angles.
+    """Period [s] of a berry that rocks without slipping, at small angles.
 
-    Its potential energy is m g h(theta), h the support function; the moment of inertia about the contact is I
-    + m c^2, I = m (a^2 + c^2) / 5, and the stiffness m g h'' = m g (a^2 / c - c).
-
-    Parameters
-    ----------
-    a, c : float
-        Semi-axes in the plane of the motion in m, a level and c upright; a above c.
-
-    Returns
-    -------
-    float
-        In seconds.
+    Its semi-axes in the plane of the motion are a, level, and c, upright, a above c, in m. Its potential energy is m g
+    h(theta), h the support function; the moment of inertia about the contact is I + m c^2, I = m (a^2 + c^2) / 5, and
+    the stiffness m g h'' = m g (a^2 / c - c).
     """
     return 2.0 * math.pi * math.sqrt(((a * a + c * c) / 5.0 + c * c) / (GRAVITY * (a * a / c - c)))
 
 
 def rocking(effort: Effort) -> Result:
-    """A berry tilted by a degree from its flat rest rocks with the period of theory, about either level axis.
-
-    Returns
-    -------
-    Result
-        Two periods beside `rocking_period`.
-    """
+    """A berry tilted by a degree from its flat rest rocks with the theoretical period, about either level axis."""
     rows, curves = [], []
     for name, level, about in (("about the middle axis", 0, 1), ("about the long axis", 1, 0)):
         period = rocking_period(BERRY_M[level], BERRY_M[2])
@@ -200,20 +151,7 @@ def _rocking_history(level: int, about: int, duration_s: float, laws: Mapping[st
 
 
 def period_of(time: np.ndarray, wave: np.ndarray) -> float:
-    """Mean period of a wave from its zero crossings.
-
-    Parameters
-    ----------
-    time : numpy.ndarray, (N,)
-        In seconds.
-    wave : numpy.ndarray, (N,)
-        In any unit, about 0; it crosses 0 at least twice.
-
-    Returns
-    -------
-    float
-        In seconds.
-    """
+    """Mean period [s] of a wave about 0, from its zero crossings, at least two."""
     k = np.flatnonzero(wave[:-1] * wave[1:] < 0.0)
     zeros = time[k] - wave[k] * (time[k + 1] - time[k]) / (wave[k + 1] - wave[k])
     return 2.0 * (zeros[-1] - zeros[0]) / (len(zeros) - 1)

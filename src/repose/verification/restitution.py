@@ -1,9 +1,9 @@
-"""Restitution of a hit: what comes back of the velocity with which two bodies, or a body and a plane, meet.
+"""Restitution of a hit of two bodies, or of a body and a plane.
 
 The bodies meet without friction and without spin, in random orientations, off centre. Restitution is -u' / u: u is the
-velocity of the one body against the other where they first touch, along the normal there; u' is the same where they
-part, at that time. In the stiff limit the bodies have no time to turn while they touch, so both are one place and one
-normal. No other component of the velocity changes there: the share 1 - e^2 of the energy of the normal motion is lost.
+relative velocity of the bodies where they first touch, along the normal there; u' is the same where they part, at that
+time. In the stiff limit the bodies have no time to turn while they touch, so both places are the same, and both
+normals. No other component of the velocity changes there: the share 1 - e^2 of the energy of the normal motion is lost.
 
 At the real softness the bodies turn while they touch: the place of the touch moves, further spheres of a clump come to
 touch, and no law of a single contact returns its e exactly.
@@ -44,13 +44,7 @@ SOFT_NOTE = "the bodies turn while they touch"
 
 @functools.cache
 def particles() -> dict[str, Shape | Clump]:
-    """Every kind of particle, as large as a berry.
-
-    Returns
-    -------
-    dict
-        From name to shape, of material "berry".
-    """
+    """Shapes of every kind of particle by name, each as large as a berry and of the material "berry"."""
     volume = 4.0 / 3.0 * math.pi * np.prod(BERRY_M)
     solid = Shape.ellipsoid(np.sum(BARREL_M, axis=0), BERRY_DENSITY, "berry")
     found: dict[str, Shape | Clump] = {
@@ -66,34 +60,18 @@ def particles() -> dict[str, Shape | Clump]:
 
 
 class Hits(NamedTuple):
-    """What hits returned.
+    """Results of hits."""
 
-    Attributes
-    ----------
-    restitution : ndarray (count,)
-        NaN where the bodies had not parted after `LONGEST` contact times.
-    contacts : ndarray (count,)
-        Most contacts at any look.
-    """
-
-    restitution: np.ndarray
-    contacts: np.ndarray
+    restitution: np.ndarray  # (count,), NaN for bodies that had not parted after `LONGEST` contact times
+    contacts: np.ndarray  # (count,), most contacts at any look
 
 
 class Place(NamedTuple):
-    """Where two bodies touch.
+    """The place where two bodies touch."""
 
-    Attributes
-    ----------
-    normal : ndarray (3,)
-        From the first to the second.
-    arm_a, arm_b : ndarray (3,)
-        The place relative to either centre [m].
-    """
-
-    normal: np.ndarray
-    arm_a: np.ndarray
-    arm_b: np.ndarray
+    normal: np.ndarray  # (3,), from the first body to the second
+    arm_a: np.ndarray  # (3,), the place relative to the centre of the first body [m]
+    arm_b: np.ndarray  # (3,), relative to the centre of the second
 
 
 def _turned_spheres(clump, turn):
@@ -102,7 +80,7 @@ def _turned_spheres(clump, turn):
 
 
 def _deepest(value, start):
-    """The unit vector (3,) of the least value, found on ever smaller caps of directions; value: of vectors (M, 3)."""
+    """The unit vector (3,) of the least `value` of vectors (M, 3), found on ever smaller caps of directions."""
     rng = np.random.default_rng(1)
     best, width = start, 1.5
     for _ in range(40):
@@ -115,23 +93,11 @@ def _deepest(value, start):
 def first_touch(
     shape: Shape | Clump, turn_a: np.ndarray, turn_b: np.ndarray, offset: np.ndarray, direction: np.ndarray
 ) -> float:
-    """How far the second of two bodies is when they touch as it comes nearer [m]: at offset + distance * direction.
+    """Distance [m] at which two bodies touch, the second at offset + distance * direction.
 
     Spheres touch in closed form. Convex bodies overlap at a distance s as long as (offset + s d) . n < h(n) for all n,
-    h the sum of their extents, so s is the least (h(n) - offset . n) / (d . n) over n . d > 0.
-
-    Parameters
-    ----------
-    shape : Shape or Clump
-        Of both.
-    turn_a, turn_b : ndarray (3, 3)
-        Rotations, body to world.
-    offset, direction : ndarray (3,)
-        The latter a unit vector.
-
-    Returns
-    -------
-    float
+    h the sum of their extents, so s is the least (h(n) - offset . n) / (d . n) over n . d > 0. `turn_a` and `turn_b`
+    are rotations (3, 3) from body to world; `direction` is a unit vector (3,).
     """
     if isinstance(shape, Clump):
         a, b = _turned_spheres(shape, turn_a), _turned_spheres(shape, turn_b)
@@ -151,21 +117,7 @@ def first_touch(
 
 
 def nearest(shape: Shape | Clump, turn_a: np.ndarray, turn_b: np.ndarray, apart: np.ndarray) -> Place:
-    """Where two bodies that just touch do so.
-
-    Parameters
-    ----------
-    shape : Shape or Clump
-        Of both.
-    turn_a, turn_b : ndarray (3, 3)
-        Rotations, body to world.
-    apart : ndarray (3,)
-        From the centre of the first to that of the second [m].
-
-    Returns
-    -------
-    Place
-    """
+    """The place where two bodies that just touch do so; `apart` (3,) is from the first centre to the second [m]."""
     if isinstance(shape, Clump):
         a, b = _turned_spheres(shape, turn_a), _turned_spheres(shape, turn_b)
         between = b[None, :, :3] + apart - a[:, None, :3]
@@ -191,26 +143,10 @@ def hits(
     seed: int = 3,
     **keywords: Any,
 ) -> "Hits":
-    """What isolated hits of two bodies, or of a body and a plane, return.
+    """Results of `count` isolated hits of two bodies, or of a body and a plane.
 
-    Parameters
-    ----------
-    shape : Shape or Clump
-        Of material "berry".
-    restitution : float
-        Nominal.
-    stiffer : float
-        The moduli over those of a berry and PVC.
-    on_plane : bool
-    count : int
-        How many hits.
-    seed : int, optional
-    **keywords
-        Of the `Simulation`, such as its laws.
-
-    Returns
-    -------
-    Hits
+    `shape` has the material "berry". `stiffer` multiplies the moduli of berry and PVC. `keywords` are those of
+    `Simulation`, such as its laws.
     """
     rng = np.random.default_rng(seed)
     berry, wall = (Material(stiffer * m.shear_modulus_pa, m.poisson_ratio) for m in (BERRY, PVC))
@@ -280,7 +216,7 @@ def _returned(simulation, on_plane):
 
 
 def _contacts(simulation, count, on_plane):
-    """How many contacts there are now in each hit (count,)."""
+    """Number of contacts now in each hit (count,)."""
     shape = simulation.shapes["body"]
     if not on_plane:
         bodies = simulation.sphere_contacts()[0] if isinstance(shape, Clump) else simulation.contacts()
@@ -310,16 +246,7 @@ def _approach(simulation, k, on_plane):
 
 
 def restitution_of_hits(effort: Effort) -> Result:
-    """Restitution found for restitution asked, of every particle: pairs and planes, stiff and as soft as a berry.
-
-    Parameters
-    ----------
-    effort : Effort
-
-    Returns
-    -------
-    Result
-    """
+    """Simulated for nominal restitution, of every particle: pairs and planes, stiff and as soft as a berry."""
     count = max(24, effort.hits // 100)
     rows: list[Row] = []
     panels = []

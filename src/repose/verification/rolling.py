@@ -15,24 +15,7 @@ RADIUS = 0.006
 
 
 def sphere_on_floor(contact: Contact, speed_m_s: float, spin_rad_s: float, **laws: Any) -> Simulation:
-    """A stiff sphere at its resting overlap, moving along x and spinning about y.
-
-    Parameters
-    ----------
-    contact : Contact
-        Of the sphere with the floor.
-    speed_m_s : float
-        Along x.
-    spin_rad_s : float
-        About y.
-    **laws : str
-        Of the `Simulation`.
-
-    Returns
-    -------
-    Simulation
-        Of one body of radius `RADIUS`.
-    """
+    """A stiff sphere of radius `RADIUS` at its resting overlap, moving along x and spinning about y."""
     shape = Shape.sphere(RADIUS, BERRY_DENSITY, "sphere")
     simulation = Simulation(
         {"sphere": shape},
@@ -68,13 +51,7 @@ def _track(simulation: Simulation, steps: int, every: int) -> np.ndarray:
 
 
 def slip_to_roll(effort: Effort) -> Result:
-    """A sphere that begins sliding ends rolling with 5/7 of its speed, and a rolling one is slowed by 5/7 mu_r g.
-
-    Returns
-    -------
-    Result
-        Speed, spin and deceleration beside the closed forms.
-    """
+    """A sphere that begins sliding ends rolling with 5/7 of its speed, and a rolling one is slowed by 5/7 mu_r g."""
     start, friction = 0.5, 0.4
     time, speed, rim = _track(
         sphere_on_floor(Contact(0.3, friction, 0.0), start, 0.0, **effort.laws), 6000, 150
@@ -122,22 +99,7 @@ def slip_to_roll(effort: Effort) -> Result:
 
 
 def slope_acceleration(angle_deg: float, friction: float, **laws: Any) -> float:
-    """Acceleration of a berry that cannot roll, lying on a slope.
-
-    Parameters
-    ----------
-    angle_deg : float
-        Of the slope.
-    friction : float
-        Coefficient of static friction.
-    **laws : str
-        Of the `Simulation`.
-
-    Returns
-    -------
-    float
-        In m/s2, mean between 0.06 s and 0.16 s after it is laid down.
-    """
+    """Acceleration [m/s2] of a berry that cannot roll, on a slope: mean from 0.06 s to 0.16 s after it is laid down."""
     slope = math.radians(angle_deg)
     down = (GRAVITY * math.sin(slope), 0.0, -GRAVITY * math.cos(slope))
     simulation = berry_simulation(
@@ -157,13 +119,7 @@ def slope_acceleration(angle_deg: float, friction: float, **laws: Any) -> float:
 
 
 def coulomb_slope(effort: Effort) -> Result:
-    """A berry on a slope sticks below the angle of friction and slides above it.
-
-    Returns
-    -------
-    Result
-        Acceleration at seven angles beside g (sin - mu cos), or 0.
-    """
+    """A berry on a slope sticks below the angle of friction and slides above it."""
     friction = 0.5
     limit = math.degrees(math.atan(friction))
     angles = np.array([10.0, 20.0, limit - 0.5, limit + 0.5, 30.0, 35.0, 45.0])

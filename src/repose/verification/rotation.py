@@ -14,31 +14,11 @@ from .machine import berry_simulation, frictionless
 def euler_solution(
     inertia: np.ndarray, first: float, third: float, time: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Angular velocity of a free body in its own frame, and the period of its motion.
+    """Angular velocity (3, T) [rad/s] of a free body in its own frame, and the period of its motion [s].
 
-    Parameters
-    ----------
-    inertia : numpy.ndarray, (3,)
-        Principal moments in kg m2, rising.
-    first, third : float
-        Angular velocity at time 0 is (first, 0, third), in rad/s.
-    time : numpy.ndarray, (T,)
-        In seconds.
+    `inertia` are the principal moments, rising. The velocity at time 0 is (first, 0, third). ValueError unless the
+    square of the angular momentum is above 2 E I_2.
 
-    Returns
-    -------
-    velocity : numpy.ndarray, (3, T)
-        In rad/s.
-    period : float
-        In seconds.
-
-    Raises
-    ------
-    ValueError
-        If the square of the angular momentum is not above 2 E I_2.
-
-    References
-    ----------
     Landau, L. D., & Lifshitz, E. M. Mechanics, section 37.
     """
     i1, i2, i3 = inertia
@@ -54,13 +34,7 @@ def euler_solution(
 
 
 def free_rotation(effort: Effort) -> Result:
-    """A tumbling berry in space keeps its angular momentum and energy, and turns as Euler's equations say.
-
-    Returns
-    -------
-    Result
-        Angular velocity beside `euler_solution`; drift of angular momentum and energy beside 0.
-    """
+    """A tumbling berry in space keeps its angular momentum and energy, and turns as Euler's equations predict."""
     step, every, first, third = 2e-5, 50, 8.0, 25.0
     simulation = berry_simulation(frictionless(), step, **effort.laws)
     inertia = simulation.shapes["berry"].inertia_kg_m2

@@ -1,7 +1,7 @@
-"""How fast the engine is on this machine, and how fast the machine is.
+"""Speed of the engine on this machine, and of the machine itself.
 
-The reference kernel is a plain loop of dependent divisions and multiplications, the same work everywhere: the ratio
-of a time step to it compares engines across machines and moments.
+The reference kernel is a plain loop of dependent divisions and multiplications, the same work everywhere: the ratio of
+a time step to it compares engines across machines and moments.
 """
 
 import math
@@ -19,22 +19,14 @@ from repose.particle.build import Particle
 REFERENCE_LOOPS = 20_000
 REPEATS = 7
 ROUNDS = 3
-SETTLED_S = 1.0  # after the pour; only this second is a settled pile, for a wide factory empties late
+SETTLED_S = 1.0  # after the pour; only then is the pile settled, for a wide factory empties late
 
 
 @numba.njit
 def reference_kernel(n):
     """A chain of n dependent steps of arithmetic with a square root and a division each.
 
-    Parameters
-    ----------
-    n : int
-        Number of steps.
-
-    Returns
-    -------
-    float
-        The last value; it keeps the compiler from leaving the loop out.
+    The returned value keeps the compiler from removing the loop.
     """
     x = 1.0
     for k in range(n):
@@ -51,23 +43,8 @@ def run(
 ) -> dict[str, Any]:
     """Time whole pours and settled piles on one core, the particles in turn so that all see the same machine.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    particles : mapping from name to Particle
-        The first is what the others are set beside.
-    berry : mapping
-        With the moduli.
-    parameters : mapping
-        The contact parameters of the pours.
-    seed : int, optional
-        Of the pours.
-
-    Returns
-    -------
-    dict
-        What `summary` gives, with ``berries`` and ``time_step_s`` of the pours.
+    The first of the particles is the reference of the others; `berry` holds the moduli. Returns the `summary`, with
+    `berries` and `time_step_s` of the pours.
     """
     warm = {**config, "funnel": {**config["funnel"], "berries": 2, "duration_s": 1.0}}
     for particle in particles.values():  # compiles what is timed afterwards
@@ -91,28 +68,7 @@ def timed_pour(
     particle: Particle,
     berry: Mapping[str, float],
 ) -> tuple[float, float]:
-    """Time that a pour takes, and a step of its settled pile.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    parameters : mapping
-        Contact parameters by name.
-    seed : int
-        Of the pour.
-    particle : Particle
-        That is poured.
-    berry : mapping
-        With the moduli.
-
-    Returns
-    -------
-    us_per_step : float
-        Microseconds a step, over the second after the pour.
-    wall_s : float
-        Wall time of the whole pour in seconds, without that second.
-    """
+    """Time of a step of the settled pile [us], and wall time of the whole pour before it [s]."""
     duration_s = config["funnel"]["duration_s"] + SETTLED_S
     longer = {**config, "funnel": {**config["funnel"], "duration_s": duration_s}}
     poured = funnel.pour(longer, parameters, seed, particle, berry)
@@ -123,21 +79,10 @@ def timed_pour(
 def summary(
     references: Sequence[float], pours: Mapping[str, Sequence[tuple[float, float]]]
 ) -> dict[str, Any]:
-    """Medians of all rounds, and their ratios.
+    """Medians of all rounds, and their ratios; `references` are in us, `pours` are results of `timed_pour` by particle.
 
-    Parameters
-    ----------
-    references : sequence of float
-        Microseconds of the reference kernel.
-    pours : mapping from a particle's name to pairs of numbers
-        What `timed_pour` gave in each round.
-
-    Returns
-    -------
-    dict
-        ``reference_us`` [µs]; ``particles``, a list of dicts of ``name``, ``us_per_step`` [µs], ``job_s`` (wall time
-        of the whole pour [s]), ``ratio`` (of a step to the reference kernel) and ``to_first`` (to a step of the first
-        particle).
+    The keys are `reference_us` and `particles`, a list of `name`, `us_per_step`, `job_s` (wall time of a pour), `ratio`
+    (of a step to the reference kernel) and `to_first` (of a step to the first particle's).
     """
     reference_us = float(np.median(references))
     us = {name: float(np.median([step for step, _ in found])) for name, found in pours.items()}
@@ -156,18 +101,7 @@ def summary(
 
 
 def message(result: Mapping[str, Any]) -> str:
-    """The table of `run` for a terminal.
-
-    Parameters
-    ----------
-    result : mapping
-        What `run` gives.
-
-    Returns
-    -------
-    str
-        One line for each particle, under a heading.
-    """
+    """The table of `run` for a terminal."""
     lines = [
         f"{result['berries']} berries, time step {result['time_step_s']:g} s, one core; "
         f"reference kernel {result['reference_us']:.1f} us",

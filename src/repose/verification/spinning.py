@@ -1,6 +1,6 @@
 """Impacts of spinning spheres: tests 6 to 8 of Chung & Ooi (2011), Granular Matter 13, 643-656.
 
-What a sphere loses and gains while it slides is in `repose.verification.oblique`.
+The gross sliding of a sphere is explained in `repose.verification.oblique`.
 """
 
 from typing import Any
@@ -17,7 +17,7 @@ from .oblique import impact, sliding_impulse, sliding_rows
 ALUMINIUM = Solid("aluminium", 70e9, 0.33, 2700.0)
 NYLON = Solid("nylon", 2.5e9, 0.40, 1000.0)
 SPINS = np.array([0.175, 0.5, 1.0, 1.75, 2.5, 3.5, 4.5, 6.0, 9.0, 13.0, 17.0, 21.0])
-SLIDING = [7, 9, 11]  # places of the spins that slide through the whole impact
+SLIDING = [7, 9, 11]  # indices of the spins that slide through the whole impact
 SPIN_CONTACT, SPIN_RADIUS, SPIN_NORMAL = Contact(0.5, 0.4, 0.0), 0.1, 0.2
 
 
@@ -38,9 +38,10 @@ def _pair_spins(
     factor: float = 1.0,
     **laws: Any,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same for two spheres: of the first, which is above; the second spins with `sense` times the first's spin.
+    """The same for the upper of two spheres; the spin of the other is `sense` times its own.
 
-    radius, factor: of the second sphere, and how many times stiffer and denser it is; with a factor it is at rest.
+    `radius` is that of the other sphere, `factor` its stiffness and density over those of the first; with a factor
+    above 1 it is at rest.
     """
     other = Solid(
         "other", factor * solid.elastic_modulus_pa, solid.poisson_ratio, factor * solid.density_kg_m3
@@ -95,13 +96,6 @@ def _spin_panels(velocities: tuple[Curve, ...], spins: tuple[Curve, ...]) -> lis
 def plane_spins(effort: Effort) -> Result:
     """Test 6: radius 0.1 m, 0.2 m/s, e 0.5, mu 0.4, spins 0.175 to 21 rad/s; aluminium and nylon.
 
-    Returns
-    -------
-    Result
-        Changes of velocity and spin in gross sliding, by the law and by rigid bodies.
-
-    References
-    ----------
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 6.
     """
     rows, velocities, spins = [], [], []
@@ -124,13 +118,6 @@ def equal_spheres(effort: Effort) -> Result:
     With one sense of rotation, as vectors, the surfaces move against each other and the contact point stays: each
     sphere is one on a plane of its own. With opposite vectors the surfaces move together and nothing is exchanged.
 
-    Returns
-    -------
-    Result
-        Rows of `plane_spins`, and of spheres that exchange nothing.
-
-    References
-    ----------
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 7.
     """
     rows, velocities, spins = [], [], []
@@ -161,13 +148,6 @@ def equal_spheres(effort: Effort) -> Result:
 def unequal_spheres(effort: Effort) -> Result:
     """Test 8: spheres of radii 0.1 and 0.5 m, the second 1000 times stiffer and denser: test 6 again.
 
-    Returns
-    -------
-    Result
-        Velocity and spin beside those of `plane_spins`.
-
-    References
-    ----------
     Chung, Y. C., & Ooi, J. Y. (2011). Granular Matter 13, 643-656, test 8.
     """
     rows, velocities, spins = [], [], []

@@ -1,4 +1,4 @@
-"""Figures drawn from the workflow's own tables, under the paper's numbers where it has a counterpart."""
+"""Figures from the workflow's own tables, with the paper's numbers if the paper has a counterpart."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -86,23 +86,9 @@ OPTIONAL = {
 
 
 def draw(name: str, inputs: Mapping[str, Any], out_path: str | Path, config: Mapping[str, Any]) -> None:
-    """Draw one figure to a PNG.
+    """Draw one figure of `FIGURES` to a PNG; `inputs` are paths by input name.
 
-    Parameters
-    ----------
-    name : str
-        A key of `FIGURES`.
-    inputs : mapping
-        From the figure's input names to paths.
-    out_path : path
-        The PNG.
-    config : mapping
-        The whole configuration.
-
-    Raises
-    ------
-    InputError
-        For an unknown name, an input that is missing, unknown or no file, or one that does not hold what is drawn.
+    Raises InputError for an unknown figure or a wrong, missing or unusable input.
     """
     if name not in FIGURES:
         raise InputError("figures", "name", name, ", ".join(FIGURES))

@@ -28,28 +28,9 @@ RECONSTRUCTED = "Sizes are a reconstruction from published statistics, not measu
 
 
 def sizes_and_sphericity(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 2: histograms of the axes and the sphericity with the normal curves of their moments.
+    """Figure 2 and Table 1 of the paper: histograms of the axes and the sphericity (Eq. 1), with normal curves.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``sizes``, the measured axes.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Four panels.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read.
-
-    References
-    ----------
-    Figure 2 and Table 1 of the paper; sphericity: its Eq. (1).
+    Input: ``sizes``, the measured axes.
     """
     sizes = berry.read_sizes(inputs["sizes"])
     figure = style.new_figure(style.COLUMN * 1.25, 3.9)
@@ -82,28 +63,9 @@ def _histogram(panel: Axes, values: np.ndarray, label: str, colour: str, unit: s
 
 
 def particle_and_mesh(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 7: the mesh and every particle made from it, side by side on axes of the same scale.
+    """Figure 7 of the paper: the mesh and all particles made from it, side by side on the same scale.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``stl``, the mesh, and ``particle``, both of the verb shape.
-    config : mapping
-        The whole configuration; `berry` tells how many spheres the particle of spheres has.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Four panels; a particle that cannot be made is told by its reason.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-
-    References
-    ----------
-    Figure 7 of the paper.
+    Inputs: ``stl`` and ``particle`` of the verb shape. A particle that cannot be made is replaced by the reason.
     """
     chosen = build.Particle.load(inputs["particle"])
     mesh = build.load_mesh(inputs["stl"])
@@ -137,7 +99,7 @@ def _made(mesh: trimesh.Trimesh, kind: str, chosen: Particle, section: Mapping[s
 
 
 def _parts(particle: Particle) -> str:
-    """What a particle consists of, in words."""
+    """The parts of a particle, in words."""
     if particle.is_clump:
         return f"{len(particle.spheres_m)} spheres"
     count = len(particle.semi_axes_m)
@@ -145,7 +107,7 @@ def _parts(particle: Particle) -> str:
 
 
 def _triangles(particle: Particle) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (V, 3) m and triangles of a particle's surface; of spheres, of those parts that lie outside."""
+    """Vertices (V, 3) in m and triangles of the surface of a particle; for spheres only the outer parts."""
     if not particle.is_clump:
         points, _, triangles = tessellate(particle, 36, 72)
         return points, triangles
@@ -162,7 +124,7 @@ def _triangles(particle: Particle) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _caption(panel: Axes, title: str, body: Particle | Body | None, words: str) -> None:
-    """Name, volume, mass, moments and what else is to be said of a body."""
+    """Name, volume, mass, moments and further words on a body."""
     panel.set_title(title, loc="center", pad=0, fontsize=8, fontweight="bold")
     if body is not None:
         moments = ", ".join(f"{1e9 * value:.1f}" for value in body.inertia_kg_m2)

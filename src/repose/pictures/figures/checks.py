@@ -17,31 +17,10 @@ from . import style
 
 
 def validation(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Table 4: predicted and simulated responses of our solutions, the published table's beside them.
+    """Table 4 of the paper: predicted and simulated responses of our solutions beside the published table's.
 
-    A response that was not published leaves its place empty; without any, or without a published table, there is
-    one column of panels.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``table4``, of the verb validate, and perhaps of ``published``, the published table.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A row of panels for each target.
-
-    Raises
-    ------
-    InputError
-        If a table cannot be read.
-
-    References
-    ----------
-    Table 4 of the paper.
+    A response that was not published leaves its place empty; without any, or without a published table, there is one
+    column of panels. Inputs: ``table4`` of the verb validate, optionally ``published``.
     """
     targets = style.targets_of(config)
     simulated = [one.response.simulated for one in targets]
@@ -73,28 +52,9 @@ def validation(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
 
 
 def published_solutions(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """The published solutions: their simulated responses beside those of our simulator.
+    """The published solutions (Table 4): their simulated responses beside those of our simulator.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``published``, the published solutions as simulated here.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel for each target.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read.
-
-    References
-    ----------
-    Table 4 of the paper.
+    Input: ``published``, the published solutions as simulated here.
     """
     targets = style.targets_of(config)
     simulated = [one.response.simulated for one in targets]
@@ -137,7 +97,7 @@ def _published_and_ours(panel: Axes, table: pd.DataFrame, target: Target) -> Non
 
 
 def _predicted_and_simulated(panel: Axes, table: pd.DataFrame, target: Target) -> None:
-    """One response of each solution, with the prediction's error in percent of what was simulated."""
+    """One response of each solution, with the prediction's error in percent of the simulated value."""
     response = target.response
     predicted, simulated = (
         table[column].to_numpy(float) for column in (response.predicted, response.simulated)
@@ -192,6 +152,6 @@ def _name_solutions(panel: Axes, table: pd.DataFrame) -> None:
 
 
 def _widen(panel: Axes, share: float = 0.34) -> None:
-    """Room above the data for the legend."""
+    """Make room above the data for the legend."""
     low, high = panel.get_ylim()
     panel.set_ylim(low, high + share * (high - low))

@@ -1,4 +1,4 @@
-"""Parts of the method beside their alternatives."""
+"""Parts of the method compared with their alternatives."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -25,24 +25,9 @@ LEAST_MISSED = 0.003  # of the explainable variance; an unbiased share may excee
 
 
 def accuracy(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """R2 at the fresh points and its explainable share over the simulations trained on, a column for each response.
+    """R2 at the fresh points and its explainable share over the number of training simulations, a column per response.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``accuracy``, table of the verb compare_accuracy.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Two rows of panels.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read.
+    Input: ``accuracy`` of the verb compare_accuracy.
     """
     keys = ("r2", "r2_low", "r2_high", "r2_bar", "explainable", "explainable_low", "explainable_high")
     columns = ("training", "simulations", "seeds", "response", "reachable_r2", *keys, "explainable_bar")
@@ -79,24 +64,9 @@ def _with_intervals(panel, rows, key):
 
 
 def surrogates(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Explainable variance that is missed over the simulations, one line a model; the main design's as open marks.
+    """Missed explainable variance over the simulations, a line per model; open marks for the main design.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``surrogates``, table of the verb compare_surrogates.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel for each response.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read.
+    Input: ``surrogates`` of the verb compare_surrogates.
     """
     table = read_table(
         inputs["surrogates"],
@@ -121,24 +91,9 @@ def surrogates(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
 
 
 def sampling(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Explainable variance that the network misses by design and size, all fits by seeds per point; real ones open.
+    """Explainable variance that the network misses, by design (above) and by points against seeds (below).
 
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``sampling``, table of the verb compare_sampling.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Designs above, points against seeds below; a column for each response.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read.
+    All fits by seeds per point; real simulations have open marks. Input: ``sampling`` of the verb compare_sampling.
     """
     keys = ("comparison", "design", "data", "fit", "points", "seeds", "response")
     table = read_table(inputs["sampling"], (*keys, "explainable", "explainable_se"))
@@ -181,14 +136,14 @@ def _lines(panel, rows, kind, size):
 
 
 def _missed(panel, place, rows, **look):
-    """What is missed of the explainable variance, with its standard error where that is known."""
+    """Missed share of the explainable variance, with its standard error if known."""
     missed = np.maximum(1 - rows["explainable"].to_numpy(), LEAST_MISSED)
     error = np.nan_to_num(rows["explainable_se"].to_numpy(dtype=float))
     panel.errorbar(place, missed, yerr=[np.minimum(error, 0.9 * missed), error], **look)
 
 
 def _missed_axes(panels):
-    """Logarithmic axes of what is missed, the best on top; what misses more than everything is cut off."""
+    """Logarithmic axes of the missed share, the best on top; shares above 1 are cut off."""
     panels[0].set_ylabel("explainable variance missed (%)")
     shares = np.array([1, 2, 5, 10, 20, 50, 100])
     for panel in panels:
@@ -201,12 +156,12 @@ def _missed_axes(panels):
 
 
 def _legend_below(figure, panel):
-    """The panel's legend under all panels, where it hides nothing."""
+    """The panel's legend below all panels, where it hides nothing."""
     figure.legend(*panel.get_legend_handles_labels(), loc="outside lower center", ncols=3)
 
 
 def _plain_ticks(panel, values):
-    """Numbers as they are on a logarithmic axis, at most six of them."""
+    """Plain numbers on a logarithmic axis, at most six of them."""
     ticks = np.unique(values)
     ticks = ticks[np.append(True, ticks[1:] > 1.15 * ticks[:-1])]  # their numbers would overlap
     ticks = ticks[np.linspace(0, len(ticks) - 1, min(6, len(ticks))).round().astype(int)]

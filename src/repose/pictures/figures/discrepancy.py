@@ -1,4 +1,4 @@
-"""What the measurements tell, over the size of the simulator's discrepancy."""
+"""Information in the measurements over the size of the simulator's discrepancy."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -25,22 +25,7 @@ FEW = 400  # effective points, below which a row is a rough estimate
 def over_the_discrepancy(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """Bits, and the 95 % interval of each free parameter; stated discrepancies as curves, a shape study as a mark.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``discrepancy``, of the verb posterior.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel of the bits, and one for each free parameter below it.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read.
+    Input: ``discrepancy`` of the verb posterior.
     """
     names = ParameterSpace.of(config["parameters"]).free
     ends = [f"{name}_{end}" for name in names for end in ("low", "high")]

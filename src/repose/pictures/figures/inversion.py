@@ -1,4 +1,4 @@
-"""Whether search and network pay: searches beside each other, and the whole method beside a response surface."""
+"""Benefit of search and network: searches compared, and the whole method compared with a response surface."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -14,7 +14,7 @@ from repose.core.responses import Response, derived
 from . import style
 
 REGION = (
-    "feasible region"  # row of the table of methods: random points of the region, as many as a search lists
+    "feasible region"  # row of the table of methods: as many random points of the region as a search lists
 )
 
 SEARCHES = {
@@ -39,24 +39,9 @@ KINDS = {"real": "subsets of the samples", "emulated": "new samples, emulated"}
 
 
 def searches(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Best objective over evaluations, evaluations to the tolerance, and how much of the feasible region is found.
+    """Best objective over evaluations, evaluations to the tolerance, and the share of the feasible region found.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``curves`` and ``methods``, tables of the verb compare_search.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Three panels.
-
-    Raises
-    ------
-    InputError
-        If a table cannot be read.
+    Inputs: ``curves`` and ``methods`` of the verb compare_search.
     """
     curves = read_table(inputs["curves"], ("method", "evaluations", "log10_mean", "log10_se"))
     methods = read_table(inputs["methods"], ("method", "reached", "repetitions")).set_index("method")
@@ -74,7 +59,7 @@ def _course(panel: Axes, curves: pd.DataFrame, tolerance: float) -> None:
     """Best objective of each search over its evaluations, geometric mean with one standard error."""
     for name, (label, colour) in SEARCHES.items():
         rows = curves[curves["method"] == name]
-        if name == "miga_whole":  # goes on where the others end
+        if name == "miga_whole":  # continues after the end of the others
             rows = rows[rows["evaluations"] >= curves.loc[curves["method"] == "miga", "evaluations"].max()]
         line = "--" if name == "miga_whole" else "-"
         middle, error = rows["log10_mean"], rows["log10_se"]
@@ -87,14 +72,14 @@ def _course(panel: Axes, curves: pd.DataFrame, tolerance: float) -> None:
 
 
 def _to_tolerance(panel: Axes, methods: pd.DataFrame) -> None:
-    """Evaluations until each search meets the tolerance; pale where not all its runs did."""
+    """Evaluations until each search meets the tolerance; pale if some of its runs did not."""
     names = [name for name in SEARCHES if name in methods.index and name != "miga_whole"]
     place = np.arange(len(names))[::-1]
     for y, name in zip(place, names, strict=True):
         row, (_, colour) = methods.loc[name], SEARCHES[name]
         reached = int(row["reached"])
         if reached:
-            # a mean over the runs that made it, where not all did, is too low
+            # if some runs failed, the mean over the others is too low
             alpha = 1.0 if reached == int(row["repetitions"]) else 0.4
             panel.barh(y, row["evaluations_to_tolerance"], color=colour, height=0.7, alpha=alpha)
             panel.errorbar(
@@ -116,7 +101,7 @@ def _to_tolerance(panel: Axes, methods: pd.DataFrame) -> None:
 
 
 def _coverage(panel: Axes, methods: pd.DataFrame) -> None:
-    """Share of the feasible region near what each search lists, and near any feasible point that it met."""
+    """Share of the feasible region near the points that each search lists, and near all feasible points that it met."""
     names = [name for name in SEARCHES if name in methods.index]
     place = np.arange(len(names))[::-1]
     for offset, key, alpha, label in ((0.2, "listed", 1.0, "the list"), (-0.2, "met", 0.45, "any it met")):
@@ -144,24 +129,9 @@ def _coverage(panel: Axes, methods: pd.DataFrame) -> None:
 
 
 def whole(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """True error of what each method proposes over the simulations that were spent, a row for each response.
+    """True error of each method's proposal over the simulations spent; rows are responses, columns kinds of samples.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``whole``, table of the verb compare_whole.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A row of panels for each response, a column for each kind of samples.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read.
+    Input: ``whole`` of the verb compare_whole.
     """
     responses = style.targets_of(config).responses
     off = [derived(one.name, "off") for one in responses]

@@ -21,24 +21,9 @@ STYLES = dict(zip(DEFINITIONS, ("-", "-", "-", (0, (4, 2))), strict=True))
 
 
 def definitions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Four definitions on the first view of a pile, and what each gives in every view.
+    """Four definitions on the first view of a pile (above), and their values in every view (below).
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``heap`` (positions of pours), ``particle`` and ``berry``.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The first view above, all views below.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
+    Inputs: ``heap``, positions of pours, ``particle`` and ``berry``.
     """
     berry = read_berry(inputs["berry"])
     settings = pile.MeasureSettings.of(config["measure"], berry)

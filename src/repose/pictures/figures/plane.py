@@ -1,4 +1,4 @@
-"""Each pair of targets as a plane: what the samples reach, what was asked for, and where the answer lies."""
+"""Each pair of targets as a plane: reach of the samples, ranges of the targets, and the answer."""
 
 from collections.abc import Mapping
 from itertools import combinations
@@ -24,22 +24,8 @@ SAMPLES = {
 def planes(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """All samples, the target ranges, the measured piles, the solutions and the answer, for each pair of targets.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``dataset``, ``feasible`` and ``table4``, and perhaps of ``pool`` and ``fresh``, datasets of the pool.
-    config : mapping
-        The whole configuration, with two targets or more.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel for each pair.
-
-    Raises
-    ------
-    InputError
-        If a table cannot be read.
+    Inputs: ``dataset``, ``feasible`` and ``table4``, optionally ``pool`` and ``fresh``, datasets of the pool. Needs
+    two targets or more.
     """
     targets = style.targets_of(config)
     columns = (*targets.names, *targets.errors)

@@ -1,4 +1,4 @@
-"""The loop closed: how the simulated proposal comes near the targets, round by round."""
+"""The closed loop: the simulated proposal approaches the targets, round by round."""
 
 import textwrap
 from collections.abc import Mapping
@@ -21,22 +21,7 @@ HEIGHTS = [2.6, 1]  # of deviations and standard errors
 def approach(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """Each round's proposal, predicted and simulated, off the target in percent of it; its standard errors.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``rounds``, and perhaps of ``summary``, both of the verb refine_tables.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Two panels for each response.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
+    Inputs: ``rounds`` and optionally ``summary`` of the verb refine_tables.
     """
     responses = style.targets_of(config).responses
     columns = [derived(one.name, what) for one in responses for what in COLUMNS]

@@ -25,22 +25,7 @@ DEPTH = ("share", "above: optical depth, the share of a cell that is not implaus
 def not_excluded(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """Each pair of free parameters: minimum implausibility below the diagonal, optical depth above it.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``region`` and ``summary``, both of the verb posterior.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        d x d panels of d free parameters, their names on the diagonal.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
+    Inputs: ``region`` and ``summary`` of the verb posterior.
     """
     table = read_table(inputs["region"], COLUMNS)
     share = read_json(inputs["summary"], ("not_implausible_share",))["not_implausible_share"]
@@ -57,7 +42,7 @@ def not_excluded(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure
         first, second = sorted((row, column))
         cells = table[(table["x"] == names[first]) & (table["y"] == names[second])]
         what, label, colours, most = LEAST if row > column else DEPTH
-        # rows of the picture are the parameter of the panel's row
+        # rows of the picture follow the parameter of the panel's row
         grid = cells.pivot(
             index=f"{'y' if row > column else 'x'}_quantile",
             columns=f"{'x' if row > column else 'y'}_quantile",

@@ -22,27 +22,11 @@ COLOURS = ("#1B6CA8", "#D7191C", "#F08A24", "#5BA300", "#2E7D4F", "#7B4FA3", "#8
 
 
 def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Two targets of each combination, one panel for each definition, beside the published piles and their ranges.
+    """Two targets of each combination, a panel per definition, beside the published piles and their ranges.
 
-    A point is the mean over the published sets, its bars two standard errors. With more than two targets the first two
-    are shown; with one, the distance stands on the vertical axis.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``combinations`` and ``sets``, tables of the verb shape_study.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Four panels.
-
-    Raises
-    ------
-    InputError
-        If a table cannot be read.
+    A point is the mean over the published sets, its bars two standard errors. With more than two targets the first
+    two are shown; with one, the distance is on the vertical axis. Inputs: ``combinations`` and ``sets`` of the verb
+    shape_study.
     """
     columns = ("particle", "tension", "filling", "definition", "distance")
     combinations = read_table(inputs["combinations"], columns)
@@ -101,13 +85,13 @@ def _one_definition(
 
 
 def _published(sets: pd.DataFrame, shown: list[Target]) -> pd.DataFrame:
-    """What was published of each set: what was found less the difference."""
+    """Published values of each set: the value found less the difference."""
     one = sets[sets["kind"] == "published"].drop_duplicates("set")
     return pd.DataFrame({t.name: one[t.name] - one[derived(t.name, "difference")] for t in shown})
 
 
 def _ranges(panel: Axes, shown: list[Target]) -> None:
-    """The ranges of the feasible piles: a box of two targets, a band of one."""
+    """The ranges of the feasible piles: a box for two targets, a band for one."""
     look = {"facecolor": "0.9", "edgecolor": "0.6", "linewidth": 0.6}
     if len(shown) == 1:
         panel.axvspan(shown[0].low, shown[0].high, **look)
@@ -118,7 +102,7 @@ def _ranges(panel: Axes, shown: list[Target]) -> None:
 
 
 def _legend(figure: Figure, particles: list[str], tensions: list[str], fillings: list[str]) -> None:
-    """Colours of the particles, marks of the fillings, and how full a mark is for each tension."""
+    """Legend: colours of the particles, marks of the fillings, fill of a mark for each tension."""
     grey = {"color": "0.4", "linestyle": "none"}
     handles = [
         Line2D([], [], color=colour, marker="o", linestyle="none", label=name.replace("_", " "))

@@ -23,22 +23,7 @@ GRID = 60
 def pareto(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """Standardised effects of a step, the largest first, with the limits of significance.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``effects``, of the verbs response_screening and response_surface.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel for each response.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read.
+    Input: ``effects`` of the verbs response_screening and response_surface.
     """
     columns = ("response", "term", "coefficient", "t", "limit_t", "limit_bonferroni")
     effects, targets = read_table(inputs["effects"], columns), style.targets_of(config)
@@ -61,22 +46,7 @@ def pareto(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
 def perturbation(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """Each response over one factor after the other, the others at the centre of the surface's design.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``samples`` and ``dataset`` of the surface.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel for each response.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
+    Inputs: ``samples`` and ``dataset`` of the surface.
     """
     targets, models = _models(inputs, config)
     figure = style.new_figure(style.PAGE, 2.9)
@@ -96,22 +66,7 @@ def perturbation(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure
 def contours(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """Contours of each response over every pair of factors, the others at the optimum.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``samples``, ``dataset`` and ``optimum`` of the surface.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A row for each response, a column for each pair.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
+    Inputs: ``samples``, ``dataset`` and ``optimum`` of the surface.
     """
     targets, models = _models(inputs, config)
     best = read_json(inputs["optimum"], ("coded",), "what the verb response_surface wrote")["coded"]
@@ -145,7 +100,7 @@ def _contour(panel: Axes, model: Model, target: Target, pair: tuple[int, int], p
 
 
 def _models(inputs, config):
-    """Targets, and the surfaces that were fitted."""
+    """Targets, and the fitted surfaces."""
     table, dataset = (pd.DataFrame(read_table(inputs[name], ("sample",))) for name in ("samples", "dataset"))
     targets = style.targets_of(config)
     return targets, models_of(table, dataset, targets, "quadratic")

@@ -19,7 +19,7 @@ from repose.pictures.scenery import look_at
 from . import style
 
 PIXELS = 620
-TELEPHOTO_DEG = 0.8  # so far away that berries of any depth are as large: the side view that is measured
+TELEPHOTO_DEG = 0.8  # so far away that depth does not change the size of berries: the measured side view
 TITLES = {
     "start": "before the rotation",
     "report": "at the report",
@@ -29,28 +29,9 @@ TITLES = {
 
 
 def states(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 15: side views along the axis with the line fitted to the upper edge, in the states there are.
+    """Figure 15 of the paper: side views along the axis with the line fitted to the upper edge, a panel per state.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``states``, of the verb drum, and ``particle``.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel for each state.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-
-    References
-    ----------
-    Figure 15 of the paper.
+    Inputs: ``states`` of the verb drum, and ``particle``.
     """
     arrays = read_npz(inputs["states"], ("position_start", "quaternion_start"), "the states of a drum")
     particle, scales = build.Particle.load(inputs["particle"]), arrays.get("scale")
@@ -78,7 +59,7 @@ def _side_view(
     turned_deg: float,
     config: Mapping[str, Any],
 ) -> float:
-    """Draw one state with its fitted line; returns the line's angle (degrees)."""
+    """Draw one state with its fitted line; returns the line's angle in degrees."""
     section = config["drum"]
     inside = drum_inside(section, np.radians(turned_deg))
     picture = render_pile(
@@ -119,22 +100,7 @@ def _side_view(
 def course(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Angles over the turned angle of every run, and the motion of the slipping layer by depth.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``record``, ``profile`` and ``runs``, tables of the verb drum_tables.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Two panels.
-
-    Raises
-    ------
-    InputError
-        If a table cannot be read.
+    Inputs: ``record``, ``profile`` and ``runs`` of the verb drum_tables.
     """
     record = read_table(inputs["record"], ("seed", "time_s", "surface_deg", "bed_deg"))
     profile = read_table(inputs["profile"], ("seed", "depth_mm", "moved_mm"))
@@ -149,7 +115,7 @@ def course(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
 
 
 def _angles(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame, section: Mapping[str, Any]) -> None:
-    """Angles of surface and bed of every run over the time, and where the first slip begins."""
+    """Angles of surface and bed of every run over the time, with the start of the first slip."""
     for k, (seed, run) in enumerate(record.groupby("seed")):
         one = runs[runs["seed"] == seed].iloc[0]
         turning = run if one["status"] != "ok" else run[run["time_s"] <= one["after_time_s"]]

@@ -1,4 +1,4 @@
-"""The design's points, and the responses that the simulations gave over them."""
+"""The design's points, and the simulated responses over them."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -16,24 +16,9 @@ from . import style
 
 
 def design_matrix(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Every pair of the open parameters in the design, the histogram of each, and how the methods compare.
+    """Every pair of the open parameters in the design, the histogram of each, and a comparison of the methods.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``samples``, of the verb design, and perhaps of ``comparison``, its table of methods.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A square of panels, those above the diagonal empty.
-
-    Raises
-    ------
-    InputError
-        If a table cannot be read.
+    Inputs: ``samples`` of the verb design, optionally ``comparison``, its table of methods.
     """
     free, ranges = ParameterSpace.of(config["parameters"]).free, style.ranges_of(config)
     table = read_table(inputs["samples"], free)
@@ -74,22 +59,7 @@ def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
 def responses_over_parameters(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Each response over each open parameter with the rank correlation; samples that failed are marked below.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``dataset``, of the verb dataset.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A row of panels for each response, a column for each parameter.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read.
+    Input: ``dataset`` of the verb dataset.
     """
     responses = style.targets_of(config).responses
     free, ranges = ParameterSpace.of(config["parameters"]).free, style.ranges_of(config)
@@ -109,7 +79,7 @@ def responses_over_parameters(inputs: Mapping[str, Any], config: Mapping[str, An
 
 
 def _over_parameter(panel: Axes, table: pd.DataFrame, name: str, response: Response) -> None:
-    """One response over one parameter; a sample that failed is a cross below all that gave a value."""
+    """One response over one parameter; a failed sample is a cross below all values."""
     good, failed = table[table["status"] == "ok"], table[table["status"] != "ok"]
     error = good[response.error].fillna(0.0)
     floor = (good[response.name] - error).min() if len(good) else 0.0
@@ -124,7 +94,7 @@ def _over_parameter(panel: Axes, table: pd.DataFrame, name: str, response: Respo
 
 
 def _account(table: pd.DataFrame) -> str:
-    """In words: how many samples there are, and how many failed and why."""
+    """Numbers of samples and of failures, with the reasons, in words."""
     failed = table[table["status"] != "ok"]
     text = "bars: ± 1 standard error over seeds; ρ: rank correlation; "
     if failed.empty:

@@ -21,30 +21,10 @@ STRIPS = 4  # of responses in a row
 
 
 def feasible_solutions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
-    """Figure 14: the solutions' parameters in their ranges, and their predicted responses beside the targets.
+    """Figure 14 and Table 3 of the paper: the solutions' parameters in their ranges, and their predicted responses.
 
-    Where no solution is feasible the table holds the nearest ones, and the figure says so.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``feasible`` and ``summary``, of the verb miga, and perhaps ``published``, the published intervals.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The parameters, and a panel for each target.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-
-    References
-    ----------
-    Figure 14 and Table 3 of the paper.
+    Without a feasible solution the table holds the nearest ones, and the figure says so. Inputs: ``feasible`` and
+    ``summary`` of the verb miga, optionally ``published``, the published intervals.
     """
     targets = style.targets_of(config)
     solutions = read_table(inputs["feasible"], ("feasible", "representative", *targets.predicted))
@@ -67,7 +47,7 @@ def feasible_solutions(inputs: Mapping[str, str], config: Mapping[str, Any]) -> 
 
 
 def _title(figure: Figure, left: Axes, solutions: pd.DataFrame, summary: Mapping[str, Any]) -> None:
-    """How many solutions are shown, and whether they are feasible."""
+    """Number of solutions shown, and whether they are feasible."""
     if summary["feasible"]:
         shown = int(_true(solutions["feasible"]).sum())
         text, colour = f"{shown} feasible solutions", style.BLACK
@@ -86,12 +66,12 @@ def _jitter(count):
 
 
 def _true(column):
-    """A column of true and false, however the table spells them, as a boolean array."""
+    """A column of true and false, in any spelling, as a boolean array."""
     return column.astype(str).str.lower().eq("true").to_numpy()
 
 
 def _representative(solutions):
-    """Which row is the representative solution."""
+    """Mask of the representative solution."""
     return _true(solutions["representative"])
 
 
@@ -167,22 +147,7 @@ def _response_strip(panel: Axes, solutions: pd.DataFrame, target: Target) -> Non
 def convergence(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """Objective of the best and the mean individual, and feasible solutions met, over the rounds.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``history`` and perhaps ``summary``, of the verb miga.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Two panels.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
+    Inputs: ``history`` and optionally ``summary`` of the verb miga.
     """
     columns = ("generation", "mean_objective", "best_objective", "feasible_found")
     history = read_table(inputs["history"], columns)

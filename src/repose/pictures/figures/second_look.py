@@ -1,4 +1,4 @@
-"""What to measure next on the same pile: bits gained, and which parameter each response narrows."""
+"""Next measurement on the same pile: bits gained, and the parameters that each response narrows."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -20,22 +20,8 @@ COLOURS = (style.BLUE, style.SKY)
 def what_to_measure_next(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """Bits that each response adds to the targets, the width of each parameter's interval, and bits a minute of work.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``responses``, ``information``, ``narrowing`` and ``ways``, tables of the verb second_responses.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Bits and bits a minute above, widths below; every panel for an exact simulator and with a discrepancy.
-
-    Raises
-    ------
-    InputError
-        If a table cannot be read.
+    Every panel shows an exact simulator and one with a discrepancy. Inputs: ``responses``, ``information``,
+    ``narrowing`` and ``ways`` of the verb second_responses.
     """
     base_name = base_label(style.targets_of(config).responses)
     information = read_table(inputs["information"], ("discrepancy_percent", "set", "gain_bits"))
@@ -115,9 +101,9 @@ def _bars(panel, information, order, percents, known):
 
 
 def _map(panel, narrowing, order, base, percents):
-    """Widths of the intervals over those with the base alone, a column of each parameter for each discrepancy.
+    """Widths of the intervals over those with the base alone, a column per parameter and discrepancy.
 
-    In the last row, those of the base over the prior's.
+    The last row shows the widths with the base over those of the prior.
     """
     parameters = [name for name in PARAMETERS if name in set(narrowing["parameter"])]
     rows, each = [*order, base], len(percents)

@@ -1,4 +1,4 @@
-"""How the answer of the sequential strategy became certain: its probability, and its responses, by pours."""
+"""The answer of the sequential strategy over the pours: its probability and its responses."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -14,22 +14,7 @@ from . import style
 def sequential(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """Probability of the best point after each batch, and its predicted responses; the check at the end.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``batches`` and ``check``, of the verb sequential_check.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel for the probability and one for each response.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
+    Inputs: ``batches`` and ``check`` of the verb sequential_check.
     """
     targets, section = style.targets_of(config), config["sequential"]
     columns = [f"{name}_{what}" for name in targets.names for what in ("mean", "error")]
@@ -79,7 +64,7 @@ def sequential(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
 
 
 def _probability(panel: Axes, batches: Any, section: Mapping[str, Any]) -> None:
-    """Probability after each batch, what the pours that are left can make of it, and what is asked for."""
+    """Probability after each batch, the probability that the remaining pours can reach, and the required one."""
     panel.plot(
         batches["pours"], batches["probability"], "o-", ms=4, color=style.BLUE, label="of the best point"
     )

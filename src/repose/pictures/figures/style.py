@@ -59,65 +59,26 @@ SETTINGS = {
 
 
 def applied() -> AbstractContextManager[None]:
-    """Context in which figures are made: this style alone, whatever the user's own settings.
-
-    Returns
-    -------
-    context manager
-        It gives the earlier settings back at its end.
-    """
+    """Context with this style alone, whatever the user's settings; the earlier settings come back at its end."""
     return matplotlib.rc_context({**matplotlib.rcParamsDefault, "backend": "agg", **SETTINGS})
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, laid out so that nothing is cut off.
-
-    Parameters
-    ----------
-    width, height : float
-        In inches.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        It needs no window.
-    """
+    """An empty figure of this size in inches, laid out so that nothing is cut off; needs no window."""
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
 def targets_of(config: Mapping[str, Any]) -> Targets:
-    """The targets of a configuration.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    Targets
-        In its order.
-    """
+    """The targets of a configuration, in its order."""
     return Targets.of(config["targets"])
 
 
 def ranges_of(config: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
     """Lowest and highest value of each of the six parameters.
 
-    A fixed parameter has its value with some room around it: axes, and the place of a value in its range,
-    need ends that differ.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    dict of tuple of float
-        (low, high) by parameter.
+    A fixed parameter gets some room around its value, because axes need ends that differ.
     """
     ranges = {}
     for name in PARAMETERS:
@@ -128,102 +89,36 @@ def ranges_of(config: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
 
 
 def response_label(response: Response, before: str = "") -> str:
-    """Label of an axis, as in ``predicted AoR (deg)``.
-
-    Parameters
-    ----------
-    response : Response
-        That the axis shows.
-    before : str, optional
-        Words before its symbol.
-
-    Returns
-    -------
-    str
-        With the unit, a dash where there is none.
-    """
+    """Label of an axis, as in ``predicted AoR (deg)``, with a dash for no unit; `before` precedes the symbol."""
     return f"{before} {response.symbol} ({response.unit or '–'})".lstrip()
 
 
 def parameter_label(name: str) -> str:
-    """Label of an axis of a parameter: its symbol; all of them are dimensionless.
-
-    Parameters
-    ----------
-    name : str
-        Of the parameter.
-
-    Returns
-    -------
-    str
-        Its symbol and a dash.
-    """
+    """Label of an axis of a parameter: its symbol and a dash, since all of them are dimensionless."""
     return f"{SYMBOLS[name]} (–)"
 
 
 def letter(k: int) -> str:
-    """Name of panel number k: ``a`` for the first.
-
-    Parameters
-    ----------
-    k : int
-        From 0.
-
-    Returns
-    -------
-    str
-        ``b`` for 1, ``aa`` for 26.
-    """
+    """Name of panel number k, from 0: ``a`` for 0, ``aa`` for 26."""
     return "abcdefghijklmnopqrstuvwxyz"[k % 26] * (1 + k // 26)
 
 
 def name_panels(panels: Sequence[Axes]) -> None:
-    """Give each panel its letter as title; a panel that is alone needs none.
-
-    Parameters
-    ----------
-    panels : sequence of matplotlib.axes.Axes
-        In the order of the letters.
-    """
+    """Give each panel its letter as title, in order; a single panel gets none."""
     if len(panels) > 1:
         for k, panel in enumerate(panels):
             panel.set_title(letter(k), fontweight="bold")
 
 
 def series(k: int) -> dict[str, str]:
-    """Colour and line style of curve number k, as `plot` takes them; the first seven have colours of their own.
-
-    Parameters
-    ----------
-    k : int
-        From 0.
-
-    Returns
-    -------
-    dict of str
-        ``color`` and ``ls``.
-    """
+    """``color`` and ``ls`` of curve number k, from 0, for `plot`; the first seven have colours of their own."""
     return {"color": SERIES[k % len(SERIES)], "ls": LINES[k % len(LINES)]}
 
 
 def grid(figure: Figure, count: int, columns: int = 2, **options: Any) -> list[Axes]:
-    """A panel for each of some things; places that are left over stay empty.
+    """A panel for each of `count` things; the other places stay empty.
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        An empty one.
-    count : int
-        Number of things.
-    columns : int, optional
-        The most panels in a row.
-    **options
-        Of `Figure.subplots`.
-
-    Returns
-    -------
-    list of matplotlib.axes.Axes
-        As many as there are things.
+    `options` go to `Figure.subplots`.
     """
     columns = min(columns, count)
     rows = math.ceil(count / columns)
@@ -234,39 +129,12 @@ def grid(figure: Figure, count: int, columns: int = 2, **options: Any) -> list[A
 
 
 def grid_rows(count: int, columns: int = 2) -> int:
-    """Number of rows that `grid` needs.
-
-    Parameters
-    ----------
-    count : int
-        Number of things.
-    columns : int, optional
-        The most panels in a row.
-
-    Returns
-    -------
-    int
-        At least 1.
-    """
+    """Number of rows that `grid` needs."""
     return math.ceil(count / min(columns, count))
 
 
 def pairs_of_parameters(figure: Figure, names: Sequence[str]) -> Iterator[tuple[Axes, str, str]]:
-    """Panels below and on the diagonal of a square of all pairs of parameters.
-
-    Parameters
-    ----------
-    figure : Figure
-        An empty one.
-    names : sequence of str
-        The parameters that are shown.
-
-    Yields
-    ------
-    panel : matplotlib.axes.Axes
-    across, down : str
-        The parameters of its horizontal and vertical axis, the same one on the diagonal.
-    """
+    """Yield panels below and on the diagonal of a square of all pairs, each with its parameters across and down."""
     count = len(names)
     panels = figure.subplots(count, count, sharex="col", squeeze=False)
     for row, column in product(range(count), repeat=2):
@@ -283,17 +151,7 @@ def pairs_of_parameters(figure: Figure, names: Sequence[str]) -> Iterator[tuple[
 
 
 def save(figure: Figure, out_path: str | Path, small_run: bool) -> None:
-    """Write a PNG without anything that changes from run to run.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-        That is written.
-    out_path : path
-        The PNG.
-    small_run : bool
-        A small run is marked across the top.
-    """
+    """Write a PNG without anything that changes from run to run; a small run is marked across the top."""
     if small_run:
         width, height = figure.get_size_inches()
         band = 0.24
@@ -316,23 +174,9 @@ def save(figure: Figure, out_path: str | Path, small_run: bool) -> None:
 
 
 def note(axes: Axes, text: str, x: float = 0.03, y: float = 0.97, **options: Any) -> Text:
-    """Small text inside the axes.
+    """Small text inside the axes, by default in the upper left corner; `x` and `y` are shares of the axes.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        That hold it.
-    text : str
-        Lines of text.
-    x, y : float, optional
-        Place as shares of the axes; the upper left corner unless given.
-    **options
-        Of `Axes.text`.
-
-    Returns
-    -------
-    matplotlib.text.Text
-        The text as it was drawn.
+    `options` go to `Axes.text`.
     """
     style = {"va": "top", "ha": "left", "fontsize": 6.8, "linespacing": 1.35} | options
     return axes.text(x, y, text, transform=axes.transAxes, **style)

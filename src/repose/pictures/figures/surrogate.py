@@ -20,30 +20,10 @@ SPLITS = (("train", style.BLUE, "o"), ("validation", style.ORANGE, "s"), ("test"
 
 
 def network_structure(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 10: nodes and connections; line width is the weight's size, colour its sign.
+    """Figure 10 of the paper: nodes and connections; line width is the weight's size, colour its sign.
 
-    Of several networks the one of the largest evidence is drawn, which comes first in their file.
-
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``network``, of the verb network.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One panel.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or holds a response that is not known.
-
-    References
-    ----------
-    Figure 10 of the paper.
+    Of several networks the one of the largest evidence is drawn, the first in their file. Input: ``network`` of the
+    verb network.
     """
     network = read_json(inputs["network"], ("inputs", "outputs", "W1", "W2"), "the file of a network")
     weights = [np.atleast_2d(network["W1"]), np.atleast_2d(network["W2"])]
@@ -85,34 +65,15 @@ def _connections(panel: Axes, weights: list[np.ndarray], places: list[np.ndarray
 
 
 def _column(x: float, count: int) -> np.ndarray:
-    """Places (count, 2) of a layer's nodes, top to bottom, closer together where there are few."""
+    """Places (count, 2) of a layer's nodes, top to bottom; few nodes stand closer together."""
     reach = min(1.0, 0.11 * (count + 1)) if count > 1 else 0.0
     return np.column_stack([np.full(count, float(x)), np.linspace(reach, -reach, count)])
 
 
 def predicted_against_simulated(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 13: predicted over simulated responses by split, with y = x, R2 (Eq. 13) and RMSE.
+    """Figure 13 of the paper: predicted over simulated responses by split, with y = x, R2 (Eq. 13) and RMSE.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``predictions``, of the verb network, and ``dataset``.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel for each target.
-
-    Raises
-    ------
-    InputError
-        If a table cannot be read.
-
-    References
-    ----------
-    Figure 13 of the paper.
+    Inputs: ``predictions`` of the verb network, and ``dataset``.
     """
     targets = style.targets_of(config)
     table = read_table(inputs["predictions"], ("sample", "split", *targets.names, *targets.predicted))

@@ -1,4 +1,4 @@
-"""Figures 5, 6 and 8: the simulated pile, its measurement, and the bench it is poured on."""
+"""Figures 5, 6 and 8: the simulated pile, its measurement, and the test bench."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -27,28 +27,9 @@ SNAPSHOT_S = 9.0
 
 
 def simulated_pile(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 5's counterpart: a shaded picture of a simulated pile.
+    """Counterpart of Figure 5 of the paper: a shaded picture of a simulated pile, the first pour of the file.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``heap``, positions of pours, and ``particle``.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The first pour of the file.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-
-    References
-    ----------
-    Figure 5 of the paper.
+    Inputs: ``heap``, positions of pours, and ``particle``.
     """
     poured = first_pour(inputs["heap"])
     centres, quaternions, in_pile = (poured[name] for name in ("position", "quaternion", "in_pile"))
@@ -79,28 +60,9 @@ def simulated_pile(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figu
 
 
 def measurement(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 6: the steps of the measurement; the left flank's line is red, the right one's green.
+    """Figure 6 of the paper (section 2.3): the steps of the measurement; left line red, right line green.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``heap``, positions of pours, ``particle`` and ``berry``.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Four panels, a step each.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-
-    References
-    ----------
-    Figure 6 and section 2.3 of the paper.
+    Inputs: ``heap``, positions of pours, ``particle`` and ``berry``.
     """
     settings = pile.MeasureSettings.of(config["measure"], read_berry(inputs["berry"]))
     image = side_view(first_pour(inputs["heap"]), build.Particle.load(inputs["particle"]), settings)
@@ -113,7 +75,7 @@ def measurement(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     figure = style.new_figure(style.PAGE, 2.9)
     panels = figure.subplots(2, 2)
     for panel, (title, picture), letter in zip(panels.ravel(), steps.items(), "abcd", strict=True):
-        # OpenCV keeps blue first.
+        # OpenCV uses BGR.
         panel.imshow(picture[..., ::-1] if picture.ndim == 3 else picture, cmap="gray", vmin=0, vmax=255)
         panel.axis("off")
         panel.set_title(f"{letter}  {title}")
@@ -121,28 +83,9 @@ def measurement(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
 
 
 def apparatus(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 8: the virtual test bench from the side, to scale, with the berries of a pour if given.
+    """Figure 8 of the paper: the virtual test bench from the side, to scale in mm, with the berries of a pour if given.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Perhaps paths of ``trajectory``, of a pour, and ``particle``.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One panel, in mm.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
-
-    References
-    ----------
-    Figure 8 of the paper.
+    Optional inputs: ``trajectory`` of a pour, and ``particle``.
     """
     funnel = config["funnel"]
     walls = funnel_walls(funnel)
@@ -250,7 +193,7 @@ def _dimensions(
 
 
 def _grains(panel: Axes, inputs: Mapping[str, Any], colour: str) -> None:
-    """Side view of the grains amid a pour, each with its true outline, the nearest drawn last."""
+    """Side view of the grains during a pour, each with its true outline, the nearest drawn last."""
     particle = build.Particle.load(inputs["particle"])
     record = read_npz(inputs["trajectory"], ("time_s", "position", "quaternion"), "the trajectory of a pour")
     frame = int(np.argmin(np.abs(record["time_s"] - SNAPSHOT_S)))

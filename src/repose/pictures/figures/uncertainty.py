@@ -1,4 +1,4 @@
-"""How sure the answer is: noise floor, posterior, sensitivity."""
+"""Uncertainty of the answer: noise floor, posterior, sensitivity."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -28,22 +28,7 @@ Config = Mapping[str, Any]
 def noise_floor(inputs: Inputs, config: Config) -> Figure:
     """Runs of each sample about their mean; standard error and reachable R2 over the number of seeds.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``runs``, table of single runs, and ``seeds`` and ``noise``, of the verb noise.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel for each target, and two over the number of seeds.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
+    Inputs: ``runs``, table of single runs, and ``seeds`` and ``noise`` of the verb noise.
     """
     targets = style.targets_of(config)
     runs, seeds = (
@@ -116,22 +101,7 @@ def _runs_by_mean(panel: Axes, ok: pd.DataFrame, column: str, colour: str) -> No
 def corner(inputs: Inputs, config: Config) -> Figure:
     """Draws of the posterior, alone and in pairs, beside the search's solutions and the published intervals.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``draws``, ``posterior`` and ``summary``, of the verb posterior, and ``feasible``, of miga.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A square of panels, those above the diagonal empty.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read.
+    Inputs: ``draws``, ``posterior`` and ``summary`` of the verb posterior, and ``feasible`` of miga.
     """
     draws, table = read_table(inputs["draws"], PARAMETERS), read_table(inputs["posterior"], ("parameter",))
     cloud, summary = read_table(inputs["feasible"], PARAMETERS), read_json(inputs["summary"], ("predicted",))
@@ -226,7 +196,7 @@ def _published_box(table: pd.DataFrame, across: str, down: str) -> Rectangle:
 
 
 def _account(summary: Mapping[str, Any], targets: Targets) -> str:
-    """What the posterior predicts, in words."""
+    """Predictions of the posterior, in words."""
     predicted = summary["predicted"]
     parts = [
         f"predicted {one.symbol} {predicted[one.name]['mean']:.1f} {one.unit} "
@@ -249,22 +219,7 @@ def _account(summary: Mapping[str, Any], targets: Targets) -> str:
 def intervals(inputs: Inputs, config: Config) -> Figure:
     """Credible intervals beside the published intervals and the search's solutions, in the parameters' ranges.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``posterior``, of the verb posterior.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One panel.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read.
+    Input: ``posterior`` of the verb posterior.
     """
     table = read_table(inputs["posterior"], ("parameter", "credible_low", "miga_low"))
     figure = style.new_figure(style.PAGE, 3.3)
@@ -303,24 +258,9 @@ def intervals(inputs: Inputs, config: Config) -> Figure:
 
 
 def sobol_indices(inputs: Inputs, config: Config) -> Figure:
-    """First-order and total indices of each parameter, with their intervals.
+    """First-order and total Sobol indices of each parameter, with their intervals.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``sobol``, of the verb sensitivity.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A panel for each target.
-
-    Raises
-    ------
-    InputError
-        If the table cannot be read.
+    Input: ``sobol`` of the verb sensitivity.
     """
     table = read_table(inputs["sobol"], ("response", "parameter", "first", "total"))
     targets = style.targets_of(config)
@@ -355,22 +295,7 @@ def _bars(panel: Axes, rows: pd.DataFrame) -> None:
 def main_effects(inputs: Inputs, config: Config) -> Figure:
     """Mean response of the surrogate along each free parameter, on the simulated points.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Paths of ``effects`` and ``sobol``, of the verb sensitivity, and ``dataset``.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A row of panels for each target, a column for each free parameter.
-
-    Raises
-    ------
-    InputError
-        If a table cannot be read.
+    Inputs: ``effects`` and ``sobol`` of the verb sensitivity, and ``dataset``.
     """
     targets, ranges = style.targets_of(config), style.ranges_of(config)
     effects = read_table(inputs["effects"], ("parameter", "value", *targets.names))

@@ -21,7 +21,7 @@ NODE = re.compile(r'^\s*(\w+)\s*\[\s*label\s*=\s*"([^"]*)"(.*)\]', re.M)
 EDGE = re.compile(r"^\s*(\w+)\s*->\s*(\w+)", re.M)
 COLOUR = re.compile(r'color\s*=\s*"([\d.]+) ([\d.]+) ([\d.]+)"')
 SWEEPS = 12
-# Width and height of a box where nodes of a layer are 1 apart, and layers too; a layer's height; letters of a line.
+# Width and height of a box, for a distance of 1 between nodes and layers; a layer's height; letters of a line.
 BOX = (0.84, 0.44)
 ROW_INCH = 0.56
 LINE = 13
@@ -29,26 +29,9 @@ LARGEST_SIZE = 7.2
 
 
 def read_dot(path: str | Path) -> tuple[dict[str, str], dict[str, float], list[tuple[str, str]]]:
-    """Nodes and edges of a rule graph.
+    """Labels and hues (0 to 1) by node, and the sorted edges (from, to) of a rule graph in the DOT language.
 
-    Parameters
-    ----------
-    path : path
-        What `snakemake --rulegraph` prints, in the DOT language.
-
-    Returns
-    -------
-    labels : dict of str
-        Text of each node.
-    hues : dict of float
-        Hue of each node, 0 to 1.
-    edges : list of tuple of str
-        Pairs (from, to), sorted, each once.
-
-    Raises
-    ------
-    InputError
-        If the file holds no nodes.
+    Raises InputError if the file holds no nodes.
     """
     text = Path(path).read_text()
     labels, hues = {}, {}
@@ -63,18 +46,7 @@ def read_dot(path: str | Path) -> tuple[dict[str, str], dict[str, float], list[t
 
 
 def reduced(edges: Sequence[tuple]) -> list[tuple]:
-    """The edges of a graph without those that a longer way implies.
-
-    Parameters
-    ----------
-    edges : sequence of tuple
-        Pairs (from, to) of a graph without cycles.
-
-    Returns
-    -------
-    list of tuple
-        In the same order.
-    """
+    """The edges (from, to) of an acyclic graph without those that a longer path implies, in the same order."""
     after: dict[Any, set] = {}
     for a, b in edges:
         after.setdefault(a, set()).add(b)
@@ -92,25 +64,7 @@ def reduced(edges: Sequence[tuple]) -> list[tuple]:
 
 
 def layers_of(nodes: Sequence, edges: Sequence[tuple]) -> dict[Any, int]:
-    """Layer of each node: the longest way to it, in edges.
-
-    Parameters
-    ----------
-    nodes : sequence
-        Names of the nodes.
-    edges : sequence of tuple
-        Pairs (from, to).
-
-    Returns
-    -------
-    dict of int
-        Layer by node, from 0.
-
-    Raises
-    ------
-    InputError
-        If the graph has a cycle.
-    """
+    """Layer of each node, from 0: the number of edges on the longest path to it; InputError for a cycle."""
     layer = dict.fromkeys(nodes, 0)
     for _ in range(len(layer) + 1):
         moved = False
@@ -123,28 +77,10 @@ def layers_of(nodes: Sequence, edges: Sequence[tuple]) -> dict[Any, int]:
 
 
 def layout(nodes: Sequence, edges: Sequence[tuple]) -> tuple[dict, dict]:
-    """Places of a graph's nodes, and the ways of its edges between them.
+    """Places (x, layer) of a graph's nodes, and the places that each edge passes.
 
-    Edges over several layers pass through stand-ins; a layer is ordered by the mean place of its neighbours.
-
-    Parameters
-    ----------
-    nodes : sequence
-        Names of the nodes.
-    edges : sequence of tuple
-        Pairs (from, to) of a graph without cycles.
-
-    Returns
-    -------
-    places : dict of tuple
-        (x, layer) by node; nodes of a layer are at least 1 apart.
-    ways : dict of list
-        By edge, the places that it passes.
-
-    Raises
-    ------
-    InputError
-        If the graph has a cycle.
+    Edges over several layers pass through stand-ins; a layer is ordered by the mean place of its neighbours. Nodes of
+    a layer are at least 1 apart. Raises InputError for a cycle.
     """
     layer = layers_of(nodes, edges)
     rows = [[n for n in nodes if layer[n] == k] for k in range(max(layer.values()) + 1)]
@@ -167,7 +103,7 @@ def layout(nodes: Sequence, edges: Sequence[tuple]) -> tuple[dict, dict]:
 
 
 def _mean_neighbour(node: Any, links: Sequence, place: Mapping) -> float:
-    """Mean place of the nodes that are linked with a node; its own where there is none."""
+    """Mean place of the nodes that are linked with a node; its own place without links."""
     others = [place[a] for a, b in links if b == node] + [place[b] for a, b in links if a == node]
     return float(np.mean(others)) if others else place[node]
 
@@ -182,28 +118,9 @@ def _spread(wishes: Sequence[float]) -> list[float]:
 
 
 def rule_graph(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
-    """Figure 9: rules as boxes from top to bottom, arrows along the data; implied arrows are left out.
+    """Figure 9 of the paper: rules as boxes from top to bottom, arrows along the data; implied arrows are left out.
 
-    Parameters
-    ----------
-    inputs : mapping
-        Path of ``dot``, what `snakemake --rulegraph` prints.
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One panel.
-
-    Raises
-    ------
-    InputError
-        If the file holds no nodes, or a cycle.
-
-    References
-    ----------
-    Figure 9 of the paper.
+    Input: ``dot``, the output of `snakemake --rulegraph`.
     """
     labels, hues, edges = read_dot(inputs["dot"])
     edges = reduced(edges)

@@ -18,35 +18,14 @@ WORDS = ("reason", "warning", "status", "role")
 
 
 def text(value: Any) -> str:
-    """Anything as text that HTML shows as it is; a number with four digits, empty for none.
-
-    Parameters
-    ----------
-    value : object
-
-    Returns
-    -------
-    str
-    """
+    """Any value as escaped text; four digits for a number, empty for None or NaN."""
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return ""
     return f"{value:.4g}" if isinstance(value, float) else html.escape(str(value))
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[Any]], kind: str = "sorts") -> str:
-    """A table that scrolls sideways where the screen is narrow.
-
-    Parameters
-    ----------
-    head : sequence of str
-    rows : sequence of sequences
-    kind : str, optional
-        Class of the table; ``sorts`` for one that sorts.
-
-    Returns
-    -------
-    str
-    """
+    """A table that scrolls sideways on a narrow screen; the class ``sorts`` makes it sortable."""
     cells = "".join(f"<th>{html.escape(one)}</th>" for one in head)
     body = "".join(
         "<tr>" + "".join(_cell(name, value) for name, value in zip(head, row, strict=True)) + "</tr>"
@@ -59,23 +38,13 @@ def table(head: Sequence[str], rows: Sequence[Sequence[Any]], kind: str = "sorts
 
 
 def _cell(name, value):
-    """A cell; words stand left. On a phone the style shows the head's name beside each value."""
+    """A cell; words are aligned left. On a phone the style shows the column's name beside each value."""
     kind = ' class="words"' if name in WORDS else ""
     return f'<td{kind} data-head="{html.escape(name)}">{text(value)}</td>'
 
 
 def folded(title: str, frame: pd.DataFrame) -> str:
-    """A table of a study behind its title.
-
-    Parameters
-    ----------
-    title : str
-    frame : pandas.DataFrame
-
-    Returns
-    -------
-    str
-    """
+    """A table of a study, folded behind its title."""
     rows = frame.astype(object).where(frame.notna(), None).values.tolist()
     shown = table([str(column) for column in frame.columns], rows)
     shown = shown.replace('class="wide"', 'class="wide tall"', 1)
@@ -83,22 +52,7 @@ def folded(title: str, frame: pd.DataFrame) -> str:
 
 
 def picture(path: str | os.PathLike, caption: str) -> str:
-    """A picture inside the page; a photograph is made smaller.
-
-    Parameters
-    ----------
-    path : path
-    caption : str
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    InputError
-        If the file is no picture.
-    """
+    """A picture embedded in the page; a photograph is reduced. InputError if the file is no picture."""
     try:
         with Image.open(path) as opened:
             image = opened.convert("RGB")

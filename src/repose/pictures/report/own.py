@@ -11,13 +11,7 @@ from repose.studies.own_simulator import Calibration
 
 
 def write(found: Calibration, out_path: str | os.PathLike) -> None:
-    """Write the report.
-
-    Parameters
-    ----------
-    found : Calibration
-    out_path : path
-    """
+    """Write the report."""
     study, targets = found.study, found.study.targets
     row = {"role": "representative", "reason": ""}
     row |= dict(zip(targets.predicted, found.mean.tolist(), strict=True))

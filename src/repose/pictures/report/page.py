@@ -27,39 +27,18 @@ def write(
     tables: Mapping[str, str],
     out_path: str | os.PathLike,
 ) -> None:
-    """Write the report of a study.
+    """Write the report of a study from its files.
 
-    Parameters
-    ----------
-    config : mapping
-        Checked.
-    jobs : sequence of path
-        Measured runs of the representative parameter set.
-    files : mapping
-        Paths by name, see `repose.pictures.report.study`.
-    tables : mapping
-        Paths of further tables that the page shows, by their titles.
-    out_path : path
-
-    Raises
-    ------
-    InputError
-        As `repose.pictures.report.study.read`, and for a trajectory, a picture or a table that cannot be read.
+    `jobs` are measured runs of the representative parameter set, `files` paths by name as for
+    `repose.pictures.report.study.read`, `tables` paths of further tables by title. Raises InputError for a file that
+    is missing or cannot be read.
     """
     study = read(config, jobs, files)
     write_study(study, {title: read_table(path) for title, path in tables.items()}, out_path)
 
 
 def write_study(study: Study, tables: Mapping[str, "pd.DataFrame"], out_path: str | os.PathLike) -> None:
-    """Write the report of a study that was read or made.
-
-    Parameters
-    ----------
-    study : Study
-    tables : mapping
-        Further tables that the page shows, by their titles.
-    out_path : path
-    """
+    """Write the report of a study in memory; `tables` are further tables by title."""
     parts = (sections.answer, sections.check, sections.other_parameters, sections.how_found)
     body = "\n".join([*(part(study) for part in parts), sections.all_tables(tables)])
     title = f"Contact parameters: {study.config['label']}"
@@ -67,17 +46,7 @@ def write_study(study: Study, tables: Mapping[str, "pd.DataFrame"], out_path: st
 
 
 def content(study: Study) -> dict[str, Any]:
-    """All that the scripts need.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    dict
-        Plain values; no NaN.
-    """
+    """Data for the scripts: plain values without NaN."""
     found: dict[str, Any] = {
         "parameters": [_parameter(study, k) for k in range(len(study.space.names))],
         "targets": [_target(study, one) for one in study.targets],
@@ -95,16 +64,7 @@ def content(study: Study) -> dict[str, Any]:
 
 
 def for_copy(study: Study) -> str:
-    """The parameters as lines of YAML.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    str
-    """
+    """The parameters as lines of YAML."""
     lines = [f"# {study.config['label']}: {sections.verdict(study)[1]}"]
     if study.config["small_run"]:
         lines.append("# small run: no calibration")
@@ -116,21 +76,8 @@ def for_copy(study: Study) -> str:
 
 
 def assembled(title: str, body: str, values: Mapping[str, Any]) -> str:
-    """The page as one text.
-
-    Parameters
-    ----------
-    title : str
-    body : str
-        HTML.
-    values : mapping
-        What the scripts read.
-
-    Returns
-    -------
-    str
-    """
-    # "<" in a string of JSON may be written so; a script cannot end early
+    """The whole page as text; `body` is HTML, `values` go to the scripts as JSON."""
+    # JSON allows "<" in this form; it cannot end the script early
     coded = json.dumps(values, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     view = ("three.min.js", "view.js") if values["pour"] else ()
     scripts = "\n".join(f"<script>{_own(name)}</script>" for name in (SCRIPTS[0], *view, SCRIPTS[1]))
@@ -150,7 +97,7 @@ def assembled(title: str, body: str, values: Mapping[str, Any]) -> str:
 
 
 def _own(name):
-    """Text of a file of this folder."""
+    """Text of a file in the folder of this module."""
     return (HERE / name).read_text(encoding="utf-8")
 
 

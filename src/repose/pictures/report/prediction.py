@@ -1,8 +1,8 @@
-"""The surrogate for a page that holds no Python: what the page's sliders need to predict.
+"""The surrogate for a page without Python: data with which the sliders of the page predict.
 
-A network is given whole, with the root of its weights' covariance, and so is each one of an ensemble; `network.js`
-computes with them what `repose.surrogate.network_ensemble` does. Of another surrogate the page gets curves: one
-parameter moves through its range, the others stay at the answer.
+A network is stored whole, with the root of its weights' covariance, and so is each network of an ensemble; `network.js`
+predicts from them like `repose.surrogate.network_ensemble`. Other surrogates are stored as curves: one parameter moves
+through its range, the others stay at the answer.
 """
 
 import base64
@@ -20,52 +20,17 @@ SHARED = ("input_min", "input_max", "output_min", "output_max", "scaled_range")
 
 
 def packed(array: np.ndarray, kind: str) -> str:
-    """An array as text that JavaScript can read into a typed array.
-
-    Parameters
-    ----------
-    array : array
-    kind : str
-        Of numpy, little-endian, as in ``<f4``.
-
-    Returns
-    -------
-    str
-        Base64.
-    """
+    """An array as Base64 text for a typed array of JavaScript; `kind` is a little-endian type of NumPy, as ``<f4``."""
     return base64.b64encode(np.ascontiguousarray(array, dtype=kind).tobytes()).decode()
 
 
 def is_whole(surrogate: Predictor) -> TypeGuard[BayesianBP | NetworkEnsemble]:
-    """Whether the page gets the surrogate itself, not curves.
-
-    Parameters
-    ----------
-    surrogate : Predictor
-
-    Returns
-    -------
-    bool
-    """
+    """True if the page gets the surrogate itself, False if it gets curves."""
     return isinstance(surrogate, BayesianBP | NetworkEnsemble)
 
 
 def for_page(surrogate: Predictor, space: ParameterSpace, answer: np.ndarray) -> dict[str, Any]:
-    """A surrogate as plain values.
-
-    Parameters
-    ----------
-    surrogate : Predictor
-        Trained.
-    space : ParameterSpace
-    answer : array
-        The parameter set that the page tells.
-
-    Returns
-    -------
-    dict
-        With `kind`, ``network`` or ``curves``.
-    """
+    """A trained surrogate as plain values, `kind` ``network`` or ``curves``; `answer` is the reported parameter set."""
     if is_whole(surrogate):
         members = surrogate.members_ if isinstance(surrogate, NetworkEnsemble) else [surrogate]
         contents = [one.to_dict() for one in members]

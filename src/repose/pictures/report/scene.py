@@ -1,7 +1,7 @@
-"""A pour for the page's 3-D view: one body's triangles, and where each body is at each time, in few bytes.
+"""A pour for the page's 3-D view: one body's triangles, and the place of each body at each time, in few bytes.
 
 Positions are whole multiples of 1/65534 of the space that the bodies take, orientations whole multiples of 1/127: a
-berry stands within 0.02 mm and 1 degree of where it was.
+berry stands within 0.02 mm and 1 degree of its true place.
 """
 
 import os
@@ -22,31 +22,15 @@ FRAMES = 72
 MAX_BYTES = 1_500_000  # of positions and orientations
 BYTES = 10  # of one body in one frame
 ABSENT, STEPS = 65535, 65534
-MAX_TRIANGLES = 600_000  # of all bodies together: what a phone draws
+MAX_TRIANGLES = 600_000  # of all bodies together, for a phone
 
 
 def for_page(trajectory: str | os.PathLike, particle: Particle, section: Mapping[str, Any]) -> dict[str, Any]:
-    """A pour as plain values, lengths in mm.
+    """A pour as plain values by name, lengths in mm; InputError if the trajectory cannot be read.
 
-    Parameters
-    ----------
-    trajectory : path
-        As `repose.pictures.film.animate_pour` takes it.
-    particle : Particle
-    section : mapping
-        The section `funnel` of the configuration.
-
-    Returns
-    -------
-    dict
-        `body`: points, normals and triangles. `times_s`. `low`, `step`: of the positions. `positions` (frames, bodies,
-        3), 65535 for a body that is not there. `turns` (frames, bodies, 4): quaternions x, y, z, w. `scales` or None.
-        `walls`: rows z, r below and z, r above. `plate_mm`: radius.
-
-    Raises
-    ------
-    InputError
-        If the trajectory cannot be read.
+    Names: `body`, `times_s`, `positions` (frames, bodies, 3), 65535 for an absent body, with `low` and `step`,
+    `turns`, quaternions x, y, z, w, `scales` or None, `walls`, rows of z, r below and z, r above, and `plate_mm`, a
+    radius. `trajectory` is as for `repose.pictures.film.animate_pour`, `section` the configuration's `funnel`.
     """
     record = read_npz(trajectory, KEYS, "the trajectory of a pour")
     count = record["position"].shape[1]
@@ -73,35 +57,18 @@ def for_page(trajectory: str | os.PathLike, particle: Particle, section: Mapping
 
 
 def frames_shown(times_s: np.ndarray, count: int) -> np.ndarray:
-    """Numbers of the frames that a page holds: evenly over the time, the last one among them.
+    """Numbers of the frames in a page: evenly over the time, with the last one.
 
-    Parameters
-    ----------
-    times_s : array (T,)
-    count : int
-        Number of bodies; more bodies leave room for fewer frames.
-
-    Returns
-    -------
-    numpy.ndarray of int
+    More bodies (`count`) leave room for fewer frames.
     """
     most = min(FRAMES, max(2, MAX_BYTES // (BYTES * max(count, 1))), len(times_s))
     return np.unique(np.searchsorted(times_s, np.linspace(times_s[0], times_s[-1], most)))
 
 
 def quantised(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions as whole numbers.
+    """Positions (T, N, 3) as uint16 `whole`, with `low` and `step` (3,): position = low + step * whole.
 
-    Parameters
-    ----------
-    positions : array (T, N, 3)
-        NaN for a body that is not there.
-
-    Returns
-    -------
-    whole : numpy.ndarray of uint16, (T, N, 3)
-        `ABSENT` for a body that is not there; else the position is low + step * whole.
-    low, step : numpy.ndarray, (3,)
+    NaN, a body that is absent, becomes `ABSENT`.
     """
     there = np.isfinite(positions).all(axis=2)
     if not there.any():
@@ -114,20 +81,9 @@ def quantised(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def body(particle: Particle, most_triangles: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """One body as triangles; of a body of spheres what no other of its spheres hides.
+    """One body as points in mm, normals and triangles; for spheres without those that another sphere hides.
 
-    Parameters
-    ----------
-    particle : Particle
-    most_triangles : int
-        Where fewer than the coarsest picture needs, that is taken.
-
-    Returns
-    -------
-    points : numpy.ndarray, (V, 3)
-        In mm.
-    normals : numpy.ndarray, (V, 3)
-    triangles : numpy.ndarray of int, (T, 3)
+    If `most_triangles` is less than the coarsest surface needs, the coarsest is taken.
     """
     if not particle.is_clump:
         rings = int(np.clip(np.sqrt(most_triangles / 4), 8, 18))
@@ -142,7 +98,7 @@ def body(particle: Particle, most_triangles: int) -> tuple[np.ndarray, np.ndarra
 
 
 def _spheres(spheres, ball):
-    """Points, normals and triangles of spheres (M, 4) that no other sphere holds whole."""
+    """Points, normals and triangles of the spheres (M, 4) that no other sphere contains."""
     corners = np.asarray(ball.vertices)
     points = spheres[:, None, :3] + spheres[:, None, 3:] * corners
     distance = np.linalg.norm(points[:, :, None] - spheres[:, :3], axis=3)
@@ -155,7 +111,7 @@ def _spheres(spheres, ball):
 
 
 def _packed_body(points, normals, triangles):
-    """The same as text."""
+    """Points, normals and triangles as text."""
     return {
         "points": packed(points, "<f4"),
         "normals": packed(normals, "<f4"),

@@ -1,4 +1,4 @@
-"""The report in HTML: the answer, its check against the pile, a place to try other parameters, how it was found."""
+"""The report in HTML: the answer, its check against the pile, sliders for other parameters, the method."""
 
 import html
 from collections.abc import Mapping
@@ -21,16 +21,7 @@ standard deviation. Blue: {blue}, the line holds the true mean with 95 % probabi
 
 
 def share(value: float | None) -> str:
-    """A probability in words that promise no more than the runs can tell.
-
-    Parameters
-    ----------
-    value : float or None
-
-    Returns
-    -------
-    str
-    """
+    """A probability in words, no more precise than the runs allow; "unknown" for None."""
     if value is None:
         return "unknown"
     if value > 0.995:
@@ -39,16 +30,7 @@ def share(value: float | None) -> str:
 
 
 def answer(study: Study) -> str:
-    """The parameters, their intervals, and how probable it is that they meet the targets.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    str
-    """
+    """The parameters, their intervals, and the probability that they meet the targets."""
     kind, words = verdict(study)
     small = (
         '<p class="small-run">Small run: these numbers show that the chain works and are no calibration.</p>'
@@ -71,16 +53,7 @@ def answer(study: Study) -> str:
 
 
 def verdict(study: Study) -> tuple[str, str]:
-    """Whether the targets are met: a class of the style, and a sentence.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    kind, words : str
-    """
+    """Whether the targets are met: a class of the style, and a sentence."""
     if not study.summary["feasible"]:
         return "bad", f"The targets are not met. {study.summary['message']}"
     chance = study.chance["all"]
@@ -123,7 +96,7 @@ def _checks(study):
 
 
 def _interval_head(study):
-    """Head of the column of intervals, where there is one."""
+    """Head of the column of intervals, if there is one."""
     return [] if study.posterior is None else ["95 % interval", "left open"]
 
 
@@ -153,7 +126,7 @@ def _parameter_row(study, k):
 
 
 def _how_well_known(study):
-    """What the intervals mean."""
+    """Meaning of the intervals."""
     parts = [
         "<p class='note'>The value is one parameter set whose pile agrees with the measured one. Use the set as a "
         "whole: other sets agree as well, and values of different sets must not be mixed."
@@ -170,16 +143,7 @@ def _how_well_known(study):
 
 
 def check(study: Study) -> str:
-    """Measured, predicted and simulated responses, and the pile.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    str
-    """
+    """Measured, predicted and simulated responses, and the pile."""
     head = ["response", "measured", "asked for", "predicted", "simulated", "difference", "inside"]
     rows = [_response_row(study, one) for one in study.targets]
     trouble = text(study.row.get("reason"))
@@ -243,16 +207,7 @@ pouring.</p></div>"""
 
 
 def other_parameters(study: Study) -> str:
-    """Sliders, and what the surrogate predicts; nothing where there is none.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    str
-    """
+    """Sliders with the surrogate's predictions; empty without a surrogate."""
     if study.surrogate is None:
         return ""
     if is_whole(study.surrogate):
@@ -274,16 +229,7 @@ def other_parameters(study: Study) -> str:
 
 
 def how_found(study: Study) -> str:
-    """The steps with their numbers and figures.
-
-    Parameters
-    ----------
-    study : Study
-
-    Returns
-    -------
-    str
-    """
+    """The steps with their numbers and figures."""
     steps = "".join(f"<li>{html.escape(one)}</li>" for one in _steps(study))
     pictures = "".join(
         picture(study.files[name], caption) for name, caption in PICTURES.items() if name in study.files
@@ -298,17 +244,7 @@ def how_found(study: Study) -> str:
 
 
 def all_tables(tables: Mapping[str, pd.DataFrame]) -> str:
-    """The study's tables, each behind its title.
-
-    Parameters
-    ----------
-    tables : mapping
-        By title.
-
-    Returns
-    -------
-    str
-    """
+    """The study's tables, each behind its title."""
     shown = "".join(folded(title, table) for title, table in tables.items())
     return f'<div class="screen"><h3>Tables</h3>{shown}</div>' if shown else ""
 
@@ -335,7 +271,7 @@ def _steps(study):
 
 
 def _accuracy(study):
-    """How well the surrogate predicts samples that it had not seen."""
+    """Accuracy of the surrogate on samples that were not used in its training."""
     test: dict[str, Any] = study.metrics.get("test") or {}
     parts = [
         f"{one.response.label} to {test[one.name]['rmse']:.2g} {one.response.unit} (R² {test[one.name]['r2']:.2f})"

@@ -1,4 +1,4 @@
-"""What a finished study has written, read for its report."""
+"""Reads the files of a finished study for its report."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ from repose.strategies.sequential.kriging import Kriging, SpaceKriging
 from repose.surrogate import load
 from repose.surrogate.base import Predictor
 
-# Names of the inputs: files that a report needs, and those that it shows where there are some.
+# Names of the inputs: files that a report needs, and those that it shows if they exist.
 NEEDED = ("dataset", "feasible", "summary", "table4")
-# Needed too, where the summary does not say itself how the answer was found.
+# Also needed if the summary does not hold the steps to the answer.
 TRAINED = ("network", "metrics", "dataset_summary")
 OPTIONAL = ("runs", "posterior", "particle", "trajectory", "photograph", "overlay")
 PICTURES = {
@@ -39,62 +39,29 @@ PICTURES = {
 
 @dataclass
 class Study:
-    """The results of a study.
-
-    Attributes
-    ----------
-    config : mapping
-    targets : Targets
-    space : ParameterSpace
-    files : mapping
-        Paths by the names in `NEEDED`, `TRAINED`, `OPTIONAL` and `PICTURES`.
-    answer : numpy.ndarray, (6,)
-        The representative parameter set.
-    row : pandas.Series
-        Its row in table4.csv.
-    chance : dict
-        Of `chance_of_meeting`.
-    within : dict
-        Probability that all responses lie within so many percent of their targets.
-    posterior : pandas.DataFrame or None
-        posterior.csv by parameter.
-    surrogate : Predictor or None
-        None where no model of the whole ranges was made.
-    feasible, table4, dataset : pandas.DataFrame
-    summary : mapping
-        With ``steps`` where the strategy says itself how it went.
-    metrics, dataset_summary : mapping
-        Empty where the surrogate was not tested, or the strategy says itself how it went.
-    """
+    """The results of a study, for its report."""
 
     config: Mapping[str, Any]
     targets: Targets
     space: ParameterSpace
-    files: Mapping[str, str]
-    answer: np.ndarray
-    row: pd.Series
-    chance: dict[str, float | None]
-    within: dict[float, float | None]
-    posterior: pd.DataFrame | None
-    surrogate: Predictor | None
+    files: Mapping[str, str]  # paths by the names in `NEEDED`, `TRAINED`, `OPTIONAL`, `PICTURES`
+    answer: np.ndarray  # (6,), the representative parameter set
+    row: pd.Series  # its row in table4.csv
+    chance: dict[str, float | None]  # from `chance_of_meeting`
+    within: dict[
+        float, float | None
+    ]  # probability that all responses lie within so many percent of their targets
+    posterior: pd.DataFrame | None  # posterior.csv by parameter
+    surrogate: Predictor | None  # None without a model of the whole ranges
     feasible: pd.DataFrame
     table4: pd.DataFrame
     dataset: pd.DataFrame
-    summary: Mapping[str, Any]
-    metrics: Mapping[str, Any]
-    dataset_summary: Mapping[str, Any]
+    summary: Mapping[str, Any]  # with ``steps`` if the strategy reports its own course
+    metrics: Mapping[str, Any]  # empty if the surrogate was not tested
+    dataset_summary: Mapping[str, Any]  # empty if the strategy reports its own course
 
     def number(self, column: str) -> float | None:
-        """A number of the answer's row, None where there is none.
-
-        Parameters
-        ----------
-        column : str
-
-        Returns
-        -------
-        float or None
-        """
+        """A number of the answer's row; None if missing."""
         value = self.row.get(column)
         return None if value is None or pd.isna(value) else float(value)
 
@@ -102,23 +69,8 @@ class Study:
 def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str]) -> Study:
     """Read the results of a study.
 
-    Parameters
-    ----------
-    config : mapping
-        Checked.
-    jobs : sequence of path
-        Measured runs of the representative parameter set.
-    files : mapping
-        Paths by name; those in `NEEDED` are needed.
-
-    Returns
-    -------
-    Study
-
-    Raises
-    ------
-    InputError
-        For a name that is missing or unknown, or a file that cannot be read.
+    `jobs` are measured runs of the representative parameter set, `files` paths by name; those in `NEEDED` are needed.
+    Raises InputError for a name that is missing or unknown, or a file that cannot be read.
     """
     known = (*NEEDED, *TRAINED, *OPTIONAL, *PICTURES)
     for name in files:
@@ -160,14 +112,14 @@ def read(config: Mapping[str, Any], jobs: Sequence[str], files: Mapping[str, str
 
 
 def _require(files, names):
-    """Refuse to write a report without some files."""
+    """Raise InputError if one of these files is missing."""
     for name in names:
         if name not in files:
             raise InputError("report", "--input", None, f"{name}=PATH; a report needs {', '.join(names)}")
 
 
 def _surrogate(files, targets, space):
-    """The surrogate of a file, or the kriging model of all runs of a strategy, or none."""
+    """The surrogate of a file, or the kriging model of all runs of a strategy, or None."""
     if "network" in files:
         return load(files["network"], targets.names)
     if "runs" not in files:

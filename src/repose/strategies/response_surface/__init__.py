@@ -1,1 +1,1 @@
-"""The field's habit: Plackett-Burman screening, steepest ascent, a response surface, its optimum, a check."""
+"""The usual way in the field: Plackett-Burman screening, steepest ascent, a response surface, its optimum, a check."""

@@ -1,4 +1,4 @@
-"""The response surface strategy on files: each step reads what the one before wrote."""
+"""The response surface strategy on files: each step reads the files of the previous step."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -23,16 +23,7 @@ Path_ = str | os.PathLike
 def run_design(space: ParameterSpace, section: Mapping[str, Any], out_csv: Path_) -> pd.DataFrame:
     """Write the samples of the screening; return them.
 
-    Parameters
-    ----------
-    space : ParameterSpace
-    section : mapping
-        `response_surface` of the configuration.
-    out_csv : path
-
-    Returns
-    -------
-    pandas.DataFrame
+    `section` is `response_surface` of the configuration, here and below.
     """
     table = screening.design(space, section)
     write_table(out_csv, table)
@@ -48,27 +39,10 @@ def run_screening(
     out_dir: Path_,
     ascent_csv: Path_,
 ) -> dict[str, Any]:
-    """Write the screening's tables and the samples of the ascent; return which parameters go on.
+    """Write the screening's tables and the samples of the ascent; return the parameters of the next steps.
 
-    Parameters
-    ----------
-    samples_csv, dataset_csv : path
-        Of the screening.
-    space, targets, section
-        Of the configuration.
-    out_dir : path
-        For anova.csv, effects.csv, statistics.csv and screening.json.
-    ascent_csv : path
-
-    Returns
-    -------
-    dict
-        ``kept`` and ``dropped``; ``centre``, the mean responses poured there, and ``corners``, those of the corners.
-
-    Raises
-    ------
-    InputError
-        For a bad file, or too few usable samples.
+    The files are anova.csv, effects.csv, statistics.csv and screening.json. The result has `kept` and `dropped`, and
+    the mean responses at the `centre` and at the `corners`. InputError for too few usable samples.
     """
     table, dataset = _step(samples_csv, dataset_csv, targets)
     corners, middle = screening.corners_and_centre(table)
@@ -102,22 +76,7 @@ def run_ascent(
 ) -> pd.DataFrame:
     """Write the walked path, path.csv, and the samples of the surface; return the path.
 
-    Parameters
-    ----------
-    samples_csv, dataset_csv : path
-        Of the ascent.
-    space, targets, section
-        Of the configuration.
-    out_dir, surface_csv : path
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Raises
-    ------
-    InputError
-        For a bad file, or no usable sample.
+    InputError without a usable sample.
     """
     table, dataset = _step(samples_csv, dataset_csv, targets)
     points = surface.walked(table, dataset, targets)
@@ -137,25 +96,8 @@ def run_surface(
 ) -> dict[str, Any]:
     """Write the surface's tables, its optimum and the samples of the check; return the optimum.
 
-    Parameters
-    ----------
-    samples_csv, dataset_csv : path
-        Of the surface.
-    space, targets, section
-        Of the configuration.
-    out_dir : path
-        For anova.csv, effects.csv, statistics.csv, predictions.csv and optimum.json.
-    check_csv : path
-
-    Returns
-    -------
-    dict
-        ``parameters``, ``coded``, ``met``, whether the surfaces meet the targets, and ``desirability``.
-
-    Raises
-    ------
-    InputError
-        For a bad file, or too few usable samples.
+    The files are anova.csv, effects.csv, statistics.csv, predictions.csv and optimum.json. The result has `parameters`,
+    `coded`, `met` (whether the surfaces meet the targets) and `desirability`. InputError for too few usable samples.
     """
     table, dataset = _step(samples_csv, dataset_csv, targets)
     models = _models(table, dataset, targets, "quadratic", dataset_csv)
@@ -184,31 +126,10 @@ def run_check(
     config: Mapping[str, Any],
     out_dir: Path_,
 ) -> pd.DataFrame:
-    """Write check.csv and the files of `repose.strategies.answer.write`; return the former.
+    """Write check.csv and the files of `repose.strategies.answer.write`; return the table of check.csv.
 
-    Parameters
-    ----------
-    predictions_csv, optimum_json : path
-        Of `run_surface`.
-    surface_dir : path
-        Folder with samples.csv and dataset.csv of the surface.
-    dataset_csv : path
-        Of the check.
-    runs_csvs : sequence of path
-        Single runs of all steps, which are counted; those of the check last.
-    config : mapping
-        The whole configuration.
-    out_dir : path
-
-    Returns
-    -------
-    pandas.DataFrame
-        Of `repose.strategies.response_surface.surface.checked`.
-
-    Raises
-    ------
-    InputError
-        For a bad file.
+    The table is that of `surface.checked`. `surface_dir` holds samples.csv and dataset.csv of the surface. `runs_csvs`
+    are the single runs of all steps, whose pours are counted; those of the check come last.
     """
     targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
     columns = ("response", "target", "predicted", "low", "high")
@@ -249,7 +170,7 @@ def _step(samples_csv, dataset_csv, targets):
 
 
 def _models(table, dataset, targets, order, source):
-    """Models of a step, or InputError where its samples do not determine them."""
+    """Models of a step; InputError if its samples do not determine them."""
     try:
         return screening.models_of(table, dataset, targets, order)
     except ValueError as error:

@@ -28,12 +28,9 @@ from repose.strategies.response_surface.steps import (
 
 
 class Analysis(NamedTuple):
-    """Tables of the models of one step, a block of rows for each response.
+    """Tables of the models of a step, as in `repose.doe.anova`, with the column `response` first.
 
-    Attributes
-    ----------
-    anova, effects, statistics : pandas.DataFrame
-        As `repose.doe.anova` gives them, with the column response first; the effects also have the chart's two limits.
+    The effects also have the two limits of the Pareto chart.
     """
 
     anova: pd.DataFrame
@@ -42,61 +39,23 @@ class Analysis(NamedTuple):
 
 
 def design(space: ParameterSpace, section: Mapping[str, Any]) -> pd.DataFrame:
-    """The screening's samples: every free parameter at one end of its range; then the centre, `centres` times.
-
-    Parameters
-    ----------
-    space : ParameterSpace
-    section : mapping
-        `response_surface` of the configuration.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Of `repose.strategies.response_surface.steps.samples`.
-    """
+    """The screening's samples: every free parameter at an end of its range; then the centre, `centres` times."""
     corners = plackett_burman(space.dimensions, section["screening_runs"])
     coded = np.vstack([corners, np.zeros((section["centres"], space.dimensions))])
     return samples("screening", space, (1 + coded) / 2, space.free, coded)
 
 
 def corners_and_centre(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The samples of the screening in its two parts.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Of `design`.
-
-    Returns
-    -------
-    corners, centre : pandas.DataFrame
-    """
+    """The samples of the screening at the corners, and those at the centre."""
     at_centre = (table[[CODED + name for name in factors_of(table)]] == 0).all(axis=1)
     return table[~at_centre], table[at_centre]
 
 
 def models_of(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, order: str) -> list[Model]:
-    """A polynomial for each response of a step.
+    """A polynomial for each response of a step; ValueError for too few usable samples.
 
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Samples of the step, with coded columns.
-    dataset : pandas.DataFrame
-        Their means over the pours; only samples that are ok count.
-    targets : Targets
-    order : str
-        As for `repose.doe.model.fit`.
-
-    Returns
-    -------
-    list of Model
-
-    Raises
-    ------
-    ValueError
-        If too few samples are usable.
+    `table` has the samples with coded columns, `dataset` their means over the pours. `order` as in
+    `repose.doe.model.fit`.
     """
     runs, factors = usable(table, dataset), factors_of(table)
     coded = runs[[CODED + name for name in factors]].to_numpy(float)
@@ -104,18 +63,7 @@ def models_of(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, orde
 
 
 def analysis(models: list[Model], targets: Targets) -> Analysis:
-    """The tables of a step's models.
-
-    Parameters
-    ----------
-    models : list of Model
-        One for each target.
-    targets : Targets
-
-    Returns
-    -------
-    Analysis
-    """
+    """The tables of a step's models, one for each target."""
     tables: dict[str, list[pd.DataFrame]] = {"anova": [], "effects": [], "statistics": []}
     for target, model in zip(targets, models, strict=True):
         found = {
@@ -130,21 +78,10 @@ def analysis(models: list[Model], targets: Targets) -> Analysis:
 
 
 def kept_factors(models: list[Model], section: Mapping[str, Any]) -> list[str]:
-    """The parameters that go on: significant for at least one response, the most significant first.
+    """The parameters of the next steps: significant for at least one response, the most significant first.
 
-    Where fewer are significant than the surface needs, the next ones are taken; where more are than
-    `most_factors`, the last ones are dropped.
-
-    Parameters
-    ----------
-    models : list of Model
-        Linear, one for each response.
-    section : mapping
-        `response_surface` of the configuration.
-
-    Returns
-    -------
-    list of str
+    If fewer are significant than the surface needs, the next parameters are taken; if more are than `most_factors`, the
+    last are dropped. `models` are linear, one for each response.
     """
     tables = [effects(one).set_index("term")["p"] for one in models]
     best = pd.concat(tables, axis=1).min(axis=1).reindex(models[0].factors).sort_values(kind="stable")
@@ -163,28 +100,9 @@ def path(
 ) -> pd.DataFrame:
     """Samples of the steepest ascent: from the centre of the ranges towards the targets, to the edge of the ranges.
 
-    Parameters
-    ----------
-    models : list of Model
-        Linear, one for each response: the slopes.
-    centre : numpy.ndarray, (responses,)
-        Mean responses that were poured at the centre.
-    kept : list of str
-        Of `kept_factors`; the others stay at the centre of their ranges.
-    space : ParameterSpace
-    targets : Targets
-    section : mapping
-        `response_surface` of the configuration.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Of `repose.strategies.response_surface.steps.samples`.
-
-    Raises
-    ------
-    ValueError
-        If the models know no way towards the targets.
+    `models` are linear, one for each response; `centre` (responses,) has the mean responses poured at the centre.
+    Parameters that are not `kept` stay at the centre of their ranges. ValueError if the models show no way towards the
+    targets.
     """
     order = [models[0].factors.index(name) for name in kept]
     slopes = np.array([one.coefficients[order] for one in models])

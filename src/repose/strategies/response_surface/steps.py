@@ -17,18 +17,7 @@ CODED = "coded_"  # before a parameter's name: its column in coded units
 
 
 def numbers(step: str, count: int) -> list[int]:
-    """Numbers of a step's samples.
-
-    Parameters
-    ----------
-    step : str
-        One of `STEPS`.
-    count : int
-
-    Returns
-    -------
-    list of int
-    """
+    """Sample numbers of a step, one of `STEPS`."""
     first = OF_A_STEP * (STEPS.index(step) + 1) + 1
     return list(range(first, first + count))
 
@@ -36,24 +25,9 @@ def numbers(step: str, count: int) -> list[int]:
 def samples(
     step: str, space: ParameterSpace, unit: np.ndarray, factors: Sequence[str], coded: np.ndarray
 ) -> pd.DataFrame:
-    """What a step pours.
+    """The samples of a step: `sample`, the six parameters, and the factors in coded units (`CODED` + name).
 
-    Parameters
-    ----------
-    step : str
-        One of `STEPS`.
-    space : ParameterSpace
-    unit : numpy.ndarray, (n, d)
-        Free parameters in the unit cube.
-    factors : sequence of str
-        Parameters that the step varies.
-    coded : numpy.ndarray, (n, factors)
-        The same runs in coded units.
-
-    Returns
-    -------
-    pandas.DataFrame
-        sample, the six parameters, and the factors in coded units.
+    `unit` (n, d) has the free parameters in the unit cube, `coded` (n, factors) the same runs in coded units.
     """
     table = pd.DataFrame(space.values(unit), columns=list(PARAMETERS))
     table.insert(0, "sample", numbers(step, len(unit)))
@@ -63,40 +37,14 @@ def samples(
 
 
 def factors_of(table: pd.DataFrame) -> tuple[str, ...]:
-    """Parameters that a step varied.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Of `samples`.
-
-    Returns
-    -------
-    tuple of str
-    """
+    """Parameters that a step varied, from its table of `samples`."""
     return tuple(name.removeprefix(CODED) for name in table if name.startswith(CODED))
 
 
 def usable(table: pd.DataFrame, dataset: pd.DataFrame, source: object = "dataset") -> pd.DataFrame:
     """The samples of a step whose pours gave a pile, with their responses.
 
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Of `samples`.
-    dataset : pandas.DataFrame
-        Of their pours.
-    source : object
-        Where the dataset stands, for the error.
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Raises
-    ------
-    InputError
-        If a sample is not in the dataset, or none is usable.
+    InputError if a sample is not in the dataset, or none is usable; `source` names the dataset in its message.
     """
     missing = sorted(set(table["sample"]) - set(dataset["sample"]))
     if missing:
@@ -110,43 +58,15 @@ def usable(table: pd.DataFrame, dataset: pd.DataFrame, source: object = "dataset
 
 
 def scale_of(targets: Targets) -> np.ndarray:
-    """What a miss of each target is measured by: the aim divided by the root of its weight.
-
-    Parameters
-    ----------
-    targets : Targets
-
-    Returns
-    -------
-    numpy.ndarray, (responses,)
-    """
+    """Scale (responses,) of the misses: the aim of each target over the root of its weight."""
     return np.array([one.aim / np.sqrt(one.weight) for one in targets])
 
 
 def aims_of(targets: Targets) -> np.ndarray:
-    """What each response shall be.
-
-    Parameters
-    ----------
-    targets : Targets
-
-    Returns
-    -------
-    numpy.ndarray, (responses,)
-    """
+    """Aims (responses,) of the targets."""
     return np.array([one.aim for one in targets])
 
 
 def fewest_factors(section: Mapping[str, Any]) -> int:
-    """Fewest factors that a surface can have.
-
-    Parameters
-    ----------
-    section : mapping
-        `response_surface` of the configuration.
-
-    Returns
-    -------
-    int
-    """
+    """Smallest number of factors of the surface."""
     return 3 if section["surface"] == "box_behnken" else 2

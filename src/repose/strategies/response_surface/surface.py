@@ -19,24 +19,13 @@ from repose.strategies.answer import apart
 from repose.strategies.response_surface.steps import aims_of, factors_of, samples, scale_of, usable
 
 LEVEL = 0.95  # of the intervals
-POINTS = 2048  # of the cube, where parameter sets inside the ranges are looked for
+POINTS = 2048  # of the cube, searched for parameter sets inside the ranges
 
 
 def walked(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets) -> pd.DataFrame:
-    """The path of ascent with its relative errors.
+    """The usable points of the path of ascent, with `error_percent` and `best`.
 
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Samples of the path.
-    dataset : pandas.DataFrame
-        Of their pours.
-    targets : Targets
-
-    Returns
-    -------
-    pandas.DataFrame
-        The usable points, with ``error_percent``, the weighted root mean square of the relative misses, and ``best``.
+    `error_percent` is the weighted root mean square of the relative misses.
     """
     points = usable(table, dataset)
     weights = np.array([one.weight for one in targets])
@@ -47,23 +36,10 @@ def walked(table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets) -> pd.D
 
 
 def design(points: pd.DataFrame, space: ParameterSpace, section: Mapping[str, Any]) -> pd.DataFrame:
-    """Samples of the surface, about the best point of the path.
+    """Samples of the surface, about the best point of the path (`walked`).
 
-    The outermost level of a factor lies `reach` of its range from the centre. Where that would leave the range, the
-    centre is moved.
-
-    Parameters
-    ----------
-    points : pandas.DataFrame
-        Of `walked`.
-    space : ParameterSpace
-    section : mapping
-        `response_surface` of the configuration.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Of `repose.strategies.response_surface.steps.samples`.
+    The outermost level of a factor lies `reach` of its range from the centre. If that would leave the range, the centre
+    is moved.
     """
     factors, reach = factors_of(points), section["reach"]
     if section["surface"] == "box_behnken":
@@ -78,43 +54,22 @@ def design(points: pd.DataFrame, space: ParameterSpace, section: Mapping[str, An
 
 
 def best_point(models: list[Model], targets: Targets) -> Optimum:
-    """Where the surfaces meet the targets, inside the cube of the design.
-
-    Parameters
-    ----------
-    models : list of Model
-        Quadratic, one for each target.
-    targets : Targets
-
-    Returns
-    -------
-    Optimum
-    """
+    """The optimum of the quadratic models, one for each target, inside the cube of the design."""
     low, high = (np.array([getattr(one, end) for one in targets]) for end in ("low", "high"))
     return optimum(models, aims_of(targets), scale_of(targets), low, high)
 
 
 def natural_unit(table: pd.DataFrame, points: np.ndarray, space: ParameterSpace) -> np.ndarray:
-    """Points of the surface in the unit cube of the ranges.
+    """Points (n, factors) or (factors,) in coded units as points (n, d) in the unit cube of the ranges.
 
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Samples of the surface.
-    points : numpy.ndarray, (n, factors) or (factors,)
-        In coded units.
-    space : ParameterSpace
-
-    Returns
-    -------
-    numpy.ndarray, (n, d)
+    `table` has the samples of the surface.
     """
     factors = factors_of(table)
     unit = space.unit(table[list(PARAMETERS)].to_numpy(float))
     points = np.atleast_2d(points)
     found = np.repeat(unit[:1], len(points), axis=0)
     for name, value in zip(factors, points.T, strict=True):
-        # every factor has a low and a high level, and levels are a straight line of the coded ones
+        # every factor has a low and a high level; natural levels are linear in coded levels
         place, coded = space.free.index(name), table[f"coded_{name}"].to_numpy(float)
         low, high = coded.argmin(), coded.argmax()
         slope = (unit[high, place] - unit[low, place]) / (coded[high] - coded[low])
@@ -129,23 +84,10 @@ def alternatives(
     targets: Targets,
     config: Mapping[str, Any],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Parameter sets of the design's cube whose predictions lie inside all ranges, the nearest to the aims first.
+    """Parameter sets (n, 6) of the design's cube and their predictions (n, k), all inside the ranges, the best first.
 
-    Parameters
-    ----------
-    models : list of Model
-        Quadratic, one for each target.
-    table : pandas.DataFrame
-        Samples of the surface.
-    space : ParameterSpace
-    targets : Targets
-    config : mapping
-        With ``miga``: the number of sets and their distance.
-
-    Returns
-    -------
-    values : numpy.ndarray, (n, 6)
-    predicted : numpy.ndarray, (n, k)
+    `models` are quadratic, one for each target. The section `miga` of the configuration sets the number of sets and
+    their distance.
     """
     factors = len(models[0].factors)
     coded = 2 * qmc.Sobol(factors, rng=config["design"]["seed"]).random(POINTS) - 1
@@ -162,44 +104,18 @@ def alternatives(
 def check_samples(
     table: pd.DataFrame, best: Optimum, space: ParameterSpace, section: Mapping[str, Any]
 ) -> pd.DataFrame:
-    """Samples of the check: the optimum, several times.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        Samples of the surface.
-    best : Optimum
-    space : ParameterSpace
-    section : mapping
-        `response_surface` of the configuration.
-
-    Returns
-    -------
-    pandas.DataFrame
-        Of `repose.strategies.response_surface.steps.samples`.
-    """
+    """Samples of the check: the optimum, `checks` times."""
     count = section["checks"]
     unit = np.repeat(natural_unit(table, best.coded, space), count, axis=0)
     return samples("check", space, unit, factors_of(table), np.repeat(best.coded[None], count, axis=0))
 
 
 def predictions(models: list[Model], best: Optimum, targets: Targets, runs: int) -> pd.DataFrame:
-    """What the surfaces say of their optimum.
+    """Predictions at the optimum, for a check by the mean of some runs.
 
-    Parameters
-    ----------
-    models : list of Model
-        One for each target.
-    best : Optimum
-    targets : Targets
-    runs : int
-        Of how many runs the check takes the mean.
-
-    Returns
-    -------
-    pandas.DataFrame
-        response, target, predicted, standard_error of the predicted mean, its 95 % interval mean_low to mean_high, and
-        the interval low to high in which the mean of the check lies with 95 % probability if the model is right.
+    `response`, `target`, `predicted`, `standard_error` of the predicted mean, its 95 % interval `mean_low` to
+    `mean_high`, and the interval `low` to `high` in which the mean of the check lies with 95 % probability if the model
+    is right.
     """
     rows = []
     for target, model in zip(targets, models, strict=True):
@@ -226,20 +142,10 @@ def predictions(models: list[Model], best: Optimum, targets: Targets, runs: int)
 
 
 def checked(predicted: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
-    """The optimum as it was simulated again.
+    """The table of `predictions` beside the simulations of the check.
 
-    Parameters
-    ----------
-    predicted : pandas.DataFrame
-        Of `predictions`.
-    dataset : pandas.DataFrame
-        Of the check's pours.
-
-    Returns
-    -------
-    pandas.DataFrame
-        `predicted` with simulated and simulated_error, its standard error over the check's runs; deviation_percent
-        from the target; and as_predicted, whether the mean lies from low to high.
+    Added are `simulated` and its standard error `simulated_error`, `deviation_percent` from the target, and
+    `as_predicted`: whether the mean lies from `low` to `high`.
     """
     found, ok = predicted.copy(), dataset[dataset["status"] == "ok"]
     values = ok[list(found["response"])].to_numpy(float)

@@ -1,1 +1,1 @@
-"""Few pours, each where it says most: a space-filling start, then batches where the targets are probably met."""
+"""Few pours, each where it informs most: a space-filling start, then batches where the targets are probably met."""

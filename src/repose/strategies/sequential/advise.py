@@ -15,7 +15,7 @@ from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, Observed
 from repose.strategies.sequential.reach import Reach, reach
 
-CANDIDATES = 2048  # all over the ranges
+CANDIDATES = 2048  # over the whole ranges
 KEPT, AROUND = 8, 64  # the best of them, and points around each
 STEPS = (0.1, 0.03, 0.01)  # standard deviations of those, in ranges
 SPREAD = 0.1  # of a batch about the answer, standard deviation in ranges
@@ -26,55 +26,21 @@ LEAST_GAIN = 0.01  # a probability that cannot rise by more has reached the nois
 
 
 class Advice(NamedTuple):
-    """What to do after the pours so far.
+    """Advice after the pours so far."""
 
-    Attributes
-    ----------
-    stop : str or None
-        Why no further pour is made: ``probability``, ``out_of_reach``, ``budget`` or ``noise``; None where the batch
-        goes on.
-    batch : numpy.ndarray, (b, d)
-        Points to pour next, in the unit cube.
-    answer : numpy.ndarray, (d,)
-        Point that meets the targets most probably; where they are out of reach, the one of least expected deviation.
-    probability : float
-        That it meets them.
-    mean, error : numpy.ndarray, (k,)
-        Predicted mean responses of the answer and their standard errors.
-    reachable : float
-        The most that the probability can become by the pours that are left.
-    needed : int
-        Pours at one point that the noise alone asks for.
-    reach : Reach
-        Whether any point meets the targets.
-    """
-
-    stop: str | None
-    batch: np.ndarray
-    answer: np.ndarray
-    probability: float
-    mean: np.ndarray
-    error: np.ndarray
-    reachable: float
-    needed: int
+    stop: str | None  # "probability", "out_of_reach", "budget" or "noise"; None: the pours go on
+    batch: np.ndarray  # (b, d), points to pour next, in the unit cube
+    answer: np.ndarray  # (d,), the most probable point, or the nearest if the targets are out of reach
+    probability: float  # that the answer meets the targets
+    mean: np.ndarray  # (k,), predicted mean responses of the answer
+    error: np.ndarray  # (k,), their standard errors
+    reachable: float  # the highest probability that the remaining pours can give
+    needed: int  # pours at one point that the noise alone requires
     reach: Reach
 
 
 def start(space: ParameterSpace, section: Mapping[str, Any], seed: int) -> np.ndarray:
-    """Points of the start: a Latin hypercube, spread as the prior is.
-
-    Parameters
-    ----------
-    space : ParameterSpace
-    section : mapping
-        `sequential` of the configuration.
-    seed : int
-
-    Returns
-    -------
-    numpy.ndarray, (n, d)
-        In the unit cube.
-    """
+    """Points (n, d) of the start in the unit cube: a Latin hypercube, spread as the prior."""
     return space.from_prior(optimal_lhs(section["start_samples"], space.dimensions, seed))
 
 
@@ -89,30 +55,9 @@ def advise(
 ) -> Advice:
     """The next batch, or the answer.
 
-    Parameters
-    ----------
-    observed : Observed
-        Samples with at least one good pour.
-    failed : numpy.ndarray, (f, d)
-        Samples without one, in the unit cube: no point is proposed that lies nearer to one of them than to a good one.
-    goal : Goal
-    section : mapping
-        ``start_samples``, ``seeds``, ``batch``, ``probability`` and ``most_pours``, as in `sequential` of the
-        configuration.
-    poured : int
-        Pours so far, failed ones included.
-    random : numpy.random.Generator
-    noise : numpy.ndarray, (k, k), optional
-        As `Kriging` takes it.
-
-    Returns
-    -------
-    Advice
-
-    Raises
-    ------
-    ValueError
-        If the pours do not tell the noise, or there are fewer than two samples.
+    `observed` has the samples with an ok pour. `failed` (f, d) are the others, in the unit cube: a proposed point is
+    never nearer to a failed than to a good sample. `poured` counts failed pours too. `noise` as in `Kriging`.
+    ValueError if the pours have too few replicates for the noise, or there are fewer than two samples.
     """
     model = Kriging(observed, noise)
     points, scores = ranked(model, goal, observed.unit, failed, random)
@@ -149,20 +94,9 @@ def advise(
 def nearest(
     model: Kriging, goal: Goal, good: np.ndarray, failed: np.ndarray, points: np.ndarray
 ) -> np.ndarray:
-    """The point of least expected deviation from the targets (Eq. 11 of the paper), prior knowledge left aside.
+    """The point (d,) of least expected deviation from the targets (Eq. 11 of the paper), without prior knowledge.
 
-    Parameters
-    ----------
-    model : Kriging
-    goal : Goal
-    good, failed : numpy.ndarray, (n, d) and (f, d)
-        Samples with and without a good pour, in the unit cube.
-    points : numpy.ndarray, (m, d)
-        To begin with.
-
-    Returns
-    -------
-    numpy.ndarray, (d,)
+    `good` (n, d) and `failed` (f, d) are samples in the unit cube; the search begins at `points` (m, d).
     """
     random = np.random.default_rng(1)
 
@@ -175,12 +109,12 @@ def nearest(
 
 
 def _probability(model, goal, point):
-    """That one point meets the targets."""
+    """Probability that a point meets the targets."""
     return float(goal.probability(*model.predict(point[None]))[0])
 
 
 def _refined(points, scores, score, random):
-    """Points with their scores, and ever nearer ones around the best of them."""
+    """Points with their scores, after a search ever nearer to the best of them."""
     for step in STEPS:
         best = points[np.argsort(-scores)[:KEPT]]
         near = np.repeat(best, AROUND, axis=0)
@@ -192,21 +126,9 @@ def _refined(points, scores, score, random):
 def ranked(
     model: Kriging, goal: Goal, good: np.ndarray, failed: np.ndarray, random: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points with their scores: all over the ranges, and ever nearer around the best of them.
+    """Points (m, d) over the ranges and ever nearer around the best of them, with their scores (m,) (`Goal.score`).
 
-    Parameters
-    ----------
-    model : Kriging
-    goal : Goal
-    good, failed : numpy.ndarray, (n, d) and (f, d)
-        Samples with and without a good pour, in the unit cube.
-    random : numpy.random.Generator
-
-    Returns
-    -------
-    points : numpy.ndarray, (m, d)
-    scores : numpy.ndarray, (m,)
-        As `Goal.score`; minus infinity beside a failed sample.
+    The score is minus infinity beside a failed sample. `good` (n, d) and `failed` (f, d) are samples in the unit cube.
     """
 
     def score(unit):
@@ -219,21 +141,9 @@ def ranked(
 def alternatives(
     points: np.ndarray, scores: np.ndarray, model: Kriging, targets: Targets, section: Mapping[str, Any]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points that are predicted inside all ranges of the targets, apart from each other, the best first.
+    """Points (n, d) predicted inside all ranges, apart from each other, the best first; and their predictions (n, k).
 
-    Parameters
-    ----------
-    points, scores : numpy.ndarray, (m, d) and (m,)
-        Of `ranked`.
-    model : Kriging
-    targets : Targets
-    section : mapping
-        ``solutions``, their largest number, and ``distance``, as in `miga` of the configuration.
-
-    Returns
-    -------
-    points : numpy.ndarray, (n, d)
-    predicted : numpy.ndarray, (n, k)
+    `points` (m, d) and `scores` (m,) are those of `ranked`, `section` is `miga` of the configuration.
     """
     mean = model.predict(points)[0]
     inside = ((mean >= targets.low) & (mean <= targets.high)).all(axis=1) & np.isfinite(scores)

@@ -1,4 +1,4 @@
-"""The sequential strategy on files: each batch reads what all batches before it gave."""
+"""The sequential strategy on files: each batch reads the results of all batches before it."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -28,21 +28,9 @@ WHY = {
 
 
 def run_start(space: ParameterSpace, section: Mapping[str, Any], seed: int, out_csv: Path_) -> pd.DataFrame:
-    """Write the samples of the start; return them.
+    """Write the samples of the start; return them (`sample` from 1, and the parameters).
 
-    Parameters
-    ----------
-    space : ParameterSpace
-    section : mapping
-        `sequential` of the configuration.
-    seed : int
-        `design.seed` of the configuration.
-    out_csv : path
-
-    Returns
-    -------
-    pandas.DataFrame
-        sample, from 1, and the parameters.
+    `section` is `sequential` of the configuration, `seed` its `design.seed`.
     """
     table = _samples(space, start(space, section, seed), 1)
     write_table(out_csv, table)
@@ -57,34 +45,12 @@ def run_batch(
     seed: int,
     out_dir: Path_,
 ) -> dict[str, Any]:
-    """Write what to do after the batches so far, advice.json and next.csv; return the former.
+    """Write the advice after the batches so far, advice.json and next.csv; return the content of advice.json.
 
-    Parameters
-    ----------
-    folders : sequence of path
-        Of all batches so far, the start first, each with dataset.csv and runs.csv.
-    space, targets, section
-        Of the configuration.
-    seed : int
-        `design.seed` of the configuration.
-    out_dir : path
-
-    Returns
-    -------
-    dict
-        ``batch``, the number of the last one; ``pours`` so far; ``stop`` and ``why``; the ``answer``, its
-        ``probability``, and the ``responses`` that are predicted there; ``reachable`` and ``needed`` of
-        `repose.strategies.sequential.advise.Advice`; ``in_reach``, the probability that any parameter set meets the
-        targets, and ``nearest``, the least deviation that one has (Eq. 11 of the paper), with its error.
-
-    Raises
-    ------
-    InputError
-        For a bad file, or pours that do not tell the noise.
-
-    Notes
-    -----
-    next.csv holds the samples of the next batch, or, where the pours stop, the answer as a sample of its own.
+    `folders` are those of all batches, the start first, each with dataset.csv and runs.csv. next.csv has the samples of
+    the next batch, or, at the end, the answer as a single sample. The result has `batch` (the last), `pours`, `stop`,
+    `why`, `answer`, its `probability` and predicted `responses`, `reachable` and `needed` (`Advice`), `in_reach`
+    (probability that any set meets the targets) and `nearest` (least deviation of any set, Eq. 11, with its error).
     """
     dataset, runs = _batches(folders, targets)
     observed, failed = observed_of(dataset, runs, space, targets)
@@ -108,30 +74,12 @@ def run_check(
     config: Mapping[str, Any],
     out_dir: Path_,
 ) -> pd.DataFrame:
-    """Write how the batches went and the answer, simulated again; return check.csv.
+    """Write the course of the batches and the answer, simulated again; return the table of check.csv.
 
-    Parameters
-    ----------
-    folders : sequence of path
-        Of all batches, the start first, each with advice.json, dataset.csv and runs.csv.
-    dataset_csv, runs_csv : path
-        Of the answer's pours.
-    config : mapping
-        The whole configuration.
-    out_dir : path
-        For batches.csv, check.csv, what all batches poured, dataset.csv and runs.csv, and the files of
-        `repose.strategies.answer.write`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        A row for each response: target, predicted, predicted_error, simulated, simulated_error, deviation_percent from
-        the target.
-
-    Raises
-    ------
-    InputError
-        For a bad file.
+    It has a row for each response: `target`, `predicted`, `predicted_error`, `simulated`, `simulated_error`,
+    `deviation_percent`. The other files are batches.csv, dataset.csv and runs.csv of all batches, and those of
+    `repose.strategies.answer.write`. `folders` also hold advice.json; `dataset_csv` and `runs_csv` are those of the
+    answer.
     """
     targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
     keys: tuple[str, ...] = (
@@ -229,26 +177,10 @@ def _out_of_reach(last, targets):
 def observed_of(
     dataset: pd.DataFrame, runs: pd.DataFrame, space: ParameterSpace, targets: Targets
 ) -> tuple[Observed, np.ndarray]:
-    """The tables of samples and of single runs as arrays.
+    """The samples with an ok run as arrays, and the failed samples (f, d) in the unit cube.
 
-    Parameters
-    ----------
-    dataset, runs : pandas.DataFrame
-        As the verb dataset writes them.
-    space : ParameterSpace
-    targets : Targets
-
-    Returns
-    -------
-    observed : Observed
-        Samples with a good run.
-    failed : numpy.ndarray, (f, d)
-        The others, in the unit cube.
-
-    Notes
-    -----
-    Responses of several bench tests come from runs of their own. The first run of each bench test makes the first pour
-    of the sample, and so on; these runs are independent, so any pairing will do.
+    Responses of several bench tests come from separate runs. The first run of each bench test makes the first pour of
+    the sample, and so on; these runs are independent, so any pairing is valid.
     """
     unit = space.unit(dataset[list(space.names)].to_numpy(float))
     ok = runs[runs["status"] == "ok"]
@@ -276,7 +208,7 @@ def _batches(folders, targets):
 
 
 def _pours(runs, targets):
-    """Pours of one bench test, failed ones included; the bench tests of the targets have as many each."""
+    """Pours of a bench test, failed ones included; all bench tests of the targets have as many."""
     return len(runs) // len(targets.apparatus)
 
 

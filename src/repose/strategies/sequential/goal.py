@@ -1,4 +1,4 @@
-"""What is asked for: the targets within a tolerance; how probable that is, and what pours can make of it."""
+"""The goal: the targets within a tolerance, its probability, and its possible gain by further pours."""
 
 from typing import NamedTuple, Self
 
@@ -15,141 +15,63 @@ MOST_NEEDED = 10**6  # pours; more are not counted
 
 
 class Goal(NamedTuple):
-    """The targets, and how near to them is near enough.
+    """The targets with a tolerance.
 
-    Attributes
-    ----------
-    aim, half : numpy.ndarray, (k,)
-        A response is met where its mean lies within `half` of its `aim`.
-    space : ParameterSpace
-        Ranges and prior of the parameters.
-    weight : numpy.ndarray, (k,)
-        Of each response in Eq. 11 of the paper, divided by the width of its range.
+    A response is met if its mean lies within `half` of its `aim`. The score includes the prior of `space`.
     """
 
-    aim: np.ndarray
-    half: np.ndarray
+    aim: np.ndarray  # (k,)
+    half: np.ndarray  # (k,), half width of the tolerance
     space: ParameterSpace
-    weight: np.ndarray
+    weight: np.ndarray  # (k,), of Eq. 11 of the paper, over the width of the range
 
     @classmethod
     def of(cls, targets: Targets, tolerance_percent: float, space: ParameterSpace) -> Self:
-        """The goal of a study.
-
-        Parameters
-        ----------
-        targets : Targets
-        tolerance_percent : float
-            Of each target's aim.
-        space : ParameterSpace
-
-        Returns
-        -------
-        Goal
-        """
+        """The goal of a study; the tolerance is in percent of each aim."""
         weight = targets.weight / (targets.high - targets.low)
         return cls(targets.aim, tolerance_percent / 100 * np.abs(targets.aim), space, weight)
 
     def of_responses(self, responses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How far responses are from the goal.
+        """Two deviations (...) of responses (..., k): the largest in tolerances, and F.
 
-        Parameters
-        ----------
-        responses : numpy.ndarray, (..., k)
-
-        Returns
-        -------
-        worst : numpy.ndarray, (...)
-            Largest deviation in tolerances: the goal is met up to 1.
-        deviation : numpy.ndarray, (...)
-            F, Eq. 11 of the paper.
+        The goal is met if the largest is at most 1; F is Eq. 11 of the paper.
         """
         off = np.abs(responses - self.aim)
         return (off / self.half).max(axis=-1), off @ self.weight
 
     def expected_deviation(self, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-        """Mean of F, Eq. 11 of the paper, over what the responses may be.
-
-        Parameters
-        ----------
-        mean, covariance : numpy.ndarray
-            Of the mean responses, (m, k) and (m, k, k).
-
-        Returns
-        -------
-        numpy.ndarray, (m,)
-        """
+        """Expectation (m,) of F, Eq. 11 of the paper; mean responses (m, k) with covariance (m, k, k)."""
         off, sd = mean - self.aim, np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
         z = off / sd
         return (sd * np.sqrt(2 / np.pi) * np.exp(-(z**2) / 2) + off * (1 - 2 * ndtr(-z))) @ self.weight
 
     def probability(self, mean: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-        """Probability that all responses are met.
-
-        Parameters
-        ----------
-        mean, covariance : numpy.ndarray
-            Of the mean responses, (m, k) and (m, k, k).
-
-        Returns
-        -------
-        numpy.ndarray, (m,)
-        """
+        """Probability (m,) that all responses are met; mean responses (m, k) with covariance (m, k, k)."""
         return within(mean, covariance, self.aim - self.half, self.aim + self.half)
 
     @staticmethod
     def inside(mean: np.ndarray, covariance: np.ndarray, targets: Targets) -> float:
         """Probability that the responses of one point lie in the ranges of all targets.
 
-        Parameters
-        ----------
-        mean, covariance : numpy.ndarray
-            Of the mean responses, (1, k) and (1, k, k).
-        targets : Targets
-
-        Returns
-        -------
-        float
+        Mean (1, k) and covariance (1, k, k) are those of the mean responses.
         """
         return float(within(mean, covariance, targets.low, targets.high)[0])
 
     def score(self, model: Kriging, unit: np.ndarray) -> np.ndarray:
-        """Log of the probability that a point meets the targets, and of its prior density.
-
-        Parameters
-        ----------
-        model : Kriging
-        unit : numpy.ndarray, (m, d)
-
-        Returns
-        -------
-        numpy.ndarray, (m,)
-        """
+        """Log of the probability (m,) that points (m, d) meet the targets, plus that of their prior density."""
         mean, covariance = model.predict(unit)
         off = mean - self.aim
         miss = np.einsum("mi,mi->m", off, np.linalg.solve(covariance, off[:, :, None])[:, :, 0])
-        # where the probability is too small for a number, the nearer point is the better one
+        # where the probability underflows, the nearer point is better
         probability = np.maximum(self.probability(mean, covariance), LEAST)
         return np.log(probability) - 1e-6 * miss + self.space.log_prior(unit)
 
     def reachable(self, model: Kriging, unit: np.ndarray, pours: int) -> float:
-        """The most that the probability can become by further pours, wherever they are made and however they fall.
+        """The highest probability that further pours can give, at the best place and with the best results.
 
-        Parameters
-        ----------
-        model : Kriging
-        unit : numpy.ndarray, (m, d)
-            Points to think of.
-        pours : int
-
-        Returns
-        -------
-        float
-
-        Notes
-        -----
-        All pours are made at one point. They shrink the covariance C of its mean to (C^-1 + pours N^-1)^-1 with the
-        noise N of a pour, and may move the mean towards the target by `LUCK` standard deviations of what they tell.
+        All pours are made at one of the points (m, d). They shrink the covariance C of its mean to (C^-1 + pours
+        N^-1)^-1 with the noise N of a pour, and may move the mean towards the target by `LUCK` standard deviations of
+        their information.
         """
         mean, covariance = model.predict(unit)
         rest = np.linalg.inv(np.linalg.inv(covariance) + pours * np.linalg.inv(model.noise))
@@ -159,19 +81,9 @@ class Goal(NamedTuple):
         return float(self.probability(self.aim + off, rest).max())
 
     def needed(self, noise: np.ndarray, probability: float) -> int:
-        """Pours at one point after which its mean is known within the tolerance, by the noise alone.
+        """Pours at a point after which its mean is known within the tolerance, by the noise (k, k) of a pour alone.
 
-        Parameters
-        ----------
-        noise : numpy.ndarray, (k, k)
-            Covariance of a single pour.
-        probability : float
-            That all responses are known so well.
-
-        Returns
-        -------
-        int
-            At most `MOST_NEEDED`.
+        `probability` is that of all responses together. At most `MOST_NEEDED`.
         """
         few, many = 0, 1
 

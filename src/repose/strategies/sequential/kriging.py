@@ -11,7 +11,7 @@ Sources of the lines, named where they are used:
 - (H24) Hvarfner, Hellsten & Nardi 2024, Vanilla Bayesian optimization performs great in high dimensions: a prior of the
   lengths that grows with the number of inputs. It is used there where its density over the lengths is largest, at
   exp(sqrt(2) - 3) sqrt(d): half a range for six inputs. Here logarithms of lengths are drawn, and that place is the
-  middle of their prior. The median of the same density, ten ranges, would say that the simulator is almost straight.
+  middle of their prior. The median of the same density, ten ranges, would mean an almost linear simulator.
 """
 
 import math
@@ -24,7 +24,7 @@ from scipy import linalg, optimize
 
 from repose.core.parameter_space import ParameterSpace
 
-PRIOR_FREEDOM = 20.0  # degrees of freedom that the common variance counts for, beside those of a sample's own
+PRIOR_FREEDOM = 20.0  # prior degrees of freedom of the pooled variance
 LENGTH_LOG_MEAN = math.sqrt(2) - 3  # and half the logarithm of the number of inputs (H24)
 LENGTH_LOG_SD = math.sqrt(3)  # (H24)
 VARIANCE_LOG_SD = 1.0  # of the process's variance about that of the means
@@ -37,22 +37,14 @@ BOUNDS = (1e-3, 1e3)  # of variance and lengths, in variances of the means and r
 
 
 class Observed(NamedTuple):
-    """Samples and what their pours gave.
+    """Samples with the responses of their pours."""
 
-    Attributes
-    ----------
-    unit : numpy.ndarray, (n, d)
-        Free parameters in the unit cube.
-    values : numpy.ndarray, (n, pours, k)
-        Responses of every pour; NaN where there is none. Every sample has one at least.
-    """
-
-    unit: np.ndarray
-    values: np.ndarray
+    unit: np.ndarray  # (n, d), free parameters in the unit cube
+    values: np.ndarray  # (n, pours, k), NaN for a missing pour; every sample has at least one pour
 
     @property
     def good(self) -> np.ndarray:
-        """Which pours have all responses, (n, pours)."""
+        """Mask (n, pours) of the pours with all responses."""
         return np.isfinite(self.values).all(axis=2)
 
     @property
@@ -77,12 +69,9 @@ class Observed(NamedTuple):
         return int(self.counts.sum() - len(self.unit))
 
     def noise(self) -> np.ndarray:
-        """Covariance of a single pour about its sample's mean, (k, k), from all samples.
+        """Covariance (k, k) of a single pour about its sample's mean, from all samples.
 
-        Raises
-        ------
-        ValueError
-            If too few samples have two pours.
+        ValueError if too few samples have two pours.
         """
         residuals = self.residuals.reshape(-1, self.values.shape[2])
         k = residuals.shape[1]
@@ -97,29 +86,15 @@ class Observed(NamedTuple):
 
 
 class Kriging:
-    """What the pours say of the mean responses everywhere.
+    """Model of the mean responses over all parameters, from the pours.
 
-    Parameters
-    ----------
-    observed : Observed
-    noise : numpy.ndarray, (k, k), optional
-        Covariance of a single pour, where it is known otherwise; by default that of the pours of each sample.
+    The error of a sample's mean is known, not fitted (ANS10). A variance from few pours is a poor estimate, so it is
+    moderated by that of all samples (S04). `noise` (k, k) is the covariance of a single pour; None means that of the
+    pours. ValueError if the pours have too few replicates for the noise, or there are fewer than two samples.
 
-    Raises
-    ------
-    ValueError
-        If the pours do not tell the noise, or there are fewer than two samples.
-
-    Notes
-    -----
-    The error of a sample's mean is known, not fitted (ANS10). A variance out of few pours is a poor estimate, so it is
-    moderated by that of all samples (S04); where a sample has one pour, the common variance is all there is.
-
-    A straight line is part of each process (R06): responses of friction rise or fall over the whole range, and without
-    the line a process goes back to its mean in the corners, where the largest and the smallest responses are.
-
-    Variance and lengths of a process are uncertain where samples are few. They are drawn `DRAWS` times from the normal
-    approximation of their posterior, whose prior is that of (H24); predictions are those of the mixture.
+    Each process has a linear part (R06): without it a process returns to its mean in the corners, where the largest and
+    the smallest responses are. Variance and lengths are uncertain with few samples, so they are drawn `DRAWS` times
+    from the normal approximation of their posterior, with the prior of (H24); predictions are those of the mixture.
     """
 
     unit: np.ndarray  # (n, d), the samples, about the centre of the ranges
@@ -147,18 +122,7 @@ class Kriging:
         ]
 
     def predict(self, unit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mean responses and their error.
-
-        Parameters
-        ----------
-        unit : numpy.ndarray, (m, d)
-
-        Returns
-        -------
-        mean : numpy.ndarray, (m, k)
-        covariance : numpy.ndarray, (m, k, k)
-            Of the mean responses, the noise of a pour left out.
-        """
+        """Mean responses (m, k) at points (m, d), and their covariance (m, k, k) without the noise of a pour."""
         moments = np.array([self._moments(one, unit - 0.5) for one in self.sets])
         means, variances = moments[:, 0], moments[:, 1]
         off = (means - means.mean(axis=0)) * self._scale @ self._unmixing
@@ -168,16 +132,7 @@ class Kriging:
         return self.unmixed(means.mean(axis=0)), covariance
 
     def unmixed(self, scaled: np.ndarray) -> np.ndarray:
-        """Responses of the scaled combinations that the processes are of.
-
-        Parameters
-        ----------
-        scaled : numpy.ndarray, (..., k)
-
-        Returns
-        -------
-        numpy.ndarray, (..., k)
-        """
+        """Responses (..., k) from the scaled combinations (..., k) that the processes model."""
         return (scaled * self._scale + self._middle) @ self._unmixing
 
     def _moments(self, processes, unit):
@@ -192,13 +147,7 @@ class Kriging:
 
 
 class SpaceKriging:
-    """A kriging model that is asked for parameter sets, as surrogates are (`repose.surrogate.base.Predictor`).
-
-    Parameters
-    ----------
-    model : Kriging
-    space : ParameterSpace
-    """
+    """A kriging model for parameter sets, with the methods of a surrogate (`repose.surrogate.base.Predictor`)."""
 
     name = "kriging"
 
@@ -206,17 +155,9 @@ class SpaceKriging:
         self.model, self.space = model, space
 
     def predict(self, X: ArrayLike, return_std: bool = False, noise: bool = True) -> Any:
-        """Mean responses.
+        """Mean responses (n, k), with standard deviations on request.
 
-        Parameters
-        ----------
-        X : numpy.ndarray, (n, number of parameters)
-        return_std, noise : bool, optional
-            As `repose.surrogate.base.Surrogate.predict`.
-
-        Returns
-        -------
-        mean, std : numpy.ndarray, (n, k)
+        The options are those of `repose.surrogate.base.Surrogate.predict`.
         """
         mean, covariance = self.model.predict(self.space.unit(np.asarray(X, dtype=float)))
         if not return_std:
@@ -224,35 +165,26 @@ class SpaceKriging:
         return mean, np.sqrt(np.diagonal(covariance + noise * self.model.noise, axis1=1, axis2=2))
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Covariance of the predicted means.
-
-        Parameters
-        ----------
-        X : numpy.ndarray, (n, number of parameters)
-
-        Returns
-        -------
-        numpy.ndarray, (n, k, k)
-        """
+        """Covariance (n, k, k) of the predicted means."""
         return self.model.predict(self.space.unit(np.asarray(X, dtype=float)))[1]
 
 
 def _independent(observed, noise):
-    """Combinations of the responses whose noise is 1 and independent, and that do not go together over the samples."""
+    """Combinations of the responses whose noise is 1 and independent, and that are uncorrelated over the samples."""
     whitening = np.linalg.inv(np.linalg.cholesky(noise)).T
     spread = np.atleast_2d(np.cov((observed.means @ whitening).T, aweights=observed.counts))
     return whitening @ np.linalg.eigh(spread)[1]
 
 
 def _moderated(observed, mixing):
-    """Variances (n, k) of the samples' means in each combination, whose common variance is 1 (S04)."""
+    """Variances (n, k) of the samples' means in each combination, with a common variance of 1 (S04)."""
     own = ((observed.residuals @ mixing) ** 2).sum(axis=1)
     counts = observed.counts[:, None]
     return (PRIOR_FREEDOM + own) / (PRIOR_FREEDOM + counts - 1) / counts
 
 
 def _drawn(unit, value, error) -> list[Any]:
-    """Kernels of one combination, drawn from their posterior: a straight line, and what differs from it."""
+    """Kernels of one combination, drawn from their posterior: a linear part, and the deviation from it."""
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import ConstantKernel, DotProduct, Matern
 
@@ -281,7 +213,7 @@ def _drawn(unit, value, error) -> list[Any]:
     with warnings.catch_warnings():  # a length at its bound is a parameter without effect
         warnings.simplefilter("ignore")
         best = model.fit(unit, value).kernel_
-    # nothing is less certain than the prior says
+    # nothing is less certain than the prior
     size, axes = np.linalg.eigh((curvature + curvature.T) / 2)
     root = axes / np.sqrt(np.maximum(size, LENGTH_LOG_SD**-2))
     normal = np.random.default_rng(1).standard_normal((DRAWS // 2, 1 + d))

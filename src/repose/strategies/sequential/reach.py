@@ -1,7 +1,7 @@
-"""Whether any parameter set meets the goal, and how near the nearest comes: draws of what the responses may be.
+"""Whether any parameter set meets the goal, and how near the nearest comes, by draws of possible responses.
 
 A draw is a function of the parameters that agrees with the pours within their errors. In each draw the best point is
-searched for, so the answer is about all parameter sets together and not about one of them.
+searched for, so the answer is about all parameter sets together, not about a single set.
 
 - (RR08) Rahimi & Recht 2008, Random features for large-scale kernel machines, NeurIPS 20
 - (W20) Wilson et al. 2020, Efficiently sampling functions from Gaussian process posteriors, ICML 119: a draw of the
@@ -25,38 +25,16 @@ STEPS = (0.2, 0.07, 0.02)  # standard deviations of those, in ranges
 
 
 class Reach(NamedTuple):
-    """What the pours say of all parameter sets together.
+    """Best possible agreement with the goal over all parameter sets, by draws of the responses."""
 
-    Attributes
-    ----------
-    probability : float
-        That some parameter set meets the goal.
-    nearest, error : float
-        The least deviation that a parameter set has, as `Goal.deviation` counts: mean and standard deviation of the
-        draws.
-    points : numpy.ndarray, (draws, d)
-        Where each draw comes nearest to the goal, in the unit cube.
-    """
-
-    probability: float
-    nearest: float
-    error: float
-    points: np.ndarray
+    probability: float  # that some parameter set meets the goal
+    nearest: float  # least deviation of a parameter set, F of Eq. 11: mean of the draws
+    error: float  # their standard deviation
+    points: np.ndarray  # (draws, d), where each draw comes nearest to the goal, in the unit cube
 
 
 def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
-    """Whether any parameter set meets the goal.
-
-    Parameters
-    ----------
-    model : Kriging
-    goal : Goal
-    random : numpy.random.Generator
-
-    Returns
-    -------
-    Reach
-    """
+    """The probability that any parameter set meets the goal, and the least deviation of a set."""
     d = model.unit.shape[1]
     wide = goal.space.from_prior(qmc.Sobol(d, rng=random).random(CANDIDATES))
     wide = np.vstack([wide, np.round(wide)])

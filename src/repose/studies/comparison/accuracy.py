@@ -17,21 +17,10 @@ SHARES = (0.25, 0.5, 1.0)  # of the pool's points
 
 
 def table_of(sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any]) -> pd.DataFrame:
-    """Accuracy of the network, one row for each training set and response.
+    """Accuracy of the network, a row for each training set and response.
 
-    Parameters
-    ----------
-    sets : sequence of Points
-        The main design, the pool and the fresh points, as `points.read_sets` gives them.
-    names : sequence of str, (k,)
-        Responses.
-    settings : mapping
-        The configuration's section `network`.
-
-    Returns
-    -------
-    pandas.DataFrame
-        With the bounds of R2 and of the explainable share, and the bars that they are held against.
+    `sets` are the main design, the pool and the fresh points, as `points.read_sets` returns them; `settings` is the
+    section `network`. Columns ``r2`` and ``explainable`` have bounds (``_low``, ``_high``) and a bar (``_bar``).
     """
     main, pool, fresh = sets
     rows = []
@@ -44,40 +33,17 @@ def table_of(sets: Sequence[Points], names: Sequence[str], settings: Mapping[str
 def run(
     sets: Sequence[Points], names: Sequence[str], settings: Mapping[str, Any], out_dir: str | Path
 ) -> pd.DataFrame:
-    """Write accuracy.csv; return the table.
-
-    Parameters
-    ----------
-    sets, names, settings
-        As for `table_of`.
-    out_dir : path
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """Write accuracy.csv; return the table."""
     table = table_of(sets, names, settings)
     write_table(Path(out_dir) / "accuracy.csv", table, float_format="%.6g")
     return table
 
 
 def training_sets(main: Points, pool: Points, settings: Mapping[str, Any]) -> Iterator[tuple[str, Points]]:
-    """What the network is trained on.
+    """Training sets of the network, each with its name for the table.
 
-    First the main design's training samples as the chain splits it. Then all of the main design, and leading
-    parts of the pool, each with fewer and with all runs. Last the main design and the pool together.
-
-    Parameters
-    ----------
-    main, pool : Points
-    settings : mapping
-        ``split`` and ``seed`` of the configuration's section `network`.
-
-    Yields
-    ------
-    source : str
-        In words.
-    points : Points
+    First the main design's training samples as the chain splits it. Then all of the main design, and leading parts of
+    the pool, each with fewer and with all runs. Last the main design and the pool together.
     """
     train = split(len(main.X), settings["split"], settings["seed"])["train"]
     yield "main design, training samples", main.take(train)
@@ -92,17 +58,7 @@ def training_sets(main: Points, pool: Points, settings: Mapping[str, Any]) -> It
 
 
 def message(table: pd.DataFrame) -> str:
-    """Accuracy after each training set in words, one line for each response.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        See `table_of`.
-
-    Returns
-    -------
-    str
-    """
+    """Accuracy in words, a line for each training set and response."""
     lines = []
     for row in table.itertuples():
         lines.append(
@@ -114,7 +70,7 @@ def message(table: pd.DataFrame) -> str:
 
 
 def _rows(name, names, training, fresh, predicted):
-    """Rows of the table for one training set, one for each response."""
+    """Rows of the table for one training set, a row for each response."""
     means, errors, (mean, std) = fresh.means(), fresh.known_errors(), predicted
     seeds = training.values.shape[1]
     for k, response in enumerate(names):

@@ -17,28 +17,10 @@ SCALED_RANGE = (0.1, 0.9)  # as the paper scales inputs and outputs
 class EarlyStoppingBP:
     """Two-layer network; of several trainings the one with the least held-back error is kept.
 
-    Parameters
-    ----------
-    hidden : int
-        Neurons of the hidden layer.
-    epochs : int
-        Most accepted steps of a training.
-    starts : int
-        Trainings from different first weights.
-    held_back : float
-        Share of the samples that stop the training: as published, 0.15 of the 0.85 that are not for testing.
-    patience : int
-        Epochs without a lower error on them before training ends, six as in MATLAB's trainlm.
-    seed : int
-
-    Attributes
-    ----------
-    network_ : dict
-        Scalings and weights, as `repose.surrogate.two_layer.evaluate` takes them.
-    held_back_error_ : float
-        Mean squared error of the held-back samples, scaled.
-    epochs_ : int
-        Of the training that was kept.
+    `held_back` is the share of the samples that stop the training: as published, 0.15 of the 0.85 that are not for
+    testing. `patience` counts epochs without a lower error on them, six as in MATLAB's trainlm. After `fit`, `network_`
+    holds scalings and weights for `repose.surrogate.two_layer.evaluate`, and `held_back_error_` the mean squared error
+    of the scaled outputs.
     """
 
     def __init__(
@@ -54,23 +36,7 @@ class EarlyStoppingBP:
         self.held_back, self.patience, self.seed = held_back, patience, seed
 
     def fit(self, X: np.ndarray, Y: np.ndarray) -> Self:
-        """Train on samples.
-
-        Parameters
-        ----------
-        X : numpy.ndarray, (samples, inputs)
-        Y : numpy.ndarray, (samples, outputs)
-
-        Returns
-        -------
-        EarlyStoppingBP
-            The same one.
-
-        Raises
-        ------
-        ValueError
-            With fewer than four samples.
-        """
+        """Train on X (samples, inputs) and Y (samples, outputs); fewer than four samples raise ValueError."""
         if len(X) < 4:
             raise ValueError(f"{len(X)} samples; allowed: at least 4")
         ends = {"input_min": X.min(axis=0), "input_max": X.max(axis=0)}
@@ -89,16 +55,7 @@ class EarlyStoppingBP:
         return self
 
     def predict(self, X: np.ndarray) -> np.ndarray:
-        """Responses at parameter sets.
-
-        Parameters
-        ----------
-        X : numpy.ndarray, (samples, inputs)
-
-        Returns
-        -------
-        numpy.ndarray, (samples, outputs)
-        """
+        """Responses (samples, outputs) at parameter sets (samples, inputs)."""
         return evaluate(self.network_, X)
 
     def _train(self, w, used, held, mu=0.005, mu_max=1e10):

@@ -1,11 +1,11 @@
 """A stand-in for the simulator: mean responses and the noise of a run, fitted to points that were simulated.
 
-Ten repetitions of every design cannot be poured. The emulator's mean is the truth by definition, and its noise is the
-measured one. Mean and noise are chosen by the user of the emulator:
+Ten repetitions of every design cannot be poured. The emulator's mean is the truth by definition, and its noise is
+measured. Mean and noise are chosen by the user of the emulator:
 
 mean
-    the better surrogate of two by cross-validation (`chosen_by_cross_validation`); or a Gaussian process with a kernel
-    of one's own, on means with known errors (`with_process`)
+    the better surrogate of two by cross-validation (`chosen_by_cross_validation`); or a Gaussian process with any
+    kernel, on means with known errors (`with_process`)
 noise
     of one covariance everywhere (`EvenNoise`), or of another size at other parameters (`ScalingNoise`)
 """
@@ -23,7 +23,7 @@ from repose.studies.comparison.points import Points
 
 CANDIDATES = {"network": configured_network, "Gaussian process": gaussian_process}
 FOLDS = 5
-MOST_FOR_SCALES = 600  # points that the lengths of a kernel are fitted to
+MOST_FOR_SCALES = 600  # points for the fit of a kernel's lengths
 
 Predict = Callable[[np.ndarray], np.ndarray]
 
@@ -32,102 +32,35 @@ class Noise(Protocol):
     """The deviations of single runs from the mean."""
 
     def draw(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw the deviations of new runs.
-
-        Parameters
-        ----------
-        X : numpy.ndarray, (n, d)
-            Points.
-        seeds : int
-            Runs of each.
-        rng : numpy.random.Generator
-
-        Returns
-        -------
-        numpy.ndarray, (n, seeds, k)
-            In the responses' units.
-        """
+        """Deviations (n, seeds, k) of new runs at points X (n, d), in the responses' units."""
 
 
 class EvenNoise(NamedTuple):
-    """Normal noise of one covariance everywhere.
+    """Normal noise with the same covariance everywhere."""
 
-    Attributes
-    ----------
-    covariance : numpy.ndarray, (k, k)
-        Of a single run.
-    """
-
-    covariance: np.ndarray
+    covariance: np.ndarray  # (k, k), of a single run
 
     def draw(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw the deviations of new runs.
-
-        Parameters
-        ----------
-        X : numpy.ndarray, (n, d)
-            Only their number counts.
-        seeds : int
-            Runs of each.
-        rng : numpy.random.Generator
-
-        Returns
-        -------
-        numpy.ndarray, (n, seeds, k)
-            In the responses' units.
-        """
+        """Deviations (n, seeds, k) of new runs; only the number of the points X counts."""
         zeros = np.zeros(len(self.covariance))
         return rng.multivariate_normal(zeros, self.covariance, size=(len(X), seeds))
 
 
 class ScalingNoise(NamedTuple):
-    """Normal noise of one correlation everywhere, and of another size at other parameters.
+    """Normal noise with the same correlation everywhere and a size that varies with the parameters."""
 
-    Attributes
-    ----------
-    log_variance : numpy.ndarray, (1 + d, k)
-        Logarithm of a run's variance, linear in x: constant and slopes.
-    correlation : numpy.ndarray, (k, k)
-        Of the responses of a run.
-    low, width : numpy.ndarray, (d,)
-        Of the box that x is scaled by.
-    """
-
-    log_variance: np.ndarray
-    correlation: np.ndarray
-    low: np.ndarray
-    width: np.ndarray
+    log_variance: np.ndarray  # (1 + d, k), log of a run's variance, linear in x: constant and slopes
+    correlation: np.ndarray  # (k, k), of the responses of a run
+    low: np.ndarray  # (d,), lower end of the box that scales x
+    width: np.ndarray  # (d,), of this box
 
     def std(self, X: np.ndarray) -> np.ndarray:
-        """Standard deviations of a single run's responses.
-
-        Parameters
-        ----------
-        X : numpy.ndarray, (n, d)
-
-        Returns
-        -------
-        numpy.ndarray, (n, k)
-            In the responses' units.
-        """
+        """Standard deviations (n, k) of a single run's responses at points X (n, d), in their units."""
         x = np.column_stack([np.ones(len(X)), (X - self.low) / self.width])
         return np.exp(0.5 * x @ self.log_variance)
 
     def draw(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> np.ndarray:
-        """Draw the deviations of new runs.
-
-        Parameters
-        ----------
-        X : numpy.ndarray, (n, d)
-        seeds : int
-            Runs of each.
-        rng : numpy.random.Generator
-
-        Returns
-        -------
-        numpy.ndarray, (n, seeds, k)
-            In the responses' units.
-        """
+        """Deviations (n, seeds, k) of new runs at points X (n, d), in the responses' units."""
         root = np.linalg.cholesky(self.correlation)
         normal = rng.standard_normal((len(X), seeds, len(root)))
         mixed = np.empty_like(normal)
@@ -137,60 +70,23 @@ class ScalingNoise(NamedTuple):
 
 
 class Emulator(NamedTuple):
-    """The stand-in.
+    """The stand-in for the simulator."""
 
-    Attributes
-    ----------
-    mean : callable
-        Points (n, d) to responses (n, k).
-    noise : Noise
-    name : str
-        What the mean is.
-    explainable : numpy.ndarray, (k,)
-        Cross-validated share of the explainable variance.
-    """
-
-    mean: Predict
+    mean: Predict  # points (n, d) to responses (n, k)
     noise: Noise
-    name: str
-    explainable: np.ndarray
+    name: str  # of the surrogate for the mean
+    explainable: np.ndarray  # (k,), cross-validated share of the explainable variance
 
     def pour(self, X: np.ndarray, seeds: int, rng: np.random.Generator) -> Points:
-        """Points with emulated runs.
-
-        Parameters
-        ----------
-        X : numpy.ndarray, (n, d)
-        seeds : int
-            Runs of each.
-        rng : numpy.random.Generator
-
-        Returns
-        -------
-        Points
-        """
+        """Points X (n, d) with emulated runs."""
         return Points(X, self.mean(X)[:, None] + self.noise.draw(X, seeds, rng))
 
 
 def chosen_by_cross_validation(points: Points, settings: Mapping[str, Any], seed: int) -> Emulator:
     """The emulator of some points: the better of `CANDIDATES`, with noise that scales.
 
-    Parameters
-    ----------
-    points : Points
-    settings : mapping
-        The configuration's section `network`.
-    seed : int
-        Of the folds and of the network.
-
-    Returns
-    -------
-    Emulator
-
-    Raises
-    ------
-    ValueError
-        If the runs do not determine the covariance of the noise.
+    `settings` is the section `network`; `seed` is for the folds and the network. ValueError if the runs do not
+    determine the covariance of the noise.
     """
     covariance = points.covariance()
     if covariance is None:
@@ -218,26 +114,9 @@ def with_process(
 ) -> Emulator:
     """The emulator of some points: a Gaussian process for each response on means with known errors, even noise.
 
-    Parameters
-    ----------
-    points : Points
-        X (n, d) in the unit cube.
-    errors : numpy.ndarray, (n, k)
-        Standard errors of the means.
-    covariance : numpy.ndarray, (k, k)
-        Of a single run.
-    kernel : callable
-        The number of inputs to a kernel of scikit-learn with the values that the fit begins with.
-    seed : int
-        Of the points that the kernel is fitted to, and of the folds.
-
-    Returns
-    -------
-    Emulator
-
-    Notes
-    -----
-    The kernel of each response is fitted to at most `MOST_FOR_SCALES` points, and held in the cross-validation.
+    X (n, d) is in the unit cube; `errors` (n, k) are standard errors of the means; `covariance` (k, k) is of a single
+    run. `kernel` makes a scikit-learn kernel with start values from the number of inputs. The kernel of each response
+    is fitted to at most `MOST_FOR_SCALES` points, and held in the cross-validation.
     """
     rows = np.random.default_rng(seed).permutation(len(points.X))
     means, scaled, parts = (
@@ -264,19 +143,10 @@ def with_process(
 
 
 def left_out(points: Points, fit: Callable[[Points], Predict], parts: Sequence[np.ndarray]) -> np.ndarray:
-    """Predictions for the points of each part by a fit to all the others.
+    """Predictions (n, k) for the points of each part by a fit to all the others.
 
-    Parameters
-    ----------
-    points : Points
-    fit : callable
-        From `Points` to a function of X (n, d) that gives responses (n, k).
-    parts : sequence of numpy.ndarray
-        Numbers of points; each point is in one part.
-
-    Returns
-    -------
-    numpy.ndarray, (n, k)
+    `fit` returns a function from X (n, d) to responses (n, k). `parts` hold numbers of points; each point is in one
+    part.
     """
     predicted = np.empty((len(points.X), points.responses))
     for part in parts:
@@ -286,35 +156,17 @@ def left_out(points: Points, fit: Callable[[Points], Predict], parts: Sequence[n
 
 
 def explainable(means: np.ndarray, predicted: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """Share of the explainable variance that predictions have; see `repose.chain.train.r2_noise_corrected`.
+    """Share (k,) of the explainable variance in predictions; see `repose.chain.train.r2_noise_corrected`.
 
-    Parameters
-    ----------
-    means, predicted, errors : numpy.ndarray, (n, k)
-        Means of the points, their predictions, and standard errors of the means.
-
-    Returns
-    -------
-    numpy.ndarray, (k,)
-        NaN where the noise explains all of the variance, or an error is unknown.
+    All arrays are (n, k); `errors` are standard errors of the means. NaN where the noise explains all of the variance,
+    or an error is unknown.
     """
     columns = zip(means.T, predicted.T, errors.T, strict=True)
     return np.array([r2_noise_corrected(*column) for column in columns], float)
 
 
 def scaling_noise(points: Points, covariance: np.ndarray) -> ScalingNoise:
-    """The noise of points of which some have several runs.
-
-    Parameters
-    ----------
-    points : Points
-    covariance : numpy.ndarray, (k, k)
-        Of a single run, over all points.
-
-    Returns
-    -------
-    ScalingNoise
-    """
+    """Noise of points, some with several runs; `covariance` (k, k) is of a single run, over all points."""
     low = points.X.min(axis=0)
     width = points.X.max(axis=0) - low
     width = np.where(width > 0, width, 1.0)  # a parameter that is fixed

@@ -1,6 +1,7 @@
-"""Surrogates on equal terms: each takes points with their runs and gives a function of parameters.
+"""Surrogates on equal terms: each takes points with their runs and returns a function of parameters.
 
-Each fit uses all runs of the points: what a model holds back for its own validation, it holds back from these.
+Each fit uses all runs of the points: a model takes samples for its own validation from these. A model also takes the
+section `network` of the configuration and a seed for its starts, trees or held-back samples.
 """
 
 from collections.abc import Callable, Mapping
@@ -27,21 +28,7 @@ PUBLISHED = {"surrogate": "network", "prior": "one", "goal": 1e-4, "replicates":
 
 
 def configured_network(points: Points, settings: Settings, seed: int) -> Predict:
-    """The network as the main chain trains it, with the noise that the points' own runs show.
-
-    Parameters
-    ----------
-    points : Points
-    settings : mapping
-        The configuration's section `network`, with `surrogate`.
-    seed : int
-        Of the starts.
-
-    Returns
-    -------
-    callable
-        See `Predict`.
-    """
+    """The network as the main chain trains it, with the noise from the points' own runs."""
     kind = NetworkEnsemble if settings.get("surrogate") == NetworkEnsemble.name else BayesianBP
     noise = points.replicates() if settings["replicates"] else {}
     network = kind.of({**settings, "seed": seed})
@@ -49,21 +36,7 @@ def configured_network(points: Points, settings: Settings, seed: int) -> Predict
 
 
 def best_network(points: Points, settings: Settings, seed: int) -> Predict | None:
-    """The best network of an ensemble's starts alone.
-
-    Parameters
-    ----------
-    points : Points
-    settings : mapping
-        The configuration's section `network`, with `surrogate`.
-    seed : int
-        Of the starts.
-
-    Returns
-    -------
-    callable or None
-        See `Predict`; None where the configured network is no ensemble.
-    """
+    """The best network of an ensemble's starts alone; None if the configured network is no ensemble."""
     if settings.get("surrogate") != NetworkEnsemble.name:
         return None
     return configured_network(points, {**settings, "surrogate": BayesianBP.name}, seed)
@@ -72,42 +45,13 @@ def best_network(points: Points, settings: Settings, seed: int) -> Predict | Non
 def published_network(points: Points, settings: Settings, seed: int) -> Predict:
     """The same network with the published prior and goal, its samples weighed alike, its outputs independent.
 
-    Parameters
-    ----------
-    points : Points
-    settings : mapping
-        The configuration's section `network`; the published values replace its own.
-    seed : int
-        Of the starts.
-
-    Returns
-    -------
-    callable
-        See `Predict`.
-
-    References
-    ----------
     Section 3.2.2 of the paper.
     """
     return configured_network(points, {**settings, **PUBLISHED}, seed)
 
 
 def unregularised_network(points: Points, settings: Settings, seed: int) -> Predict:
-    """A network of the same shape without regularisation, `EarlyStoppingBP`.
-
-    Parameters
-    ----------
-    points : Points
-    settings : mapping
-        ``hidden``, ``epochs``, ``starts`` and ``split`` of the configuration's section `network`.
-    seed : int
-        Of the starts and of the samples that are held back.
-
-    Returns
-    -------
-    callable
-        See `Predict`; without standard deviation.
-    """
+    """A network of the same shape without regularisation, `EarlyStoppingBP`; no standard deviation."""
     train, validation, _ = settings["split"]
     network = EarlyStoppingBP(
         hidden=settings["hidden"],
@@ -120,21 +64,7 @@ def unregularised_network(points: Points, settings: Settings, seed: int) -> Pred
 
 
 def quadratic_surface(points: Points, settings: Settings, seed: int) -> Predict | None:
-    """The surrogate `repose.surrogate.quadratic.QuadraticSurface`, where there are more points than terms.
-
-    Parameters
-    ----------
-    points : Points
-    settings : mapping
-        Not used.
-    seed : int
-        Not used.
-
-    Returns
-    -------
-    callable or None
-        See `Predict`; None with too few points.
-    """
+    """The surrogate `repose.surrogate.quadratic.QuadraticSurface`; None with too few points for its terms."""
     varying = np.count_nonzero(np.ptp(points.X, axis=0))
     if len(points.X) < QuadraticSurface.least_samples(int(varying)):
         return None
@@ -142,40 +72,12 @@ def quadratic_surface(points: Points, settings: Settings, seed: int) -> Predict 
 
 
 def gaussian_process(points: Points, settings: Settings, seed: int) -> Predict:
-    """The surrogate `repose.surrogate.gaussian_process.GaussianProcess`, one process for each response.
-
-    Parameters
-    ----------
-    points : Points
-    settings : mapping
-        Not used.
-    seed : int
-        Not used.
-
-    Returns
-    -------
-    callable
-        See `Predict`.
-    """
+    """The surrogate `repose.surrogate.gaussian_process.GaussianProcess`, one process for each response."""
     return _of_the_mean(GaussianProcess().fit(points.X, points.means()))
 
 
 def random_forest(points: Points, settings: Settings, seed: int) -> Predict:
-    """Random forest of `TREES` trees.
-
-    Parameters
-    ----------
-    points : Points
-    settings : mapping
-        Not used.
-    seed : int
-        Of the trees.
-
-    Returns
-    -------
-    callable
-        See `Predict`; without standard deviation.
-    """
+    """Random forest of `TREES` trees; no standard deviation."""
     from sklearn.ensemble import RandomForestRegressor
 
     forest = RandomForestRegressor(TREES, min_samples_leaf=2, max_features=0.5, random_state=seed)
@@ -185,21 +87,7 @@ def random_forest(points: Points, settings: Settings, seed: int) -> Predict:
 
 
 def gradient_boosting(points: Points, settings: Settings, seed: int) -> Predict:
-    """Gradient boosting with `ROUNDS` trees of depth 3 for each response.
-
-    Parameters
-    ----------
-    points : Points
-    settings : mapping
-        Not used.
-    seed : int
-        Of the samples that each tree is fitted to.
-
-    Returns
-    -------
-    callable
-        See `Predict`; without standard deviation.
-    """
+    """Gradient boosting with `ROUNDS` trees of depth 3 for each response; no standard deviation."""
     from sklearn.ensemble import GradientBoostingRegressor
 
     boosts = [

@@ -15,18 +15,10 @@ SETS = ("main", "pool", "fresh")
 
 
 class Points(NamedTuple):
-    """Points of a design with their runs.
+    """Points of a design with their runs."""
 
-    Attributes
-    ----------
-    X : numpy.ndarray, (points, d)
-        Parameters, or places in their ranges.
-    values : numpy.ndarray, (points, seeds, k)
-        Responses of every run; NaN where a run failed. Every point has at least one that did not.
-    """
-
-    X: np.ndarray
-    values: np.ndarray
+    X: np.ndarray  # (points, d), parameters or places in their ranges
+    values: np.ndarray  # (points, seeds, k), NaN where a run failed; a good run at every point
 
     @property
     def responses(self) -> int:
@@ -53,7 +45,7 @@ class Points(NamedTuple):
         return spread / np.sqrt(self.counts())[:, None]
 
     def known_errors(self) -> np.ndarray:
-        """The same; a single run is given the noise of all points, and zeros where no point has two runs."""
+        """Like `errors`; for single runs from the noise of all points, or 0 where `covariance` is None."""
         covariance, errors = self.covariance(), self.errors()
         pooled = np.zeros(self.responses) if covariance is None else np.sqrt(np.diagonal(covariance))
         return np.where(np.isfinite(errors), errors, pooled / np.sqrt(self.counts())[:, None])
@@ -66,7 +58,7 @@ class Points(NamedTuple):
         return covariance if enough else None
 
     def replicates(self) -> dict[str, Any]:
-        """What the runs tell of the noise, as `Surrogate.fit` takes it; nothing where there is no `covariance`."""
+        """Keyword arguments for `Surrogate.fit` about the noise; empty where `covariance` is None."""
         covariance, counts = self.covariance(), self.counts()
         if covariance is None:
             return {}
@@ -78,34 +70,11 @@ class Points(NamedTuple):
         return self.values.shape[0] * self.values.shape[1]
 
     def take(self, rows: np.ndarray | Sequence[int] | slice, seeds: int | None = None) -> "Points":
-        """Some points, with all runs or with their first ones; points without a good run among them are left out.
-
-        Parameters
-        ----------
-        rows : array of int or slice
-            Numbers of the points.
-        seeds : int, optional
-            Runs of each; all by default.
-
-        Returns
-        -------
-        Points
-        """
+        """Some points with the first `seeds` runs (None: all); points without a good run among them are left out."""
         return Points(self.X[rows], self.values[rows, :seeds])._with_runs()
 
     def with_seeds_drawn(self, seeds: int, rng: np.random.Generator) -> "Points":
-        """The same points with some of their runs, drawn at random for each; points without a good run are left out.
-
-        Parameters
-        ----------
-        seeds : int
-            Runs of each.
-        rng : numpy.random.Generator
-
-        Returns
-        -------
-        Points
-        """
+        """The points with `seeds` runs of each drawn at random; points without a good run are left out."""
         order = rng.permuted(np.tile(np.arange(self.values.shape[1]), (len(self.X), 1)), axis=1)[:, :seeds]
         return Points(self.X, np.take_along_axis(self.values, order[:, :, None], axis=1))._with_runs()
 
@@ -116,16 +85,7 @@ class Points(NamedTuple):
 
 
 def joined(sets: Sequence[Points]) -> Points:
-    """All points of several sets; where a set has fewer runs than another, NaN fills the gap.
-
-    Parameters
-    ----------
-    sets : sequence of Points
-
-    Returns
-    -------
-    Points
-    """
+    """All points of several sets; where a set has fewer runs than another, NaN fills the gap."""
     seeds = max(one.values.shape[1] for one in sets)
     padded = [
         np.pad(one.values, ((0, 0), (0, seeds - one.values.shape[1]), (0, 0)), constant_values=np.nan)
@@ -137,22 +97,8 @@ def joined(sets: Sequence[Points]) -> Points:
 def read_sets(files: Mapping[str, str | Path], names: Sequence[str]) -> list[Points]:
     """Points of the main design, of the pool and the fresh ones.
 
-    Parameters
-    ----------
-    files : mapping
-        Paths ``main_dataset``, ``main_runs``, ``pool_dataset``, ``pool_runs``, ``fresh_dataset``,
-        ``fresh_runs``.
-    names : sequence of str
-        Responses.
-
-    Returns
-    -------
-    list of Points
-
-    Raises
-    ------
-    InputError
-        As in `read`.
+    `files` holds the paths ``main_dataset``, ``main_runs``, ``pool_dataset``, ``pool_runs``, ``fresh_dataset`` and
+    ``fresh_runs``.
     """
     return [read(files[f"{name}_dataset"], files[f"{name}_runs"], names) for name in SETS]
 
@@ -160,25 +106,9 @@ def read_sets(files: Mapping[str, str | Path], names: Sequence[str]) -> list[Poi
 def read(dataset_csv: str | Path, runs_csv: str | Path, names: Sequence[str]) -> Points:
     """Points of the tables that the verb dataset wrote; those that are not ok are left out.
 
-    Parameters
-    ----------
-    dataset_csv, runs_csv : path
-    names : sequence of str, (k,)
-        Responses.
-
-    Returns
-    -------
-    Points
-
-    Raises
-    ------
-    InputError
-        If a column is missing, no point is left, or a usable point has no good run.
-
-    Notes
-    -----
     Responses of several bench tests come from runs of their own (column ``apparatus``). The first run of each bench
-    test makes the first run of the point, and so on; these runs are independent, so any pairing will do.
+    test makes the first run of the point, and so on; these runs are independent, so any pairing will do. InputError if
+    a column is missing, no point is left, or a usable point has no good run.
     """
     dataset = read_table(dataset_csv, ("sample", "status", *PARAMETERS))
     runs = read_table(runs_csv, ("sample", "status", *names))

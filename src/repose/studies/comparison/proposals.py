@@ -1,4 +1,4 @@
-"""What each method proposes for the targets from one set of simulated samples.
+"""Proposals of each method for the targets, from one set of simulated samples.
 
   best_sample        the simulated sample whose means lie nearest to the target: no model at all
   linear             plane by least squares, inverted by a local search
@@ -35,21 +35,10 @@ Model = Callable[[np.ndarray], np.ndarray]
 
 
 def surface(unit: np.ndarray, means: np.ndarray, terms: Model) -> Model:
-    """A surface fitted by ridge regression with leave-one-out.
+    """A surface by ridge regression with leave-one-out, from places (m, d) to responses (m, k).
 
-    Parameters
-    ----------
-    unit : numpy.ndarray, (n, d)
-        Places of the samples in the ranges.
-    means : numpy.ndarray, (n, k)
-        Responses.
-    terms : callable
-        Places (m, d) to the terms of the surface (m, t).
-
-    Returns
-    -------
-    callable
-        Places (m, d) to responses (m, k).
+    `unit` (n, d) are places of the samples in the ranges, `means` (n, k) their responses; `terms` maps places to the
+    terms of the surface (m, t).
     """
     from sklearn.linear_model import RidgeCV
 
@@ -60,18 +49,7 @@ def surface(unit: np.ndarray, means: np.ndarray, terms: Model) -> Model:
 
 
 def plane(unit: np.ndarray, means: np.ndarray) -> Model:
-    """A plane fitted by least squares.
-
-    Parameters
-    ----------
-    unit, means
-        As for `surface`.
-
-    Returns
-    -------
-    callable
-        Places (m, d) to responses (m, k).
-    """
+    """A plane by least squares; arguments and result as for `surface`."""
     X = np.column_stack([np.ones(len(unit)), unit])
     found = np.linalg.lstsq(X, means, rcond=None)[0]
     return lambda x: np.column_stack([np.ones(len(np.atleast_2d(x))), np.atleast_2d(x)]) @ found
@@ -82,23 +60,8 @@ def local_search(
 ) -> tuple[np.ndarray, int]:
     """A local search by SLSQP on the squared deviations from the targets.
 
-    Parameters
-    ----------
-    respond : callable
-        Places (m, d) to responses (m, k).
-    objective : Objective
-    dimensions : int
-        Number of free parameters d.
-    starts : int
-        The centre of the ranges and random points.
-    random : numpy.random.Generator
-
-    Returns
-    -------
-    place : numpy.ndarray, (d,)
-        In the ranges, from 0 to 1.
-    evaluations : int
-        Of the model.
+    It starts from the centre of the ranges and from random points, and returns the best place (d,) in the ranges, from
+    0 to 1, and the number of evaluations of the model.
     """
     evaluations = 0
 
@@ -110,7 +73,7 @@ def local_search(
 
     best: Any = None
     for start in [np.full(dimensions, 0.5), *random.uniform(size=(starts - 1, dimensions))]:
-        # tighter than its default, which ends far from where a squared deviation has no value left
+        # tighter than its default, which ends far from the minimum of a squared deviation
         found = optimize.minimize(
             deviation, start, method="SLSQP", bounds=[(0, 1)] * dimensions, options={"ftol": 1e-12}
         )
@@ -120,20 +83,9 @@ def local_search(
 
 
 def tables_of(samples: Points, space: ParameterSpace, targets: Targets) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The samples as the two tables of the dataset stage.
+    """The samples as the two tables of the dataset stage: samples with means and errors, and their good runs.
 
-    Parameters
-    ----------
-    samples : Points
-        X (n, d): places in the ranges.
-    space : ParameterSpace
-    targets : Targets
-        Responses of the samples, in their order.
-
-    Returns
-    -------
-    samples, runs : pandas.DataFrame
-        The samples with their means and errors, and their good runs.
+    `samples.X` (n, d) are places in the ranges; the responses are those of the targets, in their order.
     """
     table = pd.DataFrame(space.values(samples.X), columns=list(PARAMETERS))
     table.insert(0, "sample", np.arange(len(table)))
@@ -151,19 +103,7 @@ def tables_of(samples: Points, space: ParameterSpace, targets: Targets) -> tuple
 def study_surrogate(
     samples: Points, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]
 ) -> Surrogate:
-    """The surrogate as the study trains it on these samples.
-
-    Parameters
-    ----------
-    samples, space, targets
-        As for `tables_of`.
-    settings : mapping
-        The configuration's section `network`.
-
-    Returns
-    -------
-    Surrogate
-    """
+    """The surrogate as the study trains it on these samples; `settings` is the section `network`."""
     return train.train(*tables_of(samples, space, targets), targets, settings).model
 
 
@@ -174,22 +114,10 @@ def proposed(
     settings: Mapping[str, Any],
     random: np.random.Generator,
 ) -> dict[str, tuple[np.ndarray, int]]:
-    """What each method proposes.
+    """The proposal of each method: place in the ranges (d,), from 0 to 1, and number of evaluations of the model.
 
-    Parameters
-    ----------
-    samples : Points
-        X (n, d): places in the ranges.
-    space : ParameterSpace
-    targets : Targets
-    settings : mapping
-        ``local_starts`` and the sections ``network`` and ``miga``.
-    random : numpy.random.Generator
-
-    Returns
-    -------
-    dict
-        For each method the place in the ranges (d,), from 0 to 1, and the number of evaluations of the model.
+    `samples.X` (n, d) are places in the ranges. `settings` holds ``local_starts`` and the sections ``network`` and
+    ``miga``.
     """
     means, section = samples.means(), settings["network"]
     objective = Objective.of(targets)

@@ -1,4 +1,4 @@
-"""The feasible region of a surrogate, and how much of it a list of solutions covers."""
+"""The feasible region of a surrogate, and its coverage by a list of solutions."""
 
 import math
 
@@ -10,41 +10,18 @@ from scipy.spatial.distance import pdist
 from repose.search.objective import Objective
 from repose.studies.comparison.searches import Respond
 
-FEWEST_FEASIBLE = 200  # of the reference sample, or nothing can be said about the region
-CLOUD = 5000  # reference points that coverage is taken over
+FEWEST_FEASIBLE = 200  # of the reference sample; with fewer the region is not known
+CLOUD = 5000  # reference points for the coverage
 LISTS = 10  # of random feasible points
 
 
 class Region:
-    """A uniform sample of the feasible region, and what a list of solutions can cover of it.
+    """A uniform sample of the feasible region, as a reference for lists of solutions.
 
-    Parameters
-    ----------
-    respond : callable
-        Populations in [-1, 1] (n, d) to responses (n, k).
-    objective : Objective
-    points : int
-        Of the Sobol sequence over the whole box, a power of two.
-    listed : int
-        Solutions in a list.
-    dimensions : int
-        Number of free parameters d.
-    seed : int
-
-    Attributes
-    ----------
-    points : numpy.ndarray, (feasible, d)
-    share : float
-        Of the box that is feasible.
-    lists : list of numpy.ndarray, (listed, d)
-        Random feasible points.
-    reach : float
-        Median distance from a feasible point to the nearest one of such a list.
-
-    Raises
-    ------
-    ValueError
-        If fewer than 200 points are feasible.
+    `respond` maps populations in [-1, 1] (n, d) to responses (n, k); `points`, a power of two, is the length of the
+    Sobol sequence over the box; `listed` is the length of a list. `share` of the box is feasible; `lists` hold random
+    feasible points (listed, d); `reach` is the median distance from a feasible point to the nearest point of such a
+    list. Fewer than `FEWEST_FEASIBLE` feasible points raise ValueError.
     """
 
     def __init__(
@@ -67,20 +44,11 @@ class Region:
         self.reach = float(np.median([cKDTree(one).query(self.cloud)[0] for one in self.lists]))
 
     def spread(self, points: np.ndarray) -> dict[str, float]:
-        """How widely feasible points lie.
+        """How widely feasible points (n, d) in [-1, 1] lie; all NaN with fewer than two points.
 
-        Parameters
-        ----------
-        points : numpy.ndarray, (n, d)
-            In [-1, 1].
-
-        Returns
-        -------
-        dict
-            ``pairwise_distance``: mean. ``coverage``: share of the feasible region within `reach` of one of
-            them; a half for as many random points. ``width``: mean over the parameters of their interval over
-            the region's (dispersion of Table 3). ``volume``: root of the determinant of their covariance over
-            the region's. All NaN with fewer than two points.
+        ``pairwise_distance`` is a mean. ``coverage`` is the share of the feasible region within `reach` of a point; a
+        half for as many random points. ``width`` is the mean over the parameters of their interval over the region's
+        (dispersion of Table 3). ``volume`` is the root of the determinant of their covariance over the region's.
         """
         if len(points) < 2:
             return dict.fromkeys(("pairwise_distance", "coverage", "width", "volume"), math.nan)

@@ -30,7 +30,7 @@ LARGEST_PROCESS = 500  # points of a Gaussian process, whose time grows with the
 TRADES = (1, 2, 4, 8)  # seeds per point, at the main design's number of simulations
 JUDGED_AT = 1024  # points of a Sobol sequence
 FITS = {name: models.MODELS[name] for name in ("network", "Gaussian process", "quadratic surface")}
-# Words of the generators of the factorial part: of factors beyond the free ones, the product of which.  (MM09)
+# Generators of the factorial part: each further factor is the product of these free factors (MM09).
 GENERATORS = {0: (), 1: ((0, 1, 2, 3, 4),), 2: ((0, 1, 2), (1, 2, 3))}
 
 
@@ -38,27 +38,11 @@ COMPOSITE_DIMENSIONS = 6
 
 
 def central_composite(n: int, d: int = COMPOSITE_DIMENSIONS) -> np.ndarray:
-    """Face-centred central composite design (MM09).
+    """Face-centred central composite design (n, d) in the unit cube (MM09).
 
-    It has corners (all, half or a quarter of the 2^6, the largest fraction that fits), 12 face centres and
-    the middle. What is left of n repeats these points in their order: the middle, the faces, the corners.
-
-    Parameters
-    ----------
-    n : int
-        Number of points, at least 29.
-    d : int, optional
-        Number of dimensions: 6.
-
-    Returns
-    -------
-    numpy.ndarray, (n, d)
-        In the unit cube.
-
-    Raises
-    ------
-    ValueError
-        For another d than 6, or n below 29.
+    It has corners (all, half or a quarter of the 2^6, the largest fraction that fits), 12 face centres and the middle.
+    The rest of n repeats these points in their order: the middle, the faces, the corners. ValueError for another d than
+    6, or n below 29.
     """
     if d != COMPOSITE_DIMENSIONS or n < 29:
         raise ValueError(f"n is {n}, d {d}; allowed: at least 29 points in 6 dimensions")
@@ -83,17 +67,7 @@ DESIGNS: dict[str, Design] = {
 
 
 def designs_for(d: int) -> dict[str, Design]:
-    """The designs that exist in d dimensions.
-
-    Parameters
-    ----------
-    d : int
-
-    Returns
-    -------
-    dict
-        Functions of a size, d and a seed, by the name of the design.
-    """
+    """Designs that exist in d dimensions, by name: functions of a size, d and a seed."""
     return {
         name: make
         for name, make in DESIGNS.items()
@@ -102,25 +76,13 @@ def designs_for(d: int) -> dict[str, Design]:
 
 
 class Case(NamedTuple):
-    """What all emulated cases share.
-
-    Attributes
-    ----------
-    stand_in : emulator.Emulator
-    space : ParameterSpace
-    names : sequence of str, (k,)
-        Responses.
-    settings : mapping
-        The configuration's section `network`, with no more than `REPETITION_STARTS` starts.
-    seed : int
-        Of the repetitions.
-    """
+    """The common data of all emulated cases."""
 
     stand_in: emulator.Emulator
     space: ParameterSpace
-    names: Sequence[str]
-    settings: Mapping[str, Any]
-    seed: int
+    names: Sequence[str]  # responses, (k,)
+    settings: Mapping[str, Any]  # section `network`, with at most `REPETITION_STARTS` starts
+    seed: int  # of the repetitions
 
 
 def table_of(
@@ -131,27 +93,10 @@ def table_of(
     seeds: int,
     seed: int,
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Designs, and points against seeds.
+    """Comparison of designs, and of points against seeds; with a summary of the emulator.
 
-    Parameters
-    ----------
-    sets : sequence of Points
-        The main design, the pool and the fresh points, as `points.read_sets` gives them.
-    names : sequence of str, (k,)
-        Responses.
-    space : ParameterSpace
-    settings : mapping
-        The configuration's section `network`.
-    seeds : int
-        Runs of a sample of the main design.
-    seed : int
-        Of the repetitions.
-
-    Returns
-    -------
-    table : pandas.DataFrame
-    summary : dict
-        Of the emulator.
+    `sets` are as `points.read_sets` returns them; `settings` is the section `network`; `seeds` is the number of runs of
+    a sample of the main design; `seed` is for the repetitions.
     """
     main, pool, fresh = sets
     settings = {**settings, "starts": min(settings["starts"], REPETITION_STARTS)}
@@ -170,18 +115,7 @@ def run(
     seed: int,
     out_dir: str | Path,
 ) -> pd.DataFrame:
-    """Write sampling.csv and emulator.json; return the table.
-
-    Parameters
-    ----------
-    sets, names, space, settings, seeds, seed
-        As for `table_of`.
-    out_dir : path
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """Write sampling.csv and emulator.json; return the table."""
     table, summary = table_of(sets, names, space, settings, seeds, seed)
     write_table(Path(out_dir) / "sampling.csv", table, float_format="%.6g")
     write_json(Path(out_dir) / "emulator.json", summary)
@@ -189,7 +123,7 @@ def run(
 
 
 def _emulator_summary(stand_in, pool, names):
-    """What emulator.json tells; the correlation is a number for two responses and a matrix for others."""
+    """Content of emulator.json; the correlation is a number for two responses and a matrix for others."""
     correlation = stand_in.noise.correlation
     return {
         "mean": stand_in.name,
@@ -281,13 +215,13 @@ def _on_truth(truth, predicted):
 
 
 def _on_fresh(fresh, predicted):
-    """The same from noisy means, the noise taken off."""
+    """The same from noisy means, the noise subtracted."""
     columns = zip(fresh.means().T, fresh.known_errors().T, predicted.T, strict=True)
     return [scores.accuracy(y, se, p) for y, se, p in columns]
 
 
 def _rows(case, names, scored):
-    """One row for each response: mean and standard error over the repetitions."""
+    """A row for each response: mean and standard error over the repetitions."""
     for k, response in enumerate(names):
         row = case | {"response": response, "repetitions": len(scored)}
         for key in ("explainable", "rmse"):

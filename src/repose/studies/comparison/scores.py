@@ -1,7 +1,7 @@
 """How well predictions meet noisy means: R2, the part of it that can be explained, error bars that hold.
 
 The mean of a test point has a noise of its own, which no prediction can meet. R2 of the means counts this noise as a
-fault of the prediction; the explainable share (`repose.chain.train.r2_noise_corrected`) takes it off both sums.
+fault of the prediction; the explainable share (`repose.chain.train.r2_noise_corrected`) subtracts it from both sums.
 """
 
 import math
@@ -20,17 +20,8 @@ LEVELS = (0.5, 0.9)
 def accuracy(means: np.ndarray, errors: np.ndarray, predicted: np.ndarray) -> dict[str, Any]:
     """R2, explainable share and root mean squared error of one response at m points.
 
-    Parameters
-    ----------
-    means, errors : numpy.ndarray, (m,)
-        Means of the test points and their standard errors.
-    predicted : numpy.ndarray, (m,)
-
-    Returns
-    -------
-    dict
-        ``r2``; ``explainable``; ``reachable_r2``, which the noise-free means themselves would reach; ``rmse`` of the
-        noise-free means, 0 where chance makes its square negative.
+    `errors` are standard errors of the means. ``reachable_r2`` is the R2 of the noise-free means themselves, None where
+    all means are alike. ``rmse`` is that of the noise-free means, 0 where chance makes its square negative.
     """
     total = np.sum((means - means.mean()) ** 2)
     noise = np.sum(errors**2)
@@ -52,25 +43,8 @@ def bootstrap(
 ) -> dict[str, tuple[float, ...]]:
     """Percentile intervals of ``r2`` and ``explainable`` of `accuracy`; test points are drawn with replacement.
 
-    Parameters
-    ----------
-    means, errors, predicted : numpy.ndarray, (m,)
-        As for `accuracy`.
-    resamples : int, optional
-        Number of draws.
-    seed : int, optional
-    confidence : float, optional
-        Share of the draws inside an interval.
-
-    Returns
-    -------
-    dict
-        ``{"r2": (low, high), "explainable": (low, high)}``; draws in which all points are alike are left out.
-
-    Raises
-    ------
-    ValueError
-        With fewer than three points.
+    Each interval is (low, high). Draws in which all points are alike are left out. Fewer than three points raise
+    ValueError.
     """
     m = len(means)
     if m < 3:
@@ -90,19 +64,7 @@ def bootstrap(
 
 
 def on_runs(values: np.ndarray, predicted: np.ndarray) -> float | None:
-    """R2 of predictions on single runs.
-
-    Parameters
-    ----------
-    values : numpy.ndarray, (m, seeds)
-        NaN where a run failed.
-    predicted : numpy.ndarray, (m,)
-
-    Returns
-    -------
-    float or None
-        None where all values are alike.
-    """
+    """R2 of predictions (m,) on single runs (m, seeds), NaN where a run failed; None where all are alike."""
     ok = np.isfinite(values)
     return r2(values[ok], np.broadcast_to(predicted[:, None], values.shape)[ok])
 
@@ -110,18 +72,7 @@ def on_runs(values: np.ndarray, predicted: np.ndarray) -> float | None:
 def on_few_seeds(values: np.ndarray, predicted: np.ndarray, seeds: int) -> float | None:
     """R2 of predictions on means over few runs: the mean over disjoint groups of the runs.
 
-    Parameters
-    ----------
-    values : numpy.ndarray, (m, runs)
-        NaN where a run failed.
-    predicted : numpy.ndarray, (m,)
-    seeds : int
-        Runs of a group.
-
-    Returns
-    -------
-    float or None
-        None where a point has fewer runs than a group.
+    `values` (m, runs) are NaN where a run failed. None where a point has fewer than `seeds` runs.
     """
     groups = values.shape[1] // seeds
     if groups == 0:
@@ -138,22 +89,9 @@ def calibration(
 ) -> dict[str, float]:
     """How well the error bars of one response hold.
 
-    Parameters
-    ----------
-    means, errors, predicted : numpy.ndarray, (m,)
-        As for `accuracy`.
-    std : numpy.ndarray, (m,)
-        Of the predicted noise-free mean; the noise of the test point is added.
-
-    Returns
-    -------
-    dict
-        ``coverage_50`` and ``coverage_90``: shares of the means inside the intervals of `LEVELS`.
-        ``standardised_square``: mean square of the deviations in standard deviations.
-
-    Notes
-    -----
-    A calibrated model has the levels themselves, and 1.
+    ``coverage_50`` and ``coverage_90`` are shares of the means inside the intervals of `LEVELS`;
+    ``standardised_square`` is the mean square of the deviations in standard deviations. A calibrated model has the
+    levels themselves, and 1. `std` is of the predicted noise-free mean; the noise of the test point is added.
     """
     z = (means - predicted) / np.sqrt(std**2 + errors**2)
     covered = {
@@ -164,16 +102,9 @@ def calibration(
 
 
 def mean_and_error(values: ArrayLike) -> tuple[float, float]:
-    """Mean and standard error of repetitions.
+    """Mean and standard error of repetitions (n,).
 
-    Parameters
-    ----------
-    values : array_like, (n,)
-
-    Returns
-    -------
-    mean, error : float
-        The error is NaN for a single value; both are NaN where a value is missing.
+    The error is NaN for a single value; both are NaN where a value is missing.
     """
     values = np.array(values, dtype=float)
     error = values.std(ddof=1) / math.sqrt(len(values)) if len(values) > 1 else math.nan

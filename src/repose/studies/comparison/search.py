@@ -1,7 +1,7 @@
 """Searches compared on the trained surrogate: how soon they meet the targets, and which solutions they find.
 
-`searches` says what is compared. What a search finds is judged twice: by the list that the study keeps of it (the
-best `solutions` that lie `distance` apart), and by all feasible points it met. Both are held against a dense uniform
+`searches` lists them. The solutions of a search are judged twice: by the list that the study keeps of them (the best
+`solutions` that lie `distance` apart), and by all feasible points of the search. Both are held against a dense uniform
 sample of the feasible region.
 """
 
@@ -26,34 +26,17 @@ from repose.studies.comparison.searches import Log, Respond, logged, searches
 from repose.surrogate import load
 
 CHECKPOINTS_A_DECADE = 8
-EXACT = 1e-12  # a smaller objective is rounding, and has no logarithm to speak of
+EXACT = 1e-12  # a smaller objective is rounding error, and its logarithm means nothing
 REFERENCE = "feasible region"
 
 
 def judged(
     log: Log, region: Region, tolerance: float, solutions: int, distance: float, seed: int
 ) -> tuple[dict[str, float], np.ndarray]:
-    """One search in numbers.
+    """Numbers of one search by name, and its best point (d,) in [-1, 1].
 
-    Parameters
-    ----------
-    log : Log
-    region : Region
-    tolerance : float
-        Of the objective.
-    solutions : int
-        Most that a list holds.
-    distance : float
-        Least between two of them.
-    seed : int
-        Of the choice among all feasible points it met.
-
-    Returns
-    -------
-    row : dict
-        Numbers by name.
-    best : numpy.ndarray, (d,)
-        Best point that it found, in [-1, 1].
+    A list holds at most `solutions` points, at least `distance` apart; `tolerance` is of the objective; `seed` is for
+    the choice among all feasible points of the search.
     """
     fitness, feasible = log.fitness, log.fitness <= log.objective.infeasible
     found, values = log.points[feasible], fitness[feasible]
@@ -78,34 +61,13 @@ def _first(met):
 
 
 def checkpoints(evaluations: int) -> np.ndarray:
-    """Numbers of evaluations, evenly in their logarithm from 10 on.
-
-    Parameters
-    ----------
-    evaluations : int
-        The last one.
-
-    Returns
-    -------
-    numpy.ndarray of int
-    """
+    """Numbers of evaluations from 10 to the given last number, evenly spaced in their logarithm."""
     count = max(2, round(CHECKPOINTS_A_DECADE * math.log10(evaluations / 10)) + 1)
     return np.unique(np.geomspace(10, evaluations, count).round().astype(int))
 
 
 def curve(fitness: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Best fitness so far.
-
-    Parameters
-    ----------
-    fitness : numpy.ndarray, (evaluations,)
-    at : numpy.ndarray of int, (m,)
-        Numbers of evaluations, from 1.
-
-    Returns
-    -------
-    numpy.ndarray, (m,)
-    """
+    """Best fitness so far, (m,), after the numbers of evaluations `at` (m,), from 1."""
     return np.minimum.accumulate(fitness)[at - 1]
 
 
@@ -118,28 +80,10 @@ def compared(
 ) -> dict[str, pd.DataFrame]:
     """All searches, several times each.
 
-    Parameters
-    ----------
-    respond : callable
-        Populations in [-1, 1] (n, d) to responses (n, k).
-    dimensions : int
-        Number of free parameters d.
-    objective : Objective
-    settings : mapping
-        ``evaluations``, ``repetitions``, ``tolerance``, ``region_points``, ``seed``.
-    section : mapping
-        `miga` of the configuration.
-
-    Returns
-    -------
-    dict
-        Tables ``search`` (best so far over the evaluations), ``search_methods``, ``search_runs``, and ``timings``, the
-        only one that another run changes.
-
-    Raises
-    ------
-    ValueError
-        If hardly a point of the ranges is feasible.
+    `respond` maps populations in [-1, 1] (n, d) to responses (n, k). `settings` holds ``evaluations``, ``repetitions``,
+    ``tolerance``, ``region_points`` and ``seed``; `section` is `miga`. The tables are ``search`` (best so far over the
+    evaluations), ``search_methods``, ``search_runs``, and ``timings``, the only table that another run changes.
+    ValueError if hardly a point of the ranges is feasible.
     """
     solutions, distance, seed = section["solutions"], section["distance"], settings["seed"]
     region = Region(respond, objective, settings["region_points"], solutions, dimensions, seed)
@@ -176,24 +120,7 @@ def run(
 ) -> pd.DataFrame:
     """Write search.csv, search_methods.csv, search_runs.csv and timings/search.csv; return the table of the methods.
 
-    Parameters
-    ----------
-    network_json : path
-        What the verb network wrote.
-    space : ParameterSpace
-    targets : Targets
-    settings, section
-        As for `compared`.
-    out_dir : path
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Raises
-    ------
-    InputError
-        If the file is bad, or the targets are out of the surrogate's reach.
+    Targets out of the surrogate's reach raise InputError. `settings` and `section` are as for `compared`.
     """
     respond = on_free_parameters(load(network_json, targets.names), space)
     objective = Objective.of(targets)
@@ -225,7 +152,7 @@ def _curve_table(name, at, best, infeasible):
 
 
 def _methods(runs, bests, region):
-    """One row for each method, means with standard errors, and one for the feasible region itself."""
+    """A row for each method, means with standard errors, and a row for the feasible region itself."""
     rows = []
     for name, group in runs.groupby("method", sort=False):
         row = {"method": name, "repetitions": len(group)}
@@ -249,17 +176,7 @@ def _methods(runs, bests, region):
 
 
 def message(methods: pd.DataFrame) -> str:
-    """The comparison in words, one line for each method.
-
-    Parameters
-    ----------
-    methods : pandas.DataFrame
-        search_methods.csv.
-
-    Returns
-    -------
-    str
-    """
+    """The comparison in words, a line for each method of search_methods.csv."""
     lines = []
     for row in methods.itertuples():
         if row.method == REFERENCE:

@@ -35,22 +35,10 @@ class Spent(Exception):
 
 
 class Log:
-    """Counts and keeps what a search evaluates, and ends it by `Spent` when the evaluations are used up.
+    """Counts and keeps the evaluations of a search, and ends it by `Spent` when they are used up.
 
-    Parameters
-    ----------
-    respond : callable
-        Populations in [-1, 1] (n, d) to responses (n, k).
-    objective : Objective
-    evaluations : int
-        Allowed.
-    dimensions : int
-        Number of free parameters d.
-
-    Attributes
-    ----------
-    used : int
-        Number of evaluations so far. Points and fitness are in the order in which they were asked for.
+    `respond` maps populations in [-1, 1] (n, d) to responses (n, k). Points and fitness are kept in the order of the
+    calls.
     """
 
     def __init__(self, respond: Respond, objective: Objective, evaluations: int, dimensions: int):
@@ -74,61 +62,15 @@ class Log:
         return self._keep(points, self.respond(points))
 
     def of_one(self, x: np.ndarray) -> float:
-        """Fitness of one point.
-
-        Parameters
-        ----------
-        x : numpy.ndarray, (d,)
-            In [-1, 1].
-
-        Returns
-        -------
-        float
-
-        Raises
-        ------
-        Spent
-            When all evaluations are used.
-        """
+        """Fitness of one point (d,) in [-1, 1]."""
         return float(self(np.asarray(x)[None])[0])
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
-        """Deviations of one point's responses from the targets.
-
-        Parameters
-        ----------
-        x : numpy.ndarray, (d,)
-            In [-1, 1].
-
-        Returns
-        -------
-        numpy.ndarray, (k,)
-            In widths of the targets' ranges.
-
-        Raises
-        ------
-        Spent
-            When all evaluations are used.
-        """
+        """Deviations (k,) of one point's responses from the targets, in widths of their ranges; x (d,) in [-1, 1]."""
         return self._residuals(np.asarray(x)[None])[0]
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
-        """Derivatives of the deviations, by differences into the box; costs d evaluations.
-
-        Parameters
-        ----------
-        x : numpy.ndarray, (d,)
-            In [-1, 1]; counted already.
-
-        Returns
-        -------
-        numpy.ndarray, (k, d)
-
-        Raises
-        ------
-        Spent
-            When all evaluations are used.
-        """
+        """Derivatives (k, d) of the deviations, by differences into the box; d evaluations, x is counted already."""
         steps = STEP * np.where(np.asarray(x) > 0, -1.0, 1.0)
         moved = self._residuals(np.asarray(x) + np.diag(steps))
         return ((moved - self._residuals_at(x)) / steps[:, None]).T
@@ -158,38 +100,14 @@ class Log:
 
 
 def miga(log: Log, seed: int, **settings: Any) -> None:
-    """The multi-island genetic algorithm.
-
-    Parameters
-    ----------
-    log : Log
-    seed : int
-    **settings
-        Of `repose.search.miga.OPERATORS`.
-
-    Raises
-    ------
-    Spent
-        When all evaluations are used.
-    """
+    """The multi-island genetic algorithm; `settings` are those of `repose.search.miga.OPERATORS`."""
     search = MIGA(log.dimensions, **settings, seed=seed)
     while True:
         search.tell(log(search.ask()))
 
 
 def differential_evolution(log: Log, seed: int) -> None:
-    """Differential evolution of scipy, whole populations at once.
-
-    Parameters
-    ----------
-    log : Log
-    seed : int
-
-    Raises
-    ------
-    Spent
-        When all evaluations are used.
-    """
+    """Differential evolution of scipy, whole populations at once."""
     for restart in range(10**6):
         optimize.differential_evolution(
             lambda x: log(x.T),
@@ -205,18 +123,7 @@ def differential_evolution(log: Log, seed: int) -> None:
 
 
 def dual_annealing(log: Log, seed: int) -> None:
-    """Dual annealing of scipy.
-
-    Parameters
-    ----------
-    log : Log
-    seed : int
-
-    Raises
-    ------
-    Spent
-        When all evaluations are used.
-    """
+    """Dual annealing of scipy."""
     for restart in range(10**6):
         random = np.random.default_rng([seed, restart])
         optimize.dual_annealing(
@@ -225,18 +132,7 @@ def dual_annealing(log: Log, seed: int) -> None:
 
 
 def cma_es(log: Log, seed: int) -> None:
-    """Covariance matrix adaptation of the package cmaes.
-
-    Parameters
-    ----------
-    log : Log
-    seed : int
-
-    Raises
-    ------
-    Spent
-        When all evaluations are used.
-    """
+    """Covariance matrix adaptation of the package cmaes."""
     from cmaes import CMA
 
     bounds = np.tile([-1.0, 1.0], (log.dimensions, 1))
@@ -250,18 +146,7 @@ def cma_es(log: Log, seed: int) -> None:
 
 
 def least_squares(log: Log, seed: int) -> None:
-    """Least squares of scipy from one random point after another.
-
-    Parameters
-    ----------
-    log : Log
-    seed : int
-
-    Raises
-    ------
-    Spent
-        When all evaluations are used.
-    """
+    """Least squares of scipy from one random point after another."""
     random = np.random.default_rng(seed)
     while True:
         start = random.uniform(-1, 1, log.dimensions)
@@ -269,18 +154,7 @@ def least_squares(log: Log, seed: int) -> None:
 
 
 def uniform(log: Log, seed: int) -> None:
-    """Uniform points.
-
-    Parameters
-    ----------
-    log : Log
-    seed : int
-
-    Raises
-    ------
-    Spent
-        When all evaluations are used.
-    """
+    """Uniform random points."""
     random = np.random.default_rng(seed)
     while True:
         log(random.uniform(-1, 1, (2000, log.dimensions)))
@@ -296,17 +170,9 @@ SEARCHES: dict[str, Search] = {
 
 
 def searches(section: Mapping[str, Any]) -> dict[str, tuple[Search, int | None]]:
-    """All searches.
+    """All searches by name, each with its own number of evaluations; None means the common number.
 
-    Parameters
-    ----------
-    section : mapping
-        `miga` of the configuration.
-
-    Returns
-    -------
-    dict
-        By name: the search, and its number of evaluations where it has one of its own, else None.
+    `section` is `miga` of the configuration.
     """
     own = {key: section[key] for key in OPERATORS}
     alone = own | {"islands": 1, "population": section["islands"] * section["population"]}
@@ -322,22 +188,7 @@ def searches(section: Mapping[str, Any]) -> dict[str, tuple[Search, int | None]]
 def logged(
     search: Search, respond: Respond, objective: Objective, evaluations: int, dimensions: int, seed: int
 ) -> tuple[Log, float]:
-    """One search with all its evaluations used.
-
-    Parameters
-    ----------
-    search : callable
-        A function of a `Log` and a seed.
-    respond, objective, evaluations, dimensions
-        As for `Log`.
-    seed : int
-
-    Returns
-    -------
-    log : Log
-    seconds : float
-        What the search took [s].
-    """
+    """One search with all its evaluations used, and its time [s]; arguments as for `Log`."""
     log, began = Log(respond, objective, evaluations, dimensions), time.perf_counter()
     with suppress(Spent):
         search(log, seed)

@@ -28,23 +28,11 @@ SEARCH = ("evaluations_to_tolerance", "best", "listed_coverage", "met_coverage")
 
 
 def table_of(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    """A row for each choice, budget, response and measure.
+    """A row for each choice, budget, response and measure, with the columns `COLUMNS`; `tables` as `read` returns them.
 
-    Parameters
-    ----------
-    tables : mapping
-        ``sampling``, ``surrogates``, ``search`` and ``whole``, as `read` gives them.
-
-    Returns
-    -------
-    pandas.DataFrame
-        With the columns `COLUMNS`.
-
-    Notes
-    -----
-    ``data`` tells rows of simulated samples (``real``) from those of an emulator fitted to them (``emulated``) and of
-    the trained network (``network``). ``explainable`` is the share of the explainable variance, ``rmse`` and ``off``
-    are in the response's unit.
+    ``data`` is ``real`` for simulated samples, ``emulated`` for an emulator fitted to them, and ``network`` for the
+    trained network. ``explainable`` is the share of the explainable variance, ``rmse`` and ``off`` are in the
+    response's unit.
     """
     responses = tuple(dict.fromkeys(tables["sampling"]["response"]))
     rows = [*_sampling(tables["sampling"]), *_surrogates(tables["surrogates"])]
@@ -53,22 +41,7 @@ def table_of(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
 
 
 def read(files: Mapping[str, str | Path]) -> dict[str, pd.DataFrame]:
-    """The tables of the four comparisons, by name.
-
-    Parameters
-    ----------
-    files : mapping
-        Paths ``sampling``, ``surrogates``, ``search`` and ``whole``.
-
-    Returns
-    -------
-    dict of pandas.DataFrame
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read or a column is missing.
-    """
+    """The tables ``sampling``, ``surrogates``, ``search`` and ``whole``, from files of the same names."""
     sizes = ("points", "seeds", "simulations", "response", "repetitions", *_with_errors(SHARES))
     sampling = read_table(files["sampling"], ("comparison", "design", "data", "fit", *sizes))
     off = _with_errors([derived(name, "off") for name in dict.fromkeys(sampling["response"])])
@@ -84,23 +57,7 @@ def read(files: Mapping[str, str | Path]) -> dict[str, pd.DataFrame]:
 
 
 def run(files: Mapping[str, str | Path], out_dir: str | Path) -> pd.DataFrame:
-    """Write comparison.csv; return the table.
-
-    Parameters
-    ----------
-    files : mapping
-        As for `read`.
-    out_dir : path
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Raises
-    ------
-    InputError
-        As in `read`.
-    """
+    """Write comparison.csv; return the table."""
     table = table_of(read(files))
     write_table(Path(out_dir) / "comparison.csv", table, float_format="%.6g")
     return table
@@ -127,7 +84,7 @@ def _search(table: pd.DataFrame) -> Iterator[dict[str, Any]]:
 
 
 def _whole(table: pd.DataFrame, responses: tuple[str, ...]) -> Iterator[dict[str, Any]]:
-    """Rows of the whole method beside its alternatives, one for each response."""
+    """Rows of the whole method beside its alternatives, a row for each response."""
     for row in table.to_dict("records"):
         about = {"part": "whole", "choice": row["method"], "points": row["samples"]}
         for response in responses:
@@ -141,7 +98,7 @@ def _with_errors(measures):
 
 
 def _measured(row, measures, **about):
-    """Rows of the one table from a row of another: what both have in common, then each measure."""
+    """Rows of the joint table from a row of another table: their common columns, then each measure."""
     for measure in measures:
         value = {"measure": measure, "value": row[measure], "standard_error": row[f"{measure}_se"]}
         yield {key: row[key] for key in COLUMNS if key in row} | about | value

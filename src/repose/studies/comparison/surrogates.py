@@ -12,7 +12,7 @@ from repose.studies.comparison import scores
 from repose.studies.comparison.models import MODELS
 from repose.studies.comparison.points import Points
 
-BUDGETS = (30, 60, 110, 220)  # points drawn from the pool, those that it has twice as many of
+BUDGETS = (30, 60, 110, 220)  # points drawn from the pool, which must have at least twice as many
 REPETITIONS = 12
 REPETITION_STARTS = 8  # of the networks, at most: there are hundreds of fits
 MEASURES = (
@@ -30,24 +30,8 @@ def table_of(
 ) -> pd.DataFrame:
     """Each model at each budget, mean and standard error over the training sets.
 
-    Parameters
-    ----------
-    sets : sequence of Points
-        The main design, the pool and the fresh points, as `points.read_sets` gives them.
-    names : sequence of str, (k,)
-        Responses.
-    settings : mapping
-        The configuration's section `network`.
-    seed : int
-        Of the training sets.
-
-    Returns
-    -------
-    pandas.DataFrame
-
-    Notes
-    -----
-    Rows of one training set (the main design, the whole pool) have no standard error.
+    Rows of one training set (the main design, the whole pool) have no standard error. `sets` are as `points.read_sets`
+    returns them; `settings` is the section `network`; `seed` is for the training sets.
     """
     main, pool, fresh = sets
     settings = {**settings, "starts": min(settings["starts"], REPETITION_STARTS)}
@@ -67,18 +51,7 @@ def run(
     seed: int,
     out_dir: str | Path,
 ) -> pd.DataFrame:
-    """Write surrogates.csv; return the table.
-
-    Parameters
-    ----------
-    sets, names, settings, seed
-        As for `table_of`.
-    out_dir : path
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """Write surrogates.csv; return the table."""
     table = table_of(sets, names, settings, seed)
     write_table(Path(out_dir) / "surrogates.csv", table, float_format="%.6g")
     return table
@@ -87,18 +60,7 @@ def run(
 def training_sets(main: Points, pool: Points, seed: int) -> Iterator[tuple[str, list[Points]]]:
     """Random parts of the pool at each budget, then the whole pool and the main design.
 
-    Parameters
-    ----------
-    main, pool : Points
-    seed : int
-        Of the random parts.
-
-    Yields
-    ------
-    source : str
-        In words.
-    sets : list of Points
-        One, or as many as there are repetitions.
+    Each comes as its source, for the table, and a list of sets.
     """
     rng = np.random.default_rng([seed, 1])
     for count in BUDGETS:
@@ -110,19 +72,9 @@ def training_sets(main: Points, pool: Points, seed: int) -> Iterator[tuple[str, 
 
 
 def judged(predict: Callable | None, fresh: Points) -> list[dict[str, Any]] | None:
-    """Measures of a fitted model at the fresh points.
+    """Measures of a fitted model at the fresh points, for each response; None without a model.
 
-    Parameters
-    ----------
-    predict : callable or None
-        See `repose.studies.comparison.models.Predict`.
-    fresh : Points
-
-    Returns
-    -------
-    list of dict or None
-        For each response the numbers of `scores.accuracy`, and those of `scores.calibration` where the model
-        has errors. None without a model.
+    They are the numbers of `scores.accuracy`, and those of `scores.calibration` where the model has errors.
     """
     if predict is None:
         return None
@@ -137,7 +89,7 @@ def judged(predict: Callable | None, fresh: Points) -> list[dict[str, Any]] | No
 
 
 def _rows(source, name, names, sets, found):
-    """Rows of the table, one for each response."""
+    """Rows of the table, a row for each response."""
     for k, response in enumerate(names):
         row = {
             "model": name,

@@ -3,7 +3,7 @@
 For equal numbers of samples, each method of `proposals` proposes one set of parameters for the targets.
 
 The truth is an emulator: a Gaussian process (Matern 5/2, a length for each parameter) fitted to all samples that are
-given. The error of a proposal is that of the truth's responses there, free of noise. Data come in two kinds:
+given. The error of a proposal is that of the truth's noise-free responses there. Data come in two kinds:
 
 real
     random subsets of the samples themselves; the truth has seen them too, so errors come out too small where the subset
@@ -35,18 +35,10 @@ from repose.studies.comparison.proposals import proposed
 
 
 class Samples(NamedTuple):
-    """Samples of one or several studies.
+    """Samples of one or several studies."""
 
-    Attributes
-    ----------
-    points : Points
-        X (n, d): places in the ranges.
-    covariance : numpy.ndarray, (k, k)
-        Of a single run about its sample's mean.
-    """
-
-    points: Points
-    covariance: np.ndarray
+    points: Points  # X (n, d): places in the ranges
+    covariance: np.ndarray  # (k, k), of a single run about its sample's mean
 
     @property
     def errors(self) -> np.ndarray:
@@ -60,21 +52,9 @@ class Samples(NamedTuple):
 
 
 def samples_of(points: Points) -> Samples:
-    """Points with the covariance of a single run.
+    """Points with the covariance of a single run; X (n, d) are places in the ranges.
 
-    Parameters
-    ----------
-    points : Points
-        X (n, d): places in the ranges.
-
-    Returns
-    -------
-    Samples
-
-    Raises
-    ------
-    ValueError
-        If too few points have two runs.
+    ValueError if too few points have two runs.
     """
     good = points.good()
     values, number = points.values[good], np.nonzero(good)[0]
@@ -92,21 +72,7 @@ def read_samples(
 ) -> Samples:
     """Samples of files that the verb dataset wrote, in pairs.
 
-    Parameters
-    ----------
-    datasets, runs : sequence of path
-    space : ParameterSpace
-    names : sequence of str, (k,)
-        Responses.
-
-    Returns
-    -------
-    Samples
-
-    Raises
-    ------
-    InputError
-        If a file is bad, the numbers of files differ, or too few samples have two runs.
+    InputError if a file is bad, the numbers of files differ, or too few samples have two runs.
     """
     if len(datasets) != len(runs):
         raise InputError("command line", "runs", len(runs), f"as many files as datasets, {len(datasets)}")
@@ -118,53 +84,21 @@ def read_samples(
 
 
 def matern(inputs: int) -> Any:
-    """Kernel of the truth: Matern 5/2 with a length for each input.
-
-    Parameters
-    ----------
-    inputs : int
-        Number of inputs.
-
-    Returns
-    -------
-    sklearn.gaussian_process.kernels.Kernel
-    """
+    """Kernel of the truth: Matern 5/2 with a length for each input."""
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
     return ConstantKernel(1.0, (1e-2, 1e3)) * Matern(np.ones(inputs), (0.1, 30.0), nu=2.5)
 
 
 def truth_of(samples: Samples, seed: int) -> Emulator:
-    """The emulator of all samples that proposals are judged by.
-
-    Parameters
-    ----------
-    samples : Samples
-    seed : int
-        Of the points that the kernel is fitted to, and of the folds.
-
-    Returns
-    -------
-    Emulator
-    """
+    """The emulator of all samples, the judge of proposals; `seed` is for the points of the kernel fit and the folds."""
     return with_process(samples.points, samples.errors, samples.covariance, matern, seed)
 
 
 def emulated(samples: Samples, truth: Emulator, count: int, random: np.random.Generator) -> Points:
     """A new Latin hypercube of `count` samples whose runs scatter about the truth as real ones do.
 
-    Parameters
-    ----------
-    samples : Samples
-        As many runs of each sample as these have on average.
-    truth : Emulator
-    count : int
-        Number of samples.
-    random : numpy.random.Generator
-
-    Returns
-    -------
-    Points
+    Each has as many runs as `samples` have on average.
     """
     dimensions = samples.points.X.shape[1]
     unit = stats.qmc.LatinHypercube(dimensions, rng=random).random(count)
@@ -174,23 +108,10 @@ def emulated(samples: Samples, truth: Emulator, count: int, random: np.random.Ge
 def compared(
     samples: Samples, space: ParameterSpace, targets: Targets, settings: Mapping[str, Any]
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """All methods on real and emulated data.
+    """All methods on real and emulated data: means with standard errors over the repetitions, and every proposal.
 
-    Parameters
-    ----------
-    samples : Samples
-    space : ParameterSpace
-    targets : Targets
-    settings : mapping
-        ``samples`` (a list of numbers), ``repetitions``, ``local_starts``, ``seed``, and the sections ``network`` and
-        ``miga`` to use. Numbers of samples beyond those that are there have emulated data alone.
-
-    Returns
-    -------
-    table : pandas.DataFrame
-        Means with standard errors over the repetitions.
-    proposals : pandas.DataFrame
-        Every proposal.
+    `settings` holds ``samples`` (a list of numbers), ``repetitions``, ``local_starts``, ``seed``, and the sections
+    ``network`` and ``miga``. Numbers of samples above the available number have emulated data alone.
     """
     truth = truth_of(samples, settings["seed"])
     available, rows = len(samples.points.X), []
@@ -217,18 +138,7 @@ def run(
     settings: Mapping[str, Any],
     out_dir: str | Path,
 ) -> pd.DataFrame:
-    """Write whole.csv and whole_proposals.csv; return the first.
-
-    Parameters
-    ----------
-    samples, space, targets, settings
-        As for `compared`.
-    out_dir : path
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """Write whole.csv and whole_proposals.csv; return the first."""
     table, proposals = compared(samples, space, targets, settings)
     write_table(Path(out_dir) / "whole_proposals.csv", proposals)
     write_table(Path(out_dir) / "whole.csv", table)
@@ -236,7 +146,7 @@ def run(
 
 
 def _rows(about, data, truth, space, targets, settings, random):
-    """Rows of whole_proposals.csv of one set of data, one for each method."""
+    """Rows of whole_proposals.csv of one set of data, a row for each method."""
     found = proposed(data, space, targets, settings, random)
     objective = Objective.of(targets)
     for name, (place, evaluations) in found.items():
@@ -275,18 +185,7 @@ def _table(proposals, truth, targets, available):
 
 
 def message(table: pd.DataFrame, targets: Targets) -> str:
-    """The largest number of samples in words, one line for each method.
-
-    Parameters
-    ----------
-    table : pandas.DataFrame
-        whole.csv.
-    targets : Targets
-
-    Returns
-    -------
-    str
-    """
+    """Results for the largest number of samples in words, a line for each method of whole.csv."""
     lines = []
     for kind, group in table.groupby("data", sort=False):
         last = group[group["samples"] == group["samples"].max()]

@@ -5,7 +5,7 @@ Any simulator and any responses will do: parameters and targets are columns of t
     study = read_study("own.yaml")
     table = first_runs(study)                       # to simulate
     runs = checked_runs(study, table_with_responses)
-    advice, following = ask(study, runs)            # what to simulate next, until advice.stop
+    advice, following = ask(study, runs)            # the next runs, until advice.stop
     found = calibrate(study, runs)
 """
 

@@ -1,4 +1,4 @@
-"""What the runs of the user's simulator say: where to simulate next, and the answer with its certainty."""
+"""From the runs of the user's simulator to the next runs, and to the answer with its certainty."""
 
 import os
 from pathlib import Path
@@ -21,63 +21,29 @@ from repose.studies.posterior import Posterior, infer
 from repose.surrogate.support import Support
 
 SOLUTIONS, DISTANCE = 90, 0.02  # as `miga` of config.yaml
-FREEDOM = 4  # runs beyond the first of a sample that a correlation of two responses takes
+FREEDOM = 4  # runs beyond the first of a sample, needed for a correlation of two responses
 
 
 class Calibration(NamedTuple):
-    """What the runs say.
-
-    Attributes
-    ----------
-    study : OwnStudy
-    runs, samples : pandas.DataFrame
-        The runs; their means by sample with standard errors.
-    model : SpaceKriging
-    values, mean, error : numpy.ndarray
-        Parameters of the answer, its predicted responses (k,) and their standard errors.
-    probability : dict of str to float
-        That the simulator's mean responses at the answer lie ``within_1_percent`` and ``within_2_percent`` of all
-        targets, and ``inside`` all ranges.
-    solutions : pandas.DataFrame
-        The answer, then other parameter sets that are predicted inside all ranges.
-    posterior : Posterior
-    summary : dict
-        The answer in plain values, as ``summary.json`` has it.
-    """
+    """Result of a calibration by the runs of the user's simulator."""
 
     study: OwnStudy
     runs: pd.DataFrame
-    samples: pd.DataFrame
+    samples: pd.DataFrame  # means by sample, with standard errors
     model: SpaceKriging
-    values: np.ndarray
-    mean: np.ndarray
-    error: np.ndarray
-    probability: dict[str, float]
-    solutions: pd.DataFrame
+    values: np.ndarray  # parameters of the answer
+    mean: np.ndarray  # its predicted responses (k,)
+    error: np.ndarray  # their standard errors (k,)
+    probability: dict[str, float]  # ``within_1_percent``, ``within_2_percent``, ``inside`` all ranges
+    solutions: pd.DataFrame  # the answer, then other sets predicted inside all ranges
     posterior: Posterior
-    summary: dict[str, Any]
+    summary: dict[str, Any]  # the answer in plain values, as in ``summary.json``
 
 
 def ask(study: OwnStudy, runs: pd.DataFrame) -> tuple[Advice, pd.DataFrame]:
-    """What to simulate next.
+    """Advice on the next runs, and a row for each of them; where the runs stop (``stop``), the answer.
 
-    Parameters
-    ----------
-    study : OwnStudy
-    runs : pandas.DataFrame
-        All runs so far, as `checked_runs` gives them.
-
-    Returns
-    -------
-    advice : Advice
-        With ``stop``, why no further run is asked for.
-    following : pandas.DataFrame
-        A row for each run to make; where the runs stop, the answer.
-
-    Raises
-    ------
-    InputError
-        If the runs do not tell the noise.
+    `runs` are all runs so far, from `checked_runs`. InputError if they do not determine the noise.
     """
     observed, failed = observed_of(study, runs)
     noise = noise_of(study, observed).covariance
@@ -91,22 +57,9 @@ def ask(study: OwnStudy, runs: pd.DataFrame) -> tuple[Advice, pd.DataFrame]:
 
 
 def calibrate(study: OwnStudy, runs: pd.DataFrame) -> Calibration:
-    """The parameters that meet the targets most probably, and how sure they are.
+    """The parameters that meet the targets most probably, and their certainty.
 
-    Parameters
-    ----------
-    study : OwnStudy
-    runs : pandas.DataFrame
-        As `checked_runs` gives them. They need not come from `ask`.
-
-    Returns
-    -------
-    Calibration
-
-    Raises
-    ------
-    InputError
-        If the runs do not tell the noise.
+    `runs` come from `checked_runs`; they need not come from `ask`. InputError if they do not determine the noise.
     """
     space, targets = study.space, study.targets
     observed, failed = observed_of(study, runs)
@@ -163,21 +116,7 @@ def calibrate(study: OwnStudy, runs: pd.DataFrame) -> Calibration:
 
 
 def observed_of(study: OwnStudy, runs: pd.DataFrame) -> tuple[Observed, np.ndarray]:
-    """The runs as arrays.
-
-    Parameters
-    ----------
-    study : OwnStudy
-    runs : pandas.DataFrame
-        As `checked_runs` gives them.
-
-    Returns
-    -------
-    observed : Observed
-        Samples with a good run.
-    failed : numpy.ndarray, (f, d)
-        The others, in the unit cube.
-    """
+    """Samples with a good run as arrays, and the other samples (f, d) in the unit cube."""
     names = list(study.targets.names)
     number, samples = pd.factorize(runs["sample"])
     place = runs.groupby("sample").cumcount().to_numpy()
@@ -191,15 +130,7 @@ def observed_of(study: OwnStudy, runs: pd.DataFrame) -> tuple[Observed, np.ndarr
 def write(found: Calibration, out_dir: str | os.PathLike) -> dict[str, Any]:
     """Write the tables of a calibration and its material card; return the card.
 
-    Parameters
-    ----------
-    found : Calibration
-    out_dir : path
-        For samples.csv, solutions.csv, posterior.csv, draws.csv, posterior.json, summary.json and card.json.
-
-    Returns
-    -------
-    dict
+    The files are samples.csv, solutions.csv, posterior.csv, draws.csv, posterior.json, summary.json and card.json.
     """
     out, study = Path(out_dir), found.study
     tables = {"samples": found.samples, "solutions": found.solutions}
@@ -228,18 +159,7 @@ def write(found: Calibration, out_dir: str | os.PathLike) -> dict[str, Any]:
 
 
 def as_answer(found: Calibration, folder: Path) -> Answer:
-    """The answer in the form that the material card takes; it was not simulated again.
-
-    Parameters
-    ----------
-    found : Calibration
-    folder : Path
-        Of the results.
-
-    Returns
-    -------
-    Answer
-    """
+    """The answer in the form for the material card; it was not simulated again."""
     checks = tuple(
         Check(
             *(one.name, one.response.unit, None, None, 0, "not simulated again"),
@@ -254,16 +174,7 @@ def as_answer(found: Calibration, folder: Path) -> Answer:
 
 
 def in_words(found: Calibration) -> str:
-    """The answer for people.
-
-    Parameters
-    ----------
-    found : Calibration
-
-    Returns
-    -------
-    str
-    """
+    """The answer as text for people."""
     rows = found.posterior.parameters.set_index("parameter")
     study, chance = found.study, found.probability
     lines = [f"{study.label}: the calibrated parameters [95 % interval]:"]
@@ -299,7 +210,7 @@ def _samples(study, runs):
 
 
 def _steps(study, runs, samples, probability, warning):
-    """How the answer was found, in sentences."""
+    """The way to the answer, in sentences."""
     failed = int((runs["status"] != OK).sum())
     return [
         f"Simulation in {study.simulator}: {len(runs)} runs of {len(samples)} parameter sets, {failed} failed.",

@@ -1,8 +1,8 @@
-"""The noise of a single run of the user's simulator: of replicates, as told, or as far as single runs tell it.
+"""The noise of a single run of the user's simulator: from replicates, as given, or estimated from single runs.
 
 Without replicates only the scatter about a smooth surface is left: a Gaussian process whose errors have one unknown
 variance, the nugget (Rasmussen & Williams 2006, section 2.2). A rough surface without noise fits few runs as well as
-a smooth one with noise. So the variance is averaged over what the runs do not tell apart.
+a smooth one with noise. So the variance is averaged over all shares of noise that the runs allow.
 """
 
 import warnings
@@ -15,30 +15,22 @@ from repose.strategies.sequential.kriging import Observed
 from repose.studies.own_simulator.study import OwnStudy
 
 REPLICATES, TOLD, ESTIMATED = "replicates", "noise_sd", "estimated from single runs"
-RUNS_PER_PARAMETER = 4  # single runs at least, for an estimate
+RUNS_PER_PARAMETER = 4  # least number of single runs for an estimate
 SHARES = np.geomspace(
     1e-4, 1.0, 9
-)  # of the variance over the runs that may be noise, each as probable before
-LENGTHS = (0.3, 30.0)  # of the surface, in ranges of a parameter: shorter waves cannot be told from noise
+)  # of the variance over the runs that may be noise, all equally probable a priori
+LENGTHS = (0.3, 30.0)  # of the surface, in ranges of a parameter: shorter waves look like noise
 
 
 class Noise(NamedTuple):
-    """The noise of a single run.
+    """The noise of a single run."""
 
-    Attributes
-    ----------
-    covariance : numpy.ndarray, (k, k)
-        Of the responses about their means.
-    sources : dict of str
-        For each response `REPLICATES`, `TOLD` or `ESTIMATED`.
-    """
-
-    covariance: np.ndarray
-    sources: dict[str, str]
+    covariance: np.ndarray  # (k, k), of the responses about their means
+    sources: dict[str, str]  # for each response `REPLICATES`, `TOLD` or `ESTIMATED`
 
     @property
     def warning(self) -> str | None:
-        """What the lack of replicates costs, in words; None where there are enough."""
+        """Warning for too few replicates; None where there are enough."""
         told = [
             f"{name} {sd:.2g} ({source})"
             for (name, source), sd in zip(
@@ -56,24 +48,9 @@ class Noise(NamedTuple):
 
 
 def noise_of(study: OwnStudy, observed: Observed, source: object = "runs") -> Noise:
-    """The noise of a single run.
+    """The noise of a single run; `observed` are samples with a good run, `source` names them in the error.
 
-    Parameters
-    ----------
-    study : OwnStudy
-    observed : Observed
-        Samples with a good run.
-    source : object, optional
-        Where the runs stand, for the error.
-
-    Returns
-    -------
-    Noise
-
-    Raises
-    ------
-    InputError
-        If the replicates are all alike, or neither they nor `noise_sd` nor enough single runs tell it.
+    InputError if the replicates are all alike, or if replicates, `noise_sd` and single runs are all too few.
     """
     names = study.targets.names
     if observed.freedom > len(names):
@@ -101,19 +78,9 @@ def noise_of(study: OwnStudy, observed: Observed, source: object = "runs") -> No
 def nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
     """Variance of a single run about a smooth surface.
 
-    Parameters
-    ----------
-    unit : numpy.ndarray, (n, d)
-        Samples in the unit cube.
-    means : numpy.ndarray, (n,)
-        Mean of each.
-    shares : numpy.ndarray, (n,)
-        Variance of that mean, in variances of a single run.
-
-    Returns
-    -------
-    float
-        Its mean over `SHARES` of the variance of the means, weighted with the evidence of each.
+    Its mean over `SHARES` of the variance of the means, weighted with the evidence of each. `unit` (n, d) are samples
+    in the unit cube, `means` (n,) their means, and `shares` (n,) the variance of each mean in variances of a single
+    run.
     """
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern

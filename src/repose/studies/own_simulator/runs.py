@@ -1,4 +1,4 @@
-"""Runs of the user's simulator: which ones to make first, and the table that comes back, checked."""
+"""Runs of the user's simulator: the first runs to make, and the check of the returned table."""
 
 import math
 import os
@@ -20,38 +20,16 @@ ROUNDED = 1e-6  # of a range: a table may have been rounded by a spreadsheet
 
 
 def first_runs(study: OwnStudy) -> pd.DataFrame:
-    """The runs to begin with: a Latin hypercube over the ranges, each sample several times.
-
-    Parameters
-    ----------
-    study : OwnStudy
-
-    Returns
-    -------
-    pandas.DataFrame
-        As `runs_of_points`.
-    """
+    """The first runs, as `runs_of_points`: a Latin hypercube over the ranges, each sample several times."""
     section = study.sequential
     return runs_of_points(start(study.space, section, study.seed), study.space, section["seeds"], 1)
 
 
 def runs_of_points(unit: np.ndarray, space: ParameterSpace, seeds: int, first: int) -> pd.DataFrame:
-    """A row for each run.
+    """A row for each run: ``sample`` from `first`, ``run`` from 1, and the parameters.
 
-    Parameters
-    ----------
-    unit : numpy.ndarray, (n, d)
-        Samples in the unit cube.
-    space : ParameterSpace
-    seeds : int
-        Runs of each sample; they differ in the random numbers of the simulator alone.
-    first : int
-        Number of the first sample.
-
-    Returns
-    -------
-    pandas.DataFrame
-        sample, run from 1, and the parameters.
+    `unit` (n, d) are samples in the unit cube. The `seeds` runs of a sample differ in the random numbers of the
+    simulator alone.
     """
     values = space.values(unit).repeat(seeds, axis=0)
     table = pd.DataFrame(values, columns=list(space.names))
@@ -61,24 +39,7 @@ def runs_of_points(unit: np.ndarray, space: ParameterSpace, seeds: int, first: i
 
 
 def read_runs(path: str | os.PathLike, study: OwnStudy) -> pd.DataFrame:
-    """Read and check a table of runs.
-
-    Parameters
-    ----------
-    path : path
-        CSV file.
-    study : OwnStudy
-
-    Returns
-    -------
-    pandas.DataFrame
-        As `checked_runs`.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or for what `checked_runs` refuses.
-    """
+    """Read a CSV file of runs and check it by `checked_runs`."""
     return checked_runs(study, read_rows(path, what="a CSV file of runs"), path)
 
 
@@ -88,31 +49,12 @@ def checked_runs(
     source: object = "runs",
     enough: bool = True,
 ) -> pd.DataFrame:
-    """A table of runs, checked.
+    """Check a table of runs; return ``sample``, ``status``, parameters and responses.
 
-    Parameters
-    ----------
-    study : OwnStudy
-    rows : pandas.DataFrame or sequence of mapping
-        A row for each run: the parameters and the responses of the targets. A column of a fixed parameter may be
-        missing. Rows with the same parameters are replicates. ``sample``, ``run`` and ``status`` may be there. A run
-        whose status is not ``ok`` failed; its responses are not read.
-    source : object, optional
-        Where the table stands, for the error.
-    enough : bool, optional
-        Whether to refuse runs that are too few for a calibration.
-
-    Returns
-    -------
-    pandas.DataFrame
-        sample, status, parameters, responses. Samples are numbered in the order of their first run, unless the table
-        numbers them.
-
-    Raises
-    ------
-    InputError
-        For a missing column; a cell that is no finite number; a parameter outside its range; one sample with two sets
-        of parameters, or two samples with one; a run or a row that is there twice; too few good samples.
+    Columns of fixed parameters, ``sample``, ``run`` and ``status`` are optional. Rows with the same parameters are
+    replicates. A run with another status than ``ok`` failed; its responses are not read. Samples are numbered in the
+    order of their first run, unless the table numbers them. `enough` also refuses too few good samples. InputError
+    names `source` and the row.
     """
     if isinstance(rows, pd.DataFrame):
         rows = rows.to_dict("records")
@@ -132,23 +74,10 @@ def checked_runs(
 
 
 def tell(study: OwnStudy, new: str | os.PathLike, record: str | os.PathLike) -> pd.DataFrame:
-    """Add runs to a record, which is made where there is none.
+    """Add runs to a record and return all of its runs, which may be too few for a calibration.
 
-    Parameters
-    ----------
-    study : OwnStudy
-    new, record : path
-        CSV files of runs. The record is written as a whole, after all of it was checked.
-
-    Returns
-    -------
-    pandas.DataFrame
-        All runs of the record, as `checked_runs`; they may be too few for a calibration.
-
-    Raises
-    ------
-    InputError
-        As `read_runs`; the record stays as it was.
+    Both are CSV files; a missing record is made. The record is written as a whole, after all of it was checked; on an
+    InputError it stays as it was.
     """
     rows = _with_fixed(read_rows(new, what="a CSV file of runs"), study.space)
     checked_runs(study, rows, new, enough=False)
@@ -184,7 +113,7 @@ def _number(cell, source, name, more=""):
 
 
 def _inside(value, name, space, source):
-    """A parameter within its range, or InputError; what a spreadsheet has rounded is put back."""
+    """A parameter within its range, or InputError; the rounding of a spreadsheet is undone."""
     if name in space.fixed:
         low = high = space.fixed[name]
     else:
@@ -226,13 +155,13 @@ def _require_enough(table, study, source):
 
 
 def _with_fixed(rows, space):
-    """The rows; a fixed parameter that has no column gets one."""
+    """The rows with columns for all fixed parameters."""
     missing = {name: value for name, value in space.fixed.items() if rows and name not in rows[0]}
     return [missing | dict(row) for row in rows]
 
 
 def _refuse_twice(table, rows, source):
-    """Refuse a run that is there twice, and a row whose numbers are all those of another one."""
+    """Refuse a duplicate run, and a row with all numbers equal to those of an earlier row."""
     if "run" in rows[0]:
         named = pd.Series(list(zip(table["sample"], (str(row["run"]).strip() for row in rows), strict=True)))
         if named.duplicated().any():

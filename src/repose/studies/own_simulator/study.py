@@ -12,7 +12,7 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.responses import Response
 from repose.core.targets import Target, Targets
 
-RESERVED = ("sample", "run", "status")  # columns of the table that are no parameter and no response
+RESERVED = ("sample", "run", "status")  # columns of the table that are neither parameter nor response
 NEEDED = ("simulator", "label", "seed", "parameters", "targets")
 # Each number with its default, smallest and largest value; an integer default asks for an integer.
 SEQUENTIAL = {
@@ -35,88 +35,35 @@ RANGE_PERCENT = 2.0  # of the value, to each side, where no range is given
 
 @dataclass(frozen=True)
 class OwnStudy:
-    """A study with a simulator of the user's own.
-
-    Attributes
-    ----------
-    simulator, label : str
-        The simulator's name, the material's.
-    seed : int
-    space : ParameterSpace
-    targets : Targets
-    definitions : mapping of str to str
-        How each response is defined, where it is said.
-    noise_sd : mapping of str to float
-        Standard deviation of a single run of the simulator, where it is said.
-    sequential, posterior : mapping
-        As the sections of these names of a whole configuration.
-    """
+    """A study with a simulator of the user's own."""
 
     simulator: str
-    label: str
+    label: str  # of the material
     seed: int
     space: ParameterSpace
     targets: Targets
-    definitions: Mapping[str, str]
-    noise_sd: Mapping[str, float]
-    sequential: Mapping[str, Any]
-    posterior: Mapping[str, Any]
+    definitions: Mapping[str, str]  # of responses, where given
+    noise_sd: Mapping[str, float]  # standard deviation of a single run of the simulator, where given
+    sequential: Mapping[str, Any]  # as the section of a whole configuration
+    posterior: Mapping[str, Any]  # as the section of a whole configuration
 
 
 def is_own(path: str | os.PathLike) -> bool:
-    """Whether a configuration is one for a simulator of the user's own: it names the simulator.
-
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a configuration is for a simulator of the user's own: it names the simulator."""
     return "simulator" in read(path)
 
 
 def read_study(path: str | os.PathLike) -> OwnStudy:
-    """Read the configuration.
-
-    Parameters
-    ----------
-    path : path
-        A YAML or JSON file.
-
-    Returns
-    -------
-    OwnStudy
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, or for what `study_of` refuses.
-    """
+    """Read the configuration, a YAML or JSON file; raises InputError as `study_of`."""
     return study_of(read(path), path)
 
 
 def study_of(content: Mapping[str, Any], source: object = "study") -> OwnStudy:
-    """The study that a configuration describes.
+    """The study of a configuration; `source` names it in an InputError.
 
-    Parameters
-    ----------
-    content : mapping
-        ``simulator``, ``label``, ``seed``, ``parameters`` (as in `ParameterSpace.of`, with any names) and ``targets``:
-        for each response ``value``, ``sd`` and ``repetitions``, perhaps ``range``, ``unit``, ``definition`` and
-        ``noise_sd``. The sections ``sequential`` and ``posterior`` may hold the keys that differ from the default.
-    source : object, optional
-        Where it stands, for the error.
-
-    Returns
-    -------
-    OwnStudy
-
-    Raises
-    ------
-    InputError
-        For a key that is missing or unknown, or a value that is not allowed.
+    Keys: ``simulator``, ``label``, ``seed``, ``parameters`` (as in `ParameterSpace.of`, with any names) and
+    ``targets``: for each response ``value``, ``sd`` and ``repetitions``, optional ``range``, ``unit``, ``definition``
+    and ``noise_sd``. The sections ``sequential`` and ``posterior`` are optional; their missing keys have defaults.
     """
     known = (*NEEDED, "sequential", "posterior")
     faults = [
@@ -166,7 +113,7 @@ def _with(study, **changes):
 
 
 def _target(name, given, source):
-    """One target; its range is its value and 2 % to each side, where none is given."""
+    """A target; without a range it gets its value and 2 % to each side."""
     key, given = f"targets.{name}", _mapping(given, source, f"targets.{name}")
     for one in given:
         if one not in TARGET:
