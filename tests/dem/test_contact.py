@@ -147,7 +147,7 @@ def test_a_proven_gap_is_never_larger_than_the_true_one():
 @pytest.mark.parametrize("axes", [BERRY, BARREL], ids=["ellipsoid", "two ellipsoids"])
 @pytest.mark.parametrize("limit", ["elastic", "total"])
 @pytest.mark.parametrize("tension", ["release", "keep"])
-def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension, limit):
+def test_a_tile_of_contacts_agrees_with_the_slow_law(axes, tension, limit):  # noqa: PLR0915
     rng = np.random.default_rng(9)
     t = st.zeros(ROWS * LANES)
     lanes = t.reshape(ROWS, LANES)

@@ -1,5 +1,4 @@
-"""The measuring cylinder: berries are poured into it and struck off at its rim; their mass over its volume is the bulk
-density.
+"""The measuring cylinder: its bulk density is the mass of the berries struck off at the rim over its volume.
 
 Vessel and pouring follow the small container of ISO 17828 (5 litres: 167 mm wide, 228 mm high; poured from 200 to 300
 mm above the rim, struck off level), without the shocks that the standard adds. The wall goes on above the rim as a

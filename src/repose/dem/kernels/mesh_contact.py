@@ -158,7 +158,7 @@ def solve_edge(row, parts, edge, out):
 
 @inlined
 def vertex_terms(row, parts, vertex, nx, ny, nz):
-    """f of a vertex for a normal, the step to the next normal and what `write_contact` needs."""
+    """Gap f of a vertex for a normal, the step to the next normal and what `write_contact` needs."""
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
     h, x1, x2, q11, q12, q22 = support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz)
     dx, dy, dz = vertex[0] - row[0], vertex[1] - row[1], vertex[2] - row[2]

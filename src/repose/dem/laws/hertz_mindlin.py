@@ -82,7 +82,7 @@ def damping_ratio(restitution: float, tension: str = "keep") -> float:
 
 
 def _log_released(b: float) -> float:
-    """ln e of a contact of damping ratio b that ends when its force vanishes."""
+    """Logarithm of e of a contact of damping ratio b that ends when its force vanishes."""
     if abs(b - 1.0) < 1e-6:
         return -2.0 * b
     if b < 1.0:
