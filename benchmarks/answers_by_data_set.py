@@ -289,7 +289,7 @@ def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--folder", type=Path, default=Path("results/published/recommended"))
+    parser.add_argument("--folder", type=Path, default=Path("results/published/height_alone"))
     parser.add_argument("--config", default="config/config.yaml")
     parser.add_argument("--sets", choices=["parts", "whole"], default="parts")
     parser.add_argument(

@@ -203,7 +203,7 @@ def main():
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--pool", type=Path, default=Path("results/published/recommended/pool"))
+    parser.add_argument("--pool", type=Path, default=Path("results/published/height_alone/pool"))
     parser.add_argument("--config", default="config/config.yaml")
     parser.add_argument("--responses", nargs="+", default=["height_mm"])
     parser.add_argument("--emulator", choices=("process", "networks"), default="process")

@@ -41,7 +41,7 @@ SEEDS = 16
 REST_J = 1e-7
 # A pile that has lost more than a tenth of its grains over the edge of the plate is not the pile poured.
 FEWEST_LEFT = 0.9
-# The calibrated answer of results/published/recommended, and the centre with the frictions at the top.
+# The calibrated answer of results/published/height_alone, and the centre with the frictions at the top.
 SETS = {
     "calibrated": {
         "e_gg": 0.3319,

@@ -36,7 +36,7 @@ from repose.core import provenance
 from repose.core.files import read_table, write_table
 from repose.studies import rounds
 
-RECOMMENDED = Path("results/published/recommended")
+HEIGHT_ALONE = Path("results/published/height_alone")
 QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)
 CHECKS = 96
 CAMPAIGNS = 5
@@ -58,7 +58,7 @@ class Campaign:
         for section, keys in changes.items():
             config[section] = config[section] | keys if isinstance(keys, dict) else keys
         loader.write_resolved(config, self.config)
-        self.berry = {name: RECOMMENDED / f"berry/{name}.json" for name in ("berry", "particle")}
+        self.berry = {name: HEIGHT_ALONE / f"berry/{name}.json" for name in ("berry", "particle")}
 
     def verb(self, name, *words, **options):
         """Run a verb with this configuration."""
@@ -94,7 +94,7 @@ def target(value):
 
 def sequential(folder, number):
     """A campaign of the sequential strategy; a row of the table."""
-    heights = pd.read_csv(RECOMMENDED / "pool/dataset.csv")["height_mm"]
+    heights = pd.read_csv(HEIGHT_ALONE / "pool/dataset.csv")["height_mm"]
     value = round(float(heights.quantile(QUANTILES[number])), 2)
     changes = {"targets": target(value), "design": {"seed": 4000 + number}, "sequential": {"checks": CHECKS}}
     campaign = Campaign(folder, changes)
@@ -135,10 +135,10 @@ def refine(folder, number):
     campaign = Campaign(folder, {"design": {"seed": 5000 + number}, "refine": section})
     section = json.loads(campaign.config.read_text())["refine"]
     for name in ("dataset", "runs"):
-        table = pd.read_csv(RECOMMENDED / f"{name}.csv")
+        table = pd.read_csv(HEIGHT_ALONE / f"{name}.csv")
         table[(table["sample"] - 1) % CAMPAIGNS == number].to_csv(folder / f"{name}.csv", index=False)
     summary = dataset.counts(*(pd.read_csv(folder / f"{name}.csv") for name in ("dataset", "runs")))
-    definitions = json.loads((RECOMMENDED / "dataset_summary.json").read_text())["definitions"]
+    definitions = json.loads((HEIGHT_ALONE / "dataset_summary.json").read_text())["definitions"]
     (folder / "dataset_summary.json").write_text(json.dumps(summary | {"definitions": definitions}))
     design = {name: folder / f"{name}.csv" for name in ("dataset", "runs")}
     last, done = {"outcome": None, "usable": 1}, []

@@ -73,7 +73,7 @@ def main():
     parser.add_argument(
         "--results",
         type=Path,
-        default=Path("results/published/recommended"),
+        default=Path("results/published/height_alone"),
         help="folder of a study with its pool",
     )
     parser.add_argument("--response", default="height_mm")
