@@ -109,7 +109,7 @@ def touches_others(contacts, n, body, but):
 
 
 @inlined
-def slid_off(bodies, contacts, walls, n, k, depth):
+def slid_off(bodies, contacts, n, k, depth):
     """Note that contact k with a curved wall slid over the wall's end, with an overlap.
 
     The next wall takes the body over with no more than that. Where it touches another wall it is not past this one.
@@ -119,11 +119,9 @@ def slid_off(bodies, contacts, walls, n, k, depth):
         if contacts.deepest[w, i] < depth:
             contacts.deepest[w, i] = depth
     if not touches_others(contacts, n, i, k):
-        # a second contact may have grown out of this one since the last look
-        radius = bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
-        reading = bodies.displacement[i] + walls.approach[st.WALL_PATH]
-        moved = max(reading - contacts.limit[wall, i] + NEXT_LOOK_KNOWN * radius, 0.0)
-        contacts.deepest[wall, i] = depth + moved
+        contacts.deepest[wall, i] = depth
+        # a second contact may have grown out of this one since the last look: the next one counts from there
+        contacts.limit[wall, i] -= NEXT_LOOK_KNOWN * bodies.motion[i // st.LANES, st.RADIUS + i % st.LANES]
 
 
 @inlined
