@@ -157,7 +157,7 @@ REQUIRED = [
     *(
         key
         for key, _ in leaves(validator().schema)
-        if not key.startswith("targets.") and key != "simulation.contact_law"
+        if not key.startswith("targets.") and key not in ("simulation.contact_law", "simulation.rolling_law")
     ),
     *(name for name in sections(validator().schema) if name in validator().schema["required"]),
 ]

@@ -26,10 +26,10 @@ def test_the_response_surface_has_its_own_pours(config):
     assert strategies.pours(config) is None
     config["strategy"] = "response_surface"
     pours = strategies.pours(config)
-    # 12 edges of the cube and 5 centres
-    assert pours == (("screening", 12, 3), ("ascent", 6, 3), ("surface", 17, 3), ("check", 8, 3))
+    # 12 runs and 5 centres; 12 edges of the cube and 5 centres
+    assert pours == (("screening", 17, 3), ("ascent", 6, 3), ("surface", 17, 3), ("check", 8, 3))
     work = cost.work(config, 1e-7, pours)
-    assert work["total_s"] == pytest.approx(43 * cost.JOB_START_S + 129 * work["pour_s"])
+    assert work["total_s"] == pytest.approx(48 * cost.JOB_START_S + 144 * work["pour_s"])
 
 
 def test_the_sequential_strategy_stops_at_its_budget(config):

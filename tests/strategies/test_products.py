@@ -92,7 +92,7 @@ def test_the_card_of_a_strategy_is_a_card(study):
     card.check(made, "card")
     assert made["interval"] == card.RANGE
     assert made["tests"][0]["runs"] == SECTION["checks"]
-    assert [test["definition"]["name"] for test in made["tests"]] == ["angle, secant", "Height"]
+    assert [test["definition"]["name"] for test in made["tests"]] == ["angle, whole side", "Height"]
 
 
 def test_the_report_of_a_strategy_has_the_answer_sliders_and_how_it_went(study):
