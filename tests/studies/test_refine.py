@@ -225,6 +225,7 @@ CONFIG = {
     },
     "miga": {
         "islands": 2,
+        "answer": "least_objective",
         "population": 20,
         "rounds": 15,
         "generations": 10,
