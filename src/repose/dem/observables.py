@@ -275,5 +275,5 @@ class Observables:
             wall,
             feature,
             rows[:, :3].copy(),
-            -rows[:, st.MESH_GAP // st.LANES],
+            -rows[:, st.GAP // st.LANES],
         )

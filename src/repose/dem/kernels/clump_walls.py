@@ -160,12 +160,12 @@ def free_way(gap, beyond, radius, past, sphere, leans):
 
 
 @inlined
-def leans_on(known, i):
-    """Whether any sphere of body i touches any wall of this kind."""
-    for wall in range(known.shape[0]):  # noqa: SIM110  (kernels have no generators)
-        if known[wall, i] != np.uint64(0):
-            return True
-    return False
+def touching(known, i):
+    """The spheres of body i that touch any wall of this kind, as bits."""
+    word = np.uint64(0)
+    for wall in range(known.shape[0]):
+        word |= known[wall, i]
+    return word
 
 
 @inlined
@@ -203,14 +203,17 @@ def spheres_at_plane(bodies, flat, clumps, walls, counts, wall, i, s, out):
 def spheres_at_curved(bodies, curved, clumps, walls, counts, wall, i, s, out):
     """Find the spheres of body i that have come to a cone or ring, as `spheres_at_plane`."""
     nearest = math.inf
-    leans = leans_on(clumps.curved_known, i)
+    held = touching(clumps.curved_known, i)
     for k in range(clumps.sizes[clumps.shape[i]]):
         if is_set(clumps.curved_known[wall, i : i + 1], k):
             continue
         x, y, z = s[PLACES_A + k], s[PLACES_A + MOST_SPHERES + k], s[PLACES_A + 2 * MOST_SPHERES + k]
         radius = s[PLACES_A + 3 * MOST_SPHERES + k]
         beyond = sphere_on_curved(walls, wall, x, y, z, radius, out)
-        free = free_way(out[3], beyond, radius, clumps.curved_past[wall, i : i + 1], k, leans)
+        past = clumps.curved_past[wall, i : i + 1]
+        if (held >> np.uint64(k)) & np.uint64(1) != np.uint64(0):
+            clear_bit(past, k)  # the wall that it touches hands it over
+        free = free_way(out[3], beyond, radius, past, k, held != np.uint64(0))
         if free > 0.0:
             nearest = min(nearest, free)
             continue

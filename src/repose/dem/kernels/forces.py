@@ -331,6 +331,7 @@ def curved_geometry(bodies, curved, clumps, walls, parts, t, lane, k, out, local
     if len(clumps) == 0:
         on_wall = follow_wall(parts, row, walls, curved.wall[k], contacts, lane, out, local)
         write_lane(t, contacts, lane, out)
+        contacts[st.GAP + lane] = out[3]
         return out[3] > 0.0 or not on_wall or is_double(curved, k)
     x, y, z = sphere_arm(row, contacts, lane)
     beyond = sphere_on_curved(
@@ -403,7 +404,7 @@ def mesh_forces(bodies, meshed, clumps, walls, meshes, counts, physics, t, out, 
                 bodies, meshed, clumps, walls, meshes, physics.parts, n, k, out, other, local
             )
             write_lane(t, contacts, lane, out)
-            contacts[st.MESH_GAP + lane] = out[3]
+            contacts[st.GAP + lane] = out[3]
             if not touching:
                 meshed.ended[ended] = k
                 ended += 1

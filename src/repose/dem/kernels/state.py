@@ -41,11 +41,11 @@ MOTION_ROWS = _motion.count
 _pair = Rows()
 NORMAL = _pair.take(3)
 PAIR_STATE = _pair.end  # where the force laws' rows begin, for pairs
-# Of a contact with a wall: azimuth (curved), or offset along the normal, middle and squared radius (plane). Of a mesh:
-# the azimuth about an edge, the gap.
+# Of a contact with a wall: azimuth and gap (curved), or offset along the normal, middle and squared radius (plane). Of
+# a mesh: the azimuth about an edge, the gap.
 _wall = Rows(_pair.end)
 AZIMUTH = OFFSET = _wall.take()
-MIDDLE = MESH_GAP = _wall.take(3)
+MIDDLE = GAP = _wall.take(3)
 RADIUS2 = _wall.take()
 WALL_STATE = _wall.end  # where the force laws' rows begin, for walls
 

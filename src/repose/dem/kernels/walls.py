@@ -5,7 +5,7 @@
 A contact begins where a body in front of the wall comes to it. A body that overlaps the wall's surface beyond its end,
 or from behind, is past the wall: it would be thrown if a contact began with that overlap. So it has none until it was
 clear of the surface. `WallContacts.deepest` keeps this: endless, or for a body that is past the wall the overlap with
-which a contact may begin all the same: what the last one had when it slid over an end, mostly onto the next wall.
+which a contact may begin all the same: that of its contact with the wall from which it slides onto this one.
 """
 
 import math
@@ -109,6 +109,16 @@ def touches_others(contacts, n, body, but):
 
 
 @inlined
+def overlap_elsewhere(contacts, n, body, wall):
+    """The deepest overlap of a body's contacts with other curved walls than this one; 0.0 where it has none."""
+    depth = 0.0
+    for k in range(n):
+        if contacts.body[k] == body and contacts.wall[k] != wall:
+            depth = max(depth, -contacts.data[k // st.LANES, st.GAP + k % st.LANES])
+    return depth
+
+
+@inlined
 def slid_off(bodies, contacts, n, k, depth):
     """Note that contact k with a curved wall slid over the wall's end, with an overlap.
 
@@ -130,6 +140,8 @@ def look_again(contacts, counts, walls, body, wall, theta, on_wall, radius, deep
 
     deepest: of the body and the wall up to now; moved: how far the body may have moved since the last look.
     """
+    if deepest < math.inf:
+        deepest = max(deepest, overlap_elsewhere(contacts, counts[st.N_CURVED], body, wall))
     if not on_wall or out[3] < -min(DEEPEST_NEW * radius, deepest + moved):
         if deepest == math.inf and not touches_others(contacts, counts[st.N_CURVED], body, -1):
             deepest = 0.0
