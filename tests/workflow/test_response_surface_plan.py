@@ -87,7 +87,7 @@ def test_every_bench_test_of_the_targets_is_run(project):
     ]
     (project / "mine.yaml").write_text(json.dumps({"targets": targets}))
     words = ("--configfile", "config/quick.yaml", "mine.yaml", *TARGET)
-    assert planned(project, *words)["response_pour"] == 16
+    assert planned(project, *words)["response_pour"] == 2 * (8 + 3)
     shown = snakemake(project, "-n", "-p", *words).stdout
     assert "--apparatus drum " in shown
     assert "--purpose response_surface " in shown

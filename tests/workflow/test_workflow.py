@@ -296,6 +296,7 @@ def test_a_study_of_the_drum_alone_draws_no_funnel(project):
             "trajectory",
             "film",
         ),
+        "draw_plane",  # one target
         "published_solutions",  # the article has no drum
         "draw_published",
         "draw_figure10",  # a Gaussian process has no nodes
