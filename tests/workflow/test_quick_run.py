@@ -94,7 +94,7 @@ def test_network_file_gives_the_predictions(dataset):
     network = load(RESULTS / "network" / "network.json")
     predictions = pd.read_csv(RESULTS / "network" / "predictions.csv")
     X = dataset.set_index("sample").loc[predictions["sample"], list(PARAMETERS)].to_numpy()
-    expected = predictions[["aor_predicted_deg", "height_predicted_mm"]]
+    expected = predictions[["aor_final_deg", "height_final_mm"]]
     np.testing.assert_allclose(network.predict(X), expected, rtol=1e-6)
     metrics = json.loads((RESULTS / "network" / "metrics.json").read_text())
     assert {"train", "validation", "test", "gamma", "alpha", "beta", "epochs", "stop_reason"} <= set(metrics)

@@ -44,7 +44,7 @@ rule posterior_tables:
         f"{RESULTS}/benchmarks/posterior.tsv"
     threads: 1
     resources:
-        mem_mb=growing(250),
+        mem_mb=growing(300),
         runtime=growing(30),
     params:
         config=CONFIG,
