@@ -29,6 +29,7 @@ MIGA = {
     "mutation_amplitude": 0.1,
     "solutions": 10,
     "distance": 0.02,
+    "answer": "least_expected_loss",
     "seed": 1,
 }
 RANGES = {
