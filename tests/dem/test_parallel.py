@@ -8,7 +8,6 @@ from repose.dem import Contact, Plane, random_quaternion
 from repose.dem.kernels import parallel
 from repose.dem.kernels import state as st
 from repose.dem.kernels.order import morton
-from repose.dem.stepping import renumber
 
 STEPS = 1200
 
@@ -115,7 +114,7 @@ def test_new_numbers_change_nothing_that_users_see(small_is_shared):
         )
 
     before, numbers = seen(), s._inner.copy()
-    renumber(s)
+    s._renumber()
     assert not np.array_equal(numbers, s._inner)
     for one, two in zip(before, seen(), strict=True):
         assert np.array_equal(one, two)
