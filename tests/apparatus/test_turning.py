@@ -79,7 +79,7 @@ def test_a_drum_that_cannot_run_is_refused(key, value, allowed):
 
 def test_a_berry_has_to_fit():
     own = config(length_mm=20.0, factory_height_mm=90.0)
-    assert [key for key, _ in turning.misfits(own, (21.1, 11.4, 9.9))] == [
+    assert [key for key, _ in turning.BENCH.misfits(own, (21.1, 11.4, 9.9))] == [
         "turning.length_mm",
         "turning.factory_height_mm",
     ]

@@ -10,7 +10,7 @@ from dem.clump_scenes import BENT, BENT_INERTIA, CONE, FLOOR, FUNNEL, MASS, RADI
 from dem.common import DENSITY, GOJI, PVC, random_direction
 from oracles import rotation
 
-from repose.apparatus.funnel_geometry import Funnel
+from repose.apparatus.funnel import Funnel
 from repose.dem import (
     Clump,
     Contact,

@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from repose.apparatus.funnel_geometry import Funnel
+from repose.apparatus.funnel import Funnel
 from repose.dem import Simulation
 from repose.dem.tessellation import cone_circles, endless, in_world, plane_polygon
 from repose.dem.walls import Cone, Mesh
