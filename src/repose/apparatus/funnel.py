@@ -451,7 +451,15 @@ def pour(
     return _judge(simulation, funnel, before, bounded.broken, filmed.frames(), took_s, us_per_step)
 
 
-def _judge(simulation, funnel, before, unstable, frames, wall_s, us_per_step) -> Pour:
+def _judge(
+    simulation: "dem.Simulation",
+    funnel: Funnel,
+    before: np.ndarray | None,
+    unstable: str,
+    frames: dict[str, np.ndarray] | None,
+    wall_s: float,
+    us_per_step: float,
+) -> Pour:
     """Sort the berries into pile, plate, funnel and lost, and measure their motion."""
     centres = simulation.positions.copy()
     present = simulation.present

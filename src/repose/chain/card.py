@@ -21,7 +21,7 @@ from repose.core.errors import InputError, raise_together
 from repose.core.files import read_json, read_table, write_json
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import LABELS, PARAMETERS
-from repose.core.targets import Targets
+from repose.core.targets import Target, Targets
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -175,7 +175,7 @@ def _paired(checks, targets):
     return [(check, by_name[check.response]) for check in checks]
 
 
-def _test(check: Check, target, about):
+def _test(check: Check, target: Target, about: Mapping[str, Any]) -> dict[str, Any]:
     """The entry of one test of the calibration."""
     return {
         "response": check.response,
@@ -325,7 +325,9 @@ def require_one_study(
         raise InputError(card_json, key, mine, allowed + (f"; other differences: {others}" if others else ""))
 
 
-def _differences_from(card, config, berry) -> Iterator[tuple[str, Any, Any]]:
+def _differences_from(
+    card: Mapping[str, Any], config: Mapping[str, Any], berry: Mapping[str, Any]
+) -> Iterator[tuple[str, Any, Any]]:
     """The differences of the two: key, the card's value, the configuration's."""
     axes = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
     theirs = {"material": config["label"], "grain.mean_axes_mm": axes}
