@@ -25,7 +25,7 @@ import peer_laws  # noqa: F401
 from scipy.spatial import cKDTree
 
 from repose import export
-from repose.apparatus import funnel_pour, scene
+from repose.apparatus import funnel, scene
 from repose.cli.berries import berry_and_particle
 from repose.config import loader
 from repose.core.places import configs
@@ -102,9 +102,9 @@ def pour_ours(name, set_name, seed):
     laws = {"friction_limit": limit, "contact_law": law, "rolling_law": rolling}
     config = config | {"simulation": config["simulation"] | laws}
     values = their_rolling(set_name, job) if rolling == "spring" else SETS[set_name]
-    poured = funnel_pour.pour(config, values, seed, particle, berry)
+    poured = funnel.pour(config, values, seed, particle, berry)
     turned = np.einsum("nij,mj->nmi", rotation_matrices(poured.quaternions), particle.spheres_m[:, :3])
-    status = funnel_pour.status_of(poured, config)[0]
+    status = funnel.status_of(poured, config)[0]
     if status == "not_at_rest" and poured.kinetic_energy_j < REST_J * GRAINS:
         status = "ok"
     return poured.centres_m[:, None] + turned, status

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from repose.apparatus import drum, drum_geometry, drum_rotation, drum_surface, drum_tables
+from repose.apparatus import drum, drum_tables
 from repose.apparatus.job import measure_job, pour_job
 from repose.config import loader
 from repose.core.errors import InputError
@@ -52,10 +52,10 @@ def turned(centres, angle_rad):
 
 
 def test_the_drum_has_the_dimensions_asked_for():
-    whole = drum_geometry.Drum.of(config()["drum"])
+    whole = drum.Drum.of(config()["drum"])
     assert (whole.radius_m, whole.length_m) == (pytest.approx(0.095), pytest.approx(0.34))
     walls = whole.walls("wall")
-    assert tuple(walls) == drum_geometry.WALLS
+    assert tuple(walls) == drum.WALLS
     m_r, m_z, offset, first, last, *_ = walls["shell"].row()
     assert (m_r, m_z, offset, last - first) == pytest.approx((1.0, 0.0, 0.095, 0.34))
     assert walls["shell"].origin_m == pytest.approx((0.0, -0.17, 0.0))
@@ -65,7 +65,7 @@ def test_the_drum_has_the_dimensions_asked_for():
 
 
 def test_berries_appear_clear_of_the_walls():
-    whole, radius = drum_geometry.Drum(0.095, 0.34), PARTICLE.bounding_radius_m
+    whole, radius = drum.Drum(0.095, 0.34), PARTICLE.bounding_radius_m
     strip = whole.factory(0.04, radius)
     assert math.hypot(strip.half_x_m, strip.height_m) == pytest.approx(0.095 - radius)
     rng = np.random.default_rng(0)
@@ -146,7 +146,7 @@ def test_the_motion_of_a_known_layer_is_found_by_depth():
 
 @pytest.fixture(scope="module")
 def small_rotation():
-    return drum_rotation.rotate(config(**SMALL), REPRESENTATIVE, 3, PARTICLE, BERRY)
+    return drum.rotate(config(**SMALL), REPRESENTATIVE, 3, PARTICLE, BERRY)
 
 
 def test_a_slip_with_no_berry_under_the_surface_has_no_profile():
@@ -158,7 +158,7 @@ def test_a_slip_without_a_surface_is_no_result(small_rotation, monkeypatch):
     """Small berries under coarse pixels: the slip is found, its angles are not."""
     slipped = dataclasses.replace(small_rotation, slip=bed.Slip(0, 0, 1))
     assert drum.status_of(slipped, config(**SMALL)) == ("ok", "")
-    monkeypatch.setattr(drum_rotation, "rotate", lambda *_: slipped)
+    monkeypatch.setattr(drum, "rotate", lambda *_: slipped)
     run = drum.run(config(**SMALL), REPRESENTATIVE, 3, PARTICLE, BERRY)
     measured = [
         drum.measure(run.record, run.arrays, seen, PARTICLE, BERRY)
@@ -171,7 +171,7 @@ def test_a_slip_without_a_surface_is_no_result(small_rotation, monkeypatch):
 
 
 def test_a_small_bed_turns_with_the_drum_and_no_berry_leaves(small_rotation):
-    record, whole = small_rotation.record, drum_geometry.Drum.of(config(**SMALL)["drum"])
+    record, whole = small_rotation.record, drum.Drum.of(config(**SMALL)["drum"])
     assert drum.status_of(small_rotation, config(**SMALL))[0] == "no_slip"
     assert small_rotation.rest_energy_j < 1e-9
     assert record["turned_deg"][-1] == pytest.approx(math.degrees(0.0873), rel=1e-6)
@@ -223,14 +223,14 @@ def test_a_job_writes_what_tables_and_film_read(tmp_path):
     assert run["after_time_s"] > run["before_time_s"] > 0
     tables = drum_tables.run([tmp_path / "drum_3.json"], config(**keys), PARTICLE, tmp_path)
     record = tables["record"].set_index("time_s")["surface_deg"]
-    for state in drum_surface.STATES:
+    for state in drum_tables.STATES:
         assert record[run[f"{state}_time_s"]] == run[f"{state}_surface_deg"]
     summary = tables["summary"].set_index("key")
     assert summary.loc["before_turned_deg", "mean"] == run["before_turned_deg"]
     assert np.isnan(summary.loc["before_turned_deg", "standard_error"])
     assert tables["profile"]["berries"].sum() > 20
     with np.load(tmp_path / "drum_3.npz") as arrays:
-        for state in drum_surface.STATES:
+        for state in drum_tables.STATES:
             assert arrays[f"position_{state}"].shape == (60, 3)
     out = tmp_path / "drum.gif"
     film.animate_drum(tmp_path / "drum_3.npz", PARTICLE, out, config(**keys)["drum"], frames=2, width=60)
@@ -243,7 +243,7 @@ def saved(folder, seed, angle_deg, **record):
     centres, quaternions = half_filled(angle_deg, 300, seed)
     frames = {"position": np.array([centres] * 2), "quaternion": np.array([quaternions] * 2)}
     states = {f"{key}_{state}": frames[key][0] for key in frames for state in ("start", "report")}
-    columns = {key: np.arange(2.0) for key in drum_rotation.RECORD}
+    columns = {key: np.arange(2.0) for key in drum.RECORD}
     np.savez(folder / f"drum_{seed}.npz", **frames, **states, **columns, scale=np.ones(300))
     run = {"seed": seed, "status": "no_slip", "reason": ""} | record
     (folder / f"drum_{seed}.json").write_text(json.dumps({"run": run}))

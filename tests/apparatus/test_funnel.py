@@ -18,7 +18,7 @@ from numba import typeof
 from repose.apparatus import funnel, scene
 from repose.apparatus.job import measure_job, pour_job, run_once
 from repose.core.parameters import PARAMETERS
-from repose.dem import stepping
+from repose.dem import simulation as engine
 from repose.dem.kernels.engine import advance
 from repose.dem.laws import COULOMB
 from repose.measure import pile
@@ -141,7 +141,7 @@ def test_freshly_compiled_and_cached_code_give_the_same_bits(tmp_path, monkeypat
         signatures.add(tuple(map(typeof, arguments)))
         return advance(*arguments)
 
-    monkeypatch.setattr(stepping, "advance", noting)
+    monkeypatch.setattr(engine, "advance", noting)
     here = digest(funnel.pour(small(), named(CENTRE), 5, particle(), BERRY))
     assert in_a_new_process() == (here, 0)
     # this process has compiled the kernel itself where its cache was empty

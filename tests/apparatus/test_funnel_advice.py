@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import pytest
 
 from repose.apparatus import funnel
-from repose.apparatus import funnel_advice as advice
 from repose.config import loader
 from repose.core import places
 
@@ -38,24 +37,24 @@ def column(modulus_pa, height_m, gravity, layers):
 
 
 def test_the_sinking_is_that_of_a_column_added_contact_by_contact(config):
-    found = advice.softening(config, SPHERE | {"shear_modulus_pa": 1e6})
+    found = funnel.softening(config, SPHERE | {"shear_modulus_pa": 1e6})
     assert found.sinking == pytest.approx(column(1e6, 0.03, 9.81, 2000), rel=1e-4)
 
 
 def test_a_pile_of_the_softest_grain_sinks_by_what_is_allowed(config):
-    softest = advice.softening(config, SPHERE | {"shear_modulus_pa": 7.7e7}).softest_pa
+    softest = funnel.softening(config, SPHERE | {"shear_modulus_pa": 7.7e7}).softest_pa
     assert softest < 7.7e7
-    again = advice.softening(config, SPHERE | {"shear_modulus_pa": softest})
-    assert again.sinking == pytest.approx(advice.LARGEST_SINKING)
+    again = funnel.softening(config, SPHERE | {"shear_modulus_pa": softest})
+    assert again.sinking == pytest.approx(funnel.LARGEST_SINKING)
 
 
 def test_grains_of_the_cones_volume_fill_it(config):
     cone = math.pi * 0.03**3 / (3 * math.tan(math.radians(30)) ** 2)
     config["funnel"]["berries"] = round(0.6 * cone / GRAIN_M3)
-    assert advice.filling(config, GRAIN_M3)[1]
+    assert funnel.filling(config, GRAIN_M3)[1]
     for factor in (0.5, 2.0):
         config["funnel"]["berries"] = round(factor * 0.6 * cone / GRAIN_M3)
-        sentence, fits = advice.filling(config, GRAIN_M3)
+        sentence, fits = funnel.filling(config, GRAIN_M3)
         assert not fits
         assert f"funnel.berries would have to be {math.ceil(0.6 * cone / GRAIN_M3)}" in sentence
 
@@ -64,23 +63,23 @@ def test_a_height_alone_asks_for_a_slope(config):
     config["targets"] = config["targets"][:1]
     slope = math.radians(25)
     config["funnel"]["berries"] = round(0.6 * math.pi * 0.03**3 / (3 * math.tan(slope) ** 2) / GRAIN_M3)
-    sentence, fits = advice.filling(config, GRAIN_M3)
+    sentence, fits = funnel.filling(config, GRAIN_M3)
     assert fits
     assert "a slope of 25 deg" in sentence
     config["funnel"]["berries"] = 50
-    assert not advice.filling(config, GRAIN_M3)[1]
+    assert not funnel.filling(config, GRAIN_M3)[1]
 
 
 def test_an_angle_alone_tells_the_height_and_other_targets_nothing(config):
     config["targets"] = config["targets"][1:]
-    assert "a cone of 30 deg" in advice.filling(config, GRAIN_M3)[0]
+    assert "a cone of 30 deg" in funnel.filling(config, GRAIN_M3)[0]
     config["targets"] = []
-    assert advice.filling(config, GRAIN_M3)[1]
+    assert funnel.filling(config, GRAIN_M3)[1]
 
 
 def test_sentences_tell_what_a_softer_grain_brings(config):
     berry = SPHERE | {"shear_modulus_pa": 7.7e7}
-    softest = advice.softening(config, berry).softest_pa
+    softest = funnel.softening(config, berry).softest_pa
     asked = []
 
     def longest_step_s(other):

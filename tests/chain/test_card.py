@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from repose.chain import answer, card, card_words
+from repose.chain import answer, card
 from repose.chain.chance import PERCENT
 from repose.cli import main
 from repose.config import loader
@@ -198,9 +198,7 @@ def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, c
     assert "Another funnel: outlet_diameter_mm 32 | 40." in lines
     assert "height_mm is measured with other settings: views 18 | 6." in lines
     other["tests"][0]["definition"]["name"] = "angle, secant"
-    assert any(
-        "Another definition of height_mm" in line for line in card_words.compared(one, other).splitlines()
-    )
+    assert any("Another definition of height_mm" in line for line in card.compared(one, other).splitlines())
 
 
 def test_a_card_in_words_tells_answer_and_tests(config, solutions, tmp_path, capsys):

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from repose.cli.run_progress import RunProgress, in_words
+from repose.cli.run_display import RunProgress, in_words
 
 STAGES = {"berry": "berry", "pour": "pour", "measure_runs": "pour", "miga": "miga"}
 BEGAN_S = 1000.0

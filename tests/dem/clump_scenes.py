@@ -5,7 +5,7 @@ import math
 import numpy as np
 from dem.common import DENSITY, GOJI, PVC
 
-from repose.apparatus.funnel_geometry import Funnel
+from repose.apparatus.funnel import Funnel
 from repose.dem import (
     Clump,
     Cone,

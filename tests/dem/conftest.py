@@ -6,12 +6,12 @@ A test that needs more is skipped when it has made these; the kernels that it ca
 import numpy as np
 import pytest
 
-from repose.dem import simulation
 from repose.dem.kernels.jit import JIT_OFF
+from repose.dem.simulation import Simulation
 
 MOST = 200  # steps of a tile of 32 bodies, some seconds
 _left = MOST
-_advance_some = simulation.advance_some
+_advance = Simulation._advance
 
 
 def _advance_few(engine, steps):
@@ -22,7 +22,7 @@ def _advance_few(engine, steps):
     tiles = 1 + engine.n_bodies // 32
     if _left < tiles:
         pytest.skip("it needs more time steps than can be made without the compiler")
-    made = _advance_some(engine, min(steps, _left // tiles))
+    made = _advance(engine, min(steps, _left // tiles))
     _left -= made * tiles
     return made
 
@@ -33,7 +33,7 @@ def _few_steps_without_the_compiler():
         yield
         return
     with pytest.MonkeyPatch.context() as patch, np.errstate(divide="ignore", invalid="ignore"):
-        patch.setattr(simulation, "advance_some", _advance_few)
+        patch.setattr(Simulation, "_advance", _advance_few)
         yield
 
 

@@ -9,8 +9,9 @@ import trimesh
 from dem.clump_scenes import BENT, BENT_INERTIA, CONE, FLOOR, FUNNEL, MASS, RADIUS, ball_of_one, bent, scene
 from dem.common import DENSITY, GOJI, PVC, random_direction
 from oracles import rotation
+from refusals import not_refused
 
-from repose.apparatus.funnel_geometry import Funnel
+from repose.apparatus.funnel import Funnel
 from repose.dem import (
     Clump,
     Contact,
@@ -356,9 +357,9 @@ def test_pictures_files_and_frames_of_clumps(tmp_path):
     assert 0.85 * whole < volume < whole
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
+def test_wrong_clumps_are_refused():
+    good = {"spheres_m": BENT, "mass_kg": MASS, "inertia_kg_m2": BENT_INERTIA, "material": "body"}
+    cases = [
         ({"spheres_m": []}, r"spheres_m is \[\]; allowed: \(1 to 64, 4\) finite lengths"),
         ({"spheres_m": [[0, 0, 0]]}, "spheres_m is .*allowed"),
         ({"spheres_m": [[0, 0, 0, 0.0]]}, "spheres_m is .*the last of each row above 0"),
@@ -368,12 +369,8 @@ def test_pictures_files_and_frames_of_clumps(tmp_path):
         ({"mass_kg": 0.0}, "mass_kg is 0.0; allowed: above 0"),
         ({"inertia_kg_m2": (1.0, 1.0, 3.0)}, "inertia_kg_m2 is .*each at most the sum"),
         ({"material": ""}, "material is ''; allowed: a name"),
-    ],
-)
-def test_wrong_clumps_are_refused(changes, words):
-    good = {"spheres_m": BENT, "mass_kg": MASS, "inertia_kg_m2": BENT_INERTIA, "material": "body"}
-    with pytest.raises(ValueError, match=words):
-        Clump(**{**good, **changes})
+    ]
+    assert not not_refused(lambda changes: Clump(**{**good, **changes}), cases, ValueError)
 
 
 def test_smooth_bodies_and_clumps_do_not_mix():

@@ -5,7 +5,7 @@ import pytest
 from dem.common import BERRY, random_direction, simulation
 from oracles import circle_distance, cone_gap, support_point
 
-from repose.apparatus.funnel_geometry import Funnel
+from repose.apparatus.funnel import Funnel
 from repose.dem import Cone, Contact, Cylinder, Plane, Simulation, random_quaternion
 from repose.dem.contact_lists import grown_wall_contacts
 from repose.dem.kernels import state as st

@@ -13,7 +13,7 @@ from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.seeds import pour_seeds
-from repose.studies import refine, refine_files, rounds, verdict
+from repose.studies import refine, rounds
 from repose.surrogate import load, make, names
 
 RANGES = {name: [0.0, 1.0] for name in PARAMETERS}
@@ -142,9 +142,9 @@ def test_rounds_of_another_definition_are_not_added(tmp_path):
         (folder / "dataset_summary.json").write_text(json.dumps({"definitions": definitions}))
     files = (design / "dataset.csv", design / "runs.csv", [round_])
     with pytest.raises(InputError, match=r"round_0/dataset_summary\.json: definition of aor_deg"):
-        refine_files.run_extended(*files, tmp_path / "out")
+        refine.run_extended(*files, tmp_path / "out")
     (round_ / "dataset_summary.json").write_text((design / "dataset_summary.json").read_text())
-    refine_files.run_extended(*files, tmp_path / "out")
+    refine.run_extended(*files, tmp_path / "out")
     kept = json.loads((tmp_path / "out" / "dataset_summary.json").read_text())
     assert kept["definitions"] == {"aor_deg": {"measure.response": "secant"}}
 
@@ -193,16 +193,14 @@ def test_a_round_of_two_bench_tests_is_judged_by_both_and_added(tmp_path):
     table.to_csv(own / "proposal.csv", index=False)
     jobs = jobs_of(table, table["seeds"], values, own)
     dataset.run(own / "proposal.csv", jobs, targets, {}, own)
-    row = verdict.run(
+    row = rounds.run_judge(
         *(own / f"{name}.csv" for name in ("proposal", "dataset", "runs")), targets, SECTION, own
     )
     assert (row["outcome"], row["n_seeds"], row["poured"]) == ("not within", 4, 8)
     assert (row["height_simulated_mm"], row["drum_slip_simulated_deg"]) == pytest.approx((60.2, 42.0))
     assert "slip 42.00 deg is 5.00 %" in row["reason"]
     assert "Height 60.20 mm is 0.33 %" in row["reason"]
-    added = refine_files.run_extended(
-        tmp_path / "dataset.csv", tmp_path / "runs.csv", [own], tmp_path / "data"
-    )
+    added = refine.run_extended(tmp_path / "dataset.csv", tmp_path / "runs.csv", [own], tmp_path / "data")
     assert added["dataset"]["drum_slip_deg"].tolist() == pytest.approx([42.0] * 5, abs=0.02)
     assert added["dataset"]["height_mm"].tolist() == pytest.approx([60.2] * 5, abs=0.02)
     assert added["runs"].groupby("apparatus")["round"].count().to_dict() == {"drum": 10, "funnel": 10}
@@ -294,26 +292,24 @@ def closed(simulator, out, limit):
     for k in range(limit + 1):
         own = out / "refined" / f"round_{k}"
         if k:
-            refine_files.run_extended(out / "dataset.csv", out / "runs.csv", folders, own / "data")
+            refine.run_extended(out / "dataset.csv", out / "runs.csv", folders, own / "data")
             data = own / "data" / "dataset.csv"
             train.run(data, own / "data" / "runs.csv", TARGETS, CONFIG["network"], own / "network")
             near = folders[-1] / "proposal.csv"
             fitted = own / "network" / "network.json"
-            refine_files.run_search(
-                fitted, data, near, SPACE, TARGETS, CONFIG, out / "table3.csv", own / "miga"
-            )
+            refine.run_search(fitted, data, near, SPACE, TARGETS, CONFIG, out / "table3.csv", own / "miga")
             network, feasible = own / "miga" / "network.json", own / "miga" / "feasible.csv"
         proposal = own / "proposal.csv"
-        table = refine_files.run_propose(feasible, network, SPACE, TARGETS, CONFIG["refine"], k, 7, proposal)
+        table = refine.run_propose(feasible, network, SPACE, TARGETS, CONFIG["refine"], k, 7, proposal)
         jobs = simulator.pour(table, table["seeds"], "refine", own / "heaps")
         dataset.run(proposal, jobs, TARGETS, {}, own)
         files = (proposal, own / "dataset.csv", own / "runs.csv")
-        verdicts.append(verdict.run(*files, TARGETS, CONFIG["refine"], own))
+        verdicts.append(rounds.run_judge(*files, TARGETS, CONFIG["refine"], own))
         folders.append(own)
         if not rounds.goes_on(verdicts[-1]):
             break
     files = [folder / "verdict.json" for folder in folders]
-    verdict.run_tables(files, limit, TARGETS, out / "refined")
+    rounds.run_tables(files, limit, TARGETS, out / "refined")
     return verdicts
 
 
@@ -341,9 +337,9 @@ def test_every_pour_of_the_loop_had_a_seed_of_its_own(loop):
 
 def test_the_tables_of_the_loop_say_what_happened(loop):
     out, _, verdicts = loop
-    rounds = pd.read_csv(out / "rounds.csv")
-    assert list(rounds["round"]) == list(range(len(verdicts)))
-    assert rounds.loc[rounds["outcome"] == "not within", "reason"].str.contains("standard errors").all()
+    table = pd.read_csv(out / "rounds.csv")
+    assert list(table["round"]) == list(range(len(verdicts)))
+    assert table.loc[table["outcome"] == "not within", "reason"].str.contains("standard errors").all()
     summary = json.loads((out / "summary.json").read_text())
     assert summary["met"] is True
     assert "200 seeds, which no fit had seen" in summary["claim"]

@@ -18,7 +18,7 @@ from repose.core.seeds import pour_seeds
 from repose.core.sources import engine_hash
 from repose.core.targets import Targets
 from repose.dem.cache import source_hash
-from repose.studies import rounds, shape_cells, snapshot, verdict
+from repose.studies import rounds, shape_cells, snapshot
 
 # The verbs run under the Python that runs snakemake, whether its environment is activated or not.
 shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; ")

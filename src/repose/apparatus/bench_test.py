@@ -133,7 +133,7 @@ class BenchTest:
         -------
         Recorded
         """
-        return self.recorded.beginning_with(core.names(self.wanted(config)))
+        return self.recorded.beginning_with(tuple(one.name for one in self.wanted(config)))
 
     def section_schema(self) -> dict[str, Any]:
         """JSON schema of its section of the configuration.

@@ -14,6 +14,8 @@ Looking changes nothing in the simulation.
 """
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,13 +41,8 @@ class Unstable(Exception):
 class Bounded:
     """Advances a simulation and looks at its berries on the way.
 
-    Parameters
-    ----------
-    simulation : Simulation
-    top_m : float
-        The largest height that a berry is brought to.
-    speed_m_s : float, optional
-        The largest that a berry or a wall is given.
+    `top_m` is the largest height that a berry is brought to, `speed_m_s` the largest that a berry or a wall is
+    given.
     """
 
     def __init__(self, simulation: "dem.Simulation", top_m: float, speed_m_s: float = 0.0):
@@ -59,20 +56,19 @@ class Bounded:
             float(shape.half_extents_m.min()) for shape in simulation.shapes.values()
         )
         self.looked = 0
+        self.broken = ""
+
+    @contextmanager
+    def guard(self) -> Iterator[None]:
+        """Look at the berries at the end of a block; end it where a bound is broken, with the reason in `broken`."""
+        try:
+            yield
+            self.look()
+        except Unstable as error:
+            self.broken = str(error)
 
     def run_to(self, step: int) -> None:
-        """Advance to a time step.
-
-        Parameters
-        ----------
-        step : int
-            Nothing happens where it has passed.
-
-        Raises
-        ------
-        Unstable
-            If a bound is broken on the way.
-        """
+        """Advance to a time step, unless it has passed; `Unstable` if a bound is broken on the way."""
         simulation = self.simulation
         while simulation.steps < step:
             try:
@@ -83,17 +79,9 @@ class Bounded:
                 self.look(everywhere=simulation.steps % (SELDOM * EVERY) == 0)
 
     def look(self, everywhere: bool = True) -> None:
-        """Look at the berries now.
+        """Look at the berries now; `Unstable` if a bound is broken.
 
-        Parameters
-        ----------
-        everywhere : bool, optional
-            At energy and overlaps, too, which takes ten times as long as the speeds.
-
-        Raises
-        ------
-        Unstable
-            If a bound is broken.
+        `everywhere` looks at energy and overlaps, too, which takes ten times as long as the speeds.
         """
         self.looked = self.simulation.steps
         if not self.simulation.n_bodies:

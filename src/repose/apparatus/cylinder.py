@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from repose import dem
-from repose.apparatus.bench_test import BenchTest, Run, register
-from repose.apparatus.bounds import Bounded, Unstable
-from repose.apparatus.factory import Disc, fill
-from repose.apparatus.scene import Filmed, berry_simulation
+from repose.apparatus.bench_test import BenchTest, Config, Run, register
+from repose.apparatus.bounds import Bounded
+from repose.apparatus.factory import Disc, fill, last_berry_s
+from repose.apparatus.scene import Filmed, berry_simulation, sized_simulation
 from repose.apparatus.settings import SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
@@ -57,22 +57,10 @@ RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "berries_in_cylinder"))
 # --- what its configuration asks ------------------------------------------------------------------
 
 
-def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Keys of a cylinder that cannot be filled or has no core, and what is allowed.
-
-    Parameters
-    ----------
-    config : mapping
-
-    Yields
-    ------
-    key : str
-        Dotted.
-    allowed : str
-        What is allowed there.
-    """
+def contradictions(config: Config) -> Iterator[tuple[str, str]]:
+    """Keys of a cylinder that cannot be filled or has no core, and what is allowed."""
     section = config[NAME]
-    last = (section["berries"] - 1) / section["rate_per_s"]
+    last = last_berry_s(section)
     if last >= section["duration_s"]:
         yield f"{NAME}.duration_s", f"above {last:g}: the last berry appears at {last:g} s"
     smallest = min(section["diameter_mm"], section["height_mm"])
@@ -80,22 +68,8 @@ def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield f"{NAME}.core_margin_mm", f"below {smallest / 2:g}, or there is no core"
 
 
-def misfits(config: Mapping[str, Any], axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
-    """Keys of a cylinder into which the mean berry does not fall in any orientation, and what is allowed.
-
-    Parameters
-    ----------
-    config : mapping
-    axes_mm : sequence of float, (3,)
-        Mean axes of the berry.
-
-    Yields
-    ------
-    key : str
-        Dotted.
-    allowed : str
-        What is allowed there.
-    """
+def misfits(config: Config, axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
+    """Keys of a cylinder into which the mean berry, whose axes are given, does not fall in any orientation."""
     longest = max(axes_mm)
     if config[NAME]["diameter_mm"] <= longest:
         yield f"{NAME}.diameter_mm", f"above {longest:.4g}, the length of a mean berry"
@@ -106,13 +80,7 @@ def misfits(config: Mapping[str, Any], axes_mm: Sequence[float]) -> Iterator[tup
 
 @dataclass(frozen=True)
 class Vessel:
-    """The cylinder about the z axis, its floor at z = 0.
-
-    Attributes
-    ----------
-    radius_m, height_m, collar_m : float
-        Of its inside; the collar above the rim [m].
-    """
+    """The inside of the cylinder about the z axis, its floor at z = 0, and the collar above its rim."""
 
     radius_m: float
     height_m: float
@@ -120,17 +88,7 @@ class Vessel:
 
     @classmethod
     def of(cls, section: Mapping[str, Any]) -> "Vessel":
-        """The vessel of a configuration.
-
-        Parameters
-        ----------
-        section : mapping
-            The section `cylinder`.
-
-        Returns
-        -------
-        Vessel
-        """
+        """The vessel that a section of the configuration describes."""
         lengths = 0.5 * section["diameter_mm"], section["height_mm"], section["collar_mm"]
         return cls(*(1e-3 * length for length in lengths))
 
@@ -142,36 +100,15 @@ class Vessel:
     def density_kg_m3(
         self, masses_kg: np.ndarray, shares: np.ndarray | Sequence[float], margin_m: float = 0.0
     ) -> float:
-        """Mass of the shares of berries that lie in the cylinder, over its volume.
+        """Mass of the shares (N,) of berries that lie in the cylinder, over its volume.
 
-        Parameters
-        ----------
-        masses_kg : numpy.ndarray, (N,)
-        shares : array_like, (N,)
-            0 to 1, of `shares_inside`, or of `inside`.
-        margin_m : float, optional
-            Distance of the volume from wall, floor and rim.
-
-        Returns
-        -------
-        float
-            kg/m3.
+        `margin_m` is the distance of the volume from wall, floor and rim.
         """
         radius, height = self.radius_m - margin_m, self.height_m - 2.0 * margin_m
         return float(np.asarray(masses_kg) @ np.asarray(shares, float)) / (math.pi * radius**2 * height)
 
     def inside(self, centres_m: np.ndarray, margin_m: float = 0.0) -> np.ndarray:
-        """Which centres lie in the cylinder, at least `margin_m` away from wall, floor and rim.
-
-        Parameters
-        ----------
-        centres_m : numpy.ndarray, (N, 3)
-        margin_m : float, optional
-
-        Returns
-        -------
-        numpy.ndarray of bool, (N,)
-        """
+        """Which centres lie in the cylinder, at least `margin_m` away from wall, floor and rim."""
         x, y, z = np.asarray(centres_m, float).T
         between = (z > margin_m) & (z < self.height_m - margin_m)
         return between & (np.hypot(x, y) < self.radius_m - margin_m)
@@ -179,23 +116,11 @@ class Vessel:
     def shares_inside(
         self, arrays: Mapping[str, np.ndarray], particle: "Particle", margin_m: float
     ) -> np.ndarray:
-        """Share of each berry's volume that lies in the cylinder, at least `margin_m` away from wall, floor and rim.
+        """Share of each berry's volume that lies in the cylinder, `margin_m` away from wall, floor and rim.
 
-        Parameters
-        ----------
-        arrays : mapping
-            ``position`` (N, 3), ``quaternion`` (N, 4) and ``scale`` (N,) of a run.
-        particle : Particle
-        margin_m : float
-
-        Returns
-        -------
-        numpy.ndarray, (N,)
-
-        Notes
-        -----
-        Counted over `POINTS` points of the body: the share of a berry that is cut is off by 0.003 (rms), the density of
-        a core by less than 1e-3 of itself.
+        Counted over `POINTS` points of the body: the share of a berry that is cut is off by 0.003 (rms), the
+        density of a core by less than 1e-3 of itself. `arrays` holds ``position``, ``quaternion`` and ``scale`` of
+        a run.
         """
         places, quaternions = (np.asarray(arrays[name], float) for name in ("position", "quaternion"))
         points = points_of(particle)
@@ -207,17 +132,7 @@ class Vessel:
 
 
 def points_of(particle: "Particle") -> np.ndarray:
-    """Points spread evenly over the volume of a body, in its own frame.
-
-    Parameters
-    ----------
-    particle : Particle
-
-    Returns
-    -------
-    numpy.ndarray, (POINTS, 3)
-        Metres.
-    """
+    """Points (POINTS, 3) [m] spread evenly over the volume of a body, in its own frame."""
     low, extent = -particle.support(-np.eye(3)), particle.axes_m
     ratios = 1.2207440846057596 ** -np.arange(
         1.0, 4.0
@@ -235,23 +150,13 @@ def points_of(particle: "Particle") -> np.ndarray:
 
 
 def build(
-    config: Mapping[str, Any],
+    config: Config,
     parameters: Mapping[str, float],
     particle: "Particle",
     berry: Mapping[str, Any],
     largest_scale: float = 1.0,
 ) -> "dem.Simulation":
-    """The empty simulation of the cylinder with its collar.
-
-    Parameters
-    ----------
-    config, parameters, particle, berry, largest_scale
-        As in `BenchTest.build`.
-
-    Returns
-    -------
-    repose.dem.Simulation
-    """
+    """The empty simulation of the cylinder with its collar."""
     vessel = Vessel.of(config[NAME])
     reach = largest_scale * particle.bounding_radius_m
     wall_m = vessel.top_m + 2.0 * reach
@@ -273,33 +178,12 @@ def build(
 
 
 def status_of(
-    centres_m: np.ndarray, energy_j: float, config: Mapping[str, Any], length_m: float, unstable: str = ""
+    centres_m: np.ndarray, energy_j: float, config: Config, length_m: float, unstable: str = ""
 ) -> tuple[str, str]:
-    """Status and reason of a filling.
+    """Status and reason of a filling; length_m: of a berry; unstable: the bound that it broke, if any.
 
-    Parameters
-    ----------
-    centres_m : numpy.ndarray, (N, 3)
-        At the end.
-    energy_j : float
-        Mean kinetic energy of a berry.
-    config : mapping
-        The whole configuration.
-    length_m : float
-        Of a berry.
-    unstable : str, optional
-        Which bound the filling broke, see `repose.apparatus.bounds`; empty where it broke none.
-
-    Returns
-    -------
-    status : str
-        One of `STATUSES`.
-    reason : str
-
-    Notes
-    -----
-    The cylinder is full when the berries above the rim would make a layer of a berry's length there: the heap in the
-    collar is nearly level, so the rim is covered everywhere.
+    The cylinder is full when the berries above the rim would make a layer of a berry's length there: the heap in
+    the collar is nearly level, so the rim is covered everywhere.
     """
     section, vessel = config[NAME], Vessel.of(config[NAME])
     if unstable:
@@ -320,7 +204,7 @@ def status_of(
 
 
 def run(
-    config: Mapping[str, Any],
+    config: Config,
     parameters: Mapping[str, float],
     seed: int,
     particle: "Particle",
@@ -328,36 +212,20 @@ def run(
     interval_s: float | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Run:
-    """Fill the cylinder once and let the berries rest; see `BenchTest.run`.
-
-    Parameters
-    ----------
-    config, parameters, seed, particle, berry, interval_s, progress
-        As in `BenchTest.run`.
-
-    Returns
-    -------
-    Run
-        Its arrays are ``position`` (N, 3) [m], ``quaternion`` (N, 4) and ``scale`` (N,).
-    """
-    from repose.particle.size_distribution import of_pour
-
+    """Fill the cylinder once and let the berries rest; the arrays are ``position``, ``quaternion`` and ``scale``."""
     section, settings, vessel = config[NAME], SimulationSettings.of(config), Vessel.of(config[NAME])
-    scales, largest = of_pour(config["berry"]["size_distribution"], berry, seed, section["berries"])
-    simulation = build(config, parameters, particle, berry, largest)
+    simulation, scales, reach = sized_simulation(
+        build, config, parameters, seed, particle, berry, section["berries"]
+    )
     bounded = Bounded(simulation, vessel.top_m, section["speed_m_s"])
     filmed, last_step = Filmed(bounded, interval_s, progress), settings.steps(section["duration_s"])
-    factory = Disc(vessel.radius_m - largest * particle.bounding_radius_m, vessel.top_m)
-    unstable = ""
-    try:
+    factory = Disc(vessel.radius_m - reach, vessel.top_m)
+    with bounded.guard():
         fill(simulation, factory, section, seed, last_step, filmed.run_to, scales)
         filmed.run_to(last_step)
-        bounded.look()
-    except Unstable as broken:
-        unstable = str(broken)
     centres = simulation.positions.copy()
     energy = float(simulation.kinetic_energies().mean())
-    status, reason = status_of(centres, energy, config, float(particle.axes_m.max()), unstable)
+    status, reason = status_of(centres, energy, config, float(particle.axes_m.max()), bounded.broken)
     record = {
         "seed": int(seed),
         "status": status,
@@ -379,22 +247,11 @@ def run(
 def measure(
     record: Mapping[str, Any],
     arrays: Mapping[str, np.ndarray],
-    config: Mapping[str, Any],
+    config: Config,
     particle: "Particle",
     berry: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The measured run: its record with both densities.
-
-    Parameters
-    ----------
-    record, arrays, config, particle, berry
-        As in `BenchTest.measure`.
-
-    Returns
-    -------
-    dict
-        The densities are None where the cylinder was not filled.
-    """
+    """The record with both densities; None where the cylinder was not filled."""
     measured: dict[str, Any] = dict.fromkeys((*MEASURED, "berries_in_cylinder"))
     if record["status"] == "ok":
         vessel, centres = Vessel.of(config[NAME]), np.asarray(arrays["position"], float)

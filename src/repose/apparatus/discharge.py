@@ -4,7 +4,7 @@ A stopwatch gives the time until the funnel is empty, a balance below it the rat
 the discharge, where the flow has begun and the funnel still holds berries: it hardly depends on how high the berries
 stand (Beverloo et al. 1961, Chem. Eng. Sci. 15, 260). An outlet of fewer than about five berries across jams.
 
-The funnel is that of `repose.apparatus.funnel_geometry`, its outlet at z = 0, with a cylinder above its inlet. The lid
+The funnel is that of `repose.apparatus.funnel`, its outlet at z = 0, with a cylinder above its inlet. The lid
 is a disc in the outlet. It is taken away downwards, faster than the berries fall, so that it drags none of them along.
 """
 
@@ -17,12 +17,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from repose import dem
-from repose.apparatus import funnel_geometry
-from repose.apparatus.bench_test import BenchTest, Run, register
-from repose.apparatus.bounds import Bounded, Unstable
-from repose.apparatus.factory import Disc, fill
-from repose.apparatus.funnel_geometry import Funnel
-from repose.apparatus.scene import Filmed, berry_simulation
+from repose.apparatus.bench_test import BenchTest, Config, Run, register
+from repose.apparatus.bounds import Bounded
+from repose.apparatus.factory import Disc, fill, last_berry_s
+from repose.apparatus.funnel import Funnel, impossible_surfaces, narrow_openings
+from repose.apparatus.scene import Filmed, berry_simulation, sized_simulation
 from repose.apparatus.settings import SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
@@ -54,44 +53,20 @@ RECORDED = Recorded(means=MEASURED, single=MEASURED)
 # --- what its configuration asks ------------------------------------------------------------------
 
 
-def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Keys of a funnel that cannot be built or filled, and what is allowed.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-
-    Yields
-    ------
-    key, allowed : str
-        Dotted key, and what it may be.
-    """
-    yield from funnel_geometry.contradictions(config, NAME)
+def contradictions(config: Config) -> Iterator[tuple[str, str]]:
+    """Keys of a funnel that cannot be built or filled, and what is allowed."""
+    yield from impossible_surfaces(config, NAME)
     section = config[NAME]
-    last = (section["berries"] - 1) / section["rate_per_s"]
+    last = last_berry_s(section)
     if last >= section["open_from_s"]:
         yield f"{NAME}.open_from_s", f"above {last:g}, when the last berry appears"
 
 
-def misfits(config: Mapping[str, Any], axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
-    """Keys of openings that are too narrow for the mean berry.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    axes_mm : sequence of float, (3,)
-        Mean axes of the berry, the longest first.
-
-    Yields
-    ------
-    key, allowed : str
-        Dotted key, and what it may be.
-    """
-    for key, smallest in (("outlet_diameter_mm", axes_mm[2]), ("inlet_diameter_mm", axes_mm[0])):
-        if config[NAME][key] <= smallest:
-            yield f"{NAME}.{key}", f"above {smallest:.4g}, the size of a mean berry"
+def misfits(config: Config, axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
+    """Keys of openings that are too narrow for the mean berry, whose axes are given, the longest first."""
+    yield from narrow_openings(
+        config, NAME, {"outlet_diameter_mm": axes_mm[2], "inlet_diameter_mm": axes_mm[0]}
+    )
 
 
 # --- build and run --------------------------------------------------------------------------------
@@ -104,23 +79,13 @@ def _funnel(section):
 
 
 def build(
-    config: Mapping[str, Any],
+    config: Config,
     parameters: Mapping[str, float],
     particle: "Particle",
     berry: Mapping[str, Any],
     largest_scale: float = 1.0,
 ) -> "dem.Simulation":
-    """The empty simulation of the closed funnel.
-
-    Parameters
-    ----------
-    config, parameters, particle, berry, largest_scale
-        As in `BenchTest.build`.
-
-    Returns
-    -------
-    repose.dem.Simulation
-    """
+    """The empty simulation of the closed funnel."""
     funnel, top = _funnel(config[NAME])
     radius, reach = 0.5 * funnel.inlet_diameter_m, largest_scale * particle.bounding_radius_m
     inlet, up = (0.0, 0.0, funnel.inlet_height_m), (0.0, 0.0, 1.0)
@@ -146,42 +111,17 @@ def build(
 
 @dataclass(frozen=True)
 class Discharge:
-    """What judges a run.
+    """What judges a run."""
 
-    Attributes
-    ----------
-    filled : int
-        Berries that found room in the funnel.
-    rest_energy_j : float
-        Mean energy of a berry when the lid was taken away [J].
-    early, late : int
-        Berries that were below the outlet before the lid was taken away, and that have left after it.
-    unstable : str
-        Which bound the run broke, see `repose.apparatus.bounds`; empty where it broke none.
-    """
-
-    filled: int
-    rest_energy_j: float
-    early: int
-    late: int
-    unstable: str = ""
+    filled: int  # berries that found room in the funnel
+    rest_energy_j: float  # mean of a berry when the lid was taken away
+    early: int  # berries that were below the outlet before that
+    late: int  # berries that have left after that
+    unstable: str = ""  # the bound that the run broke (`repose.apparatus.bounds`); empty where it broke none
 
 
-def status_of(found: Discharge, config: Mapping[str, Any]) -> tuple[str, str]:
-    """Status and reason of a run.
-
-    Parameters
-    ----------
-    found : Discharge
-    config : mapping
-        The whole configuration.
-
-    Returns
-    -------
-    status : str
-        One of `STATUSES`.
-    reason : str
-    """
+def status_of(found: Discharge, config: Config) -> tuple[str, str]:
+    """Status and reason of a run."""
     section, rest = config[NAME], SimulationSettings.of(config).rest_energy_j
     if found.unstable:
         return "unstable", found.unstable
@@ -202,7 +142,7 @@ def status_of(found: Discharge, config: Mapping[str, Any]) -> tuple[str, str]:
 
 
 def run(
-    config: Mapping[str, Any],
+    config: Config,
     parameters: Mapping[str, float],
     seed: int,
     particle: "Particle",
@@ -212,32 +152,20 @@ def run(
 ) -> Run:
     """Fill the closed funnel, let the berries rest, open it, and wait until it is empty.
 
-    Parameters
-    ----------
-    config, parameters, seed, particle, berry, interval_s, progress
-        As in `BenchTest.run`.
-
-    Returns
-    -------
-    Run
-        Its arrays are ``exit_s`` (N,), when each berry left after the opening [s], NaN where it did not; ``scale``
-        (N,); and ``position`` (N, 3) [m] and ``quaternion`` (N, 4) when the lid was taken away.
-
-    Notes
-    -----
-    The lid is taken away at `discharge.open_from_s`, or later when the berries are at rest
-    (`simulation.rest_energy_j` a berry), at most twice as late.
+    The arrays are ``exit_s`` (N,), when each berry left after the opening [s], NaN where it did not; ``scale``
+    (N,); and ``position`` (N, 3) [m] and ``quaternion`` (N, 4) when the lid was taken away. That is at
+    `discharge.open_from_s`, or later when the berries are at rest (`simulation.rest_energy_j` a berry), at most
+    twice as late.
     """
-    from repose.particle.size_distribution import of_pour
-
     section, settings = config[NAME], SimulationSettings.of(config)
-    scales, largest = of_pour(config["berry"]["size_distribution"], berry, seed, section["berries"])
-    simulation = build(config, parameters, particle, berry, largest)
+    simulation, scales, reach = sized_simulation(
+        build, config, parameters, seed, particle, berry, section["berries"]
+    )
     funnel, top = _funnel(section)
-    factory = Disc(0.5 * funnel.inlet_diameter_m - largest * particle.bounding_radius_m, top)
+    factory = Disc(0.5 * funnel.inlet_diameter_m - reach, top)
     bounded = Bounded(simulation, top, max(LID_M_S, section["speed_m_s"]))
-    filmed, opened_s, unstable = Filmed(bounded, interval_s, progress), math.nan, ""
-    try:
+    filmed, opened_s = Filmed(bounded, interval_s, progress), math.nan
+    with bounded.guard():
         _fill_and_rest(simulation, factory, section, settings, seed, filmed.run_to, scales)
         opened_s = simulation.time_s
         closed = simulation.positions.copy(), simulation.quaternions.copy()
@@ -247,14 +175,11 @@ def run(
         last, every = simulation.steps + settings.steps(section["longest_s"]), settings.steps(LOOK_S)
         while simulation.steps < last and not np.isfinite(simulation.exit_times_s).all():
             filmed.run_to(min(last, simulation.steps + max(1, every)))
-        bounded.look()
-    except Unstable as broken:
-        unstable = str(broken)
     if math.isnan(opened_s):
         closed, energy, early = (simulation.positions.copy(), simulation.quaternions.copy()), math.nan, 0
     exits = simulation.exit_times_s - opened_s
     late = int(np.isfinite(exits).sum()) - early
-    found = Discharge(simulation.n_bodies, energy, early, late, unstable)
+    found = Discharge(simulation.n_bodies, energy, early, late, bounded.broken)
     status, reason = status_of(found, config)
     record = {
         "seed": int(seed),
@@ -285,19 +210,9 @@ def _fill_and_rest(simulation, factory, section, settings, seed, run_to, scales)
 
 
 def rate_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
-    """Mass flow in the middle of a discharge.
+    """Mass flow in the middle of a discharge: from `FROM_SHARE` to `TO_SHARE` of all mass, over the time it took.
 
-    Parameters
-    ----------
-    exit_s : numpy.ndarray, (N,)
-        When each body left [s], in any order.
-    mass_kg : numpy.ndarray, (N,)
-
-    Returns
-    -------
-    float
-        Mass between `FROM_SHARE` and `TO_SHARE` of all mass, over the time that it took [kg/s]; NaN where that is
-        no time.
+    NaN where that is no time. The bodies of times exit_s (N,) and masses (N,) come in any order.
     """
     order = np.argsort(exit_s, kind="stable")
     when, mass = exit_s[order], np.cumsum(mass_kg[order])
@@ -309,22 +224,11 @@ def rate_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
 def measure(
     record: Mapping[str, Any],
     arrays: Mapping[str, np.ndarray],
-    config: Mapping[str, Any],
+    config: Config,
     particle: "Particle",
     berry: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The measured run: its record with time and rate.
-
-    Parameters
-    ----------
-    record, arrays, config, particle, berry
-        As in `BenchTest.measure`.
-
-    Returns
-    -------
-    dict
-        Time and rate are None where the funnel was not emptied.
-    """
+    """The record with time and rate; None where the funnel was not emptied."""
     measured: dict[str, Any] = dict.fromkeys(MEASURED)
     if record["status"] == "ok":
         exits = np.asarray(arrays["exit_s"], float)

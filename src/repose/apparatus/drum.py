@@ -4,24 +4,32 @@ The axis is y, the origin lies on it half-way along. The drum turns about -y, wh
 slip is judged the drum stops, as in the experiment, and the bed comes to rest.
 """
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from repose.apparatus.bench_test import BenchTest, Run, register
+from repose import dem
+from repose.apparatus.bench_test import BenchTest, Config, Run, register
+from repose.apparatus.bounds import Bounded
+from repose.apparatus.factory import Strip, fill, last_berry_s
+from repose.apparatus.scene import berry_simulation, sized_simulation
 from repose.apparatus.settings import SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
 
 if TYPE_CHECKING:
-    from repose import dem
-    from repose.apparatus.drum_rotation import Rotation
+    from repose.dem import Cone, Plane
+    from repose.measure import bed
     from repose.particle.particle import Particle
 
 NAME = "drum"
 STATUSES = ("ok", "unstable", "lost", "not_at_rest", "no_slip", "no_surface")
+WALLS = ("shell", "near_cap", "far_cap")
 
 # --- what it gives --------------------------------------------------------------------------------
 
@@ -53,52 +61,81 @@ RESPONSES = (
 )
 RECORDED = Recorded(means=tuple(one.name for one in RESPONSES), single=tuple(one.name for one in RESPONSES))
 
+# --- the vessel ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Drum:
+    """The inside of a cylinder about the y axis between two flat caps."""
+
+    radius_m: float  # of the inside, as the length
+    length_m: float
+
+    @classmethod
+    def of(cls, section: Mapping[str, Any]) -> "Drum":
+        """The drum that a section of the configuration describes."""
+        radius_mm = 0.5 * section["outer_diameter_mm"] - section["wall_thickness_mm"]
+        return cls(1e-3 * radius_mm, 1e-3 * section["length_mm"])
+
+    def walls(self, material: str) -> "dict[str, Cone | Plane]":
+        """Shell and caps by name, of a material."""
+        half = 0.5 * self.length_m
+        ends = ((0.0, -half, 0.0), (0.0, half, 0.0))
+        return {
+            "shell": dem.Cylinder(ends[0], (0.0, 1.0, 0.0), self.length_m, self.radius_m, material),
+            "near_cap": dem.Plane(ends[0], (0.0, 1.0, 0.0), material),
+            "far_cap": dem.Plane(ends[1], (0.0, -1.0, 0.0), material),
+        }
+
+    def factory(self, height_m: float, berry_radius_m: float) -> Strip:
+        """The widest `Strip` at a height above the axis in which a berry touches no wall; else ValueError."""
+        room = self.radius_m - berry_radius_m
+        half_y = 0.5 * self.length_m - berry_radius_m
+        if not (abs(height_m) < room and half_y > 0.0):
+            raise ValueError(
+                f"height_m is {height_m!r}; allowed: below {room:.4g}, in a drum longer than a berry"
+            )
+        return Strip(math.sqrt(room**2 - height_m**2), half_y, height_m)
+
+    def holds(self, centres_m: np.ndarray) -> np.ndarray:
+        """Which berries (N,), by their centres, lie inside the drum."""
+        inside = np.hypot(centres_m[:, 0], centres_m[:, 2]) < self.radius_m
+        return inside & (np.abs(centres_m[:, 1]) < 0.5 * self.length_m)
+
+
 # --- what its configuration asks ------------------------------------------------------------------
 
 
-def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Keys of a drum that cannot run, and what is allowed.
-
-    Refused are a drum without room, a rotation before the last berry is there, and a record finer than the
-    time steps.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-
-    Yields
-    ------
-    key, allowed : str
-        Dotted key, and what it may be.
-    """
-    from repose.apparatus import drum_geometry
-
-    yield from drum_geometry.contradictions(config, NAME)
+def contradictions(config: Config) -> Iterator[tuple[str, str]]:
+    """Keys of a drum that cannot be filled, or a report before it turns, and what is allowed."""
+    yield from impossible_filling(config, NAME)
     section = config[NAME]
     if section["report_s"] < section["rotate_from_s"]:
         yield f"{NAME}.report_s", f"at least {NAME}.rotate_from_s, {section['rotate_from_s']:g}"
 
 
-def misfits(
-    config: Mapping[str, Any], axes_mm: Sequence[float], section: str = NAME
-) -> Iterator[tuple[str, str]]:
-    """Keys of a drum in which a mean berry cannot lie across the axis at the factory's height.
+def impossible_filling(config: Config, section: str) -> Iterator[tuple[str, str]]:
+    """Keys of a section whose drum cannot be filled, and what is allowed.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    axes_mm : sequence of float, (3,)
-        Mean axes of the berry, the longest first.
-    section : str, optional
-        Of the configuration, that describes the drum.
-
-    Yields
-    ------
-    key, allowed : str
-        Dotted key, and what it may be.
+    Refused are a drum without room, a rotation before the last berry is there, and a record finer than the time
+    steps.
     """
+    drum, step_s = config[section], SimulationSettings.of(config).time_step_s
+    radius = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"]
+    if radius <= 0:
+        allowed = f"below half of {section}.outer_diameter_mm, {drum['outer_diameter_mm']:g}"
+        yield f"{section}.wall_thickness_mm", allowed
+    elif abs(drum["factory_height_mm"]) >= radius:
+        yield f"{section}.factory_height_mm", f"inside the drum, between -{radius:g} and {radius:g}"
+    last = last_berry_s(drum)
+    if last >= drum["rotate_from_s"]:
+        yield f"{section}.rotate_from_s", f"above {last:g}, when the last berry appears"
+    if drum["record_s"] < step_s:
+        yield f"{section}.record_s", f"at least simulation.time_step_s, {step_s:g}"
+
+
+def misfits(config: Config, axes_mm: Sequence[float], section: str = NAME) -> Iterator[tuple[str, str]]:
+    """Keys of a drum in which a mean berry of these axes cannot lie across the axis at the factory's height."""
     drum, long_mm = config[section], max(axes_mm)
     highest = drum["outer_diameter_mm"] / 2 - drum["wall_thickness_mm"] - long_mm / 2
     if drum["length_mm"] <= long_mm:
@@ -108,46 +145,232 @@ def misfits(
         yield f"{section}.factory_height_mm", f"{room}, so that a mean berry fits"
 
 
-# --- build and run --------------------------------------------------------------------------------
+# --- build and run ------------------------------------------------------------------------------
 
 
 def build(
-    config: Mapping[str, Any],
+    config: Config,
     parameters: Mapping[str, float],
     particle: "Particle",
     berry: Mapping[str, Any],
     largest_scale: float = 1.0,
+    section: str = NAME,
 ) -> "dem.Simulation":
-    """The empty simulation of the drum.
+    """The empty simulation of the drum that a section of the configuration describes."""
+    drum = Drum.of(config[section])
+    half = np.array([drum.radius_m, 0.5 * drum.length_m, drum.radius_m])
+    return berry_simulation(
+        config,
+        parameters,
+        particle,
+        berry,
+        config[section]["berries"],
+        walls=drum.walls("wall"),
+        lower=-half,
+        upper=half,
+        largest_scale=largest_scale,
+    )
 
-    Parameters
-    ----------
-    config, parameters, particle, berry, largest_scale
-        As in `BenchTest.build`.
 
-    Returns
-    -------
-    repose.dem.Simulation
+class EmptyDrum(NamedTuple):
+    """A drum before it is filled, with the sizes of the berries to come."""
+
+    drum: Drum
+    simulation: "dem.Simulation"
+    bounded: Bounded
+    factory: Strip
+    scales: Any
+
+    def holds_all(self) -> bool:
+        """Whether all berries are there, and inside the drum."""
+        there = self.simulation.n_bodies == self.simulation.capacity
+        return bool(there and self.drum.holds(self.simulation.positions).all())
+
+
+def empty_drum(
+    config: Config,
+    parameters: Mapping[str, float],
+    seed: int,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    section: str = NAME,
+) -> EmptyDrum:
+    """The drum that a section of the configuration describes, for the berries of a seed."""
+    of_drum = config[section]
+    drum = Drum.of(of_drum)
+    simulation, scales, reach = sized_simulation(
+        partial(build, section=section), config, parameters, seed, particle, berry, of_drum["berries"]
+    )
+    bounded = Bounded(simulation, drum.radius_m, of_drum["angular_velocity_rad_s"] * drum.radius_m)
+    return EmptyDrum(
+        drum, simulation, bounded, drum.factory(1e-3 * of_drum["factory_height_mm"], reach), scales
+    )
+
+
+def set_rotation(simulation: "dem.Simulation", angular_velocity_rad_s: float) -> None:
+    """Let all of the drum turn about its axis, and measure rolling against that rotation."""
+    turning = (0.0, -angular_velocity_rad_s, 0.0)
+    for wall in WALLS:
+        simulation.set_motion(wall, dem.Motion(angular_velocity_rad_s=turning))
+    simulation.rolling_frame_rad_s[:] = turning
+
+
+class _Row(NamedTuple):
+    """One row of the record of a rotation."""
+
+    time_s: float  # since the rotation began
+    turned_deg: float  # by which the drum has turned
+    bed_deg: float  # angle of the bed's centre of mass
+    energy_j: float  # mean of a berry in the drum's frame
+
+
+RECORD = _Row._fields
+
+
+@dataclass(frozen=True)
+class Rotation:
+    """One run: its record over T times, the frames of N berries at these times, and what judges the run."""
+
+    record: dict  # columns (T,) of `RECORD`
+    centres_m: np.ndarray  # (T, N, 3)
+    quaternions: np.ndarray  # (T, N, 4)
+    scales: np.ndarray  # (N,)
+    slip: "bed.Slip | None"  # the first one
+    report: int  # row of the record at the configured time of the report
+    rotation_from_s: float  # when the rotation began
+    rest_energy_j: float  # mean energy of a berry when the rotation began
+    held: bool  # whether all berries are inside the drum
+    unstable: str = ""  # the bound that the run broke (`repose.apparatus.bounds`); empty where it broke none
+
+    def rows(self) -> dict[str, int]:
+        """Rows of the record of each state: start, report, and before and after the slip where there is one."""
+        rows = {"start": 0, "report": self.report}
+        if self.slip is not None:
+            rows |= {"before": self.slip.begins, "after": self.slip.ends}
+        return rows
+
+
+class _Watch:
+    """Keeps the record of a drum that turns."""
+
+    def __init__(self, bounded, particle):
+        self.bounded, self.particle = bounded, particle
+        self.simulation = bounded.simulation
+        self.began_s = self.turned_rad = 0.0
+        self.rows, self.centres, self.quaternions = [], [], []
+
+    def keep(self):
+        """Add the present state to the record."""
+        from repose.measure import bed
+
+        s = self.simulation
+        self.centres.append(s.positions.copy())
+        self.quaternions.append(s.quaternions)
+        energy = bed.relative_energy(
+            s.positions,
+            s.quaternions,
+            s.velocities,
+            s.angular_velocities,
+            self.particle,
+            s.rolling_frame_rad_s,
+            s.scales,
+        )
+        time_s = s.time_s - self.began_s
+        turned_deg, bed_deg = math.degrees(self.turned_rad), bed.bed_angle(s.positions)
+        self.rows.append(_Row(time_s, turned_deg, bed_deg, energy))
+
+    def advance(self, steps):
+        """Run, turn and keep."""
+        self.bounded.run_to(self.simulation.steps + steps)
+        self.turned_rad -= steps * self.simulation.time_step_s * self.simulation.rolling_frame_rad_s[1]
+        self.keep()
+
+    def record(self):
+        """The record by name."""
+        return dict(zip(RECORD, np.array(self.rows).T, strict=True))
+
+
+def rotate(
+    config: Config,
+    parameters: Mapping[str, float],
+    seed: int,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    progress: Callable[[float], object] | None = None,
+) -> Rotation:
+    """Fill the drum, let the bed rest, turn the drum until the bed slips, and let it rest again.
+
+    Berries appear at `drum.rate_per_s`, drawn from `seed`; see `repose.apparatus.factory.fill`. The rotation begins
+    at `drum.rotate_from_s`, or later when the bed is at rest (`simulation.rest_energy_j` a berry), at most twice as
+    late. It lasts until a slip is judged (`bed.find_slip`), at most `drum.longest_rotation_s`. The run ends when
+    the bed rests, at most `drum.settle_s` after the drum, and not before `drum.report_s`.
     """
-    from repose.apparatus import drum_rotation
+    section, settings = config[NAME], SimulationSettings.of(config)
+    empty = empty_drum(config, parameters, seed, particle, berry)
+    simulation, bounded = empty.simulation, empty.bounded
+    latest = settings.steps(2.0 * section["rotate_from_s"])
+    every = max(1, settings.steps(section["record_s"]))
+    calm, rest_energy, slip = settings.rest_energy_j, math.nan, None
+    watch = _Watch(bounded, particle)
+    with bounded.guard():
+        fill(simulation, empty.factory, section, seed, latest, bounded.run_to, empty.scales)
+        bounded.run_to(settings.steps(section["rotate_from_s"]))
+        while simulation.kinetic_energies().mean() > calm and simulation.steps < latest:
+            bounded.run_to(min(latest, simulation.steps + every))
+        bounded.look()
+        rest_energy = float(simulation.kinetic_energies().mean())
+        slip = _until_slip(watch, section, calm, every, progress)
+    record = watch.record() if watch.rows else {name: np.zeros(0) for name in RECORD}
+    late = np.abs(watch.began_s + record["time_s"] - section["report_s"])
+    return Rotation(
+        record=record,
+        centres_m=np.array(watch.centres),
+        quaternions=np.array(watch.quaternions),
+        scales=simulation.scales.copy(),
+        slip=slip,
+        report=int(np.argmin(late)) if len(late) else 0,
+        rotation_from_s=watch.began_s,
+        rest_energy_j=rest_energy,
+        held=empty.holds_all(),
+        unstable=bounded.broken,
+    )
 
-    return drum_rotation.build(config, parameters, particle, berry, largest_scale)
+
+def _until_slip(watch, section, calm, every, progress):
+    """Turn until the first slip and let the bed rest; returns the `bed.Slip` or None."""
+    from repose.measure import bed
+
+    simulation = watch.simulation
+    watch.began_s = simulation.time_s
+    step_s = every * simulation.time_step_s
+    report_s = section["report_s"] - watch.began_s
+    set_rotation(simulation, section["angular_velocity_rad_s"])
+    watch.keep()
+    slip, stopped_s = None, math.inf
+    while math.isfinite(watch.rows[-1].energy_j):
+        now, energy = watch.rows[-1].time_s, watch.rows[-1].energy_j
+        if progress is not None:
+            progress(simulation.time_s)
+        rests = now > stopped_s and energy < calm
+        if (rests or now >= stopped_s + section["settle_s"]) and now >= report_s - 0.5 * step_s:
+            break
+        if stopped_s == math.inf:
+            if now >= section["longest_rotation_s"] - 0.5 * step_s:
+                break
+            record = watch.record()
+            slip = bed.find_slip(record["bed_deg"], record["energy_j"], section["slip_drop_deg"], calm)
+            if slip is not None:
+                set_rotation(simulation, 0.0)
+                stopped_s = now
+        watch.advance(every)
+    if slip is not None:
+        record = watch.record()
+        slip = bed.find_slip(record["bed_deg"], record["energy_j"], section["slip_drop_deg"], calm)
+    return slip
 
 
-def status_of(rotation: "Rotation", config: Mapping[str, Any]) -> tuple[str, str]:
-    """Status and reason of a run, before it is measured.
-
-    Parameters
-    ----------
-    rotation : Rotation
-    config : mapping
-
-    Returns
-    -------
-    status : str
-        One of `STATUSES`, but ``no_surface``, which the measurement finds.
-    reason : str
-    """
+def status_of(rotation: "Rotation", config: Config) -> tuple[str, str]:
+    """Status and reason of a run before it is measured."""
     if rotation.unstable:
         return "unstable", rotation.unstable
     if not rotation.held:
@@ -161,7 +384,7 @@ def status_of(rotation: "Rotation", config: Mapping[str, Any]) -> tuple[str, str
 
 
 def run(
-    config: Mapping[str, Any],
+    config: Config,
     parameters: Mapping[str, float],
     seed: int,
     particle: "Particle",
@@ -169,24 +392,11 @@ def run(
     interval_s: float | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Run:
-    """Fill and turn once.
+    """Fill and turn once; with `interval_s` the frames are those of the record.
 
-    The arrays are the columns of the record and the states: ``position_STATE`` (N, 3) [m], ``quaternion_STATE`` (N, 4)
-    and ``turned_STATE_deg`` for start, report, before and after.
-
-    Parameters
-    ----------
-    config, parameters, seed, particle, berry, progress
-        As in `BenchTest.run`.
-    interval_s : float, optional
-        Asks for frames; they are those of the record.
-
-    Returns
-    -------
-    Run
+    The arrays are the columns of the record and the states: ``position_STATE`` (N, 3) [m], ``quaternion_STATE`` (N,
+    4) and ``turned_STATE_deg`` for start, report, before and after.
     """
-    from repose.apparatus.drum_rotation import RECORD, rotate
-
     rotation = rotate(config, parameters, seed, particle, berry, progress)
     status, reason = status_of(rotation, config)
     record: dict[str, Any] = {
@@ -221,40 +431,20 @@ def run(
 def measure(
     record: Mapping[str, Any],
     arrays: Mapping[str, np.ndarray],
-    config: Mapping[str, Any],
+    config: Config,
     particle: "Particle",
     berry: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The measured run: what `repose.apparatus.drum_surface.of_run` finds, and the responses, which it names otherwise.
+    """What `repose.apparatus.drum_tables.measured_run` finds, and the responses under their public names."""
+    from repose.apparatus import drum_tables
 
-    Parameters
-    ----------
-    record, arrays, config, particle, berry
-        As in `BenchTest.measure`.
-
-    Returns
-    -------
-    dict
-    """
-    from repose.apparatus import drum_surface
-
-    measured, _ = drum_surface.of_run(record, arrays, config, particle)
+    measured, _ = drum_tables.measured_run(record, arrays, config, particle)
     ok = measured["status"] == "ok"
     return measured | {one.name: one.of(measured) if ok else None for one in RESPONSES}
 
 
-def longest_s(config: Mapping[str, Any]) -> float:
-    """Longest simulated time of a run.
-
-    Parameters
-    ----------
-    config : mapping
-
-    Returns
-    -------
-    float
-        Seconds.
-    """
+def longest_s(config: Config) -> float:
+    """Longest simulated time of a run [s]."""
     section = config[NAME]
     return section["rotate_from_s"] + section["longest_rotation_s"] + section["settle_s"]
 

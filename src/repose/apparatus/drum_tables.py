@@ -1,5 +1,9 @@
-"""The drum's validation: a file of each run, and the tables of all runs, measured."""
+"""What is measured of a drum that has turned: the surface of its bed, the motion in the slip, and tables of all runs.
 
+Nothing here turns a drum but `run_job`: a changed definition measures the states that were kept.
+"""
+
+import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
@@ -8,16 +12,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from repose.apparatus import drum, drum_surface
+from repose.apparatus import drum
 from repose.apparatus.job import about_job, write_timings
 from repose.core.errors import InputError
 from repose.core.files import read_json, read_npz, write_json, write_npz, write_table
+from repose.measure import bed
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from repose.particle.particle import Particle
 
+STATES = ("start", "report", "before", "after")
 # What is averaged over seeds, and its name in the table.
 SUMMARY = {
     "report_turned_deg": "turned at the report",
@@ -38,9 +44,101 @@ SUMMARY = {
 }
 RECORD = ["seed", "time_s", "turned_deg", "surface_deg", "bed_deg", "energy_j"]
 PROFILE = ["seed", "depth_mm", "moved_mm", "moved_sd_mm", "berries"]
-
-
 WHAT = "a JSON file of `repose drum`, its .npz beside it"
+
+
+def surface_of(
+    position: np.ndarray,
+    quaternion: np.ndarray,
+    scale: np.ndarray,
+    config: Mapping[str, Any],
+    particle: "Particle",
+    section: str = drum.NAME,
+) -> bed.Surface:
+    """The surface of a bed of N berries as a section of the configuration defines it; ValueError if it has none."""
+    return bed.measure_surface(
+        position,
+        quaternion,
+        particle,
+        drum.Drum.of(config[section]).radius_m,
+        config["measure"]["mm_per_pixel"],
+        config[section]["fit_share"],
+        scale,
+    )
+
+
+def surface_angles(
+    position: np.ndarray,
+    quaternion: np.ndarray,
+    scale: np.ndarray,
+    config: Mapping[str, Any],
+    particle: "Particle",
+    section: str = drum.NAME,
+) -> np.ndarray:
+    """Angle of the surface in each of T frames [degrees]; NaN where the bed has no surface."""
+    found = np.full(len(position), math.nan)
+    for k, (centres, turns) in enumerate(zip(position, quaternion, strict=True)):
+        try:
+            found[k] = surface_of(centres, turns, scale, config, particle, section).angle_deg
+        except ValueError:
+            continue
+    return found
+
+
+def no_surface(config: Mapping[str, Any]) -> str:
+    """Why a bed has no surface, in words."""
+    scale = config["measure"]["mm_per_pixel"]
+    return f"the bed has no surface that {scale:g} mm a pixel (measure.mm_per_pixel) resolve"
+
+
+def measured_run(
+    record: Mapping[str, Any],
+    arrays: Mapping[str, np.ndarray],
+    config: Mapping[str, Any],
+    particle: "Particle",
+) -> tuple[dict[str, Any], np.ndarray]:
+    """A run of the drum, measured, and the motion by depth (bins, 4) in its slip, lengths in mm.
+
+    The measured run is the record with the angles of the surface and, of a slip, the numbers of `_of_slip`. Where
+    the surface before or after a slip cannot be measured, the status is ``no_surface`` and there are no numbers.
+    Without a slip the motion by depth is empty.
+    """
+    measured, profile = dict(record), np.zeros((0, 4))
+    if record["status"] not in ("ok", "no_slip"):
+        return measured, profile
+    states = STATES if record["status"] == "ok" else STATES[:2]
+    angles = surface_angles(
+        np.array([arrays[f"position_{state}"] for state in states]),
+        np.array([arrays[f"quaternion_{state}"] for state in states]),
+        arrays["scale"],
+        config,
+        particle,
+    )
+    for state, angle in zip(states, angles, strict=True):
+        measured[f"{state}_surface_deg"] = float(angle) if math.isfinite(angle) else None
+    if record["status"] == "no_slip":
+        return measured, profile
+    if not np.isfinite(angles[2:]).all():
+        judged = {"seed": record["seed"], "status": "no_surface", "reason": no_surface(config)}
+        return judged | {"rotation_from_s": record["rotation_from_s"]}, profile
+    numbers, profile = _of_slip(record, arrays, config, particle)
+    return measured | {"surface_drop_deg": float(angles[2] - angles[3])} | numbers, profile
+
+
+def _of_slip(record, arrays, config, particle):
+    """How the berries moved in the slip; None where no berry lies under the part of the surface that is fitted."""
+    centres = arrays["position_before"], arrays["position_after"]
+    before = surface_of(centres[0], arrays["quaternion_before"], arrays["scale"], config, particle)
+    turned_rad = math.radians(record["after_turned_deg"] - record["before_turned_deg"])
+    depth, moved = bed.slip_displacement(*centres, turned_rad, before)
+    bin_m = 1e-3 * config[drum.NAME]["depth_bin_mm"]
+    profile = bed.depth_profile(depth, moved, bin_m) * (1e3, 1e3, 1e3, 1.0)
+    numbers = {
+        "moved_share": bed.moved_share(moved, particle),
+        "surface_moved_mm": float(profile[0, 1]) if len(profile) else None,
+        "wall_moved_mm": float(profile[-1, 1]) if len(profile) else None,
+    }
+    return numbers, profile
 
 
 def run_job(
@@ -51,20 +149,9 @@ def run_job(
     berry: Mapping[str, Any],
     out_dir: str | PathLike,
 ) -> list[dict[str, Any]]:
-    """Turn the drum with each seed; write OUT/drum_SEED.json, and OUT/drum_SEED.npz with every frame of the record.
+    """Turn the drum with each seed; write OUT/drum_SEED.npz with every frame, and then OUT/drum_SEED.json.
 
-    Parameters
-    ----------
-    config, parameters, particle, berry
-        Those of `repose.apparatus.bench_test.BenchTest.run`.
-    seeds : iterable of int
-    out_dir : path
-
-    Returns
-    -------
-    list of dict
-        Contents of the JSON files, but their runs are measured. Each file is written last, so a run whose file is there
-        is complete.
+    A run whose JSON file is there is complete. Returns the contents of the JSON files, with their runs measured.
     """
     out, results = Path(out_dir), []
     for seed in seeds:
@@ -85,27 +172,9 @@ def run(
     particle: "Particle",
     out_dir: str | PathLike,
 ) -> "dict[str, pd.DataFrame]":
-    """Measure runs; write runs.csv, summary.csv, record.csv and profile.csv into out_dir; return the tables by name.
+    """Measure runs; write runs.csv, summary.csv, record.csv and profile.csv into out_dir; return these tables.
 
-    Parameters
-    ----------
-    json_paths : sequence of path
-        Files of `run_job`, each with its .npz beside it.
-    config : mapping
-        The whole configuration.
-    particle : Particle
-        That was turned.
-    out_dir : path
-
-    Returns
-    -------
-    dict of pandas.DataFrame
-        As `tables` gives them.
-
-    Raises
-    ------
-    InputError
-        If a file is missing or none of these, or a seed is there twice.
+    InputError if a file is missing or none of `run_job`, or a seed is there twice.
     """
     found: dict[int, tuple[dict, dict]] = {}
     for path in map(Path, json_paths):
@@ -113,10 +182,8 @@ def run(
         if one.get("seed") in found:
             raise InputError(path, "run.seed", one["seed"], "each seed once")
         frames = read_npz(path.with_suffix(".npz"), _needed(one), WHAT)
-        measured, profile = drum_surface.of_run(one, frames, config, particle)
-        angles = drum_surface.surface_angles(
-            frames["position"], frames["quaternion"], frames["scale"], config, particle
-        )
+        measured, profile = measured_run(one, frames, config, particle)
+        angles = surface_angles(frames["position"], frames["quaternion"], frames["scale"], config, particle)
         found[one["seed"]] = measured, frames | {"profile": profile, "surface_deg": angles}
     made = tables(list(found.values()))
     for name, content in made.items():
@@ -126,25 +193,17 @@ def run(
 
 def _needed(run):
     """Arrays that the file of a run must have."""
-    states = {"ok": drum_surface.STATES, "no_slip": drum_surface.STATES[:2]}.get(run.get("status"), ())
+    states = {"ok": STATES, "no_slip": STATES[:2]}.get(run.get("status"), ())
     of_states = (f"{kind}_{state}" for state in states for kind in ("position", "quaternion"))
     kept = (key for key in RECORD[1:] if key != "surface_deg")
     return (*kept, "position", "quaternion", "scale", *of_states)
 
 
 def tables(runs: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]]) -> "dict[str, pd.DataFrame]":
-    """The tables of the runs of a drum.
+    """The tables of measured runs, given as (record, arrays with the columns of the record and ``profile``).
 
-    Parameters
-    ----------
-    runs : sequence of (record, arrays)
-        Measured runs; columns of the record, and ``profile``, of each.
-
-    Returns
-    -------
-    dict
-        runs: one row per run. summary: quantity, key, mean, standard_error (none of one run), lowest, highest, runs.
-        record: the record of all runs over time. profile: motion by depth of all runs, lengths in mm.
+    runs: one row per run. summary: quantity, key, mean, standard_error (none of one run), lowest, highest, runs.
+    record: the record of all runs over time. profile: motion by depth of all runs, lengths in mm.
     """
     import pandas as pd
 
@@ -167,17 +226,7 @@ def tables(runs: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]]) -
 
 
 def summarise(runs: "pd.DataFrame") -> "pd.DataFrame":
-    """Mean and standard error of every quantity of SUMMARY over the runs that have it.
-
-    Parameters
-    ----------
-    runs : pandas.DataFrame
-        A row for each run.
-
-    Returns
-    -------
-    pandas.DataFrame
-    """
+    """Mean and standard error of every quantity of SUMMARY over the runs that have it."""
     import pandas as pd
 
     rows = []

@@ -24,49 +24,18 @@ class Factory(Protocol):
         """Its height [m]."""
 
     def draw(self, rng: np.random.Generator, n: int) -> np.ndarray:
-        """Uniformly random points of the factory.
-
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            It draws two numbers for each point, one point after another.
-        n : int
-            How many.
-
-        Returns
-        -------
-        numpy.ndarray, (n, 3)
-            Metres.
-        """
+        """Uniformly random points (n, 3) of the factory [m]: two numbers for each, one point after another."""
 
 
 @dataclass(frozen=True)
 class Disc:
-    """A horizontal disc about the z axis.
-
-    Attributes
-    ----------
-    radius_m, height_m : float
-        Lengths [m].
-    """
+    """A horizontal disc about the z axis."""
 
     radius_m: float
     height_m: float
 
     def draw(self, rng: np.random.Generator, n: int) -> np.ndarray:
-        """Uniformly random points of the disc.
-
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-        n : int
-            How many.
-
-        Returns
-        -------
-        numpy.ndarray, (n, 3)
-            Metres.
-        """
+        """Uniformly random points (n, 3) of the disc [m]."""
         places = []
         for radius, turn in rng.random((n, 2)).tolist():
             r, angle = self.radius_m * math.sqrt(radius), 2.0 * math.pi * turn
@@ -76,53 +45,20 @@ class Disc:
 
 @dataclass(frozen=True)
 class Strip:
-    """A horizontal rectangle about the z axis.
-
-    Attributes
-    ----------
-    half_x_m, half_y_m, height_m : float
-        Half its lengths along x and y, and its height [m].
-    """
+    """A horizontal rectangle about the z axis; half its lengths along x and y, and its height."""
 
     half_x_m: float
     half_y_m: float
     height_m: float
 
     def draw(self, rng: np.random.Generator, n: int) -> np.ndarray:
-        """Uniformly random points of the strip.
-
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-        n : int
-            How many.
-
-        Returns
-        -------
-        numpy.ndarray, (n, 3)
-            Metres.
-        """
+        """Uniformly random points (n, 3) of the strip [m]."""
         x, y = rng.uniform(-1.0, 1.0, (n, 2)).T
         return np.column_stack([self.half_x_m * x, self.half_y_m * y, np.full(n, self.height_m)])
 
 
 def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Factory) -> np.ndarray | None:
-    """A random point of a factory where a new berry cannot touch another.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Source of the numbers.
-    simulation : repose.dem.Simulation
-        With the berries that are there.
-    factory : Factory
-        Where the new one appears.
-
-    Returns
-    -------
-    numpy.ndarray, (3,), or None
-        Metres; None where none was found.
-    """
+    """A random point (3,) of a factory [m] where a new berry cannot touch another; None where none was found."""
     place = factory.draw(rng, 1)[0]
     others = simulation.positions[simulation.present]
     reach = 2.0 * simulation.radius
@@ -141,18 +77,9 @@ def free_place(rng: np.random.Generator, simulation: "Simulation", factory: Fact
 
 
 def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray:
-    """Random orientation of a new berry.
+    """Random quaternion (w, x, y, z), body to world, of a new berry, uniform among those asked for.
 
-    Parameters
-    ----------
-    orientation : str
-        ``random``, ``lying`` (long axis level) or ``upright`` (long axis vertical).
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    numpy.ndarray
-        Quaternion (4,), w, x, y, z, body to world; uniform among the orientations that are asked for.
+    orientation: ``random``, ``lying`` (long axis level) or ``upright`` (long axis vertical).
     """
     if orientation == "random":
         return random_quaternion(rng)
@@ -167,6 +94,11 @@ def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray
     return np.array([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w])
 
 
+def last_berry_s(section: Mapping[str, Any]) -> float:
+    """When the last berry of a bench test appears [s]."""
+    return (section["berries"] - 1) / section["rate_per_s"]
+
+
 def fill(
     simulation: "Simulation",
     factory: Factory,
@@ -176,28 +108,12 @@ def fill(
     run_to: Callable[[int], None],
     scales: Sequence[float] | np.ndarray | None = None,
 ) -> None:
-    """Add the berries of a bench test one by one, at rest or with the speed of a fall.
+    """Add the berries of a bench test one by one, at rest or with the speed of a fall, up to a time step.
 
     A berry appears where it cannot touch another one. Where no such place is found the factory waits a time step.
-
-    Parameters
-    ----------
-    simulation : Simulation
-        With a shape of the name ``berry``.
-    factory : Factory
-        Where they appear.
-    section : mapping
-        Of the bench test in the configuration: ``berries`` (how many), ``rate_per_s`` (how many in a second) and, if
-        they are not to lie at random, ``orientation``, see `random_orientation`; if they are not to start at rest,
-        ``speed_m_s``, down.
-    seed : int
-        Of the places and orientations.
-    last_step : int
-        From this time step on no berry is added.
-    run_to : function
-        Advances the simulation to a time step.
-    scales : sequence of float, optional
-        Sizes (berries,) relative to the shape; by default 1.
+    `section` has ``berries`` (how many), ``rate_per_s`` (how many in a second) and, if they are not to lie at
+    random, ``orientation``, see `random_orientation`; if they are not to start at rest, ``speed_m_s``, down.
+    `run_to` advances the simulation to a time step. `scales` are the sizes relative to the shape, 1 by default.
     """
     rng, orientation = np.random.default_rng(seed), section.get("orientation", "random")
     down = (0.0, 0.0, -section.get("speed_m_s", 0.0))

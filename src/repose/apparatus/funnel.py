@@ -3,24 +3,38 @@
 A pour that gives no pile to measure is a result, too: it has a status and a reason instead of a number.
 """
 
+import math
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from repose.apparatus import funnel_advice, funnel_geometry
-from repose.apparatus.bench_test import BenchTest, Run, register
-from repose.apparatus.funnel_pour import NAME, build, pour, status_of
+from repose import dem
+from repose.apparatus.bench_test import BenchTest, Config, Run, register
+from repose.apparatus.bounds import Bounded
+from repose.apparatus.factory import Disc, fill, last_berry_s
+from repose.apparatus.scene import Filmed, berry_simulation, largest_cluster, sized_simulation
 from repose.apparatus.settings import SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
 from repose.measure.angles import MEAN_KEYS, VIEW_KEYS
 
 if TYPE_CHECKING:
+    from repose.dem import Cone, RingEdge
     from repose.particle.particle import Particle
 
+NAME = "funnel"
 STATUSES = ("ok", "jammed", "not_at_rest", "no_flank", "left_plate", "unstable")
+# A pile that has lost more than this share of its berries over the edge of the plate is not the pile poured.
+LARGEST_LOSS = 0.1
+# Of the berries on the plate, those that touch each other; in 2810 pours of the article's study and ours at least 86 %.
+SMALLEST_PILE = 0.5
+FEWEST_IN_PILE = 10
+# Below this height a berry has left the plate and is gone.
+FLOOR_M = -0.05
 
 # --- what it gives --------------------------------------------------------------------------------
 
@@ -61,64 +75,450 @@ RECORDED = Recorded(
     single=("aor_deg", "height_mm", "discharge_s", *COUNTED, *BESIDE),
 )
 
+
+# --- its inner surfaces -------------------------------------------------------------------------
+
+
+class ConeLine(NamedTuple):
+    """The line of a cone in the half plane (r, z), as `repose.dem.Cone` takes it; lengths in m.
+
+    The unit normal points from the inside into the wall; normal . (r, z) = offset. first and last are places along
+    the line, (up_r, up_z) is the unit vector up along it.
+    """
+
+    normal_r: float
+    normal_z: float
+    offset: float
+    first: float
+    last: float
+    up_r: float
+    up_z: float
+
+
+@dataclass(frozen=True)
+class Funnel:
+    """Inner surfaces of a funnel whose axis is z.
+
+    The narrowest circle of the outlet lies `outlet_height_m` above the plate. A tube may follow the cone. All edges
+    are rounded.
+    """
+
+    inlet_diameter_m: float  # of the upper circle
+    outlet_diameter_m: float  # of the narrowest circle
+    cone_angle_deg: float  # slope from the horizontal
+    tube_length_m: float  # below the cone; 0 without a tube
+    rim_radius_m: float  # of all rounded edges
+    outlet_height_m: float  # above the plate
+
+    @classmethod
+    def of(cls, section: Mapping[str, Any]) -> "Funnel":
+        """The funnel that a section of the configuration describes."""
+        return cls(
+            inlet_diameter_m=1e-3 * section["inlet_diameter_mm"],
+            outlet_diameter_m=1e-3 * section["outlet_diameter_mm"],
+            cone_angle_deg=section["cone_angle_deg"],
+            tube_length_m=1e-3 * section["tube_length_mm"],
+            rim_radius_m=1e-3 * section["rim_radius_mm"],
+            outlet_height_m=1e-3 * section["outlet_height_mm"],
+        )
+
+    @property
+    def inlet_height_m(self) -> float:
+        """Height of the inlet's circle above the plate [m]."""
+        return self.cone_line().last * math.sin(self._slope) + self._foot[1]
+
+    @property
+    def neck_height_m(self) -> float:
+        """Height at which the cone ends [m]: that of the outlet, or of the tube's upper end."""
+        return self.outlet_height_m + self.tube_length_m
+
+    @property
+    def _slope(self) -> float:
+        """Slope of the cone [rad]."""
+        return math.radians(self.cone_angle_deg)
+
+    @property
+    def _core_m(self) -> float:
+        """Radius of the circle about which the cone's lower edge is rounded [m]."""
+        return 0.5 * self.outlet_diameter_m + self.rim_radius_m
+
+    @property
+    def _offset(self) -> float:
+        """Offset of the cone's line [m]: it is tangent to the rounded edge below it."""
+        return (
+            math.sin(self._slope) * self._core_m
+            - math.cos(self._slope) * self.neck_height_m
+            - self.rim_radius_m
+        )
+
+    @property
+    def _foot(self) -> tuple[float, float]:
+        """Point (r, z) [m] of the cone's line from which places along it are measured, the nearest to the origin."""
+        return self._offset * math.sin(self._slope), -self._offset * math.cos(self._slope)
+
+    def cone_line(self) -> ConeLine:
+        """The cone's line, from the rounded edge up to the inlet."""
+        sin, cos = math.sin(self._slope), math.cos(self._slope)
+        foot_r, foot_z = self._foot
+        last = (0.5 * self.inlet_diameter_m - foot_r) / cos
+        last += cos * foot_r + sin * foot_z
+        first = cos * self._core_m + sin * self.neck_height_m
+        return ConeLine(sin, -cos, self._offset, first, last, cos, sin)
+
+    def walls(self, material: str) -> "dict[str, Cone | RingEdge]":
+        """Cone and outlet, and with a tube also tube and neck, by name."""
+        up, edge = (math.cos(self._slope), math.sin(self._slope)), self.rim_radius_m
+        walls: dict[str, Cone | RingEdge] = {"cone": dem.Cone(self.cone_line(), material)}
+        if self.tube_length_m == 0.0:
+            walls["outlet"] = dem.RingEdge(
+                self._core_m, edge, material, (up, (0.0, 0.0)), self.outlet_height_m
+            )
+            return walls
+        radius, top = 0.5 * self.outlet_diameter_m, self.neck_height_m
+        tube = ConeLine(1.0, 0.0, radius, self.outlet_height_m, top, 0.0, 1.0)
+        walls["tube"] = dem.Cone(tube, material)
+        walls["neck"] = dem.RingEdge(self._core_m, edge, material, (up, (0.0, -1.0)), top)
+        walls["outlet"] = dem.RingEdge(
+            self._core_m, edge, material, ((0.0, 1.0), (0.0, 0.0)), self.outlet_height_m
+        )
+        return walls
+
+
 # --- what its configuration asks ------------------------------------------------------------------
 
 
-def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Keys of a funnel that cannot be built, or of a pour that cannot end.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-
-    Yields
-    ------
-    key, allowed : str
-        Dotted key, and what it may be.
-    """
+def contradictions(config: Config) -> Iterator[tuple[str, str]]:
+    """Keys of a funnel that cannot be built, or of a pour that cannot end, and what is allowed."""
     funnel = config[NAME]
     inlet, outlet = funnel["inlet_diameter_mm"], funnel["outlet_diameter_mm"]
     duration, window = funnel["duration_s"], funnel["rest_window_s"]
     if SimulationSettings.of(config).time_step_s > window / 2:
         yield "simulation.time_step_s", f"at most half of funnel.rest_window_s, {window:g}"
-    yield from funnel_geometry.contradictions(config, NAME)
+    yield from impossible_surfaces(config, NAME)
     if funnel["factory_diameter_mm"] > inlet:
         yield "funnel.factory_diameter_mm", f"at most funnel.inlet_diameter_mm, {inlet:g}"
     if funnel["plate_diameter_mm"] < outlet:
         yield "funnel.plate_diameter_mm", f"at least funnel.outlet_diameter_mm, {outlet:g}"
     if window >= duration:
         yield "funnel.rest_window_s", f"below funnel.duration_s, {duration:g}"
-    last = (funnel["berries"] - 1) / funnel["rate_per_s"]
+    last = last_berry_s(funnel)
     if last >= duration - window:
         yield "funnel.duration_s", f"above {last + window:g}: the last berry appears at {last:g} s"
 
 
-def misfits(config: Mapping[str, Any], axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
-    """Keys of openings that are too narrow for the mean berry.
+def misfits(config: Config, axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
+    """Keys of openings that are too narrow for the mean berry, whose axes are given, the longest first."""
+    yield from narrow_openings(
+        config, NAME, {"outlet_diameter_mm": axes_mm[2], "factory_diameter_mm": axes_mm[0]}
+    )
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    axes_mm : sequence of float, (3,)
-        Mean axes of the berry, the longest first.
 
-    Yields
-    ------
-    key, allowed : str
-        Dotted key, and what it may be.
+def narrow_openings(config: Config, section: str, sizes_mm: Mapping[str, float]) -> Iterator[tuple[str, str]]:
+    """Keys of a section whose openings are at most as wide as a mean berry, whose size is given for each key."""
+    for key, smallest in sizes_mm.items():
+        if config[section][key] <= smallest:
+            yield f"{section}.{key}", f"above {smallest:.4g}, the size of a mean berry"
+
+
+def impossible_surfaces(config: Config, section: str) -> Iterator[tuple[str, str]]:
+    """Keys of a section whose funnel cannot be built, and what is allowed."""
+    funnel = config[section]
+    inlet, outlet = funnel["inlet_diameter_mm"], funnel["outlet_diameter_mm"]
+    if outlet >= inlet:
+        yield f"{section}.outlet_diameter_mm", f"below {section}.inlet_diameter_mm, {inlet:g}"
+    wall = (inlet - outlet) / 4
+    if funnel["rim_radius_mm"] > wall:
+        yield f"{section}.rim_radius_mm", f"at most {wall:g}, or no cone is left between inlet and outlet"
+
+
+# --- advice before a study pours -----------------------------------------------------------------
+
+# Share of a pile's volume that grains fill, as poured.
+PACKING = 0.6
+# A softer grain shortens the pile; this share of the Height is far below the scatter of piles.
+LARGEST_SINKING = 0.005
+# Slopes that poured grains take; a cone that needs another one has too few grains, or too many.
+SLOPES_DEG = (15.0, 45.0)
+# A volume within this factor of the cone's: real piles have a rounded top and a tail at the foot.
+VOLUME_FACTOR = 1.5
+
+
+def advice(
+    config: Config,
+    berry: Mapping[str, Any],
+    particle: "Particle",
+    longest_step_s: Callable[[Mapping[str, Any]], float],
+) -> Iterator[str]:
+    """What to know of stiffness and volume of the grains before they are poured; see `BenchTest.advice`."""
+    yield f"stiffness: {_softer(config, berry, longest_step_s)}"
+    sentence, fits = filling(config, particle.volume_m3)
+    yield f"volume: {'' if fits else 'WARNING: '}{sentence}"
+
+
+def _softer(config, berry, longest_step_s):
+    """How far the shear modulus may be lowered, what it costs and what it brings."""
+    step, given = SimulationSettings.of(config).time_step_s, berry["shear_modulus_pa"]
+    sinking, softest = softening(config, berry)
+    now = f"the pile sinks by {100 * sinking:.2g} % of its Height under its own weight"
+    if softest >= given:
+        return f"{now}; berry.shear_modulus_pa, {given:.3g}, should not be lower"
+    longest = longest_step_s({**berry, "shear_modulus_pa": softest})
+    return (
+        f"{now}; with berry.shear_modulus_pa {softest:.2g} instead of {given:.3g} it sinks by "
+        f"{100 * LARGEST_SINKING:.2g} %, simulation.time_step_s may be {longest:.2g} s, and a run takes "
+        f"{step / longest:.2g} of the time"
+    )
+
+
+class Softening(NamedTuple):
+    """What the stiffness of the grains costs."""
+
+    sinking: float  # share of its Height that a pile loses under its own weight
+    softest_pa: float  # shear modulus at which it loses `LARGEST_SINKING`
+
+
+def softening(config: Config, berry: Mapping[str, Any]) -> Softening:
+    """How much a pile gives way under its own weight, and the softest grain whose pile hardly does.
+
+    A grain of diameter d at depth z carries the weight above its own area, F = p rho g z d^2, with p the packing.
+    By Hertz two such grains approach each other by (3 F / (4 E* sqrt(d/4)))^(2/3). The mean of this over the depth
+    is 3/5 of that at the bottom. Over d it is the share of the Height that is lost, and goes as the modulus to
+    -2/3.
     """
-    for key, smallest in (("outlet_diameter_mm", axes_mm[2]), ("factory_diameter_mm", axes_mm[0])):
-        if config[NAME][key] <= smallest:
-            yield f"funnel.{key}", f"above {smallest:.4g}, the size of a mean berry"
+    diameter_m = 1e-3 * math.prod(berry[key] for key in ("long_mm", "major_mm", "minor_mm")) ** (1 / 3)
+    gravity = SimulationSettings.of(config).gravity_m_s2
+    pressure = PACKING * berry["density_kg_m3"] * gravity * height_m(config)
+    young = berry["shear_modulus_pa"] / (1 - berry["poisson_ratio"])
+    approach = (3 * pressure * diameter_m**2 / (4 * young * math.sqrt(diameter_m / 4))) ** (2 / 3)
+    sinking = 0.6 * approach / diameter_m
+    return Softening(sinking, berry["shear_modulus_pa"] * (sinking / LARGEST_SINKING) ** 1.5)
 
 
-# --- run ------------------------------------------------------------------------------------------
+def poured_volume_m3(config: Config, grain_m3: float) -> float:
+    """Volume of the grains of a pour, the gaps between them included."""
+    return config[NAME]["berries"] * grain_m3 / PACKING
+
+
+def height_m(config: Config) -> float:
+    """Height of the pile: the target, or half the outlet's height where it is none."""
+    found = _target(config, "height_mm")
+    return 1e-3 * (0.5 * config[NAME]["outlet_height_mm"] if found is None else found)
+
+
+def filling(config: Config, grain_m3: float) -> tuple[str, bool]:
+    """A sentence on whether the grains of a pour fill the pile of the targets, and whether they do."""
+    poured, height, angle = (
+        poured_volume_m3(config, grain_m3),
+        _target(config, "height_mm"),
+        _target(config, "aor_deg"),
+    )
+    holds = f"{config[NAME]['berries']} grains hold {_litres(poured)} as poured"
+    if height is None and angle is None:
+        return holds, True
+    if height is None:
+        slope = math.tan(math.radians(angle))
+        reached = (3 * poured * slope**2 / math.pi) ** (1 / 3)
+        return f"{holds}: a cone of {angle:g} deg and {1e3 * reached:.3g} mm Height", True
+    if angle is None:
+        needed = math.degrees(math.atan(math.sqrt(math.pi * (1e-3 * height) ** 3 / (3 * poured))))
+        low, high = SLOPES_DEG
+        sentence = f"{holds}: a cone of {height:g} mm Height with a slope of {needed:.3g} deg"
+        if low <= needed <= high:
+            return sentence, True
+        wanted = [
+            math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(one)) ** 2) for one in (high, low)
+        ]
+        return (
+            f"{sentence}; poured grains take {low:g} to {high:g} deg: {_needed(config, grain_m3, wanted)}",
+            False,
+        )
+    cone = math.pi * (1e-3 * height) ** 3 / (3 * math.tan(math.radians(angle)) ** 2)
+    sentence = f"{holds}; the cone of {angle:g} deg and {height:g} mm Height holds {_litres(cone)}"
+    if 1 / VOLUME_FACTOR <= poured / cone <= VOLUME_FACTOR:
+        return sentence, True
+    return f"{sentence}: {_needed(config, grain_m3, [cone])}", False
+
+
+def _needed(config, grain_m3, volumes_m3):
+    """The key to change, for volumes of a pile."""
+    numbers = [math.ceil(PACKING * volume / grain_m3) for volume in volumes_m3]
+    wanted = " to ".join(f"{number}" for number in numbers)
+    return f"funnel.berries would have to be {wanted}, or the targets are those of another pour"
+
+
+def _target(config, response):
+    """Value of a target of the funnel, None where it is none."""
+    return next((one["value"] for one in config["targets"] if one["response"] == response), None)
+
+
+def _litres(volume_m3):
+    """A volume in words."""
+    return f"{1e3 * volume_m3:.3g} l" if volume_m3 >= 1e-3 else f"{1e6 * volume_m3:.3g} ml"
+
+
+# --- run ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Pour:
+    """What is left of a pour of N berries, and the numbers that judge it."""
+
+    centres_m: np.ndarray  # (N, 3)
+    quaternions: np.ndarray  # (N, 4)
+    scales: np.ndarray  # (N,)
+    on_plate: np.ndarray  # (N,), which berries lie there
+    in_pile: np.ndarray  # (N,), which of them lie in the largest cluster
+    in_funnel: int  # berries that are still there
+    off_plate: int  # berries that have left the plate
+    unstable: str  # the bound that the pour broke (`repose.apparatus.bounds`); empty where it broke none
+    kinetic_energy_j: float  # of the pile
+    largest_motion_m: float  # farthest way of a berry on the plate in the last `rest_window_s`
+    discharge_s: float  # from the first to the last berry that left the outlet; NaN where none did
+    wall_s: float  # wall time of the pour
+    us_per_step: float  # wall time of a time step at its end
+    frames: dict[str, np.ndarray] | None  # see `repose.apparatus.scene.Filmed.frames`
+
+
+def build(
+    config: Config,
+    parameters: Mapping[str, float],
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    largest_scale: float = 1.0,
+) -> "dem.Simulation":
+    """The empty simulation of funnel and plate; InputError if the time step is too long for the particle."""
+    section, funnel = config[NAME], Funnel.of(config[NAME])
+    plate_radius = 0.5e-3 * section["plate_diameter_mm"]
+    reach = largest_scale * particle.bounding_radius_m
+    half = max(plate_radius, 0.5 * funnel.inlet_diameter_m) + 2.0 * reach
+    return berry_simulation(
+        config,
+        parameters,
+        particle,
+        berry,
+        section["berries"],
+        walls={
+            "plate": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", plate_radius),
+            **funnel.walls("wall"),
+        },
+        lower=(-half, -half, 0.0),
+        upper=(half, half, funnel.inlet_height_m + 4.0 * reach),
+        largest_scale=largest_scale,
+        exit_height_m=funnel.outlet_height_m,
+        curved_walls_above_m=funnel.outlet_height_m - funnel.rim_radius_m,
+        floor_height_m=FLOOR_M,
+    )
+
+
+def pour(
+    config: Config,
+    parameters: Mapping[str, float],
+    seed: int,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    interval_s: float | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> Pour:
+    """Pour the berries through the funnel and let them rest (section 3.1 of the paper).
+
+    Berries appear one by one at `rate_per_s` above the inlet, drawn from the seed; see
+    `repose.apparatus.factory.fill`.
+    """
+    section, settings = config[NAME], SimulationSettings.of(config)
+    began = time.perf_counter()
+    simulation, scales, reach = sized_simulation(
+        build, config, parameters, seed, particle, berry, section["berries"]
+    )
+    funnel = Funnel.of(section)
+    height = funnel.inlet_height_m + 1e-3 * section["factory_height_mm"]
+    factory = Disc(0.5e-3 * section["factory_diameter_mm"] - reach, height)
+    last_step = settings.steps(section["duration_s"])
+    rest_step = last_step - settings.steps(section["rest_window_s"])
+    timed_step = max(0, min(rest_step, last_step - settings.steps(1.0)))
+    bounded = Bounded(simulation, height)
+    filmed = Filmed(bounded, interval_s, progress)
+    before, clock = None, began
+    with bounded.guard():
+        fill(simulation, factory, section, seed, rest_step, filmed.run_to, scales)
+        timed_step = max(timed_step, simulation.steps)
+        filmed.run_to(timed_step)
+        clock = time.perf_counter()
+        filmed.run_to(rest_step)
+        before = simulation.positions.copy()
+        filmed.run_to(last_step)
+    us_per_step = 1e6 * (time.perf_counter() - clock) / max(1, last_step - timed_step)
+    took_s = time.perf_counter() - began
+    return _judge(simulation, funnel, before, bounded.broken, filmed.frames(), took_s, us_per_step)
+
+
+def _judge(
+    simulation: "dem.Simulation",
+    funnel: Funnel,
+    before: np.ndarray | None,
+    unstable: str,
+    frames: dict[str, np.ndarray] | None,
+    wall_s: float,
+    us_per_step: float,
+) -> Pour:
+    """Sort the berries into pile, plate, funnel and lost, and measure their motion."""
+    centres = simulation.positions.copy()
+    present = simulation.present
+    # a berry hanging in the outlet has its centre a little below the rim
+    in_funnel = present & (centres[:, 2] > funnel.outlet_height_m - simulation.radius)
+    on_plate = present & (centres[:, 2] > 0.0) & ~in_funnel
+    in_pile = largest_cluster(simulation.contacts(), on_plate)
+    exits = simulation.exit_times_s
+    exits = exits[np.isfinite(exits)]
+    pile_energy = simulation.kinetic_energies()[in_pile]
+    motion = np.linalg.norm(centres - (centres if before is None else before), axis=1)[on_plate]
+    return Pour(
+        centres_m=centres,
+        quaternions=simulation.quaternions.copy(),
+        scales=simulation.scales.copy(),
+        on_plate=on_plate,
+        in_pile=in_pile,
+        in_funnel=int(in_funnel.sum()),
+        off_plate=int(len(centres) - in_funnel.sum() - on_plate.sum()),
+        unstable=unstable,
+        kinetic_energy_j=float(pile_energy.sum()),
+        largest_motion_m=float(motion.max(initial=0.0)),
+        discharge_s=float(exits.max() - exits.min()) if len(exits) else math.nan,
+        wall_s=wall_s,
+        us_per_step=us_per_step,
+        frames=frames,
+    )
+
+
+def status_of(poured: Pour, config: Config) -> tuple[str, str]:
+    """Status and reason of a pour before it is measured; the reason of ``ok`` is empty."""
+    section, n = config[NAME], config[NAME]["berries"]
+    if poured.unstable:
+        return "unstable", poured.unstable
+    if poured.in_funnel or len(poured.centres_m) < n:
+        waiting = n - len(poured.centres_m)
+        return "jammed", f"{poured.in_funnel} berries in the funnel and {waiting} not yet poured at the end"
+    if poured.off_plate > LARGEST_LOSS * n:
+        return "left_plate", f"{poured.off_plate} of {n} berries left the plate"
+    energy = poured.kinetic_energy_j / max(1, int(poured.in_pile.sum()))
+    rest = SimulationSettings.of(config).rest_energy_j
+    if energy > rest:
+        return "not_at_rest", f"kinetic energy {energy:.2e} J a berry, more than {rest:.0e}"
+    if 1e3 * poured.largest_motion_m > section["rest_motion_mm"]:
+        return "not_at_rest", (
+            f"a berry moved {1e3 * poured.largest_motion_m:.2f} mm in the last {section['rest_window_s']:g} s, "
+            f"more than {section['rest_motion_mm']:g}"
+        )
+    in_pile, there = int(poured.in_pile.sum()), int(poured.on_plate.sum())
+    if in_pile < max(FEWEST_IN_PILE, SMALLEST_PILE * there):
+        return "no_flank", (
+            f"{in_pile} of {there} berries touch each other in the largest pile; "
+            f"a pile has at least {FEWEST_IN_PILE} and {100 * SMALLEST_PILE:g} % of them"
+        )
+    return "ok", ""
 
 
 def run(
-    config: Mapping[str, Any],
+    config: Config,
     parameters: Mapping[str, float],
     seed: int,
     particle: "Particle",
@@ -126,30 +526,7 @@ def run(
     interval_s: float | None = None,
     progress: Callable[[float], object] | None = None,
 ) -> Run:
-    """Pour once and judge the pour.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    parameters : mapping
-        The six contact parameters by name.
-    seed : int
-        Of the berries' places and sizes.
-    particle : Particle
-        The berry's body.
-    berry : mapping
-        What the verb ``berry`` writes.
-    interval_s : float, optional
-        Simulated time between two frames of a film; none without it.
-    progress : callable, optional
-        Called with the simulated time [s].
-
-    Returns
-    -------
-    Run
-        Its status is one of `STATUSES`; ``no_flank`` comes with the measurement.
-    """
+    """Pour once and judge the pour; status ``no_flank`` comes with the measurement."""
     poured = pour(config, parameters, seed, particle, berry, interval_s, progress)
     status, reason = status_of(poured, config)
     record = {
@@ -178,29 +555,14 @@ def run(
 def measure(
     record: Mapping[str, Any],
     arrays: Mapping[str, np.ndarray],
-    config: Mapping[str, Any],
+    config: Config,
     particle: "Particle",
     berry: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The measured run: the record of a pour with every response of its pile.
+    """The record of a pour with every response of its pile: `ALWAYS`, and the other responses that are targets.
 
-    Parameters
-    ----------
-    record : mapping
-        That of the `Run`.
-    arrays : mapping
-        ``position``, ``quaternion``, ``in_pile`` and, where berries differ in size, ``scale``.
-    config : mapping
-        The whole configuration.
-    particle : Particle
-    berry : mapping
-        With the mean axes ``long_mm``, ``major_mm``, ``minor_mm``.
-
-    Returns
-    -------
-    dict
-        `ALWAYS`, and the other responses that are targets. Numbers are None where there is no pile to measure. A pile
-        that lacks a target gets the status ``no_flank`` and keeps what could be measured.
+    Numbers are None where there is no pile to measure. A pile that lacks a target gets the status ``no_flank`` and
+    keeps what could be measured.
     """
     from repose.measure.pile import MeasureSettings
     from repose.measure.saved_piles import pile_responses
@@ -234,7 +596,7 @@ BENCH = register(
         duration_s=lambda config: config[NAME]["duration_s"],
         contradictions=contradictions,
         misfits=misfits,
-        advice=funnel_advice.sentences,
+        advice=advice,
         kept=("position", "quaternion", "in_pile"),
         in_words="angle of repose {aor_deg:.2f} deg, Height {height_mm:.1f} mm, "
         "{berries_on_plate} berries on the plate",

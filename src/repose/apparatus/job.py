@@ -38,20 +38,7 @@ def run_once(
     particle: "Particle",
     berry: Mapping[str, Any],
 ) -> tuple[dict[str, Any], Run]:
-    """Run and measure once, without files.
-
-    Parameters
-    ----------
-    test : BenchTest
-    config, parameters, seed, particle, berry
-        As in `BenchTest.run`.
-
-    Returns
-    -------
-    measured : dict
-        What `BenchTest.measure` gives.
-    run : Run
-    """
+    """Run and measure once, without files; the measured run, and the run."""
     run = test.run(config, parameters, seed, particle, berry)
     return test.measure(run.record, run.arrays, config, particle, berry), run
 
@@ -59,21 +46,7 @@ def run_once(
 def about_job(
     test: BenchTest, config: Mapping[str, Any], name: object, parameters: Mapping[str, float]
 ) -> dict[str, Any]:
-    """What every file of a job says of it.
-
-    Parameters
-    ----------
-    test : BenchTest
-    config : mapping
-    name : object
-        Of the job.
-    parameters : mapping of float
-        The six contact parameters.
-
-    Returns
-    -------
-    dict
-    """
+    """What every file of a job says of it."""
     named = {} if test.name == UNNAMED else {"apparatus": test.name}
     return named | {
         "sample": int(str(name)) if str(name).isdigit() else name,
@@ -97,38 +70,12 @@ def pour_job(
 ) -> Path:
     """Run one parameter set with all its seeds and write the files of the job.
 
-    Parameters
-    ----------
-    test : BenchTest
-    config : mapping
-        The whole configuration.
-    name : str
-        Stem of the files: the sample's number.
-    parameters : mapping
-        The six contact parameters by name.
-    seeds : iterable of int
-    particle : Particle
-    berry : mapping
-        What the verb ``berry`` writes.
-    out_dir : path
-        Folder of the files.
-    interval_s : float, optional
-        Also write frames at this interval [s].
-    progress : function, optional
-        Called with each seed; gives a context manager that is called with the simulated time.
-    keeps_runs : bool, optional
-        Whether each run is also kept in a file of its own, runs/NAME_SEED.npz, and taken from there where it is the
-        same. So a further seed runs that seed only, and a job that was killed goes on.
-
-    Returns
-    -------
-    Path
-        NAME.pours.json. It is written last, so a job whose file is there is complete.
-
-    Raises
-    ------
-    InputError
-        If somebody else's file is in the way; then nothing is poured.
+    Returns the path of NAME.pours.json. It is written last, so a job whose file is there is complete. name: the
+    stem of the files, the sample's number. interval_s: also write frames, this simulated time apart. progress:
+    called with each seed, gives a context manager that is called with the simulated time. keeps_runs: each run is
+    also kept in a file of its own, runs/NAME_SEED.npz, and taken from there where it is the same; so a further seed
+    runs that seed only, and a job that was killed goes on. InputError if somebody else's file is in the way; then
+    nothing is poured.
     """
     from repose.measure.saved_pours import POURS
 
@@ -164,17 +111,7 @@ def pour_job(
 
 
 def write_timings(folder: Path, name: str, took_s: Mapping[str, float]) -> None:
-    """Write how long the runs of a job took.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the job's files.
-    name : str
-        Stem of the job's files.
-    took_s : mapping of float
-        Wall time of each run [s], by its seed.
-    """
+    """Write the wall time [s] of each run of a job, by its seed."""
     write_json(folder / "timings" / f"{name}.json", {"wall_s": dict(took_s)})
 
 
@@ -185,29 +122,10 @@ def measure_job(
     berry: Mapping[str, Any],
     out_dir: str | PathLike | None = None,
 ) -> dict[str, Any]:
-    """Measure the runs of a saved job and write NAME.json.
+    """Measure the runs of a saved job, write NAME.json, by default beside the pours, and return its content.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    pours_json : path
-        NAME.pours.json of `pour_job`, with NAME.npz beside it.
-    particle : Particle
-    berry : mapping
-        What the verb ``berry`` writes.
-    out_dir : path, optional
-        By default where the pours are.
-
-    Returns
-    -------
-    dict
-        The content of NAME.json: that of the pours, with the measured ``runs`` and their ``summary``.
-
-    Raises
-    ------
-    InputError
-        If a file is missing, or holds something else.
+    That is the content of NAME.pours.json with the measured ``runs`` and their ``summary``. InputError if a file is
+    missing, or holds something else.
     """
     from repose.measure.saved_pours import POURS, positions_beside, pour_arrays, read_pours, saved_positions
 

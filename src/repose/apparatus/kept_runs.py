@@ -21,35 +21,14 @@ ABOUT = "about"  # name of the array that holds job and record as JSON
 
 
 def write(path: Path, about: Mapping[str, Any], run: Run) -> None:
-    """Keep a run, unless a file that was damaged or is somebody else's is in its place.
-
-    Parameters
-    ----------
-    path : Path
-    about : mapping
-        What every file of its job says of it.
-    run : Run
-        Its frames are left out.
-    """
+    """Keep a run without its frames, unless a file that was damaged or is somebody else's is in its place."""
     if path.exists() and not is_ours(path):
         return
     write_npz(path, {**run.arrays, ABOUT: np.array(json_text([about, run.record]))})
 
 
 def read(path: Path, about: Mapping[str, Any]) -> Run | None:
-    """A kept run, if it is the one that the stage would make.
-
-    Parameters
-    ----------
-    path : Path
-    about : mapping
-        What every file of its job says of it.
-
-    Returns
-    -------
-    Run or None
-        None where there is none, it cannot be read, or it is another one.
-    """
+    """A kept run if it is the one that the stage would make; about: what every file of its job says of it."""
     now, then = provenance.current(), attached.read(path)
     if now is None or then is None or then["origin"] != now["origin"]:
         return None

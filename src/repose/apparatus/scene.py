@@ -1,7 +1,7 @@
 """A simulation of berries among walls of one material, frames of it on the way, and its largest cluster."""
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -25,32 +25,9 @@ def berry_simulation(
 ) -> "dem.Simulation":
     """An empty simulation of berries among walls of the material ``wall``.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration. Time step, gravity and the contact's choices are those of its section ``simulation``.
-    parameters : mapping
-        The six contact parameters by name.
-    particle : Particle
-        The berry's body.
-    berry : mapping
-        With ``shear_modulus_pa`` and ``poisson_ratio``.
-    capacity : int
-        Most berries.
-    **scene
-        Walls, lower, upper and the other arguments of `repose.dem.Simulation`.
-
-    Returns
-    -------
-    repose.dem.Simulation
-        Without a berry.
-
-    Raises
-    ------
-    InputError
-        If the time step is too long for the particle.
-    ValueError
-        If the engine refuses another value.
+    Time step, gravity and the contact's choices are those of the section ``simulation``; `scene` holds walls,
+    lower, upper and the other arguments of `repose.dem.Simulation`. InputError if the time step is too long for the
+    particle.
     """
     settings = SimulationSettings.of(config)
     limit = longest_time_step(config, parameters, particle, berry)
@@ -69,29 +46,40 @@ def berry_simulation(
     )
 
 
+def sized_simulation(
+    build: "Callable[..., dem.Simulation]",
+    config: Mapping[str, Any],
+    parameters: Mapping[str, float],
+    seed: int,
+    particle: "Particle",
+    berry: Mapping[str, Any],
+    berries: int,
+) -> "Sized":
+    """The empty simulation of a bench test with room for the largest berry of a seed."""
+    from repose.particle.size_distribution import of_pour
+
+    scales, largest = of_pour(config["berry"]["size_distribution"], berry, seed, berries)
+    simulation = build(config, parameters, particle, berry, largest)
+    return Sized(simulation, scales, largest * particle.bounding_radius_m)
+
+
+class Sized(NamedTuple):
+    """A simulation, the sizes of its berries relative to the particle, and the radius about the largest [m]."""
+
+    simulation: "dem.Simulation"
+    scales: Any
+    reach_m: float
+
+
 def longest_time_step(
     config: Mapping[str, Any],
     parameters: Mapping[str, float],
     particle: "Particle",
     berry: Mapping[str, Any],
 ) -> "time_steps.Limit":
-    """The longest time step for the berries of every bench test, the smallest ones included.
+    """The longest time step that the engine allows for the berries, the smallest ones included.
 
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    parameters : mapping
-        The six contact parameters by name; the lower a restitution, the shorter the step.
-    particle : Particle
-        The berry's body.
-    berry : mapping
-        With ``shear_modulus_pa`` and ``poisson_ratio``, and the spread of sizes where the berries have one.
-
-    Returns
-    -------
-    repose.dem.time_steps.Limit
-        What the engine allows, for berries of the smallest scale.
+    The lower a restitution, the shorter it is. It is the same for every bench test.
     """
     from repose.dem import time_steps
     from repose.dem.contact_table import pairs_of
@@ -113,20 +101,7 @@ def longest_time_step(
 
 
 def materials_of(config: Mapping[str, Any], berry: Mapping[str, Any]) -> "dict[str, dem.Material]":
-    """The two materials.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    berry : mapping
-        With ``shear_modulus_pa`` and ``poisson_ratio``.
-
-    Returns
-    -------
-    dict of repose.dem.Material
-        ``berry`` and ``wall``.
-    """
+    """The materials ``berry`` and ``wall``."""
     wall = config["wall"]
     return {
         "berry": dem.Material(berry["shear_modulus_pa"], berry["poisson_ratio"]),
@@ -145,14 +120,8 @@ def _contacts(parameters):
 class Filmed:
     """Advances a simulation to given time steps, within bounds, and records frames on the way.
 
-    Parameters
-    ----------
-    bounded : Bounded
-        The simulation.
-    interval_s : float or None
-        Simulated time between two frames [s]; None records none.
-    progress : callable, optional
-        Called with the simulated time.
+    Without `interval_s`, the simulated time between two frames [s], none is recorded. `progress` is called with the
+    simulated time.
     """
 
     def __init__(
@@ -167,18 +136,7 @@ class Filmed:
         self.recorder = None if interval_s is None else dem.Recorder()
 
     def run_to(self, step: int) -> None:
-        """Advance to a time step.
-
-        Parameters
-        ----------
-        step : int
-            Nothing happens where it has passed.
-
-        Raises
-        ------
-        Unstable
-            If a bound is broken.
-        """
+        """Advance to a time step, unless it has passed; `Unstable` if a bound is broken."""
         now = self.simulation.steps
         while now < step:
             stop = step if self.every is None else min(step, (now // self.every + 1) * self.every)
@@ -190,13 +148,10 @@ class Filmed:
             self.progress(self.simulation.time_s)
 
     def frames(self) -> dict[str, np.ndarray] | None:
-        """What was recorded, None where nothing was to be.
+        """The frames, None where none were asked for.
 
-        Returns
-        -------
-        dict or None
-            ``scale`` (N,), ``time_s`` (T,), ``position`` (T, N, 3) [m] and ``quaternion`` (T, N, 4) of all N bodies
-            that there is room for; NaN where a body is not there.
+        ``scale`` (N,), ``time_s`` (T,), ``position`` (T, N, 3) [m] and ``quaternion`` (T, N, 4) of all N bodies
+        that there is room for; NaN where a body is not there.
         """
         if self.recorder is None:
             return None
@@ -212,19 +167,9 @@ class Filmed:
 
 
 def largest_cluster(contacts: np.ndarray, allowed: np.ndarray) -> np.ndarray:
-    """Mask of the largest set of allowed bodies that contacts connect.
+    """Mask (N,) of the largest set of allowed bodies (N,) that contacts (M, 2) connect.
 
-    Parameters
-    ----------
-    contacts : numpy.ndarray
-        Indices of touching bodies (M, 2).
-    allowed : numpy.ndarray
-        Which bodies count (N,), bool.
-
-    Returns
-    -------
-    numpy.ndarray
-        Mask (N,); of equally large sets the one with the lowest index.
+    Of equally large sets the one with the lowest index.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

@@ -7,47 +7,20 @@ from typing import Any
 
 @dataclass(frozen=True)
 class SimulationSettings:
-    """Settings of every simulation of a study.
-
-    Attributes
-    ----------
-    time_step_s : float
-        Length of a time step [s].
-    gravity_m_s2 : float
-        Acceleration along -z [m/s2].
-    tension : str
-        How the normal force ends an impact; see `repose.dem.Simulation`.
-    rest_energy_j : float
-        A bed is at rest when its mean kinetic energy of a berry is below this [J].
-    contact_law : str
-        Name of the contact law, one of `repose.dem.laws.CONTACT_LAWS`; the configuration need not name it.
-    rolling_law : str
-        The same of the rolling resistance, one of `repose.dem.laws.ROLLING_LAWS`.
-    friction_limit : str, optional
-        No key of a configuration: for comparisons with programs whose limit does not go with their tension.
-    """
+    """Settings of every simulation of a study."""
 
     time_step_s: float
-    gravity_m_s2: float
-    tension: str
-    rest_energy_j: float
-    contact_law: str = "hertz_mindlin"
-    rolling_law: str = "budget"
+    gravity_m_s2: float  # along -z
+    tension: str  # how the normal force ends an impact; see `repose.dem.Simulation`
+    rest_energy_j: float  # a bed is at rest when its mean kinetic energy of a berry is below this
+    contact_law: str = "hertz_mindlin"  # a name of `repose.dem.laws.CONTACT_LAWS`
+    rolling_law: str = "budget"  # a name of `repose.dem.laws.ROLLING_LAWS`
+    # No key of a configuration: for comparisons with programs whose limit does not go with their tension.
     friction_limit: str | None = None
 
     @classmethod
     def of(cls, config: Mapping[str, Any]) -> "SimulationSettings":
-        """Settings of a configuration.
-
-        Parameters
-        ----------
-        config : mapping
-            The whole configuration.
-
-        Returns
-        -------
-        SimulationSettings
-        """
+        """Settings of a configuration."""
         return cls(**config["simulation"])
 
     @property
@@ -57,14 +30,5 @@ class SimulationSettings:
         return laws if self.friction_limit is None else laws | {"friction_limit": self.friction_limit}
 
     def steps(self, seconds: float) -> int:
-        """Number of time steps of a duration, to the nearest one.
-
-        Parameters
-        ----------
-        seconds : float
-
-        Returns
-        -------
-        int
-        """
+        """Number of time steps of a duration, to the nearest one."""
         return round(seconds / self.time_step_s)

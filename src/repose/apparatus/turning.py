@@ -4,104 +4,42 @@ Vessel, filling and the line through the surface are those of `repose.apparatus.
 slips once. Here the drum turns faster, and the angle is the mean over a time in which the flow is steady.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from repose.apparatus.bench_test import BenchTest, Run, register
-from repose.apparatus.bounds import Bounded, Unstable
+from repose.apparatus import drum
+from repose.apparatus.bench_test import BenchTest, Config, Run, register
+from repose.apparatus.factory import fill
+from repose.apparatus.scene import Filmed
 from repose.apparatus.settings import SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
 
 if TYPE_CHECKING:
-    from repose import dem
     from repose.particle.particle import Particle
 
 NAME = "turning"
 STATUSES = ("ok", "unstable", "lost", "no_surface")
-
-# --- what it gives --------------------------------------------------------------------------------
-
 SEEN = ("measure.mm_per_pixel", *(f"{NAME}.{key}" for key in ("angular_velocity_rad_s", "fit_share")))
 RESPONSES = (Response("turning_deg", "deg", "drum, turning", "turning", NAME, -90.0, 90.0, SEEN),)
 RECORDED = Recorded(means=("turning_deg",), single=("turning_deg",))
 
-# --- what its configuration asks ------------------------------------------------------------------
 
-
-def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Keys of a drum that cannot run, and what is allowed.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-
-    Yields
-    ------
-    key, allowed : str
-        Dotted key, and what it may be.
-    """
-    from repose.apparatus import drum_geometry
-
-    yield from drum_geometry.contradictions(config, NAME)
+def contradictions(config: Config) -> Iterator[tuple[str, str]]:
+    """Keys of a drum that cannot run, and what is allowed."""
+    yield from drum.impossible_filling(config, NAME)
     section = config[NAME]
     earliest = section["measure_from_s"] + section["record_s"]
     if section["measure_until_s"] < earliest:
         yield f"{NAME}.measure_until_s", f"at least {earliest:g}, or there is nothing to measure"
 
 
-def misfits(config: Mapping[str, Any], axes_mm: Sequence[float]) -> Iterator[tuple[str, str]]:
-    """Keys of a drum in which a mean berry cannot lie across the axis at the factory's height.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    axes_mm : sequence of float, (3,)
-        Mean axes of the berry, the longest first.
-
-    Yields
-    ------
-    key, allowed : str
-        Dotted key, and what it may be.
-    """
-    from repose.apparatus import drum
-
-    yield from drum.misfits(config, axes_mm, NAME)
-
-
-# --- build and run --------------------------------------------------------------------------------
-
-
-def build(
-    config: Mapping[str, Any],
-    parameters: Mapping[str, float],
-    particle: "Particle",
-    berry: Mapping[str, Any],
-    largest_scale: float = 1.0,
-) -> "dem.Simulation":
-    """The empty simulation of the drum.
-
-    Parameters
-    ----------
-    config, parameters, particle, berry, largest_scale
-        As in `BenchTest.build`.
-
-    Returns
-    -------
-    repose.dem.Simulation
-    """
-    from repose.apparatus import drum_rotation
-
-    return drum_rotation.build(config, parameters, particle, berry, largest_scale, NAME)
-
-
 def run(
-    config: Mapping[str, Any],
+    config: Config,
     parameters: Mapping[str, float],
     seed: int,
     particle: "Particle",
@@ -111,41 +49,21 @@ def run(
 ) -> Run:
     """Fill the drum, turn it, and keep the bed while the flow is steady.
 
-    Parameters
-    ----------
-    config, parameters, seed, particle, berry, progress
-        As in `BenchTest.run`.
-    interval_s : float, optional
-        Simulated time between two frames of a film.
-
-    Returns
-    -------
-    Run
-        Its arrays are ``time_s`` (T,), from the beginning of the rotation, not before `turning.measure_from_s`, and at
-        these times ``position`` (T, N, 3) [m] and ``quaternion`` (T, N, 4); and ``scale`` (N,).
+    The arrays are ``time_s`` (T,), from the beginning of the rotation, not before `turning.measure_from_s`, and at
+    these times ``position`` (T, N, 3) [m] and ``quaternion`` (T, N, 4); and ``scale`` (N,).
     """
-    from repose.apparatus.drum_geometry import Drum
-    from repose.apparatus.drum_rotation import set_rotation
-    from repose.apparatus.factory import fill
-    from repose.apparatus.scene import Filmed
-    from repose.particle.size_distribution import of_pour
-
     section, settings = config[NAME], SimulationSettings.of(config)
-    drum = Drum.of(section)
-    scales, largest = of_pour(config["berry"]["size_distribution"], berry, seed, section["berries"])
-    simulation = build(config, parameters, particle, berry, largest)
-    factory = drum.factory(1e-3 * section["factory_height_mm"], largest * particle.bounding_radius_m)
-    speed = section["angular_velocity_rad_s"]
-    bounded = Bounded(simulation, drum.radius_m, speed * drum.radius_m)
-    filmed, unstable = Filmed(bounded, interval_s, progress), ""
+    empty = drum.empty_drum(config, parameters, seed, particle, berry, NAME)
+    simulation = empty.simulation
+    filmed = Filmed(empty.bounded, interval_s, progress)
     time_s: list[float] = []
     centres: list[np.ndarray] = []
     turns: list[np.ndarray] = []
-    try:
+    with empty.bounded.guard():
         begin = settings.steps(section["rotate_from_s"])
-        fill(simulation, factory, section, seed, begin, filmed.run_to, scales)
+        fill(simulation, empty.factory, section, seed, begin, filmed.run_to, empty.scales)
         filmed.run_to(begin)
-        set_rotation(simulation, speed)
+        drum.set_rotation(simulation, section["angular_velocity_rad_s"])
         every = max(1, settings.steps(section["record_s"]))
         for step in range(every, settings.steps(section["measure_until_s"]) + 1, every):
             filmed.run_to(begin + step)
@@ -154,11 +72,7 @@ def run(
                 time_s.append(now)
                 centres.append(simulation.positions.astype(np.float32))
                 turns.append(simulation.quaternions.astype(np.float32))
-        bounded.look()
-    except Unstable as broken:
-        unstable = str(broken)
-    held = simulation.n_bodies == section["berries"] and drum.holds(simulation.positions).all()
-    status, reason = status_of(bool(held), unstable)
+    status, reason = status_of(empty.holds_all(), empty.bounded.broken)
     arrays = {
         "time_s": np.array(time_s),
         "position": np.array(centres),
@@ -169,21 +83,7 @@ def run(
 
 
 def status_of(held: bool, unstable: str = "") -> tuple[str, str]:
-    """Status and reason of a run, before it is measured.
-
-    Parameters
-    ----------
-    held : bool
-        Whether all berries are inside the drum.
-    unstable : str, optional
-        Which bound the run broke, see `repose.apparatus.bounds`; empty where it broke none.
-
-    Returns
-    -------
-    status : str
-        One of `STATUSES`, but ``no_surface``, which the measurement finds.
-    reason : str
-    """
+    """Status and reason of a run before it is measured; unstable: the bound that it broke, if any."""
     if unstable:
         return "unstable", unstable
     if not held:
@@ -191,36 +91,22 @@ def status_of(held: bool, unstable: str = "") -> tuple[str, str]:
     return "ok", ""
 
 
-# --- measure --------------------------------------------------------------------------------------
-
-
 def measure(
     record: Mapping[str, Any],
     arrays: Mapping[str, np.ndarray],
-    config: Mapping[str, Any],
+    config: Config,
     particle: "Particle",
     berry: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The measured run: its record with the mean angle of the surface.
-
-    Parameters
-    ----------
-    record, arrays, config, particle, berry
-        As in `BenchTest.measure`.
-
-    Returns
-    -------
-    dict
-        The angle is None where the run is not ok, or the bed has no surface.
-    """
-    from repose.apparatus import drum_surface
+    """The record with the mean angle of the surface; None where the run is not ok, or the bed has no surface."""
+    from repose.apparatus import drum_tables
 
     if record["status"] != "ok":
         return {**record, "turning_deg": None}
     position, quaternion, scale = (np.asarray(arrays[key], float) for key in BENCH.kept)
-    angles = drum_surface.surface_angles(position, quaternion, scale, config, particle, NAME)
+    angles = drum_tables.surface_angles(position, quaternion, scale, config, particle, NAME)
     if not len(angles) or not np.isfinite(angles).all():
-        reason = drum_surface.no_surface(config)
+        reason = drum_tables.no_surface(config)
         return {**record, "status": "no_surface", "reason": reason, "turning_deg": None}
     return {**record, "turning_deg": float(angles.mean())}
 
@@ -232,12 +118,12 @@ BENCH = register(
         recorded=RECORDED,
         statuses=STATUSES,
         schema=Path(__file__).with_name("turning.yaml"),
-        build=build,
+        build=partial(drum.build, section=NAME),
         run=run,
         measure=measure,
         duration_s=lambda config: config[NAME]["rotate_from_s"] + config[NAME]["measure_until_s"],
         contradictions=contradictions,
-        misfits=misfits,
+        misfits=partial(drum.misfits, section=NAME),
         measured_by=("fit_share",),
         kept=("position", "quaternion", "scale"),
         in_words="surface at {turning_deg:.1f} deg while the drum turns",

@@ -19,22 +19,8 @@ def warm_up(
 ) -> float:
     """Make one step with one berry in every bench test of the targets, which compiles the kernels of their runs.
 
-    numba keeps the compiled code in a folder of its own, where every later process finds it.
-
-    Parameters
-    ----------
-    config : mapping
-        The whole configuration.
-    parameters : mapping
-        The six contact parameters by name; any do.
-    particle : Particle
-    berry : mapping
-        What the verb ``berry`` writes.
-
-    Returns
-    -------
-    float
-        Wall time that it took [s]: a minute or two, or a second or two where the compiled code was found.
+    numba keeps the compiled code in a folder of its own, where every later process finds it. Returns the wall time
+    that it took [s]: a minute or two, or a second or two where the compiled code was found. Any parameters do.
     """
     began = time.perf_counter()
     for name in Targets.of(config["targets"]).apparatus:

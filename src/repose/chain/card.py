@@ -1,24 +1,27 @@
 """The material card: the answer of a calibration as one file, for people and for other programs.
 
-`card.schema.json` beside this file defines the content of a card.
+`card.schema.json` beside this file defines the content of a card. A card is made, written and read here, compared with
+the configuration of its study, and shown as text, alone or beside another.
 """
 
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
 from functools import cache
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from repose.apparatus.settings import SimulationSettings
-from repose.chain.answer import Answer, Check
+from repose.chain.answer import Answer, Check, nearness
 from repose.config.definitions import described
 from repose.core import provenance
 from repose.core.errors import InputError, raise_together
 from repose.core.files import read_json, read_table, write_json
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import LABELS, PARAMETERS
-from repose.core.targets import Targets
+from repose.core.targets import Target, Targets
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,7 +39,12 @@ TENSION = {
     "keep": "the damped force may pull at the end of an impact",
     "release": "the force never pulls, damped so that the restitution is as set",
 }
+CONFIG = "config.json"  # the configuration of a study, beside its card
+AGREEMENT = 1e-6  # relative, of a number of the card and of the configuration
+MET = {True: "met", False: "NOT met", None: "not simulated again"}
 LIMIT = {"elastic": "the elastic part of the normal force", "total": "the size of the damped normal force"}
+
+# --- made -----------------------------------------------------------------------------------------
 
 
 def make(
@@ -167,7 +175,7 @@ def _paired(checks, targets):
     return [(check, by_name[check.response]) for check in checks]
 
 
-def _test(check: Check, target, about):
+def _test(check: Check, target: Target, about: Mapping[str, Any]) -> dict[str, Any]:
     """The entry of one test of the calibration."""
     return {
         "response": check.response,
@@ -196,6 +204,9 @@ def _made_by():
         "engine": record.get("engine"),
         "seed": record.get("seed"),
     }
+
+
+# --- written and read -----------------------------------------------------------------------------
 
 
 def run(
@@ -272,3 +283,259 @@ def read(path: str | PathLike) -> dict[str, Any]:
     card = read_json(path, (), WHAT)
     check(card, path)
     return card
+
+
+# --- of one study ---------------------------------------------------------------------------------
+
+
+def read_own(card_json: str | PathLike) -> dict[str, Any]:
+    """The card of a study that was simulated by this program; the card of another simulator raises InputError."""
+    found = read(card_json)
+    if "simulator" in found:
+        allowed = "none: the card of a study that was poured here"
+        raise InputError(card_json, "simulator", found["simulator"], allowed)
+    return found
+
+
+def configuration_beside(card_json: str | PathLike) -> Path:
+    """The configuration that a run wrote beside its card; InputError if there is none."""
+    path = Path(card_json).with_name(CONFIG)
+    if not path.is_file():
+        allowed = f"the configuration of the study of {card_json}, as no {CONFIG} lies beside it"
+        raise InputError("command line", "--config", None, allowed)
+    return path
+
+
+def require_one_study(
+    card: Mapping[str, Any],
+    card_json: str | PathLike,
+    config: Mapping[str, Any],
+    source: str | PathLike,
+    berry: Mapping[str, Any],
+) -> None:
+    """Raise InputError if card and configuration differ in label, grain, wall, contact laws or a bench test.
+
+    `berry` is the content of the file of the verb ``berry``.
+    """
+    unlike = list(_differences_from(card, config, berry))
+    if unlike:
+        key, mine, theirs = unlike[0]
+        allowed = f"{theirs}, as in {source}: card and configuration of one study"
+        others = ", ".join(key for key, *_ in unlike[1:])
+        raise InputError(card_json, key, mine, allowed + (f"; other differences: {others}" if others else ""))
+
+
+def _differences_from(
+    card: Mapping[str, Any], config: Mapping[str, Any], berry: Mapping[str, Any]
+) -> Iterator[tuple[str, Any, Any]]:
+    """The differences of the two: key, the card's value, the configuration's."""
+    axes = [berry[key] for key in ("long_mm", "major_mm", "minor_mm")]
+    theirs = {"material": config["label"], "grain.mean_axes_mm": axes}
+    theirs |= {f"grain.{key}": berry[key] for key in GRAIN}
+    theirs |= {f"wall.{key}": config["wall"][key] for key in WALL}
+    theirs |= {f"laws.{key}": law for key, law in laws(config).items()}
+    mine = {"material": card["material"]}
+    mine |= {
+        f"{part}.{key}": value for part in ("grain", "wall", "laws") for key, value in card[part].items()
+    }
+    for test in card["tests"]:
+        section, name = config.get(test["apparatus"], {}), test["apparatus"]
+        mine |= {f"{name}.{key}": value for key, value in test["bench"].items()}
+        theirs |= {f"{name}.{key}": section.get(key) for key in test["bench"]}
+    for key, value in theirs.items():
+        if not _same(mine.get(key), value):
+            yield key, mine.get(key), value
+
+
+def _same(one, other):
+    """Whether two values are the same; numbers to the precision of a file."""
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(_same, one, other))
+    if isinstance(one, int | float) and isinstance(other, int | float):
+        return math.isclose(one, other, rel_tol=AGREEMENT)
+    return one == other
+
+
+# --- shown ----------------------------------------------------------------------------------------
+
+
+def in_words(card: Mapping[str, Any]) -> str:
+    """A card as text for people."""
+    made = card["made_by"]
+    free = list(card["correlations"])
+    pairs = [(card["correlations"][a][b], a, b) for k, a in enumerate(free) for b in free[k + 1 :]]
+    strong = sorted((pair for pair in pairs if abs(pair[0]) >= 0.5), key=lambda pair: -abs(pair[0]))
+    return "\n".join(
+        [
+            f"Material card: {card['material']}; targets {MET[card['met']]}",
+            *_about(card),
+            f"parameters [{card['interval']}]:",
+            *(f"  {name:7} {_value(one):32} {one['meaning']}" for name, one in card["parameters"].items()),
+            "correlations of 0.5 and more: "
+            + ("; ".join(f"{a}, {b} {value:+.2f}" for value, a, b in strong) or "none"),
+            "tests:",
+            *(f"  {line}" for test in card["tests"] for line in _test_in_words(test)),
+            f"  {nearness(map(_check, card['tests']))}",
+            *(f"  all within {key}: probability {_chance(value)}" for key, value in card["within"].items()),
+            *(f"  {name}: {_settings(bench)}" for name, bench in _benches(card).items()),
+            f"made by repose {made['version']}, commit {made['commit']}, configuration {made['configuration']}, "
+            f"engine {made['engine']}, seed {made['seed']}",
+        ]
+    )
+
+
+def _about(card):
+    """The simulated grain, wall and laws, or the other simulator."""
+    if "simulator" in card:
+        chance = card["probability"]
+        yield f"simulator: {card['simulator']}"
+        yield (
+            f"probability that the simulator's means lie within 1 % of all targets: {chance['within_1_percent']:.2f}; "
+            f"within 2 %: {chance['within_2_percent']:.2f}; inside all ranges: {chance['inside']:.2f}"
+        )
+        return
+    grain = card["grain"]
+    axes = " x ".join(f"{axis:.4g}" for axis in grain["mean_axes_mm"])
+    spread = f", spread {100 * grain['relative_spread']:.2g} %" if grain["relative_spread"] else ""
+    yield (
+        f"grain: {axes} mm (mean of {grain['measured']}{spread}), {grain['shape']}, {grain['volume_mm3']:.4g} mm3, "
+        f"{grain['mass_g']:.4g} g"
+    )
+    yield f"  density {grain['density_kg_m3']:.4g} kg/m3, {_moduli(grain)}"
+    yield f"wall: {_moduli(card['wall'])}"
+    yield "contact laws:"
+    yield from (f"  {name}: {law}" for name, law in card["laws"].items())
+
+
+def compared(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
+    """Two cards side by side, with the differences that make their parameters hard to compare."""
+    names = [card["material"] for card in (one, other)]
+    rows = [["", *names]]
+    for name in dict.fromkeys([*one["parameters"], *other["parameters"]]):
+        pair = [card["parameters"].get(name) for card in (one, other)]
+        apart = [_apart(*pair)] if all(pair) else []
+        rows.append([name, *(_value(value) if value else "-" for value in pair), *apart])
+    tests = [{test["response"]: test for test in card["tests"]} for card in (one, other)]
+    for name in dict.fromkeys([*tests[0], *tests[1]]):
+        rows.append([name, *(_simulated(own.get(name)) for own in tests)])
+    for key in ("mean_axes_mm", "density_kg_m3", "shear_modulus_pa", "shape"):
+        if "simulator" not in one and "simulator" not in other:
+            rows.append([key, *(_plain(card["grain"][key]) for card in (one, other))])
+    widths = [max(len(row[k]) for row in rows if k < len(row)) for k in range(3)]
+    lines = [
+        "  ".join(f"{cell:{width}}" for cell, width in zip(row, [*widths, 0], strict=False)) for row in rows
+    ]
+    return "\n".join([*(line.rstrip() for line in lines), *_differences(one, other)])
+
+
+def _differences(one, other):
+    """Sentences on the differences of two cards besides the grain."""
+    simulators = [card.get("simulator", "repose") for card in (one, other)]
+    if simulators[0] != simulators[1]:
+        yield f"Another simulator: {simulators[0]} | {simulators[1]}."
+    laws = [card.get("laws", {}) for card in (one, other)]
+    for name in dict.fromkeys([*laws[0], *laws[1]] if all(laws) else []):
+        pair = [of.get(name, "none") for of in laws]
+        if pair[0] != pair[1]:
+            yield f"Another law, {name}: {pair[0]} | {pair[1]}. The same parameters would give other piles."
+    yield from _other_tests(one, other)
+    if one["interval"] != other["interval"]:
+        yield f"The intervals differ in kind: {one['interval']} | {other['interval']}."
+    if one["made_by"]["engine"] != other["made_by"]["engine"]:
+        yield "Another version of the simulator made each of them."
+
+
+def _other_tests(one, other):
+    """Sentences on responses with different definitions, and on bench tests with different settings."""
+    tests = [{test["response"]: test["definition"] for test in card["tests"]} for card in (one, other)]
+    for name in (name for name in tests[0] if name in tests[1]):
+        pair = [of[name] for of in tests]
+        names = [of["name"] or "not told" for of in pair]
+        if names[0] != names[1]:
+            yield f"Another definition of {name}: {names[0]} | {names[1]}. Their numbers must not be compared."
+        elif pair[0] != pair[1]:
+            yield f"{name} is measured with other settings: {_unlike(*(of['settings'] for of in pair))}."
+    benches = [_benches(card) for card in (one, other)]
+    for name in (name for name in benches[0] if name in benches[1]):
+        if benches[0][name] != benches[1][name]:
+            yield f"Another {name}: {_unlike(benches[0][name], benches[1][name])}."
+
+
+def _unlike(one, other):
+    """Keys whose values differ, with both."""
+    keys = dict.fromkeys([*one, *other])
+    told = [
+        (key, *(_plain(of.get(key)) for of in (one, other))) for key in keys if one.get(key) != other.get(key)
+    ]
+    return "; ".join(f"{key} {mine} | {theirs}" for key, mine, theirs in told)
+
+
+def _apart(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
+    """Whether two intervals overlap."""
+    ends = [value for part in (one, other) for value in (part["low"], part["high"])]
+    if None in ends:
+        return ""
+    return "" if ends[0] <= ends[3] and ends[2] <= ends[1] else "intervals apart"
+
+
+def _value(one):
+    """A parameter with its interval."""
+    if one["low"] is None:
+        return f"{one['value']:.4g} fixed"
+    return f"{one['value']:.4g} [{one['low']:.4g}, {one['high']:.4g}]"
+
+
+def _simulated(test):
+    """Simulated and measured response."""
+    if test is None:
+        return "-"
+    simulated = "no number" if test["simulated"] is None else f"{test['simulated']:.4g}"
+    return f"{simulated} {test['unit']}, measured {test['measured']:.4g}"
+
+
+def _check(test):
+    """A test of the card as a `Check`."""
+    return Check(**{field.name: test[field.name] for field in fields(Check)})
+
+
+def _test_in_words(test):
+    """A test with the definition of its response."""
+    error = "" if test["standard_error"] is None else f" +- {test['standard_error']:.2g}"
+    simulated = "no number" if test["simulated"] is None else f"{test['simulated']:.4g}{error} {test['unit']}"
+    yield (
+        f"{test['response']} ({test['apparatus']}): measured {test['measured']:.4g} (sd {test['sd']:.2g}, "
+        f"{test['repetitions']} repetitions), target {test['low']:g} to {test['high']:g}, simulated {simulated} "
+        f"(runs: {test['runs']}): {MET[test['met']]}"
+    )
+    definition = test["definition"]
+    name, settings = definition["name"] or "not told", _settings(definition["settings"])
+    yield f"  definition: {name}" + (f"; {settings}" if settings else "")
+
+
+def _settings(section):
+    """Keys with their values."""
+    return ", ".join(f"{key} {_plain(value)}" for key, value in section.items())
+
+
+def _benches(card):
+    """Settings of each bench test with known settings, by its name."""
+    return {test["apparatus"]: test["bench"] for test in card["tests"] if test["bench"] is not None}
+
+
+def _chance(value):
+    """A probability."""
+    return "not known, as it takes two good runs of each bench test" if value is None else f"{value:.2f}"
+
+
+def _moduli(part):
+    """Moduli of a material."""
+    return f"shear modulus {part['shear_modulus_pa']:.4g} Pa, Poisson's ratio {part['poisson_ratio']:.3g}"
+
+
+def _plain(value: Any) -> str:
+    """A value of a table."""
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return " x ".join(f"{one:.4g}" for one in value)
+    if isinstance(value, bool) or value is None:
+        return {True: "yes", False: "no", None: "none"}[value]
+    return f"{value:.4g}" if isinstance(value, int | float) else str(value)

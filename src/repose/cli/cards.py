@@ -22,13 +22,13 @@ family = Family()
     ],
 )
 def card(args: argparse.Namespace) -> None:
-    from repose.chain import card, card_words
+    from repose.chain import card
 
     wanted = {"show": 1, "compare": 2}[args.action]
     if len(args.cards) != wanted:
         raise InputError("command line", f"card {args.action}", args.cards, f"files: {wanted}")
     cards = [card.read(path) for path in args.cards]
-    print(card_words.in_words(cards[0]) if args.action == "show" else card_words.compared(*cards))
+    print(card.in_words(cards[0]) if args.action == "show" else card.compared(*cards))
 
 
 @family.verb(

@@ -5,9 +5,9 @@ import contextlib
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from repose.cli.berries import berry_and_particle
 from repose.cli.registry import Family, Option
@@ -17,6 +17,7 @@ from repose.core.errors import InputError
 
 if TYPE_CHECKING:
     from repose.dem.time_steps import Limit
+    from repose.particle.particle import Particle
 
 # A smaller difference between the volumes of particle and mesh does not matter to a pile.
 LARGEST_VOLUME_CHANGE = 0.05
@@ -58,7 +59,9 @@ def check(args: argparse.Namespace) -> None:
     )
 
 
-def _about_the_grain(config, berry, particle) -> Iterator[str]:
+def _about_the_grain(
+    config: Mapping[str, Any], berry: Mapping[str, Any], particle: "Particle"
+) -> Iterator[str]:
     """Sentences on time step and particle, and hints of the bench tests."""
     from repose.apparatus import bench_tests
     from repose.apparatus.settings import SimulationSettings
@@ -94,7 +97,7 @@ def about_step(step_s: float, limit: "Limit") -> str:
     return f"time step: simulation.time_step_s is {step_s:g} s, {limit.allowed}{saved}"
 
 
-def _about_the_targets(config) -> Iterator[str]:
+def _about_the_targets(config: Mapping[str, Any]) -> Iterator[str]:
     """Warnings of measurements whose scatter is unknown."""
     for one in config["targets"]:
         name, piles = one["response"], one["repetitions"]
@@ -149,7 +152,7 @@ def plan(args: argparse.Namespace) -> None:
     print(*_costs(config, found.budgets["pours"], _berry_step_s(config, *berry)), sep="\n")
 
 
-def _costs(config, budgets, measured) -> Iterator[str]:
+def _costs(config: Mapping[str, Any], budgets: Iterable[int], berry_step_s: float) -> Iterator[str]:
     """A table of the cost of each strategy, the configured one marked."""
     from repose.config import cost
     from repose.strategies import cost as strategies
@@ -166,7 +169,7 @@ def _costs(config, budgets, measured) -> Iterator[str]:
     rows.append(("published", None))
     yield f"{'strategy':>18} {'pours':>12} {'core-minutes':>13} {'disk':>8}"
     for name, steps in rows:
-        work = cost.work(config, measured, steps)
+        work = cost.work(config, berry_step_s, steps)
         counts = [sets * seeds for _, sets, seeds in work["pours"]]
         # the probabilities are for the pours before the plus
         pours = f"{counts[0]} + {counts[1]}" if name == "sequential" else f"{sum(counts)}"

@@ -38,14 +38,14 @@ family = Family()
 )
 def export(args: argparse.Namespace) -> None:
     from repose import export
-    from repose.chain import card_study
+    from repose.chain import card
     from repose.cli.berries import berry_and_particle
 
     config = None if args.config is None else loader.load(args.config)
     _check_source(args)
-    found = None if args.card is None else card_study.read(args.card)
+    found = None if args.card is None else card.read_own(args.card)
     if config is None:
-        beside = None if found is None else card_study.configuration_beside(args.card)
+        beside = None if found is None else card.configuration_beside(args.card)
         args.config = CONFIG.keywords["default"] if beside is None else str(beside)
         config = loader.load(args.config)
     if args.seed < 0:
@@ -60,7 +60,7 @@ def export(args: argparse.Namespace) -> None:
     if found is None:
         values = parameters(args.set, args.samples, args.sample, config["parameters"])
     else:
-        card_study.require_one_study(found, args.card, config, args.config, berry)
+        card.require_one_study(found, args.card, config, args.config, berry)
         values = {name: row["value"] for name, row in found["parameters"].items()}
     job = export.make(config, values, particle, berry, args.seed)
     for path in export.write(job, args.to, args.out):

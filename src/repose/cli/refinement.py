@@ -30,9 +30,9 @@ family = Family()
     ],
 )
 def refine_data(args: argparse.Namespace) -> None:
-    from repose.studies import refine_files
+    from repose.studies import refine
 
-    refine_files.run_extended(args.dataset, args.runs, args.rounds, args.out)
+    refine.run_extended(args.dataset, args.runs, args.rounds, args.out)
 
 
 @family.verb(
@@ -46,14 +46,14 @@ def refine_data(args: argparse.Namespace) -> None:
     ],
 )
 def refine_search(args: argparse.Namespace) -> None:
-    from repose.studies import refine_files
+    from repose.studies import refine
 
     config = loader.load(args.config)
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     files = (args.network, args.dataset, args.near)
     table3 = beside(config["validation"]["published"], "table3.csv")
     defined = (definitions_of(config), args.config)
-    summary = refine_files.run_search(*files, space, targets, config, table3, args.out, *defined)
+    summary = refine.run_search(*files, space, targets, config, table3, args.out, *defined)
     print(summary["message"])
 
 
@@ -68,13 +68,13 @@ def refine_search(args: argparse.Namespace) -> None:
     ],
 )
 def refine_propose(args: argparse.Namespace) -> None:
-    from repose.studies import refine_files
+    from repose.studies import refine
 
     config = loader.load(args.config)
     space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
     seed, out = config["design"]["seed"], Path(args.out) / "proposal.csv"
     files, defined = (args.feasible, args.network), (definitions_of(config), args.config)
-    refine_files.run_propose(*files, space, targets, config["refine"], args.round, seed, out, *defined)
+    refine.run_propose(*files, space, targets, config["refine"], args.round, seed, out, *defined)
 
 
 @family.verb(
@@ -84,11 +84,11 @@ def refine_propose(args: argparse.Namespace) -> None:
     options=file_options(ROUND_FILES, "of the round "),
 )
 def refine_judge(args: argparse.Namespace) -> None:
-    from repose.studies import verdict
+    from repose.studies import rounds
 
     config = loader.load(args.config)
     files = (args.proposal, args.dataset, args.runs)
-    found = verdict.run(*files, Targets.of(config["targets"]), config["refine"], args.out)
+    found = rounds.run_judge(*files, Targets.of(config["targets"]), config["refine"], args.out)
     print(f"round {found['round']} {found['outcome']}", found["reason"], sep=": ")
 
 
@@ -99,10 +99,10 @@ def refine_judge(args: argparse.Namespace) -> None:
     options=[Option("verdicts", nargs="+", help="JSON files that refine_judge wrote")],
 )
 def refine_tables(args: argparse.Namespace) -> None:
-    from repose.studies import verdict
+    from repose.studies import rounds
 
     config = loader.load(args.config)
     targets, limit = Targets.of(config["targets"]), config["refine"]["rounds"]
-    summary = verdict.run_tables(args.verdicts, limit, targets, args.out)
+    summary = rounds.run_tables(args.verdicts, limit, targets, args.out)
     print(summary["why"])
     print(summary["claim"])

@@ -118,8 +118,7 @@ def _duration_s(config, berry, particle):
     Grains run out of an opening D at 0.58 rho_b sqrt(g) (D - 1.4 d)^2.5 in mass (Beverloo). A pour that is faster than
     this lasts as long as the discharge. Where the opening is too narrow for this law the rate of pouring counts.
     """
-    from repose.apparatus.funnel_advice import PACKING
-    from repose.apparatus.funnel_geometry import Funnel
+    from repose.apparatus.funnel import PACKING, Funnel
 
     funnel, gravity = config["funnel"], config["simulation"]["gravity_m_s2"]
     opening = 1e-3 * (funnel["outlet_diameter_mm"] - 1.4 * _diameter_mm(berry))

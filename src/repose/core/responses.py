@@ -6,7 +6,7 @@ from here by name, and works for any number of them.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -52,18 +52,7 @@ class Response:
     function: Callable[[Mapping[str, Any]], float | None] | None = field(default=None, compare=False)
 
     def of(self, run: Mapping[str, Any]) -> float | None:
-        """Number of the response in a measured run.
-
-        Parameters
-        ----------
-        run : mapping
-            Responses of a run by name.
-
-        Returns
-        -------
-        float or None
-            None where it could not be measured.
-        """
+        """Number of the response in a measured run; None where it could not be measured."""
         return run.get(self.name) if self.function is None else self.function(run)
 
     @property
@@ -88,19 +77,7 @@ class Response:
 
 
 def derived(name: str, what: str) -> str:
-    """Name of a column that belongs to a response.
-
-    Parameters
-    ----------
-    name : str
-        Of the response.
-    what : str
-        Stands before the last part, the unit, as in ``aor_se_deg``; at the end of a name of one part.
-
-    Returns
-    -------
-    str
-    """
+    """Name of a column that belongs to a response: `what` before the unit, as in ``aor_se_deg``."""
     quantity, underscore, unit = name.rpartition("_")
     return f"{quantity}_{what}_{unit}" if underscore else f"{name}_{what}"
 
@@ -109,18 +86,7 @@ _REGISTRY: dict[str, Response] = {}
 
 
 def register(*responses: Response) -> None:
-    """Make responses known by their names.
-
-    Parameters
-    ----------
-    *responses : Response
-        Of one bench test.
-
-    Raises
-    ------
-    ValueError
-        If a name is taken by another response.
-    """
+    """Make responses of a bench test known by their names; ValueError if another response has one."""
     for one in responses:
         if _REGISTRY.setdefault(one.name, one) != one:
             raise ValueError(
@@ -129,73 +95,19 @@ def register(*responses: Response) -> None:
 
 
 def response(name: str, source: object = "response") -> Response:
-    """The response of a name.
-
-    Parameters
-    ----------
-    name : str
-    source : object, optional
-        Named in the error.
-
-    Returns
-    -------
-    Response
-
-    Raises
-    ------
-    InputError
-        If no response has this name.
-    """
+    """The response of a name; without one InputError, which names `source`."""
     if name not in _REGISTRY:
         raise InputError(source, "response", name, f"one of {', '.join(sorted(_REGISTRY))}")
     return _REGISTRY[name]
 
 
 def responses_of(apparatus: str) -> tuple[Response, ...]:
-    """All responses of a bench test.
-
-    Parameters
-    ----------
-    apparatus : str
-        Name of the bench test.
-
-    Returns
-    -------
-    tuple of Response
-        In the order of their registration.
-    """
+    """All responses of a bench test, in the order of their registration."""
     return tuple(one for one in _REGISTRY.values() if one.apparatus == apparatus)
 
 
-def names(responses: Iterable[Response]) -> tuple[str, ...]:
-    """Names of responses.
-
-    Parameters
-    ----------
-    responses : iterable of Response
-
-    Returns
-    -------
-    tuple of str
-    """
-    return tuple(one.name for one in responses)
-
-
 def require_same_definitions(found: Definitions, path: object, wanted: Definitions, other: object) -> None:
-    """Refuse two files whose responses of one name are defined differently.
-
-    Parameters
-    ----------
-    found, wanted : mapping
-        Definitions in the two files. A response that is in only one of them is not compared.
-    path, other : path
-        The two files, named in the error.
-
-    Raises
-    ------
-    InputError
-        If a response has two definitions.
-    """
+    """InputError if a response that both files have is defined differently; path, other: of the files."""
     for name in found:
         if name in wanted and found[name] != wanted[name]:
             raise InputError(path, f"definition of {name}", found[name], f"{wanted[name]}, as in {other}")

@@ -11,24 +11,22 @@ if TYPE_CHECKING:
     from .io.recorder import Recorder
     from .io.vtk import VtkSeries, write_vtk
     from .materials import Contact, Material
-    from .mesh_wall import Mesh
-    from .motion import Motion
     from .rotations import random_quaternion, rotation_matrices, rotation_matrix
     from .shapes import Clump, Shape
     from .simulation import Simulation
-    from .surfaces import Cone, Cylinder, Plane, RingEdge
+    from .walls import Cone, Cylinder, Mesh, Motion, Plane, RingEdge
 
 _HOME = {
     "Clump": "shapes",
-    "Cone": "surfaces",
+    "Cone": "walls",
     "Contact": "materials",
-    "Cylinder": "surfaces",
+    "Cylinder": "walls",
     "Material": "materials",
-    "Mesh": "mesh_wall",
-    "Motion": "motion",
-    "Plane": "surfaces",
+    "Mesh": "walls",
+    "Motion": "walls",
+    "Plane": "walls",
     "Recorder": "io.recorder",
-    "RingEdge": "surfaces",
+    "RingEdge": "walls",
     "Shape": "shapes",
     "Simulation": "simulation",
     "VtkSeries": "io.vtk",

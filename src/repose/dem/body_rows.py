@@ -13,26 +13,14 @@ from .shapes import Clump, Shape
 
 
 class Body(NamedTuple):
-    """A body in its place.
-
-    Attributes
-    ----------
-    kind : Shape or Clump
-        What it is.
-    position, velocity, angular_velocity : numpy.ndarray, (3,)
-        In the world, in m, m/s and rad/s.
-    quaternion : numpy.ndarray, (4,)
-        w, x, y, z, body to world, of length 1.
-    scale : float
-        Of its lengths, over those of its kind.
-    """
+    """A body in its place, in the world frame; its quaternion (w, x, y, z), body to world, has length 1."""
 
     kind: Shape | Clump
     position: np.ndarray
     quaternion: np.ndarray
     velocity: np.ndarray
     angular_velocity: np.ndarray
-    scale: float
+    scale: float  # of its lengths, over those of its kind
 
 
 def checked_body(
@@ -43,33 +31,7 @@ def checked_body(
     angular_velocity_rad_s: ArrayLike,
     scale: float,
 ) -> Body:
-    """A body of what a user gives.
-
-    Parameters
-    ----------
-    kind : Shape or Clump
-        What it is.
-    position_m : array_like, (3,)
-        Its centre of mass.
-    quaternion : array_like, (4,)
-        w, x, y, z, body to world, of any length above 0.
-    velocity_m_s : array_like, (3,)
-        Of its centre of mass.
-    angular_velocity_rad_s : array_like, (3,)
-        In the world.
-    scale : float
-        Of its lengths.
-
-    Returns
-    -------
-    Body
-        Its quaternion has length 1.
-
-    Raises
-    ------
-    ValueError
-        If one is no vector of finite numbers, or the quaternion is 0.
-    """
+    """A body from a user's values; ValueError for vectors that are none, or a quaternion of length 0."""
     rotation = vector("quaternion", quaternion, 4)
     length = np.linalg.norm(rotation)
     if not length > 0.0:
@@ -81,21 +43,7 @@ def checked_body(
 
 
 def write_body(bodies: Any, i: int, body: Body, parts: int, tile: np.ndarray) -> None:
-    """Write a body into the arrays of the bodies.
-
-    Parameters
-    ----------
-    bodies : state.Bodies
-        The arrays.
-    i : int
-        Its number.
-    body : Body
-        What is written.
-    parts : int
-        The most ellipsoids of a shape.
-    tile : numpy.ndarray
-        Scratch, a tile of bodies.
-    """
+    """Write body number i into the arrays of the bodies; parts: most ellipsoids of a shape; tile: scratch."""
     kind, scale = body.kind, body.scale
     row = bodies.rows[i]
     row[st.POSITION : st.POSITION + 3] = body.position

@@ -11,13 +11,7 @@ from pathlib import Path
 
 
 def source_hash() -> str:
-    """A short hash of the sources of `repose.dem`.
-
-    Returns
-    -------
-    str
-        16 hexadecimal digits.
-    """
+    """A short hash of the sources of `repose.dem`: 16 hexadecimal digits."""
     digest = hashlib.sha256()
     home = Path(__file__).parent
     for path in sorted(home.rglob("*.py")):

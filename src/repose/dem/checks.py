@@ -11,190 +11,51 @@ from .errors import shown
 
 
 def is_number(value: Any, *, finite: bool = True) -> bool:
-    """Whether a value is a real number, and no truth value.
-
-    Parameters
-    ----------
-    value : object
-        What was given.
-    finite : bool, optional
-        Whether it must be finite; without, only NaN is refused.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a value is a real number and no truth value; with `finite` False, infinite ones pass, too."""
     if not isinstance(value, Real) or isinstance(value, bool | np.bool):
         return False
     return math.isfinite(value) if finite else not math.isnan(value)
 
 
 def number(name: str, value: Any, allowed: str, accepts: Callable[[Any], Any]) -> float:
-    """A finite number that meets a condition.
-
-    Parameters
-    ----------
-    name : str
-        Of the argument.
-    value : object
-        What was given.
-    allowed : str
-        The condition in words.
-    accepts : callable
-        (value) -> whether it meets the condition.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    ValueError
-        If it is no finite number, or does not meet the condition.
-    """
+    """A finite number that `accepts` accepts; `allowed` says in words which ones."""
     if not (is_number(value) and accepts(value)):
         raise ValueError(f"{name} is {shown(value)}; allowed: {allowed}")
     return float(value)
 
 
 def positive(name: str, value: Any) -> float:
-    """A finite number above 0.
-
-    Parameters
-    ----------
-    name : str
-        Of the argument.
-    value : object
-        What was given.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    ValueError
-        If it is something else.
-    """
+    """A finite number above 0."""
     return number(name, value, "above 0", lambda v: v > 0.0)
 
 
 def not_negative(name: str, value: Any) -> float:
-    """A finite number, 0 or more.
-
-    Parameters
-    ----------
-    name : str
-        Of the argument.
-    value : object
-        What was given.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    ValueError
-        If it is something else.
-    """
+    """A finite number, 0 or more."""
     return number(name, value, "0 or more", lambda v: v >= 0.0)
 
 
 def height(name: str, value: Any) -> float:
-    """A number that may be infinite: a height that nothing reaches.
-
-    Parameters
-    ----------
-    name : str
-        Of the argument.
-    value : object
-        What was given.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    ValueError
-        If it is no number, or NaN.
-    """
+    """A number that may be infinite: a height that nothing reaches."""
     if not is_number(value, finite=False):
         raise ValueError(f"{name} is {shown(value)}; allowed: a number, or -inf for none")
     return float(value)
 
 
 def whole_number(name: str, value: Any, least: int) -> int:
-    """A whole number that is large enough.
-
-    Parameters
-    ----------
-    name : str
-        Of the argument.
-    value : object
-        What was given.
-    least : int
-        The smallest that is allowed.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    ValueError
-        If it is something else.
-    """
+    """A whole number, `least` or more."""
     if not isinstance(value, Integral) or isinstance(value, bool) or value < least:
         raise ValueError(f"{name} is {shown(value)}; allowed: a whole number, {least} or more")
     return int(value)
 
 
 def vector(name: str, value: Any, length: int = 3) -> np.ndarray:
-    """A given number of finite numbers as an array.
-
-    Parameters
-    ----------
-    name : str
-        Of the argument.
-    value : object
-        What was given.
-    length : int, optional
-        3, 4 or 7.
-
-    Returns
-    -------
-    numpy.ndarray, (length,)
-        A copy.
-
-    Raises
-    ------
-    ValueError
-        If it is something else.
-    """
+    """A copy of 3, 4 or 7 finite numbers."""
     words = {3: "three", 4: "four", 7: "seven"}[length]
     return array(name, value, (length,), f"{words} finite numbers")
 
 
 def box(lower: Any, upper: Any) -> tuple[np.ndarray, np.ndarray]:
-    """The corners of a box.
-
-    Parameters
-    ----------
-    lower, upper : object
-        What was given.
-
-    Returns
-    -------
-    lower, upper : numpy.ndarray, (3,)
-        Copies.
-
-    Raises
-    ------
-    ValueError
-        If one is no vector of three finite numbers, or lower is not below upper in every direction.
-    """
+    """Copies of two corners, the lower one below the upper one in every direction."""
     corners = vector("lower", lower), vector("upper", upper)
     if not np.all(corners[0] < corners[1]):
         raise ValueError(
@@ -204,29 +65,7 @@ def box(lower: Any, upper: Any) -> tuple[np.ndarray, np.ndarray]:
 
 
 def array(name: str, value: Any, shape: tuple[int, ...], allowed: str) -> np.ndarray:
-    """Finite numbers of a shape as an array.
-
-    Parameters
-    ----------
-    name : str
-        Of the argument.
-    value : object
-        What was given.
-    shape : tuple of int
-        Of the array.
-    allowed : str
-        In words.
-
-    Returns
-    -------
-    numpy.ndarray, `shape`
-        A copy.
-
-    Raises
-    ------
-    ValueError
-        If it is something else.
-    """
+    """A copy of finite numbers of a shape; `allowed` says in words what they are."""
     numbers: np.ndarray | None
     try:
         numbers = np.array(value, float)
@@ -238,25 +77,7 @@ def array(name: str, value: Any, shape: tuple[int, ...], allowed: str) -> np.nda
 
 
 def direction(name: str, value: Any) -> np.ndarray:
-    """A unit vector along a given one.
-
-    Parameters
-    ----------
-    name : str
-        Of the argument.
-    value : object
-        What was given.
-
-    Returns
-    -------
-    numpy.ndarray, (3,)
-        Of length 1.
-
-    Raises
-    ------
-    ValueError
-        If it is no vector of three finite numbers, or 0.
-    """
+    """The unit vector (3,) along a vector that is not 0."""
     along = vector(name, value)
     length = np.linalg.norm(along)
     if not length > 0.0:
@@ -265,68 +86,19 @@ def direction(name: str, value: Any) -> np.ndarray:
 
 
 def is_name(value: Any) -> bool:
-    """Whether a value can name a shape, a material or a wall.
-
-    Parameters
-    ----------
-    value : object
-        What was given.
-
-    Returns
-    -------
-    bool
-        True for text that is not empty.
-    """
+    """Whether a value can name a shape, a material or a wall: text that is not empty."""
     return isinstance(value, str) and bool(value)
 
 
 def name_of(what: str, value: Any) -> str:
-    """The name of a shape, a material or a wall.
-
-    Parameters
-    ----------
-    what : str
-        What is named.
-    value : object
-        What was given.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    ValueError
-        If it is no text, or empty.
-    """
+    """The name of a shape, a material or a wall; `what` is named in the error."""
     if not is_name(value):
         raise ValueError(f"{what} is {shown(value)}; allowed: a name, text that is not empty")
     return value
 
 
 def mapping(name: str, value: Any, kinds: Any, words: str) -> dict[str, Any]:
-    """Names to objects of some kinds, as a new dictionary.
-
-    Parameters
-    ----------
-    name : str
-        Of the argument.
-    value : object
-        What was given.
-    kinds : type or tuple of type
-        Of the objects.
-    words : str
-        The kinds in words.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    ValueError
-        If it is no mapping, or has another key or object.
-    """
+    """Names to objects of some classes, as a new dictionary; `words` names the classes in the error."""
     good = isinstance(value, Mapping) and all(is_name(k) and isinstance(v, kinds) for k, v in value.items())
     if not good:
         raise ValueError(f"{name} is {shown(value)}; allowed: names, each with a {words}")
@@ -334,27 +106,7 @@ def mapping(name: str, value: Any, kinds: Any, words: str) -> dict[str, Any]:
 
 
 def chosen(name: str, value: Any, choices: Mapping[str, Any]) -> Any:
-    """What a name stands for among named choices.
-
-    Parameters
-    ----------
-    name : str
-        Of the argument.
-    value : object
-        What was given.
-    choices : mapping
-        From name to what it stands for.
-
-    Returns
-    -------
-    object
-        The choice.
-
-    Raises
-    ------
-    ValueError
-        If it is none of the names.
-    """
+    """What a name stands for among named choices."""
     if not (isinstance(value, str) and value in choices):
         raise ValueError(f"{name} is {shown(value)}; allowed: {', '.join(map(repr, choices))}")
     return choices[value]

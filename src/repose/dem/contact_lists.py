@@ -12,22 +12,7 @@ SPHERE_CONTACTS_PER_BODY, MOST_NEW = 20, 4096
 
 
 def new_pairs(capacity: int, most_spheres: int, n_state: int) -> Any:
-    """Room for contacts of bodies with each other.
-
-    Parameters
-    ----------
-    capacity : int
-        The most bodies.
-    most_spheres : int
-        Of a clump; 0 for smooth bodies.
-    n_state : int
-        Rows that the force laws keep for each contact.
-
-    Returns
-    -------
-    state.Pairs
-        The arrays, empty.
-    """
+    """Empty lists for contacts of bodies with each other; most_spheres: of a clump, 0 for smooth bodies."""
     entries = NEAR_PER_BODY * capacity + 256
     if most_spheres == 0:
         return st.new_pairs(CONTACTS_PER_BODY * capacity + 64, entries, capacity, n_state)
@@ -38,23 +23,9 @@ def new_pairs(capacity: int, most_spheres: int, n_state: int) -> Any:
 def new_wall_contacts(
     capacity: int, n_walls: tuple[int, int, int], of_clumps: bool, n_state: int
 ) -> tuple[Any, Any, Any]:
-    """Room for contacts of bodies with walls.
+    """Empty lists for contacts with plane walls, with cones and rings, and with meshes.
 
-    Parameters
-    ----------
-    capacity : int
-        The most bodies.
-    n_walls : tuple of int, (3,)
-        Numbers of planes, of cones and rings, and of meshes.
-    of_clumps : bool
-        Whether the bodies are clumps.
-    n_state : int
-        Rows that the force laws keep for each contact.
-
-    Returns
-    -------
-    flat, curved, meshed : state.WallContacts
-        The arrays of each kind, empty.
+    `n_walls` are the numbers of these walls, `n_state` the rows that the force laws keep for each contact.
     """
     n_planes, _n_curved, n_meshes = n_walls
     spare = 64 * st.MOST_SPHERES if of_clumps else 64
@@ -68,26 +39,7 @@ def new_wall_contacts(
 
 
 def grown_pairs(old: Any, counts: Any, capacity: int, most_spheres: int, n_state: int) -> Any:
-    """The lists of pairs with twice the room where they are filling up.
-
-    Parameters
-    ----------
-    old : state.Pairs
-        The lists.
-    counts : numpy.ndarray of int
-        Numbers of what there is, by the names in `kernels.state`.
-    capacity : int
-        The most bodies.
-    most_spheres : int
-        Of a clump; 0 for smooth bodies.
-    n_state : int
-        Rows that the force laws keep for each contact.
-
-    Returns
-    -------
-    state.Pairs
-        With the same content.
-    """
+    """The lists of pairs with the same content, and twice the room where three quarters are used."""
     if most_spheres:
         return cl.grown_sphere_pairs(old, counts, most_spheres, capacity, n_state)
     n_pairs, n_near = counts[st.N_PAIRS], counts[st.N_NEAR]
@@ -103,22 +55,7 @@ def grown_pairs(old: Any, counts: Any, capacity: int, most_spheres: int, n_state
 
 
 def grown_wall_contacts(contacts: Any, used: int, ghost: int) -> Any:
-    """The list of wall contacts, with twice the room where three quarters are used.
-
-    Parameters
-    ----------
-    contacts : state.WallContacts
-        The list.
-    used : int
-        Number of its contacts.
-    ghost : int
-        Number of the body that unused contacts have.
-
-    Returns
-    -------
-    state.WallContacts
-        With the same content.
-    """
+    """The list with twice the room where three quarters are used; ghost: the body number of unused contacts."""
     if used * 4 <= len(contacts.body) * 3:
         return contacts
     rows = contacts.data.shape[1] // st.LANES

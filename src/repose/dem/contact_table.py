@@ -14,15 +14,7 @@ Pairs = dict[tuple[str, str], Contact]
 
 
 class MaterialNumbers(NamedTuple):
-    """Number of each material by its name.
-
-    Attributes
-    ----------
-    of_bodies : dict of int
-        Of the materials that bodies have.
-    of_all : dict of int
-        Of these and of the walls'; those of bodies come first.
-    """
+    """Number of each material by its name; those of bodies come first."""
 
     of_bodies: dict[str, int]
     of_all: dict[str, int]
@@ -31,21 +23,7 @@ class MaterialNumbers(NamedTuple):
 def pairs_of(contacts: Mapping[tuple[str, str], Contact], materials: Mapping[str, Material]) -> Pairs:
     """Contacts by pairs of names in both orders.
 
-    Parameters
-    ----------
-    contacts : mapping
-        From (material, material) to Contact, each pair in one order or in both.
-    materials : mapping
-        From name to Material.
-
-    Returns
-    -------
-    dict of Contact
-
-    Raises
-    ------
-    ValueError
-        If a key is no pair of known names, a value no Contact, or the two orders of a pair differ.
+    ValueError if a key is no pair of known names, a value no Contact, or the two orders of a pair differ.
     """
     if not isinstance(contacts, Mapping):
         raise ValueError(f"contacts is {contacts!r}; allowed: (material, material): Contact")
@@ -70,28 +48,7 @@ def number_materials(
     materials: Mapping[str, Material],
     contacts: Pairs,
 ) -> MaterialNumbers:
-    """Number the materials, those of bodies first.
-
-    Parameters
-    ----------
-    shapes : mapping
-        From name to Shape or Clump.
-    of_walls : iterable of str
-        Materials of the walls.
-    materials : mapping
-        From name to Material.
-    contacts : dict of Contact
-        Of `pairs_of`.
-
-    Returns
-    -------
-    MaterialNumbers
-
-    Raises
-    ------
-    ValueError
-        If a material is missing, or the contact of two that can meet.
-    """
+    """Number the materials; ValueError if one is missing, or the contact of two that can meet."""
     names = list(dict.fromkeys(shape.material for shape in shapes.values()))
     of_bodies = {name: k for k, name in enumerate(names)}
     names += dict.fromkeys(name for name in of_walls if name not in names)
@@ -110,26 +67,7 @@ def number_materials(
 def constants_of(
     law: Law, numbers: MaterialNumbers, materials: Mapping[str, Material], contacts: Pairs, tension: str
 ) -> np.ndarray:
-    """Constants of a force law for all pairs of materials that can meet.
-
-    Parameters
-    ----------
-    law : Law
-        The force law.
-    numbers : MaterialNumbers
-        Places in the table.
-    materials : mapping
-        From name to Material.
-    contacts : dict of Contact
-        Of `pairs_of`.
-    tension : {"keep", "release", "cut"}
-        How a contact ends, see `Simulation`.
-
-    Returns
-    -------
-    numpy.ndarray, (K, K, n)
-        Symmetric in the K materials; 0 for two walls.
-    """
+    """Constants of a force law (K, K, n) for all pairs of K materials; 0 for two walls."""
     table = np.zeros((len(numbers.of_all), len(numbers.of_all), law.n_constants))
     for a, i in numbers.of_bodies.items():
         for b, j in numbers.of_all.items():
@@ -147,26 +85,7 @@ def fields_of_laws(
     materials: Mapping[str, Material],
     contacts: Pairs,
 ) -> dict[str, Any]:
-    """What the kernels know of the force laws.
-
-    Parameters
-    ----------
-    contact_law, rolling_law : Law
-        The force laws.
-    tension, friction_limit : str
-        Their choices, see `Simulation`.
-    numbers : MaterialNumbers
-        Places in the tables.
-    materials : mapping
-        From name to Material.
-    contacts : dict of Contact
-        Of `pairs_of`.
-
-    Returns
-    -------
-    dict
-        Fields of `repose.dem.kernels.state.Physics`.
-    """
+    """What the kernels know of the force laws: fields of `repose.dem.kernels.state.Physics`."""
     of_pairs = numbers, materials, contacts, tension
     return {
         "law": contact_law.make_options(tension, friction_limit),

@@ -11,17 +11,7 @@ _short.maxstring = _short.maxlong = _short.maxother = MOST_SHOWN
 
 
 def shown(value: object) -> str:
-    """A value as a message shows it, never the whole of a large one.
-
-    Parameters
-    ----------
-    value : object
-
-    Returns
-    -------
-    str
-        At most `MOST_SHOWN` characters; what lies deep in lists and mappings is not looked at.
-    """
+    """A value as a message shows it, in at most `MOST_SHOWN` characters."""
     text = _short.repr(value)
     return text if len(text) <= MOST_SHOWN else f"{text[: MOST_SHOWN - 3]}..."
 

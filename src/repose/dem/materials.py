@@ -72,18 +72,7 @@ class Contact:
 
 
 def effective_moduli(a: Material, b: Material) -> tuple[float, float]:
-    """Effective moduli of two materials in contact.
-
-    Parameters
-    ----------
-    a, b : Material
-        The two materials.
-
-    Returns
-    -------
-    young, shear : float
-        E* and G* [Pa], with 1/E* = sum (1 - nu^2)/E and 1/G* = sum (2 - nu)/G.
-    """
+    """E* and G* [Pa] of a contact: 1/E* = sum (1 - nu^2)/E and 1/G* = sum (2 - nu)/G."""
     young = 1.0 / sum((1.0 - m.poisson_ratio**2) / m.elastic_modulus_pa for m in (a, b))
     shear = 1.0 / sum((2.0 - m.poisson_ratio) / m.shear_modulus_pa for m in (a, b))
     return young, shear

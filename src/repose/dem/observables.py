@@ -1,6 +1,6 @@
-"""What a simulation tells of its bodies and contacts."""
+"""What a simulation reports of its bodies, its contacts and the loads on its walls."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -8,22 +8,43 @@ from numpy.typing import ArrayLike
 from .checks import vector
 from .kernels import clump_tile as ct
 from .kernels import state as st
+from .kernels.engine import add_wall_loads
 from .rotations import rotation_matrices
-from .wall_loads import WallLoad, wall_loads
-from .wall_overlaps import wall_overlaps
+
+
+class WallLoad(NamedTuple):
+    """What the bodies do to a wall.
+
+    Attributes
+    ----------
+    force_n : ndarray (3,)
+        Sum of their forces [N].
+    torque_n_m : ndarray (3,)
+        Torque of these forces about a point, and of the rolling couples of a law that acts between two bodies [N m].
+    """
+
+    force_n: np.ndarray
+    torque_n_m: np.ndarray
 
 
 class Observables:
     """The readings of a `Simulation`, which holds the arrays."""
 
     shapes: dict[str, Any]
+    wall_set: Any
     bodies: Any
     pairs: Any
+    flat: Any
     curved: Any
     meshed: Any
+    meshes: Any
+    clumps: Any
     walls: Any
+    grid: Any
     counts: np.ndarray
     physics: Any
+    _tiles: np.ndarray
+    _scratches: np.ndarray
     _shape_ids: np.ndarray
     _scales: np.ndarray
     _inner: np.ndarray
@@ -179,8 +200,33 @@ class Observables:
             Number of the wall in `wall_set.names`.
         overlaps : ndarray (M,)
             The overlaps [m], for meshes those of the last step.
+
+        Notes
+        -----
+        A wall is at a contact what its tangent plane is, n.x = c: the overlap of a body with support h and centre x is
+        h(n) + n.x - c.
         """
-        return wall_overlaps(self)
+        n_planes, n_curved = len(self.walls.planes), len(self.walls.cones) + len(self.walls.rings)
+        n = int(self.counts[st.N_PLANE])
+        on_plane, plane = self._outer[self.flat.body[:n]], self.flat.wall[:n].astype(np.int64)
+        normals = self.walls.planes[plane, 3:6]
+        offsets = np.sum(normals * self.walls.planes[plane, :3], axis=1)
+        flat = self._beyond(on_plane, normals, offsets, self.flat.feature[:n])
+        on_curved, curved_wall, normals, azimuths = self.curved_contacts()
+        curved_wall = curved_wall.astype(np.int64)
+        offsets = _tangent_planes(self.walls, curved_wall, normals, azimuths)
+        curved = self._beyond(on_curved, normals, offsets, self.curved.feature[: len(on_curved)])
+        on_mesh, mesh, _, _, meshed = self.mesh_contacts()
+        return (
+            np.concatenate([on_plane, on_curved, on_mesh]).astype(np.int64),
+            np.concatenate([plane, n_planes + curved_wall, n_planes + n_curved + mesh]).astype(np.int64),
+            np.concatenate([flat, curved, meshed]),
+        )
+
+    def _beyond(self, bodies, normals, offsets, spheres):
+        """How far bodies, or one sphere of each clump, reach (M,) beyond planes of these normals and offsets."""
+        reach = self._reach(bodies, normals, spheres if self._of_clumps else None)
+        return reach + np.sum(normals * self.positions[bodies], axis=1) - offsets
 
     def _reach(self, body, direction, sphere):
         """Extents (M,) of bodies, or of one sphere of each, along directions (M, 3) in space."""
@@ -220,7 +266,20 @@ class Observables:
         -----
         The torque is that of the contact forces. Rolling resistance acts on bodies alone and is no part of it.
         """
-        return wall_loads(self, vector("about_m", about_m))
+        about = vector("about_m", about_m)
+        names = self.wall_set.names
+        walls = self.walls._replace(loads=np.zeros((len(names), 6)))
+        # the forces of the present state, found on copies with springs that stay
+        copies = [_copy(arrays) for arrays in (self.bodies, self.flat, self.curved, self.meshed, self.clumps)]
+        scratch = self._tiles[0].copy(), self._scratches[0].copy()
+        physics = self.physics._replace(dt=0.0)
+        add_wall_loads(
+            *copies, walls, self.meshes, self.counts.copy(), physics, *scratch, len(self.grid.cell)
+        )
+        loads = {}
+        for name, load in zip(names, walls.loads, strict=True):
+            loads[name] = WallLoad(load[:3].copy(), load[3:] - np.cross(about, load[:3]))
+        return loads
 
     def curved_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Contacts with cones, tubes and rings.
@@ -277,3 +336,22 @@ class Observables:
             rows[:, :3].copy(),
             -rows[:, st.GAP // st.LANES],
         )
+
+
+def _tangent_planes(walls, wall, normals, azimuths):
+    """Offsets (M,) of the tangent planes of cones, tubes and rings where bodies touch them."""
+    n_cones = len(walls.cones)
+    frames = walls.frames[wall]
+    offsets = np.sum(normals * frames[:, :3], axis=1)
+    on_cone = wall < n_cones
+    offsets[on_cone] += walls.cones[wall[on_cone], 2]
+    rings, turn = walls.rings[wall[~on_cone] - n_cones], azimuths[~on_cone]
+    cores = np.column_stack([rings[:, 0] * np.cos(turn), rings[:, 0] * np.sin(turn), rings[:, 1]])
+    cores = np.einsum("nij,nj->ni", frames[~on_cone, 3:].reshape(-1, 3, 3), cores)
+    offsets[~on_cone] += np.sum(normals[~on_cone] * cores, axis=1) - rings[:, 2]
+    return offsets
+
+
+def _copy(arrays: Any) -> Any:
+    """A named tuple with copies of its arrays; an empty tuple as it is."""
+    return type(arrays)(*(np.copy(array) for array in arrays)) if arrays else arrays

@@ -63,17 +63,7 @@ def random_quaternion(rng: np.random.Generator) -> np.ndarray:
 
 
 def sphere_directions(count: int) -> np.ndarray:
-    """Evenly spread unit vectors: a Fibonacci lattice.
-
-    Parameters
-    ----------
-    count : int
-        Number of vectors.
-
-    Returns
-    -------
-    numpy.ndarray, (count, 3)
-    """
+    """Evenly spread unit vectors (count, 3): a Fibonacci lattice."""
     index = np.arange(count)
     z = 1 - (2 * index + 1) / count
     azimuth = index * math.pi * (3 - math.sqrt(5))

@@ -333,23 +333,7 @@ class Clump:
 
 
 def are_clumps(shapes: Mapping[str, Shape | Clump]) -> bool:
-    """Whether shapes are all clumps.
-
-    Parameters
-    ----------
-    shapes : mapping
-        From name to Shape or Clump.
-
-    Returns
-    -------
-    bool
-        False where none is a clump.
-
-    Raises
-    ------
-    ValueError
-        If they are a mixture, or there is none.
-    """
+    """Whether shapes are all clumps; ValueError if they are a mixture, or there is none."""
     if not shapes:
         raise ValueError("shapes is empty; allowed: names, each with a Shape or Clump, at least one")
     of_clumps = isinstance(next(iter(shapes.values())), Clump)
@@ -362,16 +346,5 @@ def are_clumps(shapes: Mapping[str, Shape | Clump]) -> bool:
 
 
 def most_spheres(shapes: Iterable[Shape | Clump]) -> int:
-    """How many spheres the largest clump has.
-
-    Parameters
-    ----------
-    shapes : iterable of Shape or Clump
-        At least one.
-
-    Returns
-    -------
-    int
-        0 for smooth bodies.
-    """
+    """How many spheres the largest clump has; 0 for smooth bodies."""
     return max(len(shape.spheres_m) if isinstance(shape, Clump) else 0 for shape in shapes)

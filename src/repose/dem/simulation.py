@@ -2,6 +2,7 @@
 
 import math
 import os
+import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -9,31 +10,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import contact_lists, running, time_steps
+from . import contact_lists, time_steps
 from .body_rows import checked_body, write_body
-from .checks import box, chosen, height, mapping, number, positive, vector, whole_number
+from .checks import box, chosen, height, mapping, not_negative, number, positive, vector, whole_number
 from .contact_table import fields_of_laws, number_materials, pairs_of
 from .io import checkpoint as checkpoints
+from .io.progress import display
 from .kernels import clumps as cl
 from .kernels import features, parallel
 from .kernels import state as st
 from .kernels import tile as tl
+from .kernels.atomics import BARRIER_SIZE
 from .kernels.body_tile import TILE_ROWS
+from .kernels.engine import advance
+from .kernels.order import reorder
 from .laws import CONTACT_LAWS, COULOMB, FRICTION_LIMITS, ROLLING_LAWS, TENSIONS
 from .materials import Contact, Material
-from .mesh_wall import Mesh
-from .motion import Motion
 from .observables import Observables
 from .shapes import Clump, Shape, are_clumps, most_spheres
-from .stepping import advance_some, grow
-from .surfaces import Wall, WallSet
-from .wall_arrays import wall_arrays
+from .walls import Mesh, Motion, Wall, WallSet, wall_arrays
 
 TURNING = (
     "a wall turns, and rolling_law 'budget' resists each body's rotation in space: angles and torques are wrong. Set "
     "rolling_frame_rad_s to the wall's angular velocity, or take rolling_law='epsd'"
 )
 SKIN_SHARE = 0.45  # skin of the neighbour list over the largest bounding radius
+CHUNK_S = 0.2  # wall time of `run` between two looks at the clock
+FIRST_CHUNK = 20  # steps
 
 
 class Simulation(Observables):
@@ -342,11 +345,51 @@ class Simulation(Observables):
         if left > 0 and self._resists_against_space():
             warnings.warn(TURNING, stacklevel=2)
         while left > 0:
-            left -= advance_some(self, left)
+            left -= self._advance(left)
             if self.counts[st.FULL]:
                 raise RuntimeError("a contact list overflowed within one step; bodies overlap wildly")
             if left > 0:
-                grow(self)
+                self._grow()
+
+    def _advance(self, steps: int) -> int:
+        """Advance by at most `steps`, fewer where a list has to grow; the steps made."""
+        lists = (self.bodies, self.pairs, self.flat, self.curved, self.meshed)
+        world = (self.grid, self.walls, self.meshes, self.counts, self.physics)
+        if not self._shared:
+            scratch = (self._tiles[0], self._body_tiles[0], self._scratches[0])
+            return advance(*lists, self.clumps, *world, *scratch, steps)
+        if self.steps % parallel.REORDER_EVERY == 0:
+            self._renumber()
+        steps = min(steps, parallel.REORDER_EVERY - self.steps % parallel.REORDER_EVERY)
+        shared = st.Shared(
+            counters=np.zeros(BARRIER_SIZE, np.int64),
+            orders=np.zeros(1, np.int64),
+            begins=np.zeros(parallel.SHARES, np.int64),
+            numbers=np.zeros(parallel.SHARES, np.int64),
+            due=np.zeros(len(self.pairs.near_limit), np.int64),
+        )
+        tiles = (self._tiles, self._body_tiles, self._scratches)
+        return parallel.run_threads((*lists, *world), tiles, shared, steps)
+
+    def _renumber(self) -> None:
+        """Number the bodies in the order of space; what users see keeps their numbers."""
+        n = self.n_bodies
+        order = reorder(self.bodies, self.grid, self.pairs, self.flat, self.curved, self.meshed, self.counts)
+        self._outer[:n] = self._outer[:n][order]
+        self._inner[self._outer[:n]] = np.arange(n)
+
+    def _grow(self) -> None:
+        """Double the lists that are filling up; each in one move, or an interrupt could leave half of one."""
+        counts, capacity = self.counts, self.capacity
+        self.pairs = contact_lists.grown_pairs(
+            self.pairs, counts, capacity, self._most_spheres, self._n_state
+        )
+        self.flat = contact_lists.grown_wall_contacts(self.flat, counts[st.N_PLANE], capacity)
+        self.curved = contact_lists.grown_wall_contacts(self.curved, counts[st.N_CURVED], capacity)
+        meshed = contact_lists.grown_wall_contacts(self.meshed, counts[st.N_MESHED], capacity)
+        if self._of_clumps:
+            self.clumps = cl.with_room(self.clumps, len(meshed.body))
+        self.meshed = meshed
 
     def run(
         self,
@@ -384,7 +427,40 @@ class Simulation(Observables):
         ValueError
             Naming the argument.
         """
-        running.run(self, seconds, progress, record, record_every_s, checkpoint, every_s)
+        begin_s, dt = self.time_s, self.time_step_s
+        end = self.steps + round(not_negative("seconds", seconds) / dt)
+        recorders = _recorders(record)
+        between = _steps_between(record_every_s, dt) if recorders else 0
+        positive("every_s", every_s)
+        chunk, saved = FIRST_CHUNK, time.monotonic()
+        with display(begin_s, end * dt, dt, progress) as report:
+            try:
+                if self.steps == 0:
+                    self._record(recorders)
+                while self.steps < end:
+                    steps = min(end - self.steps, chunk)
+                    if recorders:
+                        steps = min(steps, between - self.steps % between)
+                    began = time.perf_counter()
+                    self.run_steps(steps)
+                    chunk = _next_chunk(steps, time.perf_counter() - began)
+                    if recorders and self.steps % between == 0:
+                        self._record(recorders)
+                    report(self.time_s)
+                    if checkpoint is not None and time.monotonic() - saved >= every_s:
+                        self.save(checkpoint)
+                        saved = time.monotonic()
+            except KeyboardInterrupt:
+                if checkpoint is not None:
+                    self.save(checkpoint)
+                raise
+        if checkpoint is not None:
+            self.save(checkpoint)
+
+    def _record(self, recorders: list[Callable[["Simulation"], Any]]) -> None:
+        """Call each recorder with the simulation."""
+        for recorder in recorders:
+            recorder(self)
 
     def save(self, path: str | os.PathLike) -> None:
         """Write everything to a file (.npz without pickle), in one move, for `load`.
@@ -417,3 +493,24 @@ class Simulation(Observables):
             sources of the engine.
         """
         return checkpoints.load(cls, path)
+
+
+def _recorders(record: Any) -> list[Callable[[Simulation], Any]]:
+    """The argument `record` of `Simulation.run` as a list."""
+    recorders = [] if record is None else list(record) if isinstance(record, list | tuple) else [record]
+    if not all(callable(recorder) for recorder in recorders):
+        raise ValueError(f"record is {record!r}; allowed: a function of the simulation, or a list of them")
+    return recorders
+
+
+def _steps_between(record_every_s: float | None, dt: float) -> int:
+    """Steps between two records."""
+    if record_every_s is None:
+        raise ValueError("record_every_s is None; allowed: above 0 where there is something to record")
+    return max(1, round(positive("record_every_s", record_every_s) / dt))
+
+
+def _next_chunk(steps: int, took_s: float) -> int:
+    """Steps that take about CHUNK_S, where `steps` took `took_s`; the time to compile counts, too."""
+    wanted = steps * CHUNK_S / max(took_s, 1e-6)
+    return max(1, round(min(max(wanted, 0.1 * steps), 10.0 * steps)))

@@ -8,30 +8,18 @@ import numpy as np
 
 from .rotations import rotation_matrices
 from .shapes import Clump
-from .surfaces import Cone, Plane, RingEdge
+from .walls import Cone, Plane, RingEdge
 
 SECTORS = 48  # of a full turn of a wall
 TUBE_SECTORS = 24  # of a full turn about a rounded edge
 
 
 def tessellate(body: Any, rings: int = 18, sectors: int = 36) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Support points and normals of a body on a latitude-longitude grid about its first axis.
+    """Points [m] (V, 3), unit normals (V, 3) and triangles (T, 3) of a surface, anticlockwise seen from outside.
 
-    Parameters
-    ----------
-    body : Clump or Shape
-        Or what has `support` and `support_point`. Of a clump there is what is seen from its centre of mass.
-    rings, sectors : int, optional
-        Of the grid.
-
-    Returns
-    -------
-    points : numpy.ndarray, (V, 3)
-        In m; V and T are the same for all bodies.
-    normals : numpy.ndarray, (V, 3)
-        Unit vectors.
-    triangles : numpy.ndarray of int, (T, 3)
-        Numbers of their points, anticlockwise seen from outside.
+    The grid is one of latitude and longitude about the body's first axis; V and T are the same for all bodies. The
+    body may be anything with `support` and `support_point`. Of a clump there is what is seen from its centre of
+    mass.
     """
     polar, turn = np.meshgrid(
         np.linspace(0, math.pi, rings + 1),
@@ -72,24 +60,10 @@ def _grid_triangles(rows, columns):
 def plane_polygon(
     plane: np.ndarray, lower: np.ndarray, upper: np.ndarray, others: Sequence[np.ndarray] | np.ndarray = ()
 ) -> np.ndarray:
-    """Corners of what there is of a plane.
+    """Corners (M, 3) [m] of the visible part of a plane, anticlockwise seen from the bodies.
 
-    A disc is a polygon of many corners. An endless plane is cut off by a box, and by the other endless
-    planes, beyond which no body can be.
-
-    Parameters
-    ----------
-    plane : numpy.ndarray, (7,)
-        As `Simulation.walls` has it.
-    lower, upper : numpy.ndarray, (3,)
-        Corners of the box in m.
-    others : sequence of numpy.ndarray, (7,), optional
-        The other endless planes.
-
-    Returns
-    -------
-    numpy.ndarray, (M, 3)
-        In m, anticlockwise seen from the bodies.
+    A disc is a polygon of many corners. An endless plane is cut off by the box, and by the `others`, endless planes
+    beyond which no body can be. Planes are rows (7,) of `Simulation.walls`.
     """
     point, inwards, radius = plane[:3], -plane[3:6], plane[6]
     u = np.cross(np.eye(3)[np.argmin(np.abs(inwards))], inwards)
@@ -131,53 +105,19 @@ def _clipped(polygon, normal, offset):
 
 
 def endless(planes: np.ndarray) -> np.ndarray:
-    """Which planes have no edge.
-
-    Parameters
-    ----------
-    planes : numpy.ndarray, (P, 7)
-        As `Simulation.walls` has them.
-
-    Returns
-    -------
-    numpy.ndarray of bool, (P,)
-    """
+    """Which planes, rows (P, 7) of `Simulation.walls`, have no edge."""
     return np.isinf(planes[:, 6])
 
 
 def visible_polygon(simulation: Any, k: int) -> np.ndarray:
-    """`plane_polygon` of one plane of a simulation, cut off by its box and its other endless planes.
-
-    Parameters
-    ----------
-    simulation : Simulation
-        Whose plane it is.
-    k : int
-        Number of the plane.
-
-    Returns
-    -------
-    numpy.ndarray, (M, 3)
-        In m, anticlockwise seen from the bodies.
-    """
+    """`plane_polygon` of plane number k, cut off by the simulation's box and its other endless planes."""
     planes = simulation.walls.planes
     others = planes[endless(planes) & (np.arange(len(planes)) != k)]
     return plane_polygon(planes[k], simulation.lower, simulation.upper, others)
 
 
 def cone_circles(line: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Circles at the ends of a cone, in its own frame.
-
-    Parameters
-    ----------
-    line : sequence of float, (7,)
-        The line of a `Cone`.
-
-    Returns
-    -------
-    numpy.ndarray, (2, 2)
-        Radius and height of each circle in m.
-    """
+    """Radius and height [m] of the circles at both ends of a cone with this line, in its own frame (2, 2)."""
     m_r, m_z, offset, first, last, e_r, e_z = line
     return np.array([[m_r * offset + e_r * s, m_z * offset + e_z * s] for s in (first, last)])
 
@@ -206,37 +146,14 @@ def _edge_profile(ring):
 
 
 def in_world(frame: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Points of a frame in the world.
-
-    Parameters
-    ----------
-    frame : numpy.ndarray, (12,)
-        Origin in m, and the rotation from frame to world by rows.
-    points : numpy.ndarray, (M, 3)
-        In m.
-
-    Returns
-    -------
-    numpy.ndarray, (M, 3)
-        In m.
-    """
+    """Points (M, 3) of a frame (12,), see `repose.dem.walls.frame_of`, in the world."""
     return frame[:3] + points @ frame[3:].reshape(3, 3).T
 
 
 def triangulated_walls(simulation: Any) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """The walls where they are now, as triangles.
+    """The walls where they are now: points (V, 3) [m] and triangles (T, 3) by the name of each.
 
     Endless planes end at the box of the simulation and at each other.
-
-    Parameters
-    ----------
-    simulation : Simulation
-        Whose walls they are.
-
-    Returns
-    -------
-    dict
-        By name: points (V, 3) in m, and triangles (T, 3) of their numbers.
     """
     names, planes = simulation.wall_set.names, simulation.walls.planes
     found = {}
@@ -272,25 +189,9 @@ def _all_spheres(clump, rings, sectors):
 def triangulated_bodies(
     simulation: Any, rings: int = 8, sectors: int = 16
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """All bodies that are there, as triangles.
+    """Points (V, 3) [m] and triangles (T, 3) of all bodies that are there, and the body of each triangle (T,).
 
     Clumps have all their spheres, also where these lie inside each other.
-
-    Parameters
-    ----------
-    simulation : Simulation
-        Whose bodies they are.
-    rings, sectors : int, optional
-        Of the grid on each body or sphere.
-
-    Returns
-    -------
-    points : numpy.ndarray, (V, 3)
-        In m.
-    triangles : numpy.ndarray of int, (T, 3)
-        Numbers of their points.
-    bodies : numpy.ndarray of int, (T,)
-        Number of each triangle's body.
     """
     here = np.flatnonzero(simulation.present)
     turn = rotation_matrices(simulation.quaternions[here])

@@ -17,15 +17,7 @@ DURATION_OVER_OVERLAP = 3.0
 
 
 class Limit(NamedTuple):
-    """The longest time step, and what sets it.
-
-    Attributes
-    ----------
-    time_step_s : float
-        In seconds.
-    reason : str
-        In words.
-    """
+    """The longest time step, and what sets it, in words."""
 
     time_step_s: float
     reason: str
@@ -38,48 +30,20 @@ class Limit(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """What the longest time step depends on.
-
-    Attributes
-    ----------
-    law : Law
-        The contact law.
-    tension : str
-        How a contact ends, see `Simulation`.
-    materials : mapping
-        From name to Material.
-    contacts : mapping
-        From (material, material) to Contact, in both orders.
-    shapes : mapping
-        From name to Shape or Clump, at least one.
-    walls : collection of str
-        Materials of the walls.
-    """
+    """What the longest time step depends on."""
 
     law: Law
     tension: str
     materials: Mapping[str, Material]
-    contacts: Mapping[tuple[str, str], Contact]
+    contacts: Mapping[tuple[str, str], Contact]  # of pairs in both orders
     shapes: Mapping[str, Shape | Clump]
-    walls: frozenset[str]
+    walls: frozenset[str]  # their materials
 
 
 def longest(scene: Scene, speed_m_s: float = FASTEST_IMPACT_M_S, smallest_scale: float = 1.0) -> Limit:
-    """Longest time step for bodies of some shapes among walls.
+    """Longest time step for bodies of some shapes among walls: the smallest one of `impact` and `pressed`.
 
-    Parameters
-    ----------
-    scene : Scene
-        All that counts.
-    speed_m_s : float, optional
-        Of the fastest impact.
-    smallest_scale : float, optional
-        Of a body; both limits go with the scale.
-
-    Returns
-    -------
-    Limit
-        The smaller one of `impact` and `pressed`, over all shapes.
+    speed_m_s is that of the fastest impact. Both limits are proportional to the scale of a body.
     """
     kinds = list(scene.shapes.values())
     impacts = [impact(scene, a, b, speed_m_s) for a in kinds for b in kinds]
@@ -91,41 +55,13 @@ def longest(scene: Scene, speed_m_s: float = FASTEST_IMPACT_M_S, smallest_scale:
 
 
 def smallest_scales(scene: Scene, time_step_s: float) -> dict[str, float]:
-    """Smallest scales of bodies for a time step.
-
-    Parameters
-    ----------
-    scene : Scene
-        All that counts.
-    time_step_s : float
-        Of the simulation.
-
-    Returns
-    -------
-    dict of float
-        By the names of the shapes; just below the exact ones, so that rounding refuses no body.
-    """
+    """Smallest scale of each shape's bodies for a time step, just below the exact one: rounding refuses no body."""
     limits = {name: longest(scene._replace(shapes={name: shape})) for name, shape in scene.shapes.items()}
     return {name: (1.0 - 1e-12) * (time_step_s / limit.time_step_s) for name, limit in limits.items()}
 
 
 def impact(scene: Scene, a: Shape | Clump, b: Shape | Clump, speed_m_s: float) -> Limit:
-    """A share of the duration of an impact of two bodies that meet head-on.
-
-    Parameters
-    ----------
-    scene : Scene
-        Law and materials count.
-    a, b : Shape or Clump
-        The bodies.
-    speed_m_s : float
-        Of approach.
-
-    Returns
-    -------
-    Limit
-        `STEPS_PER_CONTACT` of them in the impact.
-    """
+    """The time step that resolves a head-on impact of two bodies in `STEPS_PER_CONTACT` steps."""
     duration = _duration(scene, a, b, speed_m_s)
     reason = f"1/{STEPS_PER_CONTACT} of the contact time of two bodies that meet at {speed_m_s:g} m/s"
     return Limit(duration / STEPS_PER_CONTACT, reason)
@@ -136,31 +72,14 @@ def pressed(
 ) -> Limit:
     """Longest time step with which a body rests between two plates that press it from both sides.
 
-    Parameters
-    ----------
-    scene : Scene
-        All that counts.
-    shape : Shape or Clump
-        The body.
-    other : str
-        Material of the plates.
-    of_body : bool, optional
-        Whether the plates are equal bodies, which move against it: a row in which neighbours do so is the stiffest.
-    overlap_m : float, optional
-        Of the body with each plate; by default that of a soft body under a pile, or of the fastest impact, whichever is
-        smaller.
+    other is the material of the plates. With `of_body` they are equal bodies, which move against it: a row in which
+    neighbours do so is the stiffest. overlap_m is that with each plate; by default that of a soft body under a
+    pile, or of the fastest impact, whichever is smaller.
 
-    Returns
-    -------
-    Limit
-        Below it every motion between the plates dies out.
-
-    Notes
-    -----
     The stiffness S of one contact, the number N of them that act at one place, and the mass m of the body give the
     oscillator w^2 = 2 N S / m. Its damping ratio z is sqrt(2) times that of one contact, for all N, which share the
-    damping. With a force of the velocity before the step, the semi-implicit Euler method is stable for
-    dt < 2 / w (sqrt(1 + z^2) - z). In a row of equal bodies m is the m* of two of them.
+    damping. With a force of the velocity before the step, the semi-implicit Euler method is stable for dt < 2 / w
+    (sqrt(1 + z^2) - z). In a row of equal bodies m is the m* of two of them.
     """
     shared = 2.0 if of_body else 1.0
     radius, mass = shape.flattest_radius_m / shared, shape.mass_kg / shared

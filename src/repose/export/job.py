@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from repose import dem
-from repose.apparatus.funnel_geometry import Funnel
+from repose.apparatus.funnel import Funnel
 from repose.apparatus.scene import longest_time_step, materials_of
 from repose.apparatus.settings import SimulationSettings
 from repose.core.errors import InputError

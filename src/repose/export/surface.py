@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from repose.apparatus.funnel_geometry import Funnel
+from repose.apparatus.funnel import Funnel
 
 AROUND = 36
 ARC_DEG = 30.0

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 
 from repose.core.errors import InputError, NoFlankError
 from repose.core.files import read_table, write_table
-from repose.core.responses import names, responses_of
+from repose.core.responses import responses_of
 from repose.measure import pile, saved_pours
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.profile_points import outermost_crossing
@@ -55,7 +55,7 @@ def offered(targets: Iterable[str], definition: str) -> tuple[str, ...]:
     taken = {CALIBRATED_ANGLE, *targets}
     if CALIBRATED_ANGLE in targets:
         taken.add(MEAN_KEYS[definition])
-    return tuple(name for name in names(responses_of(BENCH)) if name not in taken)
+    return tuple(one.name for one in responses_of(BENCH) if one.name not in taken)
 
 
 def mean_half_width(profiles: Sequence[np.ndarray], mm_per_pixel: float, levels_mm: ArrayLike) -> np.ndarray:

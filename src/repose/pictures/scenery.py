@@ -7,11 +7,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from repose.apparatus.funnel_geometry import Funnel
+from repose.apparatus.funnel import Funnel
 from repose.dem import Simulation
-from repose.dem.mesh_wall import Mesh
-from repose.dem.surfaces import Cone
 from repose.dem.tessellation import cone_circles, endless, in_world, plane_polygon
+from repose.dem.walls import Cone, Mesh
 
 FIELD_OF_VIEW_DEG = 24.0
 BAND_PIXELS = 65_536  # per band: the temporary arrays of a band take tens of MB

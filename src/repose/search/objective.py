@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
@@ -34,7 +35,13 @@ class Objective:
     """
 
     def __init__(
-        self, low, high, target=None, weight=None, margin: float = 0.0, constrained: bool = True
+        self,
+        low: ArrayLike,
+        high: ArrayLike,
+        target: ArrayLike | None = None,
+        weight: ArrayLike | None = None,
+        margin: float = 0.0,
+        constrained: bool = True,
     ) -> None:
         self.low, self.high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
         self.width = self.high - self.low

@@ -74,7 +74,7 @@ def curve(
     return pd.DataFrame(rows)
 
 
-def _bits(points, space, observation) -> dict[str, Any]:
+def _bits(points: Points, space: ParameterSpace, observation: tuple) -> dict[str, Any]:
     """Joint bits, effective points, and interval and bits of each parameter."""
     log_weight = log_likelihood(points.predicted, points.covariance, *observation)
     weight = np.exp(log_weight - log_weight.max())

@@ -264,7 +264,14 @@ def _prior_interval(space: ParameterSpace) -> np.ndarray:
     return width
 
 
-def _marginal(draws, shares, low, high, prior_width, effective) -> dict[str, float]:
+def _marginal(
+    draws: np.ndarray,
+    shares: np.ndarray,
+    low: float,
+    high: float,
+    prior_width: float,
+    effective: float,
+) -> dict[str, float]:
     """Mean, interval, width and information of one parameter's draws (n,) in [0, 1]; shares: of the prior below."""
     values = low + draws * (high - low)
     interval = _interval(values)
@@ -280,14 +287,16 @@ def _marginal(draws, shares, low, high, prior_width, effective) -> dict[str, flo
     }
 
 
-def _interval(values) -> dict[str, float]:
+def _interval(values: np.ndarray) -> dict[str, float]:
     """Central credible interval."""
     tail = (1 - CREDIBLE) / 2
     ends = np.quantile(values, [tail, 1 - tail])
     return {"low": float(ends[0]), "high": float(ends[1])}
 
 
-def _beside(other, space, k, draws, first, last) -> dict[str, float]:
+def _beside(
+    other: str, space: ParameterSpace, k: int, draws: np.ndarray, first: float, last: float
+) -> dict[str, float]:
     """An interval from elsewhere for free parameter k, the posterior's probability of it, and the prior's."""
     first, last, low, high = float(first), float(last), space.low[k], space.high[k]
     values = low + draws * (high - low)

@@ -1,14 +1,35 @@
-"""Rounds of the refinement: which jobs a round has, and how its samples are numbered.
+"""Rounds of the refinement: their jobs, how a round is judged, and whether another one follows.
 
 Samples of round k are numbered from 1000 (k + 1). The proposal's seeds are cut into jobs from 1 on, each a sample of
 its own; the neighbours follow from 101.
+
+A round is judged by the simulated means of its proposal alone, from fresh seeds. It is within the bar when every mean
+is within ``refine.tolerance_percent`` of its target, with a standard error below ``refine.standard_error_percent`` of
+the target.
 """
 
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from repose.chain.answer import parameters_in_words
+from repose.core.errors import InputError
+from repose.core.files import read_json, read_table, write_json, write_table
+from repose.core.parameter_sets import read_samples
+from repose.core.parameters import PARAMETERS
+from repose.core.responses import Response, derived
+from repose.core.runs import Recorded, summarise_runs
+from repose.core.targets import Targets
+from repose.search.objective import Objective
+from repose.studies.noise import of_bench
 
 OF_A_ROUND, FIRST_NEIGHBOUR = 1000, 101
 PROPOSAL, NEIGHBOUR = "proposal", "neighbour"
+OUTCOMES = ("within", "not within", "not precise", "no pile")
 
 
 def jobs(section: Mapping[str, Any], round_: int) -> list[tuple[int, str, int]]:
@@ -33,7 +54,7 @@ def goes_on(verdict: Mapping[str, Any], before: Mapping[str, Any] | None = None)
     """Whether another round has something to gain: the bar is missed and there are new data to learn from.
 
     Where the targets are out of reach, the loop goes on as long as it comes nearer. `before` is the verdict of the
-    round before; both are of `repose.studies.verdict`.
+    round before; both are of `run_judge`.
     """
     return verdict["outcome"] != "within" and verdict["usable"] > 0 and not stuck(verdict, before)
 
@@ -43,3 +64,221 @@ def stuck(verdict: Mapping[str, Any], before: Mapping[str, Any] | None) -> bool:
     if before is None or not verdict["out_of_reach"] or None in (verdict["objective"], before["objective"]):
         return False
     return verdict["objective"] >= before["objective"]
+
+
+def judge(
+    proposal: pd.DataFrame, runs: pd.DataFrame, targets: Targets, section: Mapping[str, Any], round_: int
+) -> dict[str, Any]:
+    """Result of a round as one row.
+
+    `proposal` is of `repose.studies.refine.propose`, `runs` are all runs of the round, `section` is `refine`. Columns:
+    parameters, number of runs; of each response target, prediction, simulated mean, standard error and deviations;
+    objective (Eq. 11) of the simulated means; out_of_reach, where the prediction itself misses the bar; outcome of
+    `OUTCOMES`, its reason, and the search's warning. NaN for a missing number.
+    """
+    rows = proposal[proposal["role"] == PROPOSAL]
+    own = runs[runs["sample"].isin(rows["sample"])].astype(object)
+    summary = _summary(own.where(own.notna(), None), targets)
+    row: dict[str, Any] = {"round": round_, **{name: float(rows[name].iloc[0]) for name in PARAMETERS}}
+    row |= {"poured": len(own), "n_seeds": summary["n_seeds"]}
+    for target in targets:
+        predicted = float(rows[target.response.predicted].iloc[0])
+        mean, error = (_number(summary[key]) for key in (target.name, target.response.error))
+        row |= _numbers(target.response, target.aim, predicted, mean, error)
+    means = np.array([[row[one.simulated] for one in targets.responses]])
+    row["objective"] = float(Objective.of(targets)(means)[0][0])
+    off = abs(np.array([row[key] for key in targets.predicted]) - targets.aim)
+    row["out_of_reach"] = bool((100 * off > section["tolerance_percent"] * abs(targets.aim)).any())
+    row["outcome"], row["reason"] = _outcome(row, summary, targets, section)
+    row["warning"] = str(rows["warning"].iloc[0]) if pd.notna(rows["warning"].iloc[0]) else ""
+    return row
+
+
+def _summary(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
+    """Means and errors of all runs of a proposal; it is ok where it is in every bench test."""
+    found: dict[str, Any] = {}
+    for bench in targets.apparatus:
+        names = tuple(one.name for one in targets if one.response.apparatus == bench)
+        one = summarise_runs(of_bench(runs, bench).to_dict("records"), Recorded(names))
+        seeds = min(one["n_seeds"], found.get("n_seeds", one["n_seeds"]))
+        # the status of the first bench test that failed stays
+        found = (one | found if found.get("status", "ok") != "ok" else found | one) | {"n_seeds": seeds}
+    return found
+
+
+def _numbers(
+    response: Response, wanted: float, predicted: float, mean: float, error: float
+) -> dict[str, float]:
+    """Columns of one response in rounds.csv."""
+    name, quantity = response.name, response.quantity
+    return {
+        derived(name, "target"): wanted,
+        response.predicted: predicted,
+        response.simulated: mean,
+        response.error: error,
+        f"{quantity}_deviation_percent": 100 * (mean - wanted) / wanted,
+        f"{quantity}_se_percent": 100 * error / wanted,
+        f"{quantity}_deviation_se": (mean - wanted) / error if error > 0 else np.nan,
+        f"{quantity}_prediction_error_percent": 100 * (predicted - mean) / mean,
+    }
+
+
+def _number(value: float | None) -> float:
+    """A number, NaN for None."""
+    return np.nan if value is None else float(value)
+
+
+def _outcome(
+    row: Mapping[str, Any], summary: Mapping[str, Any], targets: Targets, section: Mapping[str, Any]
+) -> tuple[str, str]:
+    """Outcome of a round, and the deviation of each response in words."""
+    if summary["status"] != "ok":
+        return "no pile", f"{summary['status']}: {summary['reason']}"
+    words, far, vague = [], False, False
+    for target in targets:
+        response, unit = target.response, target.response.unit
+        off, error = row[f"{response.quantity}_deviation_percent"], row[f"{response.quantity}_se_percent"]
+        counted, misses = row[f"{response.quantity}_deviation_se"], abs(off) > section["tolerance_percent"]
+        text = f"{response.symbol} {row[response.simulated]:.2f} {unit} is {abs(off):.2f} %"
+        text += f" ({abs(counted):.1f} standard errors)" if np.isfinite(counted) else ""
+        text += f" {'above' if off > 0 else 'below'} {target.aim:g} {unit}"
+        text += "" if misses else f", within {section['tolerance_percent']:g} %"
+        far |= misses
+        if not error < section["standard_error_percent"]:
+            vague = True
+            known = f"is {error:.2f} %" if np.isfinite(error) else "is not known"
+            text += f", its standard error {known}, not below {section['standard_error_percent']:g} %"
+        words.append(text)
+    outcome = "not within" if far else "not precise" if vague else "within"
+    return outcome, "" if outcome == "within" else "; ".join(words)
+
+
+def why_stopped(
+    verdict: Mapping[str, Any], limit: int, targets: Targets, before: Mapping[str, Any] | None = None
+) -> str:
+    """Why the loop ends after a round, in words.
+
+    `verdict` is of the last round, `before` of the round before it; `limit` is the largest number of refits.
+    """
+    row = f"round {verdict['round']}"
+    if verdict["outcome"] == "within":
+        return f"{row} meets {('the target', 'both targets', 'all targets')[min(len(targets), 3) - 1]}"
+    if stuck(verdict, before):
+        return f"{row} predicts that the targets are out of reach and came no nearer: {verdict['reason']}"
+    if not goes_on(verdict):
+        return f"{row} gave no pile to learn from ({verdict['reason']})"
+    return f"the limit of {limit} refits is reached, and {row} is {verdict['outcome']}: {verdict['reason']}"
+
+
+def claim(verdict: Mapping[str, Any], targets: Targets) -> str:
+    """Claim for the proposal of the last round in words, from the round's own runs."""
+    if verdict["outcome"] == "no pile":
+        return "none: the proposal gives no pile"
+    values = []
+    for response in targets.responses:
+        error, off = verdict[response.error], verdict[f"{response.quantity}_deviation_percent"]
+        known = "unknown" if error is None else f"{error:.2f}"
+        mean = f"{response.symbol} {verdict[response.simulated]:.2f} ± {known}"
+        values.append(f"{mean} {response.unit} ({off:+.2f} %)")
+    seeds = f"{verdict['n_seeds']} seeds, which no fit had seen when they were poured"
+    return f"{' and '.join(values)}, mean and standard error of {seeds}"
+
+
+def points(
+    proposal: pd.DataFrame, dataset: pd.DataFrame, row: Mapping[str, Any], targets: Targets
+) -> pd.DataFrame:
+    """All points of a round, the proposal as one: the table round.csv.
+
+    `proposal` is of `repose.studies.refine.propose`, `dataset` of the round's own jobs, `row` of `judge`. Columns:
+    parameters, seeds, predicted, simulated, standard errors and status.
+    """
+    measured = [column for one in targets for column in (one.name, one.response.error)]
+    shown = dataset[["sample", "n_seeds", *targets.names, *targets.errors, "status", "reason"]]
+    table = proposal.drop(columns=["seeds", "warning"]).merge(shown, on="sample")
+    renamed = {one.name: one.response.simulated for one in targets}
+    table = table.rename(columns=renamed)
+    own = table["role"] == PROPOSAL
+    table = pd.concat([table[own].head(1), table[~own]], ignore_index=True).astype({"reason": object})
+    for column in ("n_seeds", *(renamed.get(name, name) for name in measured)):
+        table.loc[0, column] = row[column]
+    if row["outcome"] != "no pile":
+        table.loc[0, ["status", "reason"]] = ["ok", ""]
+    return table
+
+
+def run_judge(
+    proposal_csv: str | os.PathLike,
+    dataset_csv: str | os.PathLike,
+    runs_csv: str | os.PathLike,
+    targets: Targets,
+    section: Mapping[str, Any],
+    out_dir: str | os.PathLike,
+) -> dict[str, Any]:
+    """Judge a round: write round.csv, the table of `points`, and verdict.json; return the latter.
+
+    It is the row of `judge` with ``usable``, the number of usable samples. InputError if the dataset lacks a sample of
+    the proposal.
+    """
+    proposal = read_samples(proposal_csv)
+    dataset = read_table(dataset_csv, ("sample", "status", "n_seeds", *targets.names, *targets.errors))
+    runs = read_table(runs_csv, ("sample", "status", "reason", *targets.names))
+    missing = sorted(set(proposal["sample"]) - set(dataset["sample"]))
+    if missing:
+        raise InputError(dataset_csv, "samples", missing, f"all samples of {proposal_csv}")
+    round_ = round_of(int(proposal["sample"].iloc[0]))
+    row = judge(proposal, runs, targets, section, round_) | {"usable": int((dataset["status"] == "ok").sum())}
+    write_table(Path(out_dir) / "round.csv", points(proposal, dataset, row, targets))
+    write_json(Path(out_dir) / "verdict.json", _plain(row))
+    return row
+
+
+def run_tables(
+    verdict_jsons: Sequence[str | os.PathLike], limit: int, targets: Targets, out_dir: str | os.PathLike
+) -> dict[str, Any]:
+    """Write rounds.csv, a row for each round, and summary.json with the reason of the stop; return the summary.
+
+    It also holds the claim. `verdict_jsons` are of `run_judge`, in any order. InputError if the rounds are not 0,
+    1, 2, ...
+    """
+    keys = {"round": int, "outcome": str}
+    verdicts = [read_json(path, keys, "what the verb refine_judge wrote") for path in verdict_jsons]
+    verdicts.sort(key=lambda one: one["round"])
+    if [one["round"] for one in verdicts] != list(range(len(verdicts))) or not verdicts:
+        raise InputError(
+            "verdicts", "rounds", [one["round"] for one in verdicts], "0, 1, 2, ... without a gap"
+        )
+    write_table(Path(out_dir) / "rounds.csv", pd.DataFrame(verdicts))
+    last = verdicts[-1]
+    summary = {
+        "met": last["outcome"] == "within",
+        "rounds": len(verdicts),
+        "why": why_stopped(last, limit, targets, verdicts[-2] if len(verdicts) > 1 else None),
+        "solution": {name: last[name] for name in PARAMETERS},
+        "claim": claim(last, targets),
+        "pours": int(sum(one["poured"] for one in verdicts)),
+    }
+    write_json(Path(out_dir) / "summary.json", summary)
+    return summary
+
+
+def in_words(summary_json: str | os.PathLike, label: str) -> str:
+    """Result of a finished refinement for the end of a run; `summary_json` is of `run_tables`."""
+    keys = {"met": bool, "why": str, "solution": dict, "claim": str, "pours": int}
+    summary = read_json(summary_json, keys, "what the verb refine_tables wrote")
+    met = "Refined: targets met" if summary["met"] else "Refined: targets NOT met"
+    return "\n".join(
+        [
+            f"{label}: the refined parameters:",
+            *parameters_in_words(summary["solution"]),
+            f"Simulated: {summary['claim']}",
+            f"Tables: {Path(summary_json).parent}; pours of all rounds: {summary['pours']}",
+            f"{met}; {summary['why']}.",
+        ]
+    )
+
+
+def _plain(row: Mapping[str, Any]) -> dict[str, Any]:
+    """The row for JSON, which has no NaN: None instead."""
+    return {
+        key: None if isinstance(value, float) and np.isnan(value) else value for key, value in row.items()
+    }

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from repose.apparatus.funnel_geometry import Funnel
+from repose.apparatus.funnel import Funnel
 from repose.dem import Contact, Cylinder, Simulation, random_quaternion
 
 from .case import Curve, Effort, Panel, Result, at_most, close, reported

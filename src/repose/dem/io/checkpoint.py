@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from .. import surfaces
+from .. import walls as wall_types
 from ..cache import source_hash
 from ..errors import InputError
 from ..kernels import state as st
 from ..materials import Contact, Material
-from ..motion import Motion
 from ..shapes import Clump, Shape
+from ..walls import Motion
 from .whole import write_whole
 
 FORMAT = 1
@@ -26,39 +26,16 @@ OF_BODIES = ("limit", "deepest")  # arrays of wall contacts that have a place fo
 
 
 def save(simulation: Any, path: str | os.PathLike) -> None:
-    """Write a simulation to a file in one move.
-
-    Parameters
-    ----------
-    simulation : Simulation
-        The simulation.
-    path : path
-        The file: a .npz of plain arrays, the descriptive part as JSON in bytes.
-    """
+    """Write a simulation to a .npz of plain arrays, in one move; the descriptive part is JSON in bytes."""
     about = json.dumps(_description(simulation)).encode()
     arrays = {ABOUT: np.frombuffer(about, np.uint8), **dict(_arrays(simulation))}
     write_whole(path, lambda handle: np.savez_compressed(handle, **arrays))
 
 
 def load(kind: type, path: str | os.PathLike) -> Any:
-    """Read the simulation of a file.
+    """Read the simulation of a file, as it was saved; kind: its class.
 
-    Parameters
-    ----------
-    kind : type
-        Class of the simulation.
-    path : path
-        The file.
-
-    Returns
-    -------
-    Simulation
-        In the state in which it was saved.
-
-    Raises
-    ------
-    repose.dem.errors.InputError
-        Naming the file where it is missing, damaged, of another format, or of other engine sources.
+    InputError names the file where it is missing, damaged, of another format, or of other engine sources.
     """
     path = Path(path)
     about, arrays = _read(path)
@@ -168,7 +145,7 @@ def _arguments(about):
     walls = {}
     for name, (kind, fields) in about["walls"].items():
         motion = Motion(**_tuples(fields["motion"]))
-        walls[name] = getattr(surfaces, kind)(**{**_tuples(fields), "motion": motion})
+        walls[name] = getattr(wall_types, kind)(**{**_tuples(fields), "motion": motion})
     return {
         "shapes": {name: _shape(fields) for name, fields in about["shapes"].items()},
         "materials": {name: Material(**fields) for name, fields in about["materials"].items()},

@@ -11,29 +11,10 @@ BAR_EVERY_S = 0.1
 
 
 def display(begin_s: float, end_s: float, time_step_s: float, progress: Any = None, label: str = "") -> Any:
-    """What shows the progress of a run.
+    """A context manager that shows how far a run is, to be called with the simulated time [s] now and then.
 
-    Parameters
-    ----------
-    begin_s, end_s : float
-        Simulated time at the ends of the run.
-    time_step_s : float
-        Of the simulation.
-    progress : None, False or callable, optional
-        None: a bar where stderr is a terminal, else a line a minute. False: silence. Or a function of the
-        simulated time.
-    label : str, optional
-        Words before the numbers.
-
-    Returns
-    -------
-    context manager
-        To be called with the simulated time [s] now and then.
-
-    Raises
-    ------
-    ValueError
-        If `progress` is something else.
+    progress None: a bar where stderr is a terminal, else a line a minute. False: silence. Or a function of the
+    simulated time. label: words before the numbers.
     """
     if progress is False:
         return _Display(begin_s, end_s, time_step_s, label)
@@ -137,18 +118,7 @@ class _Bar(_Display):
 
 
 def clock(seconds: float) -> str:
-    """Seconds as hours, minutes and seconds.
-
-    Parameters
-    ----------
-    seconds : float
-        0 or more.
-
-    Returns
-    -------
-    str
-        1:02:03, or 02:03 below an hour.
-    """
+    """Seconds as 1:02:03, or 02:03 below an hour."""
     minutes, seconds = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes:02d}:{seconds:02d}"

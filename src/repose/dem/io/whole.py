@@ -7,15 +7,7 @@ from typing import IO, Any
 
 
 def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> None:
-    """Write a file in one move, so that an interrupt leaves the earlier file as it was.
-
-    Parameters
-    ----------
-    path : path
-        The file; folders that are missing are made.
-    write : callable
-        Gets the open file (bytes) and writes the content to it.
-    """
+    """Write a file in one move, so that an interrupt leaves the earlier one; `write` gets the open file."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f"{path.name}.{os.getpid()}.part")

@@ -162,7 +162,7 @@ def check(study: Study) -> str:
     )
 
 
-def _response_row(study, one: Target):
+def _response_row(study: Study, one: Target) -> list[str]:
     """Row of one target."""
     response, unit = one.response, one.response.unit
     predicted, simulated, error = (

@@ -11,7 +11,7 @@ from shared import targets_of
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.core.seeds import pour_seeds
-from repose.studies import rounds, verdict
+from repose.studies import rounds
 
 SECTION = {
     "seeds": 20,
@@ -41,7 +41,7 @@ def judged(targets=TARGETS, section=SECTION, **responses):
     count = len(next(iter(responses.values())))
     noise = runs_of([1101], **dict.fromkeys(responses, 99.0))  # a neighbour, which has no say
     runs = pd.concat([runs_of([1001] * (count - 1) + [1002], **responses), noise])
-    return verdict.judge(proposed(targets, count), runs, targets, section, 0)
+    return rounds.judge(proposed(targets, count), runs, targets, section, 0)
 
 
 def test_a_round_is_cut_into_blocks_of_its_seeds_and_neighbours():
@@ -96,7 +96,7 @@ def test_a_mean_that_is_near_by_luck_is_not_precise_enough():
 
 def test_a_proposal_without_a_pile_has_an_outcome_of_its_own():
     runs = runs_of([1001, 1002], aor_deg=30.0, height_mm=60.0).assign(status="jammed", reason="stuck")
-    row = verdict.judge(proposed(TARGETS, 2), runs, TARGETS, SECTION, 0)
+    row = rounds.judge(proposed(TARGETS, 2), runs, TARGETS, SECTION, 0)
     assert row["outcome"] == "no pile"
     assert row["reason"] == "jammed: 2 of 2 runs jammed (stuck)"
     assert np.isnan(row["aor_simulated_deg"])
@@ -106,8 +106,8 @@ def test_one_target():
     row = judged(targets_of(drum_slip_deg=40.0), drum_slip_deg=[40.2, 40.2, 40.0, 40.0])
     assert row["outcome"] == "within"
     assert row["drum_slip_simulated_deg"] == pytest.approx(40.1)
-    assert verdict.why_stopped(row, 4, targets_of(drum_slip_deg=40.0)) == "round 0 meets the target"
-    assert verdict.claim(row, targets_of(drum_slip_deg=40.0)).startswith(
+    assert rounds.why_stopped(row, 4, targets_of(drum_slip_deg=40.0)) == "round 0 meets the target"
+    assert rounds.claim(row, targets_of(drum_slip_deg=40.0)).startswith(
         "slip 40.10 ± 0.06 deg (+0.25 %), mean"
     )
 
@@ -125,7 +125,7 @@ def of_two_bench_tests(slip):
 
 
 def test_four_targets_of_two_bench_tests():
-    row = verdict.judge(proposed(FOUR, 4), of_two_bench_tests([40.0, 40.2, 44.0]), FOUR, SECTION, 0)
+    row = rounds.judge(proposed(FOUR, 4), of_two_bench_tests([40.0, 40.2, 44.0]), FOUR, SECTION, 0)
     assert (row["poured"], row["n_seeds"]) == (7, 3)
     assert row["outcome"] == "not within"
     assert row["base_radius_simulated_mm"] == pytest.approx(110)
@@ -133,21 +133,21 @@ def test_four_targets_of_two_bench_tests():
     assert "slip 41.40 deg is 3.50 %" in row["reason"]
     failed = of_two_bench_tests([40.0, 40.2])
     failed.loc[failed["apparatus"] == "drum", ["status", "reason"]] = ["jammed", "stuck"]
-    row = verdict.judge(proposed(FOUR, 4), failed, FOUR, SECTION, 0)
+    row = rounds.judge(proposed(FOUR, 4), failed, FOUR, SECTION, 0)
     assert (row["outcome"], row["reason"]) == ("no pile", "jammed: 2 of 2 runs jammed (stuck)")
-    assert verdict.why_stopped(row | {"outcome": "within"}, 4, FOUR) == "round 0 meets all targets"
+    assert rounds.why_stopped(row | {"outcome": "within"}, 4, FOUR) == "round 0 meets all targets"
 
 
 def test_the_loop_goes_on_while_there_is_something_to_learn():
     missed = {"round": 1, "outcome": "not within", "reason": "AoR off", "usable": 3}
     assert rounds.goes_on(missed)
-    why = verdict.why_stopped(missed, 1, TARGETS)
+    why = rounds.why_stopped(missed, 1, TARGETS)
     assert "limit of 1 refits is reached, and round 1 is not within: AoR off" in why
     assert not rounds.goes_on(missed | {"outcome": "within"})
-    assert verdict.why_stopped(missed | {"outcome": "within"}, 4, TARGETS) == "round 1 meets both targets"
+    assert rounds.why_stopped(missed | {"outcome": "within"}, 4, TARGETS) == "round 1 meets both targets"
     empty = missed | {"outcome": "no pile", "usable": 0}
     assert not rounds.goes_on(empty)
-    assert "no pile to learn from" in verdict.why_stopped(empty, 4, TARGETS)
+    assert "no pile to learn from" in rounds.why_stopped(empty, 4, TARGETS)
 
 
 def test_targets_out_of_reach_end_the_loop_where_it_comes_no_nearer():
@@ -155,24 +155,24 @@ def test_targets_out_of_reach_end_the_loop_where_it_comes_no_nearer():
     assert not reached["out_of_reach"]
     table = proposed(TARGETS, 3).assign(aor_predicted_deg=29.0)
     runs = runs_of([1001] * 3, aor_deg=[29.0, 29.1, 28.9], height_mm=[60.0, 60.2, 59.8])
-    row = verdict.judge(table, runs, TARGETS, SECTION, 1) | {"usable": 3}
+    row = rounds.judge(table, runs, TARGETS, SECTION, 1) | {"usable": 3}
     assert row["out_of_reach"]
     assert row["objective"] == pytest.approx(1 / (TARGETS.high - TARGETS.low)[0])
     nearer, farther = (row | {"objective": row["objective"] + off} for off in (-0.1, 0.1))
     assert rounds.goes_on(row, farther)
     assert not rounds.goes_on(row, nearer)
     assert rounds.goes_on(row | {"out_of_reach": False}, nearer)
-    assert "out of reach and came no nearer" in verdict.why_stopped(row, 4, TARGETS, nearer)
-    assert "the limit of 4 refits" in verdict.why_stopped(row, 4, TARGETS, farther)
+    assert "out of reach and came no nearer" in rounds.why_stopped(row, 4, TARGETS, nearer)
+    assert "the limit of 4 refits" in rounds.why_stopped(row, 4, TARGETS, farther)
 
 
 def test_rounds_with_a_gap_are_refused(tmp_path):
     (tmp_path / "verdict.json").write_text('{"round": 1, "outcome": "within"}')
     with pytest.raises(InputError, match="without a gap"):
-        verdict.run_tables([tmp_path / "verdict.json"], 4, TARGETS, tmp_path)
+        rounds.run_tables([tmp_path / "verdict.json"], 4, TARGETS, tmp_path)
     (tmp_path / "verdict.json").write_text("{}")
     with pytest.raises(InputError, match=r"verdict\.json: round"):
-        verdict.run_tables([tmp_path / "verdict.json"], 4, TARGETS, tmp_path)
+        rounds.run_tables([tmp_path / "verdict.json"], 4, TARGETS, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -182,8 +182,8 @@ def test_the_end_of_a_refinement_says_last_whether_the_targets_are_met(outcome, 
     row = judged(aor_deg=[29.9, 30.1, 30.0], height_mm=[60.0, 60.2, 59.8])
     assert row["outcome"] == "within"
     (tmp_path / "verdict.json").write_text(json.dumps(row | {"outcome": outcome, "usable": 1}))
-    verdict.run_tables([tmp_path / "verdict.json"], 0, TARGETS, tmp_path)
-    text = verdict.in_words(tmp_path / "summary.json", "wheat").splitlines()
+    rounds.run_tables([tmp_path / "verdict.json"], 0, TARGETS, tmp_path)
+    text = rounds.in_words(tmp_path / "summary.json", "wheat").splitlines()
     assert text[0] == "wheat: the refined parameters:"
     assert [line.split()[:2] for line in text[1:7]] == [[name, "0.5"] for name in PARAMETERS]
     assert text[7].startswith("Simulated: AoR 30.00 ± 0.06 deg (+0.00 %) and Height")

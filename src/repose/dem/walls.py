@@ -1,0 +1,520 @@
+"""Walls: planes, cones and cylinders, rounded ring edges, meshes; their motion, and their arrays for the kernels."""
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from .checks import array, direction, mapping, name_of, not_negative, number, positive, vector
+from .errors import InputError
+from .kernels import state as st
+from .kernels.features import split
+
+ORIGIN = (0.0, 0.0, 0.0)
+UP = (0.0, 0.0, 1.0)
+HOME = np.concatenate([np.zeros(3), np.eye(3).ravel()])  # the frame that is the world
+Vector = Sequence[float] | np.ndarray
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Rigid motion of a wall.
+
+    Parameters
+    ----------
+    velocity_m_s : array_like (3,)
+        Velocity of the pivot [m/s].
+    angular_velocity_rad_s : array_like (3,)
+        Angular velocity about the pivot [rad/s].
+    pivot_m : array_like (3,)
+        The pivot at the beginning [m]; it moves along.
+
+    Raises
+    ------
+    ValueError
+        Naming the value that is not three finite numbers.
+    """
+
+    velocity_m_s: Vector = ORIGIN
+    angular_velocity_rad_s: Vector = ORIGIN
+    pivot_m: Vector = ORIGIN
+
+    def __post_init__(self):
+        self.row()
+
+    def row(self) -> np.ndarray:
+        """Velocity, angular velocity and pivot as the kernels take them (9,)."""
+        return np.concatenate(
+            [
+                vector("velocity_m_s", self.velocity_m_s),
+                vector("angular_velocity_rad_s", self.angular_velocity_rad_s),
+                vector("pivot_m", self.pivot_m),
+            ]
+        )
+
+
+STILL = Motion()
+
+
+def _check_common(surface):
+    """ValueError unless a wall's material is a name and its motion a `Motion`."""
+    name_of("material", surface.material)
+    if not isinstance(surface.motion, Motion):
+        raise ValueError(f"motion is {surface.motion!r}; allowed: a Motion")
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A plane, or a disc of it.
+
+    Parameters
+    ----------
+    point_m : array_like (3,)
+        A point of the plane, the middle of a disc [m].
+    normal : array_like (3,)
+        Normal towards the bodies, of any length but 0.
+    material : str
+        A name that the simulation knows.
+    radius_m : float
+        Radius of a disc, above 0 [m]; a plane without end by default.
+    motion : Motion
+        How the wall moves; by default it rests.
+
+    Raises
+    ------
+    ValueError
+        Naming the value and what is allowed.
+    """
+
+    point_m: Vector
+    normal: Vector
+    material: str
+    radius_m: float = math.inf
+    motion: Motion = STILL
+
+    def __post_init__(self):
+        _check_common(self)
+        self.row()
+
+    def row(self) -> np.ndarray:
+        """The plane as the kernels take it: its normal points into the wall there."""
+        if self.radius_m != math.inf:
+            positive("radius_m", self.radius_m)
+        return np.concatenate(
+            [vector("point_m", self.point_m), -direction("normal", self.normal), [self.radius_m]]
+        )
+
+
+@dataclass(frozen=True)
+class Cone:
+    """The inside of a cone about an axis, given by its line in the half plane (r, z) of its own frame.
+
+    `between` makes one of two circles.
+
+    Parameters
+    ----------
+    line : array_like (7,)
+        m_r, m_z (unit normal from the inside into the wall), offset k with m.(r, z) = k [m], first and last place along
+        the line [m], e_r, e_z (unit vector up along the line).
+    material : str
+        A name that the simulation knows.
+    origin_m : array_like (3,)
+        Origin of the wall's own frame [m].
+    axis : array_like (3,)
+        Direction of the frame's z axis, of any length but 0.
+    motion : Motion
+        How the wall moves; by default it rests.
+
+    Raises
+    ------
+    ValueError
+        Naming the value and what is allowed.
+    """
+
+    line: Vector
+    material: str
+    origin_m: Vector = ORIGIN
+    axis: Vector = UP
+    motion: Motion = STILL
+
+    def __post_init__(self):
+        _check_common(self)
+        m_r, m_z, _offset, first, last, e_r, e_z = vector("line", self.line, 7)
+        if max(abs(math.hypot(m_r, m_z) - 1.0), abs(math.hypot(e_r, e_z) - 1.0)) > 1e-6 or not first < last:
+            raise ValueError(
+                f"line is {self.line!r}; allowed: unit vectors (m_r, m_z) and (e_r, e_z), first below last place"
+            )
+        frame_of(self)
+
+    @classmethod
+    def between(
+        cls,
+        base_m: Vector,
+        axis: Vector,
+        height_m: float,
+        base_radius_m: float,
+        top_radius_m: float,
+        material: str,
+        motion: Motion = STILL,
+    ) -> "Cone":
+        """The inside of a cone between two circles.
+
+        Parameters
+        ----------
+        base_m : array_like (3,)
+            The middle of the first circle [m].
+        axis : array_like (3,)
+            Direction from the first circle to the second, of any length but 0.
+        height_m : float
+            Distance of the circles, above 0 [m].
+        base_radius_m, top_radius_m : float
+            Radii of the first and of the second circle [m]. One of them may be 0.
+        material : str
+            A name that the simulation knows.
+        motion : Motion
+            How the wall moves; by default it rests.
+
+        Returns
+        -------
+        Cone
+            The wall.
+
+        Raises
+        ------
+        ValueError
+            Naming the value and what is allowed.
+        """
+        vector("base_m", base_m)
+        height = positive("height_m", height_m)
+        not_negative("base_radius_m", base_radius_m)
+        not_negative("top_radius_m", top_radius_m)
+        if base_radius_m == top_radius_m == 0.0:
+            raise ValueError("base_radius_m and top_radius_m are 0; allowed: at most one of them")
+        length = math.hypot(height, top_radius_m - base_radius_m)
+        e_r, e_z = (top_radius_m - base_radius_m) / length, height / length
+        line = (
+            e_z,
+            -e_r,
+            e_z * base_radius_m,
+            e_r * base_radius_m,
+            e_r * top_radius_m + e_z * height,
+            e_r,
+            e_z,
+        )
+        return cls(line, material, base_m, axis, motion)
+
+    def row(self) -> np.ndarray:
+        """The cone as the kernels take it, in its own frame."""
+        return np.array([*self.line, 0.0], float)
+
+
+def Cylinder(
+    base_m: Vector, axis: Vector, height_m: float, radius_m: float, material: str, motion: Motion = STILL
+) -> Cone:
+    """The inside of a cylinder.
+
+    Parameters
+    ----------
+    base_m : array_like (3,)
+        The middle of its first end [m].
+    axis : array_like (3,)
+        Direction from the first end to the other, of any length but 0.
+    height_m : float
+        Distance of the ends, above 0 [m].
+    radius_m : float
+        Radius, above 0 [m].
+    material : str
+        A name that the simulation knows.
+    motion : Motion
+        How the wall moves; by default it rests.
+
+    Returns
+    -------
+    Cone
+        The wall, a cone of two equal radii.
+
+    Raises
+    ------
+    ValueError
+        Naming the value and what is allowed.
+    """
+    positive("radius_m", radius_m)
+    return Cone.between(base_m, axis, height_m, radius_m, radius_m, material, motion)
+
+
+@dataclass(frozen=True)
+class RingEdge:
+    """A rounded circular edge about an axis: a torus.
+
+    Parameters
+    ----------
+    radius_m : float
+        Radius of the core circle, above `edge_radius_m` [m].
+    edge_radius_m : float
+        Radius of the edge, above 0 [m].
+    material : str
+        A name that the simulation knows.
+    gates : array_like (2, 2)
+        Two directions (g_r, g_z) of the half plane (r, z). A contact whose normal, seen from the body, opposes one of
+        them lies behind the walls that meet at the edge, and is none. Zeros leave the whole torus open.
+    height_m : float
+        Height of the core circle in the wall's own frame [m].
+    origin_m : array_like (3,)
+        Origin of the wall's own frame [m].
+    axis : array_like (3,)
+        Direction of the frame's z axis, of any length but 0.
+    motion : Motion
+        How the wall moves; by default it rests.
+
+    Raises
+    ------
+    ValueError
+        Naming the value and what is allowed.
+    """
+
+    radius_m: float
+    edge_radius_m: float
+    material: str
+    gates: tuple = ((0.0, 0.0), (0.0, 0.0))
+    height_m: float = 0.0
+    origin_m: Vector = ORIGIN
+    axis: Vector = UP
+    motion: Motion = STILL
+
+    def __post_init__(self):
+        _check_common(self)
+        edge = positive("edge_radius_m", self.edge_radius_m)
+        number("radius_m", self.radius_m, f"above edge_radius_m, {edge}", lambda radius: radius > edge)
+        number("height_m", self.height_m, "a finite number", lambda _height: True)
+        array("gates", self.gates, (2, 2), "two directions of two finite numbers")
+        frame_of(self)
+
+    def row(self) -> np.ndarray:
+        """The ring as the kernels take it, in its own frame."""
+        return np.array(
+            [self.radius_m, self.height_m, self.edge_radius_m, *self.gates[0], *self.gates[1]], float
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A wall of triangles, touched from the side of their outward normals: the surface of a solid obstacle.
+
+    Parameters
+    ----------
+    vertices_m : array_like (V, 3)
+        Vertices [m].
+    faces : array_like of int (F, 3)
+        Indices of each triangle's vertices, counter-clockwise seen from the bodies. No triangle may be degenerate; at
+        most two triangles, wound alike, may meet at an edge.
+    material : str
+        A name that the simulation knows.
+    edge_radius_m : float
+        Convex edges and vertices, and open borders, are rounded with this radius, above 0 [m]. The rounding is tangent
+        to the faces, which stay where they are. It must leave every triangle some room.
+    motion : Motion
+        How the wall moves; by default it rests.
+
+    Raises
+    ------
+    ValueError
+        Naming the argument and what is allowed.
+
+    Notes
+    -----
+    Bodies that come from behind a face pass through it. Where faces meet in a concave kink below 20 degrees, a body
+    touches the face that it overlaps most.
+    """
+
+    vertices_m: np.ndarray
+    faces: np.ndarray
+    material: str
+    edge_radius_m: float = 0.0005
+    motion: Motion = STILL
+
+    origin_m = ORIGIN
+    axis = UP
+
+    def __post_init__(self):
+        vertices = np.asarray(self.vertices_m, float)
+        if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.all(np.isfinite(vertices)):
+            raise ValueError(f"vertices_m is {self.vertices_m!r}; allowed: (V, 3) finite numbers")
+        faces = np.asarray(self.faces)
+        if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces) or faces.dtype.kind not in "iu":
+            raise ValueError(f"faces is {self.faces!r}; allowed: (F, 3) whole numbers, at least one triangle")
+        if faces.min() < 0 or faces.max() >= len(vertices):
+            raise ValueError(
+                f"faces has {faces.min()} to {faces.max()}; allowed: 0 to {len(vertices) - 1}, rows of vertices_m"
+            )
+        if not (math.isfinite(self.edge_radius_m) and self.edge_radius_m > 0.0):
+            raise ValueError(f"edge_radius_m is {self.edge_radius_m!r}; allowed: above 0")
+        corners = vertices[faces]
+        sides = corners[:, 1:] - corners[:, :1]
+        thin = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+        thin = np.flatnonzero(thin <= 1e-12 * np.max(np.sum(np.ptp(vertices, axis=0) ** 2)))
+        if len(thin):
+            raise ValueError(
+                f"faces has {faces[thin[0]].tolist()}, a triangle without area; allowed: triangles with an area"
+            )
+        if not isinstance(self.motion, Motion):
+            raise ValueError(f"motion is {self.motion!r}; allowed: a Motion")
+        object.__setattr__(self, "vertices_m", vertices)
+        object.__setattr__(self, "faces", faces.astype(np.int64))
+        object.__setattr__(self, "part", split(vertices, self.faces, float(self.edge_radius_m)))
+
+    @classmethod
+    def from_stl(
+        cls,
+        path: str | os.PathLike,
+        material: str,
+        scale: float = 1.0,
+        edge_radius_m: float = 0.0005,
+        motion: Motion = STILL,
+    ) -> "Mesh":
+        """A mesh from a file.
+
+        Parameters
+        ----------
+        path : path
+            An STL file, or another that trimesh reads.
+        material : str
+            A name that the simulation knows.
+        scale : float
+            Metres of one unit of the file, above 0.
+        edge_radius_m, motion
+            As of `Mesh`.
+
+        Returns
+        -------
+        Mesh
+            The wall.
+
+        Raises
+        ------
+        repose.dem.errors.InputError
+            A ValueError that names the file where it cannot be read or has no triangle.
+        ValueError
+            Naming the file where its triangles are no `Mesh`, or the scale.
+        """
+        if not (math.isfinite(scale) and scale > 0.0):
+            raise ValueError(f"scale is {scale!r}; allowed: above 0")
+        try:
+            source: Any = path
+            mesh: Any = trimesh.load(source, force="mesh")
+        except Exception as error:  # trimesh's readers raise whatever their parsers do
+            raise InputError(
+                path, "file", str(error), "a mesh that trimesh can read, such as an STL"
+            ) from None
+        if not len(mesh.faces):
+            raise InputError(path, "triangles", 0, "at least one")
+        mesh.merge_vertices()
+        # corners that fall together when merged leave lines, which are no triangles
+        mesh.update_faces(np.array([len(set(face)) == 3 for face in mesh.faces.tolist()]))
+        try:
+            return cls(scale * mesh.vertices, np.array(mesh.faces), material, edge_radius_m, motion)
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+
+
+def frame_of(surface: Any) -> np.ndarray:
+    """Origin [m] and rotation, from frame to world by rows, of a curved wall or a mesh (12,)."""
+    z = direction("axis", surface.axis)
+    frame = np.eye(3)
+    if not np.array_equal(z, UP):
+        x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+        x /= np.linalg.norm(x)
+        frame = np.column_stack([x, np.cross(z, x), z])
+    return np.concatenate([vector("origin_m", surface.origin_m), frame.ravel()])
+
+
+Wall = Plane | Cone | RingEdge | Mesh
+
+
+@dataclass
+class WallSet:
+    """Named walls, sorted into the order of the kernels: planes, cones, rings, meshes."""
+
+    surfaces: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self):
+        kinds = (Plane, Cone, RingEdge, Mesh)
+        self.surfaces = mapping("walls", self.surfaces, kinds, "Plane, Cone, Cylinder, RingEdge or Mesh")
+        self.names = [
+            n for kind in kinds for n, surface in self.surfaces.items() if isinstance(surface, kind)
+        ]
+
+    def of(self, kind: type) -> list:
+        """The walls of a class, in order."""
+        return [self.surfaces[n] for n in self.names if isinstance(self.surfaces[n], kind)]
+
+    def with_motion(self, name: str, motion: Motion) -> "WallSet":
+        """The same walls, one of them with another motion; ValueError if no wall has this name."""
+        if name not in self.surfaces:
+            raise ValueError(
+                f"wall is {name!r}; allowed: {', '.join(self.names) or 'none, there are no walls'}"
+            )
+        return WallSet({**self.surfaces, name: replace(self.surfaces[name], motion=motion)})
+
+
+def wall_arrays(
+    wall_set: Any, kinds: Mapping[str, int], size_m: float, old: st.Walls | None = None, changed: int = -1
+) -> st.Walls:
+    """The walls as the kernels take them.
+
+    `kinds` has the number of each material, `size_m` is that of the box the bodies stay in. With `old`, arrays of
+    the same walls, the places are taken from there, and the motions of all walls but number `changed`.
+    """
+    planes, cones, rings, meshes = (wall_set.of(kind) for kind in (Plane, Cone, RingEdge, Mesh))
+    surfaces = [*planes, *cones, *rings, *meshes]
+    flat = np.array([wall.row() for wall in planes]).reshape(-1, st.PLANE_COLUMNS)
+    frames = np.array([frame_of(surface) for surface in (*cones, *rings, *meshes)]).reshape(-1, 12)
+    if old is not None:
+        flat, frames = old.planes.copy(), old.frames.copy()
+    motion = np.array([surface.motion.row() for surface in surfaces]).reshape(-1, 9)
+    if old is not None:
+        # the pivots of the other walls stay where their motion has brought them
+        others = np.arange(len(motion)) != changed
+        motion[others] = old.motion[others]
+    moves = np.any(motion[:, :6] != 0.0, axis=1)
+    axes = [*flat[:, 3:6], *frames[:, 3:].reshape(-1, 3, 3)[:, :, 2]]
+    places = [*flat[:, :3], *frames[:, :3]]
+    speeds = [_approach(*wall, size_m) for wall in zip(surfaces, axes, places, motion, strict=True)]
+    displaced = np.any(frames != HOME, axis=1) | moves[len(planes) :]
+    path = 0.0 if old is None else old.approach[st.WALL_PATH]
+    return st.Walls(
+        planes=flat,
+        cones=np.array([wall.row() for wall in cones]).reshape(-1, st.CONE_COLUMNS),
+        rings=np.array([wall.row() for wall in rings]).reshape(-1, st.RING_COLUMNS),
+        frames=frames,
+        displaced=(displaced if old is None else displaced | (old.displaced > 0)).astype(np.uint8),
+        motion=motion,
+        moves=moves.astype(np.uint8),
+        material=np.array([kinds[s.material] for s in surfaces], np.uint8),
+        approach=np.array([path, max(speeds, default=0.0), float(moves.any())]),
+        loads=np.zeros((0, 6)),
+    )
+
+
+def _approach(surface, axis, place, motion, size_m):
+    """How fast any point of a wall may come nearer to a body [m/s]; nothing for one that turns about its own axis.
+
+    axis, place: of the wall now; a plane's normal and middle, else the axis and origin of its frame.
+    """
+    velocity, turning, pivot = motion[:3], motion[3:6], motion[6:]
+    speed = float(np.linalg.norm(velocity))
+    rate = float(np.linalg.norm(turning))
+    if rate == 0.0:
+        return speed
+    offset = place - pivot
+    if isinstance(surface, Mesh):
+        # vertices are told in the mesh's frame: no farther from the pivot than its origin and they from the origin
+        reach = np.linalg.norm(surface.vertices_m, axis=1).max()
+        return speed + rate * float(reach + np.linalg.norm(offset))
+    aligned = abs(abs(axis @ turning) - rate) < 1e-12 * rate
+    if aligned and np.linalg.norm(offset - (offset @ axis) * axis) < 1e-9 * size_m:
+        return speed
+    return speed + rate * float(size_m + np.linalg.norm(offset))
