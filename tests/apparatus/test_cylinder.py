@@ -10,7 +10,7 @@ import pytest
 
 from repose.apparatus import bench, cylinder
 from repose.apparatus.job import run_once
-from repose.config import checks, loader
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.particle.build import ellipsoid_mesh, fit_particle
@@ -25,7 +25,7 @@ SMALL |= {"collar_mm": 60.0, "core_margin_mm": 5.0}
 
 def config(**keys):
     """The recommended configuration with some keys of its cylinder changed."""
-    whole = loader.load(ROOT / "config" / "config.yaml")
+    whole = Study.load(ROOT / "config" / "config.yaml").config
     whole["cylinder"].update(keys)
     return whole
 
@@ -121,7 +121,7 @@ def test_a_filling_is_judged():
 )
 def test_a_cylinder_that_cannot_be_filled_is_refused(key, value, allowed):
     with pytest.raises(InputError, match=rf"cylinder\.{key}.*{allowed}"):
-        checks.check(config(**{key: value}))
+        Study.of(config(**{key: value}))
 
 
 def test_a_berry_has_to_fit():

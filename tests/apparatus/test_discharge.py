@@ -7,7 +7,7 @@ import pytest
 
 from repose.apparatus import bench, discharge
 from repose.apparatus.job import run_once
-from repose.config import checks, loader
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.particle.build import ellipsoid_mesh, fit_particle
@@ -25,7 +25,7 @@ SMALL = {"berries": 40, "rate_per_s": 150.0, "open_from_s": 0.8, "longest_s": 2.
 
 def config(**keys):
     """The recommended configuration with some keys of its lidded funnel changed."""
-    whole = loader.load(ROOT / "config" / "config.yaml")
+    whole = Study.load(ROOT / "config" / "config.yaml").config
     whole["discharge"].update(keys)
     return whole
 
@@ -80,7 +80,7 @@ def test_a_run_is_judged():
 )
 def test_a_funnel_that_cannot_be_filled_is_refused(key, value, allowed):
     with pytest.raises(InputError, match=rf"discharge\.{key}.*{allowed}"):
-        checks.check(config(**{key: value}))
+        Study.of(config(**{key: value}))
 
 
 def test_a_berry_has_to_fit():

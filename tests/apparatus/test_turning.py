@@ -7,7 +7,7 @@ import pytest
 
 from repose.apparatus import bench, turning
 from repose.apparatus.job import run_once
-from repose.config import checks, loader
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.particle.build import ellipsoid_mesh, fit_particle
@@ -23,7 +23,7 @@ SMALL |= {"rate_per_s": 150.0, "rotate_from_s": 0.6, "measure_from_s": 1.2, "mea
 
 def config(**keys):
     """The recommended configuration with some keys of its turning drum changed."""
-    whole = loader.load(ROOT / "config" / "config.yaml")
+    whole = Study.load(ROOT / "config" / "config.yaml").config
     whole["turning"].update(keys)
     return whole
 
@@ -74,7 +74,7 @@ def test_a_run_is_judged():
 )
 def test_a_drum_that_cannot_run_is_refused(key, value, allowed):
     with pytest.raises(InputError, match=rf"turning\.{key}.*{allowed}"):
-        checks.check(config(**{key: value}))
+        Study.of(config(**{key: value}))
 
 
 def test_a_berry_has_to_fit():

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from repose.config.schema import subschema
+from repose.config.faults import subschema
 from repose.core.errors import InputError
 from repose.core.responses import require_same_definitions
 from repose.surrogate import base, load, make, names

@@ -5,15 +5,16 @@ slip is judged the drum stops, as in the experiment, and the bed comes to rest.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import Field
 
 from repose.apparatus.bench_test import BenchTest, Run, register
 from repose.apparatus.settings import SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
+from repose.core.section import Berries, Section, Seeds
 
 if TYPE_CHECKING:
     from repose import dem
@@ -54,6 +55,27 @@ RESPONSES = (
 RECORDED = Recorded(means=tuple(one.name for one in RESPONSES), single=tuple(one.name for one in RESPONSES))
 
 # --- what its configuration asks ------------------------------------------------------------------
+
+
+class Settings(Section):
+    """The section `drum` of the configuration; config/README.md explains its keys."""
+
+    berries: Berries
+    rate_per_s: float = Field(ge=0.1, le=10000)
+    rotate_from_s: float = Field(ge=0.1, le=600)
+    angular_velocity_rad_s: float = Field(ge=1.0e-4, le=10)
+    report_s: float = Field(ge=0.1, le=600)
+    longest_rotation_s: float = Field(ge=0.1, le=600)
+    settle_s: float = Field(ge=0, le=100)
+    seeds: Seeds
+    outer_diameter_mm: float = Field(ge=20, le=5000)
+    wall_thickness_mm: float = Field(gt=0, le=1000)
+    length_mm: float = Field(ge=10, le=5000)
+    factory_height_mm: float = Field(ge=-2000, le=2000)
+    record_s: float = Field(ge=0.001, le=10)
+    slip_drop_deg: float = Field(ge=0.05, le=45)
+    fit_share: float = Field(ge=0.1, le=1)
+    depth_bin_mm: float = Field(ge=0.5, le=500)
 
 
 def contradictions(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -265,7 +287,7 @@ BENCH = register(
         responses=RESPONSES,
         recorded=RECORDED,
         statuses=STATUSES,
-        schema=Path(__file__).with_name("drum.yaml"),
+        settings=Settings,
         build=build,
         run=run,
         measure=measure,

@@ -4,7 +4,7 @@ THEIRS = [
     f"{101 + k}"
     for k in range(
         published_count(
-            config["validation"]["published"], Targets.of(config["targets"]).responses
+            config["validation"]["published"], STUDY.targets.responses
         )
     )
 ]
