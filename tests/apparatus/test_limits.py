@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from repose.apparatus import bench, names
 from repose.apparatus.scene import longest_time_step
@@ -15,7 +14,7 @@ from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.particle import build, size_distribution
 
-CONFIG = yaml.safe_load((Path(__file__).parents[2] / "config" / "quick.yaml").read_text())
+CONFIG = Study.load(Path(__file__).parents[2] / "config/quick.yaml").config
 AXES_MM = {"long_mm": 21.14, "major_mm": 11.37, "minor_mm": 9.88}
 SPREAD = {"scale_sd": 0.08, "scale_low": 0.78, "scale_high": 1.16}
 BERRY = AXES_MM | SPREAD | {"density_kg_m3": 840.47, "poisson_ratio": 0.32}
