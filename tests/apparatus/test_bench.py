@@ -50,10 +50,10 @@ def config(drop, monkeypatch):
 
 def test_a_bench_test_is_found_by_name_and_brings_its_responses(drop):
     assert bench("drop") is drop
-    assert names() == ("funnel", "drum", "cylinder", "discharge", "turning", "drop")
+    assert names()[-1] == "drop"
     assert responses.response("spread_mm").apparatus == "drop"
     assert responses.responses_of("drop") == drop.responses
-    with pytest.raises(InputError, match="one of funnel, drum, cylinder, discharge, turning, drop"):
+    with pytest.raises(InputError, match=f"one of {', '.join(names())}"):
         bench("shaker")
 
 
@@ -113,7 +113,7 @@ def test_every_bench_test_and_purpose_has_seeds_of_its_own(drop):
         for name in names()
         for seed in pour_seeds(1, purpose, 3, 5, name)
     ]
-    assert len(set(found)) == len(found) == 60
+    assert len(set(found)) == len(found) == 10 * len(names())
 
 
 @pytest.mark.parametrize("one", ["funnel", "drum"])

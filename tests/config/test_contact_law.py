@@ -50,6 +50,6 @@ def test_a_law_that_is_none_is_refused(config):
     config["simulation"]["contact_law"] = "hooke"
     with pytest.raises(
         InputError,
-        match="contact_law is 'hooke'; allowed: hertz_mindlin or hertz_mindlin_rescaled or linear_spring",
+        match=f"contact_law is 'hooke'; allowed: {' or '.join(CONTACT_LAWS)}",
     ):
         Study.of(config, "mine.yaml")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from repose import surrogate
 from repose.apparatus import names
 from repose.config import cost, faults, loader
 from repose.config.computed import COMPUTED
@@ -144,7 +145,7 @@ def test_the_models_know_what_is_computed():
         ("measure.fit_from", 0.95, "berry or a number from 0 to 0.9"),
         ("measure.response", "slope", "flank or secant or steepest or whole"),
         ("measure.berry_height_mm", 0, "above 0 and up to 1000 or null"),
-        ("surrogate", "cubic", "network or gaussian_process or network_ensemble or quadratic"),
+        ("surrogate", "cubic", " or ".join(surrogate.names())),
         ("network.split", [0.7, 0.2, 0.2], "sum to 1"),
         ("network.split", [0.8, 0.2, 0.0], "above 0"),
         ("funnel.outlet_diameter_mm", 150.0, "below funnel.inlet_diameter_mm"),

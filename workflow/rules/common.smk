@@ -161,9 +161,7 @@ def growing(amount):
 
 
 # Folder of each bench test's runs. Wildcard `runs`: one of these.
-RUN_FOLDERS = {
-    name: "heaps" if name == "funnel" else f"{name}_runs" for name in names()
-}
+RUN_FOLDERS = {name: results_folder.run_folder(name) for name in names()}
 APPARATUS_OF = {runs: name for name, runs in RUN_FOLDERS.items()}
 
 
