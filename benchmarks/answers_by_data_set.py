@@ -34,7 +34,8 @@ import pandas as pd
 from scipy.stats import qmc
 
 from repose.chain import expected_loss
-from repose.config import computed, loader
+from repose.config import computed
+from repose.config.study import Study
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.probability import within
@@ -315,7 +316,7 @@ def main():
     if args.read:
         table = pd.concat([pd.read_csv(one) for one in args.read], ignore_index=True)
     else:
-        table = run(args, loader.load(args.config))
+        table = run(args, Study.load(args.config).config)
     print(*summary(table), "", *reliability(table), "", *differences(table), sep="\n")
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from sample_weights import weights_from_errors
 
-from repose.config import loader
+from repose.config.study import Study
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.core.variance import within_covariance
@@ -47,7 +47,7 @@ def main():
     parser.add_argument("--splits", type=int, default=8)
     parser.add_argument("--out", help="markdown file to write the table to")
     args = parser.parse_args()
-    targets = Targets.of(loader.load(args.config)["targets"])
+    targets = Targets.of(Study.load(args.config).config["targets"])
     table, runs = (pd.read_csv(path).query("status == 'ok'") for path in (args.dataset, args.runs))
     X, Y = table[list(PARAMETERS)].to_numpy(), table[list(targets.names)].to_numpy()
     errors = table[list(targets.errors)].to_numpy()

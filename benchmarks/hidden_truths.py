@@ -29,7 +29,7 @@ import rivals
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 from repose.chain.design import lhsdesign
-from repose.config import loader
+from repose.config.study import Study
 from repose.core.parameter_space import ParameterSpace
 from repose.core.responses import response
 from repose.core.targets import Target, Targets
@@ -221,7 +221,7 @@ def main():
 
     columns = ["responses", "method", "truth", "noise_percent", "pours", "error_percent", "probability"]
     table = pd.read_csv(args.out) if args.out.exists() else pd.DataFrame(columns=columns)
-    config = loader.load(args.config)
+    config = Study.load(args.config).config
     space = ParameterSpace.of(config["parameters"])
     networks = config["network"] | {"surrogate": "network_ensemble"}
     times = args.noise_percent / plan.NOISE_PERCENT

@@ -16,6 +16,7 @@ import pandas as pd
 from real_campaigns import RECOMMENDED, verb
 
 from repose.config import loader
+from repose.config.study import Study
 
 DRUM = {"berries": 300, "length_mm": 115.0}
 SMALL = {"discharge": {"berries": 300}, "turning": DRUM, "drum": DRUM}
@@ -30,7 +31,7 @@ def main():
     parser.add_argument("--seeds", type=int, default=2)
     args = parser.parse_args()
 
-    config = loader.load("config/config.yaml")
+    config = Study.load("config/config.yaml").config
     for name, keys in SMALL.items():
         config[name] = config[name] | keys
     of_study = args.out / "config.json"

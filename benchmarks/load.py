@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from repose.chain import dataset
-from repose.config import loader
+from repose.config.study import Study
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 
@@ -28,7 +28,7 @@ LIMITS = {"dry run": (60.0, 2000.0), "table of all jobs": (30.0, 2000.0)}  # s, 
 
 def made_up(folder: Path) -> None:
     """A table of samples, a file of two runs for each of them, and a configuration."""
-    config = loader.load(ROOT / "config/quick.yaml")
+    config = Study.load(ROOT / "config/quick.yaml").config
     rng = np.random.default_rng(1)
     samples = pd.DataFrame(rng.uniform(0.1, 0.4, (SAMPLES, len(PARAMETERS))), columns=list(PARAMETERS))
     samples.insert(0, "sample", range(1, SAMPLES + 1))

@@ -26,8 +26,7 @@ from scipy.spatial import cKDTree
 
 from repose import export
 from repose.apparatus import funnel, scene
-from repose.cli.berries import berry_and_particle
-from repose.config import loader
+from repose.config.study import Study
 from repose.core.places import configs
 from repose.dem.rotations import rotation_matrices
 from repose.export.laws import rolling_coefficient
@@ -78,16 +77,18 @@ RESPONSES = {"aor_deg": "angle, secant deg", "aor_flank_deg": "angle, flank deg"
 @cache
 def grain(source):
     """The default berry and its clump."""
-    config = loader.load(source)
-    config["berry"] |= {"particle": "multisphere", "spheres": SPHERES}
-    return berry_and_particle(config, source)
+    config = Study.load(source).config
+    study = Study.of(
+        config | {"berry": config["berry"] | {"particle": "multisphere", "spheres": SPHERES}}, source
+    )
+    return study.grain, study.particle
 
 
 @cache
 def study(set_name):
     """Configuration, grain, particle, and what is exported, of a parameter set."""
     source = str(configs()[-1])
-    config = loader.load(source)
+    config = Study.load(source).config
     config["funnel"] |= {"berries": GRAINS, "rate_per_s": RATE_PER_S, "duration_s": DURATION_S}
     config["simulation"]["time_step_s"] = TIME_STEP_S
     berry, particle = grain(source)

@@ -18,7 +18,7 @@ import pandas as pd
 from hidden_truths import NOWHERE, TOLERANCE, Simulator
 
 from repose.chain.design import lhsdesign
-from repose.config import loader
+from repose.config.study import Study
 from repose.core.parameter_space import ParameterSpace
 from repose.core.responses import response
 from repose.core.targets import Target, Targets
@@ -110,7 +110,7 @@ def main():
     parser.add_argument("--campaigns", type=int, nargs=2, default=[1000, 1050], metavar=("FROM", "TO"))
     parser.add_argument("--out", type=Path, default=Path("benchmarks/out_of_reach.csv"))
     args = parser.parse_args()
-    config = loader.load(args.config)
+    config = Study.load(args.config).config
     space = ParameterSpace.of(config["parameters"])
     section = config["sequential"] | {"most_pours": max(LOOKS), "probability": 0.99}
     simulator = Simulator(args.pool, args.responses, space, None)

@@ -32,6 +32,7 @@ import pandas as pd
 from repose.chain import dataset
 from repose.cli import main as repose
 from repose.config import loader
+from repose.config.study import Study
 from repose.core import provenance
 from repose.core.files import read_table, write_table
 from repose.studies import rounds
@@ -54,7 +55,7 @@ class Campaign:
 
     def __init__(self, folder, changes):
         self.folder, self.config = folder, folder / "config.json"
-        config = loader.load("config/config.yaml")
+        config = Study.load("config/config.yaml").config
         for section, keys in changes.items():
             config[section] = config[section] | keys if isinstance(keys, dict) else keys
         loader.write_resolved(config, self.config)

@@ -15,7 +15,7 @@ import numpy as np
 from beds import LAYERS, SPACING_M, bed
 
 from repose.apparatus.bounds import Bounded
-from repose.config.loader import load
+from repose.config.study import Study
 from repose.particle import berry as berries
 from repose.particle import build
 
@@ -46,7 +46,7 @@ def main():
     parser.add_argument("--berries", type=int, default=50_000)
     parser.add_argument("--threads", type=int, default=1)
     arguments = parser.parse_args()
-    config = load("config/config.yaml")
+    config = Study.load("config/config.yaml").config
     own = config["simulation"]
     began = time.process_time()
     simulation = bed(

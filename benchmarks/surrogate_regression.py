@@ -26,7 +26,7 @@ from sklearn.neural_network import MLPRegressor
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import StandardScaler
 
-from repose.config import loader
+from repose.config.study import Study
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.surrogate.bayesian_bp import BayesianBP
@@ -157,7 +157,7 @@ def main():
     print(*lines, sep="\n")
     problems = PROBLEMS
     if args.dataset:
-        problems = study(args.dataset, Targets.of(loader.load(args.config)["targets"]).names)
+        problems = study(args.dataset, Targets.of(Study.load(args.config).config["targets"]).names)
     for row in rows(problems, args.splits):
         lines.append("| " + " | ".join(row) + " |")
         print(lines[-1], flush=True)

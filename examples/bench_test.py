@@ -5,6 +5,7 @@ and measure_runs, the dataset and the workflow know the bench test. Here it is r
 """
 
 import numpy as np
+from pydantic import Field
 
 from repose import dem
 from repose.apparatus import BenchTest, Run, register
@@ -14,6 +15,7 @@ from repose.apparatus.scene import Filmed, berry_simulation
 from repose.apparatus.settings import SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
+from repose.core.section import Section
 
 NAME = "drop"
 # 1. What it gives. `definition` names the keys on which the number depends.
@@ -27,13 +29,16 @@ SPREAD = Response(
     high=1000.0,
     definition=("drop.height_mm",),
 )
-# 2. What its section of the configuration holds: a JSON schema of each key.
-SCHEMA = {
-    "berries": {"type": "integer", "minimum": 1, "maximum": 1000},
-    "seeds": {"type": "integer", "minimum": 1, "maximum": 100},
-    "height_mm": {"type": "number", "minimum": 1, "maximum": 1000},
-    "duration_s": {"type": "number", "minimum": 0.1, "maximum": 60},
-}
+
+
+# 2. What its section of the configuration holds: each key with its type and bounds.
+class Settings(Section):
+    """The section `drop`."""
+
+    berries: int = Field(ge=1, le=1000)
+    seeds: int = Field(ge=1, le=100)
+    height_mm: float = Field(ge=1, le=1000)
+    duration_s: float = Field(ge=0.1, le=60)
 
 
 def contradictions(config):
@@ -98,7 +103,7 @@ DROP = register(
         responses=(SPREAD,),
         recorded=Recorded(means=(SPREAD.name,), single=(SPREAD.name,)),
         statuses=("ok", "unstable"),
-        schema=SCHEMA,
+        settings=Settings,
         build=build,
         run=run,
         measure=measure,
@@ -113,11 +118,11 @@ DROP = register(
 def main(berries=20, duration_s=2.0):
     """Drop berries without and with rolling friction."""
     from repose.apparatus.job import run_once
-    from repose.config import loader
+    from repose.config.study import Study
     from repose.core.parameters import PARAMETERS
     from repose.particle.build import ellipsoid_mesh, fit_particle
 
-    config = loader.load("config/quick.yaml")
+    config = Study.load("config/quick.yaml").config
     config["drop"] = {"berries": berries, "seeds": 1, "height_mm": 100.0, "duration_s": duration_s}
     config["targets"] = [
         {

@@ -1,3 +1,14 @@
 """repose: contact parameters of a discrete element model, calibrated from a pile."""
 
+from typing import Any
+
 __version__ = "0.2.0"
+
+
+def __getattr__(name: str) -> Any:
+    """`Study`, which loads what the simulator alone does not need."""
+    if name == "Study":
+        from repose.config.study import Study
+
+        return Study
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

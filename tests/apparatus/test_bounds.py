@@ -5,16 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from repose import dem
 from repose.apparatus import bench, scene
 from repose.apparatus.bounds import EVERY, Bounded, Unstable
+from repose.config.study import Study
 from repose.core.parameters import PARAMETERS
 from repose.dem import time_steps
 from repose.particle.build import ellipsoid_mesh, fit_particle
 
-CONFIG = yaml.safe_load((Path(__file__).parents[2] / "config" / "quick.yaml").read_text())
+CONFIG = Study.load(Path(__file__).parents[2] / "config/quick.yaml").config
 BERRY = {
     "shear_modulus_pa": 4.3e4,
     "poisson_ratio": 0.32,

@@ -11,7 +11,7 @@ from refusals import not_refused
 
 from repose.apparatus import bench, cylinder
 from repose.apparatus.job import run_once
-from repose.config import checks, loader
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.particle.build import ellipsoid_mesh, fit_particle
@@ -26,7 +26,7 @@ SMALL |= {"collar_mm": 60.0, "core_margin_mm": 5.0}
 
 def config(**keys):
     """The recommended configuration with some keys of its cylinder changed."""
-    whole = loader.load(ROOT / "config" / "config.yaml")
+    whole = Study.load(ROOT / "config" / "config.yaml").config
     whole["cylinder"].update(keys)
     return whole
 
@@ -119,7 +119,7 @@ def test_a_cylinder_that_cannot_be_filled_is_refused():
         ("berries", 0, "1 to 20000"),
     ]
     wrong = [({key: value}, rf"cylinder\.{key}.*{allowed}") for key, value, allowed in cases]
-    assert not not_refused(lambda keys: checks.check(config(**keys)), wrong, InputError)
+    assert not not_refused(lambda keys: Study.of(config(**keys)), wrong, InputError)
 
 
 def test_a_berry_has_to_fit():

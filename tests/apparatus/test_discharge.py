@@ -8,7 +8,7 @@ from refusals import not_refused
 
 from repose.apparatus import bench, discharge
 from repose.apparatus.job import run_once
-from repose.config import checks, loader
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.particle.build import ellipsoid_mesh, fit_particle
@@ -26,7 +26,7 @@ SMALL = {"berries": 40, "rate_per_s": 150.0, "open_from_s": 0.8, "longest_s": 2.
 
 def config(**keys):
     """The recommended configuration with some keys of its lidded funnel changed."""
-    whole = loader.load(ROOT / "config" / "config.yaml")
+    whole = Study.load(ROOT / "config" / "config.yaml").config
     whole["discharge"].update(keys)
     return whole
 
@@ -78,7 +78,7 @@ def test_a_funnel_that_cannot_be_filled_is_refused():
         ("berries", 0, "1 to 20000"),
     ]
     wrong = [({key: value}, rf"discharge\.{key}.*{allowed}") for key, value, allowed in cases]
-    assert not not_refused(lambda keys: checks.check(config(**keys)), wrong, InputError)
+    assert not not_refused(lambda keys: Study.of(config(**keys)), wrong, InputError)
 
 
 def test_a_berry_has_to_fit():

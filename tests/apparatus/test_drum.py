@@ -11,7 +11,7 @@ from PIL import Image
 
 from repose.apparatus import drum, drum_tables
 from repose.apparatus.job import measure_job, pour_job
-from repose.config import loader
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.measure import bed
@@ -29,7 +29,7 @@ SMALL |= {"rate_per_s": 150.0, "rotate_from_s": 1.4, "report_s": 2.0, "longest_r
 
 def config(**keys):
     """The recommended configuration with some keys of its drum changed."""
-    whole = loader.load(ROOT / "config" / "config.yaml")
+    whole = Study.load(ROOT / "config" / "config.yaml").config
     whole["drum"].update(keys)
     return whole
 

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from numba import typeof
 
 from repose.apparatus import funnel, scene
 from repose.apparatus.job import measure_job, pour_job, run_once
+from repose.config.study import Study
 from repose.core.parameters import PARAMETERS
 from repose.dem import simulation as engine
 from repose.dem.kernels.engine import advance
@@ -49,7 +49,7 @@ LOWER_ELLIPSOIDS = (1.0, 2.0)  # deg, mm
 
 def config(**keys):
     """The published experiment as the reference values were made, with some keys of its funnel changed."""
-    whole = yaml.safe_load((ROOT / "config" / "paper.yaml").read_text())
+    whole = Study.load(ROOT / "config/paper.yaml").config
     whole["funnel"].update(keys)
     whole["simulation"]["time_step_s"] = 2e-4
     whole["measure"]["views"] = 18

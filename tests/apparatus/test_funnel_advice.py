@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from repose.apparatus import funnel
-from repose.config import loader
+from repose.config.study import Study
 from repose.core import places
 
 SPHERE = {"long_mm": 4.0, "major_mm": 4.0, "minor_mm": 4.0, "density_kg_m3": 1300.0, "poisson_ratio": 0.25}
@@ -16,7 +16,7 @@ GRAIN_M3 = math.pi / 6 * 4e-3**3
 
 @pytest.fixture
 def config():
-    found = copy.deepcopy(loader.load(places.root() / "config/config.yaml"))
+    found = copy.deepcopy(Study.load(places.root() / "config/config.yaml").config)
     found["targets"] = [target("height_mm", 30.0), target("aor_deg", 30.0)]
     return found
 

@@ -8,11 +8,12 @@ import pytest
 from repose.apparatus import kept_runs
 from repose.apparatus.bench_test import Run
 from repose.apparatus.job import pour_job
-from repose.config import loader, stands_on
+from repose.config import stands_on
+from repose.config.study import Study
 from repose.core import places, provenance
 from repose.core.parameters import PARAMETERS
 
-CONFIG = loader.load(places.root() / "config/quick.yaml")
+CONFIG = Study.load(places.root() / "config/quick.yaml").config
 SET = dict.fromkeys(PARAMETERS, 0.3)
 
 

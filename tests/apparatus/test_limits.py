@@ -5,16 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from repose.apparatus import bench, names
 from repose.apparatus.scene import longest_time_step
-from repose.config import checks
+from repose.config import making
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.particle import build, size_distribution
 
-CONFIG = yaml.safe_load((Path(__file__).parents[2] / "config" / "quick.yaml").read_text())
+CONFIG = Study.load(Path(__file__).parents[2] / "config/quick.yaml").config
 AXES_MM = {"long_mm": 21.14, "major_mm": 11.37, "minor_mm": 9.88}
 SPREAD = {"scale_sd": 0.08, "scale_low": 0.78, "scale_high": 1.16}
 BERRY = AXES_MM | SPREAD | {"density_kg_m3": 840.47, "poisson_ratio": 0.32}
@@ -59,7 +59,7 @@ def case(rng, particles):
 
 
 def refused_by_check(config, particle, berry):
-    return [key for key, _ in checks.unstable(config, particle, berry)] == ["simulation.time_step_s"]
+    return [key for key, _ in making.unstable(config, particle, berry)] == ["simulation.time_step_s"]
 
 
 def refused_by_pours(config, parameters, particle, berry):
@@ -129,7 +129,7 @@ def test_the_check_of_a_configuration_refuses_what_a_pour_would(changes, told):
         section, _, name = key.partition(".")
         config[section][name] = value
     with pytest.raises(InputError, match=rf"simulation\.time_step_s is .*{told}"):
-        checks.check_inputs(config)
+        Study.of(config).check_inputs()
 
 
 def test_a_published_set_of_low_restitution_counts(particles, tmp_path):
@@ -148,7 +148,7 @@ def test_more_spheres_than_the_engine_takes_are_refused_by_the_schema():
     config = copy.deepcopy(CONFIG)
     config["berry"]["spheres"] = 65
     with pytest.raises(InputError, match=r"berry\.spheres is 65; allowed: fewest or an integer from 1 to 64"):
-        checks.check(config)
+        Study.of(config)
 
 
 def test_the_smallest_berry_is_one_that_can_be_drawn():

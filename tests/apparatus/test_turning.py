@@ -8,7 +8,7 @@ from refusals import not_refused
 
 from repose.apparatus import bench, turning
 from repose.apparatus.job import run_once
-from repose.config import checks, loader
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.particle.build import ellipsoid_mesh, fit_particle
@@ -24,7 +24,7 @@ SMALL |= {"rate_per_s": 150.0, "rotate_from_s": 0.6, "measure_from_s": 1.2, "mea
 
 def config(**keys):
     """The recommended configuration with some keys of its turning drum changed."""
-    whole = loader.load(ROOT / "config" / "config.yaml")
+    whole = Study.load(ROOT / "config" / "config.yaml").config
     whole["turning"].update(keys)
     return whole
 
@@ -72,7 +72,7 @@ def test_a_drum_that_cannot_run_is_refused():
         ("record_s", 0.0, "0.001 to 10"),
     ]
     wrong = [({key: value}, rf"turning\.{key}.*{allowed}") for key, value, allowed in cases]
-    assert not not_refused(lambda keys: checks.check(config(**keys)), wrong, InputError)
+    assert not not_refused(lambda keys: Study.of(config(**keys)), wrong, InputError)
 
 
 def test_a_berry_has_to_fit():

@@ -214,7 +214,7 @@ def answer(read, path):
     name=st.sampled_from(["a.csv", "a.json", "a.npz", "a.stl", "a.png", "a.yaml"]),
 )
 def test_readers_take_any_bytes_or_tell_what_is_wrong(tmp_path, content, name):
-    from repose.config import loader
+    from repose.config import reading
 
     path = tmp_path / name
     path.write_bytes(content)
@@ -224,7 +224,7 @@ def test_readers_take_any_bytes_or_tell_what_is_wrong(tmp_path, content, name):
         "a.npz": (files.read_npz,),
         "a.stl": (load_mesh,),
         "a.png": (read_image,),
-        "a.yaml": (loader.read,),
+        "a.yaml": (reading.read,),
     }
     for read in readers[name]:
         assert str(path) in answer(read, path)
@@ -233,9 +233,9 @@ def test_readers_take_any_bytes_or_tell_what_is_wrong(tmp_path, content, name):
 @settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
 @given(text=st.text(alphabet='ab1.,;"\n\r \t-#é[]{}:&*!?|>%@`\x00\ufeff', max_size=60))
 def test_readers_of_text_take_any_text_or_tell_what_is_wrong(tmp_path, text):
-    from repose.config import loader
+    from repose.config import reading
 
     path = tmp_path / "a"
     path.write_bytes(text.encode())
-    for read in (files.read_table, files.read_rows, files.read_json, berry_files.read_sizes, loader.read):
+    for read in (files.read_table, files.read_rows, files.read_json, berry_files.read_sizes, reading.read):
         assert str(path) in answer(read, path)

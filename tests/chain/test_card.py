@@ -11,8 +11,8 @@ import pytest
 from repose.chain import answer, card
 from repose.chain.chance import PERCENT
 from repose.cli import main
-from repose.config import loader
 from repose.config.definitions import described
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.core.responses import response
@@ -27,7 +27,7 @@ FIXED = {"e_gp": {"fixed": 0.3}}
 @pytest.fixture
 def config(monkeypatch):
     monkeypatch.chdir(ROOT)
-    found = copy.deepcopy(loader.load("config/config.yaml"))
+    found = copy.deepcopy(Study.load("config/config.yaml").config)
     found["parameters"] |= FIXED
     found["targets"] = [one for one in found["targets"] if one["response"] == "height_mm"]
     return found
@@ -177,7 +177,7 @@ def test_a_check_of_before_the_probabilities_is_refused(monkeypatch, tmp_path, c
     monkeypatch.chdir(ROOT)
     table = pd.read_csv(STUDY / "validation/representative.csv")
     table.drop(columns=["within_1_percent", "within_2_percent"]).to_csv(tmp_path / "old.csv", index=False)
-    config = loader.load("config/config.yaml")
+    config = Study.load("config/config.yaml").config
     with pytest.raises(InputError, match=r"old\.csv: column within_1_percent is 'missing'"):
         answer.read_files(config, STUDY / "miga/summary.json", tmp_path / "old.csv")
 

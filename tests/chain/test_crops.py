@@ -8,8 +8,9 @@ import yaml
 
 from repose.chain import card
 from repose.cli import main
-from repose.config import checks, loader
+from repose.config import loader
 from repose.config.definitions import described
+from repose.config.study import Study
 from repose.core import places
 from repose.core.files import write_text
 from repose.core.parameter_space import range_of
@@ -48,8 +49,8 @@ def test_there_are_three_of_different_shape():
 def test_a_crop_stands_on_its_own_numbers(name, monkeypatch):
     """No section of the goji berry lies under it, and its README tells the source of each number."""
     monkeypatch.chdir(CROPS / name)
-    config = loader.resolve(places.configs())
-    checks.check(config, name)
+    config = Study.load(inputs=True).config
+    Study.of(config, name)
     assert not {"drum", "cylinder", "shape_study"} & set(config)
     assert config["berry"]["sizes"] == "sizes.csv"
     assert len(published_sets(config["validation"]["published"])) == 1
@@ -63,7 +64,7 @@ def test_a_crop_stands_on_its_own_numbers(name, monkeypatch):
 @pytest.mark.parametrize("name", NAMES)
 def test_its_card_is_that_of_its_configuration(name, monkeypatch):
     monkeypatch.chdir(CROPS / name)
-    config = loader.resolve(places.configs())
+    config = Study.load(inputs=True).config
     shown = card.read(CROPS / "cards" / f"{name}.json")
     assert shown["material"] == name
     assert [test["measured"] for test in shown["tests"]] == [target["value"] for target in config["targets"]]
@@ -84,8 +85,8 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
         if path.is_file():
             write_text(tmp_path / path.relative_to(CROPS / name), path.read_text())
     monkeypatch.chdir(tmp_path)
-    config = loader.resolve(places.configs(), SMALL)
-    checks.check_inputs(config, name)
+    config = Study.load(overrides=SMALL, inputs=True).config
+    Study.of(config, name).check_inputs()
     loader.write_resolved(config, "results/config.json")
 
     def do(*words):

@@ -14,6 +14,7 @@ import pytest
 
 from repose.__main__ import main
 from repose.cli import EVERYDAY, FAMILIES, VERBS, checking, parser
+from repose.config.study import Study
 from repose.core.parameters import PARAMETERS
 from repose.dem.kernels.engine import advance
 from repose.measure.angles import MEAN_KEYS
@@ -29,17 +30,11 @@ def _in_the_project(monkeypatch):
 @pytest.fixture
 def short_config(tmp_path):
     """A pour of twelve berries that ends within seconds."""
-    text = (ROOT / "config" / "quick.yaml").read_text()
-    for old, new in (
-        ("  berries: 500", "  berries: 12"),
-        ("  duration_s: 18.0", "  duration_s: 1.5"),
-        ("  rest_energy_j: 1.0e-9", "  rest_energy_j: 1.0e-3"),
-        ("  rest_motion_mm: 1.0", "  rest_motion_mm: 100"),
-    ):
-        assert old in text
-        text = text.replace(old, new)
-    path = tmp_path / "short.yaml"
-    path.write_text(text)
+    config = Study.load(ROOT / "config/quick.yaml").config
+    config["funnel"] |= {"berries": 12, "duration_s": 1.5, "rest_motion_mm": 100}
+    config["simulation"]["rest_energy_j"] = 1.0e-3
+    path = tmp_path / "short.json"
+    path.write_text(json.dumps(config))
     return str(path)
 
 

@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from repose.cli import main
-from repose.config import loader
+from repose.config.study import Study
 from repose.core import places
 from repose.core.errors import InputError
 
@@ -111,7 +111,7 @@ def test_a_folder_that_exists_is_left_alone(folder, monkeypatch, capsys):
 
 def test_its_configuration_is_one_of_wheat_alone(folder):
     filled(folder)
-    config = loader.load("config.yaml")
+    config = Study.load("config.yaml").config
     assert (config["label"], config["berry"]["sizes"]) == ("wheat", "sizes.csv")
     assert config["validation"]["published"] is None
     assert config["berry"]["compression"] is None
@@ -134,11 +134,11 @@ def test_its_keys_are_keys_of_the_schema_and_each_is_explained(folder):
     filled(folder)
     text = (folder / "config.yaml").read_text()
     assert len([line for line in text.splitlines() if re.match(r"\s+\w+:", line)]) < 40
-    known = loader.load(places.root() / places.DEFAULT_CONFIG)
+    known = Study.load(places.root() / places.DEFAULT_CONFIG).config
     assert set(yaml.safe_load(text)) <= set(known)
     (folder / "more.yaml").write_text("funnel: {speed: 1}")
     with pytest.raises(InputError, match="no such key"):
-        loader.load("config.yaml", "more.yaml")
+        Study.load("config.yaml", "more.yaml")
 
 
 @pytest.mark.slow

@@ -4,14 +4,15 @@ import copy
 
 import pytest
 
-from repose.config import cost, loader
+from repose.config import cost
+from repose.config.study import Study
 from repose.core import places
 from repose.strategies import cost as strategies
 
 
 @pytest.fixture
 def config():
-    return copy.deepcopy(loader.load(places.root() / "config/config.yaml"))
+    return copy.deepcopy(Study.load(places.root() / "config/config.yaml").config)
 
 
 def test_the_response_surface_has_its_own_pours(config):

@@ -2,15 +2,15 @@
 
 import copy
 
-from repose.config import loader
 from repose.config.definitions import definitions_of
+from repose.config.study import Study
 
 DRUM = {"response": "drum_slip_deg", "apparatus": "drum"}
 
 
 def test_keys_of_a_bench_test_that_no_target_has_define_nothing():
     """No rule runs again for such a key, so the files of before must stay good."""
-    config = loader.load()
+    config = Study.load().config
     found = definitions_of(config)
     assert "height_mm" in found
     assert "drum_slip_deg" not in found
@@ -21,7 +21,7 @@ def test_keys_of_a_bench_test_that_no_target_has_define_nothing():
 
 
 def test_keys_of_every_bench_test_with_a_target_do():
-    config = loader.load()
+    config = Study.load().config
     target = config["targets"][0]
     config["targets"] = [target, target | DRUM]
     assert definitions_of(config)["drum_slip_deg"]["drum.fit_share"] == config["drum"]["fit_share"]

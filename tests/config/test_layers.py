@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from repose.config import loader
-from repose.core import places
+from repose.config import loader, reading
+from repose.config.study import Study
 from repose.core.errors import InputError
 
 ROOT = Path(__file__).parents[2]
@@ -20,7 +20,7 @@ def _in_the_project(monkeypatch):
 def test_numbers_may_be_written_in_any_way(tmp_path, text):
     path = tmp_path / "my.yaml"
     path.write_text(f"simulation: {{time_step_s: {text}}}\n")
-    assert loader.read(path)["simulation"]["time_step_s"] == 2e-4
+    assert reading.read(path)["simulation"]["time_step_s"] == 2e-4
 
 
 @pytest.mark.parametrize(
@@ -37,19 +37,19 @@ def test_files_that_are_no_configuration(tmp_path, text, message):
     path = tmp_path / "my.yaml"
     path.write_text(text)
     with pytest.raises(InputError, match=message) as caught:
-        loader.read(path)
+        reading.read(path)
     assert "my.yaml" in str(caught.value)
 
 
 def test_a_file_that_is_not_there():
     with pytest.raises(InputError, match=r"nowhere\.yaml: file is 'No such file"):
-        loader.read("nowhere.yaml")
+        reading.read("nowhere.yaml")
 
 
 def test_files_and_command_line_lie_over_each_other(tmp_path):
     mine = tmp_path / "mine.yaml"
     mine.write_text("funnel: {seeds: 5, duration_s: 20}\nlabel: mine\n")
-    config = loader.resolve([*places.configs(), str(mine)], {"funnel": {"seeds": "6"}})
+    config = Study.load(str(mine), overrides={"funnel": {"seeds": "6"}}, inputs=True).config
     assert (config["label"], config["funnel"]["seeds"], config["funnel"]["duration_s"]) == ("mine", 6, 20)
     assert config["funnel"]["berries"] == 500
 
@@ -58,18 +58,18 @@ def test_a_job_of_a_cluster_does_not_check_the_inputs_again(monkeypatch):
     def slow(*_):
         raise AssertionError("the inputs were checked")
 
-    monkeypatch.setattr("repose.config.checks._Checks.read_files", slow)
-    assert loader.resolve(places.configs(), inputs=False)["label"]
+    monkeypatch.setattr("repose.config.making.Making._read_files", slow)
+    assert Study.load().config["label"]
     with pytest.raises(AssertionError):
-        loader.resolve(places.configs())
+        Study.load(inputs=True)
 
 
 def test_a_verb_reads_a_partial_file_as_the_workflow_does(tmp_path):
     mine = tmp_path / "mine.yaml"
     mine.write_text("funnel: {seeds: 5}\nparameters: {e_gg: {fixed: 0.3}}\n")
-    assert loader.load(mine) == loader.resolve([*places.configs(), mine])
+    assert Study.load(mine).config == Study.load(mine, inputs=True).config
     with pytest.raises(InputError) as caught:
-        loader.load(mine, tmp_path / "nowhere.yaml")
+        Study.load(mine, tmp_path / "nowhere.yaml")
     assert "nowhere.yaml" in str(caught.value)
 
 
@@ -77,29 +77,29 @@ def test_a_parameter_of_a_later_file_replaces_that_of_an_earlier_one_as_a_whole(
     first, second = tmp_path / "first.yaml", tmp_path / "second.yaml"
     first.write_text("parameters: {e_gg: {fixed: 0.3}}\n")
     second.write_text("parameters: {e_gg: {prior: {mean: 0.3, sd: 0.01}}}\n")
-    assert loader.load(first, second)["parameters"]["e_gg"] == {"prior": {"mean": 0.3, "sd": 0.01}}
+    assert Study.load(first, second).config["parameters"]["e_gg"] == {"prior": {"mean": 0.3, "sd": 0.01}}
 
 
 def test_a_complete_file_does_not_read_the_folders_own(tmp_path, monkeypatch):
     """An edit of config.yaml during a run does not reach the run's jobs."""
     path = tmp_path / "results" / "config.json"
-    config = loader.resolve(places.configs())
+    config = Study.load(inputs=True).config
     loader.write_resolved(config, path)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "config.yaml").write_text("in the middle of an ed: [")
-    assert loader.load(path)["funnel"] == config["funnel"]
+    assert Study.load(path).config["funnel"] == config["funnel"]
 
 
 def test_a_fault_names_the_file_it_came_from(tmp_path):
     mine = tmp_path / "mine.yaml"
     mine.write_text("funnel: {seeds: 0}\n")
     with pytest.raises(InputError) as caught:
-        loader.resolve([*places.configs(), str(mine)])
+        Study.load(str(mine), inputs=True)
     assert caught.value.source == str(mine)
     with pytest.raises(InputError) as caught:
-        loader.resolve(places.configs(), {"funnel": {"seeds": "0"}})
+        Study.load(overrides={"funnel": {"seeds": "0"}}, inputs=True)
     assert caught.value.source == loader.COMMAND_LINE
     mine.write_text("targets: [{response: height_mm, value: null}]\n")
     with pytest.raises(InputError) as caught:
-        loader.resolve([*places.configs(), str(mine)])
+        Study.load(str(mine), inputs=True)
     assert all(fault.source == str(mine) for fault in caught.value.faults)

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from repose.config import checks, loader, results_folder
+from repose.config import results_folder
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.files import write_json, write_text
 
@@ -14,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def config():
-    return loader.load(ROOT / "config/quick.yaml")
+    return Study.load(ROOT / "config/quick.yaml").config
 
 
 @pytest.mark.parametrize(
@@ -41,7 +42,7 @@ def config():
 def test_a_folder_that_is_not_a_studys_own_is_refused(config, folder):
     config["results_dir"] = folder
     with pytest.raises(InputError, match=r"results_dir is .*; allowed: a folder"):
-        checks.check(config)
+        Study.of(config)
 
 
 def test_the_folder_around_the_working_folder_is_refused(config, tmp_path, monkeypatch):
@@ -50,9 +51,9 @@ def test_the_folder_around_the_working_folder_is_refused(config, tmp_path, monke
     for folder in (tmp_path, tmp_path / "work", tmp_path / "work/resources"):
         config["results_dir"] = str(folder)
         with pytest.raises(InputError, match="results_dir"):
-            checks.check(config)
+            Study.of(config)
     config["results_dir"] = str(tmp_path / "results")
-    checks.check(config)
+    Study.of(config)
 
 
 def test_a_folder_with_somebodys_files_is_refused_and_a_studys_is_taken(config, tmp_path):
@@ -61,12 +62,12 @@ def test_a_folder_with_somebodys_files_is_refused_and_a_studys_is_taken(config, 
     (tmp_path / "data/figures").mkdir(parents=True)
     (tmp_path / "data/figures/figure02.png").write_text("mine")
     with pytest.raises(InputError, match="there is figures, which no study of repose wrote"):
-        checks.check_inputs(config)
+        Study.of(config).check_inputs()
     write_json(tmp_path / "data/config.json", config)
-    checks.check_inputs(config)
+    Study.of(config).check_inputs()
     config["results_dir"] = str(tmp_path / "data/figures/figure02.png/results")
     with pytest.raises(InputError, match="a file is in its way"):
-        checks.check_inputs(config)
+        Study.of(config).check_inputs()
 
 
 def test_a_changed_result_and_somebodys_file_in_the_place_of_a_result_are_told_at_once(tmp_path):

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from repose.config import loader
+from repose.config.study import Study
 from repose.core import places
 from repose.core.errors import InputError
 
@@ -43,7 +44,7 @@ def test_a_file_that_nobody_has_keeps_its_name(folder):
 
 def test_the_default_configuration_holds_in_an_empty_folder(folder):
     assert places.configs() == [METHOD, CONFIG]
-    config = loader.resolve(places.configs())
+    config = Study.load(inputs=True).config
     for path in (config["berry"]["sizes"], config["berry"]["compression"], config["validation"]["published"]):
         assert Path(path).is_absolute()
         assert Path(path).is_file()
@@ -54,7 +55,7 @@ def test_a_study_of_the_programs_crop_lies_over_it(folder):
     own.parent.mkdir()
     own.write_text("label: mine\n")
     assert places.configs() == [METHOD, CONFIG, Path("config/config.yaml")]
-    assert loader.resolve(places.configs())["label"] == "mine"
+    assert Study.load(inputs=True).config["label"] == "mine"
 
 
 def test_a_crops_configuration_stands_in_place_of_the_programs(folder):
@@ -62,7 +63,7 @@ def test_a_crops_configuration_stands_in_place_of_the_programs(folder):
     (folder / "config.yaml").write_text("label: mine\n")
     assert places.configs() == [METHOD, Path("config.yaml")]
     with pytest.raises(InputError) as caught:
-        loader.resolve(places.configs())
+        Study.load(inputs=True)
     told = {fault.key for fault in caught.value.faults}
     assert {"berry.sizes", "parameters", "targets", "funnel.berries"} <= told
     assert all(fault.source == "config.yaml" for fault in caught.value.faults)
@@ -74,7 +75,7 @@ def test_a_given_file_of_another_crop_lies_over_what_every_crop_shares(folder):
     mine.write_text("label: wheat\nberry: {sizes: sizes.csv, density_kg_m3: 1250}\n")
     assert loader.layers([mine]) == [METHOD, mine]
     with pytest.raises(InputError) as caught:
-        loader.load(mine)
+        Study.load(mine)
     told = {fault.key for fault in caught.value.faults}
     assert {"parameters", "targets", "funnel.berries", "wall", "funnel.plate_diameter_mm"} <= told
     assert all(fault.source == str(mine) for fault in caught.value.faults)
@@ -100,4 +101,4 @@ def test_a_deployed_study_of_another_crop_inherits_nothing_of_the_programs(folde
 def test_in_the_programs_own_folder_there_is_one_configuration(monkeypatch):
     monkeypatch.chdir(places.root())
     assert places.configs() == [Path("config/method.yaml"), Path("config/config.yaml")]
-    assert loader.load("config/config.yaml")["berry"]["sizes"] == "resources/berries.csv"
+    assert Study.load("config/config.yaml").config["berry"]["sizes"] == "resources/berries.csv"

@@ -8,11 +8,12 @@ import pandas as pd
 import pytest
 
 from repose.cli import main
-from repose.config import loader, stands_on
+from repose.config import stands_on
+from repose.config.study import Study
 from repose.core import attached, files, places, provenance
 from repose.core.errors import InputError
 
-CONFIG = loader.load(places.root() / "config/quick.yaml")
+CONFIG = Study.load(places.root() / "config/quick.yaml").config
 KEYS = {
     "verb",
     "settings",

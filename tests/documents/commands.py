@@ -22,6 +22,8 @@ from pathlib import Path
 
 import yaml
 
+from repose.config.study import Study
+
 ROOT = Path(__file__).parents[2]
 TABLE = Path(__file__).with_name("commands.yaml")
 PROGRAMS = (
@@ -130,7 +132,7 @@ def checkout(folder: Path) -> Path:
     )
     shutil.copytree(ROOT, folder, ignore=left)
     shutil.copytree(ROOT / "results/published", folder / "results/published")
-    quick = yaml.safe_load((ROOT / "config/quick.yaml").read_text())
+    quick = Study.load(ROOT / "config/quick.yaml").config
     small = yaml.safe_load((ROOT / ".test/config/config.yaml").read_text())
     content = {name: quick[name] for name in STUDIES} | small
     content["funnel"]["seeds"] = 2  # the studies take the noise from runs of one sample

@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 from repose import export
 from repose.chain import card
 from repose.cli import exporting, main
-from repose.config import loader
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.places import find
@@ -68,7 +68,7 @@ SKEW = clump(
 
 @pytest.fixture(scope="module")
 def config():
-    return loader.load(CONFIG)
+    return Study.load(CONFIG).config
 
 
 @pytest.fixture(scope="module")
@@ -264,8 +264,8 @@ def test_what_has_no_spheres_or_another_law_is_refused(config):
 def test_the_verb_writes_a_deck(monkeypatch, tmp_path, capsys):
     asked = {}
 
-    def berry_and_particle(config, _source):
-        asked.update(config["berry"])
+    def berry_and_particle(study):
+        asked.update(study.config["berry"])
         return BERRY, THREE
 
     monkeypatch.setattr("repose.cli.berries.berry_and_particle", berry_and_particle)
@@ -280,7 +280,7 @@ def test_the_verb_writes_a_deck(monkeypatch, tmp_path, capsys):
 def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, capsys):
     """A card of another study is refused, and so is one whose grain the configuration no longer makes."""
     shown = json.loads((ROOT / "crops/cards/wheat.json").read_text())
-    config = loader.load(CONFIG)
+    config = Study.load(CONFIG).config
     (tmp_path / "config.json").write_text(json.dumps(config))
     wall = {key: config["wall"][key] for key in card.WALL}
     shown |= {"material": config["label"], "wall": wall, "laws": card.laws(config)}

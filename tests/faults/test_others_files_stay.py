@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from repose import verification
 from repose.apparatus import Run, bench, bench_test, drum, job, warm_up
 from repose.cli import VERBS, main
-from repose.config import checks, loader
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.files import write_text
 
@@ -112,7 +112,7 @@ def sandbox(tmp_path_factory):
     for name in ("validation/table4.csv", "dataset.csv"):
         (inputs / "study" / name).parent.mkdir(parents=True, exist_ok=True)
         (inputs / "study" / name).write_text("a\n1\n")
-    config = loader.load(ROOT / "config/quick.yaml")
+    config = Study.load(ROOT / "config/quick.yaml").config
     config["design"] |= {"samples": 12, "method": "lhsdesign"}
     config["measure"] |= {"views": 2, "mm_per_pixel": 0.5}
     write_text(top / "config.json.whole", json.dumps(config))
@@ -219,12 +219,12 @@ def test_what_is_made_up_ends_well_and_somebodys_file_in_its_place_stays(sandbox
 @given(label=st.text(max_size=70), folder=st.one_of(OUT, st.text(max_size=30)))
 def test_a_label_and_a_folder_of_results_lead_nowhere_else(sandbox, label, folder):
     before = tree(sandbox)
-    config = loader.load("in/config.json")
+    config = Study.load("in/config.json").config
     config |= {"label": label, "results_dir": folder}
     config["berry"]["sizes"] = "in/berries.csv"
     try:
-        checks.check(config)
-        checks.check_inputs(config)
+        Study.of(config)
+        Study.of(config).check_inputs()
     except InputError:
         pass
     else:

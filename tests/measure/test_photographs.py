@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from repose.cli import main
-from repose.config import loader
+from repose.config.study import Study
 from repose.core import files
 from repose.core.errors import InputError
 
@@ -161,7 +161,7 @@ def test_the_mean_of_several_is_a_target_that_a_study_reads(tmp_path, capsys):
     assert summary["height_mm"]["sd"] == pytest.approx(np.std(truth, ddof=1), abs=0.05)
     assert summary["height_mm"]["repetitions"] == 3
     assert "upside down" in record["photographs"][3]["refused"]
-    config = loader.load(ROOT / "config/quick.yaml", tmp_path / "out/targets.yaml")
+    config = Study.load(ROOT / "config/quick.yaml", tmp_path / "out/targets.yaml").config
     assert [one["response"] for one in config["targets"]] == ["aor_deg", "height_mm"]
     assert config["targets"][1]["value"] == summary["height_mm"]["value"]
     assert (config["measure"]["response"], config["measure"]["berry_height_mm"]) == ("flank", 8)
@@ -172,7 +172,7 @@ def test_one_photograph_tells_no_scatter(tmp_path, capsys):
     record, _ = measured(capsys, tmp_path / "p.png", "--mm-per-pixel", "0.4", "--grain-mm", "8")
     assert {row["sd"] for row in record["summary"]} == {None}
     with pytest.raises(InputError) as refused:
-        loader.load(ROOT / "config/quick.yaml", tmp_path / "out/targets.yaml")
+        Study.load(ROOT / "config/quick.yaml", tmp_path / "out/targets.yaml")
     for key in ("targets.0.sd is null", "targets.0.range is [null, null]", "targets.1.sd is null"):
         assert key in str(refused.value)
     words = ["measure", str(tmp_path / "p.png"), "--mm-per-pixel", "0.4", "--out", str(tmp_path / "again")]

@@ -8,12 +8,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-import yaml
 from test_simulated_piles import BERRY as PARTICLE
 from test_simulated_piles import cone_of_berries
 
 from repose.apparatus import funnel
 from repose.apparatus.job import measure_job
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.measure import further_responses, pile, saved_piles, saved_pours
@@ -21,7 +21,7 @@ from repose.measure.angles import DEFINITIONS, MEAN_KEYS, VIEW_KEYS
 from repose.particle.build import ellipsoid_mesh, fit_particle
 
 ROOT = Path(__file__).parents[2]
-CONFIG = yaml.safe_load((ROOT / "config" / "quick.yaml").read_text())
+CONFIG = Study.load(ROOT / "config/quick.yaml").config
 AXES = {"long_mm": 21.14, "major_mm": 11.37, "minor_mm": 9.88}
 BERRY_MM = math.prod(AXES.values()) ** (1 / 3)
 

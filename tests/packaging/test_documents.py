@@ -13,14 +13,14 @@ ROOT = Path(__file__).parents[2]
 DOCUMENTS = ("CONTRIBUTING.md", "docs/start.md", "docs/tutorials/simulate.md")
 
 
-def sections(document):
+def sections(document, between="\n"):
     """The Python of each section of a document, by its heading."""
     parts = re.split(r"^#+ (.+)$", (ROOT / document).read_text(), flags=re.MULTILINE)
     found = {}
     for heading, text in zip(parts[1::2], parts[2::2], strict=True):
         blocks = re.findall(r"^```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
         if blocks:
-            found[heading] = "\n".join(blocks)
+            found[heading] = between.join(blocks)
     return found
 
 
@@ -40,3 +40,19 @@ def test_the_example_runs(name, tmp_path):
         [sys.executable, "-c", EXAMPLES[name]], cwd=tmp_path, capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
+
+
+PLACES = {
+    "contact law": "src/repose/dem/laws/hertz.py",
+    "bench test": "src/repose/apparatus/bounce.py",
+    "surrogate": "src/repose/surrogate/cubic_surface.py",
+}
+
+
+@pytest.mark.parametrize("what", PLACES)
+def test_the_file_to_add_passes_the_checks_of_style(what):
+    file = sections("CONTRIBUTING.md", "\0")[f"Add a {what}"].split("\0")[0]
+    for words in (["check"], ["format", "--check"]):
+        command = ["ruff", *words, "--stdin-filename", PLACES[what], "-"]
+        done = subprocess.run(command, cwd=ROOT, input=file, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr

@@ -19,8 +19,8 @@ import numpy as np
 from repose.apparatus import bench, names
 from repose.apparatus.bounds import DEEPEST, FASTEST, Bounded
 from repose.apparatus.scene import longest_time_step
-from repose.config import checks
-from repose.config.loader import load
+from repose.config import making
+from repose.config.study import Study
 from repose.core.parameters import PARAMETERS
 from repose.dem.laws import CONTACT_LAWS
 from repose.particle import berry as berries
@@ -258,7 +258,7 @@ def poured(number, default, mean, particles, seen):
         f"{key}: {allowed}" for key, allowed in (*test.contradictions(config), *test.misfits(config, axes))
     ]
     faults += [
-        f"{key}: {allowed}" for key, allowed in checks.unstable(of_one(config, parameters), particle, berry)
+        f"{key}: {allowed}" for key, allowed in making.unstable(of_one(config, parameters), particle, berry)
     ]
     if faults:
         return row | {"status": "refused", "reason": "; ".join(faults)}
@@ -354,7 +354,7 @@ def main():
     args = parser.parse_args()
     assert sorted(SCENES) == sorted(names()), "a scene for every bench test"
     done = {int(row["number"]) for row in read(args.out)}
-    config = load("config/config.yaml")
+    config = Study.load("config/config.yaml").config
     section = config["berry"]
     table1 = "resources/published/table1.csv"
     mean = berries.of_files(section["sizes"], section["compression"], table1, section["density_kg_m3"])[1]

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from repose import cli
-from repose.config import loader
+from repose.config.study import Study
 from repose.core.files import write_json
 
 ROOT = Path(__file__).parents[2]
@@ -50,7 +50,7 @@ def poured(folder, table, purpose, count, seeds):
 
 def main():
     """Run it; the first status that is not 0 ends it."""
-    config = loader.load(ROOT / "config/quick.yaml", Path(__file__).with_name("tiny.yaml"))
+    config = Study.load(ROOT / "config/quick.yaml", Path(__file__).with_name("tiny.yaml")).config
     write_json("results/config.json", config)
     for line in verbs(config["design"]["samples"]):
         status = cli.main([*line.split(), "--config", "results/config.json"])

@@ -9,8 +9,9 @@ import pytest
 from scipy.stats import beta, norm
 from synthetic import SPACE, TARGETS, configuration
 
-from repose.cli import checking, main
-from repose.config import cost, loader
+from repose.cli import main
+from repose.config import cost
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
@@ -56,7 +57,7 @@ def test_no_chance_is_told_below_the_pours_of_the_start_nor_above_that_of_campai
     config = CONFIG | {"targets": CONFIG["targets"][-responses:]}
     names = list(TARGETS.names)[-responses:]
     found = plan.plan(config, runs_of(sd)[["sample", "status", *names]]).budgets
-    section = loader.load(ROOT / "config/config.yaml")["sequential"]
+    section = Study.load(ROOT / "config/config.yaml").config["sequential"]
     assert found["pours"].min() == section["start_samples"] * section["seeds"]
     campaigns = pd.read_csv(plan.SUCCESS).query("responses == @responses")
     for name in ("within_1_percent", "within_2_percent"):
@@ -91,14 +92,13 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
         assert "probability that the answer" in capsys.readouterr().out
         return 1e-7
 
-    monkeypatch.setattr(checking, "berry_and_particle", lambda *_: (None, None))
     monkeypatch.setattr(cost, "measured_berry_step_s", timed)
     path = tmp_path / "mine.yaml"
     path.write_text(f"strategy: {strategy}\nresults_dir: {tmp_path}/results\n")
     assert main(["plan", "--config", str(path)]) == 0
     lines = capsys.readouterr().out.splitlines()
     marked = [line.split() for line in lines if line.split()[0] == f"*{strategy}"]
-    config = loader.load(ROOT / "config/config.yaml")
+    config = Study.load(ROOT / "config/config.yaml").config
     section, budgets = config["response_surface"], plan.chances(1, 5.0)["pours"]
     sets = section["screening_runs"] + section["steps"] + 1 + 24 + 2 * section["centres"] + section["checks"]
     pours = {
@@ -112,7 +112,6 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
 
 @pytest.mark.parametrize(("free", "fitting"), [(1, False), (2, False), (3, True)])
 def test_a_strategy_that_does_not_fit_is_left_out(free, fitting, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(checking, "berry_and_particle", lambda *_: (None, None))
     monkeypatch.setattr(cost, "measured_berry_step_s", lambda *_: 1e-7)
     fixed = "".join(f"  {name}: {{fixed: 0.3}}\n" for name in PARAMETERS[free:])
     path = tmp_path / "mine.yaml"

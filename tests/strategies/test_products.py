@@ -11,7 +11,7 @@ from test_sequential import HEIGHT, SECTION, campaign
 
 from repose.chain import answer, card
 from repose.cli import main
-from repose.config import loader
+from repose.config.study import Study
 from repose.core.parameters import PARAMETERS
 from repose.particle.particle import Particle
 from repose.pictures.report import page, sections
@@ -30,7 +30,7 @@ def study(tmp_path_factory):
     folder = tmp_path_factory.mktemp("answer")
     campaign(folder)
     own = {"wall": {"shear_modulus_pa": 1e9, "poisson_ratio": 0.3}, "berry": {"size_distribution": "none"}}
-    whole = loader.load(ROOT / "config/config.yaml")
+    whole = Study.load(ROOT / "config/config.yaml").config
     own |= {name: whole[name] for name in ("measure", "funnel")}
     config = configuration(TARGETS, SPACE, sequential=SECTION, **own)
     step = {"time_step_s": 1e-4, "gravity_m_s2": 9.81, "rest_energy_j": 1e-9}
@@ -119,7 +119,7 @@ def test_the_report_of_a_strategy_has_the_answer_sliders_and_how_it_went(study):
 def test_the_verbs_that_the_rules_call_write_card_and_report(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     campaign(tmp_path, HEIGHT)
-    config = loader.load("config/quick.yaml")
+    config = Study.load("config/quick.yaml").config
     wanted = configuration(HEIGHT, SPACE)
     config |= {"targets": wanted["targets"], "parameters": wanted["parameters"], "strategy": "sequential"}
     config["sequential"] = SECTION

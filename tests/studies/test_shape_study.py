@@ -10,7 +10,8 @@ import pytest
 import shared
 
 from repose.apparatus.bench_test import Run
-from repose.config import loader, stands_on
+from repose.config import stands_on
+from repose.config.study import Study
 from repose.core import provenance
 from repose.core.errors import InputError
 from repose.core.seeds import pour_seeds
@@ -26,7 +27,7 @@ TARGETS = Targets.of([ANGLE, HEIGHT])
 @pytest.fixture
 def config(monkeypatch):
     monkeypatch.chdir(ROOT)
-    config = copy.deepcopy(loader.load("config/quick.yaml"))
+    config = copy.deepcopy(Study.load("config/quick.yaml").config)
     config["shape_study"] |= {
         "particles": {"egg": {"particle": "smooth"}, "clump": {"particle": "multisphere"}},
         "tensions": ["keep", "release"],

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from repose.config.schema import subschema
+from repose.config.faults import subschema
 from repose.core.errors import InputError
 from repose.core.responses import require_same_definitions
 from repose.surrogate import base, load, make, names
@@ -48,10 +48,6 @@ def fitted():
         name: make(name, SETTINGS).describe(INPUTS, ("x_deg", "y_mm"), {"x_deg": {"a.b": 1}}).fit(X, Y)
         for name in names()
     }
-
-
-def test_the_four_are_there():
-    assert names() == ("network", "gaussian_process", "network_ensemble", "quadratic")
 
 
 @every
@@ -231,7 +227,7 @@ def test_a_surrogate_is_registered_once():
         base.register("quadratic")(Other)
     with pytest.raises(
         InputError,
-        match=r"surrogate is 'cubic'; allowed: one of gaussian_process, network, network_ensemble, quadr",
+        match=f"surrogate is 'cubic'; allowed: one of {', '.join(sorted(names()))}",
     ):
         make("cubic", {})
 

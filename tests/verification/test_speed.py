@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
+from repose.config.study import Study
 from repose.core import published
 from repose.verification import speed
 
-CONFIG = yaml.safe_load((Path(__file__).parents[2] / "config" / "quick.yaml").read_text())
+CONFIG = Study.load(Path(__file__).parents[2] / "config/quick.yaml").config
 REPRESENTATIVE = dict(e_gg=0.203, mus_gg=0.642, mur_gg=0.037, e_gp=0.244, mus_gp=0.483, mur_gp=0.185)
 
 

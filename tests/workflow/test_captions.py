@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import jinja2
 import pytest
 
-from repose.config import loader
+from repose.config.study import Study
 
 ROOT = Path(__file__).parents[2]
 CAPTIONS = sorted((ROOT / "workflow" / "report").glob("*.rst"))
@@ -15,7 +15,7 @@ CAPTIONS = sorted((ROOT / "workflow" / "report").glob("*.rst"))
 @pytest.mark.parametrize("name", ["config", "quick", "paper"])
 def test_every_caption_can_be_filled_in(name, monkeypatch):
     monkeypatch.chdir(ROOT)
-    config = loader.load(f"config/{name}.yaml")
+    config = Study.load(f"config/{name}.yaml").config
     words = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
     for path in CAPTIONS:
         text = words.from_string(path.read_text()).render(snakemake=SimpleNamespace(config=config))

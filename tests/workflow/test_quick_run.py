@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 from plans import declared
 
-from repose.config import loader
+from repose.config.study import Study
 from repose.core import ledger
 from repose.core.parameters import PARAMETERS
 from repose.core.seeds import pour_seeds
@@ -33,7 +33,7 @@ if not (RESULTS / "validation" / "table4.csv").is_file():
 
 @pytest.fixture(scope="module")
 def config():
-    return loader.load(RESULTS / "config.json")
+    return Study.load(RESULTS / "config.json").config
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def dataset():
 
 
 def test_it_was_the_small_configuration(config):
-    assert config == loader.load(ROOT / "config" / "quick.yaml")
+    assert config == Study.load(ROOT / "config" / "quick.yaml").config
     assert config["small_run"] is True
     assert config["funnel"]["berries"] == 500
 

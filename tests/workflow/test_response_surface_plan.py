@@ -8,7 +8,7 @@ import pytest
 from plans import as_ours, planned, snakemake
 from synthetic import SPACE, dataset
 
-from repose.config import loader
+from repose.config.study import Study
 from repose.core.targets import Targets
 from repose.strategies.response_surface import files
 
@@ -35,7 +35,7 @@ def poured(folder, step, folders=("heaps",)):
 def test_each_step_pours_what_the_one_before_found(finished):
     project, words = finished
     folder = project / "results/quick/response_surface"
-    config = loader.load(project / "config/quick.yaml")
+    config = Study.load(project / "config/quick.yaml").config
     section = config["response_surface"]
     given = (SPACE, Targets.of(config["targets"]), section)
 

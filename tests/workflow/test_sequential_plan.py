@@ -9,7 +9,7 @@ import pytest
 from plans import as_ours, planned, snakemake
 from synthetic import SPACE, responses
 
-from repose.config import loader
+from repose.config.study import Study
 from repose.core.targets import Targets
 from repose.strategies.sequential import files
 
@@ -40,7 +40,7 @@ def poured(folder, table, section, targets, seed):
 def test_batches_follow_until_they_suffice_and_a_kill_between_them_loses_nothing(finished):
     project, words = finished
     folder = project / "results/quick/sequential"
-    config = loader.load(project / "config/quick.yaml")
+    config = Study.load(project / "config/quick.yaml").config
     section, targets = config["sequential"] | {"probability": 0.99}, Targets.of(config["targets"])
     words = (*words, "sequential={probability: 0.99}", *TARGET)
 

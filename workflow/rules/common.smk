@@ -10,13 +10,13 @@ import pandas
 from repose.apparatus import names
 from repose.chain import answer as answers
 from repose.config import cost, loader, results_folder, stands_on
+from repose.config.study import Study
 from repose.core import places
 from repose.core.errors import BAD_INPUT, InputError, tell
 from repose.core.lock import take_folder
 from repose.core.published import beside, published_count
 from repose.core.seeds import pour_seeds
 from repose.core.sources import engine_hash
-from repose.core.targets import Targets
 from repose.dem.cache import source_hash
 from repose.studies import rounds, shape_cells, snapshot
 
@@ -63,15 +63,15 @@ for place in map(str, (workflow.main_snakefile, places.root())):
         refuse(f"the program lies in {place}; allowed: a folder without braces")
 
 
-def checked_config(workflow):
-    """The configuration after every check, or one message and no work.
+def checked_study(workflow):
+    """The study after every check, or one message and no work.
 
     A job of a cluster starts a snakemake of its own, after the first one has checked the inputs.
     """
-    given = [places.find(as_typed(path)) for path in workflow.overwrite_configfiles]
-    files = or_one_message(loader.layers, given)
+    files = [as_typed(path) for path in workflow.overwrite_configfiles]
     values = workflow.config_settings.config
-    return or_one_message(loader.resolve, files, values, workflow.is_main_process)
+    inputs = workflow.is_main_process
+    return or_one_message(lambda: Study.load(*files, overrides=values, inputs=inputs))
 
 
 def as_typed(path):
@@ -161,15 +161,13 @@ def growing(amount):
 
 
 # Folder of each bench test's runs. Wildcard `runs`: one of these.
-RUN_FOLDERS = {
-    name: "heaps" if name == "funnel" else f"{name}_runs" for name in names()
-}
+RUN_FOLDERS = {name: results_folder.run_folder(name) for name in names()}
 APPARATUS_OF = {runs: name for name, runs in RUN_FOLDERS.items()}
 
 
 def folders_of_targets():
     """Folders of the runs that the study is calibrated by: one for each bench test of the targets."""
-    return [RUN_FOLDERS[name] for name in Targets.of(config["targets"]).apparatus]
+    return [RUN_FOLDERS[name] for name in STUDY.targets.apparatus]
 
 
 def apparatus(wildcards):

@@ -1,5 +1,5 @@
 # Bench tests whose responses are targets, and the figures that show the funnel or its pile.
-BENCH_TESTS = Targets.of(config["targets"]).apparatus
+BENCH_TESTS = STUDY.targets.apparatus
 OF_THE_FUNNEL = ("figure05", "figure06", "figure08", "definitions")
 
 # Each figure: its name in the report, what it shows, and the sections of the configuration that it reads.

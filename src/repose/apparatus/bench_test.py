@@ -7,7 +7,6 @@ from here by its name.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from repose.core import responses as core
 from repose.core.errors import InputError
 from repose.core.responses import Response
 from repose.core.runs import Recorded
+from repose.core.section import Section
 
 Config = Mapping[str, Any]
 
@@ -60,9 +60,9 @@ class BenchTest:
         Numbers of a run that the tables keep besides the targets.
     statuses : tuple of str
         How a run may end; ``ok`` first.
-    schema : Path or mapping
-        JSON schema of the section's keys, or the YAML file that holds it: a mapping from key to its schema. All keys
-        are required. ``seeds`` among them is the number of runs of each sample of a design.
+    settings : type of Section
+        Model of its section in the configuration. ``seeds`` among its keys is the number of runs of each sample of a
+        design.
     build : function
         ``build(config, parameters, particle, berry, largest_scale=1.0)`` makes the empty simulation.
     run : function
@@ -93,7 +93,7 @@ class BenchTest:
     responses: tuple[Response, ...]
     recorded: Recorded
     statuses: tuple[str, ...]
-    schema: Path | Mapping[str, Any]
+    settings: type[Section]
     build: Callable[..., Any]
     run: Callable[..., Run]
     measure: Callable[..., dict[str, Any]]
@@ -134,26 +134,6 @@ class BenchTest:
         Recorded
         """
         return self.recorded.beginning_with(tuple(one.name for one in self.wanted(config)))
-
-    def section_schema(self) -> dict[str, Any]:
-        """JSON schema of its section of the configuration.
-
-        Returns
-        -------
-        dict
-            An object whose keys are all required, and no others allowed.
-        """
-        keys = self.schema
-        if isinstance(keys, Path):
-            import yaml
-
-            keys = yaml.safe_load(keys.read_text(encoding="utf-8"))
-        return {
-            "type": "object",
-            "additionalProperties": False,
-            "required": list(keys),
-            "properties": dict(keys),
-        }
 
 
 _REGISTRY: dict[str, BenchTest] = {}

@@ -14,10 +14,10 @@ lies in it.
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import Field
 
 from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
@@ -27,6 +27,7 @@ from repose.apparatus.scene import Filmed, berry_simulation, sized_simulation
 from repose.apparatus.settings import SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
+from repose.core.section import Berries, Section, Seeds
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -55,6 +56,20 @@ MEASURED = tuple(one.name for one in RESPONSES)
 RECORDED = Recorded(means=MEASURED, single=(*MEASURED, "berries_in_cylinder"))
 
 # --- what its configuration asks ------------------------------------------------------------------
+
+
+class Settings(Section):
+    """The section `cylinder` of the configuration; config/README.md explains its keys."""
+
+    berries: Berries
+    rate_per_s: float = Field(ge=0.1, le=10000)
+    duration_s: float = Field(ge=0.1, le=600)
+    seeds: Seeds
+    diameter_mm: float = Field(ge=1, le=5000)
+    height_mm: float = Field(ge=1, le=5000)
+    collar_mm: float = Field(ge=1, le=5000)
+    speed_m_s: float = Field(ge=0, le=10)
+    core_margin_mm: float = Field(ge=0, le=1000)
 
 
 def contradictions(config: Config) -> Iterator[tuple[str, str]]:
@@ -272,7 +287,7 @@ BENCH = register(
         responses=RESPONSES,
         recorded=RECORDED,
         statuses=STATUSES,
-        schema=Path(__file__).with_name("cylinder.yaml"),
+        settings=Settings,
         build=build,
         run=run,
         measure=measure,

@@ -11,10 +11,10 @@ is a disc in the outlet. It is taken away downwards, faster than the berries fal
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import Field
 
 from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
@@ -25,6 +25,7 @@ from repose.apparatus.scene import Filmed, berry_simulation, sized_simulation
 from repose.apparatus.settings import SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
+from repose.core.section import Berries, Section, Seeds
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -51,6 +52,23 @@ MEASURED = tuple(one.name for one in RESPONSES)
 RECORDED = Recorded(means=MEASURED, single=MEASURED)
 
 # --- what its configuration asks ------------------------------------------------------------------
+
+
+class Settings(Section):
+    """The section `discharge` of the configuration; config/README.md explains its keys."""
+
+    berries: Berries
+    rate_per_s: float = Field(ge=0.1, le=10000)
+    open_from_s: float = Field(ge=0.1, le=600)
+    longest_s: float = Field(ge=0.1, le=600)
+    seeds: Seeds
+    inlet_diameter_mm: float = Field(ge=1, le=5000)
+    outlet_diameter_mm: float = Field(ge=1, le=5000)
+    cone_angle_deg: float = Field(ge=5, le=89)
+    tube_length_mm: float = Field(ge=0, le=1000)
+    rim_radius_mm: float = Field(ge=0.05, le=20)
+    collar_mm: float = Field(ge=1, le=5000)
+    speed_m_s: float = Field(ge=0, le=10)
 
 
 def contradictions(config: Config) -> Iterator[tuple[str, str]]:
@@ -244,7 +262,7 @@ BENCH = register(
         responses=RESPONSES,
         recorded=RECORDED,
         statuses=STATUSES,
-        schema=Path(__file__).with_name("discharge.yaml"),
+        settings=Settings,
         build=build,
         run=run,
         measure=measure,

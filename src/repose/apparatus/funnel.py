@@ -7,10 +7,10 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from repose import dem
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
@@ -20,6 +20,7 @@ from repose.apparatus.scene import Filmed, berry_simulation, largest_cluster, si
 from repose.apparatus.settings import SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
+from repose.core.section import AUTO, Auto, Berries, Section, Seeds
 from repose.measure.angles import MEAN_KEYS, VIEW_KEYS
 
 if TYPE_CHECKING:
@@ -185,6 +186,27 @@ class Funnel:
 
 
 # --- what its configuration asks ------------------------------------------------------------------
+
+
+class Settings(Section):
+    """The section `funnel` of the configuration; config/README.md explains its keys."""
+
+    berries: Berries
+    rate_per_s: float = Field(ge=0.1, le=10000)
+    duration_s: Annotated[float, Field(ge=0.1, le=600)] | Auto = AUTO
+    seeds: Seeds
+    inlet_diameter_mm: float = Field(ge=1, le=5000)
+    outlet_diameter_mm: float = Field(ge=1, le=5000)
+    cone_angle_deg: float = Field(ge=5, le=89)
+    tube_length_mm: float = Field(ge=0, le=1000)
+    rim_radius_mm: float = Field(ge=0.05, le=20)
+    outlet_height_mm: float = Field(ge=1, le=2000)
+    plate_diameter_mm: float = Field(ge=10, le=20000)
+    factory_height_mm: Annotated[float, Field(ge=0, le=1000)] | Auto = AUTO
+    factory_diameter_mm: Annotated[float, Field(ge=1, le=5000)] | Auto = AUTO
+    orientation: Literal["random", "lying", "upright"]
+    rest_motion_mm: float = Field(gt=0, le=100)
+    rest_window_s: float = Field(ge=0.001, le=100)
 
 
 def contradictions(config: Config) -> Iterator[tuple[str, str]]:
@@ -589,7 +611,7 @@ BENCH = register(
         responses=RESPONSES,
         recorded=RECORDED,
         statuses=STATUSES,
-        schema=Path(__file__).with_name("funnel.yaml"),
+        settings=Settings,
         build=build,
         run=run,
         measure=measure,

@@ -6,10 +6,10 @@ slips once. Here the drum turns faster, and the angle is the mean over a time in
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import Field
 
 from repose.apparatus import drum
 from repose.apparatus.bench_test import BenchTest, Config, Run, register
@@ -18,6 +18,7 @@ from repose.apparatus.scene import Filmed
 from repose.apparatus.settings import SimulationSettings
 from repose.core.responses import Response
 from repose.core.runs import Recorded
+from repose.core.section import Berries, Section, Seeds
 
 if TYPE_CHECKING:
     from repose.particle.particle import Particle
@@ -27,6 +28,24 @@ STATUSES = ("ok", "unstable", "lost", "no_surface")
 SEEN = ("measure.mm_per_pixel", *(f"{NAME}.{key}" for key in ("angular_velocity_rad_s", "fit_share")))
 RESPONSES = (Response("turning_deg", "deg", "drum, turning", "turning", NAME, -90.0, 90.0, SEEN),)
 RECORDED = Recorded(means=("turning_deg",), single=("turning_deg",))
+
+
+class Settings(Section):
+    """The section `turning` of the configuration; config/README.md explains its keys."""
+
+    berries: Berries
+    rate_per_s: float = Field(ge=0.1, le=10000)
+    rotate_from_s: float = Field(ge=0.1, le=600)
+    angular_velocity_rad_s: float = Field(ge=1.0e-4, le=10)
+    measure_from_s: float = Field(ge=0, le=600)
+    measure_until_s: float = Field(ge=0.1, le=600)
+    seeds: Seeds
+    outer_diameter_mm: float = Field(ge=20, le=5000)
+    wall_thickness_mm: float = Field(gt=0, le=1000)
+    length_mm: float = Field(ge=10, le=5000)
+    factory_height_mm: float = Field(ge=-2000, le=2000)
+    record_s: float = Field(ge=0.001, le=10)
+    fit_share: float = Field(ge=0.1, le=1)
 
 
 def contradictions(config: Config) -> Iterator[tuple[str, str]]:
@@ -117,7 +136,7 @@ BENCH = register(
         responses=RESPONSES,
         recorded=RECORDED,
         statuses=STATUSES,
-        schema=Path(__file__).with_name("turning.yaml"),
+        settings=Settings,
         build=partial(drum.build, section=NAME),
         run=run,
         measure=measure,

@@ -8,7 +8,7 @@ from repose.cli.registry import Option
 from repose.core.published import beside
 
 if TYPE_CHECKING:
-    from repose.config.reading import Origin
+    from repose.config.study import Study
     from repose.particle.particle import Particle
 
 BERRY_AND_PARTICLE = (
@@ -18,30 +18,18 @@ BERRY_AND_PARTICLE = (
 
 
 def berry_and_particle(
-    config: dict[str, Any],
-    source: "str | Origin",
-    berry_json: str | PathLike | None = None,
-    particle_json: str | PathLike | None = None,
+    study: "Study", berry_json: str | PathLike | None = None, particle_json: str | PathLike | None = None
 ) -> "tuple[dict[str, Any], Particle]":
-    """The berry as in berry.json and its particle, each from its file or else from the checked configuration.
-
-    `source` names the configuration in an InputError.
-    """
-    from repose.config import checks
-    from repose.particle import berry, berry_files, build
+    """The berry as in berry.json and its particle, each from its file or else from the study."""
+    from repose.particle import berry_files, build
     from repose.particle.particle import Particle
 
-    if berry_json is None:
-        checks.check_inputs(config, source)
-        section = config["berry"]
-        of_berry = berry.of_files(
-            section["sizes"], section["compression"], _table1(config), *_material(section)
-        )[1]
-    else:
-        of_berry = berry_files.read_berry(berry_json)
+    of_berry = study.grain if berry_json is None else berry_files.read_berry(berry_json)
     if particle_json is not None:
         return of_berry, Particle.load(particle_json)
-    return of_berry, build.of_settings(of_berry, config["berry"])
+    if berry_json is None:
+        return of_berry, study.particle
+    return of_berry, build.of_settings(of_berry, study.config["berry"])
 
 
 def write_berry(config: Mapping[str, Any], out_dir: str | PathLike) -> None:

@@ -5,12 +5,11 @@ from pathlib import Path
 
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, SAMPLES
 from repose.cli.registry import Family, Option
-from repose.config import loader
 from repose.config.definitions import definitions_of
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.published import beside
-from repose.core.targets import Targets
 
 SUPPORT = Option("--dataset", help="dataset.csv; with it solutions beyond its samples carry a warning")
 
@@ -32,8 +31,8 @@ family = Family()
 def dataset(args: argparse.Namespace) -> None:
     from repose.chain import dataset
 
-    config = loader.load(args.config)
-    targets, definitions = Targets.of(config["targets"]), definitions_of(config)
+    study = Study.load(args.config)
+    targets, definitions = study.targets, definitions_of(study.config)
     jobs = dataset.job_files(args.jobs, args.samples)
     dataset.run(args.samples, jobs, targets, definitions, args.out, args.prefix)
 
@@ -47,9 +46,9 @@ def dataset(args: argparse.Namespace) -> None:
 def network(args: argparse.Namespace) -> None:
     from repose.chain import train
 
-    config = loader.load(args.config)
-    targets, definitions = Targets.of(config["targets"]), definitions_of(config)
-    settings = config["network"] | {"surrogate": config["surrogate"]}
+    study = Study.load(args.config)
+    targets, definitions = study.targets, definitions_of(study.config)
+    settings = study.config["network"] | {"surrogate": study.config["surrogate"]}
     metrics = train.run(args.dataset, args.runs, targets, settings, args.out, definitions, args.config)
     print(train.message(metrics))
 
@@ -63,16 +62,16 @@ def network(args: argparse.Namespace) -> None:
 def miga(args: argparse.Namespace) -> None:
     from repose.chain import invert
 
-    config = loader.load(args.config)
+    study = Study.load(args.config)
     summary = invert.run(
         args.network,
-        ParameterSpace.of(config["parameters"]),
-        Targets.of(config["targets"]),
-        config["miga"],
-        beside(config["validation"]["published"], "table3.csv"),
+        study.parameters,
+        study.targets,
+        study.config["miga"],
+        beside(study.config["validation"]["published"], "table3.csv"),
         args.out,
-        _support(args, config),
-        definitions_of(config),
+        _support(args, study.config),
+        definitions_of(study.config),
         args.config,
     )
     print(summary["message"])
@@ -87,13 +86,13 @@ def miga(args: argparse.Namespace) -> None:
 def solutions(args: argparse.Namespace) -> None:
     from repose.chain import validate
 
-    config = loader.load(args.config)
-    section = config["validation"]
+    study = Study.load(args.config)
+    section = study.config["validation"]
     validate.write_solutions(
         args.feasible,
         section["published"],
-        ParameterSpace.of(config["parameters"]),
-        Targets.of(config["targets"]),
+        study.parameters,
+        study.targets,
         section["solutions"],
         Path(args.out) / "solutions.csv",
     )
@@ -107,7 +106,7 @@ def solutions(args: argparse.Namespace) -> None:
 def published_solutions(args: argparse.Namespace) -> None:
     from repose.chain import validate
 
-    published = loader.load(args.config)["validation"]["published"]
+    published = Study.load(args.config).config["validation"]["published"]
     if published is None:
         raise InputError(args.config, "validation.published", None, "a table of published solutions")
     validate.write_published_solutions(published, Path(args.out) / "published_solutions.csv")
@@ -126,9 +125,9 @@ def published_solutions(args: argparse.Namespace) -> None:
 def validate(args: argparse.Namespace) -> None:
     from repose.chain import validate
 
-    config = loader.load(args.config)
-    published, targets = config["validation"]["published"], Targets.of(config["targets"])
-    validate.run(args.solutions, args.jobs, published, targets, args.out, _support(args, config))
+    study = Study.load(args.config)
+    published, targets = study.config["validation"]["published"], study.targets
+    validate.run(args.solutions, args.jobs, published, targets, args.out, _support(args, study.config))
 
 
 def _support(args, config):

@@ -4,7 +4,7 @@ import argparse
 
 from repose.cli.options import BERRY, FEASIBLE
 from repose.cli.registry import Family, Option
-from repose.config import loader
+from repose.config.study import Study
 from repose.core.errors import InputError
 
 MIGA, VALIDATION = "results/miga/summary.json", "results/validation/representative.csv"
@@ -54,7 +54,7 @@ def material_card(args: argparse.Namespace) -> None:
 
     if (args.posterior is None) != (args.draws is None):
         raise InputError("command line", "--posterior", args.posterior, "together with --draws")
-    config = loader.load(args.config)
-    found = answer.read_files(config, args.summary, args.representative, config["strategy"])
+    study = Study.load(args.config)
+    found = answer.read_files(study.config, args.summary, args.representative, study.config["strategy"])
     files = {name: getattr(args, name) for name in ("berry", "particle", "feasible", "posterior", "draws")}
-    card.run(config, found, files, args.out)
+    card.run(study.config, found, files, args.out)

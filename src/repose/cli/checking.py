@@ -6,13 +6,10 @@ import sys
 import threading
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from repose.cli.berries import berry_and_particle
 from repose.cli.registry import Family, Option
-from repose.config import loader
-from repose.core import places
+from repose.config.study import Study
 from repose.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,14 +33,15 @@ family = Family()
 def check(args: argparse.Namespace) -> None:
     if args.cores < 1:
         raise InputError("command line", "--cores", args.cores, "at least 1")
-    from repose.config import computed, cost
+    from repose.config import computed, cost, loader
     from repose.config.reading import get
     from repose.strategies import cost as strategies
 
-    config = loader.resolve(loader.layers([places.find(args.config)]))
-    berry, particle = berry_and_particle(config, args.config)
+    study = Study.load(args.config, inputs=True)
+    config, berry, particle = study.config, study.grain, study.particle
     print(f"{args.config}: {config['label']}, good; results go to {config['results_dir']}")
-    numbers = [f"{one.key} {get(config, one.key)}" for one in computed.asked(loader.unchecked(args.config))]
+    written, _ = loader.read_layers([args.config])
+    numbers = [f"{one.key} {get(config, one.key)}" for one in computed.asked(written)]
     if numbers:
         print(f"computed, since they are auto or not given: {', '.join(numbers)}")
     for line in (*_about_the_grain(config, berry, particle), *_about_the_targets(config)):
@@ -124,11 +122,10 @@ def _about_the_targets(config: Mapping[str, Any]) -> Iterator[str]:
     ],
 )
 def plan(args: argparse.Namespace) -> None:
-    from repose.core.targets import Targets
     from repose.strategies import plan
 
-    config = loader.resolve(loader.layers([places.find(args.config)]))
-    targets, folder = Targets.of(config["targets"]), Path(config["results_dir"])
+    study = Study.load(args.config, inputs=True)
+    config, targets, folder = study.config, study.targets, study.folder
     own = [path for path in (folder / "sequential/runs.csv", folder / "runs.csv") if path.is_file()]
     path = args.runs or next(iter(own), None)
     runs = None if path is None else plan.read_runs(path, targets)
@@ -148,8 +145,8 @@ def plan(args: argparse.Namespace) -> None:
         chances = " ".join(f"{row[name]:>5.2f} ± {row[f'{name}_se']:.2f}" for name in shares)
         print(f"{row['pours']:>7} {chances}")
     print("from hidden truths with six free parameters, docs/sequential.md", flush=True)
-    berry = berry_and_particle(config, args.config)
-    print(*_costs(config, found.budgets["pours"], _berry_step_s(config, *berry)), sep="\n")
+    measured = _berry_step_s(config, study.grain, study.particle)
+    print(*_costs(config, found.budgets["pours"], measured), sep="\n")
 
 
 def _costs(config: Mapping[str, Any], budgets: Iterable[int], berry_step_s: float) -> Iterator[str]:

@@ -4,9 +4,7 @@ import argparse
 
 from repose.cli.options import DATASET, NETWORK, RUNS, chosen_files, file_options
 from repose.cli.registry import Family
-from repose.config import loader
-from repose.core.parameter_space import ParameterSpace
-from repose.core.targets import Targets
+from repose.config.study import Study
 
 POOL_FILES = {
     f"{points}_{table}": f"results/{place}{table}.csv"
@@ -32,9 +30,9 @@ family = Family()
 def compare_search(args: argparse.Namespace) -> None:
     from repose.studies.comparison import search
 
-    config = loader.load(args.config)
-    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
-    settings, section = config["compare_search"], config["miga"]
+    study = Study.load(args.config)
+    targets, space = study.targets, study.parameters
+    settings, section = study.config["compare_search"], study.config["miga"]
     table = search.run(args.network, space, targets, settings, section, args.out)
     print(search.message(table))
 
@@ -51,11 +49,11 @@ def compare_search(args: argparse.Namespace) -> None:
 def compare_whole(args: argparse.Namespace) -> None:
     from repose.studies.comparison import whole
 
-    config = loader.load(args.config)
-    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
-    settings = config["compare_whole"]
-    settings |= {"network": _network(config) | {key: settings[key] for key in ("starts", "epochs")}}
-    settings |= {"miga": config["miga"] | {"rounds": settings["rounds"]}}
+    study = Study.load(args.config)
+    targets, space = study.targets, study.parameters
+    section = study.config["compare_whole"]
+    network = _network(study.config) | {key: section[key] for key in ("starts", "epochs")}
+    settings = section | {"network": network, "miga": study.config["miga"] | {"rounds": section["rounds"]}}
     samples = whole.read_samples(args.dataset, args.runs, space, targets.names)
     table = whole.run(samples, space, targets, settings, args.out)
     print(whole.message(table, targets))
@@ -69,10 +67,10 @@ def compare_whole(args: argparse.Namespace) -> None:
 def compare_accuracy(args: argparse.Namespace) -> None:
     from repose.studies.comparison import accuracy, points
 
-    config = loader.load(args.config)
-    names = Targets.of(config["targets"]).names
+    study = Study.load(args.config)
+    names = study.targets.names
     sets = points.read_sets(chosen_files(args, POOL_FILES), names)
-    print(accuracy.message(accuracy.run(sets, names, _network(config), args.out)))
+    print(accuracy.message(accuracy.run(sets, names, _network(study.config), args.out)))
 
 
 @family.verb(
@@ -83,10 +81,10 @@ def compare_accuracy(args: argparse.Namespace) -> None:
 def compare_surrogates(args: argparse.Namespace) -> None:
     from repose.studies.comparison import points, surrogates
 
-    config = loader.load(args.config)
-    names = Targets.of(config["targets"]).names
+    study = Study.load(args.config)
+    names = study.targets.names
     sets = points.read_sets(chosen_files(args, POOL_FILES), names)
-    surrogates.run(sets, names, _network(config), config["pool"]["seed"], args.out)
+    surrogates.run(sets, names, _network(study.config), study.config["pool"]["seed"], args.out)
 
 
 @family.verb(
@@ -97,11 +95,11 @@ def compare_surrogates(args: argparse.Namespace) -> None:
 def compare_sampling(args: argparse.Namespace) -> None:
     from repose.studies.comparison import points, sampling
 
-    config = loader.load(args.config)
-    names, space = Targets.of(config["targets"]).names, ParameterSpace.of(config["parameters"])
+    study = Study.load(args.config)
+    names, space = study.targets.names, study.parameters
     sets = points.read_sets(chosen_files(args, POOL_FILES), names)
-    seeds, seed = config["funnel"]["seeds"], config["pool"]["seed"]
-    sampling.run(sets, names, space, _network(config), seeds, seed, args.out)
+    seeds, seed = study.config["funnel"]["seeds"], study.config["pool"]["seed"]
+    sampling.run(sets, names, space, _network(study.config), seeds, seed, args.out)
 
 
 @family.verb(

@@ -4,7 +4,7 @@ import argparse
 
 from repose.cli.parameter_sets import PARAMETER_SET, parameters
 from repose.cli.registry import CONFIG, Family, Option
-from repose.config import loader
+from repose.config.study import Study
 from repose.core.errors import InputError
 
 # Of a clump: so many where the study has none, the fewest that LIGGGHTS takes, the most that fill a mesh here.
@@ -41,22 +41,23 @@ def export(args: argparse.Namespace) -> None:
     from repose.chain import card
     from repose.cli.berries import berry_and_particle
 
-    config = None if args.config is None else loader.load(args.config)
+    study = None if args.config is None else Study.load(args.config)
     _check_source(args)
     found = None if args.card is None else card.read_own(args.card)
-    if config is None:
+    if study is None:
         beside = None if found is None else card.configuration_beside(args.card)
         args.config = CONFIG.keywords["default"] if beside is None else str(beside)
-        config = loader.load(args.config)
+        study = Study.load(args.config)
     if args.seed < 0:
         raise InputError("command line", "--seed", args.seed, "a whole number from 0")
-    section = config["berry"]
+    section = study.config["berry"]
     if args.spheres is not None and not FEWEST <= args.spheres <= MOST:
         raise InputError("command line", "--spheres", args.spheres, f"from {FEWEST} to {MOST}")
     if args.spheres is not None or section["particle"] != "multisphere":
         chosen = SPHERES if args.spheres is None else args.spheres
-        config["berry"] = section | {"particle": "multisphere", "spheres": chosen, "surface": "smooth"}
-    berry, particle = berry_and_particle(config, args.config)
+        spheres = {"particle": "multisphere", "spheres": chosen, "surface": "smooth"}
+        study = Study.of(study.config | {"berry": section | spheres}, args.config)
+    config, (berry, particle) = study.config, berry_and_particle(study)
     if found is None:
         values = parameters(args.set, args.samples, args.sample, config["parameters"])
     else:

@@ -5,11 +5,10 @@ import argparse
 from repose.cli.berries import write_berry, write_particle
 from repose.cli.options import BERRY
 from repose.cli.registry import Family, Option
-from repose.config import loader
+from repose.config.study import Study
 from repose.core import places
 from repose.core.errors import InputError
 from repose.core.files import write_bytes
-from repose.core.parameter_space import ParameterSpace
 
 family = Family()
 
@@ -38,7 +37,7 @@ def berry(args: argparse.Namespace) -> None:
     if args.axes or args.stl:
         _build(args)
     else:
-        write_berry(loader.load(args.config), args.out)
+        write_berry(Study.load(args.config).config, args.out)
 
 
 def _build(args: argparse.Namespace) -> None:
@@ -48,7 +47,7 @@ def _build(args: argparse.Namespace) -> None:
     if not (args.axes and args.stl and args.mass_g):
         raise InputError("command line", "berry --axes", args.axes, "together with --mass-g and --stl")
     given = args.density
-    density = loader.load(args.config)["berry"]["density_kg_m3"] if given is None else given
+    density = Study.load(args.config).config["berry"]["density_kg_m3"] if given is None else given
     details = (args.taper, args.wrinkles, args.wrinkle_depth_mm)
     mesh, number = mesh_from_axes.berry_mesh(args.axes, args.mass_g, density, *details, source="command line")
     stl = mesh.export(file_type="stl")
@@ -68,7 +67,7 @@ def _build(args: argparse.Namespace) -> None:
     options=[BERRY],
 )
 def shape(args: argparse.Namespace) -> None:
-    write_particle(loader.load(args.config), args.berry, args.out)
+    write_particle(Study.load(args.config).config, args.berry, args.out)
 
 
 @family.verb(
@@ -84,9 +83,9 @@ def design(args: argparse.Namespace) -> None:
     if is_own(places.find(args.config)):
         own_simulator.write_start(args)
         return
-    config = loader.load(args.config)
-    section = config["design"]
-    space = ParameterSpace.of(config["parameters"])
+    study = Study.load(args.config)
+    section = study.config["design"]
+    space = study.parameters
     design.run(space, section["samples"], section["method"], section["seed"], args.out)
 
 
@@ -98,5 +97,5 @@ def design(args: argparse.Namespace) -> None:
 def pool_design(args: argparse.Namespace) -> None:
     from repose.studies import pool
 
-    config = loader.load(args.config)
-    pool.run(ParameterSpace.of(config["parameters"]), config["pool"], args.out)
+    study = Study.load(args.config)
+    pool.run(study.parameters, study.config["pool"], args.out)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import BERRY, JSON
 from repose.cli.registry import Family, Option
-from repose.config import loader
+from repose.config.study import Study
 from repose.core.errors import InputError, raise_together
 from repose.core.files import json_text
 
@@ -130,7 +130,7 @@ def _settings(args: argparse.Namespace) -> "MeasureSettings":
     section: dict[str, Any] = {"berry_height_mm": None}
     sizes_csv = Path(SIZES) if Path(SIZES).is_file() else None
     if args.config is not None:
-        config = loader.load(args.config)
+        config = Study.load(args.config).config
         section, sizes_csv = dict(config["measure"]), config["berry"]["sizes"]
     if args.grain_mm is not None:
         section["berry_height_mm"] = args.grain_mm
@@ -176,7 +176,7 @@ def silhouette(args: argparse.Namespace) -> None:
     from repose.measure.saved_pours import first_pour
     from repose.particle.build import Particle
 
-    how = MeasureSettings(**loader.load(args.config)["measure"])
+    how = MeasureSettings(**Study.load(args.config).config["measure"])
     picture = side_view(first_pour(args.heap), Particle.load(args.particle), how, args.azimuth)
     write_image(args.out, picture)
 
@@ -196,7 +196,7 @@ def measure_silhouette(args: argparse.Namespace) -> None:
     from repose.measure import drawing, pile
     from repose.particle.berry_files import read_berry
 
-    section = loader.load(args.config)["measure"]
+    section = Study.load(args.config).config["measure"]
     how = pile.MeasureSettings.of(section, read_berry(args.berry))
     image = pile.read_image(args.picture)
     try:
@@ -223,13 +223,13 @@ def measure_silhouette(args: argparse.Namespace) -> None:
 def measurement_study(args: argparse.Namespace) -> None:
     if args.shapes < 1:
         raise InputError("command line", "--shapes", args.shapes, "at least 1")
-    config = loader.load(args.config)
-    berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
+    study = Study.load(args.config)
+    berry_of, particle = berry_and_particle(study, args.berry, args.particle)
 
     from repose.studies import measurement_study
 
     tables = measurement_study.run(
-        args.heaps, args.representative, particle, config["measure"], berry_of, args.out, args.shapes
+        args.heaps, args.representative, particle, study.config["measure"], berry_of, args.out, args.shapes
     )
     for table in tables.values():
         print(table.round(2).to_string(index="measured" not in table))

@@ -20,12 +20,11 @@ family = Family()
     options=[Option("name", help="of the crop, and of the folder that is made here")],
 )
 def new(args: argparse.Namespace) -> None:
-    from repose.config.schema import subschema, validator
+    from repose.config import faults
     from repose.core.ledger import write_in_one_move
 
-    label = validator().evolve(schema=subschema(["label"]))
-    if not label.is_valid(args.name):
-        raise InputError("command line", "new", args.name, subschema(["label"])["description"])
+    if not faults.is_valid("label", args.name):
+        raise InputError("command line", "new", args.name, faults.allowed("label"))
     folder = Path(args.name)
     if folder.exists() or folder.is_symlink():
         raise InputError("command line", "new", args.name, "a folder that is not there yet")

@@ -4,7 +4,7 @@ import argparse
 
 from repose.cli.options import pairs
 from repose.cli.registry import Family, Option
-from repose.config import loader
+from repose.config.study import Study
 
 # Frames of the film of a pour; each takes nearly a second to draw.
 FILM, SMALL_FILM = 72, 20
@@ -24,7 +24,7 @@ family = Family()
 def figure(args: argparse.Namespace) -> None:
     from repose.pictures import figures
 
-    figures.draw(args.name, pairs(args.input, "--input"), args.out, loader.load(args.config))
+    figures.draw(args.name, pairs(args.input, "--input"), args.out, Study.load(args.config).config)
 
 
 @family.verb(
@@ -41,7 +41,7 @@ def film(args: argparse.Namespace) -> None:
     from repose.particle.build import Particle
     from repose.pictures import film, scenery
 
-    config, particle = loader.load(args.config), Particle.load(args.particle)
+    config, particle = Study.load(args.config).config, Particle.load(args.particle)
     frames = SMALL_FILM if config["small_run"] else FILM
     if args.drum:
         film.animate_drum(
@@ -68,4 +68,4 @@ def report(args: argparse.Namespace) -> None:
     from repose.pictures.report import page
 
     files, tables = pairs(args.input, "--input"), pairs(args.table, "--table")
-    page.write(loader.load(args.config), args.jobs, files, tables, args.out)
+    page.write(Study.load(args.config).config, args.jobs, files, tables, args.out)

@@ -8,8 +8,8 @@ from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import JSON
 from repose.cli.parameter_sets import PARAMETER_SET, SEED, STUDY_SEEDS, parameters, pour_seeds, run_seeds
 from repose.cli.registry import Family, Option
-from repose.config import loader
 from repose.config.reading import section
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.files import json_text
 
@@ -58,10 +58,10 @@ def warm_up(args: argparse.Namespace) -> None:
     from repose.apparatus import warm_up
     from repose.dem.cache import folder
 
-    config = loader.load(args.config)
-    berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
-    values = parameters([], None, None, config["parameters"])
-    took_s = warm_up.warm_up(config, values, particle, berry_of)
+    study = Study.load(args.config)
+    berry_of, particle = berry_and_particle(study, args.berry, args.particle)
+    values = parameters([], None, None, study.config["parameters"])
+    took_s = warm_up.warm_up(study.config, values, particle, berry_of)
     print(f"the engine was ready after {took_s:.1f} s; its compiled code is in {folder()}")
 
 
@@ -102,14 +102,14 @@ def _job(args: argparse.Namespace, apparatus: str) -> _Job:
     from repose.dem.io.progress import display
 
     test = bench(apparatus, "command line")
-    config = loader.load(args.config)
-    section(config, apparatus)
-    values = parameters(args.set, args.samples, args.sample, config["parameters"])
-    seeds = pour_seeds(args, config["design"]["seed"], apparatus)
-    step, end = SimulationSettings.of(config).time_step_s, test.duration_s(config)
+    study = Study.load(args.config)
+    section(study.config, apparatus)
+    values = parameters(args.set, args.samples, args.sample, study.config["parameters"])
+    seeds = pour_seeds(args, study.config["design"]["seed"], apparatus)
+    step, end = SimulationSettings.of(study.config).time_step_s, test.duration_s(study.config)
     if args.trajectory is not None and not step <= args.trajectory <= end:
         raise InputError("command line", "--trajectory", args.trajectory, f"from {step:g} to {end:g} s")
-    berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
+    berry_of, particle = berry_and_particle(study, args.berry, args.particle)
 
     def progress(seed):
         return display(0.0, end, step, label=f"seed {seed}")
@@ -117,7 +117,9 @@ def _job(args: argparse.Namespace, apparatus: str) -> _Job:
     name = (
         f"{args.sample:03d}" if args.sample is not None else ("heap" if apparatus == "funnel" else apparatus)
     )
-    return _Job(test, config, name, values, seeds, particle, berry_of, args.out, args.trajectory, progress)
+    return _Job(
+        test, study.config, name, values, seeds, particle, berry_of, args.out, args.trajectory, progress
+    )
 
 
 def _flat(result):
@@ -140,10 +142,10 @@ def measure_runs(args: argparse.Namespace) -> None:
     from repose.apparatus.job import measure_job
     from repose.core.seeds import UNNAMED
 
-    config = loader.load(args.config)
-    berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
+    study = Study.load(args.config)
+    berry_of, particle = berry_and_particle(study, args.berry, args.particle)
     for path in args.pours:
-        result = measure_job(config, path, particle, berry_of, args.out)
+        result = measure_job(study.config, path, particle, berry_of, args.out)
         words = bench(result.get("apparatus", UNNAMED)).in_words
         for run in result["runs"]:
             print(f"{path}: {told(run, words)}")
@@ -161,12 +163,12 @@ def measure_runs(args: argparse.Namespace) -> None:
 def drum(args: argparse.Namespace) -> None:
     from repose.apparatus import bench, drum_tables
 
-    config = loader.load(args.config)
-    section(config, "drum")
-    values = parameters(args.set, args.samples, args.sample, config["parameters"])
+    study = Study.load(args.config)
+    section(study.config, "drum")
+    values = parameters(args.set, args.samples, args.sample, study.config["parameters"])
     seeds = run_seeds(args.seed)
-    berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
-    results = drum_tables.run_job(config, values, seeds, particle, berry_of, args.out)
+    berry_of, particle = berry_and_particle(study, args.berry, args.particle)
+    results = drum_tables.run_job(study.config, values, seeds, particle, berry_of, args.out)
     if args.json:
         print(json_text(results))
     else:
@@ -183,10 +185,10 @@ def drum(args: argparse.Namespace) -> None:
 def drum_tables(args: argparse.Namespace) -> None:
     from repose.apparatus import drum_tables
 
-    config = loader.load(args.config)
-    section(config, "drum")
-    _, particle = berry_and_particle(config, args.config, args.berry, args.particle)
-    drum_tables.run(args.runs, config, particle, args.out)
+    study = Study.load(args.config)
+    section(study.config, "drum")
+    _, particle = berry_and_particle(study, args.berry, args.particle)
+    drum_tables.run(args.runs, study.config, particle, args.out)
 
 
 def told(run: Mapping[str, Any], words: str) -> str:

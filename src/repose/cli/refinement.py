@@ -5,11 +5,9 @@ from pathlib import Path
 
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS, file_options
 from repose.cli.registry import Family, Option
-from repose.config import loader
 from repose.config.definitions import definitions_of
-from repose.core.parameter_space import ParameterSpace
+from repose.config.study import Study
 from repose.core.published import beside
-from repose.core.targets import Targets
 
 ROUND = "results/refined/round_0"
 NEXT_ROUND = "results/refined/round_1"
@@ -48,12 +46,12 @@ def refine_data(args: argparse.Namespace) -> None:
 def refine_search(args: argparse.Namespace) -> None:
     from repose.studies import refine
 
-    config = loader.load(args.config)
-    space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
+    study = Study.load(args.config)
+    space, targets = study.parameters, study.targets
     files = (args.network, args.dataset, args.near)
-    table3 = beside(config["validation"]["published"], "table3.csv")
-    defined = (definitions_of(config), args.config)
-    summary = refine.run_search(*files, space, targets, config, table3, args.out, *defined)
+    table3 = beside(study.config["validation"]["published"], "table3.csv")
+    defined = (definitions_of(study.config), args.config)
+    summary = refine.run_search(*files, space, targets, study.config, table3, args.out, *defined)
     print(summary["message"])
 
 
@@ -70,11 +68,11 @@ def refine_search(args: argparse.Namespace) -> None:
 def refine_propose(args: argparse.Namespace) -> None:
     from repose.studies import refine
 
-    config = loader.load(args.config)
-    space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
-    seed, out = config["design"]["seed"], Path(args.out) / "proposal.csv"
-    files, defined = (args.feasible, args.network), (definitions_of(config), args.config)
-    refine.run_propose(*files, space, targets, config["refine"], args.round, seed, out, *defined)
+    study = Study.load(args.config)
+    space, targets = study.parameters, study.targets
+    seed, out = study.config["design"]["seed"], Path(args.out) / "proposal.csv"
+    files, defined = (args.feasible, args.network), (definitions_of(study.config), args.config)
+    refine.run_propose(*files, space, targets, study.config["refine"], args.round, seed, out, *defined)
 
 
 @family.verb(
@@ -86,9 +84,9 @@ def refine_propose(args: argparse.Namespace) -> None:
 def refine_judge(args: argparse.Namespace) -> None:
     from repose.studies import rounds
 
-    config = loader.load(args.config)
+    study = Study.load(args.config)
     files = (args.proposal, args.dataset, args.runs)
-    found = rounds.run_judge(*files, Targets.of(config["targets"]), config["refine"], args.out)
+    found = rounds.run_judge(*files, study.targets, study.config["refine"], args.out)
     print(f"round {found['round']} {found['outcome']}", found["reason"], sep=": ")
 
 
@@ -101,8 +99,8 @@ def refine_judge(args: argparse.Namespace) -> None:
 def refine_tables(args: argparse.Namespace) -> None:
     from repose.studies import rounds
 
-    config = loader.load(args.config)
-    targets, limit = Targets.of(config["targets"]), config["refine"]["rounds"]
+    study = Study.load(args.config)
+    targets, limit = study.targets, study.config["refine"]["rounds"]
     summary = rounds.run_tables(args.verdicts, limit, targets, args.out)
     print(summary["why"])
     print(summary["claim"])

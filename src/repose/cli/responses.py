@@ -6,11 +6,9 @@ import math
 from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import DATASET, RUNS, pairs
 from repose.cli.registry import Family, Option
-from repose.config import loader
 from repose.config.reading import section
+from repose.config.study import Study
 from repose.core.errors import InputError
-from repose.core.parameter_space import ParameterSpace
-from repose.core.targets import Targets
 
 family = Family()
 
@@ -36,9 +34,9 @@ JOBS = Option(
 def measure_responses(args: argparse.Namespace) -> None:
     from repose.measure import further_responses
 
-    config = loader.load(args.config)
-    berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
-    table = further_responses.run(config, args.pours, args.runs, particle, berry_of, args.out)
+    study = Study.load(args.config)
+    berry_of, particle = berry_and_particle(study, args.berry, args.particle)
+    table = further_responses.run(study.config, args.pours, args.runs, particle, berry_of, args.out)
     print(table[list(further_responses.MEASURED)].describe().round(2).to_string())
 
 
@@ -62,12 +60,14 @@ def measure_responses(args: argparse.Namespace) -> None:
 def second_responses(args: argparse.Namespace) -> None:
     from repose.studies import further_runs, second_responses
 
-    config = loader.load(args.config)
-    settings = config["second_responses"] | {key: config["network"][key] for key in ("hidden", "epochs")}
-    settings |= {"discrepancy_percent": config["posterior"]["discrepancy_percent"]}
+    study = Study.load(args.config)
+    settings = study.config["second_responses"] | {
+        key: study.config["network"][key] for key in ("hidden", "epochs")
+    }
+    settings |= {"discrepancy_percent": study.config["posterior"]["discrepancy_percent"]}
     own = pairs(args.discrepancy, "--discrepancy")
-    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
-    data = further_runs.read(args.runs, args.dataset, targets, config["measure"]["response"], args.jobs)
+    targets, space = study.targets, study.parameters
+    data = further_runs.read(args.runs, args.dataset, targets, study.config["measure"]["response"], args.jobs)
     settings["discrepancies"] = {name: _percent(name, text, data.known) for name, text in own.items()}
     print(second_responses.run(data, targets, space, settings, args.out))
 
@@ -81,10 +81,12 @@ def second_responses(args: argparse.Namespace) -> None:
 def joint_targets(args: argparse.Namespace) -> None:
     from repose.studies import further_runs, joint_targets
 
-    config = loader.load(args.config)
-    settings = config["network"] | config["second_responses"] | section(config, "joint_targets")
-    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
-    data = further_runs.read(args.runs, args.dataset, targets, config["measure"]["response"], args.jobs)
+    study = Study.load(args.config)
+    settings = (
+        study.config["network"] | study.config["second_responses"] | section(study.config, "joint_targets")
+    )
+    targets, space = study.targets, study.parameters
+    data = further_runs.read(args.runs, args.dataset, targets, study.config["measure"]["response"], args.jobs)
     print(joint_targets.run(data, targets, space, settings, args.out))
 
 
@@ -106,21 +108,23 @@ def profiles(args: argparse.Namespace) -> None:
     from repose.measure.pile import MeasureSettings
     from repose.studies import profiles
 
-    config = loader.load(args.config)
-    berry_of, particle = berry_and_particle(config, args.config, args.berry, args.particle)
-    settings = config["network"] | config["second_responses"] | section(config, "joint_targets")
+    study = Study.load(args.config)
+    berry_of, particle = berry_and_particle(study, args.berry, args.particle)
+    settings = (
+        study.config["network"] | study.config["second_responses"] | section(study.config, "joint_targets")
+    )
     table = read_table(args.dataset, ("sample", *PARAMETERS, "status"))
     table = table[table["status"] == "ok"]
     runs = read_table(args.runs, ("sample", "seed", "status", *profiles.TWO_NUMBERS))
     runs = runs[(runs["status"] == "ok") & runs["sample"].isin(table["sample"])]
     levels = profiles.levels_mm(float(runs["height_mm"].max()))
     good = set(map(tuple, runs[["sample", "seed"]].to_numpy()))
-    seen = MeasureSettings.of(config["measure"], berry_of)
+    seen = MeasureSettings.of(study.config["measure"], berry_of)
     widths = half_widths.of_pours(args.pours, good, particle, seen, levels)
     runs = runs.merge(widths, on=["sample", "seed"])
     table = table[table["sample"].isin(runs["sample"])]
     X, samples = table[list(PARAMETERS)].to_numpy(float), table["sample"].to_numpy()
-    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
+    targets, space = study.targets, study.parameters
     print(profiles.run(X, samples, runs, len(levels), targets, space, settings, args.out))
 
 

@@ -161,12 +161,13 @@ def configurations(words: Sequence[str]) -> list[str]:
 def catalogue(words: list[str]) -> str:
     """The studies, each with a sentence and its cost in the configurations of the words, over the default."""
     from repose.config import cost, loader
+    from repose.config.study import Study
     from repose.strategies import cost as strategies
 
     files = configurations(words)
-    config = loader.unchecked(*files)  # an unreadable file is reported
+    config, _ = loader.read_layers(files)  # an unreadable file is reported
     try:
-        config = loader.load(*files)
+        config = Study.load(*files).config
         costs = cost.costs(config)
         costs |= {target: _cost_of({**config, "strategy": target}) for target in strategies.OTHERS}
     except InputError:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from repose.cli.berries import berry_and_particle
 from repose.cli.options import JSON
 from repose.cli.registry import Family, Option
-from repose.config import loader
+from repose.config.study import Study
 from repose.core import published
 from repose.core.errors import InputError
 
@@ -29,10 +29,10 @@ def bench(args: argparse.Namespace) -> None:
     from repose.studies import shape_cells
     from repose.verification import speed
 
-    config, particles = loader.load(args.config), {}
+    config, particles = Study.load(args.config).config, {}
     for name, changes in config.get("shape_study", {"particles": {"berry": {}}})["particles"].items():
         changed = shape_cells.changed(config, "berry", changes)
-        berry_of, particles[name] = berry_and_particle(changed, args.config)
+        berry_of, particles[name] = berry_and_particle(Study.of(changed, args.config))
     result = speed.run(
         config, particles, berry_of, published.representative(config["validation"]["published"])
     )
@@ -61,12 +61,12 @@ def verify(args: argparse.Namespace) -> int:
 
     names = args.case or (list(verification.CASES) if args.all else None)
     pile = None
-    config = loader.load(args.config)
-    laws = SimulationSettings.of(config).laws
+    study = Study.load(args.config)
+    laws = SimulationSettings.of(study.config).laws
     print("laws: " + ", ".join(laws.values()), flush=True)
     if names and set(names) & set(verification.EXPENSIVE):
-        berry_of, particle = berry_and_particle(config, args.config)
-        pile = (config, particle, berry_of)
+        berry_of, particle = berry_and_particle(study)
+        pile = (study.config, particle, berry_of)
     effort = verification.Effort(hits=args.hits, seeds=args.seeds, pile=pile, laws=laws)
     results = verification.run(
         names, effort, lambda name, result: print(_case_line(name, result), flush=True)

@@ -4,8 +4,8 @@ import argparse
 
 from repose.cli.options import BERRY, SAMPLES
 from repose.cli.registry import Family, Option
-from repose.config import loader
 from repose.config.reading import section
+from repose.config.study import Study
 
 family = Family()
 
@@ -23,10 +23,10 @@ family = Family()
 def shape_cell(args: argparse.Namespace) -> None:
     from repose.studies import shape_cells, shape_study
 
-    config = loader.load(args.config)
-    section(config, "shape_study")
-    shape_cells.check(config, args.config)
-    shape_study.run_cell(config, args.cell, args.berry, args.samples, args.out)
+    study = Study.load(args.config)
+    section(study.config, "shape_study")
+    shape_cells.check(study.config, args.config)
+    shape_study.run_cell(study.config, args.cell, args.berry, args.samples, args.out)
 
 
 @family.verb(
@@ -38,9 +38,9 @@ def shape_cell(args: argparse.Namespace) -> None:
 def shape_selection(args: argparse.Namespace) -> None:
     from repose.studies import shape_study
 
-    config = loader.load(args.config)
-    section(config, "shape_study")
-    shape_study.run_selection(config, args.cells, args.out)
+    study = Study.load(args.config)
+    section(study.config, "shape_study")
+    shape_study.run_selection(study.config, args.cells, args.out)
 
 
 @family.verb(
@@ -55,6 +55,6 @@ def shape_selection(args: argparse.Namespace) -> None:
 def shape_study(args: argparse.Namespace) -> None:
     from repose.studies import shape_study
 
-    config = loader.load(args.config)
-    section(config, "shape_study")
-    shape_study.run_verdict(config, args.cells, args.finalists, args.out)
+    study = Study.load(args.config)
+    section(study.config, "shape_study")
+    shape_study.run_verdict(study.config, args.cells, args.finalists, args.out)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from repose.cli.registry import Family, Option
-from repose.config import loader
+from repose.config.study import Study
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
 
@@ -31,9 +31,9 @@ def _print_deviations(table):
 
 def _read(args: argparse.Namespace) -> tuple[ParameterSpace, Targets, dict[str, Any]]:
     """Space, targets and section of a configuration."""
-    config = loader.load(args.config)
-    space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
-    return space, targets, config["response_surface"]
+    study = Study.load(args.config)
+    space, targets = study.parameters, study.targets
+    return space, targets, study.config["response_surface"]
 
 
 @family.verb(
@@ -113,7 +113,7 @@ def response_check(args: argparse.Namespace) -> None:
     from repose.strategies.response_surface import files
 
     given = (args.predictions, args.optimum, args.surface, args.dataset, args.runs)
-    table = files.run_check(*given, loader.load(args.config), args.out)
+    table = files.run_check(*given, Study.load(args.config).config, args.out)
     _print_deviations(table)
 
 
@@ -125,9 +125,11 @@ def response_check(args: argparse.Namespace) -> None:
 def sequential_start(args: argparse.Namespace) -> None:
     from repose.strategies.sequential import files
 
-    config = loader.load(args.config)
-    space = ParameterSpace.of(config["parameters"])
-    files.run_start(space, config["sequential"], config["design"]["seed"], Path(args.out) / "samples.csv")
+    study = Study.load(args.config)
+    space = study.parameters
+    files.run_start(
+        space, study.config["sequential"], study.config["design"]["seed"], Path(args.out) / "samples.csv"
+    )
 
 
 @family.verb(
@@ -139,9 +141,9 @@ def sequential_start(args: argparse.Namespace) -> None:
 def sequential_batch(args: argparse.Namespace) -> None:
     from repose.strategies.sequential import files
 
-    config = loader.load(args.config)
-    space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
-    given = (space, targets, config["sequential"], config["design"]["seed"])
+    study = Study.load(args.config)
+    space, targets = study.parameters, study.targets
+    given = (space, targets, study.config["sequential"], study.config["design"]["seed"])
     found = files.run_batch(args.batches, *given, args.out)
     print(
         f"{found['pours']} pours; the best point meets the targets with probability {found['probability']:.2f}"
@@ -163,5 +165,5 @@ def sequential_batch(args: argparse.Namespace) -> None:
 def sequential_check(args: argparse.Namespace) -> None:
     from repose.strategies.sequential import files
 
-    table = files.run_check(args.batches, args.dataset, args.runs, loader.load(args.config), args.out)
+    table = files.run_check(args.batches, args.dataset, args.runs, Study.load(args.config).config, args.out)
     _print_deviations(table)

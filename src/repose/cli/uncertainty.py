@@ -5,11 +5,9 @@ from pathlib import Path
 
 from repose.cli.options import NETWORK, RUNS, chosen_files, file_options
 from repose.cli.registry import Family
-from repose.config import loader
 from repose.config.definitions import definitions_of
-from repose.core.parameter_space import ParameterSpace
+from repose.config.study import Study
 from repose.core.published import beside
-from repose.core.targets import Targets
 
 POSTERIOR_FILES = {
     "network": "results/network/network.json",
@@ -31,7 +29,7 @@ family = Family()
 def noise(args: argparse.Namespace) -> None:
     from repose.studies import noise
 
-    targets = Targets.of(loader.load(args.config)["targets"])
+    targets = Study.load(args.config).targets
     print(noise.message(noise.run(args.runs, targets, args.out), targets))
 
 
@@ -44,12 +42,12 @@ def noise(args: argparse.Namespace) -> None:
 def posterior(args: argparse.Namespace) -> None:
     from repose.studies import posterior
 
-    config = loader.load(args.config)
-    space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
+    study = Study.load(args.config)
+    space, targets = study.parameters, study.targets
     files: dict[str, str | Path | None] = {**chosen_files(args, POSTERIOR_FILES)}
-    files["table3"] = beside(config["validation"]["published"], "table3.csv")
-    defined = (definitions_of(config), args.config)
-    summary = posterior.run(files, space, targets, config["posterior"], args.out, *defined)
+    files["table3"] = beside(study.config["validation"]["published"], "table3.csv")
+    defined = (definitions_of(study.config), args.config)
+    summary = posterior.run(files, space, targets, study.config["posterior"], args.out, *defined)
     print(posterior.message(summary))
 
 
@@ -62,8 +60,8 @@ def posterior(args: argparse.Namespace) -> None:
 def sensitivity(args: argparse.Namespace) -> None:
     from repose.studies import sensitivity
 
-    config = loader.load(args.config)
-    space, targets = ParameterSpace.of(config["parameters"]), Targets.of(config["targets"])
-    defined = (definitions_of(config), args.config)
-    table = sensitivity.run(args.network, space, targets, config["sensitivity"], args.out, *defined)
+    study = Study.load(args.config)
+    space, targets = study.parameters, study.targets
+    defined = (definitions_of(study.config), args.config)
+    table = sensitivity.run(args.network, space, targets, study.config["sensitivity"], args.out, *defined)
     print(sensitivity.message(table))

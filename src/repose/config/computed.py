@@ -8,16 +8,15 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from repose.config.reading import get
 from repose.core.parameter_space import range_of
 from repose.core.parameters import PARAMETERS
 from repose.core.published import published_sets
+from repose.core.section import AUTO
 
 if TYPE_CHECKING:
     from repose.dem.time_steps import Limit
     from repose.particle.particle import Particle
 
-AUTO = "auto"
 PIXELS_A_GRAIN = 32  # of a simulated pile's pictures, over the grain's equivalent diameter
 PIXELS_MM = (0.02, 5.0)  # allowed range of measure.mm_per_pixel
 STEP_SHARE = 0.9  # of the longest time step: an edit that shortens that a little needs no new step
@@ -37,15 +36,25 @@ class Computed(NamedTuple):
     of: Callable[[Config, Any, Any], Any]  # (config, berry, particle), the last two None unless `needs_grain`
 
     @property
+    def section(self) -> str:
+        """Section of the key."""
+        return self.key.partition(".")[0]
+
+    @property
+    def sections(self) -> set[str]:
+        """Sections that the number follows from, and keys outside sections."""
+        return {key.partition(".")[0] for key in self.reads}
+
+    @property
     def needs_grain(self) -> bool:
         """Whether the number follows from the grain."""
         return "berry" in self.reads
 
 
 def asked(config: Config) -> list[Computed]:
-    """Keys of a configuration that are `auto`, in an order in which each can be computed.
+    """Keys of a configuration that are `auto` or missing, in an order in which each can be computed.
 
-    The configuration may lack keys, and hold values that are not allowed.
+    The configuration may lack sections, and hold values that are not allowed.
     """
     return [one for one in COMPUTED if _value(config, one.key) == AUTO]
 
@@ -83,11 +92,10 @@ def axes_mm(berry: Mapping[str, Any]) -> Sequence[float]:
 
 
 def _value(config, key):
-    """Value of a key; None if missing."""
-    try:
-        return get(config, key)
-    except (LookupError, TypeError, ValueError):
-        return None
+    """Value of a key; `auto` if only the key is missing, None without its section."""
+    section, name = key.split(".")
+    found = config.get(section)
+    return found.get(name, AUTO) if isinstance(found, Mapping) else None
 
 
 def _diameter_mm(berry):

@@ -1,24 +1,24 @@
-"""Rules between keys: each reports values that contradict each other."""
+"""Rules between sections: each reports values that contradict each other.
+
+Rules between the keys of one section stand in its model (`repose.core.section.Section.contradictions`).
+"""
 
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
-from repose.apparatus import bench_tests, names
+from repose.apparatus import bench_tests
 from repose.apparatus.bench_test import BenchTest
-from repose.config import results_folder
 from repose.core.parameter_space import ParameterSpace
-from repose.core.responses import responses_of
-
-LARGEST_BLOCKS = 100  # of a refined proposal's pours: jobs of a round have three digits
-MODULI = ("berry.poisson_ratio", "berry.shear_modulus_pa")
 
 Pairs = Iterator[tuple[str, str]]
 
 
 class Rule(NamedTuple):
-    """A rule between keys."""
+    """A rule between sections."""
 
-    reads: tuple[str, ...]  # dotted keys or sections; the rule is applied if each is valid by itself
+    reads: tuple[
+        str, ...
+    ]  # sections, and keys outside sections; the rule is applied if none of them has a fault
     faults: Callable[[Mapping[str, Any]], Pairs]  # faults(config) yields (dotted key, what is allowed)
 
 
@@ -26,65 +26,19 @@ def rules(config: Mapping[str, Any]) -> list[Rule]:
     """The rules for a configuration, those of its bench tests included."""
     used = used_tests(config)
     return [
-        Rule(("measure.fit_from", "measure.fit_to"), _of_the_fit),
         Rule(("targets",), _of_targets),
         *(Rule((test.name, "simulation"), test.contradictions) for test in used),
-        Rule(("results_dir",), lambda config: results_folder.contradictions(config["results_dir"])),
-        Rule(("berry.compression", *MODULI), _of_moduli),
-        Rule(("network.split",), _of_the_split),
-        Rule(("parameters",), _of_parameters),
-        Rule(("surrogate", "parameters", "network.split", "design.samples"), _of_the_surrogate),
-        Rule(("network.replicates", "targets", *(f"{test.name}.seeds" for test in used)), _of_seeds),
+        Rule(("surrogate", "parameters", "network", "design"), _of_the_surrogate),
+        Rule(("network", "targets", *(test.name for test in used)), _of_seeds),
         Rule(
             ("strategy", "sequential", "response_surface", "targets", "parameters"), strategy_contradictions
         ),
-        Rule(("refine",), _of_refine),
-        Rule(("miga",), _of_miga),
     ]
 
 
 def used_tests(config: Mapping[str, Any]) -> list[BenchTest]:
     """Bench tests whose section is in the configuration."""
     return [test for test in bench_tests() if test.name in config]
-
-
-def _of_moduli(config):
-    """Neither moduli nor compression tests."""
-    for key in MODULI:
-        name = key.removeprefix("berry.")
-        if config["berry"]["compression"] is None and config["berry"][name] is None:
-            yield (
-                key,
-                "a number; or a table of compression tests in berry.compression, which tells both moduli",
-            )
-
-
-def _of_parameters(config):
-    """No free parameter."""
-    if not ParameterSpace.of(config["parameters"]).free:
-        yield "parameters", "at least one that is not fixed: there is nothing to calibrate"
-
-
-def _of_the_split(config):
-    """Invalid shares."""
-    split = config["network"]["split"]
-    if abs(sum(split) - 1) > 1e-6 or split[0] == 0 or split[2] == 0:
-        yield "network.split", "three shares that sum to 1, those of training and test above 0"
-
-
-def _of_refine(config):
-    """Impossible numbers of jobs or neighbours."""
-    refine = config["refine"]
-    if refine["seeds"] > LARGEST_BLOCKS * refine["block"]:
-        yield "refine.block", f"at least refine.seeds / {LARGEST_BLOCKS}"
-    if refine["neighbours"] == 1:
-        yield "refine.neighbours", "0 or at least 2: they fill a Latin hypercube"
-
-
-def _of_miga(config):
-    """A tournament larger than its population."""
-    if config["miga"]["tournament"] > config["miga"]["population"]:
-        yield "miga.tournament", f"at most miga.population, {config['miga']['population']}"
 
 
 def _of_the_surrogate(config):
@@ -138,39 +92,11 @@ def _of_seeds(config):
 
 
 def _of_targets(config):
-    """Targets without a bench test, duplicates, and values outside the allowed range."""
+    """Targets of a bench test that the configuration lacks, and responses that stand twice."""
     seen = set()
     for k, target in enumerate(config["targets"]):
-        key = f"targets.{k}"
-        known = responses_of(target["apparatus"])
-        if not known:
-            yield f"{key}.apparatus", f"one of {', '.join(names())}"
-            continue
         if target["apparatus"] not in config:
-            yield f"{key}.apparatus", "a bench test that has a section of its name in the configuration"
-        given = [one.name for one in known]
-        if target["response"] not in given:
-            yield f"{key}.response", f"one of {', '.join(given)}, the responses of {target['apparatus']}"
-            continue
+            yield f"targets.{k}.apparatus", "a bench test that has a section of its name in the configuration"
         if target["response"] in seen:
-            yield f"{key}.response", "each response once"
+            yield f"targets.{k}.response", "each response once"
         seen.add(target["response"])
-        limits = known[given.index(target["response"])]
-        low, high = target["range"]
-        if low < limits.low or high > limits.high:
-            yield f"{key}.range", f"a pair [low, high] from {limits.low:g} to {limits.high:g}"
-            continue
-        if not limits.low <= target["value"] <= limits.high:
-            yield f"{key}.value", f"from {limits.low:g} to {limits.high:g}"
-        aimed = "aim" if "aim" in target else "value"
-        if not low <= target[aimed] <= high:
-            yield f"{key}.{aimed}", f"inside {key}.range, {low:g} to {high:g}"
-
-
-def _of_the_fit(config):
-    """A part of the flank that is too short for a line."""
-    start, end = config["measure"]["fit_from"], config["measure"]["fit_to"]
-    if start == end == "berry":
-        yield "measure.fit_to", "a number from 0.1 to 1, as measure.fit_from is berry"
-    elif "berry" not in (start, end) and end < start + 0.1:
-        yield "measure.fit_to", f"at least 0.1 above measure.fit_from, {start:g}"

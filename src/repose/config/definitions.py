@@ -47,5 +47,5 @@ def described(config: Mapping[str, Any], response: Response, berry: Mapping[str,
     section = stands_on.pouring(config, test.name)[test.name]
     return {
         "definition": {"name": one.label, "settings": settings},
-        "bench": {key: section[key] for key in test.section_schema()["properties"] if key in section},
+        "bench": {key: section[key] for key in test.settings.model_fields if key in section},
     }

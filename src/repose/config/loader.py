@@ -1,7 +1,4 @@
-"""The configuration: read strictly, checked against one schema and against itself before any work starts.
-
-Every fault ends in an InputError with the file, the key, the value and what is allowed.
-"""
+"""The files of a configuration, each over the one before it, and the resolved file that a study writes."""
 
 import copy
 import json
@@ -11,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from repose.config.reading import Origin, parse, read
-from repose.core import places, provenance
+from repose.core import ledger, places
 from repose.core.files import write_text
 from repose.core.parameters import PARAMETERS
 
@@ -22,38 +19,28 @@ FILES = {
 }
 CROP = ("sizes", "density_kg_m3", "stl")  # keys of `berry` that define a crop
 COMMAND_LINE = "command line (--config)"
+RESOLVED = "config.json"  # in the folder of results
 # Replaced, not merged: two fillings in a list are all fillings, and a fixed parameter has no prior of another file.
 WHOLE = {f"shape_study.{key}" for key in ("particles", "fillings", "sensitivities")}
 WHOLE |= {f"parameters.{name}" for name in PARAMETERS}
 
 
-def load(*files: str | os.PathLike) -> dict[str, Any]:
-    """A study's configuration as the workflow reads it, with each `auto` computed, and checked.
+def read_layers(
+    files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None
+) -> tuple[dict[str, Any], Origin]:
+    """The configuration of files, each over the one before it and all over the defaults, and the file of each key.
 
-    Each file may hold only the keys that differ. They lie over the defaults (`layers`), each over the one before it. A
-    complete file needs no default, so the folder's own may be edited while the workflow's jobs read
-    `RESULTS/config.json`. InputError names the file of a bad value.
+    A complete file needs no default. `overrides` are nested and lie over all; their texts are read as YAML. Values are
+    not checked, and `auto` stays.
     """
-    from repose.config.checks import complete  # imported here and below, so that help loads none of it
-
-    config, source = _unchecked(files)
-    config = complete(config, source, inputs=False)
-    provenance.note_config(config)
-    return config
-
-
-def unchecked(*files: str | os.PathLike) -> dict[str, Any]:
-    """The configuration of files as `load` reads it, but with `auto` and with values that are not allowed."""
-    return _unchecked(files)[0]
-
-
-def _unchecked(files):
-    """The configuration of files over the defaults, and the file of each key."""
-    from repose.config.schema import lacks_keys
+    from repose.config.faults import lacks_keys  # imported here and below, so that help loads none of it
 
     given = [places.find(path) for path in files]
-    config, source = _over_each_other(given)
-    return _over_each_other(layers(given)) if lacks_keys(config) else (config, source)
+    if given:
+        config, source = _over_each_other(given, overrides)
+        if not lacks_keys(config):
+            return config, source
+    return _over_each_other(layers(given), overrides)
 
 
 def layers(given: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
@@ -73,13 +60,13 @@ def own_crop_under(*files: str | os.PathLike) -> Path | None:
 
     None if the working folder has one or is the program's, or if the files need no default.
     """
-    from repose.config.schema import lacks_keys
+    from repose.config.faults import lacks_keys
 
     own = places.root() / places.DEFAULT_CONFIG
     if places.configs()[-1] != own:
         return None
     given = [places.find(path) for path in files]
-    if given and own not in given and not lacks_keys(_over_each_other(given)[0]):
+    if given and own not in given and (is_resolved(*given) or not lacks_keys(_over_each_other(given)[0])):
         return None
     return own if own in (*given, *layers(given)) else None
 
@@ -88,19 +75,6 @@ def _is_a_crop(config):
     """Whether a file defines a grain by a key that no default has: sizes, density or scan."""
     grain = config.get("berry")
     return isinstance(grain, dict) and any(grain.get(key) is not None for key in CROP)
-
-
-def resolve(
-    files: Sequence[str | os.PathLike], overrides: Mapping[str, Any] | None = None, inputs: bool = True
-) -> dict[str, Any]:
-    """A workflow's configuration: later files over earlier ones, the command line over all; computed, checked.
-
-    The first file is complete. `overrides` are nested; their texts are read as YAML. With `inputs` the files that it
-    names are checked and its berry is built, which takes seconds. InputError names the file of a bad value.
-    """
-    from repose.config.checks import complete
-
-    return complete(*_over_each_other(files, overrides), inputs)
 
 
 def _over_each_other(
@@ -134,6 +108,11 @@ def write_resolved(config: Mapping[str, Any], path: str | os.PathLike) -> None:
     text = json.dumps(config, indent=1) + "\n"
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
         write_text(path, text)
+
+
+def is_resolved(*files: str | os.PathLike) -> bool:
+    """Whether these files are one that `write_resolved` wrote into a folder of results and nobody changed since."""
+    return len(files) == 1 and Path(files[0]).name == RESOLVED and ledger.is_ours(files[0])
 
 
 def _values(value):

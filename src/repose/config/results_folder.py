@@ -10,15 +10,24 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+from repose import apparatus
 from repose.core import ledger, places
 from repose.core.errors import InputError, raise_together
 from repose.core.ledger import LEDGER
+from repose.core.seeds import UNNAMED
 
 # Folders of the project that results must never be written into.
 OUR_OWN = (
     *("src", "config", "resources", "workflow", "profiles", "tests", "docs", "examples", "benchmarks"),
     "results/published",
 )
+
+
+def run_folder(test: str) -> str:
+    """Folder of a bench test's runs in the folder of results."""
+    return "heaps" if test == UNNAMED else f"{test}_runs"
+
+
 # First part of the paths that the rules write there.
 WRITTEN = (
     *(
@@ -30,10 +39,10 @@ WRITTEN = (
         "runs.csv",
         "snapshot.txt",
     ),
-    *("benchmarks", "berry", "comparison", "cylinder_runs", "design", "discharge_runs", "drum", "drum_runs"),
-    *("figures", "film", "heaps", "joint_targets", "logs", "measure", "measurement_study", "miga", "network"),
+    *("benchmarks", "berry", "comparison", "design", "drum", *map(run_folder, apparatus.names())),
+    *("figures", "film", "joint_targets", "logs", "measure", "measurement_study", "miga", "network"),
     *("noise", "pool", "posterior"),
-    *("refined", "response_surface", "responses", "sensitivity", "sequential", "shape", "turning_runs"),
+    *("refined", "response_surface", "responses", "sensitivity", "sequential", "shape"),
     *("validation", "warm_up"),
 )
 NOT_RESULTS = ("benchmarks", "logs")  # written anew by every job

@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from repose.config import checks
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.files import read_table
 from repose.core.parameters import PARAMETERS
@@ -72,7 +72,7 @@ def check(config: Config, source: str = "configuration") -> None:
         raise InputError(source, "shape_study.reference", study["reference"], "PARTICLE-TENSION-FILLING")
     for section, part in (("particles", "berry"), ("fillings", "funnel"), ("sensitivities", "funnel")):
         for name, changes in study[section].items():
-            checks.check(changed(config, part, changes), f"{source}, shape_study.{section}.{name}")
+            Study.of(changed(config, part, changes), f"{source}, shape_study.{section}.{name}")
 
 
 def changed(config: Config, section: str, changes: Mapping[str, Any]) -> dict[str, Any]:

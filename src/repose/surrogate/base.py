@@ -7,8 +7,8 @@ then gives them for any parameter set, with errors. The rest of the program call
     model.fit(X, Y).save("surrogate.json")
     mean, std = load("surrogate.json").predict(X_new, return_std=True)
 
-To add a surrogate, write a subclass of `Surrogate` in a module of its own, put `@register("its_name")` above it, import
-the module in `repose.surrogate`, and add the name to the key `surrogate` of the configuration's schema.
+To add a surrogate, write a subclass of `Surrogate` in a module of its own, put `@register("its_name")` above it, and
+import the module in `repose.surrogate`; then the configuration knows the name.
 """
 
 import copy

@@ -111,9 +111,23 @@ class QuadraticSurface(Surrogate):
         model.offset_ = np.asarray(content["offset"], dtype=float)
         return model
 
+    def terms(self, unit: np.ndarray) -> np.ndarray:
+        """Terms of the model: 1, x_i and x_i x_j.
+
+        Parameters
+        ----------
+        unit : numpy.ndarray, (n, d)
+            The inputs that vary, each in [0, 1] over the samples.
+
+        Returns
+        -------
+        numpy.ndarray, (n, terms)
+        """
+        return quadratic_terms(unit)
+
     def _terms(self, X):
-        """1, x_i and x_i x_j of the inputs that vary, (n, terms)."""
-        return quadratic_terms(((X - self.low_) / self.width_)[:, self.varies_])
+        """The terms at points, (n, terms)."""
+        return self.terms(((X - self.low_) / self.width_)[:, self.varies_])
 
 
 def _weighted(A, Y, root_precision):

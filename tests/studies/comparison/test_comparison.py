@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from repose.config import loader
+from repose.config.study import Study
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
@@ -271,7 +271,7 @@ def test_sampling_says_what_is_emulated_and_what_is_real(tables):
 
 @pytest.mark.parametrize("name", ["accuracy", "surrogates", "sampling"])
 def test_each_comparison_can_be_drawn(tables, name, tmp_path):
-    config = loader.load("config/quick.yaml")
+    config = Study.load("config/quick.yaml").config
     figures.draw(name, {name: str(tables[0] / f"{name}.csv")}, tmp_path / "a.png", config)
     assert (tmp_path / "a.png").stat().st_size > 10_000
 

@@ -20,7 +20,7 @@ rule dataset:
         config=CONFIG,
         folder=folder,
         jobs=folders_of_jobs,
-        depends=Targets.of(config["targets"]).names,
+        depends=STUDY.targets.names,
     message:
         "Table of all samples and their responses"
     shell:

@@ -3,9 +3,7 @@ OURS = [f"{number:03d}" for number in range(1, config["validation"]["solutions"]
 THEIRS = [
     f"{101 + k}"
     for k in range(
-        published_count(
-            config["validation"]["published"], Targets.of(config["targets"]).responses
-        )
+        published_count(config["validation"]["published"], STUDY.targets.responses)
     )
 ]
 

@@ -106,7 +106,7 @@ for points, (prefix, count, _) in POOL_SETS.items():
             folder=folder,
             jobs=folders_of_jobs,
             prefix=prefix,
-            depends=Targets.of(config["targets"]).names,
+            depends=STUDY.targets.names,
         message:
             "Table of the set {rule}"
         shell:

@@ -1,0 +1,198 @@
+"""Faults of a configuration in words: the file, the key, the value and what is allowed."""
+
+import difflib
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+from pydantic import ValidationError
+
+from repose.config.models import Settings, settings_type
+from repose.config.reading import Origin, get, origin_of, owner_of
+from repose.core.errors import InputError, YamlError
+from repose.core.section import AUTO, CONTRADICTION
+
+SHARED = ("time_step_s", "gravity_m_s2", "tension", "rest_energy_j")
+FRICTION_LIMIT = (
+    "no longer a key: the tension decides (keep: the elastic part of the force, release: all of it), since other pairs "
+    "break Coulomb's law; delete this line"
+)
+# Keys of earlier configurations, and their present places.
+MOVED = {
+    "heap": f"now the section funnel; its keys {', '.join(SHARED)} are in the section simulation",
+    "target": "now the list targets: one entry for each response, with value, sd, repetitions and range",
+    **{f"funnel.{key}": f"now simulation.{key}, for every bench test" for key in SHARED},
+    "funnel.friction_limit": FRICTION_LIMIT,
+    "simulation.friction_limit": FRICTION_LIMIT,
+}
+UNKNOWN = ("extra_forbidden", "invalid_key")  # types of pydantic's errors
+WORDS = {
+    "integer": "an integer",
+    "number": "a number",
+    "string": "text",
+    "boolean": "true or false",
+    "array": "a list",
+    "null": "null",
+}
+
+
+class Checked(NamedTuple):
+    """What the models say of a configuration."""
+
+    faults: list[InputError]
+    sections: set[str]  # sections and keys outside sections that have a fault
+
+
+class _Error(NamedTuple):
+    """An error of a model at a key, or around it where the key is unknown."""
+
+    type: str
+    path: list[str]
+    unknown: Any  # key that does not exist, in the section at `path`
+    context: Mapping[str, Any]
+
+
+def check(config: Any, source: str | Origin = "configuration") -> Checked:
+    """The faults of each key by itself and of keys of one section; `source` names the file in them.
+
+    A mistyped key is also a missing key: only the mistyping is reported.
+    """
+    errors = _errors(config)
+    sections = {error.path[0] if error.path else str(error.unknown) for error in errors}
+    return Checked(list(_faults(errors, config, source)), sections)
+
+
+def lacks_keys(config: Mapping[str, Any]) -> bool:
+    """Whether a configuration lacks any key; it may hold values that are not allowed."""
+    return any(error.type == "missing" for error in _errors(config))
+
+
+def is_valid(key: str, value: Any) -> bool:
+    """Whether a key outside sections may have a value."""
+    return all(error.path != [key] for error in _errors({key: value}))
+
+
+def allowed(key: str) -> str:
+    """The allowed values of a dotted key, in words."""
+    return allowed_by(subschema(key.split(".")))
+
+
+@cache
+def _schema(model: type[Settings]) -> dict[str, Any]:
+    """The JSON schema of a model."""
+    return model.model_json_schema()
+
+
+def schema() -> dict[str, Any]:
+    """JSON schema of a configuration."""
+    return _schema(settings_type())
+
+
+def subschema(path: Sequence[str]) -> dict[str, Any]:
+    """The schema of a key, given by its parts, with references followed."""
+    found = schema()
+    for step in path:
+        found = _inside(found, int(step) if step.isdigit() else step)
+    return found
+
+
+def allowed_by(schema: Mapping[str, Any]) -> str:
+    """The allowed values of a schema, in words."""
+    if "description" in schema and "properties" not in schema:
+        return schema["description"]
+    if "const" in schema:
+        return str(schema["const"])
+    if "enum" in schema:
+        return " or ".join(map(str, schema["enum"]))
+    if "anyOf" in schema:
+        kinds = [allowed_by(one) for one in schema["anyOf"]]
+        numbers = " or ".join(kind for kind in kinds if kind != AUTO)
+        return f"{AUTO}, or {numbers}" if AUTO in kinds else numbers
+    if "properties" in schema:
+        return f"a section with the keys {', '.join(schema['properties'])}"
+    text = WORDS[schema["type"]]
+    if "exclusiveMinimum" in schema:
+        return f"{text} above {schema['exclusiveMinimum']:g} and up to {schema['maximum']:g}"
+    if "minimum" in schema:
+        return f"{text} from {_plain(schema['minimum'])} to {_plain(schema['maximum'])}"
+    if "maxLength" in schema:
+        return f"{text} of 1 to {schema['maxLength']} characters"
+    return text
+
+
+def _plain(number):
+    """A bound as a reader would write it."""
+    return str(number) if isinstance(number, int) else f"{number:g}"
+
+
+def _inside(found, step):
+    """The schema of a key of a section, or of an entry of a list of sections; None if it is neither."""
+    if isinstance(step, int):
+        inner = found.get("items", {})
+        inner = inner if "$ref" in inner else None
+    else:
+        inner = found.get("properties", {}).get(step)
+    while inner and "$ref" in inner:
+        inner = schema()["$defs"][inner["$ref"].rsplit("/", 1)[1]]
+    return inner
+
+
+def _errors(config) -> list[_Error]:
+    """The errors of the models, unknown keys first; one inside a value is an error of the whole value."""
+    try:
+        settings_type().model_validate(config)
+    except ValidationError as error:
+        found = [_error(one) for one in error.errors(include_url=False, include_input=False)]
+        around = [
+            one.path[:-1] for one in found
+        ]  # a list is also too short where all its entries have faults
+        found = [one for one in found if one.type != "too_short" or one.path not in around]
+        return sorted(found, key=lambda one: (one.type not in UNKNOWN, one.path))
+    return []
+
+
+def _error(error):
+    """An error of pydantic, whose place also names the alternatives of a value, at its key."""
+    found, path, place = schema(), [], error["loc"]
+    for step in place:
+        inner = _inside(found, step)
+        if inner is None:
+            break
+        found = inner
+        path.append(str(step))
+    rest = place[len(path) :]
+    unknown = error["type"] in UNKNOWN and len(rest) == 1
+    of_the_value = bool(rest) and not unknown
+    return _Error(
+        "value" if of_the_value else error["type"],
+        path,
+        rest[0] if unknown else None,
+        error.get("ctx", {}),
+    )
+
+
+def _faults(errors, config, source) -> Iterator[InputError]:
+    """The errors in words."""
+    meant = set()
+    for error in errors:
+        key = ".".join(error.path)
+        if error.type in UNKNOWN:
+            section = get(config, key) if key else config
+            known = sorted(subschema(error.path)["properties"])
+            near = difflib.get_close_matches(str(error.unknown), known, 1)
+            meant |= {".".join([*error.path, *near])}
+            hint = f"did you mean {near[0]}?" if near else f"keys here: {', '.join(known)}"
+            extra = f"{key}.{error.unknown}" if key else str(error.unknown)
+            words = MOVED.get(extra, f"no such key; {hint}")
+            yield YamlError(origin_of(source, extra), extra, section[error.unknown], words)
+        elif error.type == "missing":
+            if key not in meant:
+                words = f"{allowed_by(subschema(error.path))}; the key is missing"
+                yield YamlError(owner_of(source, key), key, None, words)
+        elif error.type == CONTRADICTION:
+            for name, words in error.context["found"]:
+                one = ".".join([*error.path, *filter(None, [name])])
+                yield YamlError(owner_of(source, one), one, get(config, one), words)
+        else:
+            words = allowed_by(subschema(error.path)) if key else "keys with values"
+            yield YamlError(origin_of(source, key), key, get(config, key), words)

@@ -1,0 +1,159 @@
+"""The making of a study: checks of its configuration and of its files, which report all faults at once."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from repose.apparatus.settings import SimulationSettings
+from repose.config import computed, results_folder
+from repose.config.contradictions import rules, used_tests
+from repose.config.reading import Origin, get, owner_of
+from repose.core.errors import InputError, YamlError, raise_together
+from repose.core.published import beside, check_published
+from repose.core.targets import Targets
+
+if TYPE_CHECKING:
+    from repose.particle.particle import Particle
+
+NAMED_FILES = (
+    *("berry.sizes", "berry.compression", "berry.stl"),
+    *("validation.published", "posterior.shape_study"),
+)
+# Sections of the mean grain, and further sections that limit the time step.
+GRAIN = ("berry", "validation")
+STEP = ("simulation", "wall", "parameters", "validation")
+
+Result = TypeVar("Result")
+
+
+def unstable(
+    config: Mapping[str, Any], particle: "Particle", mean: Mapping[str, Any]
+) -> Iterator[tuple[str, str]]:
+    """A time step that the engine would refuse, as (key, what is allowed); `mean` is the result of the verb `berry`."""
+    limit = computed.longest_step(config, particle, mean)
+    if SimulationSettings.of(config).time_step_s > limit.time_step_s:
+        yield "simulation.time_step_s", limit.allowed
+
+
+class Making:
+    """A study's configuration, grain and particle, and the faults found so far.
+
+    A check is made only where no section that it reads has a fault.
+    """
+
+    def __init__(self, config: dict[str, Any], source: str | Origin) -> None:
+        self.config, self.source = config, source
+        self.faults: list[InputError] = []
+        self.bad: set[str] = set()  # sections with a fault, and keys outside sections
+        self.mean: dict[str, Any] | None = None
+        self.particle: Particle | None = None
+        self.inputs_are_checked = False
+
+    def complete(self, inputs: bool) -> None:
+        """Check the configuration and compute each `auto`; with `inputs` check the files that it names, too.
+
+        Without it, files are read where an `auto` needs them.
+        """
+        from repose.config import faults
+
+        self.faults, self.bad = faults.check(self.config, self.source)
+        asked = [one for one in computed.asked(self.config) if self._may_read(one.section)]
+        for one in asked:
+            self.config = computed.filled(self.config, one.key, computed.AUTO)
+        if inputs:
+            self._read_files()
+        if inputs or any(one.needs_grain for one in asked):
+            self._make_grain()
+        self._compute(asked)
+        for rule in rules(self.config):
+            if self._may_read(*rule.reads):
+                self._add(rule.faults(self.config))
+        if inputs:
+            self._fit_together()
+        raise_together(self.faults)
+        self.inputs_are_checked = inputs
+
+    def check_inputs(self) -> None:
+        """Check the files that a good configuration names, and that grain, bench test and time step fit together."""
+        if not self.inputs_are_checked:
+            self._read_files()
+            self._make_grain()
+            self._fit_together()
+            raise_together(self.faults)
+            self.inputs_are_checked = True
+
+    def _may_read(self, *sections):
+        """Whether none of these sections has a fault."""
+        return self.bad.isdisjoint(sections)
+
+    def _add(self, pairs: Iterable[tuple[str, str]]) -> None:
+        """Add pairs (dotted key, what is allowed)."""
+        for key, allowed in pairs:
+            self.faults.append(YamlError(owner_of(self.source, key), key, get(self.config, key), allowed))
+            self.bad.add(key.partition(".")[0])
+
+    def _found(self, section: str, function: Callable[..., Result], *arguments: Any) -> Result | None:
+        """Result of a function; if it refuses its arguments, None, with a further fault of the section."""
+        try:
+            return function(*arguments)
+        except InputError as fault:
+            self.faults.append(fault)
+            self.bad.add(section)
+            return None
+
+    def _read_files(self) -> None:
+        """Look for the files, and read those that no other check reads."""
+        from repose.particle.berry_files import read_sizes
+
+        if self._may_read("results_dir"):
+            self._add(results_folder.taken(self.config["results_dir"]))
+        for key in [key for key in NAMED_FILES if self._may_read(key.partition(".")[0])]:
+            path = get(self.config, key)
+            if path is not None and not Path(path).is_file():
+                self._add([(key, "an existing file, seen from the project's folder")])
+        if self._may_read("berry"):
+            self._found("berry", read_sizes, self.config["berry"]["sizes"])
+        if self._may_read("validation", "targets"):
+            published = self.config["validation"]["published"]
+            responses = Targets.of(self.config["targets"]).responses
+            self._found("validation", check_published, published, responses)
+
+    def _make_grain(self) -> None:
+        """Make the mean berry and its particle."""
+        from repose.particle import build
+
+        if self.mean is None and self._may_read(*GRAIN):
+            self.mean = self._found("berry", _mean_berry, self.config)
+        if self.mean is not None and self.particle is None:
+            self.particle = self._found("berry", build.of_settings, self.mean, self.config["berry"])
+
+    def _compute(self, asked: Iterable[computed.Computed]) -> None:
+        """Replace each `auto` by its number; where that cannot be found, its section is one with a fault."""
+        for one in asked:
+            value = None
+            if self._may_read(*one.sections) and not (one.needs_grain and self.particle is None):
+                value = self._found(one.section, one.of, self.config, self.mean, self.particle)
+            if value is None:
+                self.bad.add(one.section)
+            else:
+                self.config = computed.filled(self.config, one.key, value)
+
+    def _fit_together(self) -> None:
+        """Check the grain against the bench tests and the time step."""
+        if self.mean is None:
+            return
+        for test in used_tests(self.config):
+            if self._may_read(test.name):
+                self._add(test.misfits(self.config, computed.axes_mm(self.mean)))
+        if self.particle is not None and self._may_read(*STEP):
+            self._add(unstable(self.config, self.particle, self.mean))
+
+
+def _mean_berry(config):
+    """The mean berry of the configuration's files."""
+    from repose.particle import berry
+
+    section = config["berry"]
+    material = section["density_kg_m3"], section["poisson_ratio"], section["shear_modulus_pa"]
+    table1 = beside(config["validation"]["published"], "table1.csv")
+    return berry.of_files(section["sizes"], section["compression"], table1, *material)[1]

@@ -1,0 +1,434 @@
+"""The sections of the configuration as typed models, and `Settings`, the whole.
+
+Each bench test brings its own section (`repose.apparatus.BenchTest.settings`); laws and surrogates are known by the
+names that they are registered by. config/README.md explains the keys.
+"""
+
+from collections.abc import Iterable
+from functools import cache
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field, create_model
+from pydantic_core import core_schema
+
+from repose.apparatus import bench, names
+from repose.config import results_folder
+from repose.core.responses import responses_of
+from repose.core.section import ABSENT, AUTO, Auto, Contradictions, OneOf, Section, Seeds, refuse
+
+LARGEST_BLOCKS = 100  # of a refined proposal's pours: jobs of a round have three digits
+
+
+def _contact_laws() -> Iterable[str]:
+    from repose.dem.laws import CONTACT_LAWS
+
+    return CONTACT_LAWS
+
+
+def _rolling_laws() -> Iterable[str]:
+    from repose.dem.laws import ROLLING_LAWS
+
+    return ROLLING_LAWS
+
+
+def _surrogates() -> Iterable[str]:
+    from repose import surrogate
+
+    return surrogate.names()
+
+
+def _rising(numbers):
+    """A list of numbers that rise, or the error of one that does not."""
+    if not all(low < high for low, high in pairwise(numbers)):
+        raise ValueError("the numbers do not rise")
+    return numbers
+
+
+def _folder_of_results(path):
+    """A folder that a study may write into, or the error of one that it may not."""
+    refuse(("", allowed) for _, allowed in results_folder.contradictions(path))
+    return path
+
+
+# --- types of several keys -------------------------------------------------------------------------------------
+
+Label = Annotated[
+    str,
+    Field(
+        max_length=60,
+        pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$",
+        description="text of 1 to 60 characters, letters, digits, _ and -",
+    ),
+]
+ResultsFolder = Annotated[
+    str,
+    Field(
+        max_length=1000,
+        pattern=r"^/?[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*/?$",
+        description="a folder; letters, digits and . _ / -, without .., and no part begins with . or -",
+    ),
+    AfterValidator(_folder_of_results),
+]
+Colour = Annotated[str, Field(pattern=r"^#[0-9a-fA-F]{6}$", description='a colour in quotes, as "#cca86b"')]
+_NO_BRACES = r"^[^{}\x00-\x1f\x7f]+$"  # snakemake takes braces for wildcards
+Path = Annotated[str, Field(pattern=_NO_BRACES, description="a path of a file, without braces")]
+PathOrNull = Annotated[
+    Annotated[str, Field(pattern=_NO_BRACES)] | None,
+    Field(description="a path of a file, without braces, or null"),
+]
+Seed = Annotated[int, Field(ge=0, le=4294967295)]
+Percent = Annotated[float, Field(gt=0, le=50)]
+Poisson = Annotated[float, Field(ge=0, le=0.49)]
+Modulus = Annotated[float, Field(ge=1.0e3, le=1.0e12)]
+Number = Annotated[float, Field(ge=-1.0e9, le=1.0e9)]
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class _Parameter:
+    """The type of a contact parameter within bounds: a range, a fixed value, or prior knowledge."""
+
+    def __init__(self, low: float, high: float) -> None:
+        self.low, self.high = low, high
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
+        value = Annotated[float, Field(ge=self.low, le=self.high)]
+        spread = Annotated[float, Field(gt=0, le=self.high)]
+        pair = Annotated[tuple[value, value], Field(strict=False), AfterValidator(_rising)]
+        fixed = create_model("Fixed", __base__=Section, fixed=value)
+        prior = create_model("Prior", __base__=Section, mean=value, sd=spread)
+        known = create_model("Known", __base__=Section, range=(pair, None), prior=prior)
+        return handler.generate_schema(pair | fixed | known)
+
+
+def _in_words(low, high):
+    """What is allowed for a contact parameter within bounds."""
+    pair = f"a pair [low, high] of numbers from {low:g} to {high:g} with low < high"
+    return Field(description=f"{pair}; or fixed; or prior with mean and sd")
+
+
+Restitution = Annotated[Any, _in_words(0.01, 1), _Parameter(0.01, 1)]
+StaticFriction = Annotated[Any, _in_words(0, 5), _Parameter(0, 5)]
+RollingFriction = Annotated[Any, _in_words(0, 1), _Parameter(0, 1)]
+Research = Annotated[dict[str, Any], Field(description="a section")]  # read and checked by the research alone
+
+
+# --- the grain, the parameters and the simulation --------------------------------------------------------------
+
+
+class Berry(Section):
+    """What was measured of the grain, and the body that stands for it."""
+
+    sizes: Path
+    compression: PathOrNull
+    density_kg_m3: float = Field(ge=10, le=25000)
+    poisson_ratio: Poisson | None
+    shear_modulus_pa: Modulus | None
+    stl: PathOrNull
+    mass_g: Annotated[float, Field(gt=0, le=1.0e6)] | None
+    particle: Literal["ellipsoid", "smooth", "multisphere"]
+    spheres: Literal["fewest"] | Annotated[int, Field(ge=1, le=64)] = Field(
+        description="fewest or an integer from 1 to 64"
+    )
+    surface: Literal["smooth", "rough", "rough_full"]
+    size_distribution: Literal["none", "measured"]
+
+    def contradictions(self) -> Contradictions:
+        """Neither moduli nor compression tests."""
+        for key in ("poisson_ratio", "shear_modulus_pa"):
+            if self.compression is None and getattr(self, key) is None:
+                yield (
+                    key,
+                    "a number; or a table of compression tests in berry.compression, which tells both moduli",
+                )
+
+
+class Wall(Section):
+    """The material of all walls."""
+
+    poisson_ratio: Poisson
+    shear_modulus_pa: Modulus
+
+
+class Parameters(Section):
+    """The six contact parameters."""
+
+    e_gg: Restitution
+    mus_gg: StaticFriction
+    mur_gg: RollingFriction
+    e_gp: Restitution
+    mus_gp: StaticFriction
+    mur_gp: RollingFriction
+
+    def contradictions(self) -> Contradictions:
+        """No free parameter."""
+        if all(hasattr(value, "fixed") for _, value in self):
+            yield "", "at least one that is not fixed: there is nothing to calibrate"
+
+
+class Design(Section):
+    """The design of experiments."""
+
+    method: Literal["optimal", "lhsdesign"]
+    samples: int = Field(ge=12, le=10000)
+    seed: Seed
+
+
+class Simulation(Section):
+    """What all bench tests share."""
+
+    time_step_s: Annotated[float, Field(ge=1.0e-7, le=1.0e-2)] | Auto = AUTO
+    gravity_m_s2: float = Field(ge=0.1, le=100)
+    tension: Literal["keep", "release"]
+    rest_energy_j: float = Field(gt=0, le=1.0e-3)
+    contact_law: Annotated[str, OneOf(_contact_laws)] = "hertz_mindlin"
+    rolling_law: Annotated[str, OneOf(_rolling_laws)] = "budget"
+
+
+class Measure(Section):
+    """How a pile is measured."""
+
+    views: int = Field(ge=1, le=360)
+    mm_per_pixel: Annotated[float, Field(ge=0.02, le=5)] | Auto = AUTO
+    response: Literal["flank", "secant", "steepest", "whole"]
+    fit_from: Literal["berry"] | Annotated[float, Field(ge=0, le=0.9)] = Field(
+        description="berry or a number from 0 to 0.9"
+    )
+    fit_to: Literal["berry"] | Annotated[float, Field(ge=0.1, le=1)] = Field(
+        description="berry or a number from 0.1 to 1"
+    )
+    berry_height_mm: Annotated[float, Field(gt=0, le=1000)] | None
+    largest_pile_only: bool
+    flank: Literal["levels", "rows", "columns"]
+
+    def contradictions(self) -> Contradictions:
+        """A part of the flank that is too short for a line."""
+        start, end = self.fit_from, self.fit_to
+        if start == end == "berry":
+            yield "fit_to", "a number from 0.1 to 1, as measure.fit_from is berry"
+        elif isinstance(start, float) and isinstance(end, float) and end < start + 0.1:
+            yield "fit_to", f"at least 0.1 above measure.fit_from, {start:g}"
+
+
+class Target(Section):
+    """A measured response."""
+
+    response: str = Field(min_length=1, max_length=60)
+    apparatus: str = Field(min_length=1, max_length=60)
+    value: Number
+    aim: Number = ABSENT  # a target without this key aims at its value
+    sd: float = Field(ge=0, le=1.0e9)
+    repetitions: int = Field(ge=1, le=10000)
+    range: Annotated[tuple[Number, Number], Field(strict=False), AfterValidator(_rising)] = Field(
+        description="a pair [low, high] of numbers with low < high"
+    )
+    weight: float = Field(default=1.0, gt=0, le=1.0e6)
+
+    def contradictions(self) -> Contradictions:
+        """A response that no bench test gives, and values outside the allowed range."""
+        known = {one.name: one for one in responses_of(self.apparatus)}
+        if not known:
+            yield "apparatus", f"one of {', '.join(names())}"
+        elif self.response not in known:
+            yield "response", f"one of {', '.join(known)}, the responses of {self.apparatus}"
+        else:
+            yield from self._outside(known[self.response])
+
+    def _outside(self, limits):
+        """Values outside the limits of the response, or outside the target's own range."""
+        low, high = self.range
+        if low < limits.low or high > limits.high:
+            yield "range", f"a pair [low, high] from {limits.low:g} to {limits.high:g}"
+            return
+        if not limits.low <= self.value <= limits.high:
+            yield "value", f"from {limits.low:g} to {limits.high:g}"
+        aimed = "value" if self.aim is None else "aim"
+        if not low <= getattr(self, aimed) <= high:
+            yield aimed, f"inside its range, {low:g} to {high:g}"
+
+
+# --- the chain -------------------------------------------------------------------------------------------------
+
+
+class Network(Section):
+    """How a surrogate is trained."""
+
+    hidden: int = Field(ge=1, le=100)
+    epochs: int = Field(ge=1, le=100000)
+    goal: Share
+    split: (
+        Annotated[
+            tuple[Share, Share, Share],
+            Field(strict=False, description="three shares (training, validation, test) that sum to 1"),
+        ]
+        | Auto
+    ) = AUTO
+    starts: int = Field(ge=1, le=1000)
+    prior: Literal["one", "layers", "inputs"]
+    replicates: bool
+    seed: Seed
+
+    def contradictions(self) -> Contradictions:
+        """Shares that do not sum to 1, or that leave nothing to train or to test."""
+        shares = self.split
+        if shares != AUTO and (abs(sum(shares) - 1) > 1e-6 or shares[0] == 0 or shares[2] == 0):
+            yield "split", "three shares that sum to 1, those of training and test above 0"
+
+
+class Miga(Section):
+    """The island genetic algorithm, and the choice of the answer."""
+
+    islands: int = Field(ge=1, le=100)
+    population: int = Field(ge=4, le=10000)
+    rounds: int = Field(ge=1, le=100000)
+    generations: int = Field(ge=1, le=10000)
+    tournament: int = Field(ge=1, le=1000)
+    mutation_probability: Share
+    mutation_amplitude: Share
+    solutions: int = Field(ge=10, le=1000)
+    distance: float = Field(ge=0, le=0.5)
+    answer: Literal["least_expected_loss", "least_objective"]
+    seed: Seed
+
+    def contradictions(self) -> Contradictions:
+        """A tournament larger than its population."""
+        if self.tournament > self.population:
+            yield "tournament", f"at most miga.population, {self.population}"
+
+
+class Validation(Section):
+    """The pours that check the answer."""
+
+    solutions: int = Field(ge=1, le=9)
+    seeds: int = Field(ge=1, le=1000)
+    representative_seeds: int = Field(ge=1, le=1000)
+    published: PathOrNull
+
+
+class Posterior(Section):
+    """The posterior of the parameters."""
+
+    shape_study: PathOrNull
+    discrepancy_percent: float = Field(ge=0, le=100)
+    discrepancy_correlation: float = Field(ge=0, le=0.99)
+    measured_correlation: Literal["simulated"] | Annotated[float, Field(ge=-0.99, le=0.99)] = Field(
+        description="simulated or a number from -0.99 to 0.99"
+    )
+    walkers: int = Field(ge=14, le=1000)
+    steps: int = Field(ge=100, le=1000000)
+    seed: Seed
+
+
+class Sensitivity(Section):
+    """Sobol's indices."""
+
+    samples: Literal[64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768, 65536]
+    resamples: int = Field(ge=20, le=10000)
+    seed: Seed
+
+
+class Refine(Section):
+    """More pours near the answer."""
+
+    rounds: int = Field(ge=0, le=90)
+    seeds: int = Field(ge=2, le=1000)
+    block: int = Field(ge=1, le=1000)
+    neighbours: int = Field(ge=0, le=99)
+    neighbour_seeds: int = Field(ge=1, le=1000)
+    reach: float = Field(ge=0.01, le=1)
+    tolerance_percent: Percent
+    standard_error_percent: Percent
+
+    def contradictions(self) -> Contradictions:
+        """Impossible numbers of jobs or neighbours."""
+        if self.seeds > LARGEST_BLOCKS * self.block:
+            yield "block", f"at least refine.seeds / {LARGEST_BLOCKS}"
+        if self.neighbours == 1:
+            yield "neighbours", "0 or at least 2: they fill a Latin hypercube"
+
+
+# --- other strategies than the article's -----------------------------------------------------------------------
+
+
+class ResponseSurface(Section):
+    """Screening, steepest ascent and a quadratic surface."""
+
+    seeds: Seeds
+    screening_runs: Literal[8, 12, 16, 20, 24]
+    significance: float = Field(gt=0, le=0.5)
+    most_factors: int = Field(ge=2, le=6)
+    steps: int = Field(ge=1, le=50)
+    surface: Literal["box_behnken", "rotatable", "face_centred"]
+    centres: int = Field(ge=1, le=50)
+    reach: float = Field(ge=0.01, le=0.5)
+    checks: int = Field(ge=2, le=500)
+
+
+class Sequential(Section):
+    """Few pours, each where it says most."""
+
+    start_samples: int = Field(ge=4, le=999)
+    seeds: Seeds
+    batch: int = Field(ge=1, le=100)
+    tolerance_percent: Percent
+    probability: float = Field(ge=0.05, le=0.99)
+    most_pours: int = Field(ge=8, le=9999)
+    checks: int = Field(ge=2, le=500)
+
+
+# Each strategy with its section; the published one is the chain.
+STRATEGIES: dict[str, type[Section] | None] = {
+    "published": None,
+    "response_surface": ResponseSurface,
+    "sequential": Sequential,
+}
+
+
+class Settings(Section):
+    """The whole configuration, without the sections of strategies and bench tests (`settings_type`)."""
+
+    label: Label
+    small_run: bool
+    results_dir: ResultsFolder
+    photograph: PathOrNull
+    colour: Colour
+    strategy: Annotated[str, OneOf(lambda: STRATEGIES)]
+    berry: Berry
+    wall: Wall
+    parameters: Parameters
+    design: Design
+    simulation: Simulation
+    measure: Measure
+    surrogate: Annotated[str, OneOf(_surrogates)]
+    network: Network
+    targets: Annotated[tuple[Target, ...], Field(strict=False)] = Field(
+        min_length=1,
+        description="a list of one or more targets, each with response, apparatus, value, sd, repetitions and range",
+    )
+    miga: Miga
+    validation: Validation
+    posterior: Posterior
+    sensitivity: Sensitivity
+    refine: Refine
+    pool: Research
+    compare_search: Research
+    compare_whole: Research
+    second_responses: Research
+    joint_targets: Research = ABSENT
+    shape_study: Research = ABSENT
+
+
+def settings_type() -> type[Settings]:
+    """The model of a whole configuration, with the section of each strategy and of each bench test that is registered.
+
+    The section of the funnel is required; those of other bench tests may be absent, and are None then.
+    """
+    return _settings_type(names())
+
+
+@cache
+def _settings_type(apparatus):
+    """The model for these bench tests."""
+    sections: dict[str, Any] = {name: (one, ...) for name, one in STRATEGIES.items() if one is not None}
+    sections |= {name: (bench(name).settings, ... if name == "funnel" else ABSENT) for name in apparatus}
+    return create_model("Configuration", __base__=Settings, **sections)

@@ -1,0 +1,68 @@
+"""A section of the configuration as a typed model.
+
+A section is a subclass of `Section` with one field a key::
+
+    class Drop(Section):
+        seeds: int = Field(ge=1, le=100)
+        height_mm: float = Field(ge=1, le=1000)
+
+A message about a bad value says what the field allows: its type and bounds, or its `description` where it has one.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import Annotated, Any, Final, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError, core_schema
+
+AUTO: Final = "auto"
+ABSENT: Any = None  # default of a key that may be left out, and may not be null
+Auto = Literal["auto"]  # the number follows from other keys (`repose.config.computed`)
+Contradictions = Iterator[tuple[str, str]]  # (key, what is allowed)
+
+CONTRADICTION = "contradiction"  # type of the error that holds `Contradictions`
+
+Seeds = Annotated[int, Field(ge=1, le=100)]
+Berries = Annotated[int, Field(ge=1, le=20000)]
+
+
+class Section(BaseModel):
+    """A section: every key known, no value converted; 8.0 is no integer, true no number, and numbers are finite."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        strict=True,
+        allow_inf_nan=False,
+        defer_build=True,
+        protected_namespaces=(),
+    )
+
+    def contradictions(self) -> Contradictions:
+        """Values, each valid by itself, that do not go together; the key is that inside this section."""
+        return iter(())
+
+    @model_validator(mode="after")
+    def _without_contradictions(self) -> Self:
+        refuse(self.contradictions())
+        return self
+
+
+def refuse(contradictions: Iterable[tuple[str, str]]) -> None:
+    """Raise the error by which a validator reports `Contradictions`, if there are any."""
+    found = list(contradictions)
+    if found:
+        raise PydanticCustomError(CONTRADICTION, "values that do not go together", {"found": found})
+
+
+class OneOf:
+    """The type of a key that names one of a registry: ``Annotated[str, OneOf(names)]``.
+
+    `names` is called when the first configuration is checked, so that a module with a section loads no registry.
+    """
+
+    def __init__(self, names: Callable[[], Iterable[str]]) -> None:
+        self.names = names
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
+        return core_schema.literal_schema(list(self.names()))
