@@ -65,7 +65,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         made_up(folder)
-        table = ["repose", "dataset", "heaps", "--samples", "samples.csv", "--config", "config.json"]
+        table = ["repose", "stage", "dataset", "heaps", "--samples", "samples.csv", "--config", "config.json"]
         dry = ["snakemake", "-n", "--cores", "1", "--quiet", "all", "--snakefile", str(ROOT / "Snakefile")]
         dry += ["--configfile", str(ROOT / "config/quick.yaml")]
         dry += ["--config", f"design={{samples: {SAMPLES}}}", "results_dir=results"]

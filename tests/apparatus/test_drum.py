@@ -257,7 +257,7 @@ def test_means_have_standard_errors(tmp_path):
     assert (row["mean"], row["standard_error"], row["runs"]) == (42.0, 2.0, 2)
     with pytest.raises(InputError, match="each seed once"):
         drum_tables.run([paths[0], paths[0]], whole, PARTICLE, tmp_path)
-    with pytest.raises(InputError, match="repose drum"):
+    with pytest.raises(InputError, match="repose stage drum"):
         drum_tables.run([tmp_path / "nothing.json"], whole, PARTICLE, tmp_path)
 
 

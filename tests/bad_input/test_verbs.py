@@ -259,4 +259,4 @@ def test_arrays_of_another_kind(refused, tmp_path):
     np.savez(tmp_path / "a.npz", x=np.ones(3))
     (tmp_path / "a.pours.json").write_text(json.dumps({"pours": [{"seed": 1, "status": "ok"}], "sample": 1}))
     berry = [f"--{name}={BERRY / name}.json" for name in ("berry", "particle")]
-    assert "position_1" in refused("measure_runs", "a.pours.json", *berry)
+    assert "position_1" in refused("stage", "measure_runs", "a.pours.json", *berry)

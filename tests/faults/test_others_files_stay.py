@@ -130,8 +130,8 @@ def sandbox(tmp_path_factory):
         make_up_pours()
         patch.chdir(work)
         made = ["--config=in/config.json", "--out=in/made"]
-        assert main(["berry", *made]) == 0
-        assert main(["shape", "--berry=in/made/berry.json", *made]) == 0
+        assert main(["stage", "berry", *made]) == 0
+        assert main(["stage", "shape", "--berry=in/made/berry.json", *made]) == 0
         yield top
 
 

@@ -40,6 +40,12 @@ def verbs(samples):
     yield f"{measured} --overlay results/measure/overlay.png --out results/measure/measured.json"
 
 
+def words(line):
+    """A line as the program takes it."""
+    split = line.split()
+    return [cli.STAGE, *split] if split[0] in cli.STAGES else split
+
+
 def poured(folder, table, purpose, count, seeds):
     """Pours of the first rows of a table, and their measurement."""
     for number in range(1, count + 1):
@@ -53,7 +59,7 @@ def main():
     config = Study.load(ROOT / "config/quick.yaml", Path(__file__).with_name("tiny.yaml")).config
     write_json("results/config.json", config)
     for line in verbs(config["design"]["samples"]):
-        status = cli.main([*line.split(), "--config", "results/config.json"])
+        status = cli.main([*words(line), "--config", "results/config.json"])
         if status:
             print(line, file=sys.stderr)
             return status

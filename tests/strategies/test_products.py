@@ -127,16 +127,16 @@ def test_the_verbs_that_the_rules_call_write_card_and_report(tmp_path, monkeypat
     batches = sorted(map(str, tmp_path.glob("batch_*")), key=lambda path: int(path.rpartition("_")[2]))
     check = ["--dataset=check/dataset.csv", "--runs=check/runs.csv"]
     own = ["--config=config.json"]
-    assert main(["sequential_check", *batches, *own, *check, "--out=."]) == 0
+    assert main(["stage", "sequential_check", *batches, *own, *check, "--out=."]) == 0
     answered = ["--feasible=solutions.csv", "--summary=summary.json", "--representative=representative.csv"]
     grain = [
         f"--{name}={ROOT / 'results/published/recommended/berry' / name}.json"
         for name in ("berry", "particle")
     ]
-    assert main(["material_card", *own, *grain, *answered, "--out=card.json"]) == 0
+    assert main(["stage", "material_card", *own, *grain, *answered, "--out=card.json"]) == 0
     assert card.read("card.json")["met"] is True
     files = {"dataset": "dataset.csv", "runs": "runs.csv", "feasible": "solutions.csv"}
     files |= {"summary": "summary.json", "table4": "table4.csv"}
     words = [f"--input={name}={path}" for name, path in files.items()]
-    assert main(["report", *own, *words, "--table=Batches=batches.csv", "--out=report.html"]) == 0
+    assert main(["stage", "report", *own, *words, "--table=Batches=batches.csv", "--out=report.html"]) == 0
     assert "Batches" in Path("report.html").read_text()

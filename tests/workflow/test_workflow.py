@@ -200,7 +200,9 @@ def test_a_round_of_the_refinement_runs_every_bench_test_of_the_targets(project)
     for folder, name in (("heaps", "funnel"), ("drum_runs", "drum")):
         out = f"results/quick/refined/round_0/{folder}"
         assert f"{out}/1101.json" in shown
-        poured = [line for line in shown.splitlines() if f"--out {out} " in line and "repose pour" in line]
+        poured = [
+            line for line in shown.splitlines() if f"--out {out} " in line and "repose stage pour" in line
+        ]
         assert len(poured) == 4
         assert all(f"--apparatus {name} " in line and "--purpose refine " in line for line in poured)
 

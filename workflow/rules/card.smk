@@ -31,6 +31,6 @@ rule card:
     message:
         "The material card: {output}"
     shell:
-        "python -m repose material_card --config {params.config:q} --berry {input.berry:q}"
+        "python -m repose stage material_card --config {params.config:q} --berry {input.berry:q}"
         " --particle {input.particle:q} --feasible {input.feasible:q} --summary {input.summary:q}"
         " --representative {input.representative:q} {params.posterior:q} --out {output.card:q} > {log:q} 2>&1"

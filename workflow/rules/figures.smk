@@ -165,7 +165,7 @@ rule rule_graph:
     shell:
         # the order of the rules follows the hashes of their names
         "(PYTHONHASHSEED=0 python -m snakemake calibration --snakefile {params.snakefile:q}"
-        " --configfile {params.config:q} --rulegraph | python -m repose write --out {output.dot:q}) 2> {log:q}"
+        " --configfile {params.config:q} --rulegraph | python -m repose stage write --out {output.dot:q}) 2> {log:q}"
 
 
 # Shown where they are, and never made for the figure.

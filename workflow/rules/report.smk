@@ -80,7 +80,7 @@ rule page:
     message:
         "The report: {output}"
     shell:
-        "python -m repose report {input.jobs:q} --config {params.config:q} {params.inputs:q} {params.tables:q}"
+        "python -m repose stage report {input.jobs:q} --config {params.config:q} {params.inputs:q} {params.tables:q}"
         " --out {output:q} > {log:q} 2>&1"
 
 

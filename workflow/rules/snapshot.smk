@@ -24,5 +24,5 @@ rule snapshot:
     message:
         "Snapshot of tables and figures: {params.folder}"
     shell:
-        "(python -m repose snapshot {params.results:q} --out {params.folder:q}"
-        " | python -m repose write --out {output.files:q}) 2> {log:q}"
+        "(python -m repose stage snapshot {params.results:q} --out {params.folder:q}"
+        " | python -m repose stage write --out {output.files:q}) 2> {log:q}"

@@ -44,7 +44,7 @@ SUMMARY = {
 }
 RECORD = ["seed", "time_s", "turned_deg", "surface_deg", "bed_deg", "energy_j"]
 PROFILE = ["seed", "depth_mm", "moved_mm", "moved_sd_mm", "berries"]
-WHAT = "a JSON file of `repose drum`, its .npz beside it"
+WHAT = "a JSON file of `repose stage drum`, its .npz beside it"
 
 
 def surface_of(

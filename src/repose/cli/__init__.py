@@ -5,6 +5,7 @@ verbs, so that help and parsing load none of them.
 """
 
 import argparse
+import difflib
 import io
 import os
 import sys
@@ -12,6 +13,7 @@ import textwrap
 from collections.abc import Sequence
 from contextlib import nullcontext
 
+from repose import __version__
 from repose.cli import (
     calibration,
     cards,
@@ -36,22 +38,34 @@ from repose.cli.registry import PROGRAM
 from repose.cli.stages import stage
 from repose.core.errors import BAD_INPUT, InputError, tell
 
-# Groups of the help, each with its families in the order in which the data flows; EVERYDAY verbs stand before them.
-GROUPS = {
-    "steps of the method, which `repose run` takes by itself": (
+FAMILIES = (
+    *(
+        new,
+        checking,
+        run,
+        exporting,
         inputs,
         pouring,
         measuring,
         calibration,
         cards,
+        strategies,
+        own_simulator,
     ),
-    "other strategies, and your own simulator": (strategies, own_simulator),
-    "studies, each a target of `repose run`": (uncertainty, refinement, responses, shapes, comparison),
-    "pictures, tests, records": (pictures, services),
-}
-FAMILIES = (new, checking, run, exporting, *(module for group in GROUPS.values() for module in group))
+    *(uncertainty, refinement, responses, shapes, comparison, pictures, services),
+)
 VERBS = {verb.name: verb for module in FAMILIES for verb in module.family.verbs}
-EVERYDAY = ("new", "marker", "measure", "check", "plan", "run", "card", "export")
+# What a person types, in the groups of the help. Every other verb is a stage, which the rules of the workflow call.
+GROUPS = {
+    "a study": ("new", "marker", "measure", "check", "plan", "run", "card", "export"),
+    "your own simulator": ("design", "tell", "ask", "calibrate"),
+    "one pile, one picture": ("heap", "figure", "film", "provenance"),
+    "how sure the answer is": ("noise", "posterior", "sensitivity"),
+    "the simulator": ("verify", "bench"),
+}
+TYPED = tuple(name for names in GROUPS.values() for name in names)
+STAGES = tuple(name for name in VERBS if name not in TYPED)
+STAGE = "stage"
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -62,6 +76,14 @@ def main(words: Sequence[str] | None = None) -> int:
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")  # a locale that has no ± is no reason to end
+    words = list(sys.argv[1:] if words is None else words)
+    if words and words[0] in STAGES:  # a verb up to version 0.2
+        print(f"repose: note: `repose {words[0]}` is now `repose {STAGE} {words[0]}`", file=sys.stderr)
+        words.insert(0, STAGE)
+    unknown = _unknown(words)
+    if unknown is not None:
+        tell(unknown)
+        return BAD_INPUT
     args, rest = parser().parse_known_args(words)
     verb = VERBS[args.verb]
     if verb.passes_on:
@@ -86,32 +108,56 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def parser() -> argparse.ArgumentParser:
-    """The parser of all verbs."""
+    """The parser of all verbs, and of the stages below the verb `stage`."""
     top = argparse.ArgumentParser(
         prog=PROGRAM,
-        description="Calibrates the contact parameters of a discrete element model from a pile of grains. "
-        "`repose run` runs a whole study; VERB --help explains a verb.",
+        description="Calibrates the contact parameters of a discrete element model from a pile of grains.",
+        usage=f"{PROGRAM} [--version] VERB ...",
         epilog=_verbs_in_groups(),
         formatter_class=argparse.RawDescriptionHelpFormatter,
+        add_help=False,
     )
-    subparsers = top.add_subparsers(title="verbs", metavar="VERB", required=True, help="one of those below")
-    for verb in VERBS.values():
-        verb.add_to(subparsers)
+    top.add_argument("-h", "--help", action="help", help=argparse.SUPPRESS)
+    top.add_argument("--version", action="version", version=f"repose {__version__}", help=argparse.SUPPRESS)
+    verbs = top.add_subparsers(prog=PROGRAM, metavar="VERB", required=True, help=argparse.SUPPRESS)
+    for name in TYPED:
+        VERBS[name].add_to(verbs)
+    stages = verbs.add_parser(
+        STAGE,
+        description="One stage of the workflow, as its rules call it.",
+        epilog="\n".join(["stages:", *map(_listed, STAGES)]),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    ).add_subparsers(metavar="NAME", required=True, help="one of those below")
+    for name in STAGES:
+        VERBS[name].add_to(stages, STAGE)
     return top
 
 
+def _unknown(words):
+    """The fault of a verb or stage that does not exist, with the nearest name; None if there is none."""
+    place, known = ("stage", STAGES) if words[:1] == [STAGE] else ("verb", (*TYPED, STAGE))
+    name = words[1:2] if place == "stage" else words[:1]
+    if not name or name[0].startswith("-") or name[0] in known:
+        return None
+    near = difflib.get_close_matches(name[0], (*known, *STAGES), 1)
+    guess = near[0] if near and near[0] in known else f"{STAGE} {near[0]}" if near else ""
+    meant = f"did you mean {guess}? " if near else ""
+    listed = f"{PROGRAM} {STAGE} --help" if place == "stage" else f"{PROGRAM} --help"
+    return InputError("command line", place, name[0], f"{meant}`{listed}` lists them")
+
+
 def _verbs_in_groups():
-    """Every verb with its summary, the everyday ones first, and an example."""
-    groups = {"every day": EVERYDAY}
-    for title, modules in GROUPS.items():
-        names = [verb.name for module in modules for verb in module.family.verbs]
-        groups[title] = [name for name in names if name not in EVERYDAY]
+    """Every verb that a person types, by groups, and an example."""
     lines = []
-    for title, names in groups.items():
-        lines += [f"{title}:", *(_listed(VERBS[name]) for name in names), ""]
-    return "\n".join([*lines, f"example: {PROGRAM} check --config config/paper.yaml"])
+    for title, names in GROUPS.items():
+        lines += [f"{title}:", *map(_listed, names), ""]
+    lines += [
+        f"`{PROGRAM} VERB --help` explains a verb. `{PROGRAM} {STAGE} --help` lists what the workflow's rules call.",
+        f"example: {PROGRAM} check --config config/paper.yaml",
+    ]
+    return "\n".join(lines)
 
 
-def _listed(verb):
-    """A verb and its summary, side by side."""
-    return textwrap.fill(verb.summary, 100, initial_indent=f"    {verb.name:20} ", subsequent_indent=25 * " ")
+def _listed(name):
+    """A verb and the beginning of its summary in one line."""
+    return f"  {name:20} {textwrap.shorten(VERBS[name].summary.split(';')[0], 76, placeholder=' ...')}"

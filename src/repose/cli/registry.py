@@ -1,5 +1,7 @@
 """A verb of the command line: a function with a summary, an example and options."""
 
+import argparse
+import textwrap
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -38,12 +40,16 @@ class Verb(NamedTuple):
     def name(self) -> str:
         return self.run.__name__
 
-    def add_to(self, subparsers: Any) -> None:
-        """Add the verb's own parser to those of `add_subparsers`; its result has the verb's name as `verb`."""
+    def add_to(self, subparsers: Any, before: str = "") -> None:
+        """Add the verb's own parser to those of `add_subparsers`; its result has the verb's name as `verb`.
+
+        `before` are the words of a call between the program and the verb.
+        """
         parser = subparsers.add_parser(
             self.name,
-            description=f"{self.summary[0].upper()}{self.summary[1:]}.",
-            epilog=f"example: {PROGRAM} {self.name} {self.example}".rstrip(),
+            description=textwrap.fill(f"{self.summary[0].upper()}{self.summary[1:]}.", 78),
+            epilog=" ".join(f"example: {PROGRAM} {before} {self.name} {self.example}".split()),
+            formatter_class=argparse.RawDescriptionHelpFormatter,  # a wrapped example is no command
         )
         parser.set_defaults(verb=self.name)
         for option in self.options:

@@ -137,7 +137,7 @@ def _inside(found, step):
     return inner
 
 
-def _errors(config) -> list[_Error]:
+def _errors(config: Any) -> list[_Error]:
     """The errors of the models, unknown keys first; one inside a value is an error of the whole value."""
     try:
         settings_type().model_validate(config)
@@ -171,7 +171,7 @@ def _error(error):
     )
 
 
-def _faults(errors, config, source) -> Iterator[InputError]:
+def _faults(errors: list[_Error], config: Any, source: str | Origin) -> Iterator[InputError]:
     """The errors in words."""
     meant = set()
     for error in errors:

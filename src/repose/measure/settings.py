@@ -51,7 +51,7 @@ class MeasureSettings:
 
     @classmethod
     def of(cls, section: Mapping[str, Any], berry: Mapping[str, Any]) -> "MeasureSettings":
-        """Settings from the section `measure` of a configuration and the result of `repose berry`.
+        """Settings from the section `measure` of a configuration and the result of `repose stage berry`.
 
         A missing height of a berry becomes the mean berry's equivalent diameter (Eq. 1), if `berry` has its three
         axes.

@@ -110,7 +110,7 @@ class Particle:
     @classmethod
     def load(cls, path: str | PathLike) -> "Particle":
         """Read a file of `save`; InputError if it is something else."""
-        what = "a file of `repose shape`"
+        what = "a file of `repose stage shape`"
         keys = ("kind", "density_kg_m3", "stl", *(key for key, _ in FIELDS.values()))
         record = read_json(path, keys, what)
         if record["kind"] not in KINDS:
@@ -140,7 +140,7 @@ def _check_numbers(path, key, value, shape):
         wanted in (there, -1) for there, wanted in zip(numbers.shape, shape, strict=False)
     )
     if isinstance(value, bool | str) or not fits or not np.all(np.isfinite(numbers)):
-        raise InputError(path, key, value, "finite numbers in a file of `repose shape`")
+        raise InputError(path, key, value, "finite numbers in a file of `repose stage shape`")
     sizes = numbers[:, 3] if key == "spheres_mm" else numbers
     if np.any(sizes < 0 if may_be_zero else sizes <= 0):
         raise InputError(path, key, value, "sizes above 0")

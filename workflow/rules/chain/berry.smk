@@ -21,5 +21,5 @@ rule berry:
     message:
         "Sizes and moduli of the measured berries"
     shell:
-        "python -m repose berry --config {params.config:q} --out {params.folder:q}"
+        "python -m repose stage berry --config {params.config:q} --out {params.folder:q}"
         " > {log:q} 2>&1"

@@ -24,5 +24,5 @@ rule dataset:
     message:
         "Table of all samples and their responses"
     shell:
-        "python -m repose dataset {params.jobs:q} --config {params.config:q} --samples {input.samples:q}"
+        "python -m repose stage dataset {params.jobs:q} --config {params.config:q} --samples {input.samples:q}"
         " --out {params.folder:q} > {log:q} 2>&1"

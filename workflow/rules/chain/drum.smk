@@ -35,7 +35,7 @@ rule drum_run:
     message:
         "Turning the drum, seed {wildcards.seed}"
     shell:
-        "python -m repose drum --config {params.config:q} --samples {input.samples:q} --sample {params.sample:q}"
+        "python -m repose stage drum --config {params.config:q} --samples {input.samples:q} --sample {params.sample:q}"
         " --seed {wildcards.seed:q} --berry {input.berry:q} --particle {input.particle:q}"
         " --out {params.folder:q} > {log:q} 2>&1"
 
@@ -66,7 +66,7 @@ rule drum:
     message:
         "Measuring the drum's runs: tables of angles, first slip, slipping layer"
     shell:
-        "python -m repose drum_tables {input.runs:q} --config {params.config:q} --berry {input.berry:q}"
+        "python -m repose stage drum_tables {input.runs:q} --config {params.config:q} --berry {input.berry:q}"
         " --particle {input.particle:q} --out {params.folder:q} > {log:q} 2>&1"
 
 

@@ -28,9 +28,9 @@ rule measure:
     message:
         "Measuring the pile in one side view"
     shell:
-        "(python -m repose silhouette {input.heap:q} --config {params.config:q} --particle {input.particle:q}"
+        "(python -m repose stage silhouette {input.heap:q} --config {params.config:q} --particle {input.particle:q}"
         " --out {output.silhouette:q};"
-        " python -m repose measure_silhouette {output.silhouette:q} --config {params.config:q}"
+        " python -m repose stage measure_silhouette {output.silhouette:q} --config {params.config:q}"
         " --berry {input.berry:q} --overlay {output.overlay:q} --out {output.result:q}) > {log:q} 2>&1"
 
 

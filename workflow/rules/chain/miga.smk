@@ -23,5 +23,5 @@ rule miga:
     message:
         "Searching the parameters that give the target pile"
     shell:
-        "python -m repose miga --config {params.config:q} --network {input.network:q}"
+        "python -m repose stage miga --config {params.config:q} --network {input.network:q}"
         " --dataset {input.dataset:q} --out {params.folder:q} > {log:q} 2>&1"

@@ -22,5 +22,5 @@ rule network:
     message:
         "Training the surrogate"
     shell:
-        "python -m repose network --config {params.config:q} --dataset {input.dataset:q} --runs {input.runs:q}"
+        "python -m repose stage network --config {params.config:q} --dataset {input.dataset:q} --runs {input.runs:q}"
         " --out {params.folder:q} > {log:q} 2>&1"

@@ -38,7 +38,7 @@ rule pour:
     message:
         "Pouring sample {wildcards.sample}"
     shell:
-        "python -m repose pour --apparatus {params.apparatus:q} --config {params.config:q}"
+        "python -m repose stage pour --apparatus {params.apparatus:q} --config {params.config:q}"
         " --samples {input.samples:q} --sample {params.sample:q} --seeds {params.seeds:q} --purpose {params.purpose:q}"
         " --berry {input.berry:q} --particle {input.particle:q} {params.more:q} --out {params.folder:q} > {log:q} 2>&1"
 
@@ -66,5 +66,5 @@ rule measure_runs:
     message:
         "Measuring the runs of sample {wildcards.sample}"
     shell:
-        "python -m repose measure_runs {input.pours:q} --config {params.config:q} --berry {input.berry:q}"
+        "python -m repose stage measure_runs {input.pours:q} --config {params.config:q} --berry {input.berry:q}"
         " --particle {input.particle:q} --out {params.folder:q} > {log:q} 2>&1"

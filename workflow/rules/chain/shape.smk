@@ -21,5 +21,5 @@ rule shape:
     message:
         "Mesh and particle of the berry"
     shell:
-        "python -m repose shape --config {params.config:q} --berry {input.berry:q} --out {params.folder:q}"
+        "python -m repose stage shape --config {params.config:q} --berry {input.berry:q} --out {params.folder:q}"
         " > {log:q} 2>&1"

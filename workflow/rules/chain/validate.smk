@@ -29,7 +29,7 @@ rule solutions:
     message:
         "Choosing the solutions to simulate again"
     shell:
-        "python -m repose solutions --config {params.config:q} --feasible {input.feasible:q} --out {params.folder:q}"
+        "python -m repose stage solutions --config {params.config:q} --feasible {input.feasible:q} --out {params.folder:q}"
         " > {log:q} 2>&1"
 
 
@@ -53,7 +53,7 @@ rule published_solutions:
     message:
         "Listing the published solutions"
     shell:
-        "python -m repose published_solutions --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"
+        "python -m repose stage published_solutions --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 use rule pour as validation_pour with:
@@ -120,5 +120,5 @@ rule validate:
     message:
         "Predicted beside simulated and published"
     shell:
-        "python -m repose validate {input.jobs:q} --config {params.config:q} --solutions {input.solutions:q}"
+        "python -m repose stage validate {input.jobs:q} --config {params.config:q} --solutions {input.solutions:q}"
         " --dataset {input.dataset:q} --out {params.folder:q} > {log:q} 2>&1"

@@ -21,5 +21,5 @@ rule warm_up:
     message:
         "Compiling the engine"
     shell:
-        "python -m repose warm_up --config {params.config:q} --berry {input.berry:q} --particle {input.particle:q}"
+        "python -m repose stage warm_up --config {params.config:q} --berry {input.berry:q} --particle {input.particle:q}"
         " > {log:q} 2>&1"

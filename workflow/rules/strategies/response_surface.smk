@@ -26,7 +26,7 @@ rule response_design:
     message:
         "Plackett-Burman design of the screening"
     shell:
-        "python -m repose response_design --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"
+        "python -m repose stage response_design --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 use rule pour as response_pour with:
@@ -111,7 +111,7 @@ checkpoint response_screening:
     message:
         "Which parameters matter, and the path of steepest ascent"
     shell:
-        "python -m repose response_screening --config {params.config:q} --samples {input.samples:q}"
+        "python -m repose stage response_screening --config {params.config:q} --samples {input.samples:q}"
         " --dataset {input.dataset:q} --next {output.samples:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
@@ -137,7 +137,7 @@ checkpoint response_ascent:
     message:
         "The best point of the path, and the design around it"
     shell:
-        "python -m repose response_ascent --config {params.config:q} --samples {input.samples:q}"
+        "python -m repose stage response_ascent --config {params.config:q} --samples {input.samples:q}"
         " --dataset {input.dataset:q} --next {output.samples:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
@@ -167,7 +167,7 @@ checkpoint response_surface_fit:
     message:
         "The surfaces, their analysis of variance and their optimum"
     shell:
-        "python -m repose response_surface --config {params.config:q} --samples {input.samples:q}"
+        "python -m repose stage response_surface --config {params.config:q} --samples {input.samples:q}"
         " --dataset {input.dataset:q} --next {output.samples:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
@@ -205,7 +205,7 @@ rule response_check:
     message:
         "The optimum, simulated again, beside its prediction and the targets"
     shell:
-        "python -m repose response_check {input.runs:q} --config {params.config:q} --dataset {input.dataset:q}"
+        "python -m repose stage response_check {input.runs:q} --config {params.config:q} --dataset {input.dataset:q}"
         " --surface {params.surface:q} --predictions {input.predictions:q} --optimum {input.optimum:q} --out {params.folder:q} > {log:q} 2>&1"
 
 

@@ -23,7 +23,7 @@ rule sequential_start:
     message:
         "Parameter sets of the start"
     shell:
-        "python -m repose sequential_start --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"
+        "python -m repose stage sequential_start --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 use rule pour as sequential_pour with:
@@ -125,7 +125,7 @@ checkpoint sequential_batch:
     message:
         "What the pours up to batch {wildcards.batch} say, and where to pour next"
     shell:
-        "python -m repose sequential_batch {params.batches:q} --config {params.config:q} --out {params.folder:q}"
+        "python -m repose stage sequential_batch {params.batches:q} --config {params.config:q} --out {params.folder:q}"
         " > {log:q} 2>&1"
 
 
@@ -168,7 +168,7 @@ rule sequential_check:
     message:
         "The answer, simulated again, beside its prediction and the targets"
     shell:
-        "python -m repose sequential_check {params.batches:q} --config {params.config:q} --dataset {input.dataset:q}"
+        "python -m repose stage sequential_check {params.batches:q} --config {params.config:q} --dataset {input.dataset:q}"
         " --runs {input.runs:q} --out {params.folder:q} > {log:q} 2>&1"
 
 

@@ -110,7 +110,7 @@ rule comparison_table:
     message:
         "All comparisons in one table"
     shell:
-        "python -m repose compare_all --sampling {input.sampling:q} --surrogates {input.surrogates:q}"
+        "python -m repose stage compare_all --sampling {input.sampling:q} --surrogates {input.surrogates:q}"
         " --search {input.search:q} --whole {input.whole:q} --out {params.folder:q} > {log:q} 2>&1"
 
 

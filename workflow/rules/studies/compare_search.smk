@@ -24,7 +24,7 @@ rule search_tables:
     message:
         "Searches beside each other on the network"
     shell:
-        "python -m repose compare_search --config {params.config:q} --network {input.network:q}"
+        "python -m repose stage compare_search --config {params.config:q} --network {input.network:q}"
         " --out {params.folder:q} > {log:q} 2>&1"
 
 
@@ -52,7 +52,7 @@ rule whole_tables:
     message:
         "The method beside a response surface, for equal numbers of simulations"
     shell:
-        "python -m repose compare_whole --config {params.config:q} --dataset {input.datasets:q} --runs {input.runs:q}"
+        "python -m repose stage compare_whole --config {params.config:q} --dataset {input.datasets:q} --runs {input.runs:q}"
         " --out {params.folder:q} > {log:q} 2>&1"
 
 

@@ -32,6 +32,6 @@ rule measurement_study:
     message:
         "Comparing the definitions of the angle of repose"
     shell:
-        "python -m repose measurement_study {input.heaps:q} --representative {input.representative:q}"
+        "python -m repose stage measurement_study {input.heaps:q} --representative {input.representative:q}"
         " --config {params.config:q} --berry {input.berry:q} --particle {input.particle:q} --out {params.folder:q}"
         " > {log:q} 2>&1"

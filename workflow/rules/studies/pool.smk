@@ -32,7 +32,7 @@ rule pool_design:
     message:
         "Points of the pool"
     shell:
-        "python -m repose pool_design --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"
+        "python -m repose stage pool_design --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
 # A larger pool begins with the points of the smaller one, so its table being new is no reason to pour them again.
@@ -110,7 +110,7 @@ for points, (prefix, count, _) in POOL_SETS.items():
         message:
             "Table of the set {rule}"
         shell:
-            "python -m repose dataset {params.jobs:q} --config {params.config:q} --samples {input.samples:q}"
+            "python -m repose stage dataset {params.jobs:q} --config {params.config:q} --samples {input.samples:q}"
             " --prefix={params.prefix:q} --out {params.folder:q} > {log:q} 2>&1"
 
 

@@ -29,7 +29,7 @@ rule refine_data:
     message:
         "Adding the samples of {wildcards.round} rounds to the design's"
     shell:
-        "python -m repose refine_data {params.rounds:q} --dataset {input.dataset:q} --runs {input.runs:q}"
+        "python -m repose stage refine_data {params.rounds:q} --dataset {input.dataset:q} --runs {input.runs:q}"
         " --out {params.folder:q} > {log:q} 2>&1"
 
 
@@ -85,7 +85,7 @@ rule refine_search:
     message:
         "Searching near the last proposal for round {wildcards.round}"
     shell:
-        "python -m repose refine_search --config {params.config:q} --network {input.network:q}"
+        "python -m repose stage refine_search --config {params.config:q} --network {input.network:q}"
         " --dataset {input.dataset:q} --near {input.near:q} --out {params.folder:q}"
         " > {log:q} 2>&1"
 
@@ -120,7 +120,7 @@ rule refine_propose:
     message:
         "Proposal of round {wildcards.round} and its neighbours"
     shell:
-        "python -m repose refine_propose --config {params.config:q} --feasible {input.feasible:q}"
+        "python -m repose stage refine_propose --config {params.config:q} --feasible {input.feasible:q}"
         " --network {input.network:q} --round {wildcards.round:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
@@ -214,7 +214,7 @@ checkpoint refine_round:
     message:
         "Judging round {wildcards.round}"
     shell:
-        "python -m repose refine_judge --config {params.config:q} --proposal {input.proposal:q}"
+        "python -m repose stage refine_judge --config {params.config:q} --proposal {input.proposal:q}"
         " --dataset {input.dataset:q} --runs {input.runs:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
@@ -239,7 +239,7 @@ rule refine_tables:
     message:
         "All rounds of the refinement"
     shell:
-        "python -m repose refine_tables {input.verdicts:q} --config {params.config:q} --out {params.folder:q}"
+        "python -m repose stage refine_tables {input.verdicts:q} --config {params.config:q} --out {params.folder:q}"
         " > {log:q} 2>&1"
 
 

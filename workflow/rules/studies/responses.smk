@@ -25,7 +25,7 @@ rule measure_responses:
     message:
         "More responses of the piles that are there"
     shell:
-        "python -m repose measure_responses {input.pours:q} --config {params.config:q} --runs {input.runs:q}"
+        "python -m repose stage measure_responses {input.pours:q} --config {params.config:q} --runs {input.runs:q}"
         " --berry {input.berry:q} --particle {input.particle:q} --out {output.runs:q} > {log:q} 2>&1"
 
 
@@ -123,7 +123,7 @@ for study, (where, more) in SECOND_RESPONSES.items():
         message:
             "How far further responses narrow the posterior"
         shell:
-            "python -m repose second_responses --config {params.config:q} --runs {input.runs:q}"
+            "python -m repose stage second_responses --config {params.config:q} --runs {input.runs:q}"
             " --dataset {input.dataset:q} {params.jobs:q} --out {params.folder:q} > {log:q} 2>&1"
 
     rule:
@@ -206,5 +206,5 @@ if "joint_targets" in config:
         message:
             "Which few tests narrow the parameters enough"
         shell:
-            "python -m repose joint_targets --config {params.config:q} --runs {input.runs:q} --dataset {input.dataset:q}"
+            "python -m repose stage joint_targets --config {params.config:q} --runs {input.runs:q} --dataset {input.dataset:q}"
             " --jobs {params.jobs:q} --out {params.folder:q} > {log:q} 2>&1"

@@ -30,7 +30,7 @@ rule shape_cell:
     message:
         "Pouring {wildcards.cell}"
     shell:
-        "python -m repose shape_cell --config {params.config:q} --cell {wildcards.cell:q} --berry {input.berry:q}"
+        "python -m repose stage shape_cell --config {params.config:q} --cell {wildcards.cell:q} --berry {input.berry:q}"
         " --samples {input.samples:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
@@ -58,7 +58,7 @@ checkpoint shape_selection:
     message:
         "Selecting the finalists of the shape study"
     shell:
-        "python -m repose shape_selection {input.cells:q} --config {params.config:q} --out {params.folder:q}"
+        "python -m repose stage shape_selection {input.cells:q} --config {params.config:q} --out {params.folder:q}"
         " > {log:q} 2>&1"
 
 
@@ -87,7 +87,7 @@ rule shape_tables:
     message:
         "Judging the finalists of the shape study"
     shell:
-        "python -m repose shape_study {input.first:q} {input.second:q} --finalists {input.finalists:q}"
+        "python -m repose stage shape_study {input.first:q} {input.second:q} --finalists {input.finalists:q}"
         " --config {params.config:q} --out {params.folder:q} > {log:q} 2>&1"
 
 
