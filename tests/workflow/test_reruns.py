@@ -90,6 +90,18 @@ def test_an_edited_engine_pours_again(finished, monkeypatch):
     assert {rule: jobs[rule] for rule in POURS} == POURS
 
 
+def test_an_edited_search_or_surrogate_runs_what_stands_on_it(finished, monkeypatch):
+    project, words = finished
+    true = sources.stage_hash
+    for edited, again in (("miga", {"miga"}), ("measure_runs", {"measure_runs", "measure_validation_runs"})):
+        monkeypatch.setattr(
+            sources, "stage_hash", lambda verb, it=edited: "edited" if verb == it else true(verb)
+        )
+        jobs = planned(project, *words, "--", "calibration")
+        assert again <= set(jobs)
+        assert "pour" not in jobs
+
+
 def test_a_changed_target_pours_no_published_solution_again(finished):
     project, words = finished
     config = json.loads((project / "results/quick/config.json").read_text())

@@ -2,6 +2,7 @@
 import base64
 import json
 import os
+import re
 import shlex
 import sys
 
@@ -16,7 +17,8 @@ from repose.core.errors import BAD_INPUT, InputError, tell
 from repose.core.lock import take_folder
 from repose.core.published import beside, published_count
 from repose.core.seeds import pour_seeds
-from repose.core.sources import engine_hash
+from repose.core.provenance import SIMULATING
+from repose.core.sources import engine_hash, stage_hash
 from repose.dem.cache import source_hash
 from repose.studies import rounds, shape_cells, snapshot
 
