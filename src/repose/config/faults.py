@@ -40,7 +40,7 @@ class Checked(NamedTuple):
     """What the models say of a configuration."""
 
     faults: list[InputError]
-    sections: set[str]  # sections and keys outside sections that have a fault
+    keys: set[str]  # dotted keys with a fault; a mistyped key is missing as well
 
 
 class _Error(NamedTuple):
@@ -58,8 +58,9 @@ def check(config: Any, source: str | Origin = "configuration") -> Checked:
     A mistyped key is also a missing key: only the mistyping is reported.
     """
     errors = _errors(config)
-    sections = {error.path[0] if error.path else str(error.unknown) for error in errors}
-    return Checked(list(_faults(errors, config, source)), sections)
+    faults = list(_faults(errors, config, source))
+    missing = {".".join(error.path) for error in errors if error.type == "missing"}
+    return Checked(faults, missing | {fault.key for fault in faults})
 
 
 def lacks_keys(config: Mapping[str, Any]) -> bool:
