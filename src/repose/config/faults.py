@@ -144,10 +144,9 @@ def _errors(config) -> list[_Error]:
         settings_type().model_validate(config)
     except ValidationError as error:
         found = [_error(one) for one in error.errors(include_url=False, include_input=False)]
-        around = [
-            one.path[:-1] for one in found
-        ]  # a list is also too short where all its entries have faults
-        found = [one for one in found if one.type != "too_short" or one.path not in around]
+        inside = {one.path[0] for one in found if len(one.path) > 1}
+        # a list is also too short where all its entries have faults
+        found = [one for one in found if one.type != "too_short" or inside.isdisjoint(one.path)]
         return sorted(found, key=lambda one: (one.type not in UNKNOWN, one.path))
     return []
 
