@@ -58,7 +58,8 @@ def layers(given: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
 def own_crop_under(*files: str | os.PathLike) -> Path | None:
     """The file of the built-in crop if a configuration uses it in a folder that has no configuration.
 
-    None if the working folder has one or is the program's, or if the files need no default.
+    None if the working folder has one or is the program's, if the files need no default, or if one of them is made for
+    the built-in crop.
     """
     from repose.config.faults import lacks_keys
 
@@ -66,6 +67,8 @@ def own_crop_under(*files: str | os.PathLike) -> Path | None:
     if places.configs()[-1] != own:
         return None
     given = [places.find(path) for path in files]
+    if any(path != own and path.parent == own.parent for path in given):
+        return None
     if given and own not in given and (is_resolved(*given) or not lacks_keys(_over_each_other(given)[0])):
         return None
     return own if own in (*given, *layers(given)) else None
