@@ -39,10 +39,10 @@ from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
 from repose.core.probability import within
 from repose.core.targets import Targets
-from repose.studies.comparison import points
-from repose.studies.comparison.points import Points
-from repose.studies.comparison.proposals import study_surrogate
 from repose.surrogate import make
+from research.comparison import points
+from research.comparison.points import Points
+from research.comparison.proposals import study_surrogate
 
 sys.path.insert(0, str(Path(__file__).parent))
 import surrogate_candidates

@@ -38,10 +38,10 @@ from repose.strategies import plan
 from repose.strategies.sequential.advise import advise, ranked
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, Observed
-from repose.studies.comparison import points
-from repose.studies.comparison.emulator import scaling_noise, with_process
-from repose.studies.comparison.models import configured_network
-from repose.studies.comparison.proposals import local_search
+from research.comparison import points
+from research.comparison.emulator import scaling_noise, with_process
+from research.comparison.models import configured_network
+from research.comparison.proposals import local_search
 
 BUDGETS = (80, 120)
 GRID = (32, 48, 64, 80, 96, 112, 120)  # pours after which `repose plan` tells the chances

@@ -15,9 +15,9 @@ import pandas as pd
 
 from repose.core import provenance
 from repose.core.files import write_table
-from repose.studies.comparison import points, scores
 from repose.surrogate.bayesian_bp import BayesianBP
 from repose.surrogate.gaussian_process import GaussianProcess
+from research.comparison import points, scores
 
 DRAWS = {60: 8, 110: 6}
 WAYS = ("errors", "runs", "none")

@@ -146,8 +146,7 @@ def test_no_section_of_the_schema_allows_an_unknown_key_or_forgets_one():
         ("drum.rotate_from_s", 1.7, "above 1.798"),
         ("drum.report_s", 4.0, "at least drum.rotate_from_s"),
         ("drum.slip_drop_deg", 0.0, "from 0.05 to 45"),
-        ("compare_search.region_points", 1000, "8192 or 16384"),
-        ("compare_whole.samples", [30, 5], "a list of integers from 12"),
+        ("sensitivity.samples", 1000, "512 or 1024"),
     ],
 )
 def test_a_bad_value_is_told_with_file_key_value_and_what_is_allowed(config, key, value, allowed):

@@ -42,7 +42,7 @@ PROGRAMS = (
 )
 DOCUMENTS = (
     "*.md",
-    *(f"{folder}/**/*.md" for folder in ("benchmarks", "config", "crops", "docs", "examples")),
+    *(f"{folder}/**/*.md" for folder in ("benchmarks", "config", "crops", "docs", "examples", "research")),
 )
 DOCUMENTS += ("resources/*.md", "src/**/*.md", "tests/**/*.md")
 INDENTED = re.compile(r"^ {4,}(\S.*)$")
@@ -53,13 +53,11 @@ STUDIES = (
     *(
         "posterior",
         "sensitivity",
-        "compare_search",
-        "compare_whole",
         "second_responses",
         "joint_targets",
         "refine",
     ),
-    *("response_surface", "sequential", "pool", "shape_study", "cylinder", "discharge", "turning"),
+    *("response_surface", "sequential", "shape_study", "cylinder", "discharge", "turning"),
 )
 
 

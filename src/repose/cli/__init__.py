@@ -16,7 +16,6 @@ from repose.cli import (
     calibration,
     cards,
     checking,
-    comparison,
     exporting,
     inputs,
     measuring,
@@ -46,7 +45,7 @@ GROUPS = {
         cards,
     ),
     "other strategies, and your own simulator": (strategies, own_simulator),
-    "studies, each a target of `repose run`": (uncertainty, refinement, responses, shapes, comparison),
+    "studies, each a target of `repose run`": (uncertainty, refinement, responses, shapes),
     "pictures, tests, records": (pictures, services),
 }
 FAMILIES = (new, checking, run, exporting, *(module for group in GROUPS.values() for module in group))

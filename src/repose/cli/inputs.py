@@ -88,15 +88,3 @@ def design(args: argparse.Namespace) -> None:
     section = config["design"]
     space = ParameterSpace.of(config["parameters"])
     design.run(space, section["samples"], section["method"], section["seed"], args.out)
-
-
-@family.verb(
-    "choose the points of the pool that the comparisons share, for training and for testing",
-    example="--out results/pool",
-    out="results/pool",
-)
-def pool_design(args: argparse.Namespace) -> None:
-    from repose.studies import pool
-
-    config = loader.load(args.config)
-    pool.run(ParameterSpace.of(config["parameters"]), config["pool"], args.out)

@@ -134,8 +134,6 @@ SENTENCES = {
     "joint_targets": "Which few tests together narrow the parameters enough.",
     "second_responses_benches": "Which further response, of any bench test, tells most per minute of work.",
     "shape_study": "Which particle, tension and filling come nearest to the measured pile.",
-    "pool": "More samples, for the comparisons.",
-    "compare_all": "Which part of the method pays: designs, surrogates, searches.",
     "measurement_study": "How much the definition of the angle of repose moves it, on the piles of the calibration.",
 }
 NEEDED = {
@@ -170,16 +168,13 @@ def costs(config: Mapping[str, Any]) -> dict[str, str]:
     def pours(number: int) -> str:
         return f"{number} pours, about {number * pour_s / 60:.0f} min on one core, besides the calibration"
 
-    refine, pool = config["refine"], config["pool"]
+    refine = config["refine"]
     a_round = refine["seeds"] + refine["neighbours"] * refine["neighbour_seeds"]
-    of_pool = pours(pool["samples"] * pool["seeds"] + pool["fresh_samples"] * pool["fresh_seeds"])
     of_calibration = sum(sets * seeds for _, sets, seeds in of_all["pours"])
     all_min = of_all["total_s"] / 60
     found = dict.fromkeys(offered(config), "no pours besides the calibration") | {
         "calibration": f"{of_calibration} pours and the other bench tests, about {all_min:.0f} min on one core",
         "refined": f"at most {pours(refine['rounds'] * a_round)}",
-        "pool": of_pool,
-        "compare_all": of_pool,
     }
     if "joint_targets" in config:
         joint = config["joint_targets"]["samples"] * config["joint_targets"]["seeds"]

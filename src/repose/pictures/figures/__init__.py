@@ -9,9 +9,7 @@ from repose.core.errors import InputError
 from . import (
     berries,
     checks,
-    comparison,
     discrepancy,
-    inversion,
     measuring,
     plane,
     refinement,
@@ -57,8 +55,6 @@ FIGURES = {
     "discrepancy": (discrepancy.over_the_discrepancy, ("discrepancy",)),
     "region": (region.not_excluded, ("region", "summary")),
     "sobol": (uncertainty.sobol_indices, ("sobol",)),
-    "search": (inversion.searches, ("curves", "methods")),
-    "whole": (inversion.whole, ("whole",)),
     "second_responses": (
         second_look.what_to_measure_next,
         ("responses", "information", "narrowing", "ways"),
@@ -69,9 +65,6 @@ FIGURES = {
     "perturbation": (response_surface.perturbation, ("samples", "dataset")),
     "contours": (response_surface.contours, ("samples", "dataset", "optimum")),
     "sequential": (sequential.sequential, ("batches", "check")),
-    "accuracy": (comparison.accuracy, ("accuracy",)),
-    "surrogates": (comparison.surrogates, ("surrogates",)),
-    "sampling": (comparison.sampling, ("sampling",)),
     "main_effects": (uncertainty.main_effects, ("effects", "dataset", "sobol")),
 }
 OPTIONAL = {
@@ -85,18 +78,24 @@ OPTIONAL = {
 }
 
 
-def draw(name: str, inputs: Mapping[str, Any], out_path: str | Path, config: Mapping[str, Any]) -> None:
-    """Draw one figure of `FIGURES` to a PNG; `inputs` are paths by input name.
+def draw(
+    name: str,
+    inputs: Mapping[str, Any],
+    out_path: str | Path,
+    config: Mapping[str, Any],
+    known: Mapping[str, Any] = FIGURES,
+) -> None:
+    """Draw one of the `known` figures to a PNG; `inputs` are paths by input name.
 
     Raises InputError for an unknown figure or a wrong, missing or unusable input.
     """
-    if name not in FIGURES:
-        raise InputError("figures", "name", name, ", ".join(FIGURES))
-    function, needed = FIGURES[name]
-    known = needed + OPTIONAL.get(name, ())
+    if name not in known:
+        raise InputError("figures", "name", name, ", ".join(known))
+    function, needed = known[name]
+    allowed = needed + OPTIONAL.get(name, ())
     for key in [*needed, *inputs]:
-        if key not in known or key not in inputs:
-            raise InputError(f"figure {name}", "inputs", key, f"needs {needed}, may have {known}")
+        if key not in allowed or key not in inputs:
+            raise InputError(f"figure {name}", "inputs", key, f"needs {needed}, may have {allowed}")
         if not Path(inputs[key]).is_file():
             raise InputError(f"figure {name}", key, str(inputs[key]), "an existing file")
     with style.applied():
