@@ -6,15 +6,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from repose.config import loader
+from repose.config import loader, stands_on
 from repose.core import places, provenance
 from repose.core.errors import BAD_INPUT, InputError, tell
 from repose.core.lock import joined_folder
 from research import settings
 
 Option = tuple[tuple[str, ...], dict[str, Any]]
-NOT_READ = ("config", "out", "samples", "part", "work")  # options that name no input
-NAMES = ("label", "results_dir")  # of the study, which no result depends on
+NOT_READ = ("config", "out", "samples", "part", "work", "depends_on")  # options that name no input
 
 
 def option(*names: str, **keywords: Any) -> Option:
@@ -30,8 +29,13 @@ class Script:
         self.parser = argparse.ArgumentParser(prog=f"python -m research.{name}", description=text)
         self.parts = self.parser.add_subparsers(required=True, dest="part")
 
-    def part(self, name: str, out: str, *options: Option) -> Callable[[Callable], Callable]:
-        """Decorator: the function gets the options and both configurations in one, and returns a text to print."""
+    def part(
+        self, name: str, out: str, *options: Option, depends_on: Callable | None = None
+    ) -> Callable[[Callable], Callable]:
+        """Decorator: the function gets the options and both configurations in one, and returns a text to print.
+
+        `depends_on` gives the settings that its results depend on, by default all.
+        """
 
         def add(work):
             parser = self.parts.add_parser(name, description=work.__doc__, help=work.__doc__)
@@ -39,7 +43,7 @@ class Script:
             parser.add_argument("--out", default=out, help=f"file or folder to write ({out})")
             for flags, keywords in options:
                 parser.add_argument(*flags, **keywords)
-            parser.set_defaults(work=work)
+            parser.set_defaults(work=work, depends_on=depends_on or _settings)
             return work
 
         return add
@@ -50,7 +54,7 @@ class Script:
         try:
             stage = f"{self.name}_{args.part}"
             folder = joined_folder(Path(args.config).parent)
-            with folder, provenance.stage(stage, _files(args), _settings):
+            with folder, provenance.stage(stage, _files(args), args.depends_on):
                 config = loader.load(args.config)
                 text = args.work(args, config | settings.of(config))
         except (InputError, OSError) as error:
@@ -61,8 +65,8 @@ class Script:
 
 
 def _settings(config, apparatus):
-    """What a result depends on: the study's configuration and the studies' sections."""
-    return {key: value for key, value in (config | settings.of(config)).items() if key not in NAMES}
+    """Both configurations, with files by their content."""
+    return stands_on.settings_of(config | settings.of(config), "research")
 
 
 def _files(args) -> Iterator[Path]:

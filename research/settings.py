@@ -10,6 +10,7 @@ from repose.core.errors import InputError, YamlError, raise_together
 
 HERE = Path(__file__).parent
 OWN = Path("research.yaml")  # of the working folder
+SECTIONS = ("pool", "compare_search", "compare_whole", "shape_study", "second_responses", "joint_targets")
 # Sections of variants: the last file's replaces the others; the study checks each with the schema of what it changes.
 VARIANTS = tuple(f"shape_study.{key}" for key in ("particles", "fillings", "sensitivities"))
 FREE_NAMES = (*VARIANTS, "second_responses.minutes", "second_responses.smallest_discrepancy")
@@ -50,6 +51,7 @@ def _faults(given, known, source, prefix="") -> Iterator[InputError]:
             yield YamlError(source, name, value, f"no such key; {hint}")
             continue
         like = known.get(key, next(iter(known.values())))
+        like = float(like) if "minutes" in name and type(like) is int else like
         if not _alike(value, like):
             yield YamlError(source, name, value, f"{TYPES[type(like)]}, such as {like}")
         elif isinstance(value, dict) and prefix[:-1] not in VARIANTS:

@@ -26,7 +26,7 @@ LEAST_MISSED = 0.003  # of the explainable variance; an unbiased share may excee
 def accuracy(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """R2 at the fresh points and its explainable share over the number of training simulations, a column per response.
 
-    Input: ``accuracy`` of the verb compare_accuracy.
+    Input: ``accuracy`` of the script comparison.
     """
     keys = ("r2", "r2_low", "r2_high", "r2_bar", "explainable", "explainable_low", "explainable_high")
     columns = ("training", "simulations", "seeds", "response", "reachable_r2", *keys, "explainable_bar")
@@ -65,7 +65,7 @@ def _with_intervals(panel, rows, key):
 def surrogates(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """Missed explainable variance over the simulations, a line per model; open marks for the main design.
 
-    Input: ``surrogates`` of the verb compare_surrogates.
+    Input: ``surrogates`` of the script comparison.
     """
     table = read_table(
         inputs["surrogates"],
@@ -92,7 +92,7 @@ def surrogates(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
 def sampling(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     """Explainable variance that the network misses, by design (above) and by points against seeds (below).
 
-    All fits by seeds per point; real simulations have open marks. Input: ``sampling`` of the verb compare_sampling.
+    All fits by seeds per point; real simulations have open marks. Input: ``sampling`` of the script comparison.
     """
     keys = ("comparison", "design", "data", "fit", "points", "seeds", "response")
     table = read_table(inputs["sampling"], (*keys, "explainable", "explainable_se"))

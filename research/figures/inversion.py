@@ -40,7 +40,7 @@ KINDS = {"real": "subsets of the samples", "emulated": "new samples, emulated"}
 def searches(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """Best objective over evaluations, evaluations to the tolerance, and the share of the feasible region found.
 
-    Inputs: ``curves`` and ``methods`` of the verb compare_search.
+    Inputs: ``curves`` and ``methods`` of the script comparison.
     """
     curves = read_table(inputs["curves"], ("method", "evaluations", "log10_mean", "log10_se"))
     methods = read_table(inputs["methods"], ("method", "reached", "repetitions")).set_index("method")
@@ -130,7 +130,7 @@ def _coverage(panel: Axes, methods: pd.DataFrame) -> None:
 def whole(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     """True error of each method's proposal over the simulations spent; rows are responses, columns kinds of samples.
 
-    Input: ``whole`` of the verb compare_whole.
+    Input: ``whole`` of the script comparison.
     """
     responses = style.targets_of(config).responses
     off = [derived(one.name, "off") for one in responses]

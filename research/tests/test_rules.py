@@ -72,6 +72,13 @@ def test_a_bad_setting_ends_in_one_message_before_any_work(project):
             ("compare_accuracy", "draw_accuracy", "compare_sampling", "dataset"),
             ("network", "miga"),
         ),
+        ("shape_study", ("shape_cell", "shape_selection"), ("pour",)),
+        ("measurement_study", ("pour", "published_solutions", "measurement_study"), ("miga",)),
+        (
+            "second_responses",
+            ("measure_responses", "second_responses_tables", "draw_second_responses"),
+            ("miga",),
+        ),
         ("compare_all", ("search_tables", "whole_tables", "comparison_table", "network"), ("miga",)),
     ],
 )
@@ -79,6 +86,23 @@ def test_each_study_plans_its_own_rules(project, target, own, others):
     jobs = planned(project, target, *RULES)
     assert set(own) <= set(jobs)
     assert not set(others) & set(jobs)
+
+
+def test_joint_targets_run_every_further_bench_test_on_a_part_of_the_design(project):
+    own = project / "research.yaml"
+    own.write_text("joint_targets: {samples: 12}")
+    for target in ("joint_targets", "second_responses_benches"):
+        jobs = planned(project, target, *RULES)
+        assert jobs["joint_pour"] == jobs["measure_joint_runs"] == 4 * 12
+        assert jobs[target] == 1
+    own.unlink()
+
+
+def test_the_shape_study_is_checked_when_it_is_asked_for(project):
+    given = ("--config", "funnel={inlet_diameter_mm: 60, factory_diameter_mm: 50}")
+    done = snakemake(project, "shape_study", "-n", *RULES, *given)
+    assert done.returncode == 2
+    assert "shape_study.fillings.open_cone: funnel.factory_diameter_mm is 150.0" in done.stderr
 
 
 def test_every_caption_is_used_and_can_be_filled_in():

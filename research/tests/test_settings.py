@@ -49,3 +49,31 @@ def test_unknown_keys_and_wrong_types_are_told_together(tmp_path, monkeypatch):
 def test_a_configuration_that_still_has_a_section_is_told_where_it_went(section):
     with pytest.raises(InputError, match=f"{section} is .*; allowed: now .* research"):
         loader.resolve(configs(), {section: {"seed": 1}})
+
+
+def test_the_effective_model_is_the_reference_of_no_berry(monkeypatch):
+    """What matched.yaml changes is a cell of the shape study."""
+    monkeypatch.chdir(settings.HERE.parent)
+    config = loader.load("config/matched.yaml")
+    study = settings.of(config)["shape_study"]
+    assert config["berry"] == config["berry"] | study["particles"]["rough_spheres"]
+    assert config["funnel"] == config["funnel"] | study["fillings"]["open_cone"]
+    assert config["simulation"]["tension"] == "keep"
+
+
+def test_named_parts_of_the_shape_study_replace_those_of_the_default(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "research.yaml").write_text("shape_study: {sensitivities: {slow: {rate_per_s: 20.0}}}")
+    study = settings.of(LARGE)["shape_study"]
+    assert study["sensitivities"] == {"slow": {"rate_per_s": 20.0}}
+    assert len(study["fillings"]) > 1
+
+
+def test_free_names_have_values_of_the_same_type(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    own = tmp_path / "research.yaml"
+    own.write_text("second_responses: {minutes: {plate: 7.5, drum: ten}}\nshape_study: {fillings: {here: 3}}")
+    with pytest.raises(InputError) as caught:
+        settings.of(LARGE)
+    keys = [fault.key for fault in caught.value.faults]
+    assert keys == ["second_responses.minutes.drum", "shape_study.fillings.here"]

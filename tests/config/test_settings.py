@@ -84,7 +84,7 @@ def test_no_section_of_the_schema_allows_an_unknown_key_or_forgets_one():
         if section.get("type") == "object":
             assert section["additionalProperties"] is False
             optional = set(section["properties"]) - set(section["required"])
-            others = {"drum", "cylinder", "discharge", "turning", "joint_targets", "shape_study"}
+            others = {"drum", "cylinder", "discharge", "turning"}
             assert optional <= {"contact_law", "rolling_law", *others}
 
 
@@ -265,25 +265,6 @@ def test_seeds_are_stable_distinct_and_fresh_for_validation():
     assert pour_seeds(2026, "design", 1, 2, "drum") != pour_seeds(2026, "design", 1, 2)
     # the stream of the drum alone says so by its purpose
     assert pour_seeds(2026, "drum", 1, 2, "drum") == pour_seeds(2026, "drum", 1, 2)
-
-
-def test_the_effective_model_is_the_reference_of_no_berry():
-    """What matched.yaml changes is a cell of the shape study."""
-    config = loader.resolve([*places.configs(), "config/matched.yaml"])
-    checks.check_inputs(config)
-    study = config["shape_study"]
-    assert config["berry"] == config["berry"] | study["particles"]["rough_spheres"]
-    assert config["funnel"] == config["funnel"] | study["fillings"]["open_cone"]
-    assert config["simulation"]["tension"] == "keep"
-    assert [one["response"] for one in config["targets"]] == ["aor_deg", "height_mm"]
-
-
-def test_named_parts_of_the_shape_study_replace_those_of_the_default(tmp_path):
-    mine = tmp_path / "mine.yaml"
-    mine.write_text("shape_study: {sensitivities: {rate_20_per_s: {rate_per_s: 20.0}}}")
-    study = loader.resolve([*places.configs(), str(mine)])["shape_study"]
-    assert study["sensitivities"] == {"rate_20_per_s": {"rate_per_s": 20.0}}
-    assert len(study["fillings"]) > 1
 
 
 def test_resolved_configuration_is_rewritten_only_when_it_changed(config, tmp_path):

@@ -10,36 +10,14 @@ from made_up_config import CONFIG, RANGES
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.studies import noise
-from repose.studies.shape_piles import COLUMNS
 
 
 def write(folder, rng):
     """Write the tables of every study to a folder."""
     _uncertainty(folder, rng)
-    _representations(folder)
-    _responses(folder)
     _rounds(folder)
     _discrepancy(folder)
     _region(folder)
-
-
-def _representations(folder):
-    """Two tables of a shape study in which every combination is off by its own distance."""
-    study, rows = CONFIG["shape_study"], []
-    ways = itertools.product(study["particles"], study["tensions"], study["fillings"], COLUMNS)
-    for k, (particle, tension, filling, definition) in enumerate(ways):
-        row = {"particle": particle, "tension": tension, "filling": filling, "definition": definition}
-        row |= {
-            "distance": 1.0 + k % 2,
-            "aor_difference_deg": k % 7 - 2.0,
-            "height_difference_mm": k % 5 - 6.0,
-        }
-        rows.append(row | {"aor_se_deg": 0.2, "height_se_mm": 0.5})
-    pd.DataFrame(rows).to_csv(folder / "combinations.csv", index=False)
-    sets = pd.DataFrame({"kind": "published", "definition": "secant", "set": ["2", "15"]})
-    sets["aor_deg"], sets["aor_difference_deg"] = [33.0, 32.0], [-0.7, -0.2]
-    sets["height_mm"], sets["height_difference_mm"] = [65.0, 66.0], [0.2, 1.8]
-    sets.to_csv(folder / "sets.csv", index=False)
 
 
 def _uncertainty(folder, rng):
@@ -84,45 +62,6 @@ def _uncertainty(folder, rng):
     )
     effects["aor_deg"], effects["height_mm"] = np.tile([20, 22, 24, 25, 25.5], 6), 60.0
     effects.to_csv(folder / "effects.csv", index=False)
-
-
-def _responses(folder):
-    """Tables of further responses."""
-    sets = ["AoR and Height", "loose_percent", "drum_slip_deg", "whole pile", "pile and other bench tests"]
-    information = [
-        {
-            "discrepancy_percent": p,
-            "set": name,
-            "bits": 5.0 + k,
-            "bits_se": 0.2,
-            "gain_bits": k,
-            "gain_se_bits": 0.1,
-        }
-        for p in (0.0, 2.0)
-        for k, name in enumerate(sets)
-    ]
-    pd.DataFrame(information).to_csv(folder / "information.csv", index=False)
-    narrowing = [
-        {
-            "discrepancy_percent": percent,
-            "set": name,
-            "parameter": p,
-            "width_ratio": 0.7,
-            "over_base": 1 - 0.15 * k,
-        }
-        for percent in (0.0, 2.0)
-        for k, name in enumerate(sets)
-        for p in PARAMETERS
-    ]
-    pd.DataFrame(narrowing).to_csv(folder / "narrowing.csv", index=False)
-    known = pd.DataFrame({"response": ["aor_deg", "height_mm", "loose_percent", "drum_slip_deg"]})
-    known.assign(signal_to_noise=1.5, r2=0.9).to_csv(folder / "responses.csv", index=False)
-    ways = [
-        {"discrepancy_percent": p, "way": way, "minutes": 20.0, "bits_a_minute": 0.01 * k}
-        for p in (0.0, 2.0)
-        for k, way in enumerate(("loose", "drum"))
-    ]
-    pd.DataFrame(ways).to_csv(folder / "ways.csv", index=False)
 
 
 def _discrepancy(folder):

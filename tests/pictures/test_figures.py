@@ -20,7 +20,6 @@ from repose.pictures.figures import (
     rotation,
     samples,
     search,
-    second_look,
     style,
     surrogate,
     testbench,
@@ -112,27 +111,6 @@ def test_the_names_of_rules_stay_in_their_boxes(tmp_path):
     for box, text in zip(boxes, texts, strict=True):
         assert box.x0 < text.x0 < text.x1 < box.x1
         assert box.y0 < text.y0 < text.y1 < box.y1
-
-
-def test_further_responses_are_in_order_of_what_they_add(inputs):
-    with style.applied():
-        figure = second_look.what_to_measure_next(inputs_of("second_responses", inputs), CONFIG)
-    labels = [text.get_text() for text in figure.axes[0].get_yticklabels()]
-    assert [label.split("\n")[0] for label in labels] == [
-        "pile and other bench tests",
-        "all of the pile",
-        "loose berries",
-        "drum, slip",
-    ]
-    assert "S/N 1.5, R² 0.90" in labels[2]
-    assert "AoR and Height alone:\n5.0 ± 0.2 bits" in words(figure)
-    ways = [text.get_text() for text in figure.axes[1].get_yticklabels()]
-    assert ways == ["loose berries, counted\n20 min", "drum, its first slip\n20 min"]
-    # both cases in every panel
-    cases = [text.get_text() for text in figure.axes[2].get_xticklabels(minor=True)]
-    assert cases == ["exact", "2 %"] * len(figure.axes[2].get_xticks())
-    assert len(figure.axes[0].patches) == 2 * len(labels)
-    assert len(figure.axes[1].patches) == 2 * len(ways)
 
 
 def test_a_drum_without_a_slip_says_so(inputs, tmp_path, monkeypatch):

@@ -152,11 +152,6 @@ def test_an_engine_compiled_again_is_no_reason_to_pour_again(finished):
         assert planned(project, *words, "--forcerun", "warm_up", "--", *targets)["total"] == 1
 
 
-def test_the_study_of_the_measurement_takes_the_piles_that_are_there(finished):
-    project, words = finished
-    assert set(planned(project, *words, "--", "measurement_study")) == {"measurement_study", "total"}
-
-
 def test_uncertainty_is_a_target_of_its_own(finished):
     project, words = finished
     own = ("noise_tables", "sensitivity_tables")  # the posterior's tables belong to every study
@@ -166,23 +161,6 @@ def test_uncertainty_is_a_target_of_its_own(finished):
     # of the finished study only empty files are there, so nothing before the tables has to run
     assert set(jobs) == {*own, "posterior_tables", *drawn, "uncertainty", "total"}
     assert not {*own, *drawn} & set(planned(project, *words, "--forceall"))
-
-
-def test_further_responses_are_a_target_of_their_own_and_other_bench_tests_are_asked_for_by_name(finished):
-    project, words = finished
-    jobs = planned(project, *words, "--", "second_responses")
-    own = {"measure_responses", "second_responses_tables"}
-    assert set(jobs) == own | {"draw_second_responses", "second_responses", "total"}
-    more = planned(project, *words, "--", "second_responses_benches")
-    assert more["joint_pour"] == more["measure_joint_runs"] == 4 * 12, "all 12 samples in four bench tests"
-    assert not own & set(planned(project, *words, "--forceall"))
-
-
-def test_joint_targets_run_every_further_bench_test_on_a_part_of_the_design(project):
-    (project / "mine.yaml").write_text(json.dumps({"joint_targets": {"samples": 12}}))
-    jobs = planned(project, "--configfile", "config/quick.yaml", "mine.yaml", "--", "joint_targets")
-    assert jobs["joint_pour"] == jobs["measure_joint_runs"] == 4 * 12
-    assert jobs["joint_targets"] == 1
 
 
 REFIT = {"refine_data", "refine_network", "refine_search"}

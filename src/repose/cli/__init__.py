@@ -24,10 +24,8 @@ from repose.cli import (
     pictures,
     pouring,
     refinement,
-    responses,
     run,
     services,
-    shapes,
     strategies,
     uncertainty,
 )
@@ -45,7 +43,7 @@ GROUPS = {
         cards,
     ),
     "other strategies, and your own simulator": (strategies, own_simulator),
-    "studies, each a target of `repose run`": (uncertainty, refinement, responses, shapes),
+    "studies, each a target of `repose run`": (uncertainty, refinement),
     "pictures, tests, records": (pictures, services),
 }
 FAMILIES = (new, checking, run, exporting, *(module for group in GROUPS.values() for module in group))

@@ -35,6 +35,7 @@ MOVED = {
     "funnel.friction_limit": FRICTION_LIMIT,
     "simulation.friction_limit": FRICTION_LIMIT,
     **dict.fromkeys(("pool", "compare_search", "compare_whole"), RESEARCH),
+    **dict.fromkeys(("shape_study", "second_responses", "joint_targets"), RESEARCH),
 }
 
 
