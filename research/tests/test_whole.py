@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 import repose.apparatus  # noqa: F401  (makes the responses known)
+from repose.core import attached
 from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.parameters import PARAMETERS
@@ -13,7 +14,9 @@ from repose.core.targets import Targets
 from repose.search.objective import Objective
 from repose.surrogate.support import quadratic_terms
 from research.comparison import proposals, whole
+from research.comparison.__main__ import script
 from research.comparison.points import Points
+from research.figures.__main__ import script as draw
 
 SPACE = ParameterSpace.of({name: (k, k + 2.0) for k, name in enumerate(PARAMETERS)})
 LOW = np.arange(6.0)
@@ -48,6 +51,16 @@ def files(tmp_path_factory):
 
 def one_study(files):
     return whole.read_samples([files / "dataset.csv"], [files / "runs.csv"], SPACE, NAMES)
+
+
+def test_the_script_writes_tables_with_a_record_and_the_figure_is_drawn(files, tmp_path):
+    given = ["--config", "config/quick.yaml", "--dataset", str(files / "dataset.csv")]
+    given += ["--runs", str(files / "runs.csv"), "--out", str(tmp_path)]
+    script.run(["whole", *given])
+    assert attached.read(tmp_path / "whole.csv")["verb"] == "comparison_whole"
+    shown = ["whole", "--config", "config/quick.yaml", "--input", f"whole={tmp_path / 'whole.csv'}"]
+    draw.run(["draw", *shown, "--out", str(tmp_path / "whole.png")])
+    assert (tmp_path / "whole.png").stat().st_size > 10_000
 
 
 def test_samples_join_datasets_and_know_the_scatter_of_a_pour(files):

@@ -1,7 +1,7 @@
 """Campaigns with real pours: how often a strategy ends within 1 % of its target, judged by seeds that it has not seen.
 
-    python benchmarks/real_campaigns.py sequential --out results/real
-    python benchmarks/real_campaigns.py refine --out results/real
+    python -m research.answers.real_campaigns sequential --out results/real
+    python -m research.answers.real_campaigns refine --out results/real
 
 The stages and the seeds are those of the workflow. They are called in one process, which saves the start of a Python
 for each job. A campaign that was stopped goes on after its last finished job.

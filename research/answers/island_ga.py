@@ -1,7 +1,7 @@
 """The island genetic algorithm beside pygmo's and scipy's differential evolution, and what its operators cost.
 
-python benchmarks/island_ga.py --seeds 20 --out tables.md
-python benchmarks/island_ga.py --published          only the time of the published run
+python -m research.answers.island_ga --seeds 20 --out tables.md
+python -m research.answers.island_ga --published          only the time of the published run
 
 Every search may evaluate 100,000 points: 500 generations of 5 islands x 40 here and in pygmo (sga with its own
 crossover, mutation and tournaments, the best sent round the ring every 10 generations), scipy's

@@ -1,9 +1,9 @@
 """The sequential strategy beside other methods at equal pours: hidden parameter sets, found again from noisy pours.
 
-python benchmarks/hidden_truths.py --truths 0 40
-    python benchmarks/hidden_truths.py --truths 0 40 --responses aor_deg height_mm
-    python benchmarks/hidden_truths.py --truths 0 20 --methods sequential --noise-percent 1
-    python benchmarks/hidden_truths.py --truths 0 20 --emulator networks --out benchmarks/hidden_truths_networks.csv
+python -m research.answers.hidden_truths --truths 0 40
+    python -m research.answers.hidden_truths --truths 0 40 --responses aor_deg height_mm
+    python -m research.answers.hidden_truths --truths 0 20 --methods sequential --noise-percent 1
+    python -m research.answers.hidden_truths --truths 0 20 --emulator networks --out networks.csv
 
 The simulator is emulated: a Gaussian process (Matern 5/2) fitted to the poured points of a pool is the truth, and a
 pour scatters about it as the pool's pours do. The strategy's own model is such a process, too; `--emulator networks`
@@ -25,7 +25,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import rivals
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 from repose.chain.design import lhsdesign
@@ -38,6 +37,7 @@ from repose.strategies import plan
 from repose.strategies.sequential.advise import advise, ranked
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, Observed
+from research.answers import rivals
 from research.comparison import points
 from research.comparison.emulator import scaling_noise, with_process
 from research.comparison.models import configured_network
@@ -45,7 +45,7 @@ from research.comparison.proposals import local_search
 
 BUDGETS = (80, 120)
 GRID = (32, 48, 64, 80, 96, 112, 120)  # pours after which `repose plan` tells the chances
-TABLE = Path("benchmarks/hidden_truths.csv")
+TABLE = Path("research/answers/hidden_truths.csv")
 TOLERANCE = 1.0  # percent
 NETWORK = {"starts": 5, "epochs": 300}  # fewer than config.yaml's, for time
 FIRST_SEED = 3000  # sets of other seeds were looked at while the strategy was made

@@ -1,7 +1,7 @@
 """How often the sequential strategy says that targets are out of reach, where they are and where they are not.
 
-    python benchmarks/out_of_reach.py --campaigns 1000 1050 --responses height_mm
-    python benchmarks/out_of_reach.py --campaigns 1000 1050 --responses aor_deg height_mm
+    python -m research.answers.out_of_reach --campaigns 1000 1050 --responses height_mm
+    python -m research.answers.out_of_reach --campaigns 1000 1050 --responses aor_deg height_mm
 
 The simulator is that of `hidden_truths.py`. A target lies at the edge of what it can give (`edge`), 1 % inside
 (`inside`), so that the nearest parameter set misses it by 3.85 % of it (`beyond`: 4 % above the highest) or by 9.1 %
@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from hidden_truths import NOWHERE, TOLERANCE, Simulator
 
 from repose.chain.design import lhsdesign
 from repose.config import loader
@@ -25,6 +24,7 @@ from repose.core.targets import Target, Targets
 from repose.strategies.sequential.advise import advise
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Observed
+from research.answers.hidden_truths import NOWHERE, TOLERANCE, Simulator
 
 MISS = {"beyond": 0.0385, "far": 0.0909}
 KINDS = ("beyond", "edge", "inside", "far")
@@ -108,7 +108,7 @@ def main():
     parser.add_argument("--config", default="config/config.yaml")
     parser.add_argument("--responses", nargs="+", default=["height_mm"])
     parser.add_argument("--campaigns", type=int, nargs=2, default=[1000, 1050], metavar=("FROM", "TO"))
-    parser.add_argument("--out", type=Path, default=Path("benchmarks/out_of_reach.csv"))
+    parser.add_argument("--out", type=Path, default=Path("research/answers/out_of_reach.csv"))
     args = parser.parse_args()
     config = loader.load(args.config)
     space = ParameterSpace.of(config["parameters"])

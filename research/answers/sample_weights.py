@@ -1,6 +1,6 @@
 """Do the samples' own standard errors, as weights of the fit, buy accuracy?
 
-    python benchmarks/sample_weights.py --out results/published/studies/sample_weights.csv
+    python -m research.answers.sample_weights --out results/published/studies/sample_weights.csv
 
 Draws of 60 and of 110 points of the pool, and the main design; one network and a Gaussian process are fitted to the
 means with weights from the errors, with the numbers of runs as weights, and without weights. Judged at the fresh

@@ -1,7 +1,7 @@
 """How near the answers are, and how sure they may be, over independent data sets: real pours alone, no emulator.
 
-    python benchmarks/answers_by_data_set.py --out answers.csv
-    python benchmarks/answers_by_data_set.py --sets whole --runs second_run third_run --out answers_whole.csv
+    python -m research.answers.answers_by_data_set --out answers.csv
+    python -m research.answers.answers_by_data_set --sets whole --runs second_run third_run --out answers_whole.csv
 
 A data set is fitted as the chain does it (`repose.chain.train`, its split included), and each fit answers the same
 targets by the parameter set of least expected loss. The judge of a data set is a Gaussian process of all pours that are
@@ -25,7 +25,6 @@ one with fewest classes that do not. Classes with answers of fewer than three da
 """
 
 import argparse
-import sys
 import time
 from pathlib import Path
 
@@ -40,12 +39,10 @@ from repose.core.parameters import PARAMETERS
 from repose.core.probability import within
 from repose.core.targets import Targets
 from repose.surrogate import make
+from research.answers import surrogate_candidates
 from research.comparison import points
 from research.comparison.points import Points
 from research.comparison.proposals import study_surrogate
-
-sys.path.insert(0, str(Path(__file__).parent))
-import surrogate_candidates
 
 CLASSES = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 0.95, 1.0)  # of the stated probability
 PERCENT = (1.0, 2.0)

@@ -1,6 +1,6 @@
 """What it costs to train a study's targets as if their noises were independent.
 
-python benchmarks/correlated_noise.py --dataset results/dataset.csv --runs results/runs.csv --splits 8
+python -m research.answers.correlated_noise --dataset results/dataset.csv --runs results/runs.csv --splits 8
 
 Each split trains on 70 % of the samples, as the workflow does, and tests on the means of the others. R2 is the mean
 over the splits with its standard error; gamma is the number of weights that the data determine.
@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from sample_weights import weights_from_errors
 
 from repose.config import loader
 from repose.core.parameters import PARAMETERS
@@ -19,6 +18,7 @@ from repose.core.targets import Targets
 from repose.core.variance import within_covariance
 from repose.surrogate.accuracy import r2
 from repose.surrogate.bayesian_bp import BayesianBP
+from research.answers.sample_weights import weights_from_errors
 
 TRAINING_SHARE = 0.7
 STARTS, EPOCHS = 4, 400
