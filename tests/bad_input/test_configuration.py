@@ -178,8 +178,8 @@ def test_all_faults_are_told_at_once():
     for key in keys:
         section, last = holder(config, key)
         section[last] = -1
-    del config["refine"]["reach"]
-    assert {*keys, "refine.reach"} == set(faults_of(config))
+    del config["sensitivity"]["seed"]
+    assert {*keys, "sensitivity.seed"} == set(faults_of(config))
 
 
 def test_all_contradictions_are_told_at_once():

@@ -15,7 +15,6 @@ OWN = f"--config={Path(__file__).with_name('own.yaml')}"
 NEEDED = {
     "figure": ["figure13"],
     "measure": ["--mm-per-pixel", "0.1"],
-    "shape_cell": ["--cell", "published-smooth-keep-open_cone"],
     "refine_propose": ["--round", "0"],
     "card": ["show"],
     "export": ["--to", "yade"],
@@ -172,12 +171,7 @@ def test_an_option_that_no_verb_has(name, refused):
         *(["figure", name] for name in ("", "figure99", "../figure02", "figure02 ")),
         *(["figure", "figure02", f"--input={value}"] for value in ("sizes", "=a", "sizes=", "other=a", "")),
         ["figure", "figure02", "--input=sizes=a", "--input=sizes=b"],
-        *(
-            ["shape_cell", f"--cell={value}"]
-            for value in ("", "a", "a-b-c-d", "published-smooth-keep", "../x")
-        ),
         *(["refine_propose", f"--round={value}"] for value in ("-1", "x", "100")),
-        *(["second_responses", f"--discrepancy={value}"] for value in ("", "aor_deg", "aor_deg=x", "=3")),
         *(
             ["card", *words]
             for words in ([], ["show"], ["draw", "a.json"], ["show", "a", "b"], ["compare", "a"])

@@ -280,25 +280,6 @@ def test_seeds_are_stable_distinct_and_fresh_for_validation():
     assert pour_seeds(2026, "drum", 1, 2, "drum") == pour_seeds(2026, "drum", 1, 2)
 
 
-def test_the_effective_model_is_the_reference_of_no_berry():
-    """What matched.yaml changes is a cell of the shape study."""
-    config = Study.load("config/matched.yaml", inputs=True).config
-    Study.of(config).check_inputs()
-    study = config["shape_study"]
-    assert config["berry"] == config["berry"] | study["particles"]["rough_spheres"]
-    assert config["funnel"] == config["funnel"] | study["fillings"]["open_cone"]
-    assert config["simulation"]["tension"] == "keep"
-    assert [one["response"] for one in config["targets"]] == ["aor_deg", "height_mm"]
-
-
-def test_named_parts_of_the_shape_study_replace_those_of_the_default(tmp_path):
-    mine = tmp_path / "mine.yaml"
-    mine.write_text("shape_study: {sensitivities: {rate_20_per_s: {rate_per_s: 20.0}}}")
-    study = Study.load(str(mine), inputs=True).config["shape_study"]
-    assert study["sensitivities"] == {"rate_20_per_s": {"rate_per_s": 20.0}}
-    assert len(study["fillings"]) > 1
-
-
 def test_resolved_configuration_is_rewritten_only_when_it_changed(config, tmp_path):
     path = tmp_path / "results" / "config.json"
     loader.write_resolved(config, path)

@@ -69,7 +69,6 @@ GOOD = {
     "berry": "in/made/berry.json",
     "particle": "in/made/particle.json",
     "trajectory": "in/trajectory.npz",
-    "cell": "published-ellipsoid-keep-narrow_factory",
 }
 READ = ("config", "input", "berry", "particle")
 OUT = st.one_of(
@@ -189,7 +188,7 @@ def test_a_verb_leaves_the_files_of_others(sandbox, monkeypatch, words):
     "words",
     [
         *(["drum", "--seed=1"], ["verify"], ["heap", "--seed=1"]),
-        *(["shape_cell", f"--cell={GOOD['cell']}"], ["film", GOOD["trajectory"], "--drum"]),
+        ["film", GOOD["trajectory"], "--drum"],
     ],
 )
 def test_what_is_made_up_ends_well_and_somebodys_file_in_its_place_stays(sandbox, words):

@@ -17,6 +17,9 @@ FRICTION_LIMIT = (
     "no longer a key: the tension decides (keep: the elastic part of the force, release: all of it), since other pairs "
     "break Coulomb's law; delete this line"
 )
+RESEARCH = (
+    "now of the checkout's folder research/, in a file research.yaml beside the study's; delete this section"
+)
 # Keys of earlier configurations, and their present places.
 MOVED = {
     "heap": f"now the section funnel; its keys {', '.join(SHARED)} are in the section simulation",
@@ -24,6 +27,8 @@ MOVED = {
     **{f"funnel.{key}": f"now simulation.{key}, for every bench test" for key in SHARED},
     "funnel.friction_limit": FRICTION_LIMIT,
     "simulation.friction_limit": FRICTION_LIMIT,
+    **dict.fromkeys(("pool", "compare_search", "compare_whole"), RESEARCH),
+    **dict.fromkeys(("shape_study", "second_responses", "joint_targets"), RESEARCH),
 }
 UNKNOWN = ("extra_forbidden", "invalid_key")  # types of pydantic's errors
 WORDS = {

@@ -20,9 +20,8 @@ FILES = {
 CROP = ("sizes", "density_kg_m3", "stl")  # keys of `berry` that define a crop
 COMMAND_LINE = "command line (--config)"
 RESOLVED = "config.json"  # in the folder of results
-# Replaced, not merged: two fillings in a list are all fillings, and a fixed parameter has no prior of another file.
-WHOLE = {f"shape_study.{key}" for key in ("particles", "fillings", "sensitivities")}
-WHOLE |= {f"parameters.{name}" for name in PARAMETERS}
+# Replaced, not merged: a fixed parameter has no prior of another file.
+WHOLE = {f"parameters.{name}" for name in PARAMETERS}
 
 
 def read_layers(

@@ -110,7 +110,6 @@ def _in_words(low, high):
 Restitution = Annotated[Any, _in_words(0.01, 1), _Parameter(0.01, 1)]
 StaticFriction = Annotated[Any, _in_words(0, 5), _Parameter(0, 5)]
 RollingFriction = Annotated[Any, _in_words(0, 1), _Parameter(0, 1)]
-Research = Annotated[dict[str, Any], Field(description="a section")]  # read and checked by the research alone
 
 
 # --- the grain, the parameters and the simulation --------------------------------------------------------------
@@ -415,12 +414,6 @@ class Settings(Section):
     posterior: Posterior
     sensitivity: Sensitivity
     refine: Refine
-    pool: Research
-    compare_search: Research
-    compare_whole: Research
-    second_responses: Research
-    joint_targets: Research = ABSENT
-    shape_study: Research = ABSENT
 
 
 def settings_type() -> type[Settings]:
