@@ -70,7 +70,7 @@ def _settings(config, apparatus):
     return stands_on.settings_of(config | settings.of(config), "research")
 
 
-def _files(args) -> Iterator[Path]:
+def _files(args: argparse.Namespace) -> Iterator[Path]:
     """Files that the options name; of a folder its dataset, if it has one."""
     for key, value in vars(args).items():
         for one in value if isinstance(value, list) else [value]:

@@ -41,7 +41,7 @@ def _lay_over(settings, more, prefix=""):
             settings[key] = value
 
 
-def _faults(given, known, source, prefix="") -> Iterator[InputError]:
+def _faults(given: Any, known: Any, source: str, prefix: str = "") -> Iterator[InputError]:
     """Unknown keys, and values of another type than the default's."""
     for key, value in given.items():
         name = f"{prefix}{key}"

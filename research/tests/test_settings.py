@@ -4,7 +4,6 @@ import pytest
 
 from repose.config.study import Study
 from repose.core.errors import InputError
-from repose.core.places import configs
 from research import settings
 
 LARGE, SMALL = {"small_run": False}, {"small_run": True}
