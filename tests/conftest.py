@@ -1,5 +1,8 @@
+import copy
+import functools
 import importlib
 import os
+import pickle
 import sys
 from pathlib import Path
 
@@ -10,6 +13,26 @@ from xdist.scheduler import LoadScopeScheduling
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parent))
 importlib.import_module("repose.apparatus")  # makes the responses known by name
+
+
+def _once(function):
+    """A function whose results are kept, as long as it is called with equal arguments."""
+    kept = {}
+
+    @functools.wraps(function)
+    def wrapper(*arguments):
+        key = pickle.dumps(arguments)
+        if key not in kept:
+            kept[key] = function(*arguments)
+        return copy.deepcopy(kept[key])
+
+    return wrapper
+
+
+# Hundreds of tests read the same defaults (PyYAML needs 50 ms for them) and fit the same berry (2 s).
+for module, name in (("repose.config.reading", "parse"), ("repose.particle.support_fit", "fit_components")):
+    module = importlib.import_module(module)
+    setattr(module, name, _once(getattr(module, name)))
 
 # Tests that run the engine stay on one worker, so that its kernels are compiled once. Those of `repose.verification`
 # come late, as their files are small: then either worker finds the kernels in numba's cache.

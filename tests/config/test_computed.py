@@ -4,6 +4,7 @@ import copy
 import json
 
 import pytest
+from shared import check_all
 
 from repose.config import checks, computed, loader
 from repose.core import places
@@ -89,23 +90,25 @@ def test_a_network_stops_by_samples_of_its_own(folder):
     assert loader.load("more.yaml")["network"]["split"] == [0.70, 0.15, 0.15]
 
 
-@pytest.mark.parametrize("key", KEYS)
-@pytest.mark.parametrize("value", [-1, "automatic", None, True, [], float("inf")])
-def test_another_word_or_number_is_refused(by_hand, key, value):
-    config = copy.deepcopy(by_hand)
-    put(config, key, value)
-    with pytest.raises(InputError) as caught:
-        checks.check(config, "mine.yaml")
-    assert caught.value.key == key
-    assert caught.value.allowed.startswith("auto, or ")
+def test_another_word_or_number_is_refused(by_hand):
+    def refused(key, value):
+        config = copy.deepcopy(by_hand)
+        put(config, key, value)
+        with pytest.raises(InputError) as caught:
+            checks.check(config, "mine.yaml")
+        assert caught.value.key == key
+        assert caught.value.allowed.startswith("auto, or ")
+
+    values = (-1, "automatic", None, True, [], float("inf"))
+    check_all(refused, [(f"{key} {value!r}", key, value) for key in KEYS for value in values])
 
 
-@pytest.mark.parametrize("key", KEYS)
-def test_a_study_that_runs_has_numbers(by_hand, key):
-    config = copy.deepcopy(by_hand)
-    put(config, key, "auto")
-    with pytest.raises(InputError, match=f"{key} is 'auto'; allowed: a number"):
-        checks.check(config, "config.json")
+def test_a_study_that_runs_has_numbers(by_hand):
+    for key in KEYS:
+        config = copy.deepcopy(by_hand)
+        put(config, key, "auto")
+        with pytest.raises(InputError, match=f"{key} is 'auto'; allowed: a number"):
+            checks.check(config, "config.json")
 
 
 def test_what_cannot_be_computed_is_told_by_its_cause(folder, capsys):

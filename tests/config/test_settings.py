@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 
 import pytest
+from shared import check_all
 
 from repose.config import checks, cost, loader
 from repose.config.schema import validator
@@ -33,10 +34,9 @@ def put(config, key, value):
     config[last] = value
 
 
-@pytest.mark.parametrize("name", SHIPPED)
-def test_shipped_configurations_pass_every_check(name):
-    config = loader.load(f"config/{name}.yaml")
-    checks.check_inputs(config, name)
+def test_shipped_configurations_pass_every_check():
+    for name in SHIPPED:
+        checks.check_inputs(loader.load(f"config/{name}.yaml"), name)
 
 
 def test_shipped_configurations_write_to_folders_of_their_own():
@@ -64,18 +64,18 @@ def test_every_key_is_explained():
         assert all(f"`{key}`" in explained for key in section.get("properties", ())), name
 
 
-@pytest.mark.parametrize(
-    ("given", "told"),
-    [
+def test_keys_of_earlier_configurations_are_told_where_they_went():
+    def told(given, message):
+        with pytest.raises(InputError, match=message):
+            loader.resolve(places.configs(), given)
+
+    moved = (
         ({"heap": {"seeds": 2}}, "now the section funnel"),
         ({"funnel": {"time_step_s": 1e-4}}, "now simulation.time_step_s"),
         ({"funnel": {"tension": "cut"}}, "now simulation.tension"),
         ({"target": {"aor_deg": 30}}, "now the list targets"),
-    ],
-)
-def test_keys_of_earlier_configurations_are_told_where_they_went(given, told):
-    with pytest.raises(InputError, match=told):
-        loader.resolve(places.configs(), given)
+    )
+    check_all(told, [(str(given), given, message) for given, message in moved])
 
 
 def test_no_section_of_the_schema_allows_an_unknown_key_or_forgets_one():
@@ -88,76 +88,79 @@ def test_no_section_of_the_schema_allows_an_unknown_key_or_forgets_one():
             assert optional <= {"contact_law", "rolling_law", *others}
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "allowed"),
-    [
-        ("refine.reach", 0, "a number from 0.01 to 1"),
-        ("refine.block", 0, "an integer from 1 to 1000"),
-        ("funnel.seeds", 0, "an integer from 1 to 100"),
-        ("funnel.seeds", 2.0, "an integer"),
-        ("funnel.seeds", True, "an integer"),
-        ("funnel.seeds", "8", "an integer"),
-        ("simulation.gravity_m_s2", math.nan, "a number from 0.1 to 100"),
-        ("simulation.gravity_m_s2", math.inf, "a number from 0.1 to 100"),
-        ("simulation.rest_energy_j", 0, "above 0"),
-        ("simulation.tension", "maybe", "keep or release"),
-        ("simulation.friction_limit", "total", "no longer a key: the tension decides"),
-        ("funnel", 3, "a section with the keys berries"),
-        ("berry.poisson_ratio", 0.5, "a number from 0 to 0.49 or null"),
-        ("berry.sizes", None, "a path"),
-        ("label", "", "text of 1 to 60 characters"),
-        ("results_dir", "my results", "a folder"),
-        ("results_dir", "results/../src", "without .."),
-        ("results_dir", "resources/mine", "outside"),
-        ("results_dir", "results/published", "outside"),
-        ("parameters.e_gg", [0.1, 1.2], "a pair [low, high] of numbers from 0.01 to 1"),
-        ("parameters.e_gg", [0.4, 0.1], "low < high"),
-        ("parameters.e_gg", [0.4, 0.4], "low < high"),
-        ("parameters.e_gg", {"prior": {"mean": 0.3, "sd": 0.1}, "range": [0.4, 0.2]}, "low < high"),
-        ("parameters.mur_gp", [0.1, 0.2, 0.3], "a pair"),
-        ("targets.0.value", 40.0, "inside targets.0.range, 31 to 34"),
-        ("targets.1.value", 60.0, "inside targets.1.range, 64 to 69"),
-        ("targets.0.range", [34.0, 31.0], "low < high"),
-        ("targets.0.range", [0.0, 34.0], "a pair [low, high] from 1 to 89"),
-        ("targets.0.range", 3, "a pair [low, high] of numbers"),
-        ("targets.0.sd", -1, "from 0 to"),
-        ("targets.1.response", "aor_deg", "each response once"),
-        ("targets.1.response", "weight_g", "the responses of funnel"),
-        ("targets.0.apparatus", "shaker", "one of funnel, drum"),
-        ("parameters.e_gg", {"fixed": 2}, "or fixed"),
-        ("parameters.e_gg", {"prior": {"mean": 0.2}}, "prior with mean and sd"),
-        ("measure.fit_to", 0.15, "at least 0.1 above measure.fit_from"),
-        ("measure.fit_to", "crest", "berry or a number from 0.1 to 1"),
-        ("measure.fit_from", 0.95, "berry or a number from 0 to 0.9"),
-        ("measure.response", "slope", "flank or secant or steepest or whole"),
-        ("measure.berry_height_mm", 0, "above 0 and up to 1000 or null"),
-        ("surrogate", "cubic", "network or gaussian_process or network_ensemble or quadratic"),
-        ("network.split", [0.7, 0.2, 0.2], "sum to 1"),
-        ("network.split", [0.8, 0.2, 0.0], "above 0"),
-        ("funnel.outlet_diameter_mm", 150.0, "below funnel.inlet_diameter_mm"),
-        ("funnel.factory_diameter_mm", 151.0, "at most funnel.inlet_diameter_mm"),
-        ("funnel.plate_diameter_mm", 30.0, "at least funnel.outlet_diameter_mm"),
-        ("funnel.rest_window_s", 18.0, "below funnel.duration_s"),
-        ("funnel.duration_s", 16.0, "above 16.8"),
-        ("miga.tournament", 41, "at most miga.population"),
-        ("refine.neighbours", 1, "0 or at least 2"),
-        ("drum.wall_thickness_mm", 100.0, "below half of drum.outer_diameter_mm"),
-        ("drum.factory_height_mm", 95.0, "inside the drum"),
-        ("drum.rotate_from_s", 1.7, "above 1.798"),
-        ("drum.report_s", 4.0, "at least drum.rotate_from_s"),
-        ("drum.slip_drop_deg", 0.0, "from 0.05 to 45"),
-        ("compare_search.region_points", 1000, "8192 or 16384"),
-        ("compare_whole.samples", [30, 5], "a list of integers from 12"),
-    ],
+BAD_VALUES = (
+    ("refine.reach", 0, "a number from 0.01 to 1"),
+    ("refine.block", 0, "an integer from 1 to 1000"),
+    ("funnel.seeds", 0, "an integer from 1 to 100"),
+    ("funnel.seeds", 2.0, "an integer"),
+    ("funnel.seeds", True, "an integer"),
+    ("funnel.seeds", "8", "an integer"),
+    ("simulation.gravity_m_s2", math.nan, "a number from 0.1 to 100"),
+    ("simulation.gravity_m_s2", math.inf, "a number from 0.1 to 100"),
+    ("simulation.rest_energy_j", 0, "above 0"),
+    ("simulation.tension", "maybe", "keep or release"),
+    ("simulation.friction_limit", "total", "no longer a key: the tension decides"),
+    ("funnel", 3, "a section with the keys berries"),
+    ("berry.poisson_ratio", 0.5, "a number from 0 to 0.49 or null"),
+    ("berry.sizes", None, "a path"),
+    ("label", "", "text of 1 to 60 characters"),
+    ("results_dir", "my results", "a folder"),
+    ("results_dir", "results/../src", "without .."),
+    ("results_dir", "resources/mine", "outside"),
+    ("results_dir", "results/published", "outside"),
+    ("parameters.e_gg", [0.1, 1.2], "a pair [low, high] of numbers from 0.01 to 1"),
+    ("parameters.e_gg", [0.4, 0.1], "low < high"),
+    ("parameters.e_gg", [0.4, 0.4], "low < high"),
+    ("parameters.e_gg", {"prior": {"mean": 0.3, "sd": 0.1}, "range": [0.4, 0.2]}, "low < high"),
+    ("parameters.mur_gp", [0.1, 0.2, 0.3], "a pair"),
+    ("targets.0.value", 40.0, "inside targets.0.range, 31 to 34"),
+    ("targets.1.value", 60.0, "inside targets.1.range, 64 to 69"),
+    ("targets.0.range", [34.0, 31.0], "low < high"),
+    ("targets.0.range", [0.0, 34.0], "a pair [low, high] from 1 to 89"),
+    ("targets.0.range", 3, "a pair [low, high] of numbers"),
+    ("targets.0.sd", -1, "from 0 to"),
+    ("targets.1.response", "aor_deg", "each response once"),
+    ("targets.1.response", "weight_g", "the responses of funnel"),
+    ("targets.0.apparatus", "shaker", "one of funnel, drum"),
+    ("parameters.e_gg", {"fixed": 2}, "or fixed"),
+    ("parameters.e_gg", {"prior": {"mean": 0.2}}, "prior with mean and sd"),
+    ("measure.fit_to", 0.15, "at least 0.1 above measure.fit_from"),
+    ("measure.fit_to", "crest", "berry or a number from 0.1 to 1"),
+    ("measure.fit_from", 0.95, "berry or a number from 0 to 0.9"),
+    ("measure.response", "slope", "flank or secant or steepest or whole"),
+    ("measure.berry_height_mm", 0, "above 0 and up to 1000 or null"),
+    ("surrogate", "cubic", "network or gaussian_process or network_ensemble or quadratic"),
+    ("network.split", [0.7, 0.2, 0.2], "sum to 1"),
+    ("network.split", [0.8, 0.2, 0.0], "above 0"),
+    ("funnel.outlet_diameter_mm", 150.0, "below funnel.inlet_diameter_mm"),
+    ("funnel.factory_diameter_mm", 151.0, "at most funnel.inlet_diameter_mm"),
+    ("funnel.plate_diameter_mm", 30.0, "at least funnel.outlet_diameter_mm"),
+    ("funnel.rest_window_s", 18.0, "below funnel.duration_s"),
+    ("funnel.duration_s", 16.0, "above 16.8"),
+    ("miga.tournament", 41, "at most miga.population"),
+    ("refine.neighbours", 1, "0 or at least 2"),
+    ("drum.wall_thickness_mm", 100.0, "below half of drum.outer_diameter_mm"),
+    ("drum.factory_height_mm", 95.0, "inside the drum"),
+    ("drum.rotate_from_s", 1.7, "above 1.798"),
+    ("drum.report_s", 4.0, "at least drum.rotate_from_s"),
+    ("drum.slip_drop_deg", 0.0, "from 0.05 to 45"),
+    ("compare_search.region_points", 1000, "8192 or 16384"),
+    ("compare_whole.samples", [30, 5], "a list of integers from 12"),
 )
-def test_a_bad_value_is_told_with_file_key_value_and_what_is_allowed(config, key, value, allowed):
-    put(config, key, value)
-    with pytest.raises(InputError) as caught:
-        checks.check(config, "my.yaml")
-    fault = caught.value
-    assert (fault.source, fault.key) == ("my.yaml", key)
-    assert fault.value == value or fault.value is value or math.isnan(value)
-    assert allowed in fault.allowed
+
+
+def test_a_bad_value_is_told_with_file_key_value_and_what_is_allowed(config):
+    def told(key, value, allowed):
+        changed = copy.deepcopy(config)
+        put(changed, key, value)
+        with pytest.raises(InputError) as caught:
+            checks.check(changed, "my.yaml")
+        fault = caught.value
+        assert (fault.source, fault.key) == ("my.yaml", key)
+        assert fault.value == value or fault.value is value or math.isnan(value)
+        assert allowed in fault.allowed
+
+    check_all(told, [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in BAD_VALUES])
 
 
 def test_a_mistyped_key_is_told_with_the_one_that_was_meant(config):
@@ -223,9 +226,17 @@ def test_compression_tests_may_be_left_out_only_where_both_moduli_are_given(conf
     checks.check_inputs(checks.check(config))
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "allowed"),
-    [
+def test_inputs_are_checked_against_the_berry_and_the_disc(config):
+    def told(key, value, allowed):
+        changed = copy.deepcopy(config)
+        put(changed, key, value)
+        checks.check(changed)
+        with pytest.raises(InputError) as caught:
+            checks.check_inputs(changed, "my.yaml")
+        assert caught.value.key == key
+        assert allowed in caught.value.allowed
+
+    bad = (
         ("berry.sizes", "nowhere.csv", "an existing file"),
         ("validation.published", "nowhere.csv", "an existing file"),
         ("posterior.shape_study", "nowhere.csv", "an existing file"),
@@ -233,15 +244,8 @@ def test_compression_tests_may_be_left_out_only_where_both_moduli_are_given(conf
         ("simulation.time_step_s", 1e-3, "at most 0.000382"),
         ("funnel.outlet_diameter_mm", 9.0, "the size of a mean berry"),
         ("funnel.factory_diameter_mm", 20.0, "the size of a mean berry"),
-    ],
-)
-def test_inputs_are_checked_against_the_berry_and_the_disc(config, key, value, allowed):
-    put(config, key, value)
-    checks.check(config)
-    with pytest.raises(InputError) as caught:
-        checks.check_inputs(config, "my.yaml")
-    assert caught.value.key == key
-    assert allowed in caught.value.allowed
+    )
+    check_all(told, [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in bad])
 
 
 def test_headers_of_the_named_tables_are_checked(config):

@@ -3,8 +3,6 @@
 import re
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "repose"
 PAGES = {path.stem: path.read_text() for path in (ROOT / "docs" / "reference").glob("*.md")}
@@ -17,9 +15,9 @@ def public_modules():
             yield ".".join(path.relative_to(SOURCE.parent).with_suffix("").parts)
 
 
-@pytest.mark.parametrize("room", sorted({name.split(".")[1] for name in public_modules()}))
-def test_the_page_of_a_room_shows_each_of_its_modules(room):
-    shown = re.findall(r"^\.\. automodule:: (\S+)$", PAGES[room], re.MULTILINE)
-    assert len(set(shown)) == len(shown)
-    modules = {name for name in public_modules() if name.split(".")[1] == room}
-    assert {name for name in shown if name.count(".") > 1} == modules
+def test_the_page_of_a_room_shows_each_of_its_modules():
+    for room in sorted({name.split(".")[1] for name in public_modules()}):
+        shown = re.findall(r"^\.\. automodule:: (\S+)$", PAGES[room], re.MULTILINE)
+        assert len(set(shown)) == len(shown), room
+        modules = {name for name in public_modules() if name.split(".")[1] == room}
+        assert {name for name in shown if name.count(".") > 1} == modules, room
