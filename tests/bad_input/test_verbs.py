@@ -101,6 +101,7 @@ def test_every_verb_refuses_a_configuration_that_it_cannot_read(refused, garbage
         assert config.stem in told or "some_file" in told
 
     del garbage["header"]  # a line of text, which YAML takes for a value
+    del garbage["deep"]  # every verb reads it by the same function, see test_configuration.py
     check_all(
         check, [(f"{name} {kind}", name, path) for name in WITH_CONFIG for kind, path in garbage.items()]
     )
