@@ -61,6 +61,7 @@ def test_every_picture_of_such_a_page_is_made_by_its_commands():
             assert [path for path in paths if not (commands.ROOT / path).is_file()] == [], page
 
 
+@pytest.mark.essential
 @pytest.mark.slow
 def test_the_quick_commands_run():
     script = Path(commands.__file__)
