@@ -34,21 +34,22 @@ for module, name in (("repose.config.reading", "parse"), ("repose.particle.suppo
     module = importlib.import_module(module)
     setattr(module, name, _once(getattr(module, name)))
 
-# Tests that run the engine stay on one worker, so that its kernels are compiled once. Those of `repose.verification`
-# come late, as their files are small: then either worker finds the kernels in numba's cache.
-ENGINE = tuple(f"tests/{room}/" for room in ("apparatus", "cli", "dem"))
-# Clumps and the linear spring have kernels of their own, which the other worker compiles in the meantime.
-OTHER_KERNELS = tuple(f"tests/dem/test_{name}" for name in ("clumps", "laws", "rest"))
+# Each set of kernels takes a minute to compile, so tests that call the same ones stay on one worker: those of a study's
+# contact law, those of the library's, and those of clumps and the linear spring. Those of `repose.verification` come
+# late, as their files are small: then either worker finds the kernels in numba's cache.
+GROUPS = {
+    "other kernels": tuple(f"tests/dem/test_{name}" for name in ("clumps", "laws", "rest")),
+    "library": ("tests/dem/", "tests/apparatus/test_bounds"),
+    "study": ("tests/apparatus/", "tests/cli/"),
+}
 
 
 class ByKernels(LoadScopeScheduling):
-    """Workers take whole groups: the tests of the engine, those of other kernels, or those of one file."""
+    """Workers take whole groups: those of `GROUPS`, or the tests of one file."""
 
     def _split_scope(self, nodeid):
         path = nodeid.split("::")[0]
-        if path.startswith(OTHER_KERNELS):
-            return "other kernels"
-        return "engine" if path.startswith(ENGINE) else path
+        return next((name for name, places in GROUPS.items() if path.startswith(places)), path)
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -22,9 +22,16 @@ def _in_the_project(monkeypatch):
     monkeypatch.chdir(ROOT)
 
 
+@pytest.fixture(scope="module")
+def matched():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        return loader.resolve([*places.configs(), "config/matched.yaml"])
+
+
 @pytest.fixture
-def config():
-    return copy.deepcopy(loader.resolve([*places.configs(), "config/matched.yaml"]))
+def config(matched):
+    return copy.deepcopy(matched)
 
 
 def put(config, key, value):
