@@ -140,6 +140,7 @@ def test_its_keys_are_keys_of_the_schema_and_each_is_explained(folder):
         Study.load("config.yaml", "more.yaml")
 
 
+@pytest.mark.essential
 @pytest.mark.slow
 def test_a_dry_run_in_it_plans_the_whole_study_and_no_published_set(folder):
     filled(folder)

@@ -166,6 +166,7 @@ def calls(draw):
     return words
 
 
+@pytest.mark.essential
 @pytest.mark.slow
 @settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
 @given(words=calls())

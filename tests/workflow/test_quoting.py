@@ -45,6 +45,7 @@ def run_snakemake(folder, snakefile, *words):
     return subprocess.run(command, cwd=folder, capture_output=True, text=True)
 
 
+@pytest.mark.essential
 @pytest.mark.slow
 def test_paths_with_blanks_quotes_and_a_command_in_them_are_one_path_each(tmp_path):
     """Of the working folder, of a configuration and of a table; the first two may have braces and begin with a dash."""

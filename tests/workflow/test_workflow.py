@@ -38,6 +38,7 @@ MIXED = [
 ]
 
 
+@pytest.mark.essential
 def test_the_recommended_study_has_every_stage_and_one_job_a_sample(project):
     jobs = planned(project)
     assert set(STAGES) <= set(jobs)
@@ -71,6 +72,7 @@ def test_the_small_run_has_the_same_rules(project):
     assert (small["pour"], small["drum_run"]) == (20, 2)
 
 
+@pytest.mark.essential
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -98,6 +100,7 @@ def test_a_bad_value_ends_in_one_message_before_any_work(project, words, message
     assert not (project / "results").exists()
 
 
+@pytest.mark.essential
 def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
     made = ("results/quick/design/samples.csv", "results/quick/berry/particle.json")
     done = snakemake(project, "--cores", "1", *made, "--configfile", "config/quick.yaml")
