@@ -23,8 +23,9 @@ def refused(tmp_path, monkeypatch, capsys):
 
     def run(*words):
         before = content(tmp_path)
+        words = [str(word) for word in words]
         try:
-            status = cli.main([str(word) for word in words])
+            status = cli.main([cli.STAGE, *words] if words[:1] and words[0] in cli.STAGES else words)
         except SystemExit as end:
             status = end.code
         captured = capsys.readouterr()

@@ -93,7 +93,7 @@ def test_a_mistyped_verb_or_stage_is_guessed(capsys):
 def test_a_verb_that_became_a_stage_still_runs_and_says_its_name(capsys):
     words = ["dataset", "nowhere"]
     assert main(words) == 2
-    assert "`repose stage dataset` is now `repose stage dataset`" in capsys.readouterr().err
+    assert f"`repose {words[0]}` is now `repose stage dataset`" in capsys.readouterr().err
 
 
 def test_the_version_is_printed(capsys):
