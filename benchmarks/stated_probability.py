@@ -3,7 +3,8 @@
     python benchmarks/stated_probability.py --truths 0 100
 
 Campaigns for hidden parameter sets, as in `hidden_truths.py`, in cells of emulated truth (`emulated.py`), number of
-targets, and noise of a pour. A row for each answer on the way, after 32, 48, 64 and 80 pours.
+targets, and noise of a pour. A row for each answer on the way, after 32, 48, 64 and 80 pours. A run that was stopped
+goes on where it was.
 
 The rule, written before the first run. An answer is right if all its true mean responses lie within 1 % of their
 targets. In each cell the answers fall into five classes of the stated probability. The share of a class is the mean
@@ -31,10 +32,10 @@ CELLS = (
     ("process", 1, 2.5),
     ("process", 1, 7.5),
     ("ripple", 1, 2.5),
-    ("deep_ripple", 1, 2.5),
     ("two_minima", 1, 2.5),
     ("process", 2, 2.5),
     ("process", 2, 7.5),
+    ("deep_ripple", 1, 2.5),
 )
 COLUMNS = [
     *("emulator", "responses", "noise_percent", "truth", "pours", "probability", "error_percent", "stop"),
@@ -91,14 +92,17 @@ def main():
     parser.add_argument("--truths", type=int, nargs=2, default=[0, 100], metavar=("FROM", "TO"))
     args = parser.parse_args()
     config = loader.load(args.config)
-    simulators = {cell: Simulator(args.pool, RESPONSES[cell[1]], config, cell[0], cell[2]) for cell in CELLS}
     table = pd.read_csv(args.out) if args.out.exists() else pd.DataFrame(columns=COLUMNS)
-    for number in range(*args.truths):
-        for cell, simulator in simulators.items():
+    done = set(table[COLUMNS[:4]].itertuples(index=False, name=None))
+    for cell in CELLS:
+        simulator = Simulator(args.pool, RESPONSES[cell[1]], config, cell[0], cell[2])
+        for number in range(*args.truths):
+            if (*cell, number) in done:
+                continue
             rows = campaign(simulator, RESPONSES[cell[1]], number, config)
             new = pd.DataFrame([(*cell, number, *row) for row in rows], columns=COLUMNS)
             table = pd.concat([table, new], ignore_index=True) if len(table) else new
-        table.to_csv(args.out, index=False, float_format="%.4g")
+            table.to_csv(args.out, index=False, float_format="%.4g")
     print(*summary(classes(table)), sep="\n")
 
 
