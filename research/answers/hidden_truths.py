@@ -1,16 +1,14 @@
 """The sequential strategy beside other methods at equal pours: hidden parameter sets, found again from noisy pours.
 
-python -m research.answers.hidden_truths --truths 0 40
+    python -m research.answers.hidden_truths --truths 0 40
     python -m research.answers.hidden_truths --truths 0 40 --responses aor_deg height_mm
     python -m research.answers.hidden_truths --truths 0 20 --methods sequential --noise-percent 1
     python -m research.answers.hidden_truths --truths 0 20 --emulator networks --out networks.csv
 
-The simulator is emulated: a Gaussian process (Matern 5/2) fitted to the poured points of a pool is the truth, and a
-pour scatters about it as the pool's pours do. The strategy's own model is such a process, too; `--emulator networks`
-takes a truth of another family, the mean of several networks fitted to the same points. A hidden parameter set is
-drawn from the ranges; its mean responses are the targets. The error of an answer is the largest deviation of its true
-mean responses from the targets, in percent of them. Each hidden set is told by its number alone, so a run that was
-stopped goes on where it was.
+The simulator is that of `emulated.py`. A hidden parameter set is drawn from the ranges; its mean responses are the
+targets. The error of an answer is the largest deviation of its true mean responses from the targets, in percent of
+them. Each hidden set is told by its number alone, so a run that was stopped goes on where it was. Whether the stated
+probabilities are right is the question of `stated_probability.py`.
 
   sequential            `strategy: sequential`; its answer after each batch, with the probability that it states
   GP on one hypercube   the same model and the same answer from one Latin hypercube, two pours a sample
@@ -19,13 +17,10 @@ stopped goes on where it was.
 The other methods stand in `rivals.py`, which says how to install the packages that they need.
 """
 
-import argparse
-import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 from repose.chain.design import lhsdesign
 from repose.config.study import Study
@@ -38,8 +33,8 @@ from repose.strategies.sequential.advise import advise, ranked
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, Observed
 from research.answers import rivals
+from research.answers.emulated import EMULATORS, Simulator, options
 from research.comparison import points
-from research.comparison.emulator import scaling_noise, with_process
 from research.comparison.models import configured_network
 from research.comparison.proposals import local_search
 
@@ -52,47 +47,36 @@ FIRST_SEED = 3000  # sets of other seeds were looked at while the strategy was m
 NOWHERE = np.empty((0, 6))
 
 
-class Simulator:
-    """The emulated simulator, with random numbers of its own for each use."""
-
-    def __init__(self, folder, names, space, settings, noise=1.0):
-        """`settings` of networks for the mean; without them it is a Gaussian process. `noise` times the pool's."""
-        self.times = noise
-        read = [
-            points.read(folder / f"{part}dataset.csv", folder / f"{part}runs.csv", names)
-            for part in ("", "fresh_")
+def goal_of(names, aims, space):
+    """Targets, of which nothing is known but their mean, and the goal."""
+    targets = Targets(
+        [
+            Target(response(name), aim, 0.0, 1, 0.98 * aim, 1.02 * aim, aim)
+            for name, aim in zip(names, aims.tolist(), strict=True)
         ]
-        poured = points.joined([one._replace(X=space.unit(one.X)) for one in read])
-        covariance = poured.covariance()
-        errors = np.sqrt(np.diagonal(covariance) / poured.counts()[:, None])
-        if settings:
-            networks = configured_network(poured, settings, 1)
-            self.mean = lambda unit: networks(unit)[0]
-        else:
-            self.mean = with_process(poured, errors, covariance, _matern, 1).mean
-        self.noise = scaling_noise(poured, covariance)
-
-    def pour(self, unit, pours, random):
-        return Observed(unit, self.mean(unit)[:, None] + self.times * self.noise.draw(unit, pours, random))
+    )
+    return targets, Goal.of(targets, TOLERANCE, space)
 
 
-def _matern(d):
-    return ConstantKernel(1.0, (1e-2, 1e3)) * Matern(np.ones(d), (0.05, 100.0), nu=2.5)
-
-
-def sequential(simulator, goal, targets, config, random, budgets):
-    """Answers after each batch: pours, point and probability."""
-    section = config["sequential"] | {"most_pours": max(budgets), "probability": 0.99}
+def sequential(simulator, goal, config, random, most_pours):
+    """Answers after each batch: pours, point, probability, and why it stopped."""
+    section = config["sequential"] | {"most_pours": most_pours, "probability": 0.99}
     first = lhsdesign(section["start_samples"], goal.space.dimensions, rng=random)
     data = simulator.pour(first, section["seeds"], random)
     while True:
         poured = data.values.shape[0] * data.values.shape[1]
         advice = advise(data, NOWHERE, goal, section, poured, random)
-        yield poured, advice.answer, advice.probability
+        yield poured, advice.answer, advice.probability, advice.stop
         if advice.stop:
             return
         new = simulator.pour(advice.batch, section["seeds"], random)
         data = Observed(np.vstack([data.unit, new.unit]), np.concatenate([data.values, new.values]))
+
+
+def of_the_strategy(simulator, goal, targets, config, random, budgets):
+    """Answers of the sequential strategy."""
+    for pours, answer, probability, _ in sequential(simulator, goal, config, random, max(budgets)):
+        yield pours, answer, probability
 
 
 def kriging(simulator, goal, targets, config, random, budgets):
@@ -117,7 +101,7 @@ def network(simulator, goal, targets, config, random, budgets):
 
 
 METHODS = {
-    "sequential": sequential,
+    "sequential": of_the_strategy,
     "GP on one hypercube": kriging,
     "published chain": network,
     **rivals.METHODS,
@@ -128,13 +112,8 @@ def of_truth(number, simulator, names, space, config, methods, noise):
     """Rows of one hidden parameter set; `noise` in percent."""
     hidden = np.random.default_rng([FIRST_SEED, number]).random((1, space.dimensions))
     aims = simulator.mean(hidden)[0]
-    targets = Targets(
-        [
-            dataclasses.replace(Target(response(name), aim, 0.0, 1, 0.98 * aim, 1.02 * aim, aim))
-            for name, aim in zip(names, aims.tolist(), strict=True)
-        ]
-    )
-    goal, rows = Goal.of(targets, TOLERANCE, space), []
+    targets, goal = goal_of(names, aims, space)
+    rows = []
     for method in methods:
         random = np.random.default_rng([FIRST_SEED, number, list(METHODS).index(method)])
         for pours, answer, probability in METHODS[method](simulator, goal, targets, config, random, BUDGETS):
@@ -144,7 +123,7 @@ def of_truth(number, simulator, names, space, config, methods, noise):
 
 
 def summary(table):
-    """Errors by method and budget, and how far the stated probabilities are right, at the pool's noise."""
+    """Errors by method and budget, and how far the stated probabilities are right at a stop, at the pool's noise."""
     table = table[table["noise_percent"] == plan.NOISE_PERCENT]
     lines = [
         "| responses | method | pours | truths | median worst error | 90th percentile | within 1 % | within 2 % |"
@@ -167,23 +146,6 @@ def summary(table):
     return "\n".join(lines)
 
 
-def reliability(table):
-    """Stated probability beside the share of right answers, in classes, by noise: every answer of every campaign."""
-    rows = table[(table["method"] == "sequential") & table["probability"].notna()]
-    rows = rows.assign(
-        right=rows["error_percent"] < TOLERANCE, class_=(rows["probability"] * 5).astype(int).clip(upper=4)
-    )
-    lines = ["| responses | noise | stated | mean stated | right | truths |", "|---|---|---|---|---|---|"]
-    for (k, noise, class_), own in rows.groupby(["responses", "noise_percent", "class_"]):
-        by_truth = own.groupby("truth")["right"].mean()
-        error = by_truth.std() / len(by_truth) ** 0.5 if len(by_truth) > 1 else np.nan
-        lines.append(
-            f"| {k} | {noise:g} % | {class_ / 5:g}-{(class_ + 1) / 5:g} | {own['probability'].mean():.2f}"
-            f" | {own['right'].mean():.2f} ± {error:.2f} | {len(by_truth)} |"
-        )
-    return "\n".join(lines)
-
-
 def success(table):
     """Share of the answers within 1 % and 2 % by responses, noise and pours: what `repose plan` reads.
 
@@ -200,19 +162,13 @@ def success(table):
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--pool", type=Path, default=Path("results/published/height_alone/pool"))
-    parser.add_argument("--config", default="config/config.yaml")
-    parser.add_argument("--responses", nargs="+", default=["height_mm"])
-    parser.add_argument("--emulator", choices=("process", "networks"), default="process")
+    parser = options(__doc__, TABLE)
+    parser.add_argument("--emulator", choices=EMULATORS, default="process")
     parser.add_argument("--truths", type=int, nargs=2, default=[0, 40], metavar=("FROM", "TO"))
     parser.add_argument(
         "--noise-percent", type=float, default=plan.NOISE_PERCENT, help="of a pour; 5: as in the pool"
     )
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
-    parser.add_argument("--out", type=Path, default=TABLE)
     args = parser.parse_args()
     if args.emulator != "process" and args.out == TABLE:
         parser.error(
@@ -223,11 +179,7 @@ def main():
     table = pd.read_csv(args.out) if args.out.exists() else pd.DataFrame(columns=columns)
     config = Study.load(args.config).config
     space = ParameterSpace.of(config["parameters"])
-    networks = config["network"] | {"surrogate": "network_ensemble"}
-    times = args.noise_percent / plan.NOISE_PERCENT
-    simulator = Simulator(
-        args.pool, args.responses, space, networks if args.emulator == "networks" else None, times
-    )
+    simulator = Simulator(args.pool, args.responses, config, args.emulator, args.noise_percent)
     for number in range(*args.truths):
         same = (table["truth"] == number) & (table["responses"] == len(args.responses))
         done = table[same & (table["noise_percent"] == args.noise_percent)]["method"]
@@ -237,7 +189,7 @@ def main():
         table.to_csv(args.out, index=False, float_format="%.4g")
     if args.out == TABLE:  # what `repose plan` reads belongs to the table that is kept
         success(table).to_csv(plan.SUCCESS, index=False, float_format="%.4f")
-    print(summary(table), reliability(table), sep="\n\n")
+    print(summary(table))
 
 
 if __name__ == "__main__":

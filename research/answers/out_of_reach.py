@@ -3,15 +3,12 @@
     python -m research.answers.out_of_reach --campaigns 1000 1050 --responses height_mm
     python -m research.answers.out_of_reach --campaigns 1000 1050 --responses aor_deg height_mm
 
-The simulator is that of `hidden_truths.py`. A target lies at the edge of what it can give (`edge`), 1 % inside
+The simulator is that of `emulated.py`. A target lies at the edge of what it can give (`edge`), 1 % inside
 (`inside`), so that the nearest parameter set misses it by 3.85 % of it (`beyond`: 4 % above the highest) or by 9.1 %
 (`far`), in a direction that each campaign draws. `default` is the pair of `config.yaml`'s article. A row for each look:
 pours, the stated probability that any parameter set meets the targets, why the campaign stopped, and Eq. 11 of the
 answer beside the least of some 17,000 points.
 """
-
-import argparse
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -19,12 +16,10 @@ import pandas as pd
 from repose.chain.design import lhsdesign
 from repose.config.study import Study
 from repose.core.parameter_space import ParameterSpace
-from repose.core.responses import response
-from repose.core.targets import Target, Targets
 from repose.strategies.sequential.advise import advise
-from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Observed
-from research.answers.hidden_truths import NOWHERE, TOLERANCE, Simulator
+from research.answers.emulated import Simulator, options
+from research.answers.hidden_truths import NOWHERE, goal_of
 
 MISS = {"beyond": 0.0385, "far": 0.0909}
 KINDS = ("beyond", "edge", "inside", "far")
@@ -69,13 +64,7 @@ def aims(kind, mean, random):
 
 def campaign(simulator, names, aim, mean, section, space, random):
     """Rows of one campaign."""
-    targets = Targets(
-        [
-            Target(response(name), one, 0.0, 1, 0.98 * one, 1.02 * one, one)
-            for name, one in zip(names, aim.tolist(), strict=True)
-        ]
-    )
-    goal = Goal.of(targets, TOLERANCE, space)
+    _, goal = goal_of(names, aim, space)
     least = goal.of_responses(mean)[1].min()
     data = simulator.pour(lhsdesign(section["start_samples"], space.dimensions, rng=random), 2, random)
     while True:
@@ -101,19 +90,13 @@ def summary(table):
 
 
 def main():
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--pool", type=Path, default=Path("results/published/height_alone/pool"))
-    parser.add_argument("--config", default="config/config.yaml")
-    parser.add_argument("--responses", nargs="+", default=["height_mm"])
+    parser = options(__doc__, "research/answers/out_of_reach.csv")
     parser.add_argument("--campaigns", type=int, nargs=2, default=[1000, 1050], metavar=("FROM", "TO"))
-    parser.add_argument("--out", type=Path, default=Path("research/answers/out_of_reach.csv"))
     args = parser.parse_args()
     config = Study.load(args.config).config
     space = ParameterSpace.of(config["parameters"])
     section = config["sequential"] | {"most_pours": max(LOOKS), "probability": 0.99}
-    simulator = Simulator(args.pool, args.responses, space, None)
+    simulator = Simulator(args.pool, args.responses, config)
     mean = dense(simulator, space.dimensions)[1]
     columns = ["kind", "responses", "campaign", "pours", "in_reach", "stop", "F", "F_least"]
     table = pd.read_csv(args.out) if args.out.exists() else pd.DataFrame(columns=columns)
