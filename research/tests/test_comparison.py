@@ -313,7 +313,7 @@ def test_comparisons_take_any_number_of_responses(k, monkeypatch, tmp_path):
     }
     for name, table in tables.items():
         assert tuple(dict.fromkeys(table["response"])) == names
-        figures.draw(name, {name: str(tmp_path / f"{name}.csv")}, tmp_path / f"{name}.png", config)
+        figures.draw(name, {name: str(tmp_path / f"{name}.csv")}, tmp_path / f"{name}.png", config, FIGURES)
 
 
 @pytest.mark.parametrize("k", [1, 3])

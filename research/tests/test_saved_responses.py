@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from repose.core.errors import InputError
-from repose.core.responses import names, responses_of
+from repose.core.responses import responses_of
 from repose.measure import further_responses
 from repose.measure.angles import DEFINITIONS
 from repose.particle.build import Particle
@@ -31,7 +31,7 @@ def job(tmp_path):
     np.savez(tmp_path / "007.npz", **arrays)
     (tmp_path / "007.pours.json").write_text(json.dumps({"sample": 7, "pours": pours}))
     runs = pd.DataFrame({"sample": 7, "seed": [1, 2, 3], "status": ["ok", "jammed", "ok"]})
-    for name in names(responses_of("funnel")):
+    for name in (response.name for response in responses_of("funnel")):
         if name not in further_responses.MEASURED:
             runs[name] = 30.0
     runs["reason"] = ""

@@ -53,6 +53,7 @@ def one_study(files):
     return whole.read_samples([files / "dataset.csv"], [files / "runs.csv"], SPACE, NAMES)
 
 
+@pytest.mark.slow
 def test_the_script_writes_tables_with_a_record_and_the_figure_is_drawn(files, tmp_path):
     given = ["--config", "config/quick.yaml", "--dataset", str(files / "dataset.csv")]
     given += ["--runs", str(files / "runs.csv"), "--out", str(tmp_path)]
