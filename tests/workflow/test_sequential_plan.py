@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 from plans import as_ours, planned, snakemake
 from synthetic import SPACE, responses
+from synthetic import Study as Given
 
 from repose.config.study import Study
 from repose.core.targets import Targets
@@ -42,12 +43,13 @@ def test_batches_follow_until_they_suffice_and_a_kill_between_them_loses_nothing
     folder = project / "results/quick/sequential"
     config = Study.load(project / "config/quick.yaml").config
     section, targets = config["sequential"] | {"probability": 0.99}, Targets.of(config["targets"])
+    study = Given(SPACE, targets, config | {"sequential": section})
     words = (*words, "sequential={probability: 0.99}", *TARGET)
 
     jobs = planned(project, *words)
     assert "pour" not in jobs, "no pour of the published method"
     assert jobs["sequential_pour"] == jobs["measure_sequential_runs"] == section["start_samples"]
-    table = files.run_start(SPACE, section, config["design"]["seed"], folder / "batch_0/samples.csv")
+    table = files.run_start(study, folder / "batch_0/samples.csv")
 
     folders, budget = [], section["start_samples"]
     while True:
@@ -57,7 +59,7 @@ def test_batches_follow_until_they_suffice_and_a_kill_between_them_loses_nothing
         jobs = planned(project, *words)
         assert "sequential_pour" not in jobs
         assert jobs["sequential_batch"] == 1
-        found = files.run_batch(folders, SPACE, targets, section, config["design"]["seed"], folders[-1])
+        found = files.run_batch(folders, study, folders[-1])
         table = pd.read_csv(folders[-1] / "next.csv")
         jobs = planned(project, *words)
         assert jobs["sequential_pour"] == jobs["measure_sequential_runs"] == len(table)

@@ -18,7 +18,8 @@ from repose.core.published import beside, published_count
 from repose.core.seeds import pour_seeds
 from repose.core.sources import engine_hash
 from repose.dem.cache import source_hash
-from repose.studies import rounds, shape_cells, snapshot
+from repose.strategies.refined import rounds
+from repose.studies import shape_cells, snapshot
 
 # The verbs run under the Python that runs snakemake, whether its environment is activated or not.
 shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; ")
