@@ -123,3 +123,27 @@ def test_what_is_told_must_be_what_was_asked(tmp_path):
 def test_bad_settings_are_refused_by_name(changes, words):
     with pytest.raises(InputError, match=words):
         repose.Study(**STUDY | changes)
+
+
+@pytest.mark.slow
+def test_a_study_of_our_bench_tests_is_the_same_loop():
+    from synthetic import TARGETS, responses
+
+    changes = {
+        "strategy": "sequential",
+        "sequential": {"start_samples": 16, "most_pours": 48, "seeds": 2},
+        "posterior": {"walkers": 32, "steps": 100},
+        "targets": [
+            {"response": one.name, "apparatus": "funnel", "value": one.value, "sd": one.sd}
+            | {"repetitions": one.repetitions, "range": [one.low, one.high]}
+            for one in TARGETS
+        ],
+    }
+    study, k = repose.Study.load("config/quick.yaml", overrides=changes), 0
+    while not study.done:
+        asked, k = study.ask(), k + 1
+        study.tell(asked.assign(**dict(zip(TARGETS.names, responses(asked, 0.5, k).T, strict=True))))
+    found = study.answer()
+    assert len(study.runs) <= 48
+    answer = pd.DataFrame([found.parameters])
+    assert abs(responses(answer)[0] / TARGETS.aim - 1).max() < 0.03

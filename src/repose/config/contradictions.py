@@ -6,7 +6,6 @@ Rules between the keys of one section stand in its model (`repose.core.section.S
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
-from repose import strategies
 from repose.apparatus import bench_tests
 from repose.apparatus.bench_test import BenchTest
 from repose.core.parameter_space import ParameterSpace
@@ -25,6 +24,8 @@ class Rule(NamedTuple):
 
 def rules(config: Mapping[str, Any]) -> list[Rule]:
     """The rules for a configuration, those of its bench tests included."""
+    from repose import strategies
+
     used = used_tests(config)
     sections = [name for name in strategies.names() if strategies.strategy(name).settings is not None]
     return [
@@ -53,6 +54,8 @@ def _of_the_surrogate(config):
 
 def _of_the_strategy(config):
     """A strategy that cannot run with this configuration."""
+    from repose import strategies
+
     return strategies.strategy(config["strategy"]).contradictions(config)
 
 

@@ -6,7 +6,6 @@ import os
 from collections.abc import Mapping
 from typing import Any
 
-from repose import strategies
 from repose.config.reading import get, read
 from repose.core import places
 from repose.core.errors import InputError, raise_together
@@ -77,6 +76,8 @@ class OwnMaking:
 
     def _completed(self, content, source):
         """The configuration with every section that a strategy reads."""
+        from repose import strategies
+
         _text(content["simulator"], source, "simulator")
         _text(content["label"], source, "label")
         seed = _number(content["seed"], source, "seed", 0, 2**31 - 1, whole=True)

@@ -8,23 +8,23 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import pandas as pd
-
 from repose.config import loader
 from repose.config.making import Making
 from repose.config.own import OwnMaking
 from repose.config.reading import read
-from repose.config.record import Record
 from repose.core import provenance
 from repose.core.errors import InputError
 from repose.core.files import json_text, write_json
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
-from repose.strategies.base import Answer, Batch
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from repose.config.models import Settings
+    from repose.config.record import Record
     from repose.particle.particle import Particle
+    from repose.strategies.base import Answer, Batch
     from repose.studies.calibration import Calibration
 
 
@@ -285,26 +285,30 @@ class Study:
         self._making.check_inputs()
 
     @cached_property
-    def _record(self) -> Record:
+    def _record(self) -> "Record":
         """The runs so far."""
+        from repose.config.record import Record
+
         return Record(self, self._file)
 
     @property
-    def runs(self) -> pd.DataFrame:
+    def runs(self) -> "pd.DataFrame":
         """All runs so far: `sample`, `status`, parameters and responses, which are NaN for a run that failed."""
         return self._record.data
 
     @property
-    def proposal(self) -> Batch | Answer:
+    def proposal(self) -> "Batch | Answer":
         """What the strategy proposes after these runs: the next samples, or the answer."""
         return self._record.proposal
 
     @property
     def done(self) -> bool:
         """Whether the strategy needs no more runs."""
+        from repose.strategies.base import Answer
+
         return isinstance(self.proposal, Answer)
 
-    def ask(self) -> pd.DataFrame:
+    def ask(self) -> "pd.DataFrame":
         """The runs to make next; once `done`, those of the answer, to simulate it again.
 
         Until they are told, it returns the same.
@@ -322,7 +326,7 @@ class Study:
         """
         return self._record.asked
 
-    def tell(self, runs: pd.DataFrame) -> None:
+    def tell(self, runs: "pd.DataFrame") -> None:
         """Add the results of the runs that `ask` gave; with a file they are on the disk afterwards.
 
         Parameters
@@ -355,8 +359,7 @@ class Study:
         """
         from repose.studies.calibration import calibrate
 
-        found = self.proposal
-        return calibrate(self, self.runs, found if isinstance(found, Answer) else None)
+        return calibrate(self, self.runs, self.proposal)
 
 
 def _listed(given):

@@ -13,7 +13,7 @@ from repose.chain.answer import WITHIN, Check
 from repose.chain.answer import Answer as Result
 from repose.core.files import write_json, write_table
 from repose.strategies import answer
-from repose.strategies.base import Answer, Studied, strategy
+from repose.strategies.base import Answer, Batch, Studied, strategy
 from repose.strategies.runs import OK
 from repose.strategies.sequential.goal import Goal
 from repose.strategies.sequential.kriging import Kriging, SpaceKriging
@@ -63,15 +63,15 @@ class Calibration(NamedTuple):
         return f"{shown}<p>{escape(self.summary['message'])}</p><p>{escape(self.why)}</p>"
 
 
-def calibrate(study: Studied, runs: pd.DataFrame, found: Answer | None = None) -> Calibration:
+def calibrate(study: Studied, runs: pd.DataFrame, found: Batch | Answer | None = None) -> Calibration:
     """The parameters that meet the targets, and their certainty.
 
-    `runs` come from `repose.strategies.runs.checked_runs`; they need not be those that the strategy asked for. Without
-    `found`, the answer is the best that these runs give. A strategy without a model over the whole ranges gets a
+    `runs` come from `repose.strategies.runs.checked_runs`; they need not be those that the strategy asked for. Unless
+    `found` is the answer, it is the best that these runs give. A strategy without a model over the whole ranges gets a
     kriging model of all runs for the posterior.
     """
     space, targets, config = study.parameters, study.targets, study.config
-    if found is None:
+    if not isinstance(found, Answer):
         found = strategy(config["strategy"]).answer(study, runs)
     observed, _ = observed_of(runs, space, targets)
     noise = noise_from(study, observed)
