@@ -1,0 +1,62 @@
+# What every strategy that goes on does alike: a batch of samples is poured, measured and put into a table. Its analysis is
+# a checkpoint of its own, which knows what comes next: `sequential_batch`, `response_screening` and on, `refine_round`.
+wildcard_constraints:
+    strategy="|".join(BATCHES),
+    batch=r"(batch|round)_\d{1,4}|screening|ascent|surface|check",
+
+
+use rule pour as batch_pour with:
+    input:
+        samples=samples_of_batch,
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+        ready=ancient(rules.warm_up.output.ready),
+    output:
+        pours=f"{RESULTS}/{{strategy}}/{{batch}}/{{runs}}/{{job}}.pours.json",
+        berries=f"{RESULTS}/{{strategy}}/{{batch}}/{{runs}}/{{job}}.npz",
+    log:
+        f"{RESULTS}/logs/{{strategy}}/{{batch}}_{{runs}}_{{job}}.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/{{strategy}}/{{batch}}_{{runs}}_{{job}}.tsv"
+    wildcard_constraints:
+        job=r"\d{3,5}",
+    params:
+        purpose=lambda wildcards: BATCHES[wildcards.strategy].purpose,
+        sample=lambda wildcards: int(wildcards.job),
+        seeds=lambda wildcards: BATCHES[wildcards.strategy].seeds(wildcards),
+    message:
+        "Pouring sample {wildcards.job} of {wildcards.strategy}, {wildcards.batch}"
+
+
+use rule measure_runs as measure_batch_runs with:
+    input:
+        pours=rules.batch_pour.output.pours,
+        berries=rules.batch_pour.output.berries,
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+    output:
+        result=f"{RESULTS}/{{strategy}}/{{batch}}/{{runs}}/{{job}}.json",
+    log:
+        f"{RESULTS}/logs/{{strategy}}/{{batch}}_{{runs}}_{{job}}_measured.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/{{strategy}}/{{batch}}_{{runs}}_{{job}}_measured.tsv"
+    wildcard_constraints:
+        job=r"\d{3,5}",
+    message:
+        "Measuring the runs of sample {wildcards.job} of {wildcards.strategy}, {wildcards.batch}"
+
+
+use rule dataset as batch_dataset with:
+    input:
+        samples=samples_of_batch,
+        jobs=jobs_of_batch,
+    output:
+        dataset=f"{RESULTS}/{{strategy}}/{{batch}}/dataset.csv",
+        runs=f"{RESULTS}/{{strategy}}/{{batch}}/runs.csv",
+        summary=f"{RESULTS}/{{strategy}}/{{batch}}/dataset_summary.json",
+    log:
+        f"{RESULTS}/logs/{{strategy}}/{{batch}}_dataset.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/{{strategy}}/{{batch}}_dataset.tsv"
+    message:
+        "Table of {wildcards.strategy}, {wildcards.batch}"
