@@ -109,6 +109,7 @@ def test_what_is_told_must_be_what_was_asked(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
+        ({"file": "study.json"}, "file is 'study.json'; allowed: a path that ends in .csv"),
         ({"strategie": "published"}, "did you mean strategy"),
         ({"strategy": "brute"}, "one of published, refined, response_surface, sequential"),
         ({"design": {"samples": 3}}, "design.samples is 3; allowed: an integer from 12"),

@@ -99,7 +99,10 @@ def test_every_bench_test_of_the_targets_is_run(project):
             "most_factors is 2; allowed: at least 3 where surface is box_behnken",
         ),
         ("response_surface={centres: 2}", "centres is 2; allowed: at least 3 where surface is box_behnken"),
-        ("strategy=guess", "strategy is 'guess'; allowed: published or refined or response_surface or sequential"),
+        (
+            "strategy=guess",
+            "strategy is 'guess'; allowed: published or refined or response_surface or sequential",
+        ),
     ],
 )
 def test_what_does_not_fit_is_told_before_any_work(project, changed, told):

@@ -378,6 +378,8 @@ def _target(given):
 
 def _settings_of(file):
     """Where the settings of a study with a file of runs lie."""
+    if Path(file).suffix != ".csv":
+        raise InputError("study", "file", str(file), "a path that ends in .csv")
     return Path(file).with_suffix(".json")
 
 
