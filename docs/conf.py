@@ -24,6 +24,7 @@ include_patterns = [
     "config/*.md",
     "docs/**.md",
     "examples/*.md",
+    "research/**.md",
     "resources/*.md",
     "src/repose/dem/README.md",
 ]

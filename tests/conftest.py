@@ -1,5 +1,8 @@
+import copy
+import functools
 import importlib
 import os
+import pickle
 import sys
 from pathlib import Path
 
@@ -11,21 +14,42 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parent))
 importlib.import_module("repose.apparatus")  # makes the responses known by name
 
-# Tests that run the engine stay on one worker, so that its kernels are compiled once. Those of `repose.verification`
-# come late, as their files are small: then either worker finds the kernels in numba's cache.
-ENGINE = tuple(f"tests/{room}/" for room in ("apparatus", "cli", "dem"))
-# Clumps and the linear spring have kernels of their own, which the other worker compiles in the meantime.
-OTHER_KERNELS = tuple(f"tests/dem/test_{name}" for name in ("clumps", "laws", "rest"))
+
+def _once(function):
+    """A function whose results are kept, as long as it is called with equal arguments."""
+    kept = {}
+
+    @functools.wraps(function)
+    def wrapper(*arguments):
+        key = pickle.dumps(arguments)
+        if key not in kept:
+            kept[key] = function(*arguments)
+        return copy.deepcopy(kept[key])
+
+    return wrapper
+
+
+# Hundreds of tests read the same defaults (PyYAML needs 50 ms for them) and fit the same berry (2 s).
+for module, name in (("repose.config.reading", "parse"), ("repose.particle.support_fit", "fit_components")):
+    module = importlib.import_module(module)
+    setattr(module, name, _once(getattr(module, name)))
+
+# Each set of kernels takes a minute to compile, so tests that call the same ones stay on one worker: those of a study's
+# contact law, those of the library's, and those of clumps and the linear spring. Those of `repose.verification` come
+# late, as their files are small: then either worker finds the kernels in numba's cache.
+GROUPS = {
+    "other kernels": tuple(f"tests/dem/test_{name}" for name in ("clumps", "laws", "rest")),
+    "library": ("tests/dem/", "tests/apparatus/test_bounds"),
+    "study": ("tests/apparatus/", "tests/cli/"),
+}
 
 
 class ByKernels(LoadScopeScheduling):
-    """Workers take whole groups: the tests of the engine, those of other kernels, or those of one file."""
+    """Workers take whole groups: those of `GROUPS`, or the tests of one file."""
 
     def _split_scope(self, nodeid):
         path = nodeid.split("::")[0]
-        if path.startswith(OTHER_KERNELS):
-            return "other kernels"
-        return "engine" if path.startswith(ENGINE) else path
+        return next((name for name, places in GROUPS.items() if path.startswith(places)), path)
 
 
 @pytest.hookimpl(optionalhook=True)

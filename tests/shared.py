@@ -1,5 +1,7 @@
 """What several tests share."""
 
+import pytest
+
 from repose.core.targets import Targets
 
 # The article's targets.
@@ -37,3 +39,14 @@ def targets_of(sd_percent=5.0, **values):
             for name, value in values.items()
         ]
     )
+
+
+def check_all(check, cases):
+    """Call `check` with the arguments of every case, then fail once with the names of all cases that failed."""
+    failed = []
+    for name, *arguments in cases:
+        try:
+            check(*arguments)
+        except (Exception, pytest.fail.Exception) as error:
+            failed.append(f"{name}: {type(error).__name__}: {error}")
+    assert not failed, "\n".join([f"{len(failed)} cases failed", *failed])

@@ -66,6 +66,7 @@ def three_berries(**of_second):
     return Bounded(simulation, 0.1)
 
 
+@pytest.mark.slow
 def test_what_a_fall_can_give_is_within_the_bounds():
     bounded = three_berries(position_m=(0.05, 0.0, 0.1))
     bounded.run_to(3 * EVERY)
@@ -129,6 +130,7 @@ def test_a_berry_that_passes_through_a_wall_is_named(height_mm, broken):
         bounded._look_at_overlaps()
 
 
+@pytest.mark.slow
 def test_overlaps_of_clumps_are_those_of_their_spheres():
     mass = 1e-3
     spheres = [[-4e-3, 0, 0, 3e-3], [4e-3, 0, 0, 3e-3]]

@@ -160,6 +160,7 @@ def test_a_study_may_choose_the_linear_spring():
     assert digest(poured) != digest(funnel.pour(small(), named(CENTRE), 5, particle(), BERRY))
 
 
+@pytest.mark.slow
 def test_seeds_differ():
     first, second = (funnel.pour(small(), named(CENTRE), seed, particle(), BERRY) for seed in (5, 6))
     assert digest(first) != digest(second)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from shared import check_all
 
 from repose.core import files
 from repose.core.errors import InputError
@@ -50,20 +51,22 @@ def raises(read, path, content, *more):
     return caught.value
 
 
-@pytest.mark.parametrize("value", NO_NUMBERS)
-@pytest.mark.parametrize(("column", "row"), [(0, 1), (1, 2), (2, 1)])
-def test_a_size_that_is_none(value, column, row, tmp_path):
-    cells = [line.split(",") for line in SIZES.splitlines()]
-    cells[row][column] = value
-    raises(berry_files.read_sizes, tmp_path / "a.csv", "\n".join(map(",".join, cells)))
+def test_every_cell_of_a_table_is_a_number(tmp_path):
+    def check(read, text, row, column, value):
+        cells = [line.split(",") for line in text.splitlines()]
+        cells[row][column] = value
+        raises(read, tmp_path / "a.csv", "\n".join(map(",".join, cells)))
 
-
-@pytest.mark.parametrize("value", NO_NUMBERS)
-@pytest.mark.parametrize("column", range(7))
-def test_a_compression_test_with_a_value_that_is_none(value, column, tmp_path):
-    cells = [line.split(",") for line in TESTS.splitlines()]
-    cells[2][column] = value
-    raises(berry_files.read_compression, tmp_path / "a.csv", "\n".join(map(",".join, cells)))
+    places = [(berry_files.read_sizes, SIZES, row, column) for row, column in ((1, 0), (2, 1), (1, 2))]
+    places += [(berry_files.read_compression, TESTS, 2, column) for column in range(7)]
+    check_all(
+        check,
+        [
+            (f"{read.__name__} row {row} column {column} {value!r}", read, text, row, column, value)
+            for read, text, row, column in places
+            for value in NO_NUMBERS
+        ],
+    )
 
 
 TABLES = {
@@ -84,40 +87,40 @@ TABLES = {
 }
 
 
-@pytest.mark.parametrize("wrong", TABLES)
-@pytest.mark.parametrize(
-    ("read", "text"),
-    [
+PUBLISHED = "solution," + ",".join(PARAMETERS) + "\n1,.2,.5,.04,.2,.5,.2\n"
+
+
+def read_published(path):
+    return check_published(path, ())
+
+
+def test_a_file_that_is_no_table(tmp_path):
+    def check(read, text, wrong):
+        header, *rows = text.splitlines()
+        filled = TABLES[wrong].format(
+            header=header,
+            row=rows[0],
+            rows="\n".join(rows),
+            semicolons=text.replace(",", ";"),
+            tabs=text.replace(",", "\t"),
+        )
+        raises(read, tmp_path / "a.csv", filled)
+
+    kinds = (
         (berry_files.read_sizes, SIZES),
         (berry_files.read_compression, TESTS),
-        (
-            lambda path: check_published(path, ()),
-            "solution," + ",".join(PARAMETERS) + "\n1,.2,.5,.04,.2,.5,.2\n",
-        ),
-    ],
-    ids=["sizes", "compression", "published"],
-)
-def test_a_table_that_is_none(read, text, wrong, tmp_path):
-    header, *rows = text.splitlines()
-    filled = TABLES[wrong].format(
-        header=header,
-        row=rows[0],
-        rows="\n".join(rows),
-        semicolons=text.replace(",", ";"),
-        tabs=text.replace(",", "\t"),
+        (read_published, PUBLISHED),
     )
-    raises(read, tmp_path / "a.csv", filled)
+    cases = [(read, text, wrong) for read, text in kinds for wrong in TABLES]
+    check_all(check, [(f"{read.__name__} {wrong}", read, text, wrong) for read, text, wrong in cases])
 
 
-@pytest.mark.parametrize("encoding", ["utf-16", "utf-32", "utf-16-le"])
-@pytest.mark.parametrize("read", [berry_files.read_sizes, files.read_table, files.read_rows, files.read_json])
-def test_another_encoding_is_told(read, encoding, tmp_path):
-    raises(
-        read,
-        tmp_path / "a.csv",
-        SIZES.encode(encoding),
-        *([("long_mm",)] if read is not berry_files.read_sizes else []),
-    )
+def test_another_encoding_is_told(tmp_path):
+    for encoding in ("utf-16", "utf-32", "utf-16-le"):
+        table = SIZES.encode(encoding)
+        raises(berry_files.read_sizes, tmp_path / "a.csv", table)
+        for read in (files.read_table, files.read_rows, files.read_json):
+            raises(read, tmp_path / "a.csv", table, ("long_mm",))
 
 
 def test_a_mark_of_the_byte_order_is_fine_everywhere(tmp_path):
@@ -129,14 +132,14 @@ def test_a_mark_of_the_byte_order_is_fine_everywhere(tmp_path):
     assert files.read_json(path) == {"a": 1}
 
 
-@pytest.mark.parametrize("name", PARAMETERS)
-@pytest.mark.parametrize("value", ["", "nan", "inf", "-1", "abc", "5e400"])
-def test_a_published_parameter_that_is_none(name, value, tmp_path):
-    row = dict.fromkeys(PARAMETERS, "0.3") | {name: value}
-    text = "solution," + ",".join(row) + "\n1," + ",".join(row.values()) + "\n"
-    told = raises(lambda path: check_published(path, ()), tmp_path / "a.csv", text)
-    assert told.key == name
-    assert "row 1" in str(told)
+def test_every_published_parameter_is_a_number(tmp_path):
+    for name in PARAMETERS:
+        for value in ("", "nan", "inf", "-1", "abc", "5e400"):
+            row = dict.fromkeys(PARAMETERS, "0.3") | {name: value}
+            text = "solution," + ",".join(row) + "\n1," + ",".join(row.values()) + "\n"
+            told = raises(read_published, tmp_path / "a.csv", text)
+            assert told.key == name
+            assert "row 1" in str(told)
 
 
 BERRY = json.loads((ROOT / "results/published/recommended/berry/berry.json").read_text())
@@ -146,50 +149,47 @@ for about in BERRY, PARTICLE:
 BAD = ("text", None, [], {}, math.nan, math.inf, -1, 0, True, [1], "1")
 
 
-@pytest.mark.parametrize("value", BAD, ids=repr)
-@pytest.mark.parametrize("key", [*berry_files.SIZE_COLUMNS, "density_kg_m3", "shear_modulus_pa"])
-def test_a_berry_with_a_value_that_is_none(key, value, tmp_path):
-    told = raises(berry_files.read_berry, tmp_path / "berry.json", json.dumps(BERRY | {key: value}))
-    assert told.key == key
+def test_every_key_of_a_berry_and_a_particle_is_checked(tmp_path):
+    def check(read, record, key):
+        assert raises(read, tmp_path / "a.json", json.dumps(record)).key == key
+
+    keys = (*berry_files.SIZE_COLUMNS, "density_kg_m3", "shear_modulus_pa")
+    berry = [(berry_files.read_berry, BERRY | {key: value}, key) for key in keys for value in BAD]
+    numbers = [key for key in PARTICLE if key not in ("kind", "stl")]
+    bad = ("text", {}, math.nan, -1, [1, "a"], [[1]], [math.inf] * 3, True)
+    particle = [(Particle.load, PARTICLE | {key: value}, key) for key in numbers for value in bad]
+    without = [
+        (Particle.load, {name: PARTICLE[name] for name in PARTICLE if name != key}, key) for key in PARTICLE
+    ]
+    check_all(
+        check,
+        [
+            (f"{read.__name__} {key} {record.get(key, 'missing')!r}", read, record, key)
+            for read, record, key in berry + particle + without
+        ],
+    )
 
 
-NUMBERS = [key for key in PARTICLE if key not in ("kind", "stl")]
+def test_a_file_that_was_cut(tmp_path):
+    whole = {
+        "berry.json": (berry_files.read_berry, json.dumps(BERRY).encode()),
+        "particle.json": (Particle.load, json.dumps(PARTICLE).encode()),
+        "a.stl": (load_mesh, _cube()),
+    }
+    rng = np.random.default_rng(1)
+    files.write_npz(tmp_path / "a.npz", {"position_1": rng.normal(size=(50, 3))})
+    files.write_image(tmp_path / "a.png", rng.integers(0, 255, (60, 60), dtype=np.uint8))
+    for name, read in (("a.npz", files.read_npz), ("a.png", read_image)):
+        whole[name] = (read, (tmp_path / name).read_bytes())
 
+    def check(name, share):
+        read, content = whole[name]
+        if name == "a.png":
+            share *= 0.5  # a picture that lacks only its end is read as far as it goes
+        raises(read, tmp_path / name, content[: int(share * len(content))])
 
-@pytest.mark.parametrize("key", NUMBERS)
-@pytest.mark.parametrize("value", ["text", {}, math.nan, -1, [1, "a"], [[1]], [math.inf] * 3, True], ids=repr)
-def test_a_particle_with_a_value_that_is_none(key, value, tmp_path):
-    told = raises(Particle.load, tmp_path / "particle.json", json.dumps(PARTICLE | {key: value}))
-    assert told.key == key
-
-
-@pytest.mark.parametrize("key", list(PARTICLE))
-def test_a_particle_without_a_key(key, tmp_path):
-    record = {name: value for name, value in PARTICLE.items() if name != key}
-    assert raises(Particle.load, tmp_path / "particle.json", json.dumps(record)).key == key
-
-
-@pytest.mark.parametrize("share", [0.0, 0.01, 0.2, 0.5, 0.9, 0.99])
-@pytest.mark.parametrize("kind", ["berry.json", "particle.json", "a.npz", "a.png", "a.stl"])
-def test_a_file_that_was_cut(kind, share, tmp_path):
-    path = tmp_path / kind
-    if kind == "a.npz":
-        files.write_npz(path, {"position_1": np.random.default_rng(1).normal(size=(50, 3))})
-        read = files.read_npz
-    elif kind == "a.png":
-        files.write_image(path, np.random.default_rng(1).integers(0, 255, (60, 60), dtype=np.uint8))
-        read = read_image
-    elif kind == "a.stl":
-        path.write_bytes(_cube())
-        read = load_mesh
-    else:
-        path.write_text(json.dumps(BERRY if kind == "berry.json" else PARTICLE))
-        read = berry_files.read_berry if kind == "berry.json" else Particle.load
-    content = path.read_bytes()
-    if kind == "a.png":
-        share *= 0.5  # a picture that lacks only its end is read as far as it goes
-    path.unlink()
-    raises(read, path, content[: int(share * len(content))])
+    shares = (0.0, 0.01, 0.2, 0.5, 0.9, 0.99)
+    check_all(check, [(f"{name} {share}", name, share) for name in whole for share in shares])
 
 
 def _cube():

@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 
 import pytest
+from shared import check_all
 
 from repose.config import faults
 from repose.config.computed import COMPUTED
@@ -95,7 +96,7 @@ def bad_values(schema):
 
 
 CASES = [
-    pytest.param(key, value, id=f"{key} {wrong}")
+    (key, wrong, value)
     for key, schema in leaves(faults.schema())
     for wrong, value in bad_values(schema)
     if not (key.startswith("targets.0.") and wrong in ("empty", "a line"))
@@ -119,15 +120,31 @@ def faults_of(config):
     return {fault.key: fault for fault in found}
 
 
-@pytest.mark.parametrize(("key", "value"), CASES)
-def test_a_value_that_the_key_cannot_take(key, value):
+def with_value(key, value):
+    """A good configuration with another value of one key."""
     config = copy.deepcopy(GOOD)
     section, last = holder(config, key)
     section[last] = value
-    found = faults_of(config)
-    assert any(told == key or told.startswith((f"{key}.", key.rpartition(".")[0])) for told in found), list(
-        found
-    )
+    return config
+
+
+def test_every_key_refuses_what_it_cannot_take():
+    """All keys get a value that is wrong in the same way; the message has each of them."""
+
+    def told(keys):
+        config = copy.deepcopy(GOOD)
+        for key, value in keys.items():
+            section, last = holder(config, key)
+            section[last] = value
+        faults = faults_of(config)
+        missed = [key for key in keys if not any(f"{fault}.".startswith(f"{key}.") for fault in faults)]
+        assert not missed
+
+    kinds = {}
+    for key, wrong, value in CASES:
+        # a list that is replaced has no entries of its own to break
+        kinds.setdefault(f"{wrong} (targets)" if key == "targets" else wrong, {})[key] = value
+    check_all(told, [(wrong, keys) for wrong, keys in kinds.items()])
 
 
 OPTIONAL = ("simulation.contact_law", "simulation.rolling_law", *(one.key for one in COMPUTED))
@@ -137,32 +154,35 @@ REQUIRED = [
 ]
 
 
-@pytest.mark.parametrize("key", REQUIRED)
-def test_a_key_that_is_missing(key):
-    config = copy.deepcopy(GOOD)
-    section, last = holder(config, key)
-    del section[last]
-    assert "the key is missing" in faults_of(config)[key].allowed
+def test_every_missing_key_is_told():
+    def missing(key):
+        config = copy.deepcopy(GOOD)
+        section, last = holder(config, key)
+        del section[last]
+        assert "the key is missing" in faults_of(config)[key].allowed
+
+    check_all(missing, [(key, key) for key in REQUIRED])
 
 
-@pytest.mark.parametrize("section", ["", *sections(faults.schema()), "targets.0"])
-@pytest.mark.parametrize("extra", ["no_such_key", "", "seeds ", 3])
-def test_a_key_that_is_unknown(section, extra):
-    config = copy.deepcopy(GOOD)
-    place, _ = holder(config, f"{section}.x" if section else "x")
-    place[extra] = 1
-    told = faults_of(config)
-    key = f"{section}.{extra}" if section else str(extra)
-    assert "no such key" in told[key].allowed
+def test_an_unknown_key_is_told_in_every_section():
+    def unknown(section, extra):
+        key = f"{section}.{extra}" if section else str(extra)
+        config = copy.deepcopy(GOOD)
+        place, _ = holder(config, f"{section}.x" if section else "x")
+        place[extra] = 1
+        assert "no such key" in faults_of(config)[key].allowed
+
+    places = ("", *sections(faults.schema()), "targets.0")
+    extras = ("no_such_key", "", "seeds ", 3)
+    check_all(unknown, [(f"{place} {extra!r}", place, extra) for place in places for extra in extras])
 
 
-@pytest.mark.parametrize("section", [*sections(faults.schema())])
-@pytest.mark.parametrize("value", [None, [], "text", 3])
-def test_a_section_that_is_none(section, value):
-    config = copy.deepcopy(GOOD)
-    place, last = holder(config, section)
-    place[last] = value
-    assert section in faults_of(config)
+def test_every_section_is_a_mapping():
+    def refused(section, value):
+        assert section in faults_of(with_value(section, value))
+
+    cases = [(section, value) for section in sections(faults.schema()) for value in (None, [], "text", 3)]
+    check_all(refused, [(f"{section} {value!r}", section, value) for section, value in cases])
 
 
 def test_all_faults_are_told_at_once():
@@ -178,8 +198,8 @@ def test_all_faults_are_told_at_once():
     for key in keys:
         section, last = holder(config, key)
         section[last] = -1
-    del config["refine"]["reach"]
-    assert {*keys, "refine.reach"} == set(faults_of(config))
+    del config["sensitivity"]["seed"]
+    assert {*keys, "sensitivity.seed"} == set(faults_of(config))
 
 
 def test_all_contradictions_are_told_at_once():
@@ -193,70 +213,35 @@ def test_all_contradictions_are_told_at_once():
     )
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        *(
-            b"",
-            b"\n",
-            b"# only a comment\n",
-            b"null\n",
-            b"3\n",
-            b"- 1\n",
-            b"text\n",
-            b"[1, 2]\n",
-            b"'a': 'b': 'c'\n",
-        ),
-        *(
-            b"label: mine\0\n",
-            b"label: \x01\n",
-            b"\xff\xfe",
-            "label: mine\n".encode("utf-16"),
-            b"label: \xe9\n",
-        ),
-        *(b"? [a, b]\n: 1\n", b"? {a: 1}\n: 1\n", b"{a, b}: 1\n", b"label: mine\nlabel: yours\n"),
-        *(
-            b"funnel: {seeds: 2, seeds: 3}\n",
-            b"funnel:\n\tseeds: 2\n",
-            b"funnel: [\n",
-            b"funnel: {\n",
-            b"label: 'a\n",
-        ),
-        *(
-            b"label: &a [*a]\n",
-            b"label: *nothing\n",
-            b"!!python/object:os.system x\n",
-            b"a: !!python/name:os.system\n",
-        ),
-        *(
-            b"label: 2026-13-45\n",
-            b"--- a: 1\n--- b: 2\n",
-            b"---\na: 1\n---\nb: 2\n",
-            b"%YAML 9\n---\na: 1\n",
-        ),
-        *(
-            b"[" * 1200,
-            b"{a: " * 1200,
-            b"a: " * 100,
-            b"funnel: seeds\n",
-            b"funnel: {seeds}\n",
-            b"label: ! \n",
-        ),
-        *(b"funnel: {seeds: 0x}\n", b"label: 1:30\n", b"a: !!binary x\n", b"<<: 3\n"),
-        *(b'{"label": "mine"', b'{"label" "mine"}', b"<<: {a: 1}\n", b"a: !!int x\n", b"a: !!timestamp x\n"),
-        *(
-            b"a: !!bool x\n",
-            b"a: !!int ''\n",
-            b"a: !!float ''\n",
-            b"a: !!set [1]\n",
-            b"a: !!omap x\n",
-            b"a: !!null x\n",
-        ),
-    ],
+NO_CONFIGURATIONS = (
+    # no mapping
+    *(b"", b"\n", b"# only a comment\n", b"null\n", b"3\n", b"- 1\n", b"text\n", b"[1, 2]\n", b"label: ! \n"),
+    # bytes that are no text
+    *(b"label: mine\0\n", b"label: \x01\n", b"\xff\xfe", "label: mine\n".encode("utf-16"), b"label: \xe9\n"),
+    # keys that are no text, or there twice
+    *(b"? [a, b]\n: 1\n", b"? {a: 1}\n: 1\n", b"{a, b}: 1\n", b"label: mine\nlabel: yours\n"),
+    *(b"funnel: {seeds: 2, seeds: 3}\n", b"<<: 3\n", b"<<: {a: 1}\n"),
+    # no YAML
+    *(b"'a': 'b': 'c'\n", b"funnel:\n\tseeds: 2\n", b"funnel: [\n", b"funnel: {\n", b"label: 'a\n"),
+    *(b"label: &a [*a]\n", b"label: *nothing\n", b'{"label": "mine"', b'{"label" "mine"}'),
+    *(b"--- a: 1\n--- b: 2\n", b"---\na: 1\n---\nb: 2\n", b"%YAML 9\n---\na: 1\n"),
+    *(b"[" * 1200, b"{a: " * 1200, b"a: " * 100),
+    # values of another kind
+    *(b"funnel: seeds\n", b"funnel: {seeds}\n", b"funnel: {seeds: 0x}\n", b"label: 1:30\n"),
+    b"label: 2026-13-45\n",
+    # tags
+    *(b"!!python/object:os.system x\n", b"a: !!python/name:os.system\n", b"a: !!binary x\n"),
+    *(b"a: !!int x\n", b"a: !!int ''\n", b"a: !!float ''\n", b"a: !!bool x\n", b"a: !!null x\n"),
+    *(b"a: !!timestamp x\n", b"a: !!set [1]\n", b"a: !!omap x\n"),
 )
-def test_text_that_is_no_configuration(text, refused, tmp_path):
-    (tmp_path / "mine.yaml").write_bytes(text)
-    assert "mine.yaml" in refused("check", "--config", "mine.yaml")
+
+
+def test_text_that_is_no_configuration(refused, tmp_path):
+    def check(text):
+        (tmp_path / "mine.yaml").write_bytes(text)
+        assert "mine.yaml" in refused("check", "--config", "mine.yaml")
+
+    check_all(check, [(text[:40], text) for text in NO_CONFIGURATIONS])
 
 
 def aliases(levels):
@@ -266,12 +251,12 @@ def aliases(levels):
     return "\n".join(lines)
 
 
-@pytest.mark.parametrize("levels", [4, 5, 6, 9, 60])
-def test_aliases_that_multiply_end_in_a_short_message_at_once(levels, refused, tmp_path):
-    (tmp_path / "mine.yaml").write_text(aliases(levels))
-    told = refused("check", "--config", "mine.yaml")
-    assert len(told) < 10_000
-    assert ("every alias is replaced" in told) == (levels > 5)
+def test_aliases_that_multiply_end_in_a_short_message_at_once(refused, tmp_path):
+    for levels in (4, 5, 6, 9, 60):
+        (tmp_path / "mine.yaml").write_text(aliases(levels))
+        told = refused("check", "--config", "mine.yaml")
+        assert len(told) < 10_000, levels
+        assert ("every alias is replaced" in told) == (levels > 5), levels
 
 
 def test_an_alias_of_plain_size_is_fine():
@@ -286,18 +271,17 @@ def nested(levels):
     return value
 
 
-@pytest.mark.parametrize("kind", [InputError, YamlError])
-@pytest.mark.parametrize("value", [nested(40), ["x" * 9] * 10**5, {"a": nested(40)}, "x" * 10**6, 10**4000])
-def test_a_message_shows_a_large_value_in_part(kind, value):
-    assert len(str(kind("mine.yaml", "key", value, "a number"))) < 600
+def test_a_message_shows_a_large_value_in_part():
+    for value in (nested(40), ["x" * 9] * 10**5, {"a": nested(40)}, "x" * 10**6, 10**4000):
+        for kind in (InputError, YamlError):
+            assert len(str(kind("mine.yaml", "key", value, "a number"))) < 600
 
 
-@pytest.mark.parametrize("value", ["text", 1.5, None, [31, 34], {"b": [1, 2], "a": 2.5}, [[1, 2], [3, 4]]])
-def test_a_message_shows_a_small_value_as_it_is(value):
-    told = str(InputError("mine.yaml", "key", value, "a number"))
-    assert (
-        ast.literal_eval(told.removeprefix("mine.yaml: key is ").removesuffix("; allowed: a number")) == value
-    )
+def test_a_message_shows_a_small_value_as_it_is():
+    for value in ("text", 1.5, None, [31, 34], {"b": [1, 2], "a": 2.5}, [[1, 2], [3, 4]]):
+        told = str(InputError("mine.yaml", "key", value, "a number"))
+        shown = told.removeprefix("mine.yaml: key is ").removesuffix("; allowed: a number")
+        assert ast.literal_eval(shown) == value
 
 
 def test_nothing_to_calibrate_is_told(refused, tmp_path):

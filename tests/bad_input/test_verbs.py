@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shared import check_all
 
 from repose.cli import VERBS
 
@@ -15,7 +16,6 @@ OWN = f"--config={Path(__file__).with_name('own.yaml')}"
 NEEDED = {
     "figure": ["figure13"],
     "measure": ["--mm-per-pixel", "0.1"],
-    "shape_cell": ["--cell", "published-smooth-keep-open_cone"],
     "refine_propose": ["--round", "0"],
     "card": ["show"],
     "export": ["--to", "yade"],
@@ -29,48 +29,29 @@ NEEDED = {
 INPUTS_OF_A_FIGURE = ("predictions", "dataset")
 
 
-def garbage(kind, folder):
-    """A file that no verb can read, or no file."""
-    path = folder / f"{kind}.json"
-    if kind == "missing":
-        return path
-    if kind == "folder":
-        path.mkdir()
-        return path
-    content = {
-        "empty": b"",
-        "binary": bytes(range(256)) * 4,
-        "utf16": '{"label": "x"}'.encode("utf-16"),
-        "null": b"null",
-        "list": b"[1, 2]",
-        "number": b"3.5",
-        "cut": b'{"label": "mine", "runs": [{"seed": 1, "sta',
-        "header": b"sample,e_gg\n",
-        "zeros": b"\0" * 100,
-        "deep": b"[" * 1200,  # above Python's limit of 1000; the time grows with its square
-        "words": b"these are only some words\nand more of them, with a comma\n",
-    }[kind]
-    path.write_bytes(content)
-    return path
+GARBAGE = {
+    "empty": b"",
+    "binary": bytes(range(256)) * 4,
+    "utf16": '{"label": "x"}'.encode("utf-16"),
+    "null": b"null",
+    "list": b"[1, 2]",
+    "number": b"3.5",
+    "cut": b'{"label": "mine", "runs": [{"seed": 1, "sta',
+    "header": b"sample,e_gg\n",
+    "zeros": b"\0" * 100,
+    "deep": b"[" * 1200,  # above Python's limit of 1000; the time grows with its square
+    "words": b"these are only some words\nand more of them, with a comma\n",
+}
 
 
-KINDS = (
-    *(
-        "missing",
-        "folder",
-        "empty",
-        "binary",
-        "utf16",
-        "null",
-        "list",
-        "number",
-        "cut",
-        "header",
-        "zeros",
-        "deep",
-    ),
-    "words",
-)
+@pytest.fixture
+def garbage(tmp_path):
+    """Paths of what no verb can read, by kind: a missing file, a folder, and files with wrong content."""
+    paths = {kind: tmp_path / f"{kind}.json" for kind in ("missing", "folder", *GARBAGE)}
+    paths["folder"].mkdir()
+    for kind, content in GARBAGE.items():
+        paths[kind].write_bytes(content)
+    return paths
 
 
 def files_of(verb):
@@ -88,16 +69,16 @@ ELSEWHERE = ("run", "provenance", "report")
 READING = sorted(name for name, verb in VERBS.items() if name not in ELSEWHERE and any(files_of(verb)))
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("name", READING)
-def test_a_file_that_is_none(name, kind, refused, tmp_path):
-    path = garbage(kind, tmp_path)
-    words = [name, *NEEDED.get(name, [])]
-    for option, _ in files_of(VERBS[name]):
-        words += [f"{option}={path}"] if option.startswith("-") else [str(path)]
-    if name == "figure":
-        words += [f"--input={one}={path}" for one in INPUTS_OF_A_FIGURE]
-    assert path.stem in refused(*words)
+def test_every_verb_refuses_files_that_it_cannot_read(refused, garbage):
+    def check(name, path):
+        words = [name, *NEEDED.get(name, [])]
+        for option, _ in files_of(VERBS[name]):
+            words += [f"{option}={path}"] if option.startswith("-") else [str(path)]
+        if name == "figure":
+            words += [f"--input={one}={path}" for one in INPUTS_OF_A_FIGURE]
+        assert path.stem in refused(*words)
+
+    check_all(check, [(f"{name} {kind}", name, path) for name in READING for kind, path in garbage.items()])
 
 
 WITH_CONFIG = sorted(
@@ -105,132 +86,130 @@ WITH_CONFIG = sorted(
 )
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "header"])
-@pytest.mark.parametrize("name", WITH_CONFIG)
-def test_a_configuration_that_is_none(name, kind, refused, tmp_path):
-    config = garbage(kind, tmp_path)
-    words = [name, *NEEDED.get(name, []), f"--config={config}"]
-    for option, keywords in files_of(VERBS[name]):
-        if not option.startswith("-"):
-            words.append("some_file")
-        elif keywords.get("required"):
-            words.append(f"{option}=some_file")
-    if name == "figure":
-        words += [f"--input={one}=some_file" for one in INPUTS_OF_A_FIGURE]
-    told = refused(*words)
-    assert config.stem in told or "some_file" in told
+def test_every_verb_refuses_a_configuration_that_it_cannot_read(refused, garbage):
+    def check(name, config):
+        words = [name, *NEEDED.get(name, []), f"--config={config}"]
+        for option, keywords in files_of(VERBS[name]):
+            if not option.startswith("-"):
+                words.append("some_file")
+            elif keywords.get("required"):
+                words.append(f"{option}=some_file")
+        if name == "figure":
+            words += [f"--input={one}=some_file" for one in INPUTS_OF_A_FIGURE]
+        told = refused(*words)
+        assert config.stem in told or "some_file" in told
+
+    del garbage["header"]  # a line of text, which YAML takes for a value
+    del garbage["deep"]  # every verb reads it by the same function, see test_configuration.py
+    check_all(
+        check, [(f"{name} {kind}", name, path) for name in WITH_CONFIG for kind, path in garbage.items()]
+    )
 
 
-@pytest.mark.parametrize("name", sorted(set(VERBS) - {"run"}))
-def test_an_option_that_no_verb_has(name, refused):
-    needed = ["some_file" for option, _ in files_of(VERBS[name]) if not option.startswith("-")]
-    needed += [
-        f"{option}=some_file" for option, keywords in files_of(VERBS[name]) if keywords.get("required")
-    ]
-    assert "--no-such-option" in refused(name, *NEEDED.get(name, []), *needed, "--no-such-option")
+def test_every_verb_refuses_an_option_that_it_does_not_have(refused):
+    def check(name):
+        verb = VERBS[name]
+        needed = ["some_file" for option, _ in files_of(verb) if not option.startswith("-")]
+        needed += [f"{option}=some_file" for option, words in files_of(verb) if words.get("required")]
+        assert "--no-such-option" in refused(name, *NEEDED.get(name, []), *needed, "--no-such-option")
+
+    check_all(check, [(name, name) for name in sorted(set(VERBS) - {"run"})])
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        *(["check", f"--cores={value}"] for value in ("0", "-1", "many", "1.5")),
-        *(["heap", f"--seed={value}"] for value in ("-1", "one", "1.5", "nan")),
-        *(["heap", "--seed=1", "--seed=1"], ["heap", "--seeds=0"], ["heap", "--seeds=2", "--seed=1"]),
-        *(["heap", f"--set={value}"] for value in ("", "e_gg", "e_gg=", "=1", "e_gg=x", "e_gg=2", "mus=0.5")),
-        *(["heap", f"--set={value}"] for value in ("e_gg=nan", "mus_gg=inf", "mur_gg=-1", "e_gg=0")),
-        ["heap", "--set=e_gg=0.2", "--set=e_gg=0.3"],
-        *(["heap", f"--trajectory={value}"] for value in ("0", "-1", "nan", "1e9", "often")),
-        *(["pour", f"--apparatus={value}"] for value in ("", "shaker", "Funnel", "../funnel")),
-        *(["pour", "--sample=1"], ["pour", "--samples=x.csv"], ["pour", "--purpose=fun"]),
-        *(["berry", "--axes", *axes] for axes in (["1", "2"], ["17", "11", "9"], ["x", "y", "z"])),
-        *(
-            ["berry", "--axes", *axes, "--mass-g=1", "--stl=a.stl"]
-            for axes in (
-                ["0", "1", "1"],
-                ["-1", "1", "1"],
-                ["nan", "1", "1"],
-                ["inf", "1", "1"],
-                ["9", "11", "17"],
-            )
-        ),
-        *(
-            ["berry", "--axes", "17", "11", "9", "--stl=a.stl", f"--mass-g={value}"]
-            for value in ("0", "-1", "nan", "inf", "1e9", "x", "1e-9")
-        ),
-        *(
-            ["berry", "--axes", "17", "11", "9", "--stl=a.stl", "--mass-g=1", f"--density={value}"]
-            for value in ("0", "-840", "nan", "inf")
-        ),
-        *(
-            ["berry", "--axes", "17", "11", "9", "--stl=a.stl", "--mass-g=1", f"--{name}={value}"]
-            for name in ("taper", "wrinkles", "wrinkle-depth-mm")
-            for value in ("-1", "nan", "1e6", "x")
-        ),
-        *(["verify", f"--hits={value}"] for value in ("0", "-5", "x")),
-        *(["verify", f"--seeds={value}"] for value in ("0", "-5", "x")),
-        *(["verify", "--case=no_such_case"], ["verify", "--case="]),
-        *(["figure", name] for name in ("", "figure99", "../figure02", "figure02 ")),
-        *(["figure", "figure02", f"--input={value}"] for value in ("sizes", "=a", "sizes=", "other=a", "")),
-        ["figure", "figure02", "--input=sizes=a", "--input=sizes=b"],
-        *(
-            ["shape_cell", f"--cell={value}"]
-            for value in ("", "a", "a-b-c-d", "published-smooth-keep", "../x")
-        ),
-        *(["refine_propose", f"--round={value}"] for value in ("-1", "x", "100")),
-        *(["second_responses", f"--discrepancy={value}"] for value in ("", "aor_deg", "aor_deg=x", "=3")),
-        *(
-            ["card", *words]
-            for words in ([], ["show"], ["draw", "a.json"], ["show", "a", "b"], ["compare", "a"])
-        ),
-        *(["material_card", f"--{name}=a.csv"] for name in ("posterior", "draws")),
-        *(["export", *words] for words in ([], ["--to=yade"], ["--to=abaqus", "--set=e_gg=0.3"])),
-        *(
-            ["export", "--to=yade", "--set=e_gg=0.3", word]
-            for word in (
-                "--spheres=1",
-                "--spheres=65",
-                "--spheres=x",
-                "--seed=-1",
-                "--card=a.json",
-                "--sample=1",
-            )
-        ),
-        *(["snapshot", value] for value in ("", "nowhere", ".", "..")),
-        *(
-            ["measure", "a.jpg", f"--{name}={value}"]
-            for name in ("mm-per-pixel", "square-mm", "grain-mm")
-            for value in ("0", "-1", "nan", "inf", "1e9", "x", "")
-        ),
-        *(
-            ["measure", "a.jpg", "--length", *value.split()]
-            for value in (
-                *(
-                    "0 1 1 900 1",
-                    "-5 1 1 900 1",
-                    "nan 1 1 900 1",
-                    "100 1 1 900",
-                    "100 1 1 900 x",
-                    "100 nan 1 900 1",
-                ),
-                *("100 1 1 1 1", "100 900 1 1 1", "100 1 1 1 900", "1e9 1 1 900 1", "100 1 1 inf 1"),
-            )
-        ),
-        ["measure", "a.jpg", "--length", "100", "1", "1", "900", "1", "--mm-per-pixel=0.1"],
-        ["measure", "a.jpg", "--base-row=300"],
-        ["measure", "a.jpg", "--mm-per-pixel=0.1", "--lens", "b.jpg"],
-        *(
-            ["measure"],
-            ["measure", "a.jpg"],
-            ["measure", "a.jpg", "b/a.jpg"],
-            ["measure", "a.png", "--out=."],
-        ),
-        *(["marker", f"--square-mm={value}"] for value in ("0", "-1", "4", "26", "nan", "x")),
-        *([], ["no_such_verb"], ["--no-such-option"], ["Heap"], [""]),
-    ],
-    ids=" ".join,
+BAD_VALUES = (
+    *(["check", f"--cores={value}"] for value in ("0", "-1", "many", "1.5")),
+    *(["heap", f"--seed={value}"] for value in ("-1", "one", "1.5", "nan")),
+    *(["heap", "--seed=1", "--seed=1"], ["heap", "--seeds=0"], ["heap", "--seeds=2", "--seed=1"]),
+    *(["heap", f"--set={value}"] for value in ("", "e_gg", "e_gg=", "=1", "e_gg=x", "e_gg=2", "mus=0.5")),
+    *(["heap", f"--set={value}"] for value in ("e_gg=nan", "mus_gg=inf", "mur_gg=-1", "e_gg=0")),
+    ["heap", "--set=e_gg=0.2", "--set=e_gg=0.3"],
+    *(["heap", f"--trajectory={value}"] for value in ("0", "-1", "nan", "1e9", "often")),
+    *(["pour", f"--apparatus={value}"] for value in ("", "shaker", "Funnel", "../funnel")),
+    *(["pour", "--sample=1"], ["pour", "--samples=x.csv"], ["pour", "--purpose=fun"]),
+    *(["berry", "--axes", *axes] for axes in (["1", "2"], ["17", "11", "9"], ["x", "y", "z"])),
+    *(
+        ["berry", "--axes", *axes, "--mass-g=1", "--stl=a.stl"]
+        for axes in (
+            ["0", "1", "1"],
+            ["-1", "1", "1"],
+            ["nan", "1", "1"],
+            ["inf", "1", "1"],
+            ["9", "11", "17"],
+        )
+    ),
+    *(
+        ["berry", "--axes", "17", "11", "9", "--stl=a.stl", f"--mass-g={value}"]
+        for value in ("0", "-1", "nan", "inf", "1e9", "x", "1e-9")
+    ),
+    *(
+        ["berry", "--axes", "17", "11", "9", "--stl=a.stl", "--mass-g=1", f"--density={value}"]
+        for value in ("0", "-840", "nan", "inf")
+    ),
+    *(
+        ["berry", "--axes", "17", "11", "9", "--stl=a.stl", "--mass-g=1", f"--{name}={value}"]
+        for name in ("taper", "wrinkles", "wrinkle-depth-mm")
+        for value in ("-1", "nan", "1e6", "x")
+    ),
+    *(["verify", f"--hits={value}"] for value in ("0", "-5", "x")),
+    *(["verify", f"--seeds={value}"] for value in ("0", "-5", "x")),
+    *(["verify", "--case=no_such_case"], ["verify", "--case="]),
+    *(["figure", name] for name in ("", "figure99", "../figure02", "figure02 ")),
+    *(["figure", "figure02", f"--input={value}"] for value in ("sizes", "=a", "sizes=", "other=a", "")),
+    ["figure", "figure02", "--input=sizes=a", "--input=sizes=b"],
+    *(["refine_propose", f"--round={value}"] for value in ("-1", "x", "100")),
+    *(["card", *words] for words in ([], ["show"], ["draw", "a.json"], ["show", "a", "b"], ["compare", "a"])),
+    *(["material_card", f"--{name}=a.csv"] for name in ("posterior", "draws")),
+    *(["export", *words] for words in ([], ["--to=yade"], ["--to=abaqus", "--set=e_gg=0.3"])),
+    *(
+        ["export", "--to=yade", "--set=e_gg=0.3", word]
+        for word in (
+            "--spheres=1",
+            "--spheres=65",
+            "--spheres=x",
+            "--seed=-1",
+            "--card=a.json",
+            "--sample=1",
+        )
+    ),
+    *(["snapshot", value] for value in ("", "nowhere", ".", "..")),
+    *(
+        ["measure", "a.jpg", f"--{name}={value}"]
+        for name in ("mm-per-pixel", "square-mm", "grain-mm")
+        for value in ("0", "-1", "nan", "inf", "1e9", "x", "")
+    ),
+    *(
+        ["measure", "a.jpg", "--length", *value.split()]
+        for value in (
+            *(
+                "0 1 1 900 1",
+                "-5 1 1 900 1",
+                "nan 1 1 900 1",
+                "100 1 1 900",
+                "100 1 1 900 x",
+                "100 nan 1 900 1",
+            ),
+            *("100 1 1 1 1", "100 900 1 1 1", "100 1 1 1 900", "1e9 1 1 900 1", "100 1 1 inf 1"),
+        )
+    ),
+    ["measure", "a.jpg", "--length", "100", "1", "1", "900", "1", "--mm-per-pixel=0.1"],
+    ["measure", "a.jpg", "--base-row=300"],
+    ["measure", "a.jpg", "--mm-per-pixel=0.1", "--lens", "b.jpg"],
+    *(
+        ["measure"],
+        ["measure", "a.jpg"],
+        ["measure", "a.jpg", "b/a.jpg"],
+        ["measure", "a.png", "--out=."],
+    ),
+    *(["marker", f"--square-mm={value}"] for value in ("0", "-1", "4", "26", "nan", "x")),
+    *([], ["no_such_verb"], ["--no-such-option"], ["Heap"], [""]),
 )
-def test_values_of_options(words, refused):
-    refused(*words)
+
+
+def test_values_that_an_option_cannot_take(refused):
+    def check(words):
+        refused(*words)
+
+    check_all(check, [(" ".join(words), words) for words in BAD_VALUES])
 
 
 CARD = Path(__file__).parents[2] / "crops/cards/wheat.json"

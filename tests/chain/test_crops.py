@@ -51,7 +51,7 @@ def test_a_crop_stands_on_its_own_numbers(name, monkeypatch):
     monkeypatch.chdir(CROPS / name)
     config = Study.load(inputs=True).config
     Study.of(config, name)
-    assert not {"drum", "cylinder", "shape_study"} & set(config)
+    assert not {"drum", "cylinder"} & set(config)
     assert config["berry"]["sizes"] == "sizes.csv"
     assert len(published_sets(config["validation"]["published"])) == 1
     told = Path("README.md").read_text()
@@ -122,8 +122,6 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
     [
         (["drum", "--seed", "1"], "drum"),
         (["pour", "--apparatus", "drum", "--samples", "s.csv", "--sample", "1", "--seeds", "1"], "drum"),
-        (["shape_study", "a.csv", "--finalists", "f.csv"], "shape_study"),
-        (["joint_targets", "--jobs", "a"], "joint_targets"),
     ],
 )
 def test_what_a_crop_has_no_section_for_is_refused_in_one_line(words, section, monkeypatch, capsys):

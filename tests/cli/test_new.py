@@ -115,7 +115,7 @@ def test_its_configuration_is_one_of_wheat_alone(folder):
     assert (config["label"], config["berry"]["sizes"]) == ("wheat", "sizes.csv")
     assert config["validation"]["published"] is None
     assert config["berry"]["compression"] is None
-    assert not {"drum", "cylinder", "shape_study"} & set(config)
+    assert not {"drum", "cylinder"} & set(config)
     assert [target["response"] for target in config["targets"]] == ["height_mm"]
     assert (config["design"]["samples"], config["network"]["split"]) == (30, [0.85, 0.0, 0.15])
 
@@ -127,7 +127,6 @@ def test_the_list_of_studies_needs_no_complete_configuration(folder, capsys):
     assert "once config.yaml is complete" in told.out
     named = {line.split()[0] for line in told.out.splitlines() if line.startswith("  ") and line[2] != " "}
     assert {"calibration", "sequential", "uncertainty"} <= named
-    assert not {"shape_study", "measurement_study"} & named
 
 
 def test_its_keys_are_keys_of_the_schema_and_each_is_explained(folder):
@@ -141,6 +140,7 @@ def test_its_keys_are_keys_of_the_schema_and_each_is_explained(folder):
         Study.load("config.yaml", "more.yaml")
 
 
+@pytest.mark.essential
 @pytest.mark.slow
 def test_a_dry_run_in_it_plans_the_whole_study_and_no_published_set(folder):
     filled(folder)

@@ -102,7 +102,7 @@ def test_the_list_names_targets_of_the_workflow_with_their_cost(capsys):
     assert "calibration" in named
     assert all(f"rule {name}:" in rules for name in named)
     assert "Studies of quick" in out
-    assert {"response_surface", "sequential", "measurement_study"} <= set(named)
+    assert {"response_surface", "sequential", "uncertainty"} <= set(named)
 
 
 def test_the_list_tells_which_strategy_a_configuration_cannot_take(monkeypatch, capsys):
@@ -110,12 +110,6 @@ def test_the_list_tells_which_strategy_a_configuration_cannot_take(monkeypatch, 
     monkeypatch.chdir(places.root() / "crops/wheat")
     assert main(["run", "--list"]) == 0
     assert "not with this configuration: response_surface.surface; allowed: " in capsys.readouterr().out
-
-
-def test_the_list_leaves_out_what_a_crop_without_published_solutions_cannot_run(tmp_path, capsys):
-    (tmp_path / "own.yaml").write_text("validation: {published: null}")
-    assert main(["run", "--list", "--configfile", str(tmp_path / "own.yaml")]) == 0
-    assert "measurement_study" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -166,6 +166,7 @@ def test_a_terminal_shows_bars_and_a_failure_with_its_log(naps):
     assert "the same command goes on" in terminal.shown
 
 
+@pytest.mark.essential
 @pytest.mark.slow
 @pytest.mark.parametrize("end", ["ctrl-c", "interrupt", "kill"])
 def test_an_ended_run_goes_on_with_the_same_command(naps, end):

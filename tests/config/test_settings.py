@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 
 import pytest
+from shared import check_all
 
 from repose import surrogate
 from repose.apparatus import names
@@ -23,9 +24,16 @@ def _in_the_project(monkeypatch):
     monkeypatch.chdir(ROOT)
 
 
+@pytest.fixture(scope="module")
+def matched():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        return Study.load("config/matched.yaml", inputs=True).config
+
+
 @pytest.fixture
-def config():
-    return copy.deepcopy(Study.load("config/matched.yaml", inputs=True).config)
+def config(matched):
+    return copy.deepcopy(matched)
 
 
 def put(config, key, value):
@@ -35,10 +43,9 @@ def put(config, key, value):
     config[last] = value
 
 
-@pytest.mark.parametrize("name", SHIPPED)
-def test_shipped_configurations_pass_every_check(name):
-    config = Study.load(f"config/{name}.yaml").config
-    Study.of(config, name).check_inputs()
+def test_shipped_configurations_pass_every_check():
+    for name in SHIPPED:
+        Study.load(f"config/{name}.yaml").check_inputs()
 
 
 def test_shipped_configurations_write_to_folders_of_their_own():
@@ -59,25 +66,24 @@ def test_paper_has_the_published_settings():
 
 
 def test_every_key_is_explained():
-    schema = faults.schema()
     explained = (ROOT / "config" / "README.md").read_text()
-    for name in schema["properties"]:
+    for name in Study.load().config:
         assert f"`{name}`" in explained
         assert all(f"`{key}`" in explained for key in faults.subschema([name]).get("properties", ())), name
 
 
-@pytest.mark.parametrize(
-    ("given", "told"),
-    [
+def test_keys_of_earlier_configurations_are_told_where_they_went():
+    def told(given, message):
+        with pytest.raises(InputError, match=message):
+            Study.load(overrides=given, inputs=True)
+
+    moved = (
         ({"heap": {"seeds": 2}}, "now the section funnel"),
         ({"funnel": {"time_step_s": 1e-4}}, "now simulation.time_step_s"),
         ({"funnel": {"tension": "cut"}}, "now simulation.tension"),
         ({"target": {"aor_deg": 30}}, "now the list targets"),
-    ],
-)
-def test_keys_of_earlier_configurations_are_told_where_they_went(given, told):
-    with pytest.raises(InputError, match=told):
-        Study.load(overrides=given, inputs=True)
+    )
+    check_all(told, [(str(given), given, message) for given, message in moved])
 
 
 def test_no_section_allows_an_unknown_key_or_forgets_one():
@@ -102,74 +108,77 @@ def test_the_models_know_what_is_computed():
     assert found == {one.key for one in COMPUTED}
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "allowed"),
-    [
-        ("refine.reach", 0, "a number from 0.01 to 1"),
-        ("refine.block", 0, "an integer from 1 to 1000"),
-        ("funnel.seeds", 0, "an integer from 1 to 100"),
-        ("funnel.seeds", 2.0, "an integer"),
-        ("funnel.seeds", True, "an integer"),
-        ("funnel.seeds", "8", "an integer"),
-        ("simulation.gravity_m_s2", math.nan, "a number from 0.1 to 100"),
-        ("simulation.gravity_m_s2", math.inf, "a number from 0.1 to 100"),
-        ("simulation.rest_energy_j", 0, "above 0"),
-        ("simulation.tension", "maybe", "keep or release"),
-        ("simulation.friction_limit", "total", "no longer a key: the tension decides"),
-        ("funnel", 3, "a section with the keys berries"),
-        ("berry.poisson_ratio", 0.5, "a number from 0 to 0.49 or null"),
-        ("berry.sizes", None, "a path"),
-        ("label", "", "text of 1 to 60 characters"),
-        ("results_dir", "my results", "a folder"),
-        ("results_dir", "results/../src", "without .."),
-        ("results_dir", "resources/mine", "outside"),
-        ("results_dir", "results/published", "outside"),
-        ("parameters.e_gg", [0.1, 1.2], "a pair [low, high] of numbers from 0.01 to 1"),
-        ("parameters.e_gg", [0.4, 0.1], "low < high"),
-        ("parameters.e_gg", [0.4, 0.4], "low < high"),
-        ("parameters.e_gg", {"prior": {"mean": 0.3, "sd": 0.1}, "range": [0.4, 0.2]}, "low < high"),
-        ("parameters.mur_gp", [0.1, 0.2, 0.3], "a pair"),
-        ("targets.0.value", 40.0, "inside its range, 31 to 34"),
-        ("targets.1.value", 60.0, "inside its range, 64 to 69"),
-        ("targets.0.range", [34.0, 31.0], "low < high"),
-        ("targets.0.range", [0.0, 34.0], "a pair [low, high] from 1 to 89"),
-        ("targets.0.range", 3, "a pair [low, high] of numbers"),
-        ("targets.0.sd", -1, "from 0 to"),
-        ("targets.1.response", "aor_deg", "each response once"),
-        ("targets.1.response", "weight_g", "the responses of funnel"),
-        ("targets.0.apparatus", "shaker", "one of funnel, drum"),
-        ("parameters.e_gg", {"fixed": 2}, "or fixed"),
-        ("parameters.e_gg", {"prior": {"mean": 0.2}}, "prior with mean and sd"),
-        ("measure.fit_to", 0.15, "at least 0.1 above measure.fit_from"),
-        ("measure.fit_to", "crest", "berry or a number from 0.1 to 1"),
-        ("measure.fit_from", 0.95, "berry or a number from 0 to 0.9"),
-        ("measure.response", "slope", "flank or secant or steepest or whole"),
-        ("measure.berry_height_mm", 0, "above 0 and up to 1000 or null"),
-        ("surrogate", "cubic", " or ".join(surrogate.names())),
-        ("network.split", [0.7, 0.2, 0.2], "sum to 1"),
-        ("network.split", [0.8, 0.2, 0.0], "above 0"),
-        ("funnel.outlet_diameter_mm", 150.0, "below funnel.inlet_diameter_mm"),
-        ("funnel.factory_diameter_mm", 151.0, "at most funnel.inlet_diameter_mm"),
-        ("funnel.plate_diameter_mm", 30.0, "at least funnel.outlet_diameter_mm"),
-        ("funnel.rest_window_s", 18.0, "below funnel.duration_s"),
-        ("funnel.duration_s", 16.0, "above 16.8"),
-        ("miga.tournament", 41, "at most miga.population"),
-        ("refine.neighbours", 1, "0 or at least 2"),
-        ("drum.wall_thickness_mm", 100.0, "below half of drum.outer_diameter_mm"),
-        ("drum.factory_height_mm", 95.0, "inside the drum"),
-        ("drum.rotate_from_s", 1.7, "above 1.798"),
-        ("drum.report_s", 4.0, "at least drum.rotate_from_s"),
-        ("drum.slip_drop_deg", 0.0, "from 0.05 to 45"),
-    ],
+BAD_VALUES = (
+    ("refine.reach", 0, "a number from 0.01 to 1"),
+    ("refine.block", 0, "an integer from 1 to 1000"),
+    ("funnel.seeds", 0, "an integer from 1 to 100"),
+    ("funnel.seeds", 2.0, "an integer"),
+    ("funnel.seeds", True, "an integer"),
+    ("funnel.seeds", "8", "an integer"),
+    ("simulation.gravity_m_s2", math.nan, "a number from 0.1 to 100"),
+    ("simulation.gravity_m_s2", math.inf, "a number from 0.1 to 100"),
+    ("simulation.rest_energy_j", 0, "above 0"),
+    ("simulation.tension", "maybe", "keep or release"),
+    ("simulation.friction_limit", "total", "no longer a key: the tension decides"),
+    ("funnel", 3, "a section with the keys berries"),
+    ("berry.poisson_ratio", 0.5, "a number from 0 to 0.49 or null"),
+    ("berry.sizes", None, "a path"),
+    ("label", "", "text of 1 to 60 characters"),
+    ("results_dir", "my results", "a folder"),
+    ("results_dir", "results/../src", "without .."),
+    ("results_dir", "resources/mine", "outside"),
+    ("results_dir", "results/published", "outside"),
+    ("parameters.e_gg", [0.1, 1.2], "a pair [low, high] of numbers from 0.01 to 1"),
+    ("parameters.e_gg", [0.4, 0.1], "low < high"),
+    ("parameters.e_gg", [0.4, 0.4], "low < high"),
+    ("parameters.e_gg", {"prior": {"mean": 0.3, "sd": 0.1}, "range": [0.4, 0.2]}, "low < high"),
+    ("parameters.mur_gp", [0.1, 0.2, 0.3], "a pair"),
+    ("targets.0.value", 40.0, "inside its range, 31 to 34"),
+    ("targets.1.value", 60.0, "inside its range, 64 to 69"),
+    ("targets.0.range", [34.0, 31.0], "low < high"),
+    ("targets.0.range", [0.0, 34.0], "a pair [low, high] from 1 to 89"),
+    ("targets.0.range", 3, "a pair [low, high] of numbers"),
+    ("targets.0.sd", -1, "from 0 to"),
+    ("targets.1.response", "aor_deg", "each response once"),
+    ("targets.1.response", "weight_g", "the responses of funnel"),
+    ("targets.0.apparatus", "shaker", "one of funnel, drum"),
+    ("parameters.e_gg", {"fixed": 2}, "or fixed"),
+    ("parameters.e_gg", {"prior": {"mean": 0.2}}, "prior with mean and sd"),
+    ("measure.fit_to", 0.15, "at least 0.1 above measure.fit_from"),
+    ("measure.fit_to", "crest", "berry or a number from 0.1 to 1"),
+    ("measure.fit_from", 0.95, "berry or a number from 0 to 0.9"),
+    ("measure.response", "slope", "flank or secant or steepest or whole"),
+    ("measure.berry_height_mm", 0, "above 0 and up to 1000 or null"),
+    ("surrogate", "cubic", " or ".join(surrogate.names())),
+    ("network.split", [0.7, 0.2, 0.2], "sum to 1"),
+    ("network.split", [0.8, 0.2, 0.0], "above 0"),
+    ("funnel.outlet_diameter_mm", 150.0, "below funnel.inlet_diameter_mm"),
+    ("funnel.factory_diameter_mm", 151.0, "at most funnel.inlet_diameter_mm"),
+    ("funnel.plate_diameter_mm", 30.0, "at least funnel.outlet_diameter_mm"),
+    ("funnel.rest_window_s", 18.0, "below funnel.duration_s"),
+    ("funnel.duration_s", 16.0, "above 16.8"),
+    ("miga.tournament", 41, "at most miga.population"),
+    ("refine.neighbours", 1, "0 or at least 2"),
+    ("drum.wall_thickness_mm", 100.0, "below half of drum.outer_diameter_mm"),
+    ("drum.factory_height_mm", 95.0, "inside the drum"),
+    ("drum.rotate_from_s", 1.7, "above 1.798"),
+    ("drum.report_s", 4.0, "at least drum.rotate_from_s"),
+    ("drum.slip_drop_deg", 0.0, "from 0.05 to 45"),
 )
-def test_a_bad_value_is_told_with_file_key_value_and_what_is_allowed(config, key, value, allowed):
-    put(config, key, value)
-    with pytest.raises(InputError) as caught:
-        Study.of(config, "my.yaml")
-    fault = caught.value
-    assert (fault.source, fault.key) == ("my.yaml", key)
-    assert fault.value == value or fault.value is value or math.isnan(value)
-    assert allowed in fault.allowed
+
+
+def test_a_bad_value_is_told_with_file_key_value_and_what_is_allowed(config):
+    def told(key, value, allowed):
+        changed = copy.deepcopy(config)
+        put(changed, key, value)
+        with pytest.raises(InputError) as caught:
+            Study.of(changed, "my.yaml")
+        fault = caught.value
+        assert (fault.source, fault.key) == ("my.yaml", key)
+        assert fault.value == value or fault.value is value or math.isnan(value)
+        assert allowed in fault.allowed
+
+    check_all(told, [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in BAD_VALUES])
 
 
 def test_a_mistyped_key_is_told_with_the_one_that_was_meant(config):
@@ -235,9 +244,17 @@ def test_compression_tests_may_be_left_out_only_where_both_moduli_are_given(conf
     Study.of(config).check_inputs()
 
 
-@pytest.mark.parametrize(
-    ("key", "value", "allowed"),
-    [
+def test_inputs_are_checked_against_the_berry_and_the_disc(config):
+    def told(key, value, allowed):
+        changed = copy.deepcopy(config)
+        put(changed, key, value)
+        Study.of(changed)
+        with pytest.raises(InputError) as caught:
+            Study.of(changed, "my.yaml").check_inputs()
+        assert caught.value.key == key
+        assert allowed in caught.value.allowed
+
+    bad = (
         ("berry.sizes", "nowhere.csv", "an existing file"),
         ("validation.published", "nowhere.csv", "an existing file"),
         ("posterior.shape_study", "nowhere.csv", "an existing file"),
@@ -245,15 +262,8 @@ def test_compression_tests_may_be_left_out_only_where_both_moduli_are_given(conf
         ("simulation.time_step_s", 1e-3, "at most 0.000382"),
         ("funnel.outlet_diameter_mm", 9.0, "the size of a mean berry"),
         ("funnel.factory_diameter_mm", 20.0, "the size of a mean berry"),
-    ],
-)
-def test_inputs_are_checked_against_the_berry_and_the_disc(config, key, value, allowed):
-    put(config, key, value)
-    Study.of(config)
-    with pytest.raises(InputError) as caught:
-        Study.of(config, "my.yaml").check_inputs()
-    assert caught.value.key == key
-    assert allowed in caught.value.allowed
+    )
+    check_all(told, [(f"{key} {value!r}", key, value, allowed) for key, value, allowed in bad])
 
 
 def test_headers_of_the_named_tables_are_checked(config):
@@ -278,25 +288,6 @@ def test_seeds_are_stable_distinct_and_fresh_for_validation():
     assert pour_seeds(2026, "design", 1, 2, "drum") != pour_seeds(2026, "design", 1, 2)
     # the stream of the drum alone says so by its purpose
     assert pour_seeds(2026, "drum", 1, 2, "drum") == pour_seeds(2026, "drum", 1, 2)
-
-
-def test_the_effective_model_is_the_reference_of_no_berry():
-    """What matched.yaml changes is a cell of the shape study."""
-    config = Study.load("config/matched.yaml", inputs=True).config
-    Study.of(config).check_inputs()
-    study = config["shape_study"]
-    assert config["berry"] == config["berry"] | study["particles"]["rough_spheres"]
-    assert config["funnel"] == config["funnel"] | study["fillings"]["open_cone"]
-    assert config["simulation"]["tension"] == "keep"
-    assert [one["response"] for one in config["targets"]] == ["aor_deg", "height_mm"]
-
-
-def test_named_parts_of_the_shape_study_replace_those_of_the_default(tmp_path):
-    mine = tmp_path / "mine.yaml"
-    mine.write_text("shape_study: {sensitivities: {rate_20_per_s: {rate_per_s: 20.0}}}")
-    study = Study.load(str(mine), inputs=True).config["shape_study"]
-    assert study["sensitivities"] == {"rate_20_per_s": {"rate_per_s": 20.0}}
-    assert len(study["fillings"]) > 1
 
 
 def test_resolved_configuration_is_rewritten_only_when_it_changed(config, tmp_path):

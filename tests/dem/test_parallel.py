@@ -39,6 +39,7 @@ def small_is_shared(monkeypatch):
     monkeypatch.setattr(parallel, "FEWEST_BODIES", 1)
 
 
+@pytest.mark.slow
 def test_the_number_of_threads_changes_no_bit(small_is_shared):
     found = []
     for threads in (1, 2, 3):

@@ -149,6 +149,7 @@ def loop(led, forward):
     return -led.work
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shape", "depth"),
     [

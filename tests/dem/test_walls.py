@@ -107,6 +107,7 @@ def test_ring_contacts_are_found_where_a_dense_search_finds_them():
     assert checked > 15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("funnel", [FUNNEL, TUBED], ids=["no tube", "tube"])
 def test_hits_of_cone_and_edge_create_no_energy(funnel):
     """Berries thrown at the outlet from inside, spinning; rim hits are where a geometric test sees nothing."""
@@ -142,6 +143,7 @@ def test_a_berry_outside_the_funnel_is_not_touched_by_it():
         assert np.all(s.velocities == 0.0)
 
 
+@pytest.mark.slow
 def test_no_berry_passes_through_the_cone():
     rng = np.random.default_rng(14)
     cone = FUNNEL.walls("wall")["cone"].row()

@@ -8,6 +8,7 @@ from pathlib import Path
 import commands
 import pytest
 import yaml
+from shared import check_all
 
 TABLE = yaml.safe_load(commands.TABLE.read_text())
 KINDS = ("quick", "full", "left_out")
@@ -18,10 +19,12 @@ def told(page):
     return {text for what, text in commands.steps((commands.ROOT / page).read_text()) if what == "command"}
 
 
-@pytest.mark.parametrize("page", sorted({*commands.pages(), *TABLE}))
-def test_the_table_holds_the_commands_of_the_page_and_no_others(page):
-    known = [text for name in KINDS for text in TABLE.get(page, {}).get(name) or ()]
-    assert sorted(known) == sorted(told(page))
+def test_the_table_holds_the_commands_of_every_page_and_no_others():
+    def same(page):
+        known = [text for name in KINDS for text in TABLE.get(page, {}).get(name) or ()]
+        assert sorted(known) == sorted(told(page))
+
+    check_all(same, [(page, page) for page in sorted({*commands.pages(), *TABLE})])
 
 
 def test_what_is_left_out_has_its_reason():
@@ -48,16 +51,17 @@ def test_files_and_commands_of_a_page_come_in_their_order():
     assert list(commands.steps(PAGE)) == expected
 
 
-@pytest.mark.parametrize("page", [page for page, entry in TABLE.items() if "pictures" in entry])
-def test_every_picture_of_such_a_page_is_made_by_its_commands(page):
-    shown = re.findall(r"!\[[^]]*\]\(([^)]+)\)", (commands.ROOT / page).read_text())
-    paths = {
-        str((commands.ROOT / page).parent.joinpath(one).resolve().relative_to(commands.ROOT)) for one in shown
-    }
-    assert paths == set(TABLE[page]["pictures"])
-    assert all((commands.ROOT / path).is_file() for path in paths)
+def test_every_picture_of_such_a_page_is_made_by_its_commands():
+    for page, entry in TABLE.items():
+        if "pictures" in entry:
+            folder = (commands.ROOT / page).parent
+            shown = re.findall(r"!\[[^]]*\]\(([^)]+)\)", (commands.ROOT / page).read_text())
+            paths = {str(folder.joinpath(one).resolve().relative_to(commands.ROOT)) for one in shown}
+            assert paths == set(entry["pictures"]), page
+            assert [path for path in paths if not (commands.ROOT / path).is_file()] == [], page
 
 
+@pytest.mark.essential
 @pytest.mark.slow
 def test_the_quick_commands_run():
     script = Path(commands.__file__)

@@ -69,7 +69,6 @@ GOOD = {
     "berry": "in/made/berry.json",
     "particle": "in/made/particle.json",
     "trajectory": "in/trajectory.npz",
-    "cell": "published-ellipsoid-keep-narrow_factory",
 }
 READ = ("config", "input", "berry", "particle")
 OUT = st.one_of(
@@ -167,6 +166,7 @@ def calls(draw):
     return words
 
 
+@pytest.mark.essential
 @pytest.mark.slow
 @settings(max_examples=80, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
 @given(words=calls())
@@ -189,7 +189,7 @@ def test_a_verb_leaves_the_files_of_others(sandbox, monkeypatch, words):
     "words",
     [
         *(["drum", "--seed=1"], ["verify"], ["heap", "--seed=1"]),
-        *(["shape_cell", f"--cell={GOOD['cell']}"], ["film", GOOD["trajectory"], "--drum"]),
+        ["film", GOOD["trajectory"], "--drum"],
     ],
 )
 def test_what_is_made_up_ends_well_and_somebodys_file_in_its_place_stays(sandbox, words):

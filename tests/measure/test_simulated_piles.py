@@ -87,6 +87,7 @@ def test_a_view_turns_with_the_pile_and_its_opposite_is_its_mirror():
     assert np.mean(front[:, ::-1] != back) < 2e-3
 
 
+@pytest.mark.slow
 def test_cones_of_berries_have_their_angle_within_a_degree():
     """Measured bias over 15 to 45 degrees: levels +0.6, rows +0.9, columns -1.6."""
     errors = {"levels": [], "columns": []}

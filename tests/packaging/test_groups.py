@@ -11,6 +11,8 @@ import pytest
 TESTS = Path(__file__).parents[1]
 FILES = (
     "apparatus/test_a",
+    "apparatus/test_bounds",
+    "cli/test_c",
     "dem/test_b",
     "dem/test_clumps_c",
     "dem/test_restitution",
@@ -45,5 +47,10 @@ def test_tests_of_the_same_kernels_run_on_one_worker(tmp_path):
         workers.setdefault(name, set()).add(worker)
     assert set(workers) == set(FILES)
     assert all(len(found) == 1 for found in workers.values())
-    assert workers["apparatus/test_a"] == workers["dem/test_b"]
-    assert workers["dem/test_clumps_c"] == workers["dem/test_restitution"] != workers["dem/test_b"]
+    for first, second in (
+        ("apparatus/test_a", "cli/test_c"),
+        ("apparatus/test_bounds", "dem/test_b"),
+        ("dem/test_clumps_c", "dem/test_restitution"),
+    ):
+        assert workers[first] == workers[second]
+    assert workers["apparatus/test_a"] != workers["dem/test_b"]

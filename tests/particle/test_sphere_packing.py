@@ -93,6 +93,7 @@ def test_a_rough_surface_from_inside_never_holds_enough(goji):
         sphere_packing.pack(goji, "fewest", "rough")
 
 
+@pytest.mark.slow
 def test_the_volume_of_a_union_with_sixteen_times_the_points(goji):
     box = np.stack([goji.vertices.min(axis=0), goji.vertices.max(axis=0)])
     for surface in ("smooth", "rough"):

@@ -8,12 +8,6 @@ RANGES = dict(
     zip(PARAMETERS, ([0.1, 0.4], [0.35, 0.75], [0.02, 0.07], [0.2, 0.5], [0.4, 0.8], [0.1, 0.3]), strict=True)
 )
 CONFIG = {
-    "compare_search": {"tolerance": 0.01},
-    "shape_study": {
-        "particles": dict.fromkeys(("ellipsoid", "rough_spheres")),
-        "tensions": ["keep", "cut"],
-        "fillings": dict.fromkeys(("open_cone", "lying")),
-    },
     "berry": {"spheres": 14, "surface": "smooth"},
     "small_run": False,
     "colour": "#c2200b",

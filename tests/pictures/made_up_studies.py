@@ -9,83 +9,15 @@ from made_up_config import CONFIG, RANGES
 
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
-from repose.pictures.figures import inversion
 from repose.studies import noise
-from repose.studies.comparison.search import REFERENCE
-from repose.studies.shape_piles import COLUMNS
 
 
 def write(folder, rng):
     """Write the tables of every study to a folder."""
     _uncertainty(folder, rng)
-    _pool_comparisons(folder)
-    _representations(folder)
-    _comparisons(folder)
     _rounds(folder)
     _discrepancy(folder)
     _region(folder)
-
-
-def _pool_comparisons(folder):
-    """Tables of the comparisons on the pool: shares that rise with the simulations."""
-    both = [("aor_deg", 0.0), ("height_mm", -0.02)]
-    rows = []
-    for response, less in both:
-        for source, sizes in (("main design", (600, 900)), ("pool", (240, 480, 1760))):
-            for n in sizes:
-                share = 1 - 20 / n + less
-                row = {"training": source, "simulations": n, "seeds": 4, "response": response}
-                row |= {"r2": share - 0.02, "r2_low": share - 0.05, "r2_high": share, "r2_bar": 0.94}
-                row |= {
-                    "explainable": share,
-                    "explainable_low": share - 0.03,
-                    "explainable_high": share + 0.02,
-                }
-                rows.append(row | {"explainable_bar": 0.95, "reachable_r2": 0.99})
-    pd.DataFrame(rows).to_csv(folder / "accuracy.csv", index=False)
-    rows = []
-    for k, model in enumerate(("network", "quadratic surface", "random forest")):
-        for response, less in both:
-            for training, n in (("pool", 120), ("pool", 440), ("main design", 900)):
-                row = {"model": model, "training": training, "simulations": n, "response": response}
-                rows.append(row | {"explainable": 1 - 20 / n - 0.05 * k + less, "explainable_se": 0.01})
-    pd.DataFrame(rows).to_csv(folder / "surrogates.csv", index=False)
-    rows = []
-    for response, less in both:
-        for design, data in (("optimal", "emulated"), ("random", "emulated"), ("optimal", "real")):
-            for n in (30, 150):
-                row = {"comparison": "designs", "design": design, "data": data, "fit": "network", "points": n}
-                row |= {"seeds": 6, "response": response, "explainable": 1 - 8 / n + less}
-                rows.append(row | {"explainable_se": 0.01})
-        for seeds in (1, 4, 16):
-            row = {
-                "comparison": "points against seeds",
-                "design": "sobol",
-                "data": "emulated",
-                "fit": "network",
-            }
-            row |= {"points": 480 // seeds, "seeds": seeds, "response": response, "explainable": 0.9 + less}
-            rows.append(row | {"explainable_se": 0.01})
-    pd.DataFrame(rows).to_csv(folder / "sampling.csv", index=False)
-
-
-def _representations(folder):
-    """Two tables of a shape study in which every combination is off by its own distance."""
-    study, rows = CONFIG["shape_study"], []
-    ways = itertools.product(study["particles"], study["tensions"], study["fillings"], COLUMNS)
-    for k, (particle, tension, filling, definition) in enumerate(ways):
-        row = {"particle": particle, "tension": tension, "filling": filling, "definition": definition}
-        row |= {
-            "distance": 1.0 + k % 2,
-            "aor_difference_deg": k % 7 - 2.0,
-            "height_difference_mm": k % 5 - 6.0,
-        }
-        rows.append(row | {"aor_se_deg": 0.2, "height_se_mm": 0.5})
-    pd.DataFrame(rows).to_csv(folder / "combinations.csv", index=False)
-    sets = pd.DataFrame({"kind": "published", "definition": "secant", "set": ["2", "15"]})
-    sets["aor_deg"], sets["aor_difference_deg"] = [33.0, 32.0], [-0.7, -0.2]
-    sets["height_mm"], sets["height_difference_mm"] = [65.0, 66.0], [0.2, 1.8]
-    sets.to_csv(folder / "sets.csv", index=False)
 
 
 def _uncertainty(folder, rng):
@@ -130,72 +62,6 @@ def _uncertainty(folder, rng):
     )
     effects["aor_deg"], effects["height_mm"] = np.tile([20, 22, 24, 25, 25.5], 6), 60.0
     effects.to_csv(folder / "effects.csv", index=False)
-
-
-def _comparisons(folder):
-    """Tables of searches, of the whole method, and of further responses."""
-    at = np.array([10, 100, 1000])
-    curves, methods = [], []
-    for k, name in enumerate(inversion.SEARCHES):
-        many = at * 10 if name == "miga_whole" else at
-        curves.append(pd.DataFrame({"method": name, "evaluations": many, "log10_mean": -k - np.log10(at)}))
-        methods.append({"method": name, "reached": 10 - 5 * (name == "random"), "repetitions": 10})
-        methods[-1] |= {"evaluations_to_tolerance": 100.0 * (k + 1), "evaluations_to_tolerance_se": 10.0}
-        methods[-1] |= {"listed_coverage": 0.05 * k, "met_coverage": 0.06 * k}
-    methods.append({"method": REFERENCE, "listed_coverage": 0.5, "met_coverage": 0.5})
-    pd.concat(curves).assign(log10_se=0.1).to_csv(folder / "curves.csv", index=False)
-    errors = {"listed_coverage_se": 0.01, "met_coverage_se": 0.01}
-    pd.DataFrame(methods).assign(**errors).to_csv(folder / "methods.csv", index=False)
-    whole = [
-        {
-            "data": kind,
-            "samples": n,
-            "method": name,
-            "simulations": 6 * n,
-            "aor_off_deg": 5 / n,
-            "aor_off_deg_se": 1 / n,
-        }
-        | {"height_off_mm": 9 / n, "height_off_mm_se": 1 / n}
-        for kind in inversion.KINDS
-        for n in (30, 60)
-        for name in inversion.WHOLE
-    ]
-    pd.DataFrame(whole).to_csv(folder / "whole.csv", index=False)
-    sets = ["AoR and Height", "loose_percent", "drum_slip_deg", "whole pile", "pile and other bench tests"]
-    information = [
-        {
-            "discrepancy_percent": p,
-            "set": name,
-            "bits": 5.0 + k,
-            "bits_se": 0.2,
-            "gain_bits": k,
-            "gain_se_bits": 0.1,
-        }
-        for p in (0.0, 2.0)
-        for k, name in enumerate(sets)
-    ]
-    pd.DataFrame(information).to_csv(folder / "information.csv", index=False)
-    narrowing = [
-        {
-            "discrepancy_percent": percent,
-            "set": name,
-            "parameter": p,
-            "width_ratio": 0.7,
-            "over_base": 1 - 0.15 * k,
-        }
-        for percent in (0.0, 2.0)
-        for k, name in enumerate(sets)
-        for p in PARAMETERS
-    ]
-    pd.DataFrame(narrowing).to_csv(folder / "narrowing.csv", index=False)
-    known = pd.DataFrame({"response": ["aor_deg", "height_mm", "loose_percent", "drum_slip_deg"]})
-    known.assign(signal_to_noise=1.5, r2=0.9).to_csv(folder / "responses.csv", index=False)
-    ways = [
-        {"discrepancy_percent": p, "way": way, "minutes": 20.0, "bits_a_minute": 0.01 * k}
-        for p in (0.0, 2.0)
-        for k, way in enumerate(("loose", "drum"))
-    ]
-    pd.DataFrame(ways).to_csv(folder / "ways.csv", index=False)
 
 
 def _discrepancy(folder):

@@ -16,12 +16,10 @@ from repose.measure import saved_pours
 from repose.pictures import figures
 from repose.pictures.figures import (
     checks,
-    inversion,
     refinement,
     rotation,
     samples,
     search,
-    second_look,
     style,
     surrogate,
     testbench,
@@ -113,48 +111,6 @@ def test_the_names_of_rules_stay_in_their_boxes(tmp_path):
     for box, text in zip(boxes, texts, strict=True):
         assert box.x0 < text.x0 < text.x1 < box.x1
         assert box.y0 < text.y0 < text.y1 < box.y1
-
-
-def test_a_search_that_misses_the_tolerance_is_counted(inputs):
-    with style.applied():
-        text = words(inversion.searches(inputs_of("search", inputs), CONFIG))
-    assert "5 of 10 runs" in text
-    assert "tolerance 0.01" in text
-
-
-def test_searches_that_all_miss_the_tolerance_leave_readable_axes(inputs, tmp_path):
-    methods = pd.read_csv(inputs["methods"]).assign(reached=0, evaluations_to_tolerance=np.nan)
-    methods.to_csv(tmp_path / "methods.csv", index=False)
-    with style.applied():
-        figure = inversion.searches(
-            inputs_of("search", inputs) | {"methods": tmp_path / "methods.csv"}, CONFIG
-        )
-    assert figure.axes[1].get_xlim() == (10.0, 1e5)
-    counted = [text for text in figure.axes[1].texts if text.get_text() == "0 of 10 runs"]
-    assert len(counted) == len(inversion.SEARCHES) - 1
-    low, high = figure.axes[1].get_ylim()
-    assert all(low < text.get_position()[1] < high for text in counted)
-
-
-def test_further_responses_are_in_order_of_what_they_add(inputs):
-    with style.applied():
-        figure = second_look.what_to_measure_next(inputs_of("second_responses", inputs), CONFIG)
-    labels = [text.get_text() for text in figure.axes[0].get_yticklabels()]
-    assert [label.split("\n")[0] for label in labels] == [
-        "pile and other bench tests",
-        "all of the pile",
-        "loose berries",
-        "drum, slip",
-    ]
-    assert "S/N 1.5, R² 0.90" in labels[2]
-    assert "AoR and Height alone:\n5.0 ± 0.2 bits" in words(figure)
-    ways = [text.get_text() for text in figure.axes[1].get_yticklabels()]
-    assert ways == ["loose berries, counted\n20 min", "drum, its first slip\n20 min"]
-    # both cases in every panel
-    cases = [text.get_text() for text in figure.axes[2].get_xticklabels(minor=True)]
-    assert cases == ["exact", "2 %"] * len(figure.axes[2].get_xticks())
-    assert len(figure.axes[0].patches) == 2 * len(labels)
-    assert len(figure.axes[1].patches) == 2 * len(ways)
 
 
 def test_a_drum_without_a_slip_says_so(inputs, tmp_path, monkeypatch):

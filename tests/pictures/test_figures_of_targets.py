@@ -13,7 +13,7 @@ from repose.core.parameters import PARAMETERS
 from repose.core.responses import derived
 from repose.core.targets import Targets
 from repose.pictures import figures
-from repose.pictures.figures import checks, inversion, plane, samples, style, surrogate
+from repose.pictures.figures import checks, plane, samples, style, surrogate
 
 FURTHER = [
     {"response": "base_radius_mm", "value": 110.0, "sd": 6.0, "repetitions": 10, "range": [100.0, 120.0]},
@@ -45,8 +45,7 @@ def made_up(folder, count):
     table4["role"] = ["representative"] + 4 * ["spread"]
     published = pd.DataFrame({"solution": ["22", "15", "representative"]})
     theirs = pd.DataFrame({"solution": ["22", "15"]})
-    whole = pd.DataFrame({"data": "real", "method": list(inversion.WHOLE), "simulations": 240.0})
-    for k, one in enumerate(targets):
+    for one in targets:
         response, scale = one.response, one.sd
         predictions[response.predicted] = one.value + 2 * scale * trend
         values = predictions[response.predicted] + rng.normal(0, 0.5 * scale, 60)
@@ -60,8 +59,6 @@ def made_up(folder, count):
         if response.name in PUBLISHED:
             published[derived(response.name, "published_simulated")] = one.value
             theirs[response.predicted], theirs[response.simulated] = one.value, 0.99 * one.value
-        off = derived(response.name, "off")
-        whole[off], whole[f"{off}_se"] = 0.1 * (k + 1), 0.02
     failed = [4, 20]
     dataset.loc[failed, "status"] = "jammed"
     dataset.loc[failed, [*targets.names, *targets.errors]] = np.nan
@@ -73,7 +70,6 @@ def made_up(folder, count):
         "table4": table4,
         "published": published,
         "theirs": theirs,
-        "whole": whole,
     }
     for name, table in tables.items():
         table.to_csv(folder / f"{name}.csv", index=False)
@@ -115,7 +111,6 @@ DRAWN = {
     "dataset": ("dataset",),
     "validation": ("table4",),
     "published": ("published",),
-    "whole": ("whole",),
 }
 
 

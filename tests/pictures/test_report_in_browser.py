@@ -13,7 +13,7 @@ from repose.core.parameters import PARAMETERS
 from repose.pictures.report import page, prediction
 from repose.surrogate import load, make
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.essential]
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 if CHROMIUM is None:

@@ -1,7 +1,6 @@
-"""Figure 14 and the shape study's figure for one target, for four, and for more than stand in a row."""
+"""Figure 14 for one target, for four, and for more than stand in a row."""
 
 import json
-import math
 
 import numpy as np
 import pandas as pd
@@ -9,9 +8,8 @@ import pytest
 from matplotlib.text import Text
 
 from repose.core.parameters import PARAMETERS
-from repose.core.responses import derived, response
-from repose.pictures.figures import representations, search, style
-from repose.studies.shape_piles import COLUMNS
+from repose.core.responses import response
+from repose.pictures.figures import search, style
 
 SETS = (
     ("height_mm",),
@@ -23,13 +21,8 @@ SETS = (
 def config_of(names):
     known = {"value": 50.0, "sd": 2.0, "repetitions": 4, "range": [48.0, 52.0]}
     parameters = {name: [0.0, 1.0] for name in PARAMETERS} | {"mus_gp": {"fixed": 0.5}}
-    study = {
-        "particles": {"egg": {}, "clump": {}},
-        "tensions": ["keep"],
-        "fillings": {"here": {}, "there": {}},
-    }
     targets = [{"response": name} | known for name in names]
-    return {"targets": targets, "parameters": parameters, "shape_study": study}
+    return {"targets": targets, "parameters": parameters}
 
 
 def words(figure):
@@ -55,28 +48,3 @@ def test_solutions_have_a_strip_for_each_target(names, tmp_path):
     assert labels == [f"predicted {response(name).symbol} ({response(name).unit})" for name in names]
     assert len(figure.axes[0].get_yticklabels()) == 5  # the fixed parameter has no strip
     assert "20 feasible solutions" in words(figure)
-
-
-@pytest.mark.parametrize("names", SETS[:2])
-def test_the_shape_study_is_drawn_for_its_targets(names, tmp_path):
-    rows, sets = [], []
-    for particle in ("egg", "clump"):
-        for filling in ("here", "there"):
-            for definition in COLUMNS:
-                row = {"particle": particle, "tension": "keep", "filling": filling, "definition": definition}
-                numbers = {derived(name, "difference"): 1.0 for name in names}
-                rows.append(row | numbers | {response(name).error: 0.2 for name in names})
-                rows[-1]["distance"] = math.sqrt(len(names))
-                about = row | {"kind": "published", "set": "a"}
-                sets.append(about | numbers | dict.fromkeys(names, 51.0))
-    pd.DataFrame(rows).to_csv(tmp_path / "c.csv", index=False)
-    pd.DataFrame(sets).to_csv(tmp_path / "s.csv", index=False)
-    with style.applied():
-        figure = representations.study(
-            {"combinations": tmp_path / "c.csv", "sets": tmp_path / "s.csv"}, config_of(names)
-        )
-        style.save(figure, tmp_path / "a.png", small_run=False)
-    assert figure.axes[4].get_xlabel() == f"{response(names[0]).label} ({response(names[0]).unit})"
-    up = "distance (–)" if len(names) == 1 else "Height (mm)"
-    assert figure.axes[0].get_ylabel() == up
-    assert [panel.get_title(loc="left") for panel in figure.axes] == list(COLUMNS)

@@ -5,7 +5,15 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from repose.core.probability import within
-from repose.strategies.sequential.kriging import DRAWS, PRIOR_FREEDOM, Kriging, Observed
+from repose.strategies.sequential.kriging import (
+    DRAWS,
+    FACTOR_MEDIAN,
+    PRIOR_FREEDOM,
+    Kriging,
+    Observed,
+    _conditioned,
+    _factor,
+)
 
 NOISE = np.array([[2.0, 1.6], [1.6, 4.0]])
 
@@ -43,7 +51,7 @@ def test_prediction_is_that_of_processes_of_all_responses_at_once():
     assert len(slow) == DRAWS
     assert found[0] == pytest.approx(means.mean(axis=0), rel=1e-8)
     for i in range(len(points)):
-        mixture = covariances[:, i].mean(axis=0) + np.cov(means[:, i].T, bias=True)
+        mixture = model.factor * covariances[:, i].mean(axis=0) + np.cov(means[:, i].T, bias=True)
         assert found[1][i] == pytest.approx(mixture, rel=1e-6)
 
 
@@ -64,6 +72,52 @@ def one_process(model, observed, points, kernels):
     mean = middle + (gain @ (observed.means - middle).ravel()).reshape(m, 2)
     covariance = prior[2 * n :, 2 * n :] - gain @ prior[: 2 * n, 2 * n :]
     return mean, [covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] for i in range(m)]
+
+
+def test_a_sample_is_predicted_from_all_the_others():
+    model = Kriging(poured(n=12))
+    residuals, variances, others = model._left_out()
+    for i in range(12):
+        rest = np.arange(12) != i
+        kept = [
+            [
+                _conditioned(kernel, model.unit[rest], model.values[rest, k], model.errors[rest, k])
+                for k, (kernel, *_) in enumerate(one)
+            ]
+            for one in model.sets
+        ]
+        slow = Kriging.__new__(Kriging)
+        slow.unit = model.unit[rest]
+        means, within = zip(*(slow._moments(one, model.unit[i : i + 1]) for one in kept), strict=True)
+        assert residuals[i] == pytest.approx(model.values[i] - np.mean(means, axis=0)[0], rel=1e-6)
+        assert variances[i] == pytest.approx(np.mean(within, axis=0)[0], rel=1e-6)
+        assert others[i] == pytest.approx(np.var(means, axis=0)[0] + model.errors[i], rel=1e-6)
+
+
+def test_the_factor_is_what_the_residuals_say_once_there_are_many():
+    random = np.random.default_rng(3)
+    variances, errors = random.uniform(0.5, 2.0, (2, 5000, 1))
+    for factor in (0.4, 1.0, 3.0):
+        residuals = np.sqrt(factor * variances + errors) * random.standard_normal((5000, 1))
+        assert _factor(residuals, variances, errors) == pytest.approx(factor, rel=0.15)
+
+
+def test_residuals_that_are_all_noise_leave_the_factor_at_its_prior():
+    residuals = np.random.default_rng(4).standard_normal((20, 1))
+    assert _factor(residuals, 1e-4 * np.ones((20, 1)), np.ones((20, 1))) == pytest.approx(
+        FACTOR_MEDIAN, rel=0.01
+    )
+
+
+def test_many_parameters_do_not_make_the_predictions_less_certain_than_they_are():
+    # variances were once three times too large there, at any noise: the mean square was 0.33, now it is 0.6
+    places = 0.3 + 0.4 * np.random.default_rng(5).random((20, 6))
+    truth = np.column_stack([30 + 8 * places[:, 0], 60 + 12 * places[:, 0] - 9 * places[:, 1] ** 2])
+    squares = []
+    for seed in range(10):
+        mean, covariance = Kriging(poured(seed=seed, noise=9 * NOISE, d=6)).predict(places)
+        squares.append((mean - truth) ** 2 / np.diagonal(covariance, axis1=1, axis2=2))
+    assert 0.45 < np.mean(squares) < 1.5
 
 
 def test_the_noise_is_the_covariance_within_samples():

@@ -1,6 +1,5 @@
 """The budget advisor: its noise, what it says of pours, and that its table is the benchmark's."""
 
-import importlib
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +15,7 @@ from repose.core.errors import InputError
 from repose.core.parameters import PARAMETERS
 from repose.core.targets import Targets
 from repose.strategies import plan
+from research.answers import hidden_truths
 
 ROOT = Path(__file__).parents[2]
 CONFIG = configuration(TARGETS, SPACE, funnel={"berries": 500})
@@ -129,10 +129,8 @@ def test_runs_that_do_not_tell_the_noise_are_named():
         plan.measured_noise(runs, TARGETS, "a.csv")
 
 
-def test_the_table_is_that_of_the_benchmark(monkeypatch):
-    monkeypatch.syspath_prepend(ROOT / "benchmarks")
-    module = importlib.import_module("hidden_truths")
-    expected = module.success(pd.read_csv(ROOT / "benchmarks/hidden_truths.csv"))
+def test_the_table_is_that_of_the_hidden_truths():
+    expected = hidden_truths.success(pd.read_csv(ROOT / "research/answers/hidden_truths.csv"))
     pd.testing.assert_frame_equal(pd.read_csv(plan.SUCCESS), expected, atol=5e-4, check_dtype=False)
 
 

@@ -53,16 +53,20 @@ def test_the_message_tells_the_answer_of_the_strategy(study):
     assert "results/sequential/solutions.csv" in str(found)
 
 
-def test_a_target_out_of_reach_is_no_success(tmp_path):
+def test_a_target_out_of_reach_is_no_success(study, tmp_path):
     far = [{"response": "height_mm", "value": 140.0, "sd": 4.0, "repetitions": 10, "range": [130, 150]}]
     targets = type(HEIGHT).of(far)
     campaign(tmp_path, targets)
-    found = of_files(tmp_path, configuration(targets, SPACE, sequential=SECTION))
+    config = study[1] | configuration(targets, SPACE, sequential=SECTION)
+    found = of_files(tmp_path, config)
     assert not found.feasible
     assert "No feasible solution" in str(found)
     assert "a larger sequential.most_pours" in str(found)
     assert "probably out of reach" in str(found)
     assert json.loads((tmp_path / "summary.json").read_text())["stop"] == "out_of_reach"
+    made = card.make(config, found, BERRY, SPHERE, pd.read_csv(tmp_path / "solutions.csv"))
+    card.check(made, "card")
+    assert made["out_of_reach"] is True
 
 
 def test_the_sets_found_meet_the_targets(study):
@@ -91,6 +95,7 @@ def test_the_card_of_a_strategy_is_a_card(study):
     made = card.make(config, of_files(folder, config), BERRY, SPHERE, pd.read_csv(folder / "solutions.csv"))
     card.check(made, "card")
     assert made["interval"] == card.RANGE
+    assert "out_of_reach" not in made
     assert made["tests"][0]["runs"] == SECTION["checks"]
     assert [test["definition"]["name"] for test in made["tests"]] == ["angle, whole side", "Height"]
 

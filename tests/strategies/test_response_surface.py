@@ -133,6 +133,7 @@ def test_coded_and_natural_optimum_are_the_same_point(noisy):
         assert SPACE.values(unit)[0] == pytest.approx(table.loc[k, list(PARAMETERS)].to_numpy(float))
 
 
+@pytest.mark.slow
 def test_the_interval_of_the_check_holds_what_it_says():
     # a surface of second order is right here, so 95 % of the checks lie inside: 1000 of them, standard error 0.7 %
     points = pd.DataFrame({"error_percent": [1.0], "best": [True]})

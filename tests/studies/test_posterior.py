@@ -76,6 +76,7 @@ def test_one_target_determines_the_one_parameter_that_moves_it():
     assert found.summary["linear_se"] == pytest.approx([0.1])
 
 
+@pytest.mark.slow
 def test_four_targets_of_two_bench_tests_determine_four_parameters():
     moved = {"aor_deg": "e_gg", "height_mm": "mus_gg", "base_radius_mm": "mur_gg", "drum_slip_deg": "e_gp"}
     targets = targets_of(sd_percent=4.0, **dict.fromkeys(moved, 30.0))
@@ -204,6 +205,7 @@ def test_a_study_determines_what_moves_its_responses_and_says_what_it_does_not(s
     assert len(pd.read_csv(tmp_path / "draws.csv")) == posterior.DRAWS_KEPT
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in names() if name != "network"])
 def test_every_surrogate_gives_the_same_answer(name, study, tmp_path):
     train.run(study["dataset"], study["runs"], TARGETS, TRAINING | {"surrogate": name}, tmp_path)

@@ -341,6 +341,7 @@ def test_a_prior_for_each_input_fades_those_without_effect():
     assert 1 - score(model, fresh, truth) < 0.7 * (1 - score(one, fresh, truth))
 
 
+@pytest.mark.slow
 def test_scikit_learn_finds_nothing_to_object_to():
     from sklearn.utils.estimator_checks import check_estimator
 

@@ -31,10 +31,13 @@ def result_of(name, laws="default"):
     return verification.CASES[name](dataclasses.replace(REDUCED, laws=LAWS[laws]))
 
 
-NAMES = [
-    pytest.param(name, "default", marks=[pytest.mark.slow] * (name == "restitution"))
-    for name in verification.CASES
-] + [pytest.param(name, "keep") for name in CHEAP]
+SLOW = {
+    "restitution": [pytest.mark.slow],
+    "packing": [pytest.mark.slow],
+    "coulomb": [pytest.mark.slow, pytest.mark.essential],  # it compiles the kernels of clumps
+}
+NAMES = [pytest.param(name, "default", marks=SLOW.get(name, ())) for name in verification.CASES]
+NAMES += [pytest.param(name, "keep") for name in CHEAP]
 # Quantities that deviate, of the cases that have any, with by how much: a lever arm shorter by half the overlap, where
 # the overlap is 3 % of the radius; and a sphere that sticks at 5 degrees, which is the spring's.
 ARM = {"change of spin": pytest.approx(0.0109, abs=2e-4)}

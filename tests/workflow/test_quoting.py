@@ -12,9 +12,12 @@ ROOT = Path(__file__).parents[2]
 SHELL = re.compile(r"^( *)shell:\n((?:\1 +.*\n)+)", re.MULTILINE)
 
 
+RULES = [path for folder in ("workflow", "research") for path in sorted((ROOT / folder).rglob("*.smk"))]
+
+
 def test_every_placeholder_in_a_shell_command_is_quoted():
     bare, seen = [], 0
-    for path in (ROOT / "workflow").rglob("*.smk"):
+    for path in RULES:
         for command in SHELL.finditer(path.read_text()):
             placeholders = re.findall(r"\{[^}]*\}", command[2])
             seen += len(placeholders)
@@ -25,11 +28,7 @@ def test_every_placeholder_in_a_shell_command_is_quoted():
 
 def test_no_shell_command_writes_a_result_itself():
     """What a shell redirects is in no ledger, and not written in one move."""
-    commands = [
-        (path.name, command[2])
-        for path in (ROOT / "workflow").rglob("*.smk")
-        for command in SHELL.finditer(path.read_text())
-    ]
+    commands = [(path.name, command[2]) for path in RULES for command in SHELL.finditer(path.read_text())]
     redirected = {(name, one) for name, text in commands for one in re.findall(r">+ *([^\s\")&]+)", text)}
     assert len(redirected) > 20
     assert {one for _, one in redirected} == {"{log:q}"}, redirected
@@ -45,6 +44,7 @@ def run_snakemake(folder, snakefile, *words):
     return subprocess.run(command, cwd=folder, capture_output=True, text=True)
 
 
+@pytest.mark.essential
 @pytest.mark.slow
 def test_paths_with_blanks_quotes_and_a_command_in_them_are_one_path_each(tmp_path):
     """Of the working folder, of a configuration and of a table; the first two may have braces and begin with a dash."""

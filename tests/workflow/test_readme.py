@@ -37,14 +37,6 @@ def test_the_crop_that_readme_shows_is_planned():
     assert "drum_run" not in told
 
 
-def test_a_study_is_checked_when_it_is_asked_for(tmp_path, monkeypatch):
-    monkeypatch.chdir(ROOT)
-    (tmp_path / "mine.yaml").write_text("funnel: {inlet_diameter_mm: 60, factory_diameter_mm: 50}")
-    status, told = dry_run("shape_study", "--configfile", str(tmp_path / "mine.yaml"))
-    assert status == 2
-    assert "shape_study.fillings.open_cone: funnel.factory_diameter_mm is 150.0" in told
-
-
 @pytest.mark.parametrize("verb", ["check", "measure"])
 @pytest.mark.usefixtures("folder")
 def test_a_verb_takes_the_crop_that_readme_shows(verb, tmp_path, capsys):

@@ -17,6 +17,7 @@ TARGET = "results/quick/design/samples.csv"
 QUICK = ("--cores", "1", "--configfile", "config/quick.yaml")
 
 
+@pytest.mark.essential
 def test_a_second_workflow_stops_with_one_message_before_it_writes(project):
     folder = project / "results" / "quick"
     lock = take_folder(folder)
@@ -51,6 +52,7 @@ def test_where_snakemakes_records_are_lost_those_of_the_results_tell_what_to_mak
     assert (project / TARGET).read_text() != before
 
 
+@pytest.mark.essential
 def test_a_result_that_was_damaged_or_edited_stops_the_workflow_and_is_named(project):
     words = (TARGET, *QUICK)
     assert snakemake(project, *words).returncode == 0
@@ -66,6 +68,7 @@ def test_a_result_that_was_damaged_or_edited_stops_the_workflow_and_is_named(pro
     assert path.read_text() == good
 
 
+@pytest.mark.essential
 def test_somebodys_file_in_the_place_of_a_result_stops_the_workflow_and_stays(project):
     path = project / "results/quick/network/network.json"
     path.parent.mkdir(parents=True)
@@ -88,6 +91,18 @@ def test_an_edited_engine_pours_again(finished, monkeypatch):
     monkeypatch.setattr(cache, "source_hash", lambda: "edited")
     jobs = planned(project, *words, "--", "calibration")
     assert {rule: jobs[rule] for rule in POURS} == POURS
+
+
+def test_an_edited_search_or_surrogate_runs_what_stands_on_it(finished, monkeypatch):
+    project, words = finished
+    true = sources.stage_hash
+    for edited, again in (("miga", {"miga"}), ("measure_runs", {"measure_runs", "measure_validation_runs"})):
+        monkeypatch.setattr(
+            sources, "stage_hash", lambda verb, it=edited: "edited" if verb == it else true(verb)
+        )
+        jobs = planned(project, *words, "--", "calibration")
+        assert again <= set(jobs)
+        assert "pour" not in jobs
 
 
 def test_a_changed_target_pours_no_published_solution_again(finished):

@@ -68,6 +68,7 @@ def test_each_step_pours_what_the_one_before_found(finished):
     shutil.rmtree(folder)
 
 
+@pytest.mark.essential
 def test_the_strategy_chooses_what_a_study_makes(project):
     words = ("--configfile", "config/quick.yaml", "--config", "strategy=response_surface")
     jobs = planned(project, *words)

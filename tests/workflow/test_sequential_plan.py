@@ -74,6 +74,7 @@ def test_batches_follow_until_they_suffice_and_a_kill_between_them_loses_nothing
     shutil.rmtree(folder)
 
 
+@pytest.mark.essential
 def test_the_strategy_chooses_what_a_study_makes(project):
     words = ("--configfile", "config/quick.yaml", "--config", "strategy=sequential")
     jobs = planned(project, *words)

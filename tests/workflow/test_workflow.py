@@ -38,6 +38,7 @@ MIXED = [
 ]
 
 
+@pytest.mark.essential
 def test_the_recommended_study_has_every_stage_and_one_job_a_sample(project):
     jobs = planned(project)
     assert set(STAGES) <= set(jobs)
@@ -71,6 +72,7 @@ def test_the_small_run_has_the_same_rules(project):
     assert (small["pour"], small["drum_run"]) == (20, 2)
 
 
+@pytest.mark.essential
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -98,6 +100,7 @@ def test_a_bad_value_ends_in_one_message_before_any_work(project, words, message
     assert not (project / "results").exists()
 
 
+@pytest.mark.essential
 def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
     made = ("results/quick/design/samples.csv", "results/quick/berry/particle.json")
     done = snakemake(project, "--cores", "1", *made, "--configfile", "config/quick.yaml")
@@ -152,11 +155,6 @@ def test_an_engine_compiled_again_is_no_reason_to_pour_again(finished):
         assert planned(project, *words, "--forcerun", "warm_up", "--", *targets)["total"] == 1
 
 
-def test_the_study_of_the_measurement_takes_the_piles_that_are_there(finished):
-    project, words = finished
-    assert set(planned(project, *words, "--", "measurement_study")) == {"measurement_study", "total"}
-
-
 def test_uncertainty_is_a_target_of_its_own(finished):
     project, words = finished
     own = ("noise_tables", "sensitivity_tables")  # the posterior's tables belong to every study
@@ -166,24 +164,6 @@ def test_uncertainty_is_a_target_of_its_own(finished):
     # of the finished study only empty files are there, so nothing before the tables has to run
     assert set(jobs) == {*own, "posterior_tables", *drawn, "uncertainty", "total"}
     assert not {*own, *drawn} & set(planned(project, *words, "--forceall"))
-
-
-def test_comparisons_are_targets_of_their_own_and_other_bench_tests_are_asked_for_by_name(finished):
-    project, words = finished
-    jobs = planned(project, *words, "--", "compare_search", "compare_whole", "second_responses")
-    own = {"search_tables", "whole_tables", "measure_responses", "second_responses_tables"}
-    drawn = {"draw_search", "draw_whole", "draw_second_responses"}
-    assert set(jobs) == own | drawn | {"compare_search", "compare_whole", "second_responses", "total"}
-    more = planned(project, *words, "--", "second_responses_benches")
-    assert more["joint_pour"] == more["measure_joint_runs"] == 4 * 12, "all 12 samples in four bench tests"
-    assert not own & set(planned(project, *words, "--forceall"))
-
-
-def test_joint_targets_run_every_further_bench_test_on_a_part_of_the_design(project):
-    (project / "mine.yaml").write_text(json.dumps({"joint_targets": {"samples": 12}}))
-    jobs = planned(project, "--configfile", "config/quick.yaml", "mine.yaml", "--", "joint_targets")
-    assert jobs["joint_pour"] == jobs["measure_joint_runs"] == 4 * 12
-    assert jobs["joint_targets"] == 1
 
 
 REFIT = {"refine_data", "refine_network", "refine_search"}
@@ -236,35 +216,6 @@ def test_a_round_that_misses_is_followed_by_the_next_until_one_is_within_or_the_
     write_text(folder / "verdict.json", '{"outcome": "not within", "usable": 4}')
     assert set(planned(project, *words, "refine={rounds: 0}", "--", "refined")) == END
     shutil.rmtree(folder.parent)
-
-
-def test_the_pool_is_a_target_of_its_own_and_grows_without_pouring_again(project):
-    words = ("pool", "--configfile", "config/quick.yaml", "--config", "pool={fresh_samples: 5}")
-    jobs = planned(project, *words)
-    assert (jobs["pool_pour"], jobs["measure_pool_runs"]) == (29, 29)
-    assert (jobs["pool_dataset"], jobs["fresh_dataset"]) == (1, 1)
-    assert "pour" not in jobs
-    assert "pool_pour" not in planned(project)
-
-    listed = snakemake(project, "-n", "--summary", *words)
-    for line in listed.stdout.splitlines()[1:]:
-        path = project / line.split("\t")[0]
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.touch()
-    as_ours(project / "results/quick/pool")
-    done = snakemake(project, "pool", "--touch", "--cores", "1", *words[1:])
-    assert done.returncode == 0, done.stderr
-    assert planned(project, *words[:-1], "pool={fresh_samples: 8}")["pool_pour"] == 3
-
-
-def test_the_comparisons_are_a_target_of_their_own(project):
-    jobs = planned(project, "compare", "--configfile", "config/quick.yaml")
-    own = {
-        f"{verb}_{name}" for verb in ("compare", "draw") for name in ("accuracy", "surrogates", "sampling")
-    }
-    assert own <= set(jobs)
-    assert not {"network", "miga"} & set(jobs)
-    assert not own & set(planned(project))
 
 
 def test_every_figure_and_table_has_a_caption():

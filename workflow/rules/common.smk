@@ -2,6 +2,7 @@
 import base64
 import json
 import os
+import re
 import shlex
 import sys
 
@@ -16,10 +17,11 @@ from repose.core.errors import BAD_INPUT, InputError, tell
 from repose.core.lock import take_folder
 from repose.core.published import beside, published_count
 from repose.core.seeds import pour_seeds
-from repose.core.sources import engine_hash
+from repose.core.provenance import SIMULATING
+from repose.core.sources import engine_hash, stage_hash
 from repose.dem.cache import source_hash
 from repose.strategies.refined import rounds
-from repose.studies import shape_cells, snapshot
+from repose.studies import snapshot
 
 # The verbs run under the Python that runs snakemake, whether its environment is activated or not.
 shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; ")
@@ -214,26 +216,3 @@ def solution_to_pour(wildcards):
     """The table that a solution stands in."""
     origin = rules.solutions if wildcards.sample in OURS else rules.published_solutions
     return origin.output.solutions
-
-
-def first_cells(wildcards):
-    """Pours of the selection; the study's own keys are checked here, when someone asks for the study."""
-    or_one_message(shape_cells.check, config)
-    return expand(rules.shape_cell.output.runs, cell=shape_cells.first_cells(config))
-
-
-def second_cells(wildcards):
-    """Pours with fresh seeds, known when the finalists are."""
-    finalists = pandas.read_csv(
-        checkpoints.shape_selection.get().output.finalists, dtype=str
-    )
-    return expand(
-        rules.shape_cell.output.runs,
-        cell=shape_cells.second_cells(config, finalists),
-    )
-
-
-def particles_of_cells(wildcards):
-    """What is kept of the particle of each cell, beside its pours."""
-    runs = [*first_cells(wildcards), *second_cells(wildcards)]
-    return [f"{os.path.splitext(path)[0]}.json" for path in runs]

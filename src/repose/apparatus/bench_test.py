@@ -42,7 +42,7 @@ class Run:
 
 
 def _nothing(*_: Any) -> Iterator[Any]:
-    """No contradictions, no misfits and no advice."""
+    """Default hook: yields nothing."""
     return iter(())
 
 
@@ -79,7 +79,7 @@ class BenchTest:
         ``misfits(config, axes_mm)`` yields the same where the bench test does not fit the mean berry, whose three axes
         are given in mm, the longest first.
     advice : function
-        ``advice(config, berry, particle, longest_step_s)`` yields sentences for who plans a study. berry is what the
+        ``advice(config, berry, particle, longest_step_s)`` yields planning hints. berry is what the
         verb ``berry`` writes; longest_step_s(berry) is the longest time step [s] for such berries.
     measured_by : tuple of str
         Keys of its section that only `measure` reads: where they change nothing runs again.

@@ -201,7 +201,7 @@ class EmptyDrum(NamedTuple):
     simulation: "dem.Simulation"
     bounded: Bounded
     factory: Strip
-    scales: Any
+    scales: np.ndarray
 
     def holds_all(self) -> bool:
         """Whether all berries are there, and inside the drum."""

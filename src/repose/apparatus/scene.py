@@ -46,6 +46,14 @@ def berry_simulation(
     )
 
 
+class Sized(NamedTuple):
+    """A simulation, the sizes of its berries relative to the particle, and the radius about the largest [m]."""
+
+    simulation: "dem.Simulation"
+    scales: np.ndarray
+    reach_m: float
+
+
 def sized_simulation(
     build: "Callable[..., dem.Simulation]",
     config: Mapping[str, Any],
@@ -54,21 +62,13 @@ def sized_simulation(
     particle: "Particle",
     berry: Mapping[str, Any],
     berries: int,
-) -> "Sized":
+) -> Sized:
     """The empty simulation of a bench test with room for the largest berry of a seed."""
     from repose.particle.size_distribution import of_pour
 
     scales, largest = of_pour(config["berry"]["size_distribution"], berry, seed, berries)
     simulation = build(config, parameters, particle, berry, largest)
     return Sized(simulation, scales, largest * particle.bounding_radius_m)
-
-
-class Sized(NamedTuple):
-    """A simulation, the sizes of its berries relative to the particle, and the radius about the largest [m]."""
-
-    simulation: "dem.Simulation"
-    scales: Any
-    reach_m: float
 
 
 def longest_time_step(

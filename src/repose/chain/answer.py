@@ -122,6 +122,7 @@ class Answer:
     folder: Path  # of the results
     within: Mapping[float, float | None]
     files: Files = FILES["published"]
+    out_of_reach: bool = False  # the sequential strategy stopped because probably no set meets the targets
 
     @property
     def met(self) -> bool:
@@ -196,6 +197,7 @@ def read_files(
         checks=tuple(_check(one, rows[one.name], check_csv) for one in targets),
         folder=Path(config["results_dir"]),
         files=_files_of(strategy),
+        out_of_reach=summary.get("stop") == "out_of_reach",
         within={
             percent: _number(rows[targets.names[0]], column, check_csv) for percent, column in WITHIN.items()
         },

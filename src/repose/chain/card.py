@@ -113,6 +113,7 @@ def assembled(
             for check, target in _paired(answer.checks, targets)
         ],
         "met": answer.met if simulated or "simulator" not in about else None,
+        **({"out_of_reach": True} if answer.out_of_reach else {}),
         "within": {f"{percent:g} %": chance for percent, chance in answer.within.items()},
         "made_by": _made_by(),
     }

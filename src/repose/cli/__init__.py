@@ -18,7 +18,6 @@ from repose.cli import (
     calibration,
     cards,
     checking,
-    comparison,
     exporting,
     inputs,
     measuring,
@@ -27,10 +26,8 @@ from repose.cli import (
     pictures,
     pouring,
     refinement,
-    responses,
     run,
     services,
-    shapes,
     strategies,
     uncertainty,
 )
@@ -52,7 +49,7 @@ FAMILIES = (
         strategies,
         own_simulator,
     ),
-    *(uncertainty, refinement, responses, shapes, comparison, pictures, services),
+    *(uncertainty, refinement, pictures, services),
 )
 VERBS = {verb.name: verb for module in FAMILIES for verb in module.family.verbs}
 # What a person types, in the groups of the help. Every other verb is a stage, which the rules of the workflow call.

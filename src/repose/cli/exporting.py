@@ -5,6 +5,7 @@ import argparse
 from repose.cli.parameter_sets import PARAMETER_SET, parameters
 from repose.cli.registry import CONFIG, Family, Option
 from repose.config.study import Study
+from repose.core import provenance
 from repose.core.errors import InputError
 
 # Of a clump: so many where the study has none, the fewest that LIGGGHTS takes, the most that fill a mesh here.
@@ -57,6 +58,7 @@ def export(args: argparse.Namespace) -> None:
         chosen = SPHERES if args.spheres is None else args.spheres
         spheres = {"particle": "multisphere", "spheres": chosen, "surface": "smooth"}
         study = Study.of(study.config | {"berry": section | spheres}, args.config)
+        provenance.note_config(study.config)
     config, (berry, particle) = study.config, berry_and_particle(study)
     if found is None:
         values = parameters(args.set, args.samples, args.sample, config["parameters"])

@@ -87,15 +87,3 @@ def design(args: argparse.Namespace) -> None:
     section = study.config["design"]
     space = study.parameters
     design.run(space, section["samples"], section["method"], section["seed"], args.out)
-
-
-@family.verb(
-    "choose the points of the pool that the comparisons share, for training and for testing",
-    example="--out results/pool",
-    out="results/pool",
-)
-def pool_design(args: argparse.Namespace) -> None:
-    from repose.studies import pool
-
-    study = Study.load(args.config)
-    pool.run(study.parameters, study.config["pool"], args.out)

@@ -5,7 +5,6 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from repose.cli.berries import BERRY_AND_PARTICLE, berry_and_particle
 from repose.cli.options import BERRY, JSON
 from repose.cli.registry import Family, Option
 from repose.config.study import Study
@@ -207,29 +206,3 @@ def measure_silhouette(args: argparse.Namespace) -> None:
         ) from None
     write_image(args.overlay, drawing.overlay(image, measured))
     write_json(args.out, measured.record())
-
-
-@family.verb(
-    "compare the definitions of the angle: bias on known shapes, noise, signal over the design",
-    example="results/heaps/???.npz --representative results/validation/heaps/106.npz",
-    out="results/measurement_study",
-    options=[
-        Option("heaps", nargs="+", help=".npz files of the design's pours, NAME.pours.json beside them"),
-        Option("--representative", required=True, help=".npz file of the published representative solution"),
-        Option("--shapes", type=int, default=8, help="piles of each known shape and angle (8)"),
-        *BERRY_AND_PARTICLE,
-    ],
-)
-def measurement_study(args: argparse.Namespace) -> None:
-    if args.shapes < 1:
-        raise InputError("command line", "--shapes", args.shapes, "at least 1")
-    study = Study.load(args.config)
-    berry_of, particle = berry_and_particle(study, args.berry, args.particle)
-
-    from repose.studies import measurement_study
-
-    tables = measurement_study.run(
-        args.heaps, args.representative, particle, study.config["measure"], berry_of, args.out, args.shapes
-    )
-    for table in tables.values():
-        print(table.round(2).to_string(index="measured" not in table))

@@ -175,9 +175,7 @@ def catalogue(words: list[str]) -> str:
         costs = dict.fromkeys(
             cost.SENTENCES, f"cost: once {incomplete} is complete; `repose check` names what is missing"
         )
-    lines = [
-        f"  {target:24} {cost.SENTENCES[target]}\n{'':27}{costs[target]}" for target in cost.offered(config)
-    ]
+    lines = [f"  {target:24} {cost.SENTENCES[target]}\n{'':27}{costs[target]}" for target in cost.SENTENCES]
     return "\n".join(
         [f"repose run TARGET; without one, all of calibration. Studies of {config.get('label')}:", *lines]
     )

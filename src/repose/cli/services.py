@@ -20,22 +20,18 @@ family = Family()
 
 
 @family.verb(
-    "measure the speed: microseconds per step and seconds per pour for each particle of the shape study, "
+    "measure the speed: microseconds per step and seconds per pour, "
     "beside a reference that tells how fast this machine is",
     example="--json",
     options=[JSON],
 )
 def bench(args: argparse.Namespace) -> None:
-    from repose.studies import shape_cells
     from repose.verification import speed
 
-    config, particles = Study.load(args.config).config, {}
-    for name, changes in config.get("shape_study", {"particles": {"berry": {}}})["particles"].items():
-        changed = shape_cells.changed(config, "berry", changes)
-        berry_of, particles[name] = berry_and_particle(Study.of(changed, args.config))
-    result = speed.run(
-        config, particles, berry_of, published.representative(config["validation"]["published"])
-    )
+    study = Study.load(args.config)
+    config = study.config
+    of_published = published.representative(config["validation"]["published"])
+    result = speed.run(config, {config["berry"]["particle"]: study.particle}, study.grain, of_published)
     print(json.dumps(result, indent=1) if args.json else speed.message(result))
 
 

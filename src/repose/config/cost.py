@@ -5,9 +5,8 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from repose.apparatus import bench, names
+from repose.apparatus import bench
 from repose.apparatus.settings import SimulationSettings
-from repose.core.errors import InputError
 from repose.core.parameter_space import ParameterSpace
 from repose.core.published import published_count
 from repose.core.targets import Targets
@@ -130,33 +129,7 @@ SENTENCES = {
     "sequential": "Another way to calibrate: few pours, each where it says most.",
     "uncertainty": "How sure the answer is: noise, posterior and sensitivity.",
     "refined": "More pours near the answer, until it meets the targets.",
-    "second_responses": "Which further response of the pile tells most about the parameters.",
-    "joint_targets": "Which few tests together narrow the parameters enough.",
-    "second_responses_benches": "Which further response, of any bench test, tells most per minute of work.",
-    "shape_study": "Which particle, tension and filling come nearest to the measured pile.",
-    "pool": "More samples, for the comparisons.",
-    "compare_all": "Which part of the method pays: designs, surrogates, searches.",
-    "measurement_study": "How much the definition of the angle of repose moves it, on the piles of the calibration.",
 }
-NEEDED = {
-    "joint_targets": "joint_targets",
-    "second_responses_benches": "joint_targets",
-    "shape_study": "shape_study",
-}
-
-
-def offered(config: Mapping[str, Any]) -> list[str]:
-    """Targets of `repose run` whose section is in the configuration, the calibration first.
-
-    The configuration may lack keys: then the target that needs the table of published solutions is left out.
-    """
-    try:
-        responses = Targets.of(config["targets"]).responses
-        theirs = published_count(config["validation"]["published"], responses)
-    except (InputError, LookupError, TypeError):
-        theirs = 0
-    absent = {target for target, section in NEEDED.items() if section not in config}
-    return [one for one in SENTENCES if one not in absent and (theirs or one != "measurement_study")]
 
 
 def costs(config: Mapping[str, Any]) -> dict[str, str]:
@@ -170,27 +143,12 @@ def costs(config: Mapping[str, Any]) -> dict[str, str]:
     def pours(number: int) -> str:
         return f"{number} pours, about {number * pour_s / 60:.0f} min on one core, besides the calibration"
 
-    refine, pool = config["refine"], config["pool"]
+    refine = config["refine"]
     a_round = refine["seeds"] + refine["neighbours"] * refine["neighbour_seeds"]
-    of_pool = pours(pool["samples"] * pool["seeds"] + pool["fresh_samples"] * pool["fresh_seeds"])
     of_calibration = sum(sets * seeds for _, sets, seeds in of_all["pours"])
     all_min = of_all["total_s"] / 60
-    found = dict.fromkeys(offered(config), "no pours besides the calibration") | {
+    found = dict.fromkeys(SENTENCES, "no pours besides the calibration") | {
         "calibration": f"{of_calibration} pours and the other bench tests, about {all_min:.0f} min on one core",
         "refined": f"at most {pours(refine['rounds'] * a_round)}",
-        "pool": of_pool,
-        "compare_all": of_pool,
     }
-    if "joint_targets" in config:
-        joint = config["joint_targets"]["samples"] * config["joint_targets"]["seeds"]
-        others = [name for name in names() if name in config and name != "funnel"]
-        minutes = joint * sum(run_s(config, name) for name in others) / 60
-        found["joint_targets"] = (
-            f"{joint} runs of each further bench test besides the calibration, about {minutes:.0f} min"
-        )
-        found["second_responses_benches"] = f"the runs of joint_targets: {found['joint_targets']}"
-    if "shape_study" in config:
-        shape = config["shape_study"]
-        cells = len(shape["particles"]) * len(shape["main_fillings"]) * len(shape["tensions"])
-        found["shape_study"] = f"at least {pours(cells * shape['seeds'])}"
     return found

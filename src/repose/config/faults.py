@@ -17,6 +17,9 @@ FRICTION_LIMIT = (
     "no longer a key: the tension decides (keep: the elastic part of the force, release: all of it), since other pairs "
     "break Coulomb's law; delete this line"
 )
+RESEARCH = (
+    "now of the checkout's folder research/, in a file research.yaml beside the study's; delete this section"
+)
 # Keys of earlier configurations, and their present places.
 MOVED = {
     "heap": f"now the section funnel; its keys {', '.join(SHARED)} are in the section simulation",
@@ -24,6 +27,8 @@ MOVED = {
     **{f"funnel.{key}": f"now simulation.{key}, for every bench test" for key in SHARED},
     "funnel.friction_limit": FRICTION_LIMIT,
     "simulation.friction_limit": FRICTION_LIMIT,
+    **dict.fromkeys(("pool", "compare_search", "compare_whole"), RESEARCH),
+    **dict.fromkeys(("shape_study", "second_responses", "joint_targets"), RESEARCH),
 }
 UNKNOWN = ("extra_forbidden", "invalid_key")  # types of pydantic's errors
 WORDS = {
@@ -40,7 +45,7 @@ class Checked(NamedTuple):
     """What the models say of a configuration."""
 
     faults: list[InputError]
-    sections: set[str]  # sections and keys outside sections that have a fault
+    keys: set[str]  # dotted keys with a fault; a mistyped key is missing as well
 
 
 class _Error(NamedTuple):
@@ -58,8 +63,9 @@ def check(config: Any, source: str | Origin = "configuration") -> Checked:
     A mistyped key is also a missing key: only the mistyping is reported.
     """
     errors = _errors(config)
-    sections = {error.path[0] if error.path else str(error.unknown) for error in errors}
-    return Checked(list(_faults(errors, config, source)), sections)
+    faults = list(_faults(errors, config, source))
+    missing = {".".join(error.path) for error in errors if error.type == "missing"}
+    return Checked(faults, missing | {fault.key for fault in faults})
 
 
 def lacks_keys(config: Mapping[str, Any]) -> bool:
@@ -143,10 +149,9 @@ def _errors(config: Any) -> list[_Error]:
         settings_type().model_validate(config)
     except ValidationError as error:
         found = [_error(one) for one in error.errors(include_url=False, include_input=False)]
-        around = [
-            one.path[:-1] for one in found
-        ]  # a list is also too short where all its entries have faults
-        found = [one for one in found if one.type != "too_short" or one.path not in around]
+        inside = {one.path[0] for one in found if len(one.path) > 1}
+        # a list is also too short where all its entries have faults
+        found = [one for one in found if one.type != "too_short" or inside.isdisjoint(one.path)]
         return sorted(found, key=lambda one: (one.type not in UNKNOWN, one.path))
     return []
 

@@ -20,9 +20,8 @@ FILES = {
 CROP = ("sizes", "density_kg_m3", "stl")  # keys of `berry` that define a crop
 COMMAND_LINE = "command line (--config)"
 RESOLVED = "config.json"  # in the folder of results
-# Replaced, not merged: two fillings in a list are all fillings, and a fixed parameter has no prior of another file.
-WHOLE = {f"shape_study.{key}" for key in ("particles", "fillings", "sensitivities")}
-WHOLE |= {f"parameters.{name}" for name in PARAMETERS}
+# Replaced, not merged: a fixed parameter has no prior of another file.
+WHOLE = {f"parameters.{name}" for name in PARAMETERS}
 
 
 def read_layers(
@@ -58,7 +57,8 @@ def layers(given: Sequence[str | os.PathLike]) -> list[str | os.PathLike]:
 def own_crop_under(*files: str | os.PathLike) -> Path | None:
     """The file of the built-in crop if a configuration uses it in a folder that has no configuration.
 
-    None if the working folder has one or is the program's, or if the files need no default.
+    None if the working folder has one or is the program's, if the files need no default, or if one of them is made for
+    the built-in crop.
     """
     from repose.config.faults import lacks_keys
 
@@ -66,6 +66,8 @@ def own_crop_under(*files: str | os.PathLike) -> Path | None:
     if places.configs()[-1] != own:
         return None
     given = [places.find(path) for path in files]
+    if any(path != own and path.parent == own.parent for path in given):
+        return None
     if given and own not in given and (is_resolved(*given) or not lacks_keys(_over_each_other(given)[0])):
         return None
     return own if own in (*given, *layers(given)) else None

@@ -44,7 +44,7 @@ class Making:
     def __init__(self, config: dict[str, Any], source: str | Origin) -> None:
         self.config, self.source = config, source
         self.faults: list[InputError] = []
-        self.bad: set[str] = set()  # sections with a fault, and keys outside sections
+        self.bad: set[str] = set()  # dotted keys with a fault
         self.mean: dict[str, Any] | None = None
         self.particle: Particle | None = None
         self.inputs_are_checked = False
@@ -83,22 +83,26 @@ class Making:
             self.inputs_are_checked = True
 
     def _may_read(self, *sections):
-        """Whether none of these sections has a fault."""
-        return self.bad.isdisjoint(sections)
+        """Whether none of these sections, and keys outside sections, has a fault."""
+        return {key.partition(".")[0] for key in self.bad}.isdisjoint(sections)
+
+    def _may_use(self, key):
+        """Whether a key of a section has no fault, whatever the others have."""
+        return self.bad.isdisjoint((key, key.partition(".")[0]))
 
     def _add(self, pairs: Iterable[tuple[str, str]]) -> None:
         """Add pairs (dotted key, what is allowed)."""
         for key, allowed in pairs:
             self.faults.append(YamlError(owner_of(self.source, key), key, get(self.config, key), allowed))
-            self.bad.add(key.partition(".")[0])
+            self.bad.add(key)
 
-    def _found(self, section: str, function: Callable[..., Result], *arguments: Any) -> Result | None:
-        """Result of a function; if it refuses its arguments, None, with a further fault of the section."""
+    def _found(self, key: str, function: Callable[..., Result], *arguments: Any) -> Result | None:
+        """Result of a function; if it refuses its arguments, None, with a further fault of the key."""
         try:
             return function(*arguments)
         except InputError as fault:
             self.faults.append(fault)
-            self.bad.add(section)
+            self.bad.add(key)
             return None
 
     def _read_files(self) -> None:
@@ -107,16 +111,16 @@ class Making:
 
         if self._may_read("results_dir"):
             self._add(results_folder.taken(self.config["results_dir"]))
-        for key in [key for key in NAMED_FILES if self._may_read(key.partition(".")[0])]:
+        for key in filter(self._may_use, NAMED_FILES):
             path = get(self.config, key)
             if path is not None and not Path(path).is_file():
                 self._add([(key, "an existing file, seen from the project's folder")])
-        if self._may_read("berry"):
-            self._found("berry", read_sizes, self.config["berry"]["sizes"])
-        if self._may_read("validation", "targets"):
+        if self._may_use("berry.sizes"):
+            self._found("berry.sizes", read_sizes, self.config["berry"]["sizes"])
+        if self._may_use("validation.published") and self._may_read("targets"):
             published = self.config["validation"]["published"]
             responses = Targets.of(self.config["targets"]).responses
-            self._found("validation", check_published, published, responses)
+            self._found("validation.published", check_published, published, responses)
 
     def _make_grain(self) -> None:
         """Make the mean berry and its particle."""
@@ -128,13 +132,13 @@ class Making:
             self.particle = self._found("berry", build.of_settings, self.mean, self.config["berry"])
 
     def _compute(self, asked: Iterable[computed.Computed]) -> None:
-        """Replace each `auto` by its number; where that cannot be found, its section is one with a fault."""
+        """Replace each `auto` by its number; where that cannot be found, the key is one with a fault."""
         for one in asked:
             value = None
             if self._may_read(*one.sections) and not (one.needs_grain and self.particle is None):
-                value = self._found(one.section, one.of, self.config, self.mean, self.particle)
+                value = self._found(one.key, one.of, self.config, self.mean, self.particle)
             if value is None:
-                self.bad.add(one.section)
+                self.bad.add(one.key)
             else:
                 self.config = computed.filled(self.config, one.key, value)
 

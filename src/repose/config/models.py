@@ -9,7 +9,7 @@ from functools import cache
 from itertools import pairwise
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, create_model
+from pydantic import AfterValidator, Field, ValidationInfo, create_model, field_validator
 from pydantic_core import core_schema
 
 from repose.apparatus import bench, names
@@ -116,7 +116,6 @@ def _in_words(low, high):
 Restitution = Annotated[Any, _in_words(0.01, 1), _Parameter(0.01, 1)]
 StaticFriction = Annotated[Any, _in_words(0, 5), _Parameter(0, 5)]
 RollingFriction = Annotated[Any, _in_words(0, 1), _Parameter(0, 1)]
-Research = Annotated[dict[str, Any], Field(description="a section")]  # read and checked by the research alone
 
 
 # --- the grain, the parameters and the simulation --------------------------------------------------------------
@@ -139,14 +138,14 @@ class Berry(Section):
     surface: Literal["smooth", "rough", "rough_full"]
     size_distribution: Literal["none", "measured"]
 
-    def contradictions(self) -> Contradictions:
-        """Neither moduli nor compression tests."""
-        for key in ("poisson_ratio", "shear_modulus_pa"):
-            if self.compression is None and getattr(self, key) is None:
-                yield (
-                    key,
-                    "a number; or a table of compression tests in berry.compression, which tells both moduli",
-                )
+    @field_validator("poisson_ratio", "shear_modulus_pa")
+    @classmethod
+    def _measured(cls, value: float | None, info: ValidationInfo) -> float | None:
+        """A modulus, or the error where there are no compression tests, either."""
+        if value is None and info.data.get("compression", "invalid") is None:
+            tests = "a table of compression tests in berry.compression, which tells both moduli"
+            refuse([("", f"a number; or {tests}")])
+        return value
 
 
 class Wall(Section):
@@ -207,13 +206,16 @@ class Measure(Section):
     largest_pile_only: bool
     flank: Literal["levels", "rows", "columns"]
 
-    def contradictions(self) -> Contradictions:
-        """A part of the flank that is too short for a line."""
-        start, end = self.fit_from, self.fit_to
+    @field_validator("fit_to")
+    @classmethod
+    def _long_enough(cls, end: str | float, info: ValidationInfo) -> str | float:
+        """The end of the line's part, or the error where the part is too short for a line."""
+        start = info.data.get("fit_from")
         if start == end == "berry":
-            yield "fit_to", "a number from 0.1 to 1, as measure.fit_from is berry"
-        elif isinstance(start, float) and isinstance(end, float) and end < start + 0.1:
-            yield "fit_to", f"at least 0.1 above measure.fit_from, {start:g}"
+            refuse([("", "a number from 0.1 to 1, as measure.fit_from is berry")])
+        if isinstance(start, float) and isinstance(end, float) and end < start + 0.1:
+            refuse([("", f"at least 0.1 above measure.fit_from, {start:g}")])
+        return end
 
 
 class Target(Section):
@@ -274,11 +276,13 @@ class Network(Section):
     replicates: bool
     seed: Seed
 
-    def contradictions(self) -> Contradictions:
-        """Shares that do not sum to 1, or that leave nothing to train or to test."""
-        shares = self.split
+    @field_validator("split")
+    @classmethod
+    def _whole(cls, shares: Any) -> Any:
+        """The shares, or the error where they do not sum to 1, or leave nothing to train or to test."""
         if shares != AUTO and (abs(sum(shares) - 1) > 1e-6 or shares[0] == 0 or shares[2] == 0):
-            yield "split", "three shares that sum to 1, those of training and test above 0"
+            refuse([("", "three shares that sum to 1, those of training and test above 0")])
+        return shares
 
 
 class Miga(Section):
@@ -382,12 +386,6 @@ class Settings(Section):
     posterior: Posterior
     sensitivity: Sensitivity
     refine: Refine
-    pool: Research
-    compare_search: Research
-    compare_whole: Research
-    second_responses: Research
-    joint_targets: Research = ABSENT
-    shape_study: Research = ABSENT
 
 
 def settings_type() -> type[Settings]:

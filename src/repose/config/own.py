@@ -134,7 +134,7 @@ def _of_the_method(content, seed, source):
     raise_together([fault for fault in found if fault.key.partition(".")[0] in config])
     for key in ("design", "network", "miga"):
         config[key]["seed"] = seed
-    if config["network"]["split"] == AUTO:
+    if config["network"].get("split", AUTO) == AUTO:
         config["network"]["split"] = computed.split(config)
     return config
 

@@ -77,11 +77,6 @@ def settings_of(
         chosen = pouring(config, "drum")
     elif verb == "measure_runs":
         chosen = measuring(config, apparatus)
-    elif verb == "shape_cell":  # the configuration is the cell's own
-        chosen = (
-            pouring(config) | pouring(config, "cylinder") | sections(config, "berry", "measure", "targets")
-        )
-        chosen |= measuring(config, "cylinder") | sections(config, "validation.published")
     elif verb == "dataset":
         chosen = {"responses": [one["response"] for one in config["targets"]]}
     elif verb in KEYS:

@@ -49,7 +49,10 @@ class Section(BaseModel):
 
 
 def refuse(contradictions: Iterable[tuple[str, str]]) -> None:
-    """Raise the error by which a validator reports `Contradictions`, if there are any."""
+    """Raise the error by which a validator reports `Contradictions`, if there are any.
+
+    The key "" is that of the value that it validates.
+    """
     found = list(contradictions)
     if found:
         raise PydanticCustomError(CONTRADICTION, "values that do not go together", {"found": found})

@@ -1,12 +1,16 @@
-"""Hashes of source code: the engine behind a result."""
+"""Hashes of source code: the engine behind a result, and the modules that a stage stands on."""
 
+import ast
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import cache
+from pathlib import Path
 
 from repose.core.places import PACKAGE
 
 ENGINE = ("dem", "apparatus")  # a pour depends on the simulator and the bench tests
+# What every stage passes through; an edit there changes no number of a result.
+SHARED = ("config", "core", "export")
 
 
 @cache
@@ -17,10 +21,90 @@ def engine_hash() -> str:
 
 def source_hash(rooms: Iterable[str]) -> str:
     """Hash of the source of some rooms of the package, such as ``dem``, 16 digits."""
+    paths = (path for room in rooms for path in sorted((PACKAGE / room).rglob("*")))
+    return _hash(path for path in paths if path.suffix in (".py", ".yaml"))
+
+
+@cache
+def stage_hash(verb: str) -> str:
+    """Hash of the modules that a verb uses, and of those that they import, 16 digits.
+
+    Imports inside functions count. Rooms in `SHARED` are left out.
+    """
+    found: set[Path] = set()
+    waiting = [path for module in _used_by(verb) for path in _files(module)]
+    while waiting:
+        path = waiting.pop()
+        if path not in found:
+            found.add(path)
+            waiting += _imported(path)
+    return _hash(path for path in sorted(found) if path.parent != PACKAGE / "cli")
+
+
+def _hash(paths):
+    """Hash of the names and contents of files."""
     digest = hashlib.sha256()
-    for room in rooms:
-        for path in sorted((PACKAGE / room).rglob("*")):
-            if path.suffix in (".py", ".yaml"):
-                digest.update(path.relative_to(PACKAGE).as_posix().encode())
-                digest.update(path.read_bytes())
+    for path in paths:
+        digest.update(path.relative_to(PACKAGE).as_posix().encode())
+        digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
+
+
+@cache
+def _parsed(path: Path) -> ast.Module:
+    """The syntax tree of a file."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
+@cache
+def _imported(path: Path) -> tuple[Path, ...]:
+    """Files that a file imports."""
+    return tuple(file for module in _imports(_parsed(path)) for file in _files(module))
+
+
+def _used_by(verb: str) -> Iterator[str]:
+    """Modules that the function of a verb imports, or takes from the imports and functions of its own module."""
+    for path in sorted((PACKAGE / "cli").glob("*.py")):
+        known = {
+            node.name: node for node in _parsed(path).body if isinstance(node, ast.FunctionDef | ast.ClassDef)
+        }
+        if verb in known and known[verb].decorator_list:
+            break
+    else:
+        raise LookupError(f"no verb {verb}")
+    waiting, seen, names = [verb], set(), set()
+    while waiting:
+        name = waiting.pop()
+        if name in known and name not in seen:
+            seen.add(name)
+            yield from _imports(known[name])
+            used = {node.id for node in ast.walk(known[name]) if isinstance(node, ast.Name)}
+            names |= used
+            waiting += used
+    for node in _parsed(path).body:
+        if isinstance(node, ast.ImportFrom) and {one.asname or one.name for one in node.names} & names:
+            yield from _imports(node)
+
+
+def _imports(tree: ast.AST) -> Iterator[str]:
+    """Names of modules of the package that a syntax tree imports, and names that may be modules."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def _files(module: str) -> list[Path]:
+    """The file of a module and those of the packages around it; none outside the package or in a shared room."""
+    steps = module.split(".")
+    if steps[0] != PACKAGE.name or len(steps) < 2 or steps[1] in SHARED or module == "repose.cli":
+        return []
+    inside = PACKAGE.joinpath(*steps[1:])
+    file = inside.with_suffix(".py")
+    if not file.is_file() and not (inside / "__init__.py").is_file():
+        return []  # a name inside a module
+    around = [PACKAGE.joinpath(*steps[1:k], "__init__.py") for k in range(2, len(steps) + 1)]
+    # the command line's own package imports every verb
+    return [path for path in (file, *around) if path.is_file() and path != PACKAGE / "cli" / "__init__.py"]

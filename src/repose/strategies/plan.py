@@ -2,7 +2,7 @@
 
 The probabilities are those of `success.csv`: shares of hidden parameter sets that whole campaigns of the sequential
 strategy found, with six free parameters, in an emulated simulator whose pours scatter by some percents.
-`benchmarks/hidden_truths.py` writes it. Between two scatters of the table the shares are interpolated over the
+`research/answers/hidden_truths.py` writes it. Between two scatters of the table the shares are interpolated over the
 logarithm of the scatter; outside of them they are those of the nearest.
 """
 

@@ -20,10 +20,12 @@ from scipy.stats import qmc
 
 from repose.core.parameter_space import ParameterSpace
 from repose.core.targets import Targets
-from repose.studies.information import BINS, CREDIBLE, joint_bits
 from repose.studies.likelihood import log_likelihood
+from repose.studies.sampler import BINS
 from repose.surrogate.base import Surrogate
 
+CREDIBLE = 0.95
+NEGLIGIBLE = 1e-20  # weight of a point that adds nothing: a million of them add less than 1e-12 bits
 POINTS = 2**14
 PERCENT = (0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 CORRELATED = 0.9
@@ -139,6 +141,12 @@ def region(points: Points, space: ParameterSpace, implausible: np.ndarray) -> tu
     return float(kept.mean()), pd.concat(tables, ignore_index=True) if tables else pd.DataFrame(
         columns=columns
     )
+
+
+def joint_bits(weight: np.ndarray) -> float:
+    """Kullback-Leibler divergence of weighted points from equal weights, in bits."""
+    heavy = weight[weight > NEGLIGIBLE]
+    return float(heavy @ np.log2(heavy * len(weight)))
 
 
 def message(table: pd.DataFrame, share: float) -> str:

@@ -9,19 +9,15 @@ from repose.core.errors import InputError
 from . import (
     berries,
     checks,
-    comparison,
     discrepancy,
-    inversion,
     measuring,
     plane,
     refinement,
     region,
-    representations,
     response_surface,
     rotation,
     samples,
     search,
-    second_look,
     sequential,
     style,
     surrogate,
@@ -46,7 +42,6 @@ FIGURES = {
     "drum": (rotation.course, ("record", "profile", "runs")),
     "convergence": (search.convergence, ("history",)),
     "plane": (plane.planes, ("dataset", "feasible", "table4")),
-    "shape_study": (representations.study, ("combinations", "sets")),
     "design": (samples.design_matrix, ("samples",)),
     "dataset": (samples.responses_over_parameters, ("dataset",)),
     "validation": (checks.validation, ("table4",)),
@@ -57,21 +52,12 @@ FIGURES = {
     "discrepancy": (discrepancy.over_the_discrepancy, ("discrepancy",)),
     "region": (region.not_excluded, ("region", "summary")),
     "sobol": (uncertainty.sobol_indices, ("sobol",)),
-    "search": (inversion.searches, ("curves", "methods")),
-    "whole": (inversion.whole, ("whole",)),
-    "second_responses": (
-        second_look.what_to_measure_next,
-        ("responses", "information", "narrowing", "ways"),
-    ),
     "approach": (refinement.approach, ("rounds",)),
     "pareto_screening": (response_surface.pareto, ("effects",)),
     "pareto_surface": (response_surface.pareto, ("effects",)),
     "perturbation": (response_surface.perturbation, ("samples", "dataset")),
     "contours": (response_surface.contours, ("samples", "dataset", "optimum")),
     "sequential": (sequential.sequential, ("batches", "check")),
-    "accuracy": (comparison.accuracy, ("accuracy",)),
-    "surrogates": (comparison.surrogates, ("surrogates",)),
-    "sampling": (comparison.sampling, ("sampling",)),
     "main_effects": (uncertainty.main_effects, ("effects", "dataset", "sobol")),
 }
 OPTIONAL = {
@@ -85,18 +71,24 @@ OPTIONAL = {
 }
 
 
-def draw(name: str, inputs: Mapping[str, Any], out_path: str | Path, config: Mapping[str, Any]) -> None:
-    """Draw one figure of `FIGURES` to a PNG; `inputs` are paths by input name.
+def draw(
+    name: str,
+    inputs: Mapping[str, Any],
+    out_path: str | Path,
+    config: Mapping[str, Any],
+    known: Mapping[str, Any] = FIGURES,
+) -> None:
+    """Draw one of the `known` figures to a PNG; `inputs` are paths by input name.
 
     Raises InputError for an unknown figure or a wrong, missing or unusable input.
     """
-    if name not in FIGURES:
-        raise InputError("figures", "name", name, ", ".join(FIGURES))
-    function, needed = FIGURES[name]
-    known = needed + OPTIONAL.get(name, ())
+    if name not in known:
+        raise InputError("figures", "name", name, ", ".join(known))
+    function, needed = known[name]
+    allowed = needed + OPTIONAL.get(name, ())
     for key in [*needed, *inputs]:
-        if key not in known or key not in inputs:
-            raise InputError(f"figure {name}", "inputs", key, f"needs {needed}, may have {known}")
+        if key not in allowed or key not in inputs:
+            raise InputError(f"figure {name}", "inputs", key, f"needs {needed}, may have {allowed}")
         if not Path(inputs[key]).is_file():
             raise InputError(f"figure {name}", key, str(inputs[key]), "an existing file")
     with style.applied():

@@ -8,6 +8,7 @@ searched for, so the answer is about all parameter sets together, not about a si
   prior from random features, corrected by the pours with the exact covariance
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -70,7 +71,7 @@ class Draws:
 
     def __init__(self, model, number, random):
         self.model, self.parts, d = model, [], model.unit.shape[1]
-        for k, (kernel, root, _) in enumerate(model.sets[number]):
+        for k, (kernel, root, of_mean) in enumerate(model.sets[number]):
             matern, size = kernel.k2.k2, kernel.k2.k1.constant_value
             # frequencies of Matern's covariance are distributed as Student's t
             freedom = 2 * SMOOTHNESS
@@ -84,15 +85,13 @@ class Draws:
             off = np.sqrt(errors) * random.standard_normal((len(values), FUNCTIONS))
             prior = constant + model.unit @ slopes + np.cos(model.unit @ frequencies.T + phase) @ weights
             told = linalg.cho_solve((root, True), values - prior - off)
-            self.parts.append((kernel, frequencies, phase, weights, slopes, constant, told))
+            self.parts.append((kernel, of_mean, frequencies, phase, weights, slopes, constant, told))
 
     def __call__(self, unit):
-        unit = unit - 0.5
-        mixed = [
-            constant
-            + unit @ slopes
-            + np.cos(unit @ frequencies.T + phase) @ weights
-            + kernel(unit, self.model.unit) @ told
-            for kernel, frequencies, phase, weights, slopes, constant, told in self.parts
-        ]
+        unit, mixed, root = unit - 0.5, [], math.sqrt(self.model.factor)
+        for kernel, of_mean, frequencies, phase, weights, slopes, constant, told in self.parts:
+            between = kernel(unit, self.model.unit)
+            prior = constant + unit @ slopes + np.cos(unit @ frequencies.T + phase) @ weights
+            mean = (between @ of_mean)[:, None]
+            mixed.append(mean + root * (prior + between @ told - mean))
         return self.model.unmixed(np.stack(mixed, axis=-1)).transpose(1, 0, 2)

@@ -1,0 +1,76 @@
+"""What it costs to train a study's targets as if their noises were independent.
+
+python -m research.answers.correlated_noise --dataset results/dataset.csv --runs results/runs.csv --splits 8
+
+Each split trains on 70 % of the samples, as the workflow does, and tests on the means of the others. R2 is the mean
+over the splits with its standard error; gamma is the number of weights that the data determine.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from repose.config.study import Study
+from repose.core.parameters import PARAMETERS
+from repose.core.targets import Targets
+from repose.core.variance import within_covariance
+from repose.surrogate.accuracy import r2
+from repose.surrogate.bayesian_bp import BayesianBP
+from research.answers.sample_weights import weights_from_errors
+
+TRAINING_SHARE = 0.7
+STARTS, EPOCHS = 4, 400
+
+
+def trial(prior, used, X, Y, errors, covariance, order):
+    """R2 of each response on the test samples, and gamma."""
+    train, test = np.split(order, [int(TRAINING_SHARE * len(X))])
+    precision = weights_from_errors(errors[train])
+    model = BayesianBP(hidden=12, starts=STARTS, epochs=EPOCHS, goal=0.0, prior=prior)
+    if used:
+        model.fit(X[train], Y[train], precision=precision.mean(axis=1), noise_covariance=covariance)
+    else:
+        model.fit(X[train], Y[train], precision=precision)
+    P = model.predict(X[test])
+    return [r2(Y[test, k], P[:, k]) for k in range(Y.shape[1])] + [model.gamma_]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--dataset", required=True, help="dataset.csv of a study")
+    parser.add_argument(
+        "--runs", required=True, help="runs.csv of the same study, two seeds a sample or more"
+    )
+    parser.add_argument("--config", default="config/config.yaml", help="its targets are taken (%(default)s)")
+    parser.add_argument("--splits", type=int, default=8)
+    parser.add_argument("--out", help="markdown file to write the table to")
+    args = parser.parse_args()
+    targets = Targets.of(Study.load(args.config).config["targets"])
+    table, runs = (pd.read_csv(path).query("status == 'ok'") for path in (args.dataset, args.runs))
+    X, Y = table[list(PARAMETERS)].to_numpy(), table[list(targets.names)].to_numpy()
+    errors = table[list(targets.errors)].to_numpy()
+    covariance, _ = within_covariance(runs[list(targets.names)], runs["sample"])
+    sd = np.sqrt(np.diag(covariance))
+    print(f"correlations of the noises\n{np.round(covariance / np.outer(sd, sd), 2)}\n")
+    titles = ("prior", "covariance", *(f"R2 {one.response.symbol}" for one in targets), "gamma")
+    lines = ["| " + " | ".join(titles) + " |", "|" + "---|" * len(titles)]
+    for prior in ("one", "inputs"):
+        for used in (False, True):
+            rows = [
+                trial(prior, used, X, Y, errors, covariance, np.random.RandomState(k).permutation(len(X)))
+                for k in range(args.splits)
+            ]
+            mean, error = np.mean(rows, axis=0), np.std(rows, axis=0, ddof=1) / np.sqrt(args.splits)
+            cells = [f"{m:.3f} ± {e:.3f}" for m, e in zip(mean[:-1], error[:-1], strict=True)]
+            lines.append(
+                "| " + " | ".join([prior, "used" if used else "not used", *cells, f"{mean[-1]:.0f}"]) + " |"
+            )
+    print("\n".join(lines))
+    if args.out:
+        Path(args.out).write_text("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main()

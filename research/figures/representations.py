@@ -1,0 +1,119 @@
+"""The shape study: piles of every particle, tension, filling and definition beside the published ones."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
+
+from repose.core.files import read_table
+from repose.core.responses import derived
+from repose.core.targets import Target
+from repose.pictures.figures import style
+from research.shape.shape_piles import COLUMNS
+
+MARKERS = "osD^vP*X"
+FILLS = ("full", "left", "none", "top")
+COLOURS = ("#1B6CA8", "#D7191C", "#F08A24", "#5BA300", "#2E7D4F", "#7B4FA3", "#8C564B", "#555555")
+
+
+def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
+    """Two targets of each combination, a panel per definition, beside the published piles and their ranges.
+
+    A point is the mean over the published sets, its bars two standard errors. With more than two targets the first
+    two are shown; with one, the distance is on the vertical axis. Inputs: ``combinations`` and ``sets`` of the
+    script shape.
+    """
+    columns = ("particle", "tension", "filling", "definition", "distance")
+    combinations = read_table(inputs["combinations"], columns)
+    sets = read_table(inputs["sets"], ("kind", "definition", "set"))
+    shown = [one for one in style.targets_of(config) if derived(one.name, "difference") in combinations][:2]
+    published = _published(sets, shown)
+    study = config["shape_study"]
+    particles, tensions, fillings = (list(study[key]) for key in ("particles", "tensions", "fillings"))
+    looks = {
+        (particle, tension, filling): {
+            "color": COLOURS[i % len(COLOURS)],
+            "fillstyle": FILLS[j % len(FILLS)],
+            "marker": MARKERS[k % len(MARKERS)],
+        }
+        for i, particle in enumerate(particles)
+        for j, tension in enumerate(tensions)
+        for k, filling in enumerate(fillings)
+    }
+    figure = style.new_figure(style.PAGE, style.PAGE * 1.09)
+    panels = figure.subplots(3, 2, sharex=True, sharey=True)
+    for panel, definition in zip(panels.flat, COLUMNS, strict=True):
+        rows = combinations[combinations["definition"] == definition]
+        _one_definition(panel, rows, shown, published, looks)
+        panel.set_title(definition, fontsize=9)
+    labels = [f"{one.response.label} ({one.response.unit})" for one in shown] + ["distance (–)"]
+    for panel in panels[-1]:
+        panel.set_xlabel(labels[0])
+    for panel in panels[:, 0]:
+        panel.set_ylabel(labels[1])
+    _legend(figure, particles, tensions, fillings)
+    return figure
+
+
+def _one_definition(
+    panel: Axes, rows: pd.DataFrame, shown: list[Target], published: pd.DataFrame, looks: Mapping
+) -> None:
+    """The combinations of one definition of the angle, the published piles and the ranges of the targets."""
+    _ranges(panel, shown)
+    if len(shown) > 1:
+        across, up = (published[one.name] for one in shown)
+        panel.scatter(across, up, marker="+", s=40, color="k", linewidths=1, zorder=5)
+    for row in rows.to_dict("records"):
+        place = [published[one.name].mean() + row[derived(one.name, "difference")] for one in shown]
+        errors = [2 * row[one.response.error] for one in shown]
+        if len(shown) == 1:
+            place, errors = [*place, row["distance"]], [*errors, 0.0]
+        panel.errorbar(
+            *place,
+            xerr=errors[0],
+            yerr=errors[1],
+            markersize=4.5,
+            linewidth=0.8,
+            linestyle="none",
+            **looks[row["particle"], row["tension"], row["filling"]],
+        )
+
+
+def _published(sets: pd.DataFrame, shown: list[Target]) -> pd.DataFrame:
+    """Published values of each set: the value found less the difference."""
+    one = sets[sets["kind"] == "published"].drop_duplicates("set")
+    return pd.DataFrame({t.name: one[t.name] - one[derived(t.name, "difference")] for t in shown})
+
+
+def _ranges(panel: Axes, shown: list[Target]) -> None:
+    """The ranges of the feasible piles: a box for two targets, a band for one."""
+    look = {"facecolor": "0.9", "edgecolor": "0.6", "linewidth": 0.6}
+    if len(shown) == 1:
+        panel.axvspan(shown[0].low, shown[0].high, **look)
+        return
+    across, up = shown
+    size = across.high - across.low, up.high - up.low
+    panel.add_patch(Rectangle((across.low, up.low), *size, **look))
+
+
+def _legend(figure: Figure, particles: list[str], tensions: list[str], fillings: list[str]) -> None:
+    """Legend: colours of the particles, marks of the fillings, fill of a mark for each tension."""
+    grey = {"color": "0.4", "linestyle": "none"}
+    handles = [
+        Line2D([], [], color=colour, marker="o", linestyle="none", label=name.replace("_", " "))
+        for name, colour in zip(particles, COLOURS, strict=False)
+    ]
+    handles += [
+        Line2D([], [], marker=marker, label=name.replace("_", " "), **grey)
+        for name, marker in zip(fillings, MARKERS, strict=False)
+    ]
+    handles += [
+        Line2D([], [], marker="o", fillstyle=fill, label=name, **grey)
+        for name, fill in zip(tensions, FILLS, strict=False)
+    ]
+    handles.append(Line2D([], [], color="k", marker="+", linestyle="none", label="published piles"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=7, frameon=False)

@@ -1,0 +1,117 @@
+"""What to measure next: further responses of the pile, other bench tests, direct tests of a parameter."""
+
+import math
+
+from repose.core.errors import InputError
+from repose.core.files import read_table
+from repose.core.parameter_space import ParameterSpace
+from repose.core.parameters import PARAMETERS
+from repose.core.targets import Targets
+from repose.measure.further_responses import MEASURED
+from repose.measure.settings import MeasureSettings
+from repose.particle.berry_files import read_berry
+from repose.particle.particle import Particle
+from research.responses import (
+    further_runs,
+    half_widths,
+    joint_targets,
+    profiles,
+    saved_piles,
+    second_responses,
+)
+from research.script import Script, option
+
+PILES = (
+    option("pours", nargs="+", help="NAME.pours.json files of the design's pours, NAME.npz beside them"),
+    option("--runs", default="results/runs.csv"),
+    option("--berry", default="results/berry/berry.json"),
+    option("--particle", default="results/berry/particle.json"),
+)
+DATASET = option("--dataset", default="results/dataset.csv")
+OVER_DESIGN = (
+    option("--runs", default="results/responses/runs.csv", help="of the part measure"),
+    DATASET,
+    option(
+        "--jobs", nargs="+", default=[], help="folders of measured runs of other bench tests, same design"
+    ),
+)
+SHARE = option(
+    "--discrepancy",
+    action="append",
+    default=[],
+    metavar="NAME=PERCENT",
+    help="discrepancy of one response, instead of posterior.discrepancy_percent; may be repeated",
+)
+
+script = Script("responses", __doc__)
+
+
+@script.part("measure", "results/responses/runs.csv", *PILES)
+def measure(args, config):
+    """Measure further responses of saved pours: profile, packing, loose berries, discharge time."""
+    particle, berry = Particle.load(args.particle), read_berry(args.berry)
+    table = saved_piles.run(config, args.pours, args.runs, particle, berry, args.out)
+    return table[list(MEASURED)].describe().round(2).to_string()
+
+
+@script.part("second", "results/responses", *OVER_DESIGN, SHARE)
+def second(args, config):
+    """Tell how much each further response narrows the posterior of the parameters."""
+    settings = config["second_responses"] | {key: config["network"][key] for key in ("hidden", "epochs")}
+    settings |= {"discrepancy_percent": config["posterior"]["discrepancy_percent"]}
+    targets, space, data = _over_design(args, config)
+    settings["discrepancies"] = dict(_share(one, data.known) for one in args.discrepancy)
+    return second_responses.run(data, targets, space, settings, args.out)
+
+
+@script.part("joint", "results/joint_targets", *OVER_DESIGN)
+def joint(args, config):
+    """Tell which few tests narrow the parameters enough: the pile, other bench tests, direct tests of a parameter."""
+    settings = config["network"] | config["second_responses"] | config["joint_targets"]
+    targets, space, data = _over_design(args, config)
+    return joint_targets.run(data, targets, space, settings, args.out)
+
+
+@script.part("profiles", "results/profiles", *PILES, DATASET)
+def profile(args, config):
+    """Tell what the principal components of the piles' whole profile add beside angle and Height."""
+    particle, berry = Particle.load(args.particle), read_berry(args.berry)
+    settings = config["network"] | config["second_responses"] | config["joint_targets"]
+    table = read_table(args.dataset, ("sample", *PARAMETERS, "status"))
+    table = table[table["status"] == "ok"]
+    runs = read_table(args.runs, ("sample", "seed", "status", *profiles.TWO_NUMBERS))
+    runs = runs[(runs["status"] == "ok") & runs["sample"].isin(table["sample"])]
+    levels = profiles.levels_mm(float(runs["height_mm"].max()))
+    good = set(map(tuple, runs[["sample", "seed"]].to_numpy()))
+    seen = MeasureSettings.of(config["measure"], berry)
+    widths = half_widths.of_pours(args.pours, good, particle, seen, levels)
+    runs = runs.merge(widths, on=["sample", "seed"])
+    table = table[table["sample"].isin(runs["sample"])]
+    X, samples = table[list(PARAMETERS)].to_numpy(float), table["sample"].to_numpy()
+    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
+    return profiles.run(X, samples, runs, len(levels), targets, space, settings, args.out)
+
+
+def _over_design(args, config):
+    """Targets, ranges, and the responses over the samples of the design."""
+    targets, space = Targets.of(config["targets"]), ParameterSpace.of(config["parameters"])
+    definition = config["measure"]["response"]
+    return targets, space, further_runs.read(args.runs, args.dataset, targets, definition, args.jobs)
+
+
+def _share(entry, known):
+    """The discrepancy of one response, by its name; InputError for another response or number."""
+    name, _, text = entry.partition("=")
+    if name not in known:
+        raise InputError("command line", f"--discrepancy {name}", text, f"a response of {', '.join(known)}")
+    try:
+        percent = float(text)
+    except ValueError:
+        percent = math.nan
+    if not 0 <= percent <= 100:
+        raise InputError("command line", f"--discrepancy {name}", text, "a number from 0 to 100")
+    return name, percent
+
+
+if __name__ == "__main__":
+    script.run()

@@ -1,0 +1,122 @@
+# Parts of the method beside their alternatives, on request: `snakemake -s research/Snakefile --cores 2 compare`. See docs/comparison.md.
+COMPARISON = f"{RESULTS}/comparison"
+# What each comparison depends on besides the pours, its tables, and its memory in MB.
+COMPARISONS = {
+    "accuracy": (("network", "surrogate"), (), 200),
+    "surrogates": (("network", "surrogate", "pool.seed"), (), 250),
+    "sampling": (
+        ("network", "surrogate", "pool.seed", "parameters", "funnel.seeds"),
+        ("emulator.json",),
+        400,
+    ),
+}
+
+
+for comparison, (depends, more, memory_mb) in COMPARISONS.items():
+
+    rule:
+        name:
+            f"compare_{comparison}"
+        input:
+            main_dataset=rules.dataset.output.dataset,
+            main_runs=rules.dataset.output.runs,
+            pool_dataset=rules.pool_dataset.output.dataset,
+            pool_runs=rules.pool_dataset.output.runs,
+            fresh_dataset=rules.fresh_dataset.output.dataset,
+            fresh_runs=rules.fresh_dataset.output.runs,
+        output:
+            f"{COMPARISON}/{comparison}.csv",
+            [f"{COMPARISON}/{name}" for name in more],
+        log:
+            f"{RESULTS}/logs/compare_{comparison}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/compare_{comparison}.tsv"
+        threads: 1
+        resources:
+            mem_mb=growing(memory_mb),
+            runtime=growing(240),
+        params:
+            config=CONFIG,
+            folder=folder,
+            comparison=comparison,
+            depends=depending(*depends),
+        message:
+            "Comparing {params.comparison}"
+        shell:
+            "python -m research.comparison {params.comparison:q} --config {params.config:q}"
+            " --main-dataset {input.main_dataset:q} --main-runs {input.main_runs:q}"
+            " --pool-dataset {input.pool_dataset:q} --pool-runs {input.pool_runs:q}"
+            " --fresh-dataset {input.fresh_dataset:q} --fresh-runs {input.fresh_runs:q}"
+            " --out {params.folder:q} > {log:q} 2>&1"
+
+    rule:
+        name:
+            f"draw_{comparison}"
+        input:
+            f"{COMPARISON}/{comparison}.csv",
+        output:
+            report(
+                f"{COMPARISON}/{comparison}.png",
+                caption=f"../report/{comparison}.rst",
+                category="Comparisons",
+                labels={"figure": comparison.capitalize()},
+            ),
+        log:
+            f"{RESULTS}/logs/figures/{comparison}.log",
+        benchmark:
+            f"{RESULTS}/benchmarks/figures/{comparison}.tsv"
+        threads: 1
+        resources:
+            mem_mb=growing(400),
+            runtime=growing(10),
+        params:
+            config=CONFIG,
+            figure=comparison,
+            depends=depending("small_run"),
+        message:
+            "Drawing {params.figure}"
+        shell:
+            "python -m research.figures draw {params.figure:q} --config {params.config:q} --input {params.figure:q}={input:q}"
+            " --out {output:q} > {log:q} 2>&1"
+
+
+rule compare:
+    input:
+        expand(
+            f"{COMPARISON}/{{comparison}}.{{kind}}",
+            comparison=COMPARISONS,
+            kind=("csv", "png"),
+        ),
+
+
+rule comparison_table:
+    input:
+        sampling=f"{COMPARISON}/sampling.csv",
+        surrogates=f"{COMPARISON}/surrogates.csv",
+        search=rules.search_tables.output.methods,
+        whole=rules.whole_tables.output.whole,
+    output:
+        f"{COMPARISON}/comparison.csv",
+    log:
+        f"{RESULTS}/logs/comparison_table.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/comparison_table.tsv"
+    threads: 1
+    resources:
+        mem_mb=growing(100),
+        runtime=growing(10),
+    params:
+        folder=folder,
+    message:
+        "All comparisons in one table"
+    shell:
+        "python -m research.comparison all --sampling {input.sampling:q} --surrogates {input.surrogates:q}"
+        " --search {input.search:q} --whole {input.whole:q} --out {params.folder:q} > {log:q} 2>&1"
+
+
+rule compare_all:
+    input:
+        rules.comparison_table.output,
+        rules.compare.input,
+        rules.compare_search.input,
+        rules.compare_whole.input,

@@ -1,0 +1,37 @@
+# Only on request, `snakemake -s research/Snakefile --cores 2 measurement_study`: the definitions of the angle compared on this study's piles.
+PUBLISHED_REPRESENTATIVE = [REPRESENTATIVE, *THEIRS][-1]
+
+
+rule measurement_study:
+    input:
+        heaps=expand(rules.pour.output.berries, runs="heaps", sample=SAMPLES),
+        pours=expand(rules.pour.output.pours, runs="heaps", sample=SAMPLES),
+        # the published representative solution, the last of its table; or else our own
+        representative=f"{RESULTS}/validation/heaps/{PUBLISHED_REPRESENTATIVE}.npz",
+        its_pours=f"{RESULTS}/validation/heaps/{PUBLISHED_REPRESENTATIVE}.pours.json",
+        berry=rules.berry.output.berry,
+        particle=rules.shape.output.particle,
+    output:
+        piles=f"{RESULTS}/measurement_study/piles.csv",
+        noise=f"{RESULTS}/measurement_study/noise.csv",
+        correlation=f"{RESULTS}/measurement_study/correlation.csv",
+        pour_correlation=f"{RESULTS}/measurement_study/pour_correlation.csv",
+        bias=f"{RESULTS}/measurement_study/bias.csv",
+    log:
+        f"{RESULTS}/logs/measurement_study.log",
+    benchmark:
+        f"{RESULTS}/benchmarks/measurement_study.tsv"
+    threads: 1
+    resources:
+        mem_mb=growing(350),
+        runtime=growing(60),
+    params:
+        config=CONFIG,
+        folder=folder,
+        depends=depending("measure"),
+    message:
+        "Comparing the definitions of the angle of repose"
+    shell:
+        "python -m research.measurement definitions {input.heaps:q} --representative {input.representative:q}"
+        " --config {params.config:q} --berry {input.berry:q} --particle {input.particle:q} --out {params.folder:q}"
+        " > {log:q} 2>&1"

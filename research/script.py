@@ -1,0 +1,81 @@
+"""How a script runs here: its options, the study's configuration, and a record of provenance in each result."""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from repose.config import stands_on
+from repose.config.study import Study
+from repose.core import places, provenance
+from repose.core.errors import BAD_INPUT, InputError, tell
+from repose.core.lock import joined_folder
+from research import settings
+
+Option = tuple[tuple[str, ...], dict[str, Any]]
+NOT_READ = ("config", "out", "samples", "part", "work", "depends_on")  # options that name no input
+
+
+def option(*names: str, **keywords: Any) -> Option:
+    """The arguments of `argparse.ArgumentParser.add_argument`."""
+    return names, keywords
+
+
+class Script:
+    """A module's parts, each run by its name: `python -m research.comparison search`."""
+
+    def __init__(self, name: str, text: str | None) -> None:
+        self.name = name
+        self.parser = argparse.ArgumentParser(prog=f"python -m research.{name}", description=text)
+        self.parts = self.parser.add_subparsers(required=True, dest="part")
+
+    def part(
+        self, name: str, out: str, *options: Option, depends_on: Callable | None = None
+    ) -> Callable[[Callable], Callable]:
+        """Decorator: the function gets the options and both configurations in one, and returns a text to print.
+
+        `depends_on` gives the settings that its results depend on, by default all.
+        """
+
+        def add(work):
+            parser = self.parts.add_parser(name, description=work.__doc__, help=work.__doc__)
+            parser.add_argument("--config", default=str(places.configs()[-1]))
+            parser.add_argument("--out", default=out, help=f"file or folder to write ({out})")
+            for flags, keywords in options:
+                parser.add_argument(*flags, **keywords)
+            parser.set_defaults(work=work, depends_on=depends_on or _settings)
+            return work
+
+        return add
+
+    def run(self, words: list[str] | None = None) -> None:
+        """Run the part that the command line names; a fault of the input ends it with one message."""
+        args = self.parser.parse_args(words)
+        try:
+            stage = f"{self.name}_{args.part}"
+            folder = joined_folder(Path(args.config).parent)
+            with folder, provenance.stage(stage, _files(args), args.depends_on):
+                config = Study.load(args.config).config
+                text = args.work(args, config | settings.of(config))
+        except (InputError, OSError) as error:
+            tell(error)
+            sys.exit(BAD_INPUT)
+        if text:
+            print(text)
+
+
+def _settings(config, apparatus):
+    """Both configurations, with files by their content."""
+    return stands_on.settings_of(config | settings.of(config), "research")
+
+
+def _files(args: argparse.Namespace) -> Iterator[Path]:
+    """Files that the options name; of a folder its dataset, if it has one."""
+    for key, value in vars(args).items():
+        for one in value if isinstance(value, list) else [value]:
+            if isinstance(one, str) and key not in NOT_READ:
+                path = Path(one.partition("=")[2] if key == "input" else one)
+                path = path / "dataset.csv" if path.is_dir() else path
+                if path.is_file():
+                    yield path

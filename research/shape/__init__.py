@@ -1,0 +1,1 @@
+"""Particle, tension, filling and definition of the angle beside the published piles."""

@@ -1,0 +1,182 @@
+"""Which particle, tension, filling and definition of the angle: combinations at the published solutions.
+
+A publication gives parameter sets with the piles that they made in its simulator. It may leave open the details of its
+particle, its contact law's tension, its funnel and its angle. Here each particle (`shape_study.particles`, changes of
+the section `berry`) is poured with each tension in several ways (`shape_study.fillings`, changes of `funnel`) with each
+published set, and every pile is measured by all definitions. A measuring cylinder is filled with each particle, too.
+`research.shape.shape_rule` says how a few finalists are selected; these are poured again with fresh seeds, and one of
+them is chosen.
+"""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from repose.core import provenance
+from repose.core.errors import NoFlankError
+from repose.core.files import read_json, read_table, write_json, write_table
+from repose.core.seeds import pour_seeds
+from repose.measure.further_responses import BENCH, CALIBRATED_ANGLE
+from repose.measure.settings import MeasureSettings
+from repose.particle.berry_files import read_berry
+from repose.particle.particle import Particle
+from research.shape import shape_piles, shape_tables
+from research.shape.shape_cells import (
+    CYLINDER,
+    KINDS,
+    SENSITIVITY,
+    Config,
+    cell_settings,
+    compared_targets,
+    parameter_sets,
+    published_sets,
+)
+from research.shape.shape_rule import COMBINATION
+
+# Keys that are kept of a cell's particle.
+ABOUT = (
+    "particle",
+    "spheres",
+    "axes_mm",
+    "measured_axes_mm",
+    "mass_g",
+    "volume_mm3",
+    "deviation_rms_mm",
+    "deviation_max_mm",
+)
+
+
+def poured(
+    config: Config,
+    cell: str,
+    sets: pd.DataFrame,
+    particle: Particle,
+    berry: Mapping[str, Any],
+    kept: Path | None = None,
+) -> pd.DataFrame:
+    """Pour and measure all sets of a cell with all their seeds.
+
+    A row for each pour, with the columns of `shape_tables.run_columns`. `sets` are of `parameter_sets`, `berry` is the
+    result of the verb berry. `kept` is a folder of kept runs (`repose.apparatus.kept_runs`), so that none is made
+    twice; None keeps none.
+    """
+    kind, names, own = cell_settings(config, cell)
+    key, purpose = KINDS.get(kind, SENSITIVITY)
+    columns = shape_tables.run_columns(compared_targets(config))
+    rows = []
+    for number, one in enumerate(sets.to_dict("records")):
+        for seed in pour_seeds(own["design"]["seed"], purpose, number, own["shape_study"][key]):
+            path = kept / f"{cell}_{number}_{seed}.npz" if kept else None
+            record = _one_pour(own, kind, one, seed, particle, berry, path)
+            about = {"kind": kind, **names, "set": one["set"]}
+            rows.append(about | {key: record[key] for key in columns if key in record})
+    return pd.DataFrame(rows, columns=list(columns))
+
+
+def _one_pour(config, kind, parameters, seed, particle, berry, path):
+    """The record of one pour with its measurements."""
+    from repose.apparatus import bench
+
+    test = bench(CYLINDER if kind == "bulk" else BENCH)
+    run = _kept_run(test, config, parameters, seed, particle, berry, path)
+    if kind == "bulk":
+        return test.measure(run.record, run.arrays, config, particle, berry)
+    if run.record["status"] != "ok":
+        return run.record
+    measured = {}
+    if {one.name for one in compared_targets(config)} - {CALIBRATED_ANGLE, "height_mm"}:
+        measured = test.measure(run.record, run.arrays, config, particle, berry)
+    try:
+        settings = MeasureSettings.of(config["measure"], berry)
+        return run.record | measured | shape_piles.measured(run.arrays, particle, settings)
+    except NoFlankError as error:
+        return run.record | {"status": "no_flank", "reason": error.reason}
+
+
+def _kept_run(test, config, parameters, seed, particle, berry, path):
+    """One run: the kept run if it is the same, else a new run, which is kept where there is a path."""
+    from repose.apparatus import kept_runs
+    from repose.apparatus.job import about_job
+
+    about = about_job(test, config, path.stem if path else "", parameters)
+    run = kept_runs.read(path, about) if path else None
+    if run is None:
+        run = test.run(config, parameters, seed, particle, berry)
+        if path:
+            kept_runs.write(path, about, run)
+    return run
+
+
+def run_cell(
+    config: Config, cell: str, berry_json: str | Path, samples_csv: str | Path, out_dir: str | Path
+) -> None:
+    """Pour and measure one cell; write OUT/CELL.csv of its pours and OUT/CELL.json of its particle.
+
+    `samples_csv` is the design. InputError if the study has no such cell.
+    """
+    from repose.particle import build
+
+    kind, names, own = cell_settings(config, cell)
+    provenance.note_config(own)  # this cell does not depend on other cells' settings
+    section, out = own["berry"], Path(out_dir)
+    particle = build.run(
+        berry_json,
+        section["stl"],
+        out / "particles" / cell,
+        kind=section["particle"],
+        mass_g=section["mass_g"],
+        spheres=section["spheres"],
+        surface=section["surface"],
+    )
+    berry = read_berry(berry_json)
+    about = {
+        "particle": names["particle"],
+        "spheres": len(particle.spheres_m),
+        "axes_mm": (1e3 * particle.axes_m).tolist(),
+        "mass_g": 1e3 * particle.mass_kg,
+        "volume_mm3": 1e9 * particle.volume_m3,
+        "deviation_rms_mm": 1e3 * particle.deviation_rms_m,
+        "deviation_max_mm": 1e3 * particle.deviation_max_m,
+        "measured_axes_mm": [berry[key] for key in ("long_mm", "major_mm", "minor_mm")],
+    }
+    write_json(out / f"{cell}.json", about)
+    table = poured(config, cell, parameter_sets(own, samples_csv, kind), particle, berry, out / "runs")
+    write_table(out / f"{cell}.csv", table)
+
+
+def read_cells(config: Config, cell_csvs: Iterable[str | Path]) -> shape_tables.Study:
+    """The study of some cells, from the CSV files of `run_cell` and the JSON files beside them."""
+    targets, paths = compared_targets(config), [Path(path) for path in cell_csvs]
+    columns = shape_tables.run_columns(targets)
+    runs = pd.concat([read_table(path, columns) for path in paths], ignore_index=True)
+    about = [read_json(path.with_suffix(".json"), ABOUT, "a file of the part cell") for path in paths]
+    listed = list(config["shape_study"]["particles"])
+    about.sort(key=lambda one: listed.index(one["particle"]))
+    measured = config["shape_study"]["measured_mass_g"], config["berry"]["density_kg_m3"]
+    return shape_tables.Study(runs, about, published_sets(config), targets, *measured)
+
+
+def run_selection(config: Config, cell_csvs: Iterable[str | Path], out_dir: str | Path) -> None:
+    """Write particles.csv, piles.csv, sets.csv, combinations.csv and finalists.csv.
+
+    `cell_csvs` are those of the first cells.
+    """
+    for name, table in read_cells(config, cell_csvs).selection().items():
+        write_table(Path(out_dir) / f"{name}.csv", table, float_format="%.6g")
+
+
+def run_verdict(
+    config: Config, cell_csvs: Iterable[str | Path], finalists_csv: str | Path, out_dir: str | Path
+) -> dict[str, Any]:
+    """Write fresh.csv, fresh_sets.csv, noise.csv and choice.json; return the choice.
+
+    `cell_csvs` are those of all cells, `finalists_csv` is of `run_selection`.
+    """
+    finalists = read_table(finalists_csv, (*COMBINATION, "distance", "role"))
+    tables, choice = read_cells(config, cell_csvs).verdict(finalists)
+    for name, table in tables.items():
+        write_table(Path(out_dir) / f"{name}.csv", table, float_format="%.6g")
+    write_json(Path(out_dir) / "choice.json", choice)
+    return choice

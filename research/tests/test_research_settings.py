@@ -1,0 +1,78 @@
+"""The settings of the studies: what lies over what, and every fault at once."""
+
+import pytest
+
+from repose.config.study import Study
+from repose.core.errors import InputError
+from research import settings
+
+LARGE, SMALL = {"small_run": False}, {"small_run": True}
+
+
+def test_a_small_run_has_small_settings_and_the_working_folder_has_the_last_word(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert settings.of(LARGE)["pool"]["samples"] == 220
+    (tmp_path / "research.yaml").write_text("pool: {seeds: 7}\ncompare_search: {tolerance: 1}\n")
+    found = settings.of(SMALL)
+    assert found["pool"] | {"seed": 0} == {
+        "samples": 24,
+        "seeds": 7,
+        "fresh_samples": 6,
+        "fresh_seeds": 2,
+        "seed": 0,
+    }
+    assert found["compare_search"]["tolerance"] == 1
+
+
+def test_unknown_keys_and_wrong_types_are_told_together(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "research.yaml").write_text(
+        "poool: {seeds: 7}\npool: {seeds: 2.5, sead: 1}\ncompare_whole: {samples: [a]}\ncompare_search: 3\n"
+    )
+    with pytest.raises(InputError) as caught:
+        settings.of(LARGE)
+    told = str(caught.value).splitlines()
+    assert len(told) == 5
+    for words in (
+        "research.yaml: poool is",
+        "did you mean pool?",
+        "pool.seeds is 2.5; allowed: an integer, such as 4",
+        "pool.sead is 1; allowed: no such key; did you mean seed?",
+        "compare_whole.samples is",
+        "compare_search is 3; allowed: a section",
+    ):
+        assert words in str(caught.value), words
+
+
+@pytest.mark.parametrize("section", settings.read(settings.HERE / "config.yaml"))
+def test_a_configuration_that_still_has_a_section_is_told_where_it_went(section):
+    with pytest.raises(InputError, match=f"{section} is .*; allowed: now .* research"):
+        Study.load(overrides={section: {"seed": 1}})
+
+
+def test_the_effective_model_is_the_reference_of_no_berry(monkeypatch):
+    """What matched.yaml changes is a cell of the shape study."""
+    monkeypatch.chdir(settings.HERE.parent)
+    config = Study.load("config/matched.yaml").config
+    study = settings.of(config)["shape_study"]
+    assert config["berry"] == config["berry"] | study["particles"]["rough_spheres"]
+    assert config["funnel"] == config["funnel"] | study["fillings"]["open_cone"]
+    assert config["simulation"]["tension"] == "keep"
+
+
+def test_named_parts_of_the_shape_study_replace_those_of_the_default(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "research.yaml").write_text("shape_study: {sensitivities: {slow: {rate_per_s: 20.0}}}")
+    study = settings.of(LARGE)["shape_study"]
+    assert study["sensitivities"] == {"slow": {"rate_per_s": 20.0}}
+    assert len(study["fillings"]) > 1
+
+
+def test_free_names_have_values_of_the_same_type(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    own = tmp_path / "research.yaml"
+    own.write_text("second_responses: {minutes: {plate: 7.5, drum: ten}}\nshape_study: {fillings: {here: 3}}")
+    with pytest.raises(InputError) as caught:
+        settings.of(LARGE)
+    keys = [fault.key for fault in caught.value.faults]
+    assert keys == ["second_responses.minutes.drum", "shape_study.fillings.here"]
